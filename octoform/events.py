@@ -1,0 +1,101 @@
+"""Typed progress events, from the engine up to the views.
+
+The engine says what happens; a view decides what a person or a program sees. Every event is a frozen value whose
+class name is its type in the JSON stream, so a new event is an additive change of that stream.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from octoform.diagnostics import Diagnostic
+
+
+@dataclass(frozen=True, slots=True)
+class Event:
+    """Base of all events; ``node`` is the address of the graph node concerned (``identify``) or empty."""
+
+    node: str
+
+
+@dataclass(frozen=True, slots=True)
+class NodeStarted(Event):
+    """Work on a node begins; ``action`` is the plan's action word."""
+
+    action: str
+
+
+@dataclass(frozen=True, slots=True)
+class AttemptStarted(Event):
+    """An agent is started; ``number`` counts from 1, ``of`` is the budget."""
+
+    number: int
+    of: int
+    harness: str
+
+
+@dataclass(frozen=True, slots=True)
+class AttemptProgress(Event):
+    """A line that tells what the agent is doing, and how long it has run (seconds)."""
+
+    text: str
+    elapsed: float
+
+
+@dataclass(frozen=True, slots=True)
+class AttemptFailed(Event):
+    """The attempt's output was refused or never came; the diagnostics say why."""
+
+    number: int
+    diagnostics: tuple[Diagnostic, ...]
+    seconds: float
+
+
+@dataclass(frozen=True, slots=True)
+class Checking(Event):
+    """A gate step that may take a second or more (``build environment``, ``smoke calls``)."""
+
+    what: str
+
+
+@dataclass(frozen=True, slots=True)
+class NodeAccepted(Event):
+    """The contract accepted the output; ``found`` is one line for a person (``41 devices``)."""
+
+    attempts: int
+    seconds: float
+    found: str
+    changed: bool
+
+
+@dataclass(frozen=True, slots=True)
+class NodeUnchanged(Event):
+    """Nothing had to run: early cutoff, or the accepted artifact verified again."""
+
+    reason: str
+
+
+@dataclass(frozen=True, slots=True)
+class NodeFailed(Event):
+    """The node's budget is spent or its step failed; the run stops here."""
+
+    diagnostics: tuple[Diagnostic, ...]
+    seconds: float
+
+
+@dataclass(frozen=True, slots=True)
+class NodeDestroyed(Event):
+    """What the node had made is gone."""
+
+
+@dataclass(frozen=True, slots=True)
+class Notice(Event):
+    """Something worth a line that is no problem (``cleared the lock of a dead process``)."""
+
+    text: str
+
+
+EventSink = Callable[[Event], None]
+
+
+def discard(event: Event) -> None:
+    """A sink for callers that show nothing."""

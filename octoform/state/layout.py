@@ -1,0 +1,98 @@
+"""Where everything of one host lies: what git keeps and what stays on the machine.
+
+One place for paths, so that no other module joins strings: ``state/<host>/`` is committed (kinds),
+``.octoform/<host>/`` is git-ignored and private (instances, attempts, logs, environments).
+"""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+STAGES = ("probe", "identify", "interface", "serve", "deploy")
+OUTPUT_NAMES = {"serve": "server.py"}
+
+
+@dataclass(frozen=True, slots=True)
+class Layout:
+    """All paths of one host below a project folder (the folder of octopus.yaml, absolute)."""
+
+    project: Path
+    host: str
+
+    @property
+    def committed(self) -> Path:
+        """``state/<host>``: what git keeps."""
+        return self.project / "state" / self.host
+
+    @property
+    def local(self) -> Path:
+        """``.octoform/<host>``, mode 0700: what never leaves the machine."""
+        return self.project / ".octoform" / self.host
+
+    @property
+    def snapshot(self) -> Path:
+        """The state file."""
+        return self.committed / "state.json"
+
+    @property
+    def journal(self) -> Path:
+        """The write-ahead journal, one JSON object a line."""
+        return self.local / "journal.jsonl"
+
+    @property
+    def lock(self) -> Path:
+        """The lock of this host's state."""
+        return self.local / "lock.json"
+
+    @property
+    def memo(self) -> Path:
+        """The compiled manifest and graph of the last run that had nothing left to do."""
+        return self.local / "compiled.json"
+
+    @property
+    def instances(self) -> Path:
+        """Device id to instance (serial numbers, ports, nodes); read by the runtime at call time."""
+        return self.local / "instances.json"
+
+    @property
+    def fingerprint(self) -> Path:
+        """What the kernel announced when PROBE was last accepted; lets a plan say what came and went."""
+        return self.local / "fingerprint.json"
+
+    @property
+    def attempts(self) -> Path:
+        """One folder for each attempt of an agent."""
+        return self.local / "attempts"
+
+    @property
+    def environments(self) -> Path:
+        """Serving environments, one for each lock digest."""
+        return self.local / "environments"
+
+    @property
+    def endpoint(self) -> Path:
+        """Launcher, connection descriptor and client snippets."""
+        return self.local / "endpoint"
+
+    @property
+    def call_log(self) -> Path:
+        """The log that every generated tool writes to, one JSON object a line."""
+        return self.local / "log" / "calls.jsonl"
+
+    @property
+    def events_log(self) -> Path:
+        """The orchestrator's own log, one JSON object a line."""
+        return self.local / "log" / "octoform.jsonl"
+
+    def output(self, stage: str) -> Path:
+        """The accepted artifact of a stage."""
+        return self.committed / stage / OUTPUT_NAMES.get(stage, "output.json")
+
+    @property
+    def runtime(self) -> Path:
+        """The standard-library modules beside the generated server."""
+        return self.committed / "serve" / "runtime"
+
+    @property
+    def requirements_lock(self) -> Path:
+        """The full dependency set of the endpoint, exact versions and hashes (pip's requirements format)."""
+        return self.committed / "deploy" / "requirements.txt"
