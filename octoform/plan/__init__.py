@@ -1,0 +1,1 @@
+"""Plan: what would be done and why, as a pure function of desired graph, prior state and observed host."""

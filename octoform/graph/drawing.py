@@ -1,0 +1,26 @@
+"""The graph as text for drawing programs: Graphviz DOT and mermaid."""
+
+from octoform.graph.model import Graph, Node, NodeKind
+
+
+def to_dot(graph: Graph) -> str:
+    """A DOT digraph; an arrow points from a node to what it consumes."""
+    lines = ["digraph octoform {", "  rankdir = LR;", '  node [shape = box, fontname = "sans-serif"];']
+    lines += [f'  "{node.name}" [label = "{_label(node)}"];' for node in graph.nodes]
+    lines += [f'  "{node.name}" -> "{other}";' for node in graph.nodes for other in node.consumes]
+    return "\n".join([*lines, "}", ""])
+
+
+def to_mermaid(graph: Graph) -> str:
+    """A mermaid flowchart, left to right in the order of work."""
+    lines = ["flowchart LR"]
+    lines += [f'    {node.name}["{_label(node)}"]' for node in graph.nodes]
+    lines += [f"    {other} --> {node.name}" for node in graph.nodes for other in node.consumes]
+    return "\n".join([*lines, ""])
+
+
+def _label(node: Node) -> str:
+    if node.kind is NodeKind.ENDPOINT:
+        return f"{node.name} (octoform)"
+    maker = node.harness or "?"
+    return f"{node.name} ({maker}, {node.model})" if node.model else f"{node.name} ({maker})"

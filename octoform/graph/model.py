@@ -1,0 +1,85 @@
+"""Nodes, edges and keys.
+
+A key is a digest over all that a node's output may depend on, kept in named parts so that a plan can say which part
+moved and how. Revisions, times and program versions are no parts: they are recorded elsewhere and never re-run an
+agent. This module stays light; the graph is compared on every plan.
+"""
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from enum import StrEnum
+
+from octoform import digest
+
+
+class NodeKind(StrEnum):
+    """A stage is made by an agent; the endpoint is made by octoform's own code."""
+
+    STAGE = "stage"
+    ENDPOINT = "endpoint"
+
+
+@dataclass(frozen=True, slots=True)
+class Node:
+    """One unit of the plan.
+
+    ``parts`` are the key parts that are known before anything runs; ``consumes`` names the nodes whose output
+    digests join them. ``observes_host`` adds the host fingerprint (PROBE alone).
+    """
+
+    name: str
+    kind: NodeKind
+    consumes: tuple[str, ...]
+    parts: Mapping[str, str] = field(default_factory=dict)
+    observes_host: bool = False
+    harness: str | None = None
+    model: str | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Graph:
+    """Nodes in an order in which each comes after all that it consumes."""
+
+    nodes: tuple[Node, ...]
+
+    def names(self) -> tuple[str, ...]:
+        """Node names in order."""
+        return tuple(node.name for node in self.nodes)
+
+    def node(self, name: str) -> Node:
+        """The node of that name; KeyError when there is none."""
+        for node in self.nodes:
+            if node.name == name:
+                return node
+        raise KeyError(name)
+
+    def upstream(self, names: Iterable[str]) -> frozenset[str]:
+        """The named nodes and all that they need."""
+        wanted = set(names)
+        for node in reversed(self.nodes):
+            if node.name in wanted:
+                wanted.update(node.consumes)
+        return frozenset(wanted)
+
+    def downstream(self, names: Iterable[str]) -> frozenset[str]:
+        """The named nodes and all that depend on them."""
+        wanted = set(names)
+        for node in self.nodes:
+            if wanted.intersection(node.consumes):
+                wanted.add(node.name)
+        return frozenset(wanted)
+
+
+def key_parts(node: Node, outputs: Mapping[str, str], fingerprint: str | None) -> dict[str, str]:
+    """All parts of a node's key; ``outputs`` gives the canonical output digest of each node it consumes."""
+    parts = dict(node.parts)
+    for name in node.consumes:
+        parts[f"input.{name}"] = outputs[name]
+    if node.observes_host and fingerprint is not None:
+        parts["hardware"] = fingerprint
+    return parts
+
+
+def key_of(parts: Mapping[str, str]) -> str:
+    """The key: one digest over all parts."""
+    return digest.of_value(dict(parts))

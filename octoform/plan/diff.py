@@ -1,0 +1,156 @@
+"""diff(desired, prior, observed) -> actions with reasons. Pure: no file, no clock, no process.
+
+The observed side is given as plain values so that the same function serves the command line, the tests and, later,
+a daemon.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from octoform.graph.model import Graph, Node, NodeKind, key_parts
+from octoform.plan.model import Action, Cause, PlannedAction, Reason
+
+
+@dataclass(frozen=True, slots=True)
+class Prior:
+    """What the state says of one node."""
+
+    status: str
+    key_parts: Mapping[str, str]
+    output_digest: str
+    file_digest: str
+    tainted: bool = False
+    last: Mapping[str, object] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True)
+class Observed:
+    """What is there: artifact digests by stage (None: missing), links, contract complaints, endpoint complaints.
+
+    ``contract`` holds, by stage, why an accepted artifact no longer passes (empty when it does or was not asked);
+    ``endpoint`` holds plain sentences about the live side; ``hardware`` explains a moved fingerprint.
+    """
+
+    fingerprint: str | None
+    files: Mapping[str, str | None]
+    links: frozenset[str] = frozenset()
+    contract: Mapping[str, str] = field(default_factory=dict)
+    endpoint: tuple[str, ...] = ()
+    hardware: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Wishes:
+    """What the person asked for: nodes to replace, nodes to keep to (None: all), key parts to overlook."""
+
+    replace: frozenset[str] = frozenset()
+    targets: frozenset[str] | None = None
+    ignore: frozenset[str] = frozenset()
+
+
+def diff(graph: Graph, prior: Mapping[str, Prior], observed: Observed, wishes: Wishes) -> tuple[PlannedAction, ...]:
+    """The action of every node, in order; a node outside the targets is a no-op."""
+    moving: set[str] = set()
+    actions = []
+    for node in graph.nodes:
+        if wishes.targets is not None and node.name not in wishes.targets:
+            action = _action(node, Action.NOOP, (), prior.get(node.name), certain=True)
+        else:
+            action = _plan_node(node, prior, observed, wishes, moving)
+        if action.action is not Action.NOOP:
+            moving.add(node.name)
+        actions.append(action)
+    return tuple(actions)
+
+
+def _plan_node(
+    node: Node, prior: Mapping[str, Prior], observed: Observed, wishes: Wishes, moving: set[str]
+) -> PlannedAction:
+    known = prior.get(node.name)
+    if known is None:
+        return _action(node, Action.CREATE, (Reason(Cause.NEW),), None, certain=True)
+    broken = _broken(node, known, observed, wishes)
+    upstream = [name for name in node.consumes if name in moving]
+    outputs = {name: _output(prior, name) for name in node.consumes}
+    reasons = broken + _changed(node, known, outputs, observed, wishes, frozenset(upstream))
+    if reasons:
+        return _action(node, _word(reasons), tuple(reasons), known, certain=True)
+    if upstream:
+        waits = tuple(Reason(Cause.UPSTREAM, part=f"input.{name}") for name in upstream)
+        return _action(node, Action.UPDATE, waits, known, certain=False)
+    return _action(node, Action.NOOP, (), known, certain=True)
+
+
+def _output(prior: Mapping[str, Prior], name: str) -> str:
+    return prior[name].output_digest if name in prior else ""
+
+
+def _broken(node: Node, known: Prior, observed: Observed, wishes: Wishes) -> list[Reason]:
+    """Reasons that need no key: the state, the artifact or the live side is not as it was left."""
+    reasons = []
+    if node.name in wishes.replace:
+        reasons.append(Reason(Cause.REQUESTED))
+    if known.tainted:
+        reasons.append(Reason(Cause.TAINTED))
+    if known.status != "accepted":
+        reasons.append(Reason(Cause.INTERRUPTED if known.status == "interrupted" else Cause.FAILED))
+        return reasons
+    if node.kind is NodeKind.ENDPOINT:
+        return reasons + [Reason(Cause.ENDPOINT, text=text) for text in observed.endpoint]
+    found = observed.files.get(node.name)
+    if node.name in observed.links:
+        reasons.append(Reason(Cause.ARTIFACT_LINK))
+    elif found is None:
+        reasons.append(Reason(Cause.ARTIFACT_DELETED, before=known.file_digest))
+    elif found != known.file_digest:
+        reasons.append(Reason(Cause.ARTIFACT_EDITED, before=known.file_digest, after=found))
+    elif observed.contract.get(node.name):
+        reasons.append(Reason(Cause.CONTRACT, text=observed.contract[node.name]))
+    return reasons
+
+
+def _changed(
+    node: Node,
+    known: Prior,
+    outputs: Mapping[str, str],
+    observed: Observed,
+    wishes: Wishes,
+    unknown_inputs: frozenset[str],
+) -> list[Reason]:
+    """One reason for each key part that differs; inputs that are only known after apply are left out."""
+    now = key_parts(node, outputs, observed.fingerprint)
+    reasons = []
+    for part in sorted(set(now) | set(known.key_parts)):
+        if part in wishes.ignore or part.removeprefix("input.") in unknown_inputs:
+            continue
+        before, after = known.key_parts.get(part), now.get(part)
+        if before != after:
+            text = "; ".join(observed.hardware) if part == "hardware" and observed.hardware else None
+            reasons.append(Reason(Cause.CHANGED, part=part, before=before, after=after, text=text))
+    return reasons
+
+
+def _word(reasons: list[Reason]) -> Action:
+    causes = {reason.cause for reason in reasons}
+    if causes & {Cause.REQUESTED, Cause.TAINTED, Cause.ARTIFACT_LINK}:
+        return Action.REPLACE
+    if causes & {Cause.INTERRUPTED, Cause.FAILED, Cause.ARTIFACT_DELETED}:
+        return Action.CREATE
+    return Action.UPDATE
+
+
+def _action(
+    node: Node, action: Action, reasons: tuple[Reason, ...], known: Prior | None, *, certain: bool
+) -> PlannedAction:
+    runs_agent = node.kind is NodeKind.STAGE and action is not Action.NOOP
+    return PlannedAction(
+        node=node.name,
+        action=action,
+        certain=certain,
+        reasons=reasons,
+        harness=node.harness,
+        model=node.model,
+        calls_agent=runs_agent,
+        calls_model=runs_agent and node.harness != "builtin",
+        last=known.last if known is not None else {},
+    )

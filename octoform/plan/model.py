@@ -1,0 +1,118 @@
+"""The plan as data: actions with reasons.
+
+A reason is a record, not a sentence; the sentence and the JSON both come from it. Light on purpose: a plan with
+nothing to do is built and shown without any heavy import.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from enum import StrEnum
+
+
+class Action(StrEnum):
+    """What happens to a node. The words are Terraform's."""
+
+    CREATE = "create"
+    UPDATE = "update"
+    REPLACE = "replace"
+    DESTROY = "destroy"
+    READ = "read"
+    NOOP = "no-op"
+
+
+class Cause(StrEnum):
+    """Why an action is planned."""
+
+    NEW = "new"
+    INTERRUPTED = "interrupted"
+    FAILED = "failed"
+    TAINTED = "tainted"
+    REQUESTED = "requested"
+    CHANGED = "changed"
+    ARTIFACT_DELETED = "artifact-deleted"
+    ARTIFACT_EDITED = "artifact-edited"
+    ARTIFACT_LINK = "artifact-link"
+    CONTRACT = "contract"
+    ENDPOINT = "endpoint"
+    UPSTREAM = "upstream"
+    NOT_IN_MANIFEST = "not-in-manifest"
+
+
+@dataclass(frozen=True, slots=True)
+class Reason:
+    """One reason: its cause, the key part concerned, and what it was and is (digests are shortened by views)."""
+
+    cause: Cause
+    part: str | None = None
+    before: str | None = None
+    after: str | None = None
+    text: str | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class PlannedAction:
+    """What the plan says of one node.
+
+    ``certain`` is False for a node whose inputs are known only after apply: it runs only if they come out
+    different. ``calls_agent`` tells whether running it starts an agent, ``calls_model`` whether that agent may
+    call a model; ``last`` is what the accepted run of this node took (seconds, attempts, tokens, cost).
+    """
+
+    node: str
+    action: Action
+    certain: bool
+    reasons: tuple[Reason, ...]
+    harness: str | None = None
+    model: str | None = None
+    calls_agent: bool = False
+    calls_model: bool = False
+    last: Mapping[str, object] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True)
+class OpenQuestion:
+    """A device whose meaning is missing, and the one sentence that would supply it."""
+
+    device: str
+    seen_as: str
+    sentence: str
+
+
+@dataclass(frozen=True, slots=True)
+class Change:
+    """A device or tool that appears, changes or goes, as far as it is known before anything runs."""
+
+    kind: str
+    name: str
+    action: Action
+    text: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Plan:
+    """All actions of one operation on one host, in the order of work."""
+
+    host: str
+    operation: str
+    actions: tuple[PlannedAction, ...]
+    lineage: str | None = None
+    serial: int = 0
+    revision: str | None = None
+    dirty: tuple[str, ...] = ()
+    changes: tuple[Change, ...] = ()
+    questions: tuple[OpenQuestion, ...] = ()
+    targets: tuple[str, ...] = ()
+
+    @property
+    def work(self) -> tuple[PlannedAction, ...]:
+        """The actions that are not no-ops."""
+        return tuple(item for item in self.actions if item.action is not Action.NOOP)
+
+    @property
+    def empty(self) -> bool:
+        """True when nothing would be done."""
+        return not self.work
+
+    def count(self, action: Action, *, certain: bool = True) -> int:
+        """How many actions of that kind are planned, certain ones or those that depend on an outcome."""
+        return sum(1 for item in self.actions if item.action is action and item.certain is certain)
