@@ -16,7 +16,6 @@ class Action(StrEnum):
     UPDATE = "update"
     REPLACE = "replace"
     DESTROY = "destroy"
-    READ = "read"
     NOOP = "no-op"
 
 
@@ -35,7 +34,6 @@ class Cause(StrEnum):
     CONTRACT = "contract"
     ENDPOINT = "endpoint"
     UPSTREAM = "upstream"
-    NOT_IN_MANIFEST = "not-in-manifest"
 
 
 @dataclass(frozen=True, slots=True)

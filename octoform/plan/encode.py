@@ -1,0 +1,42 @@
+"""A plan as plain JSON values and back: the form that views stream, plan files keep and the memo remembers."""
+
+from collections.abc import Mapping
+from dataclasses import asdict
+from typing import Any
+
+from octoform.plan.model import Action, Cause, Change, OpenQuestion, Plan, PlannedAction, Reason
+
+FORMAT = 1
+
+
+def to_json(plan: Plan) -> dict[str, Any]:
+    """All of a plan as JSON values; absent facts are left out of reasons."""
+    out: dict[str, Any] = {"format": FORMAT, **asdict(plan)}
+    out["actions"] = [_action(item) for item in plan.actions]
+    out["changes"] = [asdict(item) for item in plan.changes]
+    out["questions"] = [asdict(item) for item in plan.questions]
+    return out
+
+
+def _action(item: PlannedAction) -> dict[str, Any]:
+    out = asdict(item)
+    out["reasons"] = [
+        {key: value for key, value in asdict(reason).items() if value is not None} for reason in item.reasons
+    ]
+    return out
+
+
+def from_json(data: Mapping[str, Any]) -> Plan:
+    """The plan again; KeyError, TypeError or ValueError when ``data`` is not what `to_json` gives."""
+    fields = {key: value for key, value in data.items() if key != "format"}
+    fields["actions"] = tuple(_read_action(item) for item in data["actions"])
+    fields["changes"] = tuple(Change(**{**item, "action": Action(item["action"])}) for item in data["changes"])
+    fields["questions"] = tuple(OpenQuestion(**item) for item in data["questions"])
+    fields["dirty"] = tuple(data["dirty"])
+    fields["targets"] = tuple(data["targets"])
+    return Plan(**fields)
+
+
+def _read_action(item: Mapping[str, Any]) -> PlannedAction:
+    reasons = tuple(Reason(**{**reason, "cause": Cause(reason["cause"])}) for reason in item["reasons"])
+    return PlannedAction(**{**item, "action": Action(item["action"]), "reasons": reasons})

@@ -1,0 +1,117 @@
+"""A saved plan: per-unit constraints bound to a lineage.
+
+It holds no copy of the manifest or the state, so nothing secret and nothing to go out of date in silence: at apply
+each unit's key parts, prior key and artifact are compared with what is there now, and a unit that moved is refused
+by name with the part, before and after. An unrelated serial bump moves nothing. (Heavy: imports pydantic.)
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, Literal
+
+from pydantic import BaseModel, ConfigDict, ValidationError
+
+from octoform.diagnostics import Diagnostic, error
+from octoform.graph.model import Graph, Node, key_of, key_parts
+from octoform.plan import encode
+from octoform.plan.diff import Observed, Prior
+from octoform.plan.model import Action, Plan
+
+
+class Unit(BaseModel):
+    """What must still hold for one node: known key parts, the prior key, the artifact's digest."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    parts: dict[str, str]
+    prior: str | None
+    file: str | None
+
+
+class PlanFile(BaseModel):
+    """The document that ``plan -out`` writes and ``apply FILE`` obeys."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    format: Literal[1] = 1
+    kind: Literal["octoform plan"] = "octoform plan"
+    octoform: str
+    host: str
+    lineage: str | None
+    targets: list[str] | None
+    replace: list[str]
+    units: dict[str, Unit]
+    plan: dict[str, Any]
+
+
+@dataclass(frozen=True, slots=True)
+class Moved:
+    """A constraint of one unit that no longer holds."""
+
+    unit: str
+    part: str
+    before: str | None
+    after: str | None
+
+
+def units(graph: Graph, plan: Plan, prior: Mapping[str, Prior], observed: Observed) -> dict[str, Unit]:
+    """The constraints of every node that the plan would work on."""
+    moving = {item.node for item in plan.work}
+    return {item.node: _unit(graph.node(item.node), moving, prior, observed) for item in plan.work}
+
+
+def _unit(node: Node, moving: set[str], prior: Mapping[str, Prior], observed: Observed) -> Unit:
+    outputs = {name: prior[name].output_digest if name in prior else "" for name in node.consumes}
+    parts = key_parts(node, outputs, observed.fingerprint)
+    known = {part: value for part, value in parts.items() if part.removeprefix("input.") not in moving}
+    before = prior.get(node.name)
+    return Unit(
+        parts=known,
+        prior=key_of(before.key_parts) + f"/{before.status}" if before is not None else None,
+        file=observed.files.get(node.name),
+    )
+
+
+def moved(saved: PlanFile, graph: Graph, prior: Mapping[str, Prior], observed: Observed) -> list[Moved]:
+    """Every constraint that no longer holds, unit by unit; empty when the plan may be applied as it is."""
+    moving = set(saved.units)
+    out = []
+    for name, unit in saved.units.items():
+        now = _unit(graph.node(name), moving, prior, observed)
+        for part in sorted(set(unit.parts) | set(now.parts)):
+            if unit.parts.get(part) != now.parts.get(part):
+                out.append(Moved(name, part, unit.parts.get(part), now.parts.get(part)))
+        if unit.prior != now.prior:
+            out.append(Moved(name, "state", unit.prior, now.prior))
+        if unit.file != now.file:
+            out.append(Moved(name, "artifact", unit.file, now.file))
+    return out
+
+
+def read(data: bytes, path: str) -> tuple[PlanFile | None, list[Diagnostic]]:
+    """The saved plan in ``data``, or why it is none."""
+    try:
+        saved = PlanFile.model_validate_json(data)
+        encode.from_json(saved.plan)
+    except (ValidationError, KeyError, TypeError, ValueError) as problem:
+        first = str(problem).splitlines()[0]
+        hint = "save one with `octoform plan -out FILE`"
+        return None, [error("PLAN-NOT-A-PLAN", f"this is not a saved plan: {first}", path=path, hint=hint)]
+    return saved, []
+
+
+def describe(item: Moved) -> Diagnostic:
+    """PLAN-STALE for one moved constraint."""
+    return error(
+        "PLAN-STALE",
+        f"{item.unit}: {item.part} moved since the plan was saved",
+        detail=f"{item.part}: {item.before or '(none)'} -> {item.after or '(none)'}",
+        hint="make a new plan; the units that did not move are applied",
+    )
+
+
+def applicable(saved: PlanFile, graph: Graph, stale: list[Moved]) -> frozenset[str]:
+    """The planned units that may still be applied: not stale and not built on a stale one."""
+    refused = graph.downstream({item.unit for item in stale})
+    planned = {item.node for item in encode.from_json(saved.plan).actions if item.action is not Action.NOOP}
+    return frozenset(planned - refused)
