@@ -1,0 +1,32 @@
+"""``python -m octoform.builtin task.json``: run one stage and say in one line how it went.
+
+Each stage's module is imported only when it is asked for: PROBE must not wait for the template engine of SERVE.
+Exit status: 0 when the output was written, 1 with one line of reason on stderr otherwise.
+"""
+
+import sys
+from importlib import import_module
+from pathlib import Path
+
+from octoform.builtin.task import Refused, read_task
+
+USAGE = "usage: python -m octoform.builtin <task.json>"
+
+
+def main(arguments: list[str]) -> int:
+    """Run the task named by the only argument; the exit status."""
+    if len(arguments) != 1:
+        print(USAGE, file=sys.stderr)
+        return 1
+    try:
+        task = read_task(Path(arguments[0]))
+        summary = import_module(f"octoform.builtin.{task.stage}").run(task)
+    except Refused as reason:
+        print(" ".join(str(reason).split()), file=sys.stderr)
+        return 1
+    print(summary)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

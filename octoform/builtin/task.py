@@ -1,0 +1,106 @@
+"""The embedded agent's side of a task: what it was asked, what it may read, where it writes.
+
+Kept apart from the stages so that each of them sees only a `Task` and cannot learn anything else about the run. The
+output appears whole or not at all (temporary file, flush, rename), because a half-written file would otherwise be
+one more failure to diagnose.
+"""
+
+import json
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+STAGES = ("probe", "identify", "interface", "serve", "deploy")
+DEFAULT_TOOLS = 30
+SYSROOT_VARIABLE = "OCTOFORM_SYSROOT"
+
+
+class Refused(Exception):
+    """A clear failure of the task itself; its text is the one line that the orchestrator's log gets."""
+
+
+@dataclass(frozen=True, slots=True)
+class Task:
+    """One attempt at one stage.
+
+    ``input`` is the preceding stage's artifact (None for PROBE), ``schema`` the JSON Schema of the output where it
+    has one, ``tools_budget`` the most tools that INTERFACE may declare, ``sysroot`` the folder whose sys, proc, dev
+    and run are the host (``/`` unless the environment names a recorded one).
+    """
+
+    stage: str
+    input: Path | None
+    schema: Path | None
+    output: Path
+    tools_budget: int
+    sysroot: Path
+
+    def read_input(self) -> dict[str, Any]:
+        """The preceding artifact as a JSON object; Refused when there is none or it is no such thing."""
+        if self.input is None:
+            raise Refused(f"stage {self.stage} needs the preceding stage's artifact and the task names none")
+        return read_object(self.input)
+
+    def write(self, value: Mapping[str, Any] | str) -> None:
+        """Write the output atomically: text as it is, an object as indented JSON. Refused when the disk says no."""
+        text = value if isinstance(value, str) else json.dumps(value, indent=1, ensure_ascii=False) + "\n"
+        temporary = self.output.with_name(self.output.name + ".part")
+        try:
+            with temporary.open("wb") as stream:
+                stream.write(text.encode("utf-8"))
+                stream.flush()
+                os.fsync(stream.fileno())
+            temporary.replace(self.output)
+        except OSError as problem:
+            temporary.unlink(missing_ok=True)
+            raise Refused(f"cannot write {self.output}: {problem.strerror}") from problem
+
+
+def read_task(path: Path, environ: Mapping[str, str] | None = None) -> Task:
+    """Read ``task.json``; Refused names what is missing or wrong in it."""
+    variables = os.environ if environ is None else environ
+    document = read_object(path)
+    stage = document.get("stage")
+    if stage not in STAGES:
+        raise Refused(f"{path.name}: stage {stage!r} is none of {', '.join(STAGES)}")
+    output = _path(document, "output")
+    if output is None:
+        raise Refused(f"{path.name}: 'output' is missing")
+    return Task(
+        stage=stage,
+        input=_path(document, "input"),
+        schema=_path(document, "schema"),
+        output=output,
+        tools_budget=_tools(document),
+        sysroot=Path(variables.get(SYSROOT_VARIABLE) or "/"),
+    )
+
+
+def read_object(path: Path) -> dict[str, Any]:
+    """A JSON object from a file; Refused when it cannot be read, parsed or is no object."""
+    try:
+        value = json.loads(path.read_bytes())
+    except OSError as problem:
+        raise Refused(f"cannot read {path}: {problem.strerror}") from problem
+    except ValueError as problem:
+        raise Refused(f"{path} is not JSON: {problem}") from problem
+    if not isinstance(value, dict):
+        raise Refused(f"{path} holds no JSON object")
+    return value
+
+
+def _path(document: Mapping[str, Any], key: str) -> Path | None:
+    value = document.get(key)
+    if value is None:
+        return None
+    if not isinstance(value, str) or not value:
+        raise Refused(f"task: {key!r} is no path")
+    return Path(value)
+
+
+def _tools(document: Mapping[str, Any]) -> int:
+    limits = document.get("limits")
+    tools = limits.get("tools") if isinstance(limits, dict) else None
+    return tools if isinstance(tools, int) and not isinstance(tools, bool) and tools > 0 else DEFAULT_TOOLS
