@@ -1,0 +1,52 @@
+"""Where views print: standard output for results, standard error for problems, colour only where a person looks.
+
+Light: no terminal library is imported here; a plan with nothing to do must not wait for one.
+"""
+
+import os
+import sys
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TextIO
+
+STYLES = {"bold": "1", "dim": "2", "red": "31", "green": "32", "yellow": "33", "cyan": "36"}
+
+
+@dataclass(frozen=True, slots=True)
+class Console:
+    """Output streams and what they can show."""
+
+    out: TextIO
+    err: TextIO
+    colour: bool
+    colour_err: bool
+    interactive: bool
+
+    def paint(self, text: str, *styles: str) -> str:
+        """``text`` in the named styles, or as it is where colour is off."""
+        if not self.colour or not text:
+            return text
+        return f"\x1b[{';'.join(STYLES[style] for style in styles)}m{text}\x1b[0m"
+
+    def line(self, text: str = "") -> None:
+        """One line on standard output."""
+        self.out.write(text + "\n")
+        self.out.flush()
+
+    def problem(self, text: str) -> None:
+        """Text on standard error."""
+        self.err.write(text + "\n")
+        self.err.flush()
+
+
+def for_process(environ: Mapping[str, str] | None = None) -> Console:
+    """The console of this process; ``NO_COLOR`` (any value that is not empty) and ``TERM=dumb`` turn colour off."""
+    environ = os.environ if environ is None else environ
+    plain = bool(environ.get("NO_COLOR")) or environ.get("TERM") == "dumb"
+    return Console(
+        out=sys.stdout,
+        err=sys.stderr,
+        colour=sys.stdout.isatty() and not plain,
+        colour_err=sys.stderr.isatty() and not plain,
+        interactive=sys.stdout.isatty() and sys.stdin is not None and sys.stdin.isatty(),
+    )
