@@ -70,9 +70,8 @@ class PlanHuman:
         if plan.changes:
             say("\nWhat is known before apply:")
         for change in plan.changes:
-            say(
-                f"  {self._symbol(change.action)} {change.kind} {change.name}{': ' + change.text if change.text else ''}"
-            )
+            text = f": {change.text}" if change.text else ""
+            say(f"  {self._symbol(change.action)} {change.kind} {change.name}{text}")
         if plan.questions:
             say("\nDevices whose meaning is missing:")
         for question in plan.questions:

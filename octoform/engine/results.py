@@ -1,0 +1,57 @@
+"""What the engine's operations return, for views to show. Light: no heavy import."""
+
+from dataclasses import dataclass
+
+from octoform.diagnostics import Diagnostic
+from octoform.plan.model import Plan
+
+
+@dataclass(frozen=True, slots=True)
+class Funnel:
+    """From what the operating system shows to what can be called, as counts of devices and tools."""
+
+    seen: int
+    annotated: int
+    unknown: int
+    left_out: int
+    tools: int
+
+
+@dataclass(frozen=True, slots=True)
+class EndpointSummary:
+    """The live endpoint: how a client starts it, its tools, and a read tool that answered."""
+
+    command: str
+    scope: str
+    transport: str
+    tools: tuple[str, ...]
+    answered: str | None = None
+    example: str | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class RunResult:
+    """How an apply or a destroy ended; ``failed`` names the node that stopped it."""
+
+    operation: str
+    host: str
+    added: int = 0
+    changed: int = 0
+    destroyed: int = 0
+    agent_runs: int = 0
+    seconds: float = 0.0
+    failed: str | None = None
+    refused: tuple[str, ...] = ()
+    diagnostics: tuple[Diagnostic, ...] = ()
+    funnel: Funnel | None = None
+    endpoint: EndpointSummary | None = None
+    commit: str | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class PlanResult:
+    """A plan, or the diagnostics that prevented it."""
+
+    plan: Plan | None
+    diagnostics: tuple[Diagnostic, ...] = ()
+    saved_as: str | None = None

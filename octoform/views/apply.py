@@ -1,0 +1,184 @@
+"""Apply and destroy for a person: what is done while it is done, and how it ended.
+
+On a terminal the node at work is one moving line (stage, attempt, elapsed time, what the agent says); elsewhere the
+same facts come as plain lines, with a sign of life every ten seconds. The end is a funnel, the endpoint and the next
+command. (Heavy only on a terminal: the moving line is drawn by rich.)
+"""
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from octoform import events
+from octoform.engine.results import RunResult
+from octoform.plan.model import Plan
+from octoform.views.console import Console
+from octoform.views.diagnostics import render
+from octoform.views.plan import PlanHuman
+
+if TYPE_CHECKING:
+    from octoform.views.moving import MovingLine
+
+PULSE_SECONDS = 10.0
+
+
+@dataclass(slots=True)
+class _Running:
+    """The node at work, for the sign of life."""
+
+    node: str = ""
+    attempt: str = ""
+    last_pulse: float = 0.0
+
+
+class RunHuman:
+    """The human view of a run."""
+
+    def __init__(self, console: Console) -> None:
+        self._console = console
+        self._running = _Running()
+        self._moving: MovingLine | None = None
+
+    def plan(self, plan: Plan) -> None:
+        """Show what is going to be done."""
+        PlanHuman(self._console).show(plan)
+
+    def approve(self) -> bool:
+        """Ask on the terminal; only ``yes`` is yes."""
+        self._console.line("\nDo you want to perform these actions? Only 'yes' will be accepted to approve.")
+        self._console.out.write("  Enter a value: ")
+        self._console.out.flush()
+        try:
+            answer = input()
+        except EOFError:
+            answer = ""
+        self._console.line()
+        return answer.strip() == "yes"
+
+    @contextmanager
+    def watching(self) -> Iterator[Callable[[events.Event], None]]:
+        """The sink for events; on a terminal the moving line lives as long as this context."""
+        self._console.line()
+        if not (self._console.out.isatty() and self._console.colour):
+            yield self.event
+            return
+        from octoform.views.moving import MovingLine  # rich is paid for only where a person looks
+
+        with MovingLine(self._console.out) as moving:
+            self._moving = moving
+            try:
+                yield self.event
+            finally:
+                self._moving = None
+
+    def event(self, event: events.Event) -> None:
+        """One event, as a line or as a change of the moving line."""
+        match event:
+            case events.NodeStarted():
+                self._running = _Running(node=event.node)
+                self._work(event.node, "starting")
+            case events.AttemptStarted():
+                self._running = _Running(event.node, f"attempt {event.number} of {event.of}, {event.harness}")
+                self._work(event.node, self._running.attempt)
+            case events.AttemptProgress():
+                self._progress(event)
+            case events.Checking():
+                self._work(event.node, event.what)
+            case events.AttemptFailed():
+                self._attempt_failed(event)
+            case _:
+                self._finished(event)
+
+    def _finished(self, event: events.Event) -> None:
+        paint = self._console.paint
+        match event:
+            case events.NodeAccepted():
+                tail = "" if event.changed else paint("  same output as before", "dim")
+                tries = "" if event.attempts <= 1 else f", {event.attempts} attempts"
+                self._say(f"{paint('✓', 'green')} {event.node:<10} {event.found}  ({event.seconds:.1f} s{tries}){tail}")
+            case events.NodeUnchanged():
+                self._say(paint(f"= {event.node:<10} {event.reason}", "dim"))
+            case events.NodeFailed():
+                self._say(f"{paint('✗', 'red')} {event.node:<10} failed after {event.seconds:.1f} s")
+            case events.NodeDestroyed():
+                self._say(f"{paint('-', 'red')} {event.node:<10} destroyed")
+            case events.Notice():
+                self._say(paint(f"  {event.text}", "dim"))
+
+    def _progress(self, event: events.AttemptProgress) -> None:
+        if self._moving is not None:
+            self._moving.update(event.node, f"{self._running.attempt}  {event.text}".strip())
+        elif event.elapsed - self._running.last_pulse >= PULSE_SECONDS:
+            self._running.last_pulse = event.elapsed
+            said = f": {event.text}" if event.text else ""
+            self._say(f"  {event.node:<10} still running, {event.elapsed:.0f} s elapsed{said}")
+
+    def _work(self, node: str, what: str) -> None:
+        if self._moving is not None:
+            self._moving.update(node, what)
+        else:
+            self._say(f"  {node:<10} {what}")
+
+    def _attempt_failed(self, event: events.AttemptFailed) -> None:
+        self._say(f"{self._console.paint('!', 'yellow')} {event.node:<10} attempt {event.number} refused")
+        for item in event.diagnostics:
+            text = render(item, colour=self._console.colour)
+            self._say("\n".join("    " + line for line in text.splitlines()))
+
+    def _say(self, text: str) -> None:
+        if self._moving is not None:
+            self._moving.above(text)
+        else:
+            self._console.line(text)
+
+    def ended(self, result: RunResult) -> None:
+        """The closing lines."""
+        say, paint = self._console.line, self._console.paint
+        for item in result.diagnostics:
+            self._console.problem(render(item, colour=self._console.colour_err) + "\n")
+        say()
+        say(paint(closing(result), "bold", "red" if result.failed else "green"))
+        if result.failed:
+            say("What was accepted stays accepted; the next apply goes on from there.")
+        if result.funnel is not None:
+            say()
+            self._funnel(result)
+        if result.commit:
+            say(f"  committed   {result.commit[:12]}")
+        if result.endpoint is not None:
+            self._endpoint(result)
+
+    def _funnel(self, result: RunResult) -> None:
+        funnel = result.funnel
+        if funnel is None:
+            return
+        rows = [("seen", funnel.seen, "devices that the operating system shows")]
+        rows.append(("annotated", funnel.annotated, f"named on evidence, {funnel.unknown} of them unknown"))
+        rows.append(("tools", funnel.tools, "typed tools of the endpoint"))
+        rows.append(("left out", funnel.left_out, "devices without a tool, each with its reason"))
+        for name, count, meaning in rows:
+            self._console.line(f"  {name:<10} {count:>5}   {self._console.paint(meaning, 'dim')}")
+
+    def _endpoint(self, result: RunResult) -> None:
+        endpoint = result.endpoint
+        if endpoint is None:
+            return
+        say = self._console.line
+        say(f"\n  endpoint    {endpoint.command}")
+        say(f"              scope {endpoint.scope}, {endpoint.transport}, {len(endpoint.tools)} tools")
+        if endpoint.answered:
+            say(f"  answered    {endpoint.answered}")
+        say("  next        octoform tools")
+        if endpoint.example:
+            say(f"              octoform call {endpoint.example}")
+
+
+def closing(result: RunResult) -> str:
+    """The one line that says how it ended."""
+    if result.failed:
+        return f"{result.operation.capitalize()} stopped: {result.failed} failed."
+    if result.operation == "destroy":
+        return f"Destroy complete! Resources: {result.destroyed} destroyed."
+    counts = f"{result.added} added, {result.changed} changed, {result.destroyed} destroyed"
+    return f"Apply complete! Resources: {counts}."

@@ -1,0 +1,40 @@
+"""The core knows no device: no id literals, no device library, no platform branch outside the embedded agent."""
+
+import ast
+import re
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+FILES = sorted((ROOT / "octoform").rglob("*.py"))
+CORE = [path for path in FILES if path.relative_to(ROOT).parts[1] not in ("builtin", "runtime")]
+DEVICE_LIBRARIES = {"cv2", "serial", "smbus", "smbus2", "gpiod", "usb", "hid", "evdev", "sounddevice", "pyudev"}
+USB_ID = re.compile(r"^[0-9a-fA-F]{4}:[0-9a-fA-F]{4}$")
+
+
+def strings(path: Path) -> list[str]:
+    nodes = ast.walk(ast.parse(path.read_text()))
+    return [node.value for node in nodes if isinstance(node, ast.Constant) and isinstance(node.value, str)]
+
+
+@pytest.mark.parametrize("path", FILES, ids=lambda path: str(path.relative_to(ROOT)))
+def test_no_usb_id_is_written_in_python(path: Path) -> None:
+    assert [text for text in strings(path) if USB_ID.match(text)] == []
+
+
+@pytest.mark.parametrize("path", CORE, ids=lambda path: str(path.relative_to(ROOT)))
+def test_the_core_imports_no_device_library(path: Path) -> None:
+    imported = set()
+    for node in ast.walk(ast.parse(path.read_text())):
+        if isinstance(node, ast.Import):
+            imported |= {alias.name.split(".")[0] for alias in node.names}
+        elif isinstance(node, ast.ImportFrom) and node.module:
+            imported.add(node.module.split(".")[0])
+    assert imported & DEVICE_LIBRARIES == set()
+
+
+def test_the_shipped_package_names_no_package_registry_and_no_machine_path() -> None:
+    suspicious = re.compile(r"//[\w.-]*\b(pypi|pythonhosted|npmjs)\b|/home/|/root/")
+    found = [str(path.relative_to(ROOT)) for path in FILES if suspicious.search(path.read_text())]
+    assert found == []
