@@ -1,0 +1,125 @@
+"""One attempt: a fresh folder with prompt, spec copy and task, then the agent, within its time.
+
+The folder is the whole of what an attempt leaves: prompt, log, output, usage and verdict stay there as the record of
+what the stage knew. Nothing of a failed attempt is read by anything but the next prompt (a bounded tail of its log).
+"""
+
+import json
+import shutil
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from octoform.apply.context import Context
+from octoform.diagnostics import Diagnostic, to_json
+from octoform.events import AttemptProgress
+from octoform.harness.port import Harness, Outcome, Task
+from octoform.protocol import Prompt, render_prompt
+from octoform.state.layout import OUTPUT_NAMES
+
+KEEP = 100
+
+
+@dataclass(frozen=True, slots=True)
+class Failed:
+    """What a failed attempt hands to the next one: why it was refused, its log, its copy of the spec."""
+
+    diagnostics: tuple[Diagnostic, ...]
+    log: Path
+    spec: Path
+
+
+def prepare(context: Context, stage: str, number: int, wall_seconds: float, failed: Failed | None) -> Task:
+    """Make the folder of attempt ``number`` and everything in it."""
+    workdir = _folder(context, stage, number)
+    spec = context.specs[stage]
+    own_spec = workdir / "spec.md"
+    own_spec.write_text(failed.spec.read_text("utf-8", "replace") if failed else spec.text, encoding="utf-8")
+    task = Task(
+        stage=stage,
+        attempt=number,
+        workdir=workdir,
+        prompt=workdir / "prompt.md",
+        output=workdir / OUTPUT_NAMES.get(stage, "output.json"),
+        log=workdir / "agent.log",
+        document=workdir / "task.json",
+        model=context.manifest.model_for(stage),
+        environment=_environment(context),
+        wall_seconds=wall_seconds,
+    )
+    document = _document(context, task, own_spec, failed)
+    task.document.write_text(json.dumps(document, indent=2, ensure_ascii=False) + "\n", encoding="utf-8")
+    task.prompt.write_text(_prompt(context, task, own_spec, failed), encoding="utf-8")
+    return task
+
+
+def run(context: Context, harness: Harness, task: Task) -> Outcome:
+    """Let the agent work; its progress becomes events."""
+
+    def progress(text: str, elapsed: float) -> None:
+        context.emit(AttemptProgress(task.stage, text, elapsed))
+
+    return harness.run(task, progress)
+
+
+def predecessor(context: Context, stage: str) -> Path | None:
+    """The accepted artifact that the stage may read; None for the first."""
+    consumes = context.graph.node(stage).consumes
+    return context.layout.output(consumes[0]) if consumes else None
+
+
+def _folder(context: Context, stage: str, number: int) -> Path:
+    attempts = context.layout.attempts
+    attempts.mkdir(parents=True, exist_ok=True, mode=0o700)
+    present = sorted(path.name for path in attempts.iterdir() if path.name.partition("-")[0].isdigit())
+    for name in present[: max(0, len(present) - KEEP)]:
+        shutil.rmtree(attempts / name)
+    latest = int(present[-1].partition("-")[0]) if present else 0
+    folder = attempts / f"{latest + 1:06d}-{stage}-{number}"
+    folder.mkdir(mode=0o700)
+    return folder
+
+
+def _environment(context: Context) -> dict[str, str]:
+    return {name: context.environ[name] for name in ("OCTOFORM_SYSROOT",) if context.environ.get(name)}
+
+
+def _document(context: Context, task: Task, spec: Path, failed: Failed | None) -> dict[str, object]:
+    given = predecessor(context, task.stage)
+    schema = context.specs[task.stage].schema
+    return {
+        "format": 1,
+        "stage": task.stage,
+        "attempt": task.attempt,
+        "host": context.layout.host,
+        "input": str(given) if given else None,
+        "schema": str(schema) if schema else None,
+        "spec": str(spec),
+        "prompt": str(task.prompt),
+        "output": str(task.output),
+        "model": task.model,
+        "limits": {"wall_seconds": task.wall_seconds, "tools": context.manifest.budget_for(task.stage).tools},
+        "diagnostics": _as_json(failed.diagnostics if failed else ()),
+    }
+
+
+def _as_json(items: Sequence[Diagnostic]) -> list[dict[str, object]]:
+    return [to_json(item) for item in items]
+
+
+def _prompt(context: Context, task: Task, own_spec: Path, failed: Failed | None) -> str:
+    given = predecessor(context, task.stage)
+    return render_prompt(
+        Prompt(
+            spec=context.specs[task.stage],
+            output=task.output,
+            input=given,
+            workdir=task.workdir,
+            own_spec=own_spec,
+            tools=context.manifest.budget_for(task.stage).tools,
+            wall_seconds=task.wall_seconds,
+            profiles=tuple(profile.text for profile in context.profiles) if task.stage != "probe" else (),
+            failed_log=failed.log if failed else None,
+            diagnostics=failed.diagnostics if failed else (),
+        )
+    )

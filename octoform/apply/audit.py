@@ -1,0 +1,116 @@
+"""What an agent may not touch: the manifest, specs, profiles and accepted artifacts are compared after every attempt.
+
+An agent has one folder and one file to write. A change of anything else that octoform answers for is undone and fails
+the attempt, by name; other new or changed files in the project are told, since a person may be at work there too.
+"""
+
+import os
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+from octoform.diagnostics import Diagnostic, error, warning
+
+MOST_FILES = 5000
+_SKIPPED = {"node_modules", "__pycache__"}
+
+
+@dataclass(frozen=True, slots=True)
+class Watch:
+    """The guarded files' bytes (None: absent) and what else lay in the project, by size and time."""
+
+    project: Path
+    guarded: Mapping[Path, bytes | None]
+    folders: tuple[Path, ...]
+    seen: Mapping[Path, tuple[int, int]]
+
+
+def begin(project: Path, files: Iterable[Path], folders: Iterable[Path]) -> Watch:
+    """Remember ``files``, all files below ``folders``, and the sizes and times of the rest of the project."""
+    folders = tuple(folders)
+    guarded: dict[Path, bytes | None] = {path: _bytes(path) for path in files}
+    for folder in folders:
+        guarded |= {path: _bytes(path) for path in _files(folder)}
+    return Watch(project, guarded, folders, _listing(project))
+
+
+def end(watch: Watch) -> list[Diagnostic]:
+    """Put back what was changed and say so; an empty list when the attempt kept to its folder."""
+    found = []
+    for path, before in watch.guarded.items():
+        if _bytes(path) != before:
+            _restore(path, before)
+            found.append(_touched(watch, path))
+    for folder in watch.folders:
+        for path in _files(folder):
+            if path not in watch.guarded:
+                path.unlink()
+                found.append(_touched(watch, path))
+    found += _strangers(watch)
+    return found
+
+
+def _touched(watch: Watch, path: Path) -> Diagnostic:
+    return error(
+        "APPLY-OUTSIDE-WRITE",
+        "the agent changed a file that is not its own; the change was undone",
+        path=_name(watch.project, path),
+        hint="an attempt may write only in its own folder",
+    )
+
+
+def _strangers(watch: Watch) -> list[Diagnostic]:
+    now = _listing(watch.project)
+    changed = sorted(path for path, facts in now.items() if watch.seen.get(path) != facts and path not in watch.guarded)
+    return [
+        warning(
+            "APPLY-OUTSIDE-WRITE",
+            "a file of the project was written while the agent ran; it was left as it is",
+            path=_name(watch.project, path),
+        )
+        for path in changed[:20]
+    ]
+
+
+def _name(project: Path, path: Path) -> str:
+    return str(path.relative_to(project)) if path.is_relative_to(project) else str(path)
+
+
+def _bytes(path: Path) -> bytes | None:
+    if path.is_symlink():
+        return b"link:" + os.fsencode(path.readlink())
+    try:
+        return path.read_bytes()
+    except (FileNotFoundError, NotADirectoryError):
+        return None
+
+
+def _restore(path: Path, before: bytes | None) -> None:
+    if path.is_symlink() or (before is None and path.exists()):
+        path.unlink()
+    if before is not None and not before.startswith(b"link:"):
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_bytes(before)
+
+
+def _files(folder: Path) -> list[Path]:
+    if not folder.is_dir():
+        return []
+    return sorted(Path(root) / name for root, _, names in os.walk(folder) for name in names)
+
+
+def _listing(project: Path) -> dict[Path, tuple[int, int]]:
+    """Size and time of the project's visible files, bounded; hidden folders (git, environments) are left out."""
+    found: dict[Path, tuple[int, int]] = {}
+    for root, folders, names in os.walk(project):
+        folders[:] = sorted(name for name in folders if not name.startswith(".") and name not in _SKIPPED)
+        for name in names:
+            if len(found) >= MOST_FILES:
+                return found
+            path = Path(root) / name
+            try:
+                facts = path.lstat()
+            except FileNotFoundError:  # gone since the folder was read: nothing to compare
+                continue
+            found[path] = (facts.st_size, facts.st_mtime_ns)
+    return found

@@ -1,0 +1,96 @@
+"""Prompts: rendered from a spec, its schema, paths and fenced data, and bounded in bytes however long a run lasts.
+
+Nothing of a device enters a prompt: the preceding artifact is named by its path. What does enter from outside (the
+tail of a failed attempt's log, the contract's diagnostics, profiles) is bounded, escaped and fenced as data.
+(Heavy: imports jinja2.)
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from jinja2 import Environment, FileSystemLoader, StrictUndefined
+
+from octoform.diagnostics import Diagnostic
+from octoform.protocol.fence import escaped, fenced, tail
+from octoform.protocol.model import Spec
+
+MOST_PROMPT_BYTES = 48 * 1024
+MOST_TAIL_LINES = 100
+MOST_TAIL_BYTES = 8 * 1024
+MOST_DIAGNOSTICS = 20
+MOST_PROFILE_BYTES = 6 * 1024
+
+
+class PromptTooLarge(ValueError):
+    """The fixed parts of a prompt (spec, schema, profiles) alone are over the bound."""
+
+
+@dataclass(frozen=True, slots=True)
+class Prompt:
+    """What a prompt is made of. ``diagnostics`` and ``failed_log`` make it a retry."""
+
+    spec: Spec
+    output: Path
+    input: Path | None
+    workdir: Path
+    own_spec: Path
+    tools: int
+    wall_seconds: float
+    profiles: tuple[str, ...] = ()
+    failed_log: Path | None = None
+    diagnostics: tuple[Diagnostic, ...] = ()
+
+
+def render_prompt(prompt: Prompt) -> str:
+    """The prompt's text, at most `MOST_PROMPT_BYTES` in UTF-8; PromptTooLarge when its fixed parts are larger."""
+    log = tail(prompt.failed_log, MOST_TAIL_LINES, MOST_TAIL_BYTES) if prompt.failed_log else ""
+    while True:
+        text = _render(prompt, log)
+        excess = len(text.encode()) - MOST_PROMPT_BYTES
+        if excess <= 0:
+            return text
+        if not log:
+            raise PromptTooLarge(f"the prompt of {prompt.spec.stage} is {excess} bytes over {MOST_PROMPT_BYTES}")
+        log = log[excess + 64 :]
+
+
+def _render(prompt: Prompt, log: str) -> str:
+    retry = bool(prompt.diagnostics or prompt.failed_log)
+    environment = Environment(
+        loader=FileSystemLoader(Path(__file__).parent / "templates"),
+        undefined=StrictUndefined,
+        autoescape=False,
+        keep_trailing_newline=True,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    template = environment.get_template("retry.md.j2" if retry else "first.md.j2")
+    schema = prompt.spec.schema
+    return template.render(
+        stage=prompt.spec.stage.upper(),
+        body=prompt.spec.body,
+        own_spec=prompt.own_spec,
+        schema=schema.read_text(encoding="utf-8") if schema and not retry else "",
+        schema_path=schema,
+        input=prompt.input,
+        output=prompt.output,
+        workdir=prompt.workdir,
+        tools=prompt.tools,
+        seconds=round(prompt.wall_seconds),
+        profiles=[fenced("profile", text[:MOST_PROFILE_BYTES]) for text in prompt.profiles],
+        diagnostics=_problems(prompt.diagnostics),
+        log=fenced("log", log) if log else "",
+    )
+
+
+def _problems(items: Sequence[Diagnostic]) -> list[str]:
+    lines = []
+    for item in items[:MOST_DIAGNOSTICS]:
+        where = item.pointer or (f"line {item.span.line}" if item.span else "")
+        text = f"{item.code}{' at ' + where if where else ''}: {item.summary}"
+        text += f" ({item.hint})" if item.hint else ""
+        lines.append(escaped(" ".join(text.split()))[:600])
+    if len(items) > MOST_DIAGNOSTICS:
+        lines.append(f"and {len(items) - MOST_DIAGNOSTICS} more")
+    return lines
