@@ -44,11 +44,6 @@ class Layout:
         return self.local / "lock.json"
 
     @property
-    def memo(self) -> Path:
-        """The compiled manifest and graph of the last run that had nothing left to do."""
-        return self.local / "compiled.json"
-
-    @property
     def instances(self) -> Path:
         """Device id to instance (serial numbers, ports, nodes); read by the runtime at call time."""
         return self.local / "instances.json"
@@ -75,12 +70,7 @@ class Layout:
 
     @property
     def call_log(self) -> Path:
-        """The log that every generated tool writes to, one JSON object a line."""
-        return self.local / "log" / "calls.jsonl"
-
-    @property
-    def events_log(self) -> Path:
-        """The orchestrator's own log, one JSON object a line."""
+        """The one execution log of the host: every tool call and every step of a run, one JSON object a line."""
         return self.local / "log" / "octoform.jsonl"
 
     def output(self, stage: str) -> Path:

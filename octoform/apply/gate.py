@@ -1,0 +1,118 @@
+"""The gate: between what an agent left behind and what counts.
+
+exit status, then the file itself (there, no link, bounded), then parse, schema and rules; SERVE is also imported in
+an environment of its own declared packages, DEPLOY is started and called. Nothing is taken from the agent's word.
+"""
+
+import stat
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from octoform.apply.context import Context
+from octoform.contracts.canon import output_digest
+from octoform.contracts.checking import check
+from octoform.contracts.model import Artifacts, ProfileFacts
+from octoform.contracts.parsing import parse
+from octoform.diagnostics import Diagnostic, error, has_errors
+from octoform.harness.port import ExitReason, Outcome, Task
+from octoform.profiles import holds
+
+MOST_BYTES = {"serve": 256 * 1024}
+MOST_JSON_BYTES = 8 * 1024 * 1024
+
+
+@dataclass(frozen=True, slots=True)
+class Verdict:
+    """What the gate says: the value and the files to accept, or the reasons to refuse.
+
+    ``files`` are the committed files by name below the stage's folder; ``found`` is one line for a person; ``detail``
+    goes into the state.
+    """
+
+    diagnostics: tuple[Diagnostic, ...]
+    value: Any = None
+    digest: str = ""
+    files: Mapping[str, bytes] = field(default_factory=dict)
+    found: str = ""
+    detail: Mapping[str, object] = field(default_factory=dict)
+
+    @property
+    def accepted(self) -> bool:
+        """True when nothing but warnings was found."""
+        return not has_errors(self.diagnostics)
+
+
+def ended_well(outcome: Outcome, task: Task) -> list[Diagnostic]:
+    """Why the run itself already failed; a non-zero exit is a failed attempt whatever it wrote."""
+    if outcome.reason is ExitReason.TIMEOUT:
+        return [
+            error(
+                "APPLY-TIMEOUT",
+                f"the agent of {task.stage} did not end within {task.wall_seconds:.0f} s and was stopped",
+                hint="raise budget.attempt_timeout in octopus.yaml if the work needs longer",
+            )
+        ]
+    if outcome.reason is ExitReason.FINISHED and outcome.exit_status in (0, None):
+        return []
+    text = f"the agent of {task.stage} ended with {_status(outcome)}"
+    return [error("APPLY-AGENT-FAILED", text, detail=outcome.detail or None, path=_shown(task.log))]
+
+
+def _status(outcome: Outcome) -> str:
+    if outcome.exit_status is None:
+        return "no exit status"
+    return f"signal {-outcome.exit_status}" if outcome.exit_status < 0 else f"exit status {outcome.exit_status}"
+
+
+def _shown(path: Path) -> str:
+    parts = path.parts
+    return str(Path(*parts[parts.index(".octoform") :])) if ".octoform" in parts else str(path)
+
+
+def read_output(task: Task) -> tuple[bytes, list[Diagnostic]]:
+    """The declared output's bytes; a missing, linked, special or huge file is refused unread."""
+    path = _shown(task.output)
+    try:
+        facts = task.output.lstat()
+    except (FileNotFoundError, NotADirectoryError):
+        hint = "the agent must write exactly the file that its task names"
+        return b"", [error("ARTIFACT-MISSING", f"{task.stage} wrote no output", path=path, hint=hint)]
+    if not stat.S_ISREG(facts.st_mode) or facts.st_nlink > 1:
+        return b"", [error("ARTIFACT-LINK", f"the output of {task.stage} is not a plain file of its own", path=path)]
+    most = MOST_BYTES.get(task.stage, MOST_JSON_BYTES)
+    if facts.st_size > most:
+        text = f"the output of {task.stage} has {facts.st_size} bytes; at most {most} are read"
+        return b"", [error("ARTIFACT-TOO-LARGE", text, path=path)]
+    return task.output.read_bytes(), []
+
+
+def judge(context: Context, task: Task, data: bytes) -> tuple[Any, list[Diagnostic]]:
+    """Parse, schema and rules: all that needs nothing but values."""
+    path = _shown(task.output)
+    value, found = parse(task.stage, data, path)
+    if value is None or has_errors(found):
+        return None, found
+    return value, found + check(task.stage, value, artifacts(context, task.stage, value), context.schemas, path)
+
+
+def artifacts(context: Context, stage: str, value: object) -> Artifacts:
+    """The accepted artifacts before ``stage`` and the profile facts, as the rules want them."""
+    loaded: dict[str, Any] = {}
+    for name in context.graph.names():
+        if name == stage:
+            break
+        path = context.layout.output(name)
+        if path.is_file():
+            loaded[name], _ = parse(name, path.read_bytes(), str(path))
+    probe = value if stage == "probe" else loaded.get("probe")
+    facts = {
+        profile.name: ProfileFacts(profile.name, holds(profile, probe), profile.limits) for profile in context.profiles
+    }
+    return Artifacts(**loaded, profiles=facts, tools_budget=context.manifest.budget_for("interface").tools)
+
+
+def digest_of(context: Context, stage: str, value: object) -> str:
+    """The canonical digest of an output: instances and times left out."""
+    return output_digest(stage, value, context.schemas)

@@ -1,0 +1,86 @@
+"""From an accepted value to files: what git keeps, what stays on the machine, and the line a person reads."""
+
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import octoform
+from octoform.apply.context import Context
+from octoform.apply.gate import Verdict, digest_of
+from octoform.contracts.instance import instances, pseudonymise
+from octoform.diagnostics import Diagnostic
+
+RUNTIME = Path(octoform.__file__).parent / "runtime"
+
+
+def settle(
+    context: Context, stage: str, value: Any, diagnostics: list[Diagnostic], extra: Mapping[str, bytes] | None = None
+) -> Verdict:
+    """The verdict of an accepted value, with its committed files."""
+    makers = {"probe": _probe, "serve": _serve}
+    files = makers.get(stage, _json)(context, value)
+    return Verdict(
+        diagnostics=tuple(diagnostics),
+        value=value,
+        digest=digest_of(context, stage, value),
+        files={**files, **(extra or {})},
+        found=_SENTENCES[stage](value),
+        detail=_COUNTS[stage](value),
+    )
+
+
+def text_of(value: object) -> bytes:
+    """Artifacts as they stand in git: indented, key order kept, one final line feed."""
+    return (json.dumps(value, indent=2, ensure_ascii=False) + "\n").encode()
+
+
+def instance_table(value: Any) -> dict[str, Any]:
+    """The PROBE artifact's instances with their real values, by device id; for this machine only."""
+    return instances(value)
+
+
+def _probe(context: Context, value: Any) -> dict[str, bytes]:
+    return {"output.json": text_of(pseudonymise(value, context.store.snapshot.lineage.encode()))}
+
+
+def _json(context: Context, value: Any) -> dict[str, bytes]:
+    return {"output.json": text_of(value)}
+
+
+def _serve(context: Context, value: Any) -> dict[str, bytes]:
+    return {"server.py": value.encode(), **runtime_files()}
+
+
+def runtime_files() -> dict[str, bytes]:
+    """The standard-library modules that stand beside every generated server, by relative name."""
+    return {f"runtime/{path.name}": path.read_bytes() for path in sorted(RUNTIME.glob("*.py"))}
+
+
+def _plural(count: int, word: str) -> str:
+    return f"{count} {word}" if count == 1 else f"{count} {word}s"
+
+
+def _unknown(value: Any) -> int:
+    return sum(1 for device in value["devices"] if device["category"] == "unknown")
+
+
+_SENTENCES = {
+    "probe": lambda value: (
+        f"{_plural(len(value['devices']), 'device')} seen by {_plural(len(value['scan_methods']), 'scan')}"
+    ),
+    "identify": lambda value: (
+        f"{len(value['devices'])} annotated, {_unknown(value)} of them unknown, {len(value['left_out'])} left out"
+    ),
+    "interface": lambda value: _plural(len(value["tools"]), "tool"),
+    "serve": lambda value: f"server.py, {len(value.splitlines())} lines",
+    "deploy": lambda value: _plural(len(value["requirements"]), "exact requirement"),
+}
+
+_COUNTS = {
+    "probe": lambda value: {"devices": len(value["devices"])},
+    "identify": lambda value: {"annotated": len(value["devices"]), "unknown": _unknown(value)},
+    "interface": lambda value: {"tools": len(value["tools"]), "left_out": len(value["left_out"])},
+    "serve": lambda value: {"lines": len(value.splitlines())},
+    "deploy": lambda value: {"requirements": len(value["requirements"])},
+}
