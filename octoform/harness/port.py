@@ -12,7 +12,10 @@ from typing import Protocol
 
 
 class ExitReason(StrEnum):
-    """How a run ended, as the orchestrator saw it."""
+    """How a run ended, as the orchestrator saw it.
+
+    Finished means exit status 0; crashed is another exit status, a signal, or a run that was stopped from outside.
+    """
 
     FINISHED = "finished"
     TIMEOUT = "timeout"
@@ -35,7 +38,8 @@ class Task:
     """One attempt at one stage.
 
     ``workdir`` is the attempt's own folder and the agent's working directory; ``output`` lies in it and does not
-    exist yet. ``document`` is the machine-readable task that stands in ``workdir/task.json``.
+    exist yet. ``document`` is the machine-readable task that stands in ``workdir/task.json``. ``environment`` is what
+    the caller has: the agent gets PATH, the OCTOFORM_ settings and the variables that its harness names out of it.
     """
 
     stage: str
@@ -68,8 +72,11 @@ ProgressSink = Callable[[str, float], None]
 class Harness(Protocol):
     """Runs an agent on one task, blocking, within ``task.wall_seconds``; leaves no process behind."""
 
-    name: str
+    @property
+    def name(self) -> str:
+        """The name that stands in the manifest."""
+        ...
 
     def run(self, task: Task, progress: ProgressSink) -> Outcome:
-        """Run it; never raises for what the agent does."""
+        """Run it; never raises for what the agent does, OSError when the attempt's own files cannot be written."""
         ...

@@ -1,0 +1,203 @@
+"""Run one program as a contained process tree: bounded in time, output and files, and with nothing left behind.
+
+The program runs below the supervisor (`reaper`), which ends the whole tree even when this process is killed. This
+side starts the supervisor, records it in the attempt's folder before anything of the agent runs, reads the output into
+the bounded log, and ends whatever is left should the supervisor itself be killed. It uses one thread and no signal
+handler, so it may be called from anywhere.
+"""
+
+import json
+import os
+import selectors
+import subprocess
+import sys
+import time
+from collections.abc import Mapping
+from contextlib import suppress
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+from octoform.harness import orphans, processes
+from octoform.harness.environment import ATTEMPT
+from octoform.harness.port import ProgressSink
+from octoform.harness.tasklog import DEFAULT_LIMIT, Progress, TaskLog
+
+REAPER = Path(__file__).with_name("reaper.py")
+CHUNK = 64 << 10
+MARGIN_SECONDS = 15.0
+FLOOD_PAUSE_SECONDS = 0.01
+
+
+@dataclass(frozen=True, slots=True)
+class Limits:
+    """Bounds of a run: seconds in all, seconds between SIGTERM and SIGKILL, bytes of the log, bytes of any file."""
+
+    wall_seconds: float
+    grace_seconds: float = 2.0
+    log_bytes: int = DEFAULT_LIMIT
+    file_bytes: int = 256 << 20
+
+
+@dataclass(frozen=True, slots=True)
+class Program:
+    """What to run: ``stdin`` is a file, or None for an empty input; ``secrets`` are redacted from the log by name."""
+
+    argv: tuple[str, ...]
+    workdir: Path
+    environment: Mapping[str, str]
+    log: Path
+    stdin: Path | None = None
+    secrets: Mapping[str, str] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True)
+class Ended:
+    """How the tree ended.
+
+    ``reason`` is ended, wall, stopped, orphaned, not_started (``errno`` says why) or lost (the supervisor was killed).
+    ``status`` is the program's exit status, negative for a signal, None when unknown. ``survivors`` counts processes
+    besides the program itself that had to be ended, ``remaining`` those that could not be.
+    """
+
+    reason: str
+    status: int | None = None
+    errno: int = 0
+    seconds: float = 0.0
+    cpu_seconds: float = 0.0
+    peak_rss: int = 0
+    survivors: int = 0
+    remaining: int = 0
+    containment: str = "subreaper"
+    log_bytes: int = 0
+    log_dropped: int = 0
+
+
+def run(program: Program, limits: Limits, progress: ProgressSink) -> Ended:
+    """Run it and wait for the end of its whole tree; OSError only for what octoform itself cannot write or start.
+
+    An exception that comes meanwhile (an interrupt by the person, say) ends the tree and is passed on.
+    """
+    began = time.monotonic()
+    mark = orphans.new_mark()
+    with TaskLog(program.log, program.secrets, limits.log_bytes) as log:
+        session = _Session(program, limits, mark)
+        try:
+            record = session.record()
+            orphans.write(program.workdir, record)
+            told = session.follow(log, Progress(progress))
+        finally:
+            session.stop()
+        ended = _settle(told, record, time.monotonic() - began)
+        if not ended.remaining:
+            # The folder may be gone or full by what the agent did; the record only helps a later sweep.
+            with suppress(OSError):
+                orphans.write(program.workdir, orphans.Record(mark, record.pid, record.start, ended=True))
+    return replace(ended, log_bytes=log.written, log_dropped=log.dropped)
+
+
+class _Session:
+    """The running supervisor with its three streams."""
+
+    def __init__(self, program: Program, limits: Limits, mark: str) -> None:
+        self._limits = limits
+        report, report_writer = os.pipe()
+        control_reader, self._control = os.pipe()
+        arguments = [str(report_writer), str(control_reader)]
+        arguments += [f"{limits.wall_seconds:.3f}", f"{limits.grace_seconds:.3f}", str(limits.file_bytes)]
+        source = program.stdin or Path(os.devnull)
+        try:
+            with source.open("rb") as stdin:
+                self._process = subprocess.Popen(
+                    [sys.executable, "-I", "-S", str(REAPER), *arguments, *program.argv],
+                    cwd=program.workdir,
+                    env={**program.environment, ATTEMPT: mark},
+                    stdin=stdin,
+                    stdout=subprocess.PIPE,
+                    stderr=subprocess.PIPE,
+                    pass_fds=(report_writer, control_reader),
+                    start_new_session=True,
+                )
+        except BaseException:
+            os.close(report)
+            os.close(self._control)
+            raise
+        finally:
+            os.close(report_writer)
+            os.close(control_reader)
+        self._mark = mark
+        self._report = report
+        self._told = b""
+
+    def record(self) -> orphans.Record:
+        """Who the supervisor is, for the attempt's folder."""
+        found = processes.look(self._process.pid)
+        return orphans.Record(self._mark, self._process.pid, found.start if found else 0)
+
+    def follow(self, log: TaskLog, progress: Progress) -> bytes:
+        """Let the agent start, and read until the supervisor has ended; its report line (empty when it was killed)."""
+        with suppress(BrokenPipeError):
+            os.write(self._control, b"g")
+        give_up = time.monotonic() + self._limits.wall_seconds + self._limits.grace_seconds + MARGIN_SECONDS
+        with selectors.DefaultSelector() as selector:
+            for name, stream in (("stdout", self._process.stdout), ("stderr", self._process.stderr)):
+                if stream is not None:
+                    os.set_blocking(stream.fileno(), False)
+                    selector.register(stream.fileno(), selectors.EVENT_READ, name)
+            selector.register(self._report, selectors.EVENT_READ, "report")
+            while self._report in selector.get_map() and time.monotonic() < give_up:
+                for key, _ in selector.select(0.2):
+                    self._take(selector, key, log, progress)
+                progress.tick()
+                if log.full:
+                    time.sleep(FLOOD_PAUSE_SECONDS)
+            self._drain(selector, log, progress)
+        progress.finish()
+        return self._told
+
+    def _take(
+        self, selector: selectors.BaseSelector, key: selectors.SelectorKey, log: TaskLog, progress: Progress
+    ) -> bool:
+        """Read one piece of one stream; False when it has nothing now or has ended."""
+        try:
+            data = os.read(key.fd, CHUNK)
+        except BlockingIOError:
+            return False
+        if not data:
+            selector.unregister(key.fd)
+            return False
+        if key.data == "report":
+            self._told += data
+            return True
+        shown = log.feed(key.data, data)
+        if key.data == "stdout":
+            progress.feed(shown)
+        return True
+
+    def _drain(self, selector: selectors.BaseSelector, log: TaskLog, progress: Progress) -> None:
+        """What still stands in the pipes after the end: at most their capacity, and a bound against a live writer."""
+        for key in list(selector.get_map().values()):
+            rounds = 64
+            while key.data != "report" and rounds and self._take(selector, key, log, progress):
+                rounds -= 1
+
+    def stop(self) -> None:
+        """End the tree if it still runs (closing the control pipe says so), and release everything."""
+        os.close(self._control)
+        os.close(self._report)
+        try:
+            self._process.wait(self._limits.grace_seconds + MARGIN_SECONDS)
+        except subprocess.TimeoutExpired:
+            self._process.kill()
+            self._process.wait()
+        for stream in (self._process.stdout, self._process.stderr):
+            if stream is not None:
+                stream.close()
+
+
+def _settle(told: bytes, record: orphans.Record, seconds: float) -> Ended:
+    """The supervisor's report as a value; without one it was killed, and its orphans are ended from here."""
+    try:
+        return Ended(**json.loads(told))
+    except (ValueError, TypeError):
+        swept = orphans.end_marked((record,))
+        return Ended("lost", seconds=seconds, survivors=len(swept.ended), remaining=len(swept.left))

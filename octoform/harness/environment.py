@@ -1,0 +1,49 @@
+"""The environment of an agent: what it needs to run and what its harness names, nothing else of the caller's.
+
+A shell's environment is full of secrets that have nothing to do with the task, and an agent may print all of it. So
+the set is built up from nothing instead of cleaned.
+"""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+FALLBACK_PATH = "/usr/local/bin:/usr/bin:/bin"
+PREFIX = "OCTOFORM_"
+SECRET_WORDS = ("TOKEN", "SECRET", "PASSWORD", "KEY", "CREDENTIAL")
+TASK = "OCTOFORM_TASK"
+PROMPT = "OCTOFORM_PROMPT"
+OUTPUT = "OCTOFORM_OUTPUT"
+ATTEMPT = "OCTOFORM_ATTEMPT"
+
+
+def minimal(workdir: Path, caller: Mapping[str, str], named: Sequence[str] = ()) -> dict[str, str]:
+    """The environment of an agent in ``workdir``; makes its private ``home`` and ``tmp`` folders there (0700).
+
+    ``caller`` is where PATH, OCTOFORM_* settings and the ``named`` variables come from; a named one that the caller
+    lacks is left out. An OCTOFORM_ variable whose name says that it is a secret is passed only when it is named.
+    """
+    out = {
+        name: value
+        for name, value in caller.items()
+        if name.startswith(PREFIX) and not any(word in name for word in SECRET_WORDS)
+    }
+    out |= {
+        "PATH": caller.get("PATH") or FALLBACK_PATH,
+        "HOME": str(_folder(workdir / "home")),
+        "TMPDIR": str(_folder(workdir / "tmp")),
+        "LANG": "C.UTF-8",
+        "LC_ALL": "C.UTF-8",
+        "TERM": "dumb",
+    }
+    out |= {name: caller[name] for name in named if name in caller}
+    return out
+
+
+def secrets(caller: Mapping[str, str], named: Sequence[str]) -> dict[str, str]:
+    """The named variables' values that must not reach a log, by name."""
+    return {name: caller[name] for name in named if caller.get(name)}
+
+
+def _folder(path: Path) -> Path:
+    path.mkdir(mode=0o700, exist_ok=True)
+    return path

@@ -1,0 +1,136 @@
+"""Ending what a crash left running: agents of this project whose supervisor and whose octoform are both gone.
+
+Each attempt's folder holds ``process.json``, written before its agent starts: a random mark that stands in the
+environment of every process of the tree, and the supervisor's process id with its start time. A process is ended only
+when its own environment carries the very mark that a folder of ours records (or when it descends from such a one), it
+belongs to this user and is not older than the attempt. Names and ids alone prove nothing and are never used.
+"""
+
+import json
+import os
+import secrets
+import time
+from dataclasses import dataclass
+from pathlib import Path
+
+from octoform.harness import processes
+from octoform.harness.environment import ATTEMPT
+from octoform.harness.processes import Process
+
+RECORD = "process.json"
+RECORD_LIMIT = 64 << 10
+ROUNDS = 100
+
+
+@dataclass(frozen=True, slots=True)
+class Record:
+    """What ``process.json`` says; ``start`` is the supervisor's start time in clock ticks since boot."""
+
+    mark: str
+    pid: int
+    start: int
+    ended: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Swept:
+    """What a sweep did: the processes that it ended, and those that it could not end."""
+
+    ended: tuple[int, ...] = ()
+    left: tuple[int, ...] = ()
+
+
+def new_mark() -> str:
+    """A random mark for one attempt; 128 bits, so that no other process carries it by chance."""
+    return secrets.token_hex(16)
+
+
+def write(workdir: Path, record: Record) -> None:
+    """Write the record, whole or not at all; OSError when the disk says no."""
+    value = {
+        "format": 1,
+        "attempt": record.mark,
+        "supervisor": {"pid": record.pid, "start": record.start},
+        "ended": record.ended,
+        "written_at": time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime()),
+    }
+    temporary = workdir / (RECORD + ".part")
+    temporary.unlink(missing_ok=True)
+    descriptor = os.open(temporary, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o600)
+    with os.fdopen(descriptor, "w", encoding="utf-8") as stream:
+        json.dump(value, stream)
+        stream.flush()
+        os.fsync(stream.fileno())
+    temporary.replace(workdir / RECORD)
+
+
+def read(workdir: Path) -> Record | None:
+    """The record of an attempt; None when there is none or it is no such thing (an agent may have spoilt it)."""
+    try:
+        descriptor = os.open(workdir / RECORD, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC)
+        with os.fdopen(descriptor, "rb") as stream:
+            value = json.loads(stream.read(RECORD_LIMIT))
+        supervisor = value["supervisor"]
+        record = Record(str(value["attempt"]), int(supervisor["pid"]), int(supervisor["start"]), value["ended"] is True)
+    except (OSError, ValueError, KeyError, TypeError):
+        return None
+    return record if len(record.mark) == 32 else None
+
+
+def sweep(attempts: Path) -> Swept:
+    """End every process of the attempts in that folder; call it only under the lock that forbids a running one."""
+    try:
+        folders = sorted(attempts.iterdir())
+    except OSError:
+        return Swept()
+    found = ((folder, read(folder)) for folder in folders)
+    open_records = {folder: record for folder, record in found if record is not None and not record.ended}
+    if not open_records:
+        return Swept()
+    done = end_marked(tuple(open_records.values()))
+    if not done.left:
+        for folder, record in open_records.items():
+            write(folder, Record(record.mark, record.pid, record.start, ended=True))
+    return done
+
+
+def end_marked(records: tuple[Record, ...]) -> Swept:
+    """SIGKILL to every process that provably belongs to one of the records, until none is found."""
+    ended: list[int] = []
+    seen: set[Process] = set()
+    for _ in range(ROUNDS):
+        found = [process for process in _belonging(records) if process not in seen]
+        if not found:
+            break
+        for process in found:
+            seen.add(process)
+            if processes.kill(process):
+                ended.append(process.pid)
+    _await_end(seen)
+    left = tuple(item.pid for item in seen if processes.is_alive(item.pid, item.start))
+    return Swept(tuple(ended), left)
+
+
+def _belonging(records: tuple[Record, ...]) -> list[Process]:
+    """The tree of each record, its supervisor last: while it lives, its orphans cannot leave the tree."""
+    by_mark = {record.mark: record for record in records}
+    running = {process.pid: process for process in processes.own()}
+    ours: set[int] = set()
+    for process in running.values():
+        mark = processes.environment_value(process.pid, ATTEMPT)
+        record = by_mark.get(mark) if mark is not None else None
+        if record is not None and process.start >= record.start:
+            ours.add(process.pid)
+    size = -1
+    while size != len(ours):
+        size = len(ours)
+        ours |= {process.pid for process in running.values() if process.parent in ours}
+    supervisors = {(record.pid, record.start) for record in records}
+    return sorted((running[pid] for pid in ours), key=lambda item: (item.pid, item.start) in supervisors)
+
+
+def _await_end(killed: set[Process], seconds: float = 5.0) -> None:
+    """Wait until the kernel has really ended them; a process in an uninterruptible call is given up on."""
+    deadline = time.monotonic() + seconds
+    while time.monotonic() < deadline and any(processes.is_alive(item.pid, item.start) for item in killed):
+        time.sleep(0.005)

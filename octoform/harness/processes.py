@@ -1,0 +1,91 @@
+"""What /proc says of a process, and signals that cannot hit another one.
+
+A process id alone names nothing: ids are recycled. A process is known by its id together with the tick at which the
+kernel started it, and it is signalled through a pidfd that was opened before that was checked. On systems without
+/proc nothing can be proved, so every question has the answer None and nothing is signalled.
+"""
+
+import os
+import signal
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+PROC = Path("/proc")
+ENVIRONMENT_LIMIT = 1 << 20
+
+
+@dataclass(frozen=True, slots=True)
+class Process:
+    """A process id with the kernel's start time of it (clock ticks since boot) and its parent's id."""
+
+    pid: int
+    start: int
+    parent: int
+    state: str
+
+
+def look(pid: int) -> Process | None:
+    """The process with that id as it is now (/proc/<pid>/stat); None when there is none."""
+    try:
+        text = (PROC / str(pid) / "stat").read_bytes()
+    except OSError:
+        return None
+    fields = text[text.rfind(b")") + 2 :].split()
+    return Process(pid, start=int(fields[19]), parent=int(fields[1]), state=fields[0].decode("ascii"))
+
+
+def is_alive(pid: int, start: int) -> bool:
+    """True when exactly that process still runs (a zombie does not)."""
+    found = look(pid)
+    return found is not None and found.start == start and found.state not in "ZX"
+
+
+def own() -> Iterator[Process]:
+    """Every running process of this user, this one and its parent left out."""
+    spared = {os.getpid(), os.getppid()}
+    try:
+        entries = list(os.scandir(PROC))
+    except OSError:
+        return
+    for entry in entries:
+        if not entry.name.isdigit() or int(entry.name) in spared:
+            continue
+        try:
+            mine = entry.stat().st_uid == os.getuid()
+        except OSError:
+            continue
+        found = look(int(entry.name)) if mine else None
+        if found is not None and found.state not in "ZX":
+            yield found
+
+
+def environment_value(pid: int, name: str) -> str | None:
+    """The value of a variable in the environment that the process was started with, where we may read it."""
+    try:
+        with (PROC / str(pid) / "environ").open("rb") as stream:
+            block = stream.read(ENVIRONMENT_LIMIT)
+    except OSError:
+        return None
+    wanted = os.fsencode(name) + b"="
+    for item in block.split(b"\0"):
+        if item.startswith(wanted):
+            return os.fsdecode(item[len(wanted) :])
+    return None
+
+
+def kill(process: Process) -> bool:
+    """SIGKILL to exactly that process; False when it is gone, is another one by now, or may not be signalled."""
+    try:
+        handle = os.pidfd_open(process.pid)
+    except OSError:
+        return False
+    try:
+        if not is_alive(process.pid, process.start):
+            return False
+        signal.pidfd_send_signal(handle, signal.SIGKILL)
+    except OSError:
+        return False
+    finally:
+        os.close(handle)
+    return True
