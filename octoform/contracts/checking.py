@@ -1,0 +1,50 @@
+"""`check`: one artifact against its whole contract, the schema first and then the cross-stage rules.
+
+Heavy: imports jsonschema. Rules may rely on the shape, so they run only on a value that the schema accepts.
+"""
+
+from dataclasses import replace
+from pathlib import Path
+
+from octoform.contracts import identify_rules, interface_rules, interface_schemas, probe_rules
+from octoform.contracts.canon import load_schema
+from octoform.contracts.model import Artifacts, Rule
+from octoform.contracts.shape import shape_diagnostics
+from octoform.diagnostics import Diagnostic
+
+MAX_PER_RULE = 10
+
+RULES: dict[str, tuple[Rule, ...]] = {
+    "probe": probe_rules.RULES,
+    "identify": identify_rules.RULES,
+    "interface": (*interface_rules.RULES, *interface_schemas.RULES),
+    "serve": (),
+    "deploy": (),
+}
+_NEEDS = {"identify": "probe", "interface": "identify", "serve": "interface", "deploy": "serve"}
+
+
+def check(stage: str, value: object, artifacts: Artifacts, schemas: Path, path: str | None = None) -> list[Diagnostic]:
+    """Everything that is wrong with ``value`` as the output of ``stage``; empty when the contract accepts it.
+
+    ``artifacts`` holds the accepted artifacts of the stages before; ValueError when the preceding one is missing,
+    which no user can cause. ``path`` is written into the diagnostics. Warnings may be among them.
+    """
+    needed = _NEEDS.get(stage)
+    if needed is not None and getattr(artifacts, needed) is None:
+        raise ValueError(f"{stage} cannot be checked without the {needed} artifact")
+    found = [] if stage == "serve" else shape_diagnostics(stage, value, load_schema(stage, schemas))
+    if not found:
+        for rule in RULES[stage]:
+            found += bounded(rule.check(value, artifacts))
+    return [item if item.path or path is None else replace(item, path=path) for item in found]
+
+
+def bounded(found: list[Diagnostic]) -> list[Diagnostic]:
+    """At most `MAX_PER_RULE` of one rule's diagnostics; the last one says how many more there were."""
+    if len(found) <= MAX_PER_RULE:
+        return found
+    kept = found[:MAX_PER_RULE]
+    more = f"and {len(found) - MAX_PER_RULE} more like this"
+    kept[-1] = replace(kept[-1], detail=f"{kept[-1].detail}\n{more}" if kept[-1].detail else more)
+    return kept

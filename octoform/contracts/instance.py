@@ -1,0 +1,140 @@
+"""What is of one host only: told apart from the kinds, and hidden before anything reaches git.
+
+Serial numbers, hardware addresses and host names stay on the machine. The committed PROBE artifact holds stable
+pseudonyms in their place, so two commits can still be compared: the same serial number gives the same pseudonym.
+"""
+
+import hashlib
+import hmac
+import re
+from collections.abc import Callable, Iterator
+from typing import Any
+
+from octoform.contracts.model import JsonObject
+
+MINIMUM_IN_TEXT = 6
+_PSEUDONYM = re.compile(r"redacted-[0-9a-f]{10}")
+_ADDRESS = re.compile(r"(?<![0-9A-Fa-f:])(?:[0-9A-Fa-f]{2}:){5,19}[0-9A-Fa-f]{2}(?![0-9A-Fa-f:])")
+_IDENTIFYING = re.compile(r"serial|address|\bmac\b|uuid|guid|wwid|wwn|ssid|imei|eui|host", re.IGNORECASE)
+# Members that name a kind; a serial number that leaked into one is refused by a rule, not rewritten.
+_KIND_MEMBERS = frozenset({"id", "interface", "classes", "drivers", "vid", "pid", "class", "strength", "port"})
+
+
+def instances(probe: JsonObject) -> dict[str, JsonObject]:
+    """Device id to its instance object, for the devices that have one, with the real values."""
+    return {device["id"]: device["instance"] for device in probe["devices"] if isinstance(device.get("instance"), dict)}
+
+
+def pseudonymise(probe: JsonObject, key: bytes) -> JsonObject:
+    """The committed form of a PROBE artifact; a copy.
+
+    Every serial number, hardware address and host name becomes ``redacted-`` and ten hex digits of its HMAC-SHA256
+    under ``key``: in its own member always, elsewhere in the document where it is at least six characters long.
+    Any text in the form of a hardware address is hidden too. A second pass changes nothing.
+    """
+    replace = _replacement(probe, key)
+    out: JsonObject = {}
+    for name, value in probe.items():
+        if name == "hostname":
+            out[name] = _whole(value, key)
+        elif name == "devices":
+            out[name] = [_device(device, key, replace) for device in value]
+        else:
+            out[name] = value if name == "platform" else _rewrite(value, replace)
+    return out
+
+
+def pseudonym(secret: str, key: bytes) -> str:
+    """The stable stand-in for one secret; letter case and surrounding blanks do not matter."""
+    mac = hmac.new(key, secret.strip().casefold().encode("utf-8", "surrogatepass"), hashlib.sha256)
+    return "redacted-" + mac.hexdigest()[:10]
+
+
+def secrets_of(instance: JsonObject) -> Iterator[tuple[str, str]]:
+    """(member, value) of what identifies one specimen: not blank and not yet hidden."""
+    for name, value in instance.items():
+        if isinstance(value, str) and _IDENTIFYING.search(name) and value.strip() and not _hidden(value):
+            yield name, value.strip()
+
+
+def _device(device: JsonObject, key: bytes, replace: Callable[[str], str]) -> JsonObject:
+    out = dict(_members(device, replace))
+    instance = device.get("instance")
+    if isinstance(instance, dict):
+        shown = dict(_members(instance, replace))
+        shown.update({name: pseudonym(value, key) for name, value in secrets_of(instance)})
+        out["instance"] = shown
+    return out
+
+
+def _members(value: JsonObject, replace: Callable[[str], str]) -> Iterator[tuple[str, Any]]:
+    for name, item in value.items():
+        yield name, item if name in _KIND_MEMBERS else _rewrite(item, replace)
+
+
+def _rewrite(value: Any, replace: Callable[[str], str]) -> Any:
+    if isinstance(value, str):
+        return replace(value)
+    if isinstance(value, list):
+        return [_rewrite(item, replace) for item in value]
+    if isinstance(value, dict):
+        return dict(_members(value, replace))
+    return value
+
+
+def _replacement(probe: JsonObject, key: bytes) -> Callable[[str], str]:
+    """A function that hides every secret of the document inside one string, in a single pass."""
+    patterns = {_in_text(secret): secret for secret in _secrets_in_text(probe)}
+    longest = sorted(patterns, key=lambda item: (-len(patterns[item]), item))
+    found = re.compile("|".join(longest), re.IGNORECASE) if longest else None
+    spellings = {_bare(secret): secret for secret in patterns.values()}
+
+    def replace(text: str) -> str:
+        if found is not None:
+            text = found.sub(lambda hit: pseudonym(spellings.get(_bare(hit.group()), hit.group()), key), text)
+        return _ADDRESS.sub(lambda hit: pseudonym(hit.group(), key), text)
+
+    return replace
+
+
+def _secrets_in_text(probe: JsonObject) -> list[str]:
+    out = []
+    hostname = probe.get("hostname")
+    if isinstance(hostname, str) and not _hidden(hostname) and not _names_a_kind(hostname.strip(), probe):
+        out.append(hostname.strip())
+    for instance in instances(probe).values():
+        # A "serial number" without a digit is a product name that the maker put in the wrong place.
+        out += [value for _, value in secrets_of(instance) if any(item.isdigit() for item in value)]
+    return [secret for secret in dict.fromkeys(out) if len(secret) >= MINIMUM_IN_TEXT]
+
+
+def _names_a_kind(word: str, probe: JsonObject) -> bool:
+    """True when a host is called as its system, a driver or a maker is: hiding it would hide the kind."""
+    known = {str(value).casefold() for value in probe.get("platform", {}).values()}
+    for device in probe["devices"]:
+        known.update(str(item).casefold() for item in (*device.get("drivers", ()), *device.get("classes", ())))
+        known.update(re.split(r"[^0-9a-z]+", device["id"].casefold()))
+    return word.casefold() in known
+
+
+def _in_text(secret: str) -> str:
+    """A pattern for a secret in running text; a hardware address in any of its three spellings."""
+    if _ADDRESS.fullmatch(secret):
+        return "[:_-]?".join(re.escape(pair) for pair in secret.split(":"))
+    escaped = re.escape(secret)
+    if len(set(secret)) < 3 or not any(item.isdigit() for item in secret):
+        # Zeros occur in every modalias, and a host name may be part of a longer word.
+        return rf"(?<![0-9A-Za-z_-]){escaped}(?![0-9A-Za-z_,-])"
+    return escaped
+
+
+def _bare(text: str) -> str:
+    return re.sub(r"[:_-]", "", text).casefold()
+
+
+def _whole(value: Any, key: bytes) -> Any:
+    return pseudonym(value, key) if isinstance(value, str) and value.strip() and not _hidden(value) else value
+
+
+def _hidden(value: str) -> bool:
+    return _PSEUDONYM.fullmatch(value.strip()) is not None

@@ -1,0 +1,264 @@
+"""Rules for INTERFACE: one typed tool for each capability, no more, no fewer, and nothing served that was not seen.
+
+The list of tools is what a person reads to know what an agent may do here, so effects and annotations must tell the
+truth about each, and every device that no tool serves is named with a reason.
+"""
+
+from collections import defaultdict
+
+from octoform.contracts.model import Artifacts, JsonObject, Rule
+from octoform.contracts.naming import is_passthrough, raw_parameter, same_action
+from octoform.contracts.text import listed, pointer, shown
+from octoform.diagnostics import Diagnostic, did_you_mean, error
+
+_BUDGET = "tool_budget"
+
+
+def capability_without_tool(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
+    """Each capability has its tool, unless the tool budget left all of its devices out."""
+    served = {tool["capability"] for tool in value["tools"]}
+    spared = _spared(value)
+    return [
+        error(
+            "INTERFACE-CAPABILITY-WITHOUT-TOOL",
+            f"no tool has the capability {shown(name)} of {listed(sorted(owners))}",
+            pointer="/tools",
+            hint="add its tool; if the tool budget forbids it, leave its devices out with the reason tool_budget",
+        )
+        for name, owners in _owners(artifacts).items()
+        if name not in served and not owners <= spared
+    ]
+
+
+def tool_without_capability(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
+    """Each tool has a capability of IDENTIFY, spelt exactly so."""
+    names = _owners(artifacts)
+    out = []
+    for index, tool in enumerate(value["tools"]):
+        if tool["capability"] not in names:
+            guess = did_you_mean(tool["capability"], list(names))
+            hint = f"did you mean {guess}?" if guess else "write tools only for capabilities that IDENTIFY lists"
+            summary = f"the capability {shown(tool['capability'])} is not one of IDENTIFY"
+            where = pointer("tools", index, "capability")
+            out.append(error("INTERFACE-TOOL-WITHOUT-CAPABILITY", summary, pointer=where, hint=hint))
+    return out
+
+
+def duplicate_capability(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
+    """One tool for one capability; several devices are one parameter of it."""
+    first: dict[str, int] = {}
+    out = []
+    for index, tool in enumerate(value["tools"]):
+        before = first.setdefault(tool["capability"], index)
+        if before != index:
+            summary = f"{shown(tool['capability'])} has a second tool; tools[{before}] serves it already"
+            hint = "write one tool with a parameter that names the device"
+            where = pointer("tools", index, "capability")
+            out.append(error("INTERFACE-DUPLICATE-CAPABILITY", summary, pointer=where, hint=hint))
+    return out
+
+
+def devices_differ(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
+    """A tool serves exactly the devices that have its capability."""
+    names = _owners(artifacts)
+    spared = _spared(value)
+    out = []
+    for index, tool in enumerate(value["tools"]):
+        owners = names.get(tool["capability"])
+        if owners is None:
+            continue
+        listed_here = set(tool["devices"])
+        absent, foreign = sorted(owners - listed_here - spared), sorted(listed_here - owners)
+        words = [f"{listed(absent)} also has the capability"] if absent else []
+        words += [f"{listed(foreign)} does not have the capability"] if foreign else []
+        if words:
+            summary = f"the devices of {shown(tool['name'])} are not those of IDENTIFY: {'; '.join(words)}"
+            where = pointer("tools", index, "devices")
+            hint = "list exactly the devices that have the capability"
+            out.append(error("INTERFACE-DEVICES-DIFFER", summary, pointer=where, hint=hint))
+    return out
+
+
+def name_clash(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
+    """Names differ by more than case and punctuation, which some clients drop."""
+    first: dict[str, str] = {}
+    out = []
+    for index, tool in enumerate(value["tools"]):
+        plain = tool["name"].casefold().replace("-", "_").replace(".", "_")
+        where = pointer("tools", index, "name")
+        before = first.setdefault(plain, where)
+        if before != where:
+            summary = f"the tool name {shown(tool['name'])} is not distinct from the one at {before}"
+            hint = "choose names that differ by more than case, points and dashes"
+            out.append(error("INTERFACE-NAME-CLASH", summary, pointer=where, hint=hint))
+    return out
+
+
+def effect_differs(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
+    """A tool has the effect that IDENTIFY gave its capability."""
+    effects = {
+        capability["name"]: capability["effect"]
+        for device in _identify(artifacts)["devices"]
+        for capability in device["capabilities"]
+    }
+    out = []
+    for index, tool in enumerate(value["tools"]):
+        wanted = effects.get(tool["capability"], tool["effect"])
+        if tool["effect"] != wanted:
+            summary = f"{shown(tool['name'])} is declared {tool['effect']}; its capability is {wanted}"
+            where = pointer("tools", index, "effect")
+            out.append(error("INTERFACE-EFFECT-DIFFERS", summary, pointer=where, hint=f"write {wanted}"))
+    return out
+
+
+def annotations_contradict(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
+    """The hints that a client sees agree with the effect."""
+    wanted = {
+        "read": {"readOnlyHint": True, "destructiveHint": False},
+        "actuate": {"readOnlyHint": False},
+        "irreversible": {"readOnlyHint": False, "destructiveHint": True},
+    }
+    out = []
+    for index, tool in enumerate(value["tools"]):
+        for hint, must in wanted[tool["effect"]].items():
+            if tool["annotations"][hint] is not must:
+                right = "true" if must else "false"
+                summary = f"{shown(tool['name'])} has the effect {tool['effect']}, so {hint} must be {right}"
+                where = pointer("tools", index, "annotations", hint)
+                out.append(error("INTERFACE-ANNOTATIONS", summary, pointer=where, hint=f"write {right}"))
+    return out
+
+
+def tool_budget(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
+    """No more tools than the manifest allows."""
+    count = len(value["tools"])
+    if count <= artifacts.tools_budget:
+        return []
+    summary = f"{count} tools are more than the budget of {artifacts.tools_budget}"
+    hint = "keep the most useful, leave the rest out with the reason tool_budget, or raise budget.tools"
+    return [error("INTERFACE-TOOL-BUDGET", summary, pointer="/tools", hint=hint)]
+
+
+def unknown_device(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
+    """Tools and left_out name devices that were seen."""
+    known = _known(artifacts)
+    places = [
+        (pointer("tools", index, "devices", at), name)
+        for index, tool in enumerate(value["tools"])
+        for at, name in enumerate(tool["devices"])
+    ]
+    places += [(pointer("left_out", index, "id"), item["id"]) for index, item in enumerate(value["left_out"])]
+    out = []
+    for where, name in places:
+        if name not in known:
+            guess = did_you_mean(name, list(known)[:2000])
+            hint = f"did you mean {guess}?" if guess else "name only devices that the IDENTIFY artifact names"
+            summary = f"{shown(name)} is not a device of IDENTIFY"
+            out.append(error("INTERFACE-UNKNOWN-DEVICE", summary, pointer=where, hint=hint))
+    return out
+
+
+def device_unaccounted(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
+    """Every device is served by a tool or left out with a reason."""
+    told = _served(value) | {item["id"] for item in value["left_out"]}
+    silent = [name for name in _known(artifacts) if name not in told]
+    if not silent:
+        return []
+    summary = f"{len(silent)} devices are neither served by a tool nor left out: {listed(silent)}"
+    hint = "add each of them to left_out with its reason"
+    return [error("INTERFACE-DEVICE-UNACCOUNTED", summary, pointer="/left_out", hint=hint)]
+
+
+def left_out_twice(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
+    """A device is left out once, and not served as well, save for what the tool budget cut."""
+    served = _served(value)
+    seen: set[str] = set()
+    out = []
+    for index, item in enumerate(value["left_out"]):
+        where = pointer("left_out", index, "id")
+        if item["id"] in seen:
+            summary, hint = f"{shown(item['id'])} is left out twice", "keep one of the two"
+        elif item["id"] in served and item["reason"] != _BUDGET:
+            summary, hint = f"{shown(item['id'])} is left out and served by a tool", "choose one of the two"
+        else:
+            seen.add(item["id"])
+            continue
+        out.append(error("INTERFACE-LEFT-OUT-TWICE", summary, pointer=where, hint=hint))
+    return out
+
+
+def duplicate_path(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
+    """One way to one reading: no two tools do the same on one device under two names."""
+    first: dict[tuple[str, frozenset[str]], str] = {}
+    out = []
+    for index, tool in enumerate(value["tools"]):
+        for name in tool["devices"]:
+            before = first.setdefault((name, same_action(tool["name"])), tool["name"])
+            if before != tool["name"]:
+                summary = f"{shown(tool['name'])} and {shown(before)} do the same on {shown(name)}"
+                hint = "keep one of the two capabilities"
+                where = pointer("tools", index, "name")
+                out.append(error("INTERFACE-DUPLICATE-PATH", summary, pointer=where, hint=hint))
+                break
+    return out
+
+
+def passthrough(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
+    """No tool is a raw pipe, by its name or by its one telling parameter."""
+    out = []
+    for index, tool in enumerate(value["tools"]):
+        raw = raw_parameter(tool["input_schema"]) if tool["effect"] != "read" else None
+        if is_passthrough(tool["name"]):
+            summary, where = f"the tool {shown(tool['name'])} is a raw pipe", pointer("tools", index, "name")
+        elif raw is not None:
+            summary = f"the parameter {shown(raw)} of {shown(tool['name'])} takes anything"
+            where = pointer("tools", index, "input_schema", "properties", raw)
+        else:
+            continue
+        hint = "offer what the device does, with typed and bounded parameters (an enum or a pattern bounds a string)"
+        out.append(error("INTERFACE-PASSTHROUGH", summary, pointer=where, hint=hint))
+    return out
+
+
+RULES = (
+    Rule("INTERFACE-UNKNOWN-DEVICE", unknown_device),
+    Rule("INTERFACE-TOOL-WITHOUT-CAPABILITY", tool_without_capability),
+    Rule("INTERFACE-CAPABILITY-WITHOUT-TOOL", capability_without_tool),
+    Rule("INTERFACE-DUPLICATE-CAPABILITY", duplicate_capability),
+    Rule("INTERFACE-DEVICES-DIFFER", devices_differ),
+    Rule("INTERFACE-NAME-CLASH", name_clash),
+    Rule("INTERFACE-EFFECT-DIFFERS", effect_differs),
+    Rule("INTERFACE-ANNOTATIONS", annotations_contradict),
+    Rule("INTERFACE-TOOL-BUDGET", tool_budget),
+    Rule("INTERFACE-DEVICE-UNACCOUNTED", device_unaccounted),
+    Rule("INTERFACE-LEFT-OUT-TWICE", left_out_twice),
+    Rule("INTERFACE-DUPLICATE-PATH", duplicate_path),
+    Rule("INTERFACE-PASSTHROUGH", passthrough),
+)
+
+
+def _identify(artifacts: Artifacts) -> JsonObject:
+    return artifacts.identify or {"devices": [], "left_out": []}
+
+
+def _known(artifacts: Artifacts) -> dict[str, None]:
+    identify = _identify(artifacts)
+    return dict.fromkeys(item["id"] for member in ("devices", "left_out") for item in identify[member])
+
+
+def _owners(artifacts: Artifacts) -> dict[str, set[str]]:
+    """Capability name to the ids of the devices that have it."""
+    out: dict[str, set[str]] = defaultdict(set)
+    for device in _identify(artifacts)["devices"]:
+        for capability in device["capabilities"]:
+            out[capability["name"]].add(device["id"])
+    return dict(out)
+
+
+def _served(value: JsonObject) -> set[str]:
+    return {name for tool in value["tools"] for name in tool["devices"]}
+
+
+def _spared(value: JsonObject) -> set[str]:
+    """The devices of which the tool budget cut at least one capability."""
+    return {item["id"] for item in value["left_out"] if item["reason"] == _BUDGET}

@@ -1,0 +1,290 @@
+"""Rules for INTERFACE that read the tools' own schemas: valid, typed, bounded, and callable.
+
+Heavy: imports jsonschema. A schema comes from an agent, so nothing in it is fetched, and no pattern of it is run
+against text here (a pattern can be written to take for ever).
+"""
+
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+from jsonschema import Draft202012Validator
+from jsonschema.exceptions import SchemaError, best_match
+
+from octoform.contracts.model import Artifacts, JsonObject, Rule
+from octoform.contracts.shape import Problem, validator
+from octoform.contracts.text import pointer, shown
+from octoform.diagnostics import Diagnostic, error
+
+_TYPING = frozenset({"type", "enum", "const", "anyOf", "oneOf", "allOf", "$ref"})
+_RUNS_A_PATTERN = frozenset({"pattern", "patternProperties", "propertyNames", "format"})
+
+
+def input_schema(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
+    """Every input_schema is a valid 2020-12 schema of type object."""
+    return _invalid(value, "input_schema", "INTERFACE-INPUT-SCHEMA")
+
+
+def output_schema(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
+    """Every output_schema is a valid 2020-12 schema of type object."""
+    return _invalid(value, "output_schema", "INTERFACE-OUTPUT-SCHEMA")
+
+
+def untyped_property(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
+    """Every parameter says of which type it is."""
+    out = []
+    for index, tool in enumerate(value["tools"]):
+        for name, member in _properties(tool).items():
+            if not isinstance(member, dict) or not _TYPING & member.keys():
+                summary = f"the parameter {shown(name)} of {shown(tool['name'])} has no type"
+                where = pointer("tools", index, "input_schema", "properties", name)
+                hint = "give it a type, and its unit and range"
+                out.append(error("INTERFACE-UNTYPED-PROPERTY", summary, pointer=where, hint=hint))
+    return out
+
+
+def required_unknown(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
+    """What an input_schema requires is among its properties."""
+    out = []
+    for index, tool in enumerate(value["tools"]):
+        required = tool["input_schema"].get("required")
+        for name in required if isinstance(required, list) else ():
+            if name not in _properties(tool):
+                summary = f"{shown(tool['name'])} requires the parameter {shown(name)}, which it does not have"
+                where = pointer("tools", index, "input_schema", "required")
+                hint = "add it to properties, or take it out of required"
+                out.append(error("INTERFACE-REQUIRED-UNKNOWN", summary, pointer=where, hint=hint))
+    return out
+
+
+def device_parameter(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
+    """A tool of several devices has a ``device`` parameter that lists exactly them."""
+    out = []
+    for index, tool in enumerate(value["tools"]):
+        member = _properties(tool).get("device")
+        where = pointer("tools", index, "input_schema", "properties")
+        if member is None and len(tool["devices"]) > 1:
+            summary = f"{shown(tool['name'])} serves {len(tool['devices'])} devices and has no parameter `device`"
+        elif member is not None and _choices(member, tool) != set(tool["devices"]):
+            summary = f"the parameter `device` of {shown(tool['name'])} does not list exactly the tool's devices"
+            where += "/device"
+        else:
+            continue
+        hint = "make `device` a string with an enum of the device ids in `devices`"
+        out.append(error("INTERFACE-DEVICE-PARAMETER", summary, pointer=where, hint=hint))
+    return out
+
+
+def limit_missing(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
+    """Each limit of a profile in force stands in the tool that it concerns."""
+    out = []
+    for index, tool, wanted, profile in _profile_limits(value, artifacts):
+        if _limit_of(tool, wanted["parameter"]) is None:
+            summary = f"{shown(tool['name'])} lacks the limit of {shown(wanted['parameter'])} from {shown(profile)}"
+            where = pointer("tools", index, "limits")
+            hint = f"add {_range(wanted)}"
+            out.append(error("INTERFACE-LIMIT-MISSING", summary, pointer=where, hint=hint))
+    return out
+
+
+def limit_wider(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
+    """No limit is wider than the profile's, or in another unit."""
+    out = []
+    for index, tool, wanted, profile in _profile_limits(value, artifacts):
+        has = _limit_of(tool, wanted["parameter"])
+        if has is not None and not _within(has, wanted):
+            summary = f"{_range(has)} of {shown(tool['name'])} is not within {_range(wanted)} of {shown(profile)}"
+            where = pointer("tools", index, "limits")
+            hint = "keep both bounds and the unit of the profile, or narrow them"
+            out.append(error("INTERFACE-LIMIT-WIDER", summary, pointer=where, hint=hint))
+    return out
+
+
+def limit_empty(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
+    """A limit bounds something: at least one side, the lower not above the upper, of a parameter that exists."""
+    out = []
+    for index, tool in enumerate(value["tools"]):
+        for at, limit in enumerate(tool.get("limits", ())):
+            low, high = limit.get("minimum"), limit.get("maximum")
+            if low is None and high is None:
+                why = "has neither a minimum nor a maximum"
+            elif low is not None and high is not None and low > high:
+                why = f"allows nothing: {low} is above {high}"
+            elif limit["parameter"] not in _properties(tool):
+                why = "is of a parameter that the tool does not have"
+            else:
+                continue
+            summary = f"the limit of {shown(limit['parameter'])} in {shown(tool['name'])} {why}"
+            out.append(error("INTERFACE-LIMIT-EMPTY", summary, pointer=pointer("tools", index, "limits", at)))
+    return out
+
+
+def smoke_arguments(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
+    """A read tool can be called once for trial: its smoke arguments, or none, fit its input_schema."""
+    out = []
+    for index, tool in enumerate(value["tools"]):
+        where = pointer("tools", index, "smoke")
+        if tool["effect"] != "read":
+            if "smoke" in tool:
+                summary = f"{shown(tool['name'])} is no read tool and may not be called for trial"
+                out.append(error("INTERFACE-SMOKE", summary, pointer=where, hint="take smoke out"))
+            continue
+        arguments = tool.get("smoke", {}).get("arguments", {})
+        problem = _misfit(arguments, tool["input_schema"])
+        if problem is not None:
+            given = "its smoke arguments do" if "smoke" in tool else "without smoke arguments, an empty call does"
+            summary = f"{shown(tool['name'])} cannot be called for trial: {given} not fit the input_schema"
+            hint = "give harmless arguments that the input_schema accepts"
+            out.append(error("INTERFACE-SMOKE", summary, pointer=where, detail=problem, hint=hint))
+    return out
+
+
+RULES = (
+    Rule("INTERFACE-INPUT-SCHEMA", input_schema),
+    Rule("INTERFACE-OUTPUT-SCHEMA", output_schema),
+    Rule("INTERFACE-UNTYPED-PROPERTY", untyped_property),
+    Rule("INTERFACE-REQUIRED-UNKNOWN", required_unknown),
+    Rule("INTERFACE-DEVICE-PARAMETER", device_parameter),
+    Rule("INTERFACE-LIMIT-MISSING", limit_missing),
+    Rule("INTERFACE-LIMIT-WIDER", limit_wider),
+    Rule("INTERFACE-LIMIT-EMPTY", limit_empty),
+    Rule("INTERFACE-SMOKE", smoke_arguments),
+)
+
+
+def _invalid(value: JsonObject, member: str, code: str) -> list[Diagnostic]:
+    out = []
+    for index, tool in enumerate(value["tools"]):
+        schema = tool.get(member)
+        if schema is None:
+            continue
+        problem = _schema_problem(schema)
+        if problem is not None:
+            summary = f"the {member} of {shown(tool['name'])} {problem}"
+            hint = "write a JSON Schema (2020-12) of type object that refers to nothing outside itself"
+            out.append(error(code, summary, pointer=pointer("tools", index, member), hint=hint))
+    return out
+
+
+def _schema_problem(schema: JsonObject) -> str | None:
+    if schema.get("type") != "object":
+        return f"has the type {shown(schema.get('type', 'none'))}, not object"
+    try:
+        Draft202012Validator.check_schema(schema)
+    except SchemaError as problem:
+        place = "/".join(str(part) for part in problem.absolute_path) or "its top"
+        return f"is not a valid schema at {shown(place)}: its {shown(problem.validator)} is wrong"
+    lost = next((item for item in _references(schema) if not _resolves(item, schema)), None)
+    return None if lost is None else f"refers to {shown(lost)}, which is not in it"
+
+
+def _resolves(reference: str, schema: JsonObject) -> bool:
+    place: Any = schema
+    if reference != "#" and not reference.startswith("#/"):
+        return False
+    for part in reference.split("/")[1:]:
+        key = part.replace("~1", "/").replace("~0", "~")
+        if not isinstance(place, dict) or key not in place:
+            return False
+        place = place[key]
+    return isinstance(place, dict | bool)
+
+
+def _references(schema: Any) -> Iterator[str]:
+    if isinstance(schema, dict):
+        for name in ("$ref", "$dynamicRef"):
+            if isinstance(schema.get(name), str):
+                yield schema[name]
+        for item in schema.values():
+            yield from _references(item)
+    elif isinstance(schema, list):
+        for item in schema:
+            yield from _references(item)
+
+
+def _properties(tool: JsonObject) -> dict[str, Any]:
+    properties = tool["input_schema"].get("properties")
+    return properties if isinstance(properties, dict) else {}
+
+
+def _choices(member: Any, tool: JsonObject) -> set[str]:
+    """The values that a ``device`` parameter may take; an unbounded string of a one-device tool counts as it."""
+    if not isinstance(member, dict):
+        return set()
+    found: set[str] = set()
+    for part in (member, *member.get("anyOf", ()), *member.get("oneOf", ())):
+        if isinstance(part, dict):
+            found.update(str(item) for item in part.get("enum", ()) if item is not None)
+            found.update([str(part["const"])] if "const" in part else [])
+    return found or (set(tool["devices"]) if len(tool["devices"]) == 1 else set())
+
+
+def _profile_limits(
+    value: JsonObject, artifacts: Artifacts
+) -> Iterator[tuple[int, JsonObject, Mapping[str, Any], str]]:
+    """(tool index, tool, limit, profile) of each limit that is in force for a tool."""
+    used = {
+        (device["profile"], device["id"]) for device in (artifacts.identify or {})["devices"] if "profile" in device
+    }
+    for index, tool in enumerate(value["tools"]):
+        for name, facts in artifacts.profiles.items():
+            if not any((name, device) in used for device in tool["devices"]):
+                continue
+            for limit in facts.limits:
+                if limit.get("tool", tool["name"]) not in (tool["name"], tool["capability"]):
+                    continue
+                if limit["parameter"] in _properties(tool) or "tool" in limit:
+                    yield index, tool, limit, name
+
+
+def _limit_of(tool: JsonObject, parameter: str) -> JsonObject | None:
+    return next((item for item in tool.get("limits", ()) if item["parameter"] == parameter), None)
+
+
+def _within(has: Mapping[str, Any], wanted: Mapping[str, Any]) -> bool:
+    if "minimum" in wanted and has.get("minimum", float("-inf")) < wanted["minimum"]:
+        return False
+    if "maximum" in wanted and has.get("maximum", float("inf")) > wanted["maximum"]:
+        return False
+    return not wanted.get("unit") or has.get("unit") == wanted["unit"]
+
+
+def _range(limit: Mapping[str, Any]) -> str:
+    low, high = limit.get("minimum", "-"), limit.get("maximum", "-")
+    unit = limit.get("unit")
+    return f"{shown(limit['parameter'])} {low} to {high}" + (f" {shown(unit)[1:-1]}" if unit else "")
+
+
+def _misfit(arguments: JsonObject, schema: JsonObject) -> str | None:
+    """Why the arguments do not fit, in one line; None when they do. Patterns are not run."""
+    if _schema_problem(schema) is not None:
+        return None
+    try:
+        problem = best_match(validator(_without_patterns(schema)).iter_errors(arguments))
+    except RecursionError:
+        return "the input_schema refers to itself without end"
+    return _reason(problem) if problem is not None else None
+
+
+def _reason(problem: Problem) -> str:
+    place = "/".join(str(part) for part in problem.absolute_path) or "the arguments"
+    if problem.validator == "required":
+        absent = [name for name in problem.validator_value if name not in problem.instance]
+        return f"{shown(place)[1:-1]} lack {', '.join(shown(name) for name in absent)}"
+    return f"{shown(place)[1:-1]}: {shown(problem.instance, 40)} breaks {shown(problem.validator)}"
+
+
+def _without_patterns(schema: Any) -> Any:
+    if isinstance(schema, dict):
+        return {
+            name: item if name in ("const", "enum", "default") else _without_patterns(item)
+            for name, item in schema.items()
+            if not (name in _RUNS_A_PATTERN and not _is_property_table(item, name))
+        }
+    if isinstance(schema, list):
+        return [_without_patterns(item) for item in schema]
+    return schema
+
+
+def _is_property_table(item: Any, name: str) -> bool:
+    """True for a parameter that is called like a keyword (``format``): then the value is its schema."""
+    return name in ("pattern", "format") and isinstance(item, dict)

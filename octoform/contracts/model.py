@@ -1,0 +1,56 @@
+"""The values that every rule shares: the artifacts so far, the facts of the profiles, and a rule itself.
+
+A rule sees values only. It opens nothing and asks nobody, so the same artifacts always give the same answer.
+"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from octoform.diagnostics import Diagnostic
+
+DEFAULT_TOOLS_BUDGET = 30
+
+JsonObject = dict[str, Any]
+
+
+@dataclass(frozen=True, slots=True)
+class ProfileFacts:
+    """What octoform itself found out about one profile on this host.
+
+    ``holds`` are the ids of the PROBE devices for which the profile's evidence rule holds. Each of ``limits`` has
+    ``parameter`` and at least one of ``minimum`` and ``maximum``; ``tool`` narrows it to one tool or capability and
+    ``unit`` names the unit of both numbers.
+    """
+
+    name: str
+    holds: frozenset[str] = frozenset()
+    limits: tuple[Mapping[str, Any], ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Artifacts:
+    """The accepted artifacts of the stages before the one in question; None for what does not exist yet."""
+
+    probe: JsonObject | None = None
+    identify: JsonObject | None = None
+    interface: JsonObject | None = None
+    serve: str | None = None
+    deploy: JsonObject | None = None
+    profiles: Mapping[str, ProfileFacts] = field(default_factory=dict)
+    tools_budget: int = DEFAULT_TOOLS_BUDGET
+
+
+RuleCheck = Callable[[Any, Artifacts], list[Diagnostic]]
+
+
+@dataclass(frozen=True, slots=True)
+class Rule:
+    """One rule: its stable code and the pure function that finds every breach of it.
+
+    ``check`` may rely on the schema (it runs only on a value that the schema accepts) and on the predecessor of its
+    stage being there; every diagnostic that it gives carries ``code``.
+    """
+
+    code: str
+    check: RuleCheck

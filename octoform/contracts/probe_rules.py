@@ -1,0 +1,176 @@
+"""Rules for PROBE: everything that the operating system shows, nothing more, and no specimen's marks in a kind.
+
+PROBE may look and not touch. It runs before anybody knows what the devices are, so a terminal line that is opened
+here may reset a board or move an arm.
+"""
+
+import re
+from collections.abc import Iterator
+from typing import Any
+
+from octoform.contracts.instance import secrets_of
+from octoform.contracts.model import Artifacts, JsonObject, Rule
+from octoform.contracts.text import escaped, is_hidden, pointer, shown
+from octoform.diagnostics import Diagnostic, error
+
+_NEIGHBOURHOODS = frozenset(
+    {"network", "neighbour", "neighbor", "arp", "ndp", "mdns", "dnssd", "bonjour", "ssdp", "upnp", "lan", "wlan"}
+    | {"wifi", "wi-fi", "ssid", "ble", "bluetooth-scan", "dhcp"}
+)
+_MULTILINE = frozenset({"raw_descriptor", "detail"})
+_KERNEL_PATH = re.compile(r"(?:/sys|/proc|/run/udev|/host/sys|/host/proc)/\S*")
+_TERMINAL = re.compile(
+    r"/dev/(?:tty|cu\.|serial)|\btty(?:S|USB|ACM|AMA|XR|O)\d*\b|\bCOM\d+\b|\bserial (?:port|line)s?\b", re.I
+)
+_TOUCHED = re.compile(
+    r"\b(?:open(?:ed|ing|s)?|wrote|writ(?:e|es|ing|ten)|sent|send(?:s|ing)?|quer(?:y|ied|ying)|pinged|handshake"
+    r"|read(?:ing|s)? from|replied|repl(?:y|ies)|answered|at \d+ baud|\d+ baud|stty|minicom|picocom|pyserial)\b",
+    re.I,
+)
+_DENIAL = re.compile(r"\b(?:no|not|never|none|without|nothing|neither|nor|cannot|refused|skipped)\b", re.I)
+_REPLY_KEYS = frozenset({"reply", "response", "received", "answer", "banner", "handshake", "sent", "rx", "tx"})
+_PORT = re.compile(r"[0-9a-f]+(?:[-:.][0-9a-f]+)+")
+
+
+def duplicate_id(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
+    """Each device id stands once."""
+    return _repeated(value["devices"], "id", "devices", "PROBE-DUPLICATE-ID", "give each unit its own ordinal")
+
+
+def duplicate_scan(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
+    """Each scan is listed once, with its one status."""
+    hint = "list a scan once, with the status that it ended with"
+    return _repeated(value["scan_methods"], "name", "scan_methods", "PROBE-DUPLICATE-SCAN", hint)
+
+
+def no_working_scan(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
+    """Devices come from a scan that worked."""
+    if not value["devices"] or any(scan["status"] == "ok" for scan in value["scan_methods"]):
+        return []
+    summary = f"{len(value['devices'])} devices are listed, but no scan has the status ok"
+    hint = "list every scan that was run; at least one of them found these devices"
+    return [error("PROBE-NO-WORKING-SCAN", summary, pointer="/scan_methods", hint=hint)]
+
+
+def neighbour_not_context(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
+    """What is merely near (network, radio) carries ``context: true``."""
+    out = []
+    for index, device in enumerate(value["devices"]):
+        words = set(re.split(r"[\s_/:.]+", device["interface"].casefold()))
+        if words & _NEIGHBOURHOODS and device.get("context") is not True:
+            summary = f"{shown(device['id'])} was seen over {shown(device['interface'])} and is not marked as context"
+            hint = "set context to true: a neighbour is surroundings, not a device of this host"
+            out.append(error("PROBE-NEIGHBOUR-NOT-CONTEXT", summary, pointer=pointer("devices", index), hint=hint))
+    return out
+
+
+def tty_opened(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
+    """No scan tells of opening, reading or writing a terminal line."""
+    out = []
+    for index, scan in enumerate(value["scan_methods"]):
+        for member in ("name", "detail"):
+            if _tells_of_touching(scan.get(member, "")):
+                out.append(_touched(scan[member], pointer("scan_methods", index, member)))
+    for index, device in enumerate(value["devices"]):
+        if "tty" not in device.get("classes", ()):
+            continue
+        for line in device["raw_descriptor"].splitlines():
+            if line.partition(":")[0].strip().casefold() in _REPLY_KEYS:
+                out.append(_touched(line, pointer("devices", index, "raw_descriptor")))
+    return out
+
+
+def unescaped_text(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
+    """Control, bidirectional and invisible characters stand as escapes."""
+    out = []
+    for where, text in _strings(value, ()):
+        allowed = "\n\t" if where[-1] in _MULTILINE else ""
+        bad = next((item for item in text if is_hidden(item) and item not in allowed), None)
+        if bad is not None:
+            summary = f"the text holds the character {escaped(bad)} unescaped"
+            hint = f"write it as the six characters \\u{ord(bad):04x}" if ord(bad) < 0x10000 else "leave it out"
+            out.append(error("PROBE-UNESCAPED-TEXT", summary, pointer=pointer(*where), hint=hint))
+    return out
+
+
+def serial_in_id(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
+    """An id is a kind with an ordinal, never made of a serial number or an address."""
+    out = []
+    for index, device in enumerate(value["devices"]):
+        bare = _bare(device["id"])
+        for member, secret in secrets_of(device.get("instance", {})):
+            mark = _bare(secret)
+            if len(mark) >= 6 and any(item.isdigit() for item in mark) and len(set(mark)) > 2 and mark in bare:
+                summary = f"the id {shown(device['id'])} contains the device's own {member}"
+                hint = "build the id from the kind, such as bus, vendor and product, and add an ordinal"
+                out.append(error("PROBE-SERIAL-IN-ID", summary, pointer=pointer("devices", index, "id"), hint=hint))
+    return out
+
+
+def port_in_id(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
+    """An id does not say where the device is plugged in."""
+    out = []
+    for index, device in enumerate(value["devices"]):
+        port = str(device.get("instance", {}).get("port", "")).casefold()
+        if len(port) < 5 or not _PORT.fullmatch(port):
+            continue
+        if f"-{_dashed(port)}-" in f"-{_dashed(device['id'])}-":
+            summary = f"the id {shown(device['id'])} contains the port {shown(port)}"
+            hint = "build the id from the kind; a device that is plugged in elsewhere keeps its id"
+            out.append(error("PROBE-PORT-IN-ID", summary, pointer=pointer("devices", index, "id"), hint=hint))
+    return out
+
+
+RULES = (
+    Rule("PROBE-DUPLICATE-ID", duplicate_id),
+    Rule("PROBE-DUPLICATE-SCAN", duplicate_scan),
+    Rule("PROBE-NO-WORKING-SCAN", no_working_scan),
+    Rule("PROBE-NEIGHBOUR-NOT-CONTEXT", neighbour_not_context),
+    Rule("PROBE-TTY-OPENED", tty_opened),
+    Rule("PROBE-UNESCAPED-TEXT", unescaped_text),
+    Rule("PROBE-SERIAL-IN-ID", serial_in_id),
+    Rule("PROBE-PORT-IN-ID", port_in_id),
+)
+
+
+def _repeated(items: list[JsonObject], member: str, name: str, code: str, hint: str) -> list[Diagnostic]:
+    first: dict[str, int] = {}
+    out = []
+    for index, item in enumerate(items):
+        before = first.setdefault(item[member], index)
+        if before != index:
+            summary = f"{name}[{index}] has the {member} {shown(item[member])}, as {name}[{before}] has"
+            out.append(error(code, summary, pointer=pointer(name, index, member), hint=hint))
+    return out
+
+
+def _tells_of_touching(text: str) -> bool:
+    for clause in re.split(r"[.;\n,](?:\s|$)", _KERNEL_PATH.sub(" ", text)):
+        if _TERMINAL.search(clause) and _TOUCHED.search(clause) and not _DENIAL.search(clause):
+            return True
+    return False
+
+
+def _touched(text: str, where: str) -> Diagnostic:
+    summary = f"PROBE may not open a terminal line: {shown(text)}"
+    hint = "read what the kernel already says about the line and leave the line itself closed"
+    return error("PROBE-TTY-OPENED", summary, pointer=where, hint=hint)
+
+
+def _strings(value: Any, where: tuple[str | int, ...]) -> Iterator[tuple[tuple[str | int, ...], str]]:
+    if isinstance(value, str):
+        yield where, value
+    elif isinstance(value, dict):
+        for name, item in value.items():
+            yield from _strings(item, (*where, name))
+    elif isinstance(value, list):
+        for index, item in enumerate(value):
+            yield from _strings(item, (*where, index))
+
+
+def _bare(text: str) -> str:
+    return re.sub(r"[^0-9a-z]", "", text.casefold())
+
+
+def _dashed(text: str) -> str:
+    return re.sub(r"[^0-9a-z]+", "-", text.casefold())
