@@ -1,0 +1,133 @@
+"""Walks the buses and classes of sysfs and fills one node for each device found there.
+
+Every bus and every class is a scan of its own, in two passes: first all its devices are noted (link reads only), then
+each is described. A driver that hangs in the second pass can therefore hide facts, never devices.
+"""
+
+from octoform.builtin.probe import buses, classes
+from octoform.builtin.probe.node import Node
+from octoform.builtin.probe.reader import Reader
+from octoform.builtin.probe.scans import Scan
+from octoform.builtin.probe.udev import SERIAL, UdevDatabase, key_of
+
+DEVICES = "/sys/devices/"
+VIRTUAL = "/sys/devices/virtual/"
+# Reported even where the host has none of them: what a person would ask for first.
+EXPECTED_BUSES = ("usb", "pci", "i2c", "spi", "platform", "hid", "scsi", "mmc", "acpi")
+EXPECTED_CLASSES = (
+    *("video4linux", "sound", "input", "hwmon", "thermal", "power_supply", "backlight", "leds"),
+    *("block", "drm", "gpio", "net", "rtc", "tty", "bluetooth"),
+)
+# Virtual devices that stand for something physical; those of every other class are software, one unit a class.
+PHYSICAL_VIRTUAL = frozenset(
+    (
+        *("backlight", "bluetooth", "dmi", "extcon", "hwmon", "iio", "input", "leds", "power_supply", "powercap"),
+        *("rtc", "thermal", "tpm", "typec", "video4linux", "watchdog"),
+    )
+)
+_UDEV_CLASSES = frozenset(("block", "input", "net", "sound", "tty", "video4linux", "usbmisc", "bluetooth", "drm"))
+_DESCRIBED = frozenset(("sound", "hidraw", "nvme", "usb", *classes.ATTRIBUTES, *classes.SPECIAL, *_UDEV_CLASSES))
+MAX_FOLDERS = 85
+
+
+class Sysfs:
+    """All nodes by path; filled by the scans, read when they are over."""
+
+    def __init__(self, udev: UdevDatabase) -> None:
+        """``udev`` is asked for each device that is described."""
+        self.nodes: dict[str, Node] = {}
+        self._udev = udev
+
+    def scans(self, reader: Reader) -> list[Scan]:
+        """One scan for each bus and class that the host has, and for those that a person expects."""
+        buses_there = reader.names_or_none("/sys/bus")
+        classes_there = reader.names_or_none("/sys/class")
+        found = [self._bus_scan(name) for name in _union(EXPECTED_BUSES, buses_there)]
+        found += [self._class_scan(name, "/sys/class/" + name) for name in _union(EXPECTED_CLASSES, classes_there)]
+        if "block" not in classes_there:
+            found.append(Scan("sysfs:block", lambda reader: self._look(reader, "block", "/sys/block", False)))
+        return found
+
+    def _bus_scan(self, bus: str) -> Scan:
+        return Scan(f"sysfs:{bus}"[:120], lambda reader: self._look(reader, bus, f"/sys/bus/{bus}/devices", True))
+
+    def _class_scan(self, name: str, folder: str) -> Scan:
+        return Scan(f"sysfs:class/{name}"[:120], lambda reader: self._look(reader, name, folder, False))
+
+    def _look(self, reader: Reader, subsystem: str, folder: str, is_bus: bool) -> None:
+        fresh: list[Node] = []
+        for name in reader.names(folder):
+            path = device_path(reader.link(f"{folder}/{name}"))
+            if path and path not in self.nodes:
+                member = not is_bus or buses.is_member(subsystem, path.rpartition("/")[2], path)
+                node = self.nodes[path] = Node(path, subsystem, member)
+                fresh.append(node)
+        for node in fresh:
+            if not group_of(node):
+                self._describe(node, reader, is_bus)
+
+    def _describe(self, node: Node, reader: Reader, is_bus: bool) -> None:
+        if not is_bus and node.subsystem not in _DESCRIBED:
+            return
+        uevent = read_uevent(reader, node)
+        node.devname = uevent.get("DEVNAME", "")
+        node.modalias = uevent.get("MODALIAS", "")
+        if is_bus:
+            node.driver = uevent.get("DRIVER") or reader.link(f"{node.path}/driver").rpartition("/")[2]
+            node.modalias = node.modalias or reader.text(f"{node.path}/modalias")
+        try:
+            if is_bus and node.subsystem not in classes.SPECIAL:
+                buses.describe(node, reader, uevent)
+            elif not self._is_partition(node):
+                classes.describe(node, reader, uevent)
+        except (ValueError, KeyError, IndexError):
+            reader.failures["malformed"] += 1
+        if is_bus or node.subsystem in _UDEV_CLASSES:
+            self._add_udev(node, reader, uevent)
+
+    def _is_partition(self, node: Node) -> bool:
+        above = self.nodes.get(node.path.rpartition("/")[0])
+        return node.subsystem == "block" and above is not None and above.subsystem == "block"
+
+    def _add_udev(self, node: Node, reader: Reader, uevent: dict[str, str]) -> None:
+        if not self._udev.names or self._is_partition(node):
+            return
+        if "MAJOR" not in uevent and (not node.member or node.subsystem in _UDEV_CLASSES):
+            major, _, minor = reader.text(f"{node.path}/dev").partition(":")
+            uevent = uevent | ({"MAJOR": major, "MINOR": minor} if minor else {})
+        if node.subsystem == "net" and "IFINDEX" not in uevent:
+            uevent = uevent | {"IFINDEX": reader.text(f"{node.path}/ifindex")}
+        properties = self._udev.properties(reader, *key_of(node.subsystem, node.name, uevent))
+        node.serial = node.serial or properties.pop(SERIAL, "")
+        properties.pop(SERIAL, None)
+        for key, text in sorted(properties.items()):
+            node.add(f"udev.{key}", text)
+
+
+def read_uevent(reader: Reader, node: Node) -> dict[str, str]:
+    """The ``KEY=value`` lines of a device's uevent file; empty when there is none."""
+    text = reader.text(f"{node.path}/uevent")
+    return dict(line.split("=", 1) for line in text.splitlines() if "=" in line)
+
+
+def device_path(link: str) -> str:
+    """``/sys/devices/...`` for a link of a bus or class folder; empty for one that leads anywhere else."""
+    rest = link
+    while rest.startswith("../"):
+        rest = rest[3:]
+    rest = rest.removeprefix("/sys/")
+    return "/sys/" + rest if rest.startswith("devices/") and "/../" not in rest else ""
+
+
+def group_of(node: Node) -> str:
+    """The one unit that stands for this and all devices like it; empty for hardware."""
+    if node.path.startswith(VIRTUAL):
+        if node.subsystem in PHYSICAL_VIRTUAL:
+            return ""
+        if node.path.startswith(f"{VIRTUAL}{node.subsystem}/"):
+            return f"virtual-{node.subsystem}"
+    return buses.group_of(node.subsystem, node.name)
+
+
+def _union(expected: tuple[str, ...], there: list[str]) -> list[str]:
+    return sorted({*expected, *there[:MAX_FOLDERS]})
