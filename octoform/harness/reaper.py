@@ -24,7 +24,7 @@ import time
 PR_SET_PDEATHSIG = 1
 PR_SET_CHILD_SUBREAPER = 36
 STEP_SECONDS = 0.02
-ORPHAN_GRACE_SECONDS = 0.5
+HASTE_SECONDS = 0.5
 KILL_LIMIT_SECONDS = 10.0
 STOP_SIGNALS = (signal.SIGTERM, signal.SIGINT, signal.SIGHUP)
 
@@ -260,7 +260,7 @@ def main(arguments: list[str]) -> int:
     agent, failure = _start(arguments[5:], file_bytes)
     tree = Tree(agent, contained)
     reason = _supervise(tree, wall, bell)
-    remaining = tree.end(ORPHAN_GRACE_SECONDS if reason == "orphaned" else grace, bell)
+    remaining = tree.end(min(grace, HASTE_SECONDS) if reason in ("orphaned", "stopped") else grace, bell)
     _report(
         report,
         reason="not_started" if failure else reason,

@@ -1,0 +1,47 @@
+"""Agents made of small real programs, and ways to wait for what they do without guessing a time."""
+
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from octoform.harness import processes
+
+PRELUDE = """
+import os, signal, sys, time
+def note(name):
+    start = open("/proc/self/stat", "rb").read().rpartition(b")")[2].split()[19].decode()
+    with open(name + ".part", "w") as stream:
+        stream.write(f"{os.getpid()} {start}")
+    os.rename(name + ".part", name)
+def wait_for(name):
+    while not os.path.exists(name):
+        time.sleep(0.005)
+"""
+
+
+def python(code: str) -> tuple[str, ...]:
+    """An agent: a Python program with ``note(name)`` (writes own id and start time) and ``wait_for(name)``."""
+    return (sys.executable, "-I", "-S", "-c", PRELUDE + code)
+
+
+def until(condition: Callable[[], bool], seconds: float = 20.0) -> None:
+    """Wait for a condition; fails loudly after the deadline."""
+    deadline = time.monotonic() + seconds
+    while not condition():
+        if time.monotonic() > deadline:
+            pytest.fail("the condition did not come true in time")
+        time.sleep(0.005)
+
+
+def noted(path: Path) -> processes.Process:
+    """The process that wrote a note, as a value that stays meaningful after its death."""
+    pid, start = path.read_text().split()
+    return processes.Process(int(pid), int(start), 0, "")
+
+
+def alive(process: processes.Process) -> bool:
+    """True when exactly that process still runs."""
+    return processes.is_alive(process.pid, process.start)

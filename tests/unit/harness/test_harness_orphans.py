@@ -1,0 +1,148 @@
+"""What happens to an agent's tree when octoform, or octoform and the supervisor, are killed with SIGKILL."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+from harness_agents import alive, noted, python, until
+
+from octoform.harness import orphans, processes
+from octoform.harness.orphans import Record
+
+DRIVER = """
+import json, sys
+from pathlib import Path
+from octoform.harness.containment import Limits, Program, run
+work = Path(sys.argv[1])
+run(Program(tuple(sys.argv[2:]), work, {"PATH": "/usr/bin:/bin"}, work / "task.log"), Limits(60), lambda text, at: None)
+"""
+
+STUBBORN = """
+if os.fork() == 0:
+    os.setsid()
+    signal.signal(signal.SIGTERM, signal.SIG_IGN)
+    if os.fork() == 0:
+        env = {}
+        os.execve(sys.executable, [sys.executable, "-I", "-S", "-c", SCRUBBED], env)
+    note("stubborn")
+    time.sleep(600)
+note("agent")
+time.sleep(600)
+"""
+SCRUBBED = "import os, time; open('scrubbed', 'w').write(str(os.getpid())); time.sleep(600)"
+
+
+@contextmanager
+def octoform_running(attempt: Path) -> Iterator[subprocess.Popen[bytes]]:
+    """Another process that runs an agent; when the block begins, its whole tree stands."""
+    attempt.mkdir(parents=True)
+    agent = python(f"SCRUBBED = {SCRUBBED!r}" + STUBBORN)
+    with subprocess.Popen([sys.executable, "-c", DRIVER, str(attempt), *agent]) as driver:
+        try:
+            until(lambda: all((attempt / name).exists() for name in ("agent", "stubborn")))
+            until(lambda: (attempt / "scrubbed").exists() and (attempt / "scrubbed").read_text() != "")
+            yield driver
+        finally:
+            driver.kill()
+
+
+def scrubbed(attempt: Path) -> processes.Process:
+    found = processes.look(int((attempt / "scrubbed").read_text()))
+    assert found is not None
+    return found
+
+
+def test_the_death_of_octoform_ends_the_whole_tree(tmp_path: Path) -> None:
+    attempt = tmp_path / "attempts" / "1-probe-1"
+    with octoform_running(attempt) as driver:
+        members = [noted(attempt / "agent"), noted(attempt / "stubborn"), scrubbed(attempt)]
+        assert all(alive(member) for member in members)
+        driver.kill()
+    until(lambda: not any(alive(member) for member in members))
+
+
+def test_what_both_deaths_leave_is_swept_and_nothing_else(tmp_path: Path) -> None:
+    attempts = tmp_path / "attempts"
+    attempt = attempts / "1-probe-1"
+    other = attempts / "2-probe-1"
+    bystander = subprocess.Popen([sys.executable, "-c", "import time; time.sleep(600)"], stdout=subprocess.DEVNULL)
+    marked = subprocess.Popen(
+        [sys.executable, "-c", "import time; time.sleep(600)"], env={orphans.ATTEMPT: orphans.new_mark()}
+    )
+    try:
+        with octoform_running(attempt) as driver:
+            record = orphans.read(attempt)
+            assert record is not None
+            members = [noted(attempt / "stubborn"), scrubbed(attempt)]
+            os.kill(record.pid, signal.SIGSTOP)
+            driver.kill()
+            driver.wait()
+            os.kill(record.pid, signal.SIGKILL)
+        until(lambda: not processes.is_alive(record.pid, record.start))
+        assert all(alive(member) for member in members)
+        # A record whose process id belongs to somebody else by now: its mark is nobody's.
+        other.mkdir()
+        orphans.write(other, Record(orphans.new_mark(), bystander.pid, 1))
+        swept = orphans.sweep(attempts)
+        assert {member.pid for member in members} <= set(swept.ended)
+        assert swept.left == ()
+        assert not any(alive(member) for member in members)
+        assert bystander.poll() is None
+        assert marked.poll() is None
+        assert orphans.sweep(attempts) == orphans.Swept()
+        assert json.loads((attempt / "process.json").read_text())["ended"] is True
+    finally:
+        for process in (bystander, marked):
+            process.kill()
+            process.wait()
+
+
+def test_a_process_older_than_the_attempt_is_not_ours(tmp_path: Path) -> None:
+    mark = orphans.new_mark()
+    older = subprocess.Popen([sys.executable, "-c", "import time; time.sleep(600)"], env={orphans.ATTEMPT: mark})
+    try:
+        found = processes.look(older.pid)
+        assert found is not None
+        until(lambda: processes.environment_value(older.pid, orphans.ATTEMPT) == mark)
+        assert orphans.end_marked((Record(mark, 4_000_000, found.start + 1),)) == orphans.Swept()
+        assert older.poll() is None
+        assert orphans.end_marked((Record(mark, 4_000_000, found.start),)).ended == (older.pid,)
+        assert older.wait() == -signal.SIGKILL
+    finally:
+        older.kill()
+        older.wait()
+
+
+@pytest.mark.parametrize("content", [b"", b"{", b"[]", b"{}", b'{"attempt": "short", "supervisor": {}}', b"\xff\xfe"])
+def test_a_spoilt_record_proves_nothing(tmp_path: Path, content: bytes) -> None:
+    (tmp_path / orphans.RECORD).write_bytes(content)
+    assert orphans.read(tmp_path) is None
+
+
+def test_a_record_that_is_a_link_is_not_read(tmp_path: Path) -> None:
+    orphans.write(tmp_path, Record(orphans.new_mark(), 1, 1))
+    (tmp_path / orphans.RECORD).rename(tmp_path / "elsewhere.json")
+    (tmp_path / orphans.RECORD).symlink_to(tmp_path / "elsewhere.json")
+    assert orphans.read(tmp_path) is None
+
+
+def test_a_recycled_process_id_is_not_signalled() -> None:
+    child = subprocess.Popen(["sleep", "600"])
+    try:
+        found = processes.look(child.pid)
+        assert found is not None
+        assert not processes.kill(processes.Process(found.pid, found.start - 1, found.parent, "S"))
+        assert child.poll() is None
+    finally:
+        child.kill()
+        child.wait()
+
+
+def test_no_attempts_at_all(tmp_path: Path) -> None:
+    assert orphans.sweep(tmp_path / "missing") == orphans.Swept()
