@@ -1,0 +1,139 @@
+"""Build the serving environment of a lock, once, and keep the one before.
+
+An environment is bound to its path, so it is built in place: a marker is written last, and a folder without it is
+a build that was cut off and is made anew. Only the lock's hashes are installed.
+"""
+
+import fcntl
+import json
+import os
+import shutil
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from octoform.diagnostics import Diagnostic, error
+from octoform.endpoint.environment import (
+    FOLDER_NAME,
+    MARKER,
+    Environment,
+    installed,
+    intact,
+    locate,
+    normal,
+    pins,
+)
+from octoform.endpoint.files import private_folder
+from octoform.endpoint.packages import packages, reason
+from octoform.endpoint.resolving import tool_missing
+from octoform.state.files import write_atomic
+from octoform.state.layout import Layout
+
+Built = tuple[Environment | None, tuple[Diagnostic, ...]]
+KEPT = 2
+"""The current environment and the one before it, so that a rollback needs no network."""
+
+
+def build(layout: Layout, lock_text: str, timeout: float = 600.0) -> Built:
+    """The environment of this lock, built unless a complete and intact one is there; errors as diagnostics.
+
+    ``timeout`` is in seconds for the installation. Two builds of one lock wait for each other. Environments older
+    than the previous one are dropped after success.
+    """
+    environment = locate(layout, lock_text)
+    private_folder(layout.environments)
+    with _locked(layout.environments / f".{environment.path.name}.lock"):
+        if not intact(environment):
+            os.utime(environment.path)
+            return environment, ()
+        problem = _make(environment, lock_text, timeout)
+    if problem is not None:
+        shutil.rmtree(environment.path, ignore_errors=True)
+        return None, (problem,)
+    prune(layout, environment)
+    return environment, ()
+
+
+def prune(layout: Layout, current: Environment) -> list[Path]:
+    """Drop half-built environments and all but the current and the newest other one; gives what was dropped."""
+    others = []
+    dropped = []
+    for path in sorted(layout.environments.iterdir()):
+        if path == current.path or not FOLDER_NAME.fullmatch(path.name) or not path.is_dir():
+            continue
+        marker = path / MARKER
+        if marker.is_file():
+            others.append((path.stat().st_mtime_ns, path))
+        else:
+            dropped.append(path)
+    dropped.extend(path for _, path in sorted(others, reverse=True)[KEPT - 1 :])
+    return [path for path in dropped if _drop(path)]
+
+
+def _drop(path: Path) -> bool:
+    """Remove an environment unless someone builds in it right now."""
+    lock = path.parent / f".{path.name}.lock"
+    with lock.open("wb") as file:
+        try:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            return False
+        shutil.rmtree(path, ignore_errors=True)
+    return not path.exists()
+
+
+def _make(environment: Environment, lock_text: str, timeout: float) -> Diagnostic | None:
+    """Build from nothing; the reason when it did not work."""
+    path = environment.path
+    shutil.rmtree(path, ignore_errors=True)
+    arguments = ["--quiet", "--no-project", "--no-python-downloads", "--python", sys.executable, str(path)]
+    try:
+        made = packages(["venv", *arguments], path.parent, 60.0)
+        if made.status != 0:
+            return _failed("the serving environment could not be made", reason(made))
+        lock = path / "requirements.txt"
+        lock.write_text(lock_text, encoding="utf-8")
+        install = ["pip", "install", "--quiet", "--python", str(environment.python), "--require-hashes", "--no-deps"]
+        # From the cache first: with all packages there, no index is asked at all.
+        done = packages([*install, "--offline", "-r", str(lock)], path.parent, timeout)
+        if done.status != 0:
+            done = packages([*install, "-r", str(lock)], path.parent, timeout)
+    except FileNotFoundError as problem:
+        return tool_missing(problem)
+    if done.status != 0:
+        return _failed("the locked packages could not be installed", reason(done))
+    return _seal(environment, lock_text)
+
+
+def _seal(environment: Environment, lock_text: str) -> Diagnostic | None:
+    """Compare what is there with the lock and write the marker, the last step of a build."""
+    present = installed(environment.path)
+    names = {normal(item.partition("-")[0]) for item in present}
+    missing = sorted(set(pins(lock_text)) - names)
+    if missing:
+        return _failed("the installation does not hold what the lock says", "missing: " + ", ".join(missing[:10]))
+    document = {
+        "format": 1,
+        "digest": environment.digest,
+        "lock": environment.lock,
+        "distributions": present,
+    }
+    return write_atomic(environment.path / MARKER, json.dumps(document, indent=1).encode(), 0o600)
+
+
+def _failed(summary: str, detail: str) -> Diagnostic:
+    return error(
+        "ENDPOINT-BUILD-FAILED",
+        summary,
+        detail=detail or None,
+        hint="the lock stands in state/<host>/deploy/requirements.txt; nothing of the old environment was changed",
+    )
+
+
+@contextmanager
+def _locked(path: Path) -> Iterator[None]:
+    """Hold an exclusive lock on ``path``; the kernel drops it when its holder dies."""
+    with path.open("wb") as file:
+        fcntl.flock(file, fcntl.LOCK_EX)
+        yield

@@ -1,0 +1,43 @@
+"""What a check of the endpoint saw, as values."""
+
+from dataclasses import dataclass
+from typing import Any
+
+from octoform.diagnostics import Diagnostic
+
+
+@dataclass(frozen=True, slots=True)
+class TrialCall:
+    """One trial call.
+
+    ``skipped`` is the reason why there was none. ``error_class`` is the exception's class as the log tells it, or
+    ``Timeout``, ``OutputSchema``, ``ResultRefused``, ``Protocol``, ``BadArgument``. ``logged`` means that call and
+    result both stand in the log, ``ended_well`` is what that result says. ``pictures`` holds
+    ``{"bytes", "mean", "spread"}`` for each picture of the answer, brightness in 0..255.
+    """
+
+    tool: str
+    ok: bool
+    skipped: str | None = None
+    error_class: str | None = None
+    message: str | None = None
+    ms: float | None = None
+    logged: bool = False
+    ended_well: bool | None = None
+    pictures: tuple[dict[str, Any], ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class CheckReport:
+    """What the client saw. ``tools`` are the served tools with their schemas, in the spelling of the artifacts."""
+
+    answered: bool
+    error: str | None
+    protocol: str | None
+    server: dict[str, Any] | None
+    tools: tuple[dict[str, Any], ...]
+    calls: tuple[TrialCall, ...]
+    seconds: float
+    survivors: int = 0
+    log: str = ""
+    unrecorded: Diagnostic | None = None

@@ -1,0 +1,121 @@
+"""Serving environments as values: where one lies, whether it is whole, whether it is still what was built.
+
+A serving environment is content-addressed by its lock and by the interpreter that carries it, so an environment is
+never changed, only made or dropped. Light: no process is started and nothing heavy imported, because every plan
+asks whether the environment drifted.
+"""
+
+import json
+import os
+import platform
+import re
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from octoform.digest import of_value, short
+from octoform.state.layout import Layout
+
+MARKER = "octoform-complete.json"
+FOLDER_NAME = re.compile(r"[0-9a-f]{12}")
+_PIN = re.compile(r"^([A-Za-z0-9][A-Za-z0-9._-]*)==([^\s;\\]+)", re.MULTILINE)
+_DIST_INFO = ".dist-info"
+
+
+@dataclass(frozen=True, slots=True)
+class Environment:
+    """A serving environment. ``digest`` is over lock and interpreter; ``lock`` is the digest of the lock's text."""
+
+    python: Path
+    digest: str
+    path: Path
+    lock: str
+
+
+def locate(layout: Layout, lock_text: str) -> Environment:
+    """Where the environment of this lock lies on this machine, built or not."""
+    lock = of_value(lock_text)
+    carrier = f"{sys.implementation.name}-{sys.version_info.major}.{sys.version_info.minor}"
+    digest = of_value({"lock": lock, "python": carrier, "machine": f"{sys.platform}-{platform.machine()}"})
+    path = layout.environments / short(digest)
+    return Environment(path / "bin" / "python", digest, path, lock)
+
+
+def at(path: Path) -> Environment | None:
+    """The complete environment in this folder as its marker tells it, or None."""
+    marker = _marker(path)
+    if marker is None:
+        return None
+    return Environment(path / "bin" / "python", str(marker["digest"]), path, str(marker["lock"]))
+
+
+def intact(environment: Environment) -> list[str]:
+    """Plain reasons why the environment is not what was built; empty when it is.
+
+    Compares the names and versions of the installed distributions with those recorded at build time, so an upgrade
+    behind our back is seen; a file edited inside a package is not.
+    """
+    marker = _marker(environment.path)
+    if marker is None or marker.get("digest") != environment.digest:
+        return ["the serving environment is missing or was never completed"]
+    if not os.access(environment.python, os.X_OK):
+        return ["the interpreter of the serving environment is missing"]
+    built = _by_name(marker["distributions"])
+    present = _by_name(installed(environment.path))
+    reasons = []
+    for name in sorted({*built, *present}):
+        before, after = built.get(name), present.get(name)
+        if before != after:
+            reasons.append(_difference(name, before, after))
+    return reasons
+
+
+def bytecode_option(python: Path) -> list[str]:
+    """Interpreter options that keep all bytecode in the environment, none beside the committed server."""
+    return ["-X", f"pycache_prefix={python.parent.parent / 'bytecode'}"]
+
+
+def installed(path: Path) -> list[str]:
+    """Names of the ``*.dist-info`` folders (without the ending), sorted; empty when there is no environment."""
+    folder = path / "lib" / f"python{sys.version_info.major}.{sys.version_info.minor}" / "site-packages"
+    try:
+        with os.scandir(folder) as entries:
+            names = [entry.name for entry in entries]
+    except OSError:
+        return []
+    return sorted(name.removesuffix(_DIST_INFO) for name in names if name.endswith(_DIST_INFO))
+
+
+def pins(lock_text: str) -> dict[str, str]:
+    """Normalised distribution name to exact version, as the lock says."""
+    return {normal(name): version for name, version in _PIN.findall(lock_text)}
+
+
+def normal(name: str) -> str:
+    """A distribution's name in the one form in which two spellings are equal."""
+    return re.sub(r"[-_.]+", "-", name).lower()
+
+
+def _difference(name: str, before: str | None, after: str | None) -> str:
+    if after is None:
+        return f"{name} {before} is gone from the serving environment"
+    if before is None:
+        return f"{name} {after} was added to the serving environment"
+    return f"{name} {before} -> {after} in the serving environment"
+
+
+def _by_name(distributions: list[str]) -> dict[str, str]:
+    found: dict[str, str] = {}
+    for item in distributions:
+        name, _, version = item.partition("-")
+        found[normal(name)] = version
+    return found
+
+
+def _marker(path: Path) -> dict[str, Any] | None:
+    try:
+        value = json.loads((path / MARKER).read_bytes())
+    except (OSError, ValueError):
+        return None
+    return value if isinstance(value, dict) and isinstance(value.get("distributions"), list) else None

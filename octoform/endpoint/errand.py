@@ -1,0 +1,95 @@
+"""Send the serving environment's own MCP client on one errand and read what it brings back."""
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from octoform.endpoint.environment import Environment, at, bytecode_option
+from octoform.endpoint.files import LAUNCHER, MANIFEST
+from octoform.endpoint.process import base_environment, run
+from octoform.state.layout import Layout
+
+SCRIPT = Path(__file__).parent / "scripts" / "mcp_client.py"
+START_SECONDS = 45.0
+"""For a server's start on a small board; a second or two elsewhere."""
+_MARGIN = 10.0
+
+
+@dataclass(frozen=True, slots=True)
+class Call:
+    """A call to make: arguments as values, ``texts`` as a command line has them, ``seconds`` for its answer."""
+
+    tool: str
+    arguments: Mapping[str, Any] = field(default_factory=dict)
+    texts: Mapping[str, str] = field(default_factory=dict)
+    seconds: float = 15.0
+
+
+@dataclass(frozen=True, slots=True)
+class Report:
+    """What the client saw; ``tools`` and ``calls`` in the form that scripts/mcp_client.py describes."""
+
+    answered: bool
+    error: str | None
+    protocol: str | None
+    server: dict[str, Any] | None
+    tools: list[dict[str, Any]]
+    calls: list[dict[str, Any]]
+    seconds: float
+    survivors: int
+    log: str
+
+
+def recorded_environment(layout: Layout) -> Environment | None:
+    """The environment that the applied endpoint names, or None when nothing (whole) is applied."""
+    try:
+        manifest = json.loads((layout.endpoint / MANIFEST).read_bytes())
+        return at(Path(manifest["environment"]))
+    except (OSError, ValueError, KeyError, TypeError):
+        return None
+
+
+def send(
+    layout: Layout,
+    environment: Environment,
+    calls: Sequence[Call] = (),
+    *,
+    mode: str = "auto",
+    keep_content: bool = False,
+) -> Report:
+    """Start the launcher, list its tools, make the calls; blocks until the server is gone again.
+
+    ``mode`` is ``auto`` (the newest protocol first) or ``legacy`` (the handshake). Costs about two CPU seconds of
+    other processes.
+    """
+    task = {
+        "command": [str(layout.endpoint / LAUNCHER)],
+        "mode": mode,
+        "start_seconds": START_SECONDS,
+        "keep_content": keep_content,
+        "calls": [
+            {"tool": call.tool, "arguments": dict(call.arguments), "texts": dict(call.texts), "seconds": call.seconds}
+            for call in calls
+        ],
+    }
+    finished = run(
+        [str(environment.python), "-I", *bytecode_option(environment.python), str(SCRIPT)],
+        cwd=layout.endpoint,
+        environment={**base_environment(), "FASTMCP_CHECK_FOR_UPDATES": "off", "FASTMCP_ENV_FILE": "/dev/null"},
+        timeout=START_SECONDS + _MARGIN + sum(call.seconds for call in calls),
+        stdin=json.dumps(task),
+    )
+    log = finished.stderr[-4000:]
+    try:
+        value = json.loads(finished.stdout)
+    except ValueError:
+        reason = "the client gave up" if finished.timed_out else _last_line(log) or f"exit status {finished.status}"
+        value = {"answered": False, "error": reason, "protocol": None, "server": None, "tools": [], "calls": []}
+    return Report(**value, seconds=finished.seconds, survivors=finished.survivors, log=log)
+
+
+def _last_line(text: str) -> str:
+    lines = text.strip().splitlines()
+    return lines[-1][:500] if lines else ""

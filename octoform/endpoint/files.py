@@ -1,0 +1,48 @@
+"""Names and digests of the endpoint's own files, and their private folders.
+
+Light: used by the observation that every plan makes.
+"""
+
+import os
+from pathlib import Path
+
+from octoform.digest import of_bytes, of_value
+
+CONNECTION = "connection.json"
+LAUNCHER = "launch"
+SERVE_SCRIPT = "serve.py"
+CLIENTS = "clients"
+MANIFEST = "manifest.json"
+CHECK = "check.json"
+
+
+def files_below(folder: Path) -> dict[str, str]:
+    """Relative name to digest of all files below ``folder``, bytecode left out; empty when there is no folder."""
+    entries = {}
+    for root, folders, names in os.walk(folder):
+        folders[:] = sorted(name for name in folders if name != "__pycache__")
+        for name in sorted(names):
+            path = Path(root, name)
+            entries[path.relative_to(folder).as_posix()] = of_bytes(path.read_bytes())
+    return entries
+
+
+def folder_digest(folder: Path) -> str | None:
+    """Digest of names and bytes of all files below ``folder``; None when there is no folder."""
+    return of_value(files_below(folder)) if folder.is_dir() else None
+
+
+def file_digest(path: Path) -> str | None:
+    """Digest of the bytes, or None when the file is not there or cannot be read."""
+    try:
+        return of_bytes(path.read_bytes())
+    except OSError:
+        return None
+
+
+def private_folder(path: Path) -> Path:
+    """Make the folder with mode 0700 (parents too, as far as they are missing) and give it back."""
+    if not path.is_dir():
+        path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
+        path.mkdir(mode=0o700, exist_ok=True)
+    return path

@@ -1,0 +1,131 @@
+"""Run one foreign program within a time limit and leave nothing of it behind.
+
+Generated code and package tools may hang, may print without end and may leave grandchildren in sessions of their
+own, so a pipe and a `wait` are not enough: output goes to files (a survivor that holds a pipe cannot block the
+reader), the program gets its own process group, and every process that inherited this run's mark in its environment
+is killed at the end.
+"""
+
+import os
+import secrets
+import signal
+import subprocess
+import tempfile
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import IO
+
+MARK = "OCTOFORM_RUN"
+OUTPUT_LIMIT = 8_000_000
+"""Bytes read of each stream; a report that is longer is not a report."""
+
+PASSED = ("HOME", "PATH", "LANG", "LC_ALL", "TMPDIR", "TZ", "USER", "LOGNAME", "SHELL", "TERM")
+"""Variables that every child gets: nearly what an MCP client hands to a stdio server, and no secrets."""
+
+
+@dataclass(frozen=True, slots=True)
+class Finished:
+    """How a run ended. ``status`` is None after the time limit; ``survivors`` counts processes killed at the end."""
+
+    status: int | None
+    stdout: str
+    stderr: str
+    seconds: float
+    survivors: int = 0
+
+    @property
+    def timed_out(self) -> bool:
+        """True when the time limit ended the run."""
+        return self.status is None
+
+
+def base_environment() -> dict[str, str]:
+    """The few variables of ours that a child may see."""
+    return {name: os.environ[name] for name in PASSED if name in os.environ}
+
+
+def run(
+    command: Sequence[str],
+    *,
+    cwd: Path,
+    environment: Mapping[str, str],
+    timeout: float,
+    stdin: str = "",
+) -> Finished:
+    """Run ``command`` for at most ``timeout`` seconds; FileNotFoundError or PermissionError when it cannot start."""
+    mark = secrets.token_hex(16)
+    started = time.monotonic()
+    with tempfile.TemporaryFile() as out, tempfile.TemporaryFile() as err, tempfile.TemporaryFile() as feed:
+        feed.write(stdin.encode())
+        feed.seek(0)
+        process = subprocess.Popen(
+            list(command),
+            cwd=cwd,
+            env={**environment, MARK: mark},
+            stdin=feed,
+            stdout=out,
+            stderr=err,
+            start_new_session=True,
+        )
+        try:
+            status: int | None = process.wait(timeout)
+        except subprocess.TimeoutExpired:
+            status = None
+        finally:
+            survivors = _clear(process, mark)
+        return Finished(status, _head(out), _head(err), time.monotonic() - started, survivors)
+
+
+def _clear(process: "subprocess.Popen[bytes]", mark: str) -> int:
+    """Kill what is left of the run; gives the number of processes besides ``process`` itself."""
+    if process.poll() is None:
+        _kill_group(process.pid)
+        process.wait()
+    killed: set[int] = set()
+    while found := [pid for pid in marked(mark) if pid not in killed]:
+        for pid in found:
+            _kill(pid)
+            killed.add(pid)
+    return len(killed)
+
+
+def marked(mark: str) -> list[int]:
+    """Live processes of ours whose starting environment holds the mark; empty where there is no /proc."""
+    needle = f"{MARK}={mark}".encode()
+    found = []
+    try:
+        entries = list(Path("/proc").iterdir())
+    except OSError:
+        return []
+    for entry in entries:
+        if entry.name.isdigit() and _environment_holds(entry, needle):
+            found.append(int(entry.name))
+    return found
+
+
+def _environment_holds(process: Path, needle: bytes) -> bool:
+    try:
+        return needle in (process / "environ").read_bytes().split(b"\0")
+    except OSError:  # not ours, or gone in the meantime
+        return False
+
+
+def _kill_group(leader: int) -> None:
+    try:
+        os.killpg(leader, signal.SIGKILL)
+    except ProcessLookupError:
+        return
+
+
+def _kill(pid: int) -> None:
+    try:
+        os.kill(pid, signal.SIGKILL)
+    except ProcessLookupError:
+        return
+
+
+def _head(file: IO[bytes]) -> str:
+    file.seek(0)
+    return file.read(OUTPUT_LIMIT).decode("utf-8", "replace")

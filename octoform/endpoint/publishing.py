@@ -1,0 +1,110 @@
+"""Write what a client needs to reach the server: descriptor, client snippets, and last the launcher.
+
+The order matters: whoever finds a launcher finds a complete endpoint. The manifest written at the very end holds
+the digests of all these files, so that a plan sees when one was edited or lost.
+"""
+
+import json
+import os
+import shlex
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from octoform.diagnostics import Diagnostic
+from octoform.digest import of_bytes
+from octoform.endpoint.environment import Environment, bytecode_option
+from octoform.endpoint.files import (
+    CLIENTS,
+    CONNECTION,
+    LAUNCHER,
+    MANIFEST,
+    SERVE_SCRIPT,
+    files_below,
+    folder_digest,
+    private_folder,
+)
+from octoform.endpoint.snippets import snippets
+from octoform.state.files import write_atomic
+from octoform.state.layout import Layout
+
+SCRIPT = Path(__file__).parent / "scripts" / "serve_stdio.py"
+
+
+def write_endpoint(
+    layout: Layout,
+    environment: Environment,
+    tools: Sequence[Mapping[str, Any]],
+    environ: Mapping[str, str] | None = None,
+) -> list[Diagnostic]:
+    """Write the endpoint of the accepted server; errors when the disk refuses, empty when all of it stands.
+
+    ``tools`` is the INTERFACE artifact's list. ``environ`` (default: this process's) is where a system root in use
+    is taken from. OSError when the accepted server.py cannot be read, which is a bug of the caller.
+    """
+    folder = private_folder(layout.endpoint)
+    private_folder(layout.call_log.parent)
+    launcher = folder / LAUNCHER
+    descriptor = _descriptor(layout, environment, tools, os.environ if environ is None else environ)
+    files: dict[str, tuple[bytes, int]] = {CONNECTION: (_json(descriptor), 0o600)}
+    for name, text in snippets(f"octoform-{layout.host}", str(launcher)).items():
+        files[f"{CLIENTS}/{name}"] = (text.encode(), 0o600)
+    files[SERVE_SCRIPT] = (SCRIPT.read_bytes(), 0o600)
+    files[LAUNCHER] = (launcher_text(environment, folder / SERVE_SCRIPT).encode(), 0o700)
+    private_folder(folder / CLIENTS)
+    for name, (data, mode) in files.items():
+        if problem := write_atomic(folder / name, data, mode):
+            return [problem]
+    manifest = {
+        "format": 1,
+        "files": {name: of_bytes(data) for name, (data, _) in files.items()},
+        "environment": str(environment.path),
+        "lock": environment.lock,
+        "server": descriptor["server"]["digest"],
+        "runtime": folder_digest(layout.runtime),
+    }
+    problem = write_atomic(folder / MANIFEST, _json(manifest), 0o600)
+    return [problem] if problem else []
+
+
+def launcher_text(environment: Environment, script: Path) -> str:
+    """The launcher: a shell's two lines, because a shebang can hold neither a long path nor one with a blank."""
+    words = [str(environment.python), "-I", *bytecode_option(environment.python), str(script)]
+    return "#!/bin/sh\nexec " + " ".join(shlex.quote(word) for word in words) + ' "$@"\n'
+
+
+def _descriptor(
+    layout: Layout, environment: Environment, tools: Sequence[Mapping[str, Any]], environ: Mapping[str, str]
+) -> dict[str, Any]:
+    server = layout.output("serve")
+    variables = {
+        "OCTOFORM_INSTANCES": str(layout.instances),
+        "OCTOFORM_CALL_LOG": str(layout.call_log),
+        "FASTMCP_CHECK_FOR_UPDATES": "off",
+        "FASTMCP_SHOW_SERVER_BANNER": "false",
+        # FastMCP would otherwise read a .env of whatever folder the client runs in.
+        "FASTMCP_ENV_FILE": os.devnull,
+    }
+    if environ.get("OCTOFORM_SYSROOT"):
+        variables["OCTOFORM_SYSROOT"] = environ["OCTOFORM_SYSROOT"]
+    return {
+        "format": 1,
+        "host": layout.host,
+        "scope": "local",
+        "transport": "stdio",
+        "command": [str(layout.endpoint / LAUNCHER)],
+        "environment": variables,
+        "tools": [{"name": tool["name"], "effect": tool["effect"]} for tool in tools],
+        "server": {
+            "path": str(server),
+            "digest": of_bytes(server.read_bytes()),
+            "runtime": {
+                f"{layout.runtime.name}/{name}": digest for name, digest in files_below(layout.runtime).items()
+            },
+        },
+        "lock": environment.lock,
+    }
+
+
+def _json(value: object) -> bytes:
+    return (json.dumps(value, indent=2, ensure_ascii=False) + "\n").encode()
