@@ -8,7 +8,7 @@ kernel started it, and it is signalled through a pidfd that was opened before th
 import os
 import signal
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 PROC = Path("/proc")
@@ -21,8 +21,8 @@ class Process:
 
     pid: int
     start: int
-    parent: int
-    state: str
+    parent: int = field(compare=False)
+    state: str = field(compare=False)
 
 
 def look(pid: int) -> Process | None:
