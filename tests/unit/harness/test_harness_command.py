@@ -31,7 +31,13 @@ def task(tmp_path: Path) -> Task:
         log=tmp_path / "task.log",
         document=tmp_path / "task.json",
         model="some/model",
-        environment={"PATH": "/usr/bin:/bin", "HOME": "/root", "AWS_SECRET": SECRET, "OCTOFORM_SYSROOT": "/tree"},
+        environment={
+            "PATH": "/usr/bin:/bin",
+            "HOME": "/root",
+            "AWS_SECRET": SECRET,
+            "UNRELATED": "x",
+            "OCTOFORM_SYSROOT": "/tree",
+        },
         wall_seconds=30,
     )
 
