@@ -30,7 +30,11 @@ class Clock:
 
 @dataclass(frozen=True, slots=True)
 class Context:
-    """One run on one host. ``fingerprint`` is the host's digest and entries as they were when the run began."""
+    """One run on one host.
+
+    ``fingerprint`` and ``hardware`` are the host's digest and entries as they were when the run began; ``contract`` is
+    the digest of the schemas and rules that accepted artifacts are held to.
+    """
 
     layout: Layout
     manifest: Manifest
@@ -39,6 +43,7 @@ class Context:
     schemas: Path
     profiles: tuple[Profile, ...]
     store: StateStore
+    contract: str
     fingerprint: str
     hardware: tuple[str, ...]
     environ: Mapping[str, str]

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from octoform.apply.context import Context
+from octoform.apply.reading import accepted_before
 from octoform.contracts.canon import output_digest
 from octoform.contracts.checking import check
 from octoform.contracts.model import Artifacts, ProfileFacts
@@ -99,13 +100,7 @@ def judge(context: Context, task: Task, data: bytes) -> tuple[Any, list[Diagnost
 
 def artifacts(context: Context, stage: str, value: object) -> Artifacts:
     """The accepted artifacts before ``stage`` and the profile facts, as the rules want them."""
-    loaded: dict[str, Any] = {}
-    for name in context.graph.names():
-        if name == stage:
-            break
-        path = context.layout.output(name)
-        if path.is_file():
-            loaded[name], _ = parse(name, path.read_bytes(), str(path))
+    loaded = accepted_before(context, stage)
     probe = value if stage == "probe" else loaded.get("probe")
     facts = {
         profile.name: ProfileFacts(profile.name, holds(profile, probe), profile.limits) for profile in context.profiles

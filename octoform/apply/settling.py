@@ -1,6 +1,8 @@
 """From an accepted value to files: what git keeps, what stays on the machine, and the line a person reads."""
 
 import json
+import os
+import secrets
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -10,6 +12,9 @@ from octoform.apply.context import Context
 from octoform.apply.gate import Verdict, digest_of
 from octoform.contracts.instance import instances, pseudonymise
 from octoform.diagnostics import Diagnostic
+from octoform.state.files import write_atomic
+from octoform.state.instances import write_instances
+from octoform.state.layout import Layout
 
 RUNTIME = Path(octoform.__file__).parent / "runtime"
 
@@ -35,13 +40,30 @@ def text_of(value: object) -> bytes:
     return (json.dumps(value, indent=2, ensure_ascii=False) + "\n").encode()
 
 
-def instance_table(value: Any) -> dict[str, Any]:
-    """The PROBE artifact's instances with their real values, by device id; for this machine only."""
-    return instances(value)
+def remember(context: Context, stage: str, value: Any) -> list[Diagnostic]:
+    """Keep on this machine what PROBE saw of it: the instances, and what the kernel announced at that time."""
+    if stage != "probe":
+        return []
+    found = write_instances(context.layout, instances(value))
+    hardware = text_of({"format": 1, "digest": context.fingerprint, "entries": list(context.hardware)})
+    problem = write_atomic(context.layout.fingerprint, hardware, 0o600)
+    return [*found, *([problem] if problem else [])]
 
 
 def _probe(context: Context, value: Any) -> dict[str, bytes]:
-    return {"output.json": text_of(pseudonymise(value, context.store.snapshot.lineage.encode()))}
+    return {"output.json": text_of(pseudonymise(value, _pseudonym_key(context.layout)))}
+
+
+def _pseudonym_key(layout: Layout) -> bytes:
+    """32 random bytes of this host, made once and never committed: a serial number could be guessed otherwise."""
+    path = layout.local / "pseudonym.key"
+    try:
+        descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
+    except FileExistsError:
+        return path.read_bytes()
+    with os.fdopen(descriptor, "wb") as file:
+        file.write(secrets.token_bytes(32))
+    return path.read_bytes()
 
 
 def _json(context: Context, value: Any) -> dict[str, bytes]:

@@ -1,0 +1,22 @@
+"""Accepted artifacts as values again, for the rules and the proofs of later stages."""
+
+from typing import Any
+
+from octoform.apply.context import Context
+from octoform.contracts.parsing import parse
+
+
+def accepted(context: Context, stage: str) -> Any:
+    """The value of an accepted artifact; ValueError when it is not there, which the order of the run prevents."""
+    path = context.layout.output(stage)
+    value, found = parse(stage, path.read_bytes(), str(path))
+    if value is None:
+        raise ValueError(f"{path} cannot be read any more: {found}")
+    return value
+
+
+def accepted_before(context: Context, stage: str) -> dict[str, Any]:
+    """The values of all accepted artifacts of the stages before ``stage``, by stage."""
+    names = context.graph.names()
+    before = names[: names.index(stage)]
+    return {name: accepted(context, name) for name in before if context.layout.output(name).is_file()}

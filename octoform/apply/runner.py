@@ -1,0 +1,126 @@
+"""The run: the plan's actions in order, each journalled; what came out the same stops the wave (early cutoff)."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+from octoform import events
+from octoform.apply.context import Context
+from octoform.apply.endpoint_node import run_endpoint
+from octoform.apply.gate import Verdict
+from octoform.apply.result import Finished
+from octoform.apply.settling import remember
+from octoform.apply.stage import run_stage
+from octoform.diagnostics import Diagnostic, has_errors
+from octoform.graph.model import Node, NodeKind, key_of, key_parts
+from octoform.plan.model import Action, Plan, PlannedAction
+from octoform.state.artifacts import accept, file_digest
+from octoform.state.model import NodeState, Status, Usage
+
+
+@dataclass(slots=True)
+class Tally:
+    """What a run has done so far."""
+
+    added: int = 0
+    changed: int = 0
+    destroyed: int = 0
+    agent_runs: int = 0
+    failed: str | None = None
+    diagnostics: list[Diagnostic] = field(default_factory=list)
+
+
+def execute(context: Context, plan: Plan, allowed: Callable[[str], bool]) -> Tally:
+    """Carry out the plan's work in order; stops at the first node that fails. ``allowed`` leaves nodes out."""
+    tally = Tally()
+    for action in plan.work:
+        if not allowed(action.node):
+            continue
+        node = context.graph.node(action.node)
+        if not action.certain and settled(context, node):
+            context.emit(events.NodeUnchanged(node.name, "its inputs came out the same"))
+            continue
+        _carry_out(context, node, action, tally)
+        if tally.failed:
+            return tally
+    return tally
+
+
+def settled(context: Context, node: Node) -> bool:
+    """True when nothing that the node's key holds has moved: it need not run after all."""
+    known = context.store.snapshot.nodes.get(node.name)
+    return known is not None and known.status is Status.ACCEPTED and _moved(context, node, known) == []
+
+
+def _moved(context: Context, node: Node, known: NodeState) -> list[str]:
+    now = _parts(context, node)
+    ignored = context.manifest.lifecycle.ignore
+    names = sorted(set(now) | set(known.key_parts))
+    return [name for name in names if name not in ignored and now.get(name) != known.key_parts.get(name)]
+
+
+def _parts(context: Context, node: Node) -> dict[str, str]:
+    outputs = {name: context.store.snapshot.nodes[name].output_digest for name in node.consumes}
+    return key_parts(node, outputs, context.fingerprint)
+
+
+def _carry_out(context: Context, node: Node, action: PlannedAction, tally: Tally) -> None:
+    context.emit(events.NodeStarted(node.name, action.action.value))
+    found = context.store.begin(node.name, {"action": action.action.value})
+    if not has_errors(found):
+        finished = run_endpoint(context) if node.kind is NodeKind.ENDPOINT else run_stage(context, node.name)
+        tally.agent_runs += finished.attempts
+        found = _end(context, node, finished)
+        tally.diagnostics += finished.verdict.diagnostics if finished.verdict.accepted else ()
+    if has_errors(found):
+        tally.failed = node.name
+        tally.diagnostics += found
+    elif action.action is Action.CREATE:
+        tally.added += 1
+    else:
+        tally.changed += 1
+
+
+def _end(context: Context, node: Node, finished: Finished) -> list[Diagnostic]:
+    """Accept or refuse; the diagnostics with errors are why the node failed."""
+    verdict = finished.verdict
+    before = context.store.snapshot.nodes.get(node.name)
+    found = list(verdict.diagnostics)
+    if verdict.accepted:
+        found = _accept(context, node, verdict)
+        if not has_errors(found):
+            found = context.store.success(node.name, _state(context, node, finished))
+    if has_errors(found):
+        context.emit(events.NodeFailed(node.name, tuple(found), finished.seconds))
+        return found + context.store.failure(node.name, found)
+    changed = before is None or before.output_digest != verdict.digest
+    context.emit(events.NodeAccepted(node.name, finished.attempts, finished.seconds, verdict.found, changed))
+    return found
+
+
+def _accept(context: Context, node: Node, verdict: Verdict) -> list[Diagnostic]:
+    if node.kind is NodeKind.ENDPOINT:
+        return []
+    return [*remember(context, node.name, verdict.value), *accept(context.layout, node.name, verdict.files)]
+
+
+def _state(context: Context, node: Node, finished: Finished) -> NodeState:
+    parts = _parts(context, node)
+    usage = finished.usage
+    return NodeState(
+        key=key_of(parts),
+        key_parts=parts,
+        output_digest=finished.verdict.digest,
+        file_digest=file_digest(context.layout, node.name) or "",
+        harness=node.harness,
+        model=node.model,
+        attempts=finished.attempts,
+        usage=Usage(
+            input_tokens=usage.input_tokens,
+            cached_tokens=usage.cached_tokens,
+            output_tokens=usage.output_tokens,
+            cost_usd=usage.cost_usd,
+        ),
+        seconds=round(finished.seconds, 3),
+        accepted_at=context.clock.stamp(),
+        detail={**finished.verdict.detail, "contract": context.contract},
+    )

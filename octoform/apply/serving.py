@@ -1,0 +1,107 @@
+"""SERVE and DEPLOY proved by running: import where it will be served, start, list, call.
+
+The proof of SERVE uses an environment of the packages that the server's own header declares, so that a server is
+never accepted on its looks; the proof of DEPLOY uses exactly the locked set and the launcher that clients will use.
+"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+from octoform import events
+from octoform.apply.context import Context
+from octoform.apply.reading import accepted
+from octoform.apply.settling import runtime_files
+from octoform.contracts.deploying import deploy_lock
+from octoform.contracts.header import declared_requirements
+from octoform.contracts.serving import serve_dynamic
+from octoform.diagnostics import Diagnostic, has_errors
+from octoform.endpoint.building import build
+from octoform.endpoint.check import CheckReport, check, judge_check
+from octoform.endpoint.environment import Environment
+from octoform.endpoint.importcheck import ImportReport, check_import, judge_import
+from octoform.endpoint.publishing import write_endpoint
+from octoform.endpoint.resolving import resolve
+from octoform.harness.port import Task
+
+Proof = tuple[list[Diagnostic], dict[str, bytes], dict[str, object]]
+
+
+def prove_serve(context: Context, task: Task, source: str) -> Proof:
+    """Import the server in an environment of its declared packages; compare its tools with INTERFACE."""
+    context.emit(events.Checking("serve", "building the environment that the server declares"))
+    lock, found = _lock(context, declared_requirements(source))
+    environment, more = _environment(context, lock)
+    found += more
+    if environment is None:
+        return found, {}, {}
+    context.emit(events.Checking("serve", "importing the server where it will be served"))
+    report = _import(environment, task.workdir / "import", source)
+    found += judge_import(report)
+    if not has_errors(found):
+        found += serve_dynamic(asdict(report), accepted(context, "interface"))
+    return found, {}, {"said": f"{len(report.tools)} tools import"}
+
+
+def prove_deploy(context: Context, task: Task, deploy: Mapping[str, Any]) -> Proof:
+    """Lock the decided packages with hashes, build that environment, start the server and call its read tools."""
+    context.emit(events.Checking("deploy", "locking and building the exact environment"))
+    pinned = [f"{item['name']}=={item['version']}" for item in deploy["requirements"]]
+    lock, found = _lock(context, pinned)
+    if lock is not None:
+        found += deploy_lock(lock, dict(deploy))
+    environment, more = _environment(context, lock if not has_errors(found) else None)
+    found += more
+    if environment is None or lock is None:
+        return found, {}, {}
+    report = publish(context, environment, found, "deploy")
+    detail: dict[str, object] = {"packages": lock.count("==")}
+    if report is not None:
+        detail["said"] = f"{detail['packages']} packages locked, {calls_said(report)}"
+    return found, {"requirements.txt": lock.encode()}, detail
+
+
+def publish(context: Context, environment: Environment, found: list[Diagnostic], node: str) -> CheckReport | None:
+    """Write descriptor, snippets and launcher, start the endpoint, call every read tool; problems join ``found``."""
+    interface = accepted(context, "interface")
+    found += write_endpoint(context.layout, environment, interface["tools"], context.environ)
+    if has_errors(found):
+        return None
+    context.emit(events.Checking(node, "starting the endpoint and calling its read tools"))
+    report = check(context.layout, interface)
+    found += judge_check(report, interface)
+    return report
+
+
+def calls_said(report: CheckReport) -> str:
+    """How the trial calls went, for a person."""
+    tried = [call for call in report.calls if call.skipped is None]
+    answered = sum(1 for call in tried if call.ok)
+    return f"{answered} of {len(tried)} read tools answered"
+
+
+def _lock(context: Context, requirements: list[str]) -> tuple[str | None, list[Diagnostic]]:
+    """The full set for these direct requirements; what was locked before is preferred."""
+    path = context.layout.requirements_lock
+    previous = path.read_text(encoding="utf-8") if path.is_file() else None
+    lock, found = resolve(requirements, context.layout.project, previous)
+    return lock, list(found)
+
+
+def _environment(context: Context, lock: str | None) -> tuple[Environment | None, list[Diagnostic]]:
+    if lock is None:
+        return None, []
+    environment, found = build(context.layout, lock)
+    return environment, list(found)
+
+
+def _import(environment: Environment, folder: Path, source: str) -> ImportReport:
+    for name, data in {"server.py": source.encode(), **runtime_files()}.items():
+        path = folder / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_bytes(data)
+    return check_import(environment.python, folder)
+
+
+PROOFS: Mapping[str, Callable[[Context, Task, Any], Proof]] = {"serve": prove_serve, "deploy": prove_deploy}

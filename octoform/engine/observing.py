@@ -1,0 +1,116 @@
+"""Observe: state, artifacts, hardware and the live side as the plain values that the plan compares. (Heavy.)"""
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import octoform
+from octoform import digest, host
+from octoform.contracts.checking import check
+from octoform.contracts.model import Artifacts, ProfileFacts
+from octoform.contracts.parsing import parse
+from octoform.diagnostics import Diagnostic, Severity
+from octoform.endpoint.observing import observe as observe_endpoint
+from octoform.engine.compiling import Compiled
+from octoform.plan.diff import Observed, Prior
+from octoform.profiles import holds
+from octoform.state.artifacts import observe as observe_files
+from octoform.state.layout import STAGES, Layout
+from octoform.state.model import NodeState, Snapshot
+
+MOST_NAMED = 6
+
+
+@dataclass(frozen=True, slots=True)
+class Situation:
+    """The prior and the observed side of one host."""
+
+    prior: Mapping[str, Prior]
+    observed: Observed
+    fingerprint: host.Fingerprint
+    contract: str
+    artifacts: Mapping[str, Any]
+
+
+def look(compiled: Compiled, snapshot: Snapshot, environ: Mapping[str, str]) -> Situation:
+    """Everything that a plan compares; reads only."""
+    layout = compiled.layout
+    files = observe_files(layout)
+    fingerprint = host.fingerprint(host.root_from_environment(environ))
+    contract = contract_digest(compiled.schemas)
+    artifacts = _artifacts(layout)
+    observed = Observed(
+        fingerprint=fingerprint.digest,
+        files={stage: facts.digest for stage, facts in files.items()},
+        links=frozenset(stage for stage, facts in files.items() if facts.is_link),
+        contract=_complaints(compiled, snapshot, artifacts, contract),
+        endpoint=tuple(observe_endpoint(layout).reasons) if "endpoint" in snapshot.nodes else (),
+        hardware=_hardware(layout, fingerprint),
+    )
+    prior = {name: _prior(state) for name, state in snapshot.nodes.items()}
+    return Situation(prior, observed, fingerprint, contract, artifacts)
+
+
+def contract_digest(schemas: Path) -> str:
+    """What accepted artifacts are held to: the schemas' bytes and the version that holds the rules."""
+    texts = {path.name: digest.of_file(path) for path in sorted(schemas.glob("*.json"))}
+    return digest.of_value({"octoform": octoform.__version__, **texts})
+
+
+def _prior(state: NodeState) -> Prior:
+    usage = state.usage.model_dump(exclude_none=True)
+    last = {"seconds": state.seconds, "attempts": state.attempts, **usage}
+    return Prior(state.status.value, state.key_parts, state.output_digest, state.file_digest, state.tainted, last)
+
+
+def _artifacts(layout: Layout) -> dict[str, Any]:
+    """The artifacts that can be read as values; one that cannot is told by its digest or its absence."""
+    found = {}
+    for stage in STAGES:
+        path = layout.output(stage)
+        if path.is_file() and not path.is_symlink():
+            value, _ = parse(stage, path.read_bytes(), str(path))
+            if value is not None:
+                found[stage] = value
+    return found
+
+
+def _complaints(compiled: Compiled, snapshot: Snapshot, artifacts: Mapping[str, Any], contract: str) -> dict[str, str]:
+    """Accepted artifacts verified again where the contract has moved since; cheap, and no agent runs for it."""
+    out = {}
+    for stage in STAGES:
+        state = snapshot.nodes.get(stage)
+        if state is None or stage not in artifacts or state.detail.get("contract") == contract:
+            continue
+        errors = [item for item in _check(compiled, stage, artifacts) if item.severity is Severity.ERROR]
+        if errors:
+            out[stage] = f"{errors[0].code}: {errors[0].summary}"
+    return out
+
+
+def _check(compiled: Compiled, stage: str, artifacts: Mapping[str, Any]) -> list[Diagnostic]:
+    before = {name: artifacts[name] for name in STAGES[: STAGES.index(stage)] if name in artifacts}
+    if len(before) < STAGES.index(stage):
+        return []  # a predecessor is gone; that is a reason of its own
+    probe = artifacts.get("probe")
+    facts = {item.name: ProfileFacts(item.name, holds(item, probe), item.limits) for item in compiled.profiles}
+    budget = compiled.manifest.budget_for("interface").tools
+    return check(stage, artifacts[stage], Artifacts(**before, profiles=facts, tools_budget=budget), compiled.schemas)
+
+
+def _hardware(layout: Layout, now: host.Fingerprint) -> tuple[str, ...]:
+    """What came and what went since PROBE was accepted, as far as this machine remembers."""
+    try:
+        entries = json.loads(layout.fingerprint.read_bytes())["entries"]
+    except (OSError, ValueError, KeyError):
+        return ()  # nothing is remembered; the digests alone say that it moved
+    appeared, gone = host.difference(entries, now.entries)
+    return (*_named("appeared", appeared), *_named("gone", gone))
+
+
+def _named(word: str, entries: tuple[str, ...]) -> tuple[str, ...]:
+    shown = [f"{word} {entry}" for entry in entries[:MOST_NAMED]]
+    more = len(entries) - len(shown)
+    return (*shown, f"{more} more {word}") if more > 0 else tuple(shown)
