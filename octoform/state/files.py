@@ -1,0 +1,237 @@
+"""Durable files: every byte of state is written and read through these few functions.
+
+A state that can be cut in half by a full disk, a power cut or a kill is no state. So a file is only ever replaced by a
+complete, synced one, a file is only ever read when it is a regular file of a sane size (a link could point anywhere),
+and every refusal of the operating system becomes a diagnostic that names the disk or folder. Light: a no-op plan
+reads artifacts through this module.
+"""
+
+import contextlib
+import errno
+import os
+import stat
+from collections.abc import Callable
+from pathlib import Path
+
+from octoform.diagnostics import Diagnostic, error
+from octoform.state.layout import STAGES, Layout
+
+Checkpoint = Callable[[str], None]
+"""Called with a name before and after every durable step; a test may kill the process there."""
+
+SIZE_LIMIT = 64 * 1024 * 1024
+WRITE_PROBE_BYTES = 64 * 1024
+TEMPORARY = ".octoform-tmp"
+_FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
+_REFUSED = (errno.EROFS, errno.EACCES, errno.EPERM)
+
+
+def pass_by(name: str) -> None:
+    """The checkpoint of a production run: nothing happens at any point."""
+
+
+def shown(path: Path) -> str:
+    """The path as the person would type it: relative to the current folder where it lies below it."""
+    try:
+        return str(path.relative_to(Path.cwd()))
+    except (ValueError, OSError):
+        return str(path)
+
+
+def write_atomic(
+    path: Path, data: bytes, mode: int = 0o644, checkpoint: Checkpoint = pass_by, name: str = "file"
+) -> Diagnostic | None:
+    """Replace ``path`` by ``data`` as a whole, synced to disk; None when that is done.
+
+    On any refusal by the operating system the temporary file is removed and the old file is untouched, unless the
+    refusal came after the rename (then the new one is in place and complete). Checkpoints: ``<name>.start``,
+    ``<name>.written``, ``<name>.renamed``, ``<name>.synced``.
+    """
+    temporary: Path | None = None
+    try:
+        checkpoint(f"{name}.start")
+        candidate = path.with_name(f".{path.name}.{os.urandom(6).hex()}{TEMPORARY}")
+        descriptor = os.open(candidate, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, mode)
+        temporary = candidate
+        try:
+            write_all(descriptor, data)
+            os.fsync(descriptor)
+        finally:
+            os.close(descriptor)
+        checkpoint(f"{name}.written")
+        temporary.replace(path)
+        temporary = None
+        checkpoint(f"{name}.renamed")
+        sync_folder(path.parent)
+        checkpoint(f"{name}.synced")
+    except OSError as problem:
+        return refused(problem, path)
+    finally:
+        if temporary is not None:
+            with contextlib.suppress(OSError):
+                temporary.unlink()
+    return None
+
+
+def write_all(descriptor: int, data: bytes) -> None:
+    """Write every byte; OSError when the disk takes only some."""
+    view = memoryview(data)
+    while view:
+        view = view[os.write(descriptor, view) :]
+
+
+def sync_folder(folder: Path) -> None:
+    """Make the names in a folder durable."""
+    descriptor = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
+    try:
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)
+
+
+def read_regular(path: Path, limit: int = SIZE_LIMIT) -> tuple[bytes | None, Diagnostic | None]:
+    """The bytes of a regular file of at most ``limit`` bytes; (None, None) when there is no such file.
+
+    A link, a folder, a device or a pipe is refused (STATE-LINK) without being followed or waited for.
+    """
+    try:
+        descriptor = os.open(path, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC)
+    except FileNotFoundError:
+        return None, None
+    except OSError as problem:
+        if problem.errno in (errno.ELOOP, errno.ENXIO):
+            return None, _not_regular(path, "a symbolic link" if path.is_symlink() else "a special file")
+        return None, unreadable(problem, path)
+    with os.fdopen(descriptor, "rb") as stream:
+        try:
+            facts = os.fstat(descriptor)
+            if not stat.S_ISREG(facts.st_mode):
+                return None, _not_regular(path, "no regular file")
+            data = stream.read(limit + 1)
+        except OSError as problem:
+            return None, unreadable(problem, path)
+    if len(data) > limit:
+        return None, error(
+            "STATE-TOO-LARGE", f"the file has more than {limit} bytes", path=shown(path), hint="look at what wrote it"
+        )
+    return data, None
+
+
+def _not_regular(path: Path, what: str) -> Diagnostic:
+    return error(
+        "STATE-LINK",
+        f"this is {what}, not a file of the state",
+        path=shown(path),
+        hint="remove it; octoform never reads or writes state through a link",
+    )
+
+
+def unreadable(problem: OSError, path: Path) -> Diagnostic:
+    """STATE-UNREADABLE with the operating system's words."""
+    reason = problem.strerror or str(problem)
+    return error("STATE-UNREADABLE", f"cannot be read: {reason}", path=shown(path), hint="check its owner and mode")
+
+
+def refused(problem: OSError, path: Path) -> Diagnostic:
+    """What a failed write means: STATE-DISK-FULL, STATE-READ-ONLY or STATE-WRITE-FAILED."""
+    where = shown(path)
+    if problem.errno in _FULL:
+        return _disk_full(problem, path)
+    reason = problem.strerror or str(problem)
+    if problem.errno in _REFUSED:
+        hint = f"make {shown(path.parent)} writable for this user, or run from a copy that is"
+        return error("STATE-READ-ONLY", f"cannot be written: {reason}", path=where, hint=hint)
+    return error("STATE-WRITE-FAILED", f"cannot be written: {reason}", path=where, detail="the former file is intact")
+
+
+def _disk_full(problem: OSError, path: Path) -> Diagnostic:
+    mount = mount_point(path.parent)
+    if problem.errno == errno.EFBIG:
+        summary = "the file would be larger than this process may write (ulimit -f)"
+    elif problem.errno == errno.EDQUOT:
+        summary = f"the disk quota on {mount} is spent"
+    else:
+        summary = f"no space left on {mount}"
+    detail = "nothing was lost: the former file is intact"
+    try:
+        facts = os.statvfs(mount)
+        free, total = facts.f_bavail * facts.f_frsize, facts.f_blocks * facts.f_frsize
+        detail = f"{mount}: {free // 1024} KiB free of {total // 1024} KiB; {detail}"
+    except OSError as unknown:
+        detail = f"{mount}: {unknown.strerror}; {detail}"
+    hint = f"make room on {mount} and run the same command again"
+    return error("STATE-DISK-FULL", summary, path=shown(path), detail=detail, hint=hint)
+
+
+def mount_point(path: Path) -> Path:
+    """The root of the file system that holds ``path`` (which need not exist)."""
+    current = path.resolve()
+    while not current.is_mount() and current != current.parent:
+        current = current.parent
+    return current
+
+
+def make_folders(layout: Layout) -> Diagnostic | None:
+    """Make ``state/<host>`` and the private ``.octoform/<host>``, which git ignores whatever the user's rules say."""
+    target = layout.committed
+    try:
+        target.mkdir(parents=True, exist_ok=True)
+        target = layout.local
+        target.parent.mkdir(exist_ok=True, mode=0o700)
+        target.mkdir(exist_ok=True, mode=0o700)
+        for folder in (layout.committed, layout.local):
+            if folder.is_symlink():
+                return _not_regular(folder, "a symbolic link")
+        if stat.S_IMODE(target.stat().st_mode) & 0o077:
+            target.chmod(0o700)
+    except OSError as problem:
+        return refused(problem, target)
+    ignore = layout.local.parent / ".gitignore"
+    return None if ignore.exists() else write_atomic(ignore, b"*\n")
+
+
+def check_writable(layout: Layout) -> list[Diagnostic]:
+    """Whether an apply could write its results; asked before any agent is started.
+
+    Makes the folders and writes, syncs and removes a small file in each folder that will be written.
+    """
+    problem = make_folders(layout)
+    if problem is not None:
+        return [problem]
+    folders = [layout.committed, layout.local, *(layout.committed / stage for stage in STAGES)]
+    sweep(layout)
+    found = []
+    for folder in folders:
+        trouble = _probe(folder) if folder.is_dir() or folder.is_symlink() else None
+        if trouble is not None:
+            found.append(trouble)
+    return _one_per_cause(found)
+
+
+def sweep(layout: Layout) -> None:
+    """Remove temporary files that a killed run left among the committed ones. Only for the holder of the lock."""
+    for leftover in layout.committed.rglob(f".*{TEMPORARY}"):
+        with contextlib.suppress(OSError):
+            leftover.unlink()
+
+
+def _probe(folder: Path) -> Diagnostic | None:
+    if folder.is_symlink():
+        return _not_regular(folder, "a symbolic link")
+    trial = folder / f".writable.{os.getpid()}"
+    problem = write_atomic(trial, bytes(WRITE_PROBE_BYTES), 0o600)
+    if problem is None:
+        try:
+            trial.unlink()
+        except OSError as refusal:
+            return refused(refusal, trial)
+        return None
+    return Diagnostic(problem.severity, problem.code, problem.summary, shown(folder), hint=problem.hint)
+
+
+def _one_per_cause(found: list[Diagnostic]) -> list[Diagnostic]:
+    """A full or read-only file system is said once, not once for each folder on it."""
+    seen: dict[tuple[str, str], Diagnostic] = {}
+    for item in found:
+        seen.setdefault((item.code, item.summary), item)
+    return list(seen.values())

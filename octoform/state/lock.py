@@ -1,0 +1,270 @@
+"""One lock for each host's state, which a dead holder cannot keep and a live one cannot lose.
+
+The lock is a file that says who holds it, so that a refusal can name the process, and a `force-unlock` can name the
+lock. Whoever looks at it, takes it or clears it does so under a kernel lock on a guard file, so two processes that
+both find a dead holder cannot both clear it (the second would clear the first one's new lock). The holder also keeps a
+kernel lock on the file itself: it proves life across containers. Light.
+"""
+
+import contextlib
+import errno
+import fcntl
+import json
+import os
+import time
+import uuid
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+from types import TracebackType
+
+from octoform import digest
+from octoform.diagnostics import Diagnostic, error
+from octoform.state.files import make_folders, read_regular, refused, shown, sync_folder, write_all
+from octoform.state.holder import PROC, Liveness, Process, from_json, liveness, myself, to_json
+from octoform.state.layout import Layout
+
+_LIMIT = 64 * 1024
+_GUARD_SECONDS = 5.0
+_FIRST_PAUSE, _LONGEST_PAUSE = 0.1, 2.0
+
+
+@dataclass(frozen=True, slots=True)
+class Holder:
+    """What the lock file says: the lock's id, who holds it, for which operation, since when (RFC 3339)."""
+
+    id: str
+    process: Process
+    operation: str
+    created: str
+
+
+@dataclass(frozen=True, slots=True)
+class Waiting:
+    """How long to wait for a lock (seconds), and on which clock; ``told`` is called once when waiting starts."""
+
+    timeout: float = 0.0
+    clock: Callable[[], float] = time.monotonic
+    sleep: Callable[[float], None] = time.sleep
+    told: Callable[[Holder], None] | None = None
+
+
+class Lock:
+    """A held lock. Use as a context manager, or call `release`."""
+
+    def __init__(self, layout: Layout, holder: Holder, descriptor: int) -> None:
+        """``descriptor`` is open on the lock file and carries the kernel lock that proves life."""
+        self._layout = layout
+        self._descriptor: int | None = descriptor
+        self.holder = holder
+
+    def held(self) -> bool:
+        """Whether the lock is still ours: nobody forced it."""
+        there = read_holder(self._layout)
+        return self._descriptor is not None and isinstance(there, Holder) and there.id == self.holder.id
+
+    def release(self) -> None:
+        """Give the lock back; a lock that was forced and taken by another is left alone."""
+        if self._descriptor is None:
+            return
+        # A lock file that cannot be removed clears itself: its holder will be gone.
+        with contextlib.suppress(OSError), _guard(self._layout, Waiting(_GUARD_SECONDS)):
+            if self.held():
+                self._layout.lock.unlink(missing_ok=True)
+        os.close(self._descriptor)
+        self._descriptor = None
+
+    def __enter__(self) -> "Lock":
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, problem: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.release()
+
+
+@dataclass(frozen=True, slots=True)
+class Acquired:
+    """The lock or why not; ``notices`` are sentences for the person (a dead holder's lock was cleared)."""
+
+    lock: Lock | None
+    diagnostics: tuple[Diagnostic, ...] = ()
+    notices: tuple[str, ...] = ()
+
+
+def read_holder(layout: Layout) -> Holder | Diagnostic | None:
+    """Who holds the lock; None when nobody does; STATE-LOCK-UNREADABLE when the file is no lock."""
+    data, problem = read_regular(layout.lock, _LIMIT)
+    if problem is not None:
+        return problem
+    if data is None:
+        return None
+    try:
+        document = json.loads(data)
+        process = from_json(document)
+        return Holder(str(document["id"]), process, str(document["operation"]), str(document["created"]))
+    except (ValueError, KeyError, TypeError, AttributeError):
+        return error(
+            "STATE-LOCK-UNREADABLE",
+            "the lock file is not one that octoform wrote",
+            path=shown(layout.lock),
+            hint="make sure that no octoform runs on this host's state, then remove the file",
+        )
+
+
+def acquire(layout: Layout, operation: str, waiting: Waiting | None = None, proc: Path = PROC) -> Acquired:
+    """Take the lock of a host's state for ``operation`` (``apply``); a live holder's lock is waited for, never broken.
+
+    STATE-LOCKED names holder, operation and since when. Folders are made as needed.
+    """
+    patience = waiting or Waiting()
+    problem = make_folders(layout)
+    if problem is not None:
+        return Acquired(None, (problem,))
+    deadline = patience.clock() + patience.timeout
+    pause, told = _FIRST_PAUSE, False
+    while True:
+        outcome = _try(layout, operation, proc)
+        left = deadline - patience.clock()
+        if not isinstance(outcome, Holder) or left <= 0:
+            break
+        if patience.told is not None and not told:
+            patience.told(outcome)
+            told = True
+        patience.sleep(min(pause, left))
+        pause = min(pause * 2, _LONGEST_PAUSE)
+    if isinstance(outcome, Holder):
+        return Acquired(None, (_locked(layout, outcome, myself(proc), proc),))
+    return outcome
+
+
+def _try(layout: Layout, operation: str, proc: Path) -> Acquired | Holder:
+    """One attempt: the lock, a diagnostic that waiting will not cure, or the live holder."""
+    try:
+        with _guard(layout, Waiting(_GUARD_SECONDS)):
+            there = read_holder(layout)
+            if isinstance(there, Diagnostic):
+                return Acquired(None, (there,))
+            notices: tuple[str, ...] = ()
+            if there is not None:
+                if not _dead(layout, there, proc):
+                    return there
+                layout.lock.unlink()
+                notices = (_cleared(there),)
+            return Acquired(_create(layout, operation, proc), (), notices)
+    except OSError as problem:
+        return Acquired(None, (refused(problem, layout.lock),))
+
+
+def _dead(layout: Layout, holder: Holder, proc: Path) -> bool:
+    verdict = liveness(holder.process, myself(proc), proc)
+    return verdict is Liveness.DEAD or (verdict is Liveness.HIDDEN and not _kernel_locked(layout.lock))
+
+
+def _kernel_locked(path: Path) -> bool:
+    """Whether some process of this kernel keeps its lock on the file; the kernel frees it when that process dies."""
+    descriptor = os.open(path, os.O_RDONLY | os.O_NOFOLLOW | os.O_CLOEXEC)
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_SH | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return True
+    finally:
+        os.close(descriptor)
+    return False
+
+
+def _create(layout: Layout, operation: str, proc: Path) -> Lock:
+    """Write the lock file whole and already locked, then give it its name; OSError when the disk refuses."""
+    created = datetime.now(UTC).strftime("%Y-%m-%dT%H:%M:%SZ")
+    holder = Holder(str(uuid.uuid4()), myself(proc), operation, created)
+    document = {"id": holder.id, **to_json(holder.process), "operation": operation, "created": created}
+    draft = layout.lock.with_name(f".{layout.lock.name}.{holder.id}")
+    descriptor = os.open(draft, os.O_RDWR | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o600)
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        write_all(descriptor, digest.canonical_json(document) + b"\n")
+        os.fsync(descriptor)
+        _name(draft, layout.lock)
+        sync_folder(layout.lock.parent)
+    except OSError:
+        os.close(descriptor)
+        raise
+    finally:
+        draft.unlink(missing_ok=True)
+    return Lock(layout, holder, descriptor)
+
+
+def _name(draft: Path, path: Path) -> None:
+    """Give the draft its name only if that is free; where the file system has no links the guard alone sees to that."""
+    try:
+        os.link(draft, path, follow_symlinks=False)
+    except OSError as problem:
+        if problem.errno not in (errno.EPERM, errno.EOPNOTSUPP, errno.ENOSYS):
+            raise
+        draft.replace(path)
+
+
+@contextlib.contextmanager
+def _guard(layout: Layout, waiting: Waiting) -> Iterator[None]:
+    """Hold the guard file's kernel lock for the moment it takes to look at the lock and change it.
+
+    TimeoutError (an OSError) when another process keeps it, which only one that was stopped in that moment can.
+    """
+    flags = os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW | os.O_CLOEXEC
+    descriptor = os.open(layout.lock.with_name("lock.guard"), flags, 0o600)
+    try:
+        deadline = waiting.clock() + waiting.timeout
+        while True:
+            try:
+                fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                break
+            except BlockingIOError:
+                if waiting.clock() >= deadline:
+                    raise TimeoutError(None, "another octoform keeps its guard file locked") from None
+                waiting.sleep(0.005)
+        yield
+    finally:
+        os.close(descriptor)
+
+
+def _cleared(holder: Holder) -> str:
+    return (
+        f"cleared the lock of a process that is gone (pid {holder.process.pid} on {holder.process.host}, "
+        f"{holder.operation} since {holder.created})"
+    )
+
+
+def _locked(layout: Layout, holder: Holder, me: Process, proc: Path) -> Diagnostic:
+    who = f"pid {holder.process.pid} on {holder.process.host}"
+    verdict = liveness(holder.process, me, proc)
+    if verdict is Liveness.ELSEWHERE:
+        summary = f"the state of {layout.host} is locked from another machine: {holder.operation} by {who}"
+        hint = f"if nothing runs there any more: octoform force-unlock {holder.id}"
+    else:
+        summary = f"the state of {layout.host} is locked: {holder.operation} by {who}"
+        hint = "wait for it to end, or use -lock-timeout; it is alive, so its lock is not cleared"
+    detail = f"lock {holder.id}, held since {holder.created}"
+    return error("STATE-LOCKED", summary, path=shown(layout.lock), detail=detail, hint=hint)
+
+
+def force_unlock(layout: Layout, lock_id: str) -> list[Diagnostic]:
+    """Remove the lock of that id, whoever holds it; the id proves that the person read who does."""
+    try:
+        with _guard(layout, Waiting(_GUARD_SECONDS)):
+            there = read_holder(layout)
+            if isinstance(there, Diagnostic):
+                return [there]
+            if there is None:
+                return [error("STATE-NOT-LOCKED", f"the state of {layout.host} is not locked", path=shown(layout.lock))]
+            if there.id != lock_id:
+                detail = f"{there.operation} by pid {there.process.pid} on {there.process.host} since {there.created}"
+                hint = f"octoform force-unlock {there.id}"
+                summary = f"the lock that is there is not {lock_id}"
+                return [error("STATE-LOCK-ID", summary, path=shown(layout.lock), detail=detail, hint=hint)]
+            layout.lock.unlink()
+    except FileNotFoundError:
+        return [error("STATE-NOT-LOCKED", f"the state of {layout.host} is not locked", path=shown(layout.lock))]
+    except OSError as problem:
+        return [refused(problem, layout.lock)]
+    return []

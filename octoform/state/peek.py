@@ -1,0 +1,116 @@
+"""The state file without pydantic: enough to tell that nothing has to be done, and what is wrong with a bad file.
+
+A no-op plan may not wait for a validation library. The checks here are those of the container (is it whole, is it a
+state, of this host, of a format that is understood); the heavy reader adds the fields. Light.
+"""
+
+import json
+from pathlib import Path
+from typing import Any
+
+from octoform.diagnostics import Diagnostic, error
+from octoform.state.files import read_regular, shown
+from octoform.state.layout import Layout
+
+FORMAT = 1
+_MARKERS = (b"<<<<<<< ", b"=======", b">>>>>>> ", b"||||||| ")
+
+
+def backup_path(layout: Layout) -> Path:
+    """Where the snapshot before the present one is kept; local, never in git."""
+    return layout.local / "state.json.backup"
+
+
+def peek(layout: Layout) -> dict[str, Any] | None:
+    """The settled state document, or None when there is none, it is damaged, or a journal waits to be folded.
+
+    None means: ask `octoform.state.store.StateStore`, which tells apart what it was.
+    """
+    try:
+        if layout.journal.stat(follow_symlinks=False).st_size > 0:
+            return None
+    except FileNotFoundError:
+        pass
+    except OSError:
+        return None
+    data, problem = read_regular(layout.snapshot)
+    if data is None or problem is not None:
+        return None
+    document, found = parse(data, layout)
+    return document if not found else None
+
+
+def parse(data: bytes, layout: Layout) -> tuple[dict[str, Any] | None, list[Diagnostic]]:
+    """The JSON object in ``data`` when it is a state of this host in a known format, else why not."""
+    if not data.strip():
+        return None, [_bad(layout, "STATE-TRUNCATED", "the state file is empty")]
+    if _has_markers(data):
+        summary = "the state file holds git's conflict markers: two histories of it were merged"
+        return None, [_bad(layout, "STATE-CONFLICT", summary)]
+    try:
+        document = json.loads(data)
+    except (ValueError, RecursionError) as problem:
+        return None, [_undecodable(data, problem, layout)]
+    return _container(document, layout)
+
+
+def _has_markers(data: bytes) -> bool:
+    lines = data.splitlines()
+    return any(line.startswith(_MARKERS[0]) for line in lines) and any(line.startswith(_MARKERS[2]) for line in lines)
+
+
+def _undecodable(data: bytes, problem: Exception, layout: Layout) -> Diagnostic:
+    """A document that starts well and ends before its end was cut; anything else was never a state."""
+    if isinstance(problem, json.JSONDecodeError):
+        rest = problem.doc[problem.pos :].strip()
+        cut = data.lstrip().startswith(b"{") and (not rest or "Unterminated" in problem.msg)
+        if cut:
+            summary = f"the state file ends in the middle, after {len(data)} bytes (line {problem.lineno})"
+            return _bad(layout, "STATE-TRUNCATED", summary)
+        where = f"line {problem.lineno}, column {problem.colno}: {problem.msg}"
+        return _bad(layout, "STATE-NOT-STATE", f"the state file is not JSON ({where})")
+    return _bad(layout, "STATE-NOT-STATE", f"the state file is not JSON ({type(problem).__name__})")
+
+
+def _container(document: object, layout: Layout) -> tuple[dict[str, Any] | None, list[Diagnostic]]:
+    if not isinstance(document, dict) or not isinstance(document.get("format"), int):
+        return None, [_bad(layout, "STATE-NOT-STATE", "the file is JSON but no octoform state (it has no `format`)")]
+    if document["format"] > FORMAT:
+        writer = document.get("octoform", "a newer one")
+        summary = f"the state has format {document['format']}, written by octoform {writer}; this one knows {FORMAT}"
+        hint = "use that octoform or a newer one; an older one could drop what it does not know"
+        return None, [error("STATE-NEWER", summary, path=shown(layout.snapshot), hint=hint)]
+    if document["format"] < FORMAT:
+        return None, [_bad(layout, "STATE-NOT-STATE", f"there is no state format {document['format']}")]
+    if document.get("host") != layout.host:
+        summary = f"this is the state of host {document.get('host')!r}, not of {layout.host!r}"
+        hint = "move the folder back to that host's name, or give the manifest's `host` that name"
+        return None, [error("STATE-OTHER-HOST", summary, path=shown(layout.snapshot), pointer="/host", hint=hint)]
+    return document, []
+
+
+def _bad(layout: Layout, code: str, summary: str) -> Diagnostic:
+    return error(code, summary, path=shown(layout.snapshot), hint=recovery(layout))
+
+
+def recovery(layout: Layout) -> str:
+    """One sentence that names the previous good copy, or says that this machine has none."""
+    target = shown(layout.snapshot)
+    kept = backup_path(layout)
+    data, problem = read_regular(kept)
+    if data is not None and problem is None:
+        serial = _serial(data, layout.host)
+        if serial is not None:
+            return f"the previous good copy (serial {serial}) is {shown(kept)}; copy it to {target}"
+    return f"restore it from git (git log -- {target}); this machine keeps no earlier copy"
+
+
+def _serial(data: bytes, host: str) -> int | None:
+    try:
+        document = json.loads(data)
+    except (ValueError, RecursionError):
+        return None
+    if not isinstance(document, dict) or document.get("format") != FORMAT or document.get("host") != host:
+        return None
+    serial = document.get("serial")
+    return serial if isinstance(serial, int) else None
