@@ -7,6 +7,7 @@ attributes are those of the kernel's own documentation (Documentation/ABI).
 import re
 from collections.abc import Callable, Mapping
 
+from octoform.builtin.probe import capabilities
 from octoform.builtin.probe.node import Node
 from octoform.builtin.probe.reader import Reader
 from octoform.builtin.probe.text import slug
@@ -39,11 +40,12 @@ ATTRIBUTES: Mapping[str, tuple[str, ...]] = {
     "vmbus": ("class_id",),
     "xen": ("devtype",),
 }
-_USB_STRINGS = ("manufacturer", "product")
+_KERNEL_VERSION = re.compile(r"^Linux \d\S* ")
+_AT_ADDRESS = re.compile(r",? at \S+$")
 _HID_ID = re.compile(r"^0*([0-9A-Fa-f]{1,4}):0*([0-9A-Fa-f]{1,8}):0*([0-9A-Fa-f]{1,8})$")
 _HID_NAME = re.compile(r"^([0-9A-F]{4}):([0-9A-F]{4}):([0-9A-F]{4})\.[0-9A-F]+$")
 _ADDRESS = re.compile(r"^(?:[0-9a-f]{4,16}\.|soc:|[0-9a-f]{4,16}[:.])(?=[a-z])")
-_TRAILER = re.compile(r"(?:[:.]\d+|\.auto|:[0-9a-f]{2}|@[0-9a-f]+|-?\d+)+$")
+_TRAILER = re.compile(r"(?:[:.]\d+|\.auto|:[0-9a-fA-F]{2}|@[0-9a-f]+)+$")
 _ANONYMOUS_ACPI = re.compile(r"^device:[0-9a-f]+$")
 _SCSI_TYPES = {
     "0": "disk",
@@ -87,9 +89,10 @@ def describe(node: Node, reader: Reader, uevent: dict[str, str]) -> None:
         special(node, reader, uevent)
         return
     for attribute in ATTRIBUTES.get(node.subsystem, ()):
-        node.add(attribute, reader.text(f"{node.path}/{attribute}"))
+        node.add(attribute, _AT_ADDRESS.sub("", reader.text(f"{node.path}/{attribute}")))
     facts = dict(node.lines)
-    node.kind = facts.get("name") or facts.get("description") or facts.get("id") or _platform_kind(node, uevent)
+    said = facts.get("name") or facts.get("description") or facts.get("id")
+    node.kind = said or node.driver or _platform_kind(node, uevent)
 
 
 def _usb(node: Node, reader: Reader, uevent: dict[str, str]) -> None:
@@ -102,9 +105,11 @@ def _usb(node: Node, reader: Reader, uevent: dict[str, str]) -> None:
     node.kind = f"{node.vid}-{node.pid}" if node.vid and node.pid else "device"
     node.add("vendor_id", node.vid)
     node.add("product_id", node.pid)
-    for attribute in _USB_STRINGS:
-        node.add(attribute, reader.text(f"{node.path}/{attribute}"))
-    node.add("revision", reader.text(f"{node.path}/bcdDevice"))
+    maker, kernel = _KERNEL_VERSION.subn("Linux ", reader.text(f"{node.path}/manufacturer"))
+    node.add("manufacturer", maker)
+    node.add("product", reader.text(f"{node.path}/product"))
+    # A root hub is made by the running kernel and carries its version, which is no fact about hardware.
+    node.add("revision", "" if kernel else reader.text(f"{node.path}/bcdDevice"))
     triple = [reader.text(f"{node.path}/bDevice{part}") for part in ("Class", "SubClass", "Protocol")]
     node.add("device_class", "/".join(triple) if all(triple) else _triple(uevent.get("TYPE", "")))
     node.serial = reader.text(f"{node.path}/serial")
@@ -145,13 +150,15 @@ def _pci(node: Node, reader: Reader, uevent: dict[str, str]) -> None:
     node.add("revision", reader.text(f"{node.path}/revision"))
 
 
-def _hid(node: Node, _reader: Reader, uevent: dict[str, str]) -> None:
+def _hid(node: Node, reader: Reader, uevent: dict[str, str]) -> None:
     packed = _HID_ID.match(uevent.get("HID_ID", "")) or _HID_NAME.match(node.name)
     if packed:
         node.vid, node.pid = _four(packed[2]), _four(packed[3])
         node.add("id", f"{packed[1].zfill(4)}:{node.vid}:{node.pid}".lower())
     node.kind = f"{node.vid}-{node.pid}" if packed else "device"
     node.add("name", uevent.get("HID_NAME", ""))
+    descriptor = reader.data(f"{node.path}/report_descriptor")
+    node.add("usages", ",".join(capabilities.hid_usages(descriptor)) if descriptor else "")
     node.serial = uevent.get("HID_UNIQ", "")
 
 

@@ -16,6 +16,8 @@ _PROP_DIRECT, _PROP_ACCELEROMETER = 1, 6
 _EDID_HEADER = b"\x00\xff\xff\xff\xff\xff\xff\x00"
 _EDID_BLOCK = 128
 _EDID_NAME = 0xFC
+_HID_LONG_ITEM, _HID_USAGE_PAGE, _HID_USAGE, _HID_COLLECTION, _HID_END_COLLECTION = 0xFE, 0x04, 0x08, 0xA0, 0xC0
+_MAX_USAGES = 20
 _DESCRIPTORS = (54, 72, 90, 108)
 
 
@@ -105,3 +107,33 @@ def edid_names(edid: bytes) -> tuple[str, str]:
         if block[:3] == b"\0\0\0" and block[3] == _EDID_NAME:
             return vendor, block[5:].split(b"\n")[0].decode("cp437").strip()
     return vendor, ""
+
+
+def hid_usages(descriptor: bytes) -> list[str]:
+    """The usages (``page/usage``, four hexadecimal digits each) of a HID device's top-level collections, in order.
+
+    The item format is that of the USB Device Class Definition for HID 1.11, section 6.2.2.
+    """
+    found: list[str] = []
+    page = usage = depth = at = 0
+    while at < len(descriptor):
+        prefix = descriptor[at]
+        if prefix == _HID_LONG_ITEM:
+            at += 3 + (descriptor[at + 1] if at + 1 < len(descriptor) else 0)
+            continue
+        size = (0, 1, 2, 4)[prefix & 3]
+        data = int.from_bytes(descriptor[at + 1 : at + 1 + size], "little")
+        item = prefix & 0xFC
+        at += 1 + size
+        if item == _HID_USAGE_PAGE:
+            page = data
+        elif item == _HID_USAGE:
+            usage = data
+        elif item == _HID_COLLECTION:
+            name = f"{usage >> 16 or page:04x}/{usage & 0xFFFF:04x}"
+            if depth == 0 and name not in found:
+                found.append(name)
+            depth += 1
+        elif item == _HID_END_COLLECTION:
+            depth = max(0, depth - 1)
+    return found[:_MAX_USAGES]

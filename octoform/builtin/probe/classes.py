@@ -24,12 +24,9 @@ ATTRIBUTES: Mapping[str, tuple[str, ...]] = {
         "chassis_vendor",
         "chassis_type",
     ),
-    "dma_heap": (),
     "extcon": ("name",),
     "gpio": ("label", "ngpio"),
     "graphics": ("name",),
-    "i2c-adapter": ("name",),
-    "i2c-dev": ("name",),
     "infiniband": ("hca_type", "node_desc"),
     "media": ("model",),
     "mtd": ("name", "type"),
@@ -41,7 +38,7 @@ ATTRIBUTES: Mapping[str, tuple[str, ...]] = {
     "rc": ("protocols",),
     "regulator": ("name", "type", "min_microvolts", "max_microvolts"),
     "remoteproc": ("name",),
-    "rfkill": ("name", "type"),
+    "rfkill": ("type",),
     "rtc": ("name",),
     "scsi_host": ("proc_name",),
     "soc": ("machine", "family", "soc_id"),
@@ -58,8 +55,7 @@ _CHANNEL = re.compile(r"^((?:in|out)_[a-z]+\d*(?:[-_][\w-]+)?)_(raw|input|proces
 _SUPPLY_LINES = ("type", "technology", "manufacturer", "model_name", "scope")
 _SUPPLY_NO_READING = {"name", "serial_number", "uevent", "devtype", *_SUPPLY_LINES}
 _NETWORK_KINDS = {"1": "ethernet", "32": "infiniband", "280": "can", "512": "ppp", "772": "loopback", "801": "wireless"}
-_LED_OWNER = re.compile(r"^(input|phy|mmc|usb|hid|card)\d+(?=\W)")
-_AT_ADDRESS = re.compile(r"(?:,? at [0-9a-fx:.,\- ]*\S*.*| \(\d+\))$")
+_LED_OWNER = re.compile(r"^(input|phy|mmc|usb|hid|card)\d+(?=\W|$)")
 _TTY_NUMBER = re.compile(r"\d+$")
 _MAX_CHANNELS = 120
 _EDID_BYTES = 512
@@ -74,6 +70,8 @@ def describe(node: Node, reader: Reader, uevent: dict[str, str]) -> None:
         return
     for attribute in ATTRIBUTES.get(node.subsystem, ()):
         node.add(attribute, reader.text(f"{node.path}/{attribute}"))
+    facts = dict(node.lines)
+    node.kind = facts.get("name") or facts.get("label") or facts.get("model") or facts.get("identity", "")
 
 
 def _hwmon(node: Node, reader: Reader, _uevent: dict[str, str]) -> None:
@@ -103,6 +101,12 @@ def _iio(node: Node, reader: Reader, _uevent: dict[str, str]) -> None:
     for channel in sorted(channels, key=capabilities.channel_order)[:_MAX_CHANNELS]:
         more = [part for part in ("scale", "offset") if _has(files, channel, part)]
         node.add(channel, ",".join(sorted(channels[channel]) + more))
+    for folder in ("scan_elements", "buffer0"):
+        if folder in files:
+            elements = reader.names_or_none(f"{node.path}/{folder}")
+            buffered = {name.removesuffix("_index") for name in elements if name.endswith("_index")}
+            node.add("buffered", ",".join(sorted(buffered, key=capabilities.channel_order)))
+            break
 
 
 def _has(files: set[str], channel: str, part: str) -> bool:
@@ -213,10 +217,6 @@ def _leds(node: Node, reader: Reader, _uevent: dict[str, str]) -> None:
     node.add("max_brightness", reader.text(f"{node.path}/max_brightness"))
 
 
-def _adapter(node: Node, reader: Reader, _uevent: dict[str, str]) -> None:
-    node.add("name", _AT_ADDRESS.sub("", reader.text(f"{node.path}/name")))
-
-
 def _tty(node: Node, _reader: Reader, _uevent: dict[str, str]) -> None:
     node.add("name", _TTY_NUMBER.sub("", node.name))
 
@@ -250,8 +250,6 @@ SPECIAL: Mapping[str, Callable[[Node, Reader, dict[str, str]], None]] = {
     "dmi": _dmi,
     "drm": _drm,
     "hwmon": _hwmon,
-    "i2c-adapter": _adapter,
-    "i2c-dev": _adapter,
     "iio": _iio,
     "input": _input,
     "leds": _leds,

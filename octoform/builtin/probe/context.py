@@ -56,7 +56,6 @@ class Context:
         return found
 
     def _asound(self, reader: Reader) -> None:
-        reader.names("/proc/asound")
         cards = {node.name: node for node in self._nodes.values() if node.subsystem == "sound"}
         lines = reader.text("/proc/asound/cards", TEXT_BYTES).splitlines()
         for line in lines:
@@ -73,6 +72,7 @@ class Context:
             node.add("name", _POSITION.sub("", name))
             node.add("card_driver", driver)
         self._streams(reader, cards)
+        reader.names("/proc/asound")
 
     def _streams(self, reader: Reader, cards: dict[str, Node]) -> None:
         """PCM streams from the text; from the names of the class devices where there is no text."""

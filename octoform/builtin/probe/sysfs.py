@@ -8,7 +8,7 @@ from octoform.builtin.probe import buses, classes
 from octoform.builtin.probe.node import Node
 from octoform.builtin.probe.reader import Reader
 from octoform.builtin.probe.scans import Scan
-from octoform.builtin.probe.udev import SERIAL, UdevDatabase, key_of
+from octoform.builtin.probe.udev import OF_CLASS, SERIAL, STRING_PROPERTIES, UdevDatabase, key_of, split_joined
 
 DEVICES = "/sys/devices/"
 VIRTUAL = "/sys/devices/virtual/"
@@ -25,7 +25,7 @@ PHYSICAL_VIRTUAL = frozenset(
         *("rtc", "thermal", "tpm", "typec", "video4linux", "watchdog"),
     )
 )
-_UDEV_CLASSES = frozenset(("block", "input", "net", "sound", "tty", "video4linux", "usbmisc", "bluetooth", "drm"))
+_UDEV_CLASSES = frozenset(("block", "input", "net", "tty", "video4linux", "usbmisc", "bluetooth", "drm"))
 _DESCRIBED = frozenset(("sound", "hidraw", "nvme", "usb", *classes.ATTRIBUTES, *classes.SPECIAL, *_UDEV_CLASSES))
 MAX_FOLDERS = 85
 
@@ -82,7 +82,7 @@ class Sysfs:
                 classes.describe(node, reader, uevent)
         except (ValueError, KeyError, IndexError):
             reader.failures["malformed"] += 1
-        if is_bus or node.subsystem in _UDEV_CLASSES:
+        if node.subsystem in _UDEV_CLASSES or (is_bus and not (node.subsystem == "usb" and node.member)):
             self._add_udev(node, reader, uevent)
 
     def _is_partition(self, node: Node) -> bool:
@@ -98,10 +98,27 @@ class Sysfs:
         if node.subsystem == "net" and "IFINDEX" not in uevent:
             uevent = uevent | {"IFINDEX": reader.text(f"{node.path}/ifindex")}
         properties = self._udev.properties(reader, *key_of(node.subsystem, node.name, uevent))
-        node.serial = node.serial or properties.pop(SERIAL, "")
-        properties.pop(SERIAL, None)
+        split_joined(properties)
+        serial = properties.pop(SERIAL, "")
+        node.serial = node.serial or serial
+        target = self._input_device(node)
+        said = {_plain(text) for _, text in target.lines}
+        wanted = OF_CLASS.get(node.subsystem, "")
         for key, text in sorted(properties.items()):
-            node.add(f"udev.{key}", text)
+            if key.startswith(wanted) and not (
+                key in STRING_PROPERTIES and (_plain(text) in said or text.startswith("Linux_"))
+            ):
+                target.add(f"udev.{key}", text)
+
+    def _input_device(self, node: Node) -> Node:
+        """An event node's properties are those of its input device."""
+        above = self.nodes.get(node.path.rpartition("/")[0])
+        return above if node.subsystem == "input" and above is not None and above.subsystem == "input" else node
+
+
+def _plain(text: str) -> str:
+    """Text as udev writes it into a property: anything unusual is an underscore."""
+    return "".join(char if char.isalnum() else "_" for char in text.lower())
 
 
 def read_uevent(reader: Reader, node: Node) -> dict[str, str]:

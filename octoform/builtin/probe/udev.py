@@ -9,18 +9,25 @@ import re
 from octoform.builtin.probe.reader import Reader
 
 SERIAL = "ID_SERIAL_SHORT"
+# Copies of strings that the device's own attributes give better.
+STRING_PROPERTIES = frozenset(("ID_VENDOR", "ID_MODEL"))
+# Vendor, model and serial number in one word; used where the parts themselves are missing.
+JOINED, JOINED_NAME = "ID_SERIAL", "ID_SERIAL.name"
+# Of a class device only what the class itself adds; the rest repeats the device below it.
+OF_CLASS = {"input": ("ID_INPUT",), "video4linux": ("ID_V4L", "COLORD", "ID_INFRARED"), "drm": ("ID_DRM",)}
 FOLDER = "/run/udev/data"
 RECORD_BYTES = 16384
+_SERIAL_CHARS = 8
 
 _KIND = re.compile(
     r"^(?:ID_(?:VENDOR|MODEL|PCI_CLASS|PCI_SUBCLASS|PCI_INTERFACE|USB_CLASS|OUI)_FROM_DATABASE"
-    r"|ID_SERIAL_SHORT|ID_(?:VENDOR|MODEL|TYPE|BUS|USB_INTERFACES|USB_DRIVER|VENDOR_ID|MODEL_ID|INSTANCE|INTEGRATION)"
+    r"|ID_SERIAL|ID_SERIAL_SHORT|ID_(?:VENDOR|MODEL|TYPE|BUS|USB_INTERFACES|INTEGRATION)"
     r"|ID_INPUT(?:_\w+)?|ID_V4L_(?:CAPABILITIES|PRODUCT|VERSION)|ID_ATA|ID_ATA_ROTATION_RATE_RPM"
     r"|ID_CDROM(?:_(?!MEDIA)\w+)?|ID_DRIVE_\w+|ID_MM_\w+|ID_GPHOTO2|ID_MEDIA_PLAYER|ID_SMARTCARD_READER"
     r"|ID_SIGNAL_ANALYZER|ID_HARDWARE_WALLET|ID_SECURITY_TOKEN|ID_MAKER_TOOL|ID_INFRARED_CAMERA|ID_PDA"
-    r"|ID_AUTOSUSPEND|ID_AV_\w+|ID_SENSOR\w*|COLORD_KIND|COLORD_DEVICE|DM_NAME_KIND|AMBA_ID)$"
+    r"|ID_AV_\w+|ID_SENSOR\w*|COLORD_KIND|AMBA_ID)$"
 )
-_REDUNDANT = {"ID_INPUT", "ID_INSTANCE", "ID_AUTOSUSPEND", "ID_V4L_VERSION", "DM_NAME_KIND"}
+_REDUNDANT = {"ID_INPUT", "ID_V4L_VERSION"}
 
 
 class UdevDatabase:
@@ -49,7 +56,23 @@ def _properties(record: str) -> dict[str, str]:
             key, _, text = line[2:].partition("=")
             if text and key not in _REDUNDANT and _KIND.match(key):
                 found[key] = text
+    if found.get("ID_MODEL"):
+        found.pop(JOINED, None)
     return found
+
+
+def split_joined(properties: dict[str, str]) -> None:
+    """Replace vendor_model_serial by its name part and the serial number, as far as the two can be told apart."""
+    joined = properties.pop(JOINED, "")
+    head, _, tail = joined.rpartition("_")
+    serial = properties.get(SERIAL, "")
+    looks_unique = len(tail) >= _SERIAL_CHARS and any(char.isdigit() for char in tail) and tail.isalnum()
+    if serial and joined.endswith(serial):
+        joined = joined.removesuffix(serial).rstrip("_")
+    elif looks_unique:
+        joined, properties[SERIAL] = head.rstrip("_"), tail
+    if joined:
+        properties[JOINED_NAME] = joined
 
 
 def key_of(subsystem: str, name: str, uevent: dict[str, str]) -> tuple[str, str]:

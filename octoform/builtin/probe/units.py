@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 from octoform.builtin.probe import text
 from octoform.builtin.probe.node import Node
 from octoform.builtin.probe.sysfs import DEVICES, VIRTUAL, group_of
+from octoform.builtin.probe.udev import JOINED_NAME
 
 NAME_CHARS = 200
 DESCRIPTOR_CHARS = 4000
@@ -18,14 +19,32 @@ MAX_MEMBERS = 400
 MAX_NAMES = 60
 # Facts of a unit that stand before those of its class devices, without a prefix.
 _UNPREFIXED = frozenset(("usb",))
-_NO_CLASS = frozenset(("usb", "scsi", "pci_express", "i2c", "usb-serial", "serial-base", "serial", "auxiliary"))
+_NO_CLASS = frozenset(
+    ("wakeup", "usb", "scsi", "pci_express", "i2c", "usb-serial", "serial-base", "serial", "auxiliary")
+)
 _HEADS = {"input": "input", "sound": "card"}
 _NO_SERIALS = frozenset(
     ("0", "1", "none", "n/a", "na", "default string", "to be filled by o.e.m.", "unknown", "serial")
 )
 _SCRUB_FROM = 6
 _HIDDEN = "<serial>"
-_FIXED_BUSES = frozenset(("hid", "scsi"))
+# Numbered in the order of discovery: the name says nothing about the place.
+_UNPLACED_BUSES = frozenset(("hid", "scsi"))
+_NAMING_CLASSES = (
+    "video4linux",
+    "sound",
+    "input",
+    "hwmon",
+    "iio",
+    "power_supply",
+    "gpio",
+    "rtc",
+    "thermal",
+    "tty",
+    "block",
+)
+_NAMING_KEYS = ("model_name", f"udev.{JOINED_NAME}", "model", "name", "label", "type")
+_SAME_MANY = 4
 
 
 @dataclass(slots=True)
@@ -66,7 +85,8 @@ def _owner_key(node: Node, owner: Mapping[str, str], units: Mapping[str, Unit]) 
     above = node.path
     while len(above := above.rpartition("/")[0]) >= len(DEVICES):
         key = owner.get(above)
-        if key is not None:
+        # Nothing real hides in a unit that stands for many of a kind.
+        if key is not None and not units[key].group:
             return key if node.member or _same_product(node, units[key].head) else node.path
     return node.path
 
@@ -144,14 +164,26 @@ def _name(unit: Unit, vid: str, pid: str) -> str:
         return text.value(unit.head.title, NAME_CHARS)
     maker = facts.get("manufacturer") or facts.get("vendor") or facts.get("udev.ID_VENDOR_FROM_DATABASE", "")
     product = facts.get("product") or facts.get("model") or facts.get("udev.ID_MODEL_FROM_DATABASE", "")
-    product = product or facts.get("name") or facts.get("description", "")
-    if unit.head.subsystem == "pci" or not (maker or product):
-        maker = maker or facts.get("udev.ID_VENDOR_FROM_DATABASE", "")
-    if maker and product.lower().startswith(maker.lower()):
+    product = product or facts.get("name") or facts.get("description", "") or _member_name(unit)
+    if maker and text.slug(product).startswith(text.slug(maker)):
         maker = ""
     shown = " ".join(part for part in (maker, product) if part)
-    fallback = f"{unit.head.subsystem} device {vid}:{pid}" if vid else f"{unit.head.subsystem} {unit.head.kind}".strip()
-    return text.value(_scrub(shown, _secrets(unit)) or fallback, NAME_CHARS)
+    if not product:
+        kind = f"device {vid}:{pid}" if vid else unit.head.kind or unit.head.name.rstrip("0123456789")
+        shown = f"{maker} {unit.head.subsystem} {kind}".strip()
+    return text.value(_scrub(shown, _secrets(unit)), NAME_CHARS)
+
+
+def _member_name(unit: Unit) -> str:
+    """What the first class device with a name is called, in the order of how much such a name tells."""
+    for subsystem in _NAMING_CLASSES:
+        for node in in_order(node for node in _owned(unit) if node.subsystem == subsystem):
+            facts = dict(node.lines)
+            found = next((facts[key] for key in _NAMING_KEYS if facts.get(key)), "")
+            # Behind a numbered product a class device's name may be that of a part (a camera's button).
+            if found and (not unit.head.vid or subsystem == "tty"):
+                return found
+    return ""
 
 
 def _descriptor(unit: Unit) -> str:
@@ -163,7 +195,7 @@ def _descriptor(unit: Unit) -> str:
         rows += unit.head.lines if not unit.head.member else []
         rows += [("driver", unit.head.driver), ("modalias", unit.head.modalias if not unit.head.member else "")]
         rows += [row for node in unit.members if node.subsystem in _UNPREFIXED for row in node.lines]
-        rows += _member_rows([node for node in _owned(unit) if node.subsystem not in _UNPREFIXED])
+        rows += _member_rows([node for node in _owned(unit) if node.subsystem not in _UNPREFIXED], set(rows))
     secrets = _secrets(unit)
     lines = [f"{key}: {text.value(_scrub(said, secrets))}" for key, said in rows if said]
     return _bounded([text.visible(line[:600]) for line in lines])
@@ -173,18 +205,26 @@ def _owned(unit: Unit) -> list[Node]:
     return [unit.head, *unit.members] if unit.head.member else unit.members
 
 
-def _member_rows(nodes: list[Node]) -> list[tuple[str, str]]:
-    by_class: dict[str, list[Node]] = {}
-    for node in nodes:
-        by_class.setdefault(node.subsystem, []).append(node)
+def _member_rows(nodes: list[Node], known: set[tuple[str, str]]) -> list[tuple[str, str]]:
+    """``class[ordinal].key`` lines; what the unit itself said already is not repeated, nor what many say alike."""
     rows: list[tuple[str, str]] = []
-    for subsystem in sorted(by_class):
-        ordered = in_order(by_class[subsystem])
-        speaking = [node for node in ordered if node.lines or node.driver]
-        for index, node in enumerate(speaking):
-            rows += [(f"{subsystem}[{index}].{key}", said) for key, said in node.lines]
-            rows += [(f"{subsystem}[{index}].driver", node.driver)] if node.driver else []
+    for subsystem, members in sorted(_by_class(nodes).items()):
+        speaking = [node for node in in_order(members) if node.lines or node.driver]
+        if len(speaking) > 1:
+            rows.append((f"{subsystem}.count", str(len(speaking))))
+        alike = len(speaking) > _SAME_MANY and all(node.lines == speaking[0].lines for node in speaking)
+        for index, node in enumerate(speaking[:1] if alike else speaking):
+            said_here = [*dict.fromkeys(row for row in node.lines if row not in known), ("driver", node.driver)]
+            said_here.sort(key=lambda row: row[0].startswith("udev."))
+            rows += [(f"{subsystem}[{index}].{key}", said) for key, said in said_here if said]
     return rows
+
+
+def _by_class(nodes: Iterable[Node]) -> dict[str, list[Node]]:
+    found: dict[str, list[Node]] = {}
+    for node in nodes:
+        found.setdefault(node.subsystem, []).append(node)
+    return found
 
 
 def in_order(nodes: Iterable[Node]) -> list[Node]:
@@ -226,7 +266,9 @@ def _scrub(said: str, secrets: list[str]) -> str:
 def _serial(unit: Unit) -> str:
     for node in (unit.head, *unit.members):
         serial = node.serial.strip()
-        if serial and serial.lower() not in _NO_SERIALS and serial.strip("0 .:-xX"):
+        # A root hub gives the address of its controller as its serial number: that is a place.
+        placed = len(serial) >= _SCRUB_FROM and f"/{serial}/" in node.path
+        if serial and not placed and serial.lower() not in _NO_SERIALS and serial.strip("0 .:-xX"):
             return serial
     return ""
 
@@ -237,7 +279,8 @@ def _instance(unit: Unit, unique: bool) -> dict[str, object]:
     serial = _serial(unit)
     if not unit.group:
         instance["port"] = text.value(head.name, 200)
-        instance["strength"] = "strong" if serial and unique else "positional"
+        place = "weak" if head.subsystem in _UNPLACED_BUSES else "positional"
+        instance["strength"] = "strong" if serial and unique else place
     if serial and not unit.group:
         instance["serial"] = text.value(serial, 300)
     nodes = in_class_order(_owned(unit))
@@ -254,10 +297,7 @@ def _instance(unit: Unit, unique: bool) -> dict[str, object]:
 
 def in_class_order(nodes: Iterable[Node]) -> list[Node]:
     """Members by class, each class in the order of the descriptor's ordinals."""
-    by_class: dict[str, list[Node]] = {}
-    for node in nodes:
-        by_class.setdefault(node.subsystem, []).append(node)
-    return [node for subsystem in sorted(by_class) for node in in_order(by_class[subsystem])]
+    return [node for _, members in sorted(_by_class(nodes).items()) for node in in_order(members)]
 
 
 def _node(node: Node) -> dict[str, str]:
