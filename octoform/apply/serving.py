@@ -44,7 +44,7 @@ def prove_serve(context: Context, task: Task, source: str) -> Proof:
     return found, {}, {"said": f"{len(report.tools)} tools import"}
 
 
-def prove_deploy(context: Context, task: Task, deploy: Mapping[str, Any]) -> Proof:
+def prove_deploy(context: Context, _: Task, deploy: Mapping[str, Any]) -> Proof:
     """Lock the decided packages with hashes, build that environment, start the server and call its read tools."""
     context.emit(events.Checking("deploy", "locking and building the exact environment"))
     pinned = [f"{item['name']}=={item['version']}" for item in deploy["requirements"]]

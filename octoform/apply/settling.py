@@ -66,11 +66,11 @@ def _pseudonym_key(layout: Layout) -> bytes:
     return path.read_bytes()
 
 
-def _json(context: Context, value: Any) -> dict[str, bytes]:
+def _json(_: Context, value: Any) -> dict[str, bytes]:
     return {"output.json": text_of(value)}
 
 
-def _serve(context: Context, value: Any) -> dict[str, bytes]:
+def _serve(_: Context, value: Any) -> dict[str, bytes]:
     return {"server.py": value.encode(), **runtime_files()}
 
 

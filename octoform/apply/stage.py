@@ -4,7 +4,7 @@ Fail-stop: a spent budget ends the stage and with it the run. What a failed atte
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 from octoform import events
@@ -28,7 +28,7 @@ class _Progress:
     """What the attempts have used so far."""
 
     attempts: int = 0
-    usage: Usage = Usage()
+    usage: Usage = field(default_factory=Usage)
     failed: Failed | None = None
 
 

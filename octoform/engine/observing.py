@@ -84,13 +84,16 @@ def _complaints(compiled: Compiled, snapshot: Snapshot, artifacts: Mapping[str, 
         state = snapshot.nodes.get(stage)
         if state is None or stage not in artifacts or state.detail.get("contract") == contract:
             continue
-        errors = [item for item in _check(compiled, stage, artifacts) if item.severity is Severity.ERROR]
+        errors = [item for item in verify(compiled, stage, artifacts) if item.severity is Severity.ERROR]
         if errors:
             out[stage] = f"{errors[0].code}: {errors[0].summary}"
     return out
 
 
-def _check(compiled: Compiled, stage: str, artifacts: Mapping[str, Any]) -> list[Diagnostic]:
+def verify(compiled: Compiled, stage: str, artifacts: Mapping[str, Any]) -> list[Diagnostic]:
+    """The contract's word on an artifact that is there; an artifact that cannot be read says nothing here."""
+    if stage not in artifacts:
+        return []
     before = {name: artifacts[name] for name in STAGES[: STAGES.index(stage)] if name in artifacts}
     if len(before) < STAGES.index(stage):
         return []  # a predecessor is gone; that is a reason of its own

@@ -1,0 +1,184 @@
+"""Apply: plan under the lock, show, ask, do, record. (Heavy.)"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+from octoform.apply.context import Clock, Context
+from octoform.apply.destroying import destroy
+from octoform.apply.runner import Tally, execute
+from octoform.diagnostics import Diagnostic, error, has_errors
+from octoform.engine import memo, reporting
+from octoform.engine.compiling import Compiled, compile_project
+from octoform.engine.execution_log import logging_to
+from octoform.engine.planning import Outlook, Request, prepare
+from octoform.engine.ports import RunView
+from octoform.engine.results import RunResult
+from octoform.engine.saved import SavedRun, read_saved
+from octoform.engine.sources import source_files
+from octoform.events import Event, Notice
+from octoform.harness.orphans import sweep
+from octoform.plan.model import Plan
+from octoform.state.files import check_writable, write_atomic
+from octoform.state.history import commit_run, repository_facts
+from octoform.state.lock import Waiting, acquire
+from octoform.state.model import GitRecord
+from octoform.state.store import Context as RunFacts
+from octoform.state.store import StateStore
+
+
+@dataclass(frozen=True, slots=True)
+class Options:
+    """How a run is carried out; ``planfile`` is a saved plan to obey."""
+
+    approved: bool = False
+    lock_seconds: float = 0.0
+    planfile: Path | None = None
+    clock: Clock = field(default_factory=Clock)
+
+
+def apply(request: Request, options: Options, view: RunView) -> RunResult:
+    """Run the apply; the result tells how it ended, and the view has shown it."""
+    result = _locked(request, options, view)
+    view.ended(result)
+    return result
+
+
+def _locked(request: Request, options: Options, view: RunView) -> RunResult:
+    """Everything under the lock of the host's state."""
+    operation = "destroy" if request.destroy else "apply"
+    blank = RunResult(operation, "")
+    compiled, found = compile_project(request.project, request.environ)
+    if compiled is None:
+        return replace(blank, failed="compile", diagnostics=tuple(found))
+    blank = replace(blank, host=compiled.layout.host)
+    found = check_writable(compiled.layout)
+    if found:
+        return replace(blank, failed="state", diagnostics=tuple(found))
+    acquired = acquire(compiled.layout, operation, Waiting(timeout=options.lock_seconds))
+    if acquired.lock is None:
+        return replace(blank, failed="lock", diagnostics=acquired.diagnostics)
+    with acquired.lock:
+        return _planned(request, options, view, compiled, acquired.notices)
+
+
+def _planned(
+    request: Request, options: Options, view: RunView, compiled: Compiled, notices: tuple[str, ...]
+) -> RunResult:
+    started = options.clock.monotonic()
+    blank = RunResult("destroy" if request.destroy else "apply", compiled.layout.host)
+    store, found = StateStore.open(compiled.layout)
+    if store is None:
+        return replace(blank, failed="state", diagnostics=tuple(found))
+    saved, problems = read_saved(options.planfile, compiled)
+    if problems:
+        return replace(blank, failed="plan", diagnostics=tuple(problems))
+    outlook, found = prepare(saved.request(request) if saved else request, store)
+    if outlook is None:
+        return replace(blank, failed="plan", diagnostics=tuple(found))
+    refused = saved.check(outlook) if saved else ()
+    shown = saved.plan if saved else outlook.plan
+    view.plan(shown)
+    if not shown.empty and not (options.approved or saved) and not view.approve():
+        hint = "say yes on a terminal, or use -auto-approve"
+        declined = error("APPLY-NOT-APPROVED", f"{blank.operation} was not approved; nothing was done", hint=hint)
+        return replace(blank, failed="approval", diagnostics=(declined,))
+    run = _Run(request, options, view, outlook, store)
+    tally = run.carry_out(shown, saved, notices)
+    result = run.record(shown, tally, options.clock.monotonic() - started)
+    return replace(
+        result,
+        diagnostics=(*outlook.diagnostics, *result.diagnostics, *refused),
+        failed=result.failed or ("saved plan" if refused else None),
+        refused=tuple(sorted(saved.stale)) if saved else (),
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class _Run:
+    """One approved run."""
+
+    request: Request
+    options: Options
+    view: RunView
+    outlook: Outlook
+    store: StateStore
+
+    def carry_out(self, plan: Plan, saved: SavedRun | None, notices: tuple[str, ...]) -> Tally:
+        """Do the plan's work while the view watches."""
+        allowed: Callable[[str], bool] = saved.allows if saved else lambda _: True
+        layout = self.outlook.compiled.layout
+        if plan.empty:
+            return Tally()
+        with self.view.watching() as show, logging_to(layout.call_log, self.options.clock, show) as emit:
+            for text in (*notices, *_swept(layout.attempts)):
+                emit(Notice("", text))
+            context = self._context(emit)
+            return destroy(context, plan) if self.request.destroy else execute(context, plan, allowed)
+
+    def _context(self, emit: Callable[[Event], None]) -> Context:
+        compiled, situation = self.outlook.compiled, self.outlook.situation
+        return Context(
+            layout=compiled.layout,
+            manifest=compiled.manifest,
+            graph=compiled.graph,
+            specs=compiled.specs,
+            schemas=compiled.schemas,
+            profiles=compiled.profiles,
+            store=self.store,
+            contract=situation.contract,
+            fingerprint=situation.fingerprint.digest,
+            hardware=situation.fingerprint.entries,
+            environ=self.request.environ,
+            emit=emit,
+            clock=self.options.clock,
+        )
+
+    def record(self, plan: Plan, tally: Tally, seconds: float) -> RunResult:
+        """The snapshot, the commit, the memo, and the result."""
+        compiled = self.outlook.compiled
+        found: list[Diagnostic] = [*tally.diagnostics]
+        facts = repository_facts(compiled.layout.project, source_files(compiled))
+        git = GitRecord(revision=facts.revision, dirty=list(facts.dirty)) if facts else None
+        found += self.store.commit_snapshot(RunFacts(compiled.manifest.digest, git))
+        commit = None
+        if compiled.manifest.git.commit and not has_errors(found) and not plan.empty:
+            commit, more = commit_run(compiled.layout, self.store.snapshot, plan.operation)
+            found += more
+        self._remember(tally)
+        return RunResult(
+            operation=plan.operation,
+            host=plan.host,
+            added=tally.added,
+            changed=tally.changed,
+            destroyed=tally.destroyed,
+            agent_runs=tally.agent_runs,
+            seconds=seconds,
+            failed=tally.failed,
+            diagnostics=tuple(found),
+            funnel=None if self.request.destroy else reporting.funnel(compiled.layout),
+            endpoint=None if self.request.destroy or tally.failed else reporting.endpoint(compiled.layout),
+            commit=commit,
+        )
+
+    def _remember(self, tally: Tally) -> None:
+        """Keep the memo when nothing is left to do; drop it when something is."""
+        path = memo.path_of(self.request.project)
+        request = Request(self.request.project, self.request.environ)
+        outlook = None if tally.failed or self.request.destroy else prepare(request)[0]
+        if outlook is None or not outlook.plan.empty:
+            path.unlink(missing_ok=True)
+            return
+        sources = [str(path) for path in source_files(outlook.compiled)]
+        chosen = outlook.compiled.manifest.variables
+        write_atomic(
+            path, memo.document(outlook.plan, self.request.project, sources, chosen, self.request.environ), 0o600
+        )
+
+
+def _swept(attempts: Path) -> tuple[str, ...]:
+    """End what a killed run left running, as far as it is provably ours."""
+    swept = sweep(attempts)
+    if not swept.ended:
+        return ()
+    return (f"ended {len(swept.ended)} processes that an interrupted run had left behind",)

@@ -1,0 +1,132 @@
+"""Looking and small interventions: show, state, accept, force-unlock, explain, graph. (Heavy.)"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from octoform.apply.context import Clock
+from octoform.contracts.canon import output_digest
+from octoform.diagnostics import Diagnostic, did_you_mean, error, has_errors
+from octoform.engine.compiling import Compiled, compile_project
+from octoform.engine.observing import Situation, look
+from octoform.engine.observing import verify as verify_artifact
+from octoform.graph.model import key_of, key_parts
+from octoform.plan import encode, planfile
+from octoform.plan.model import Plan
+from octoform.state.artifacts import file_digest
+from octoform.state.files import read_regular
+from octoform.state.lock import acquire, force_unlock
+from octoform.state.model import NodeState, Snapshot, Status
+from octoform.state.store import StateStore
+
+
+@dataclass(frozen=True, slots=True)
+class Found:
+    """A compiled project with its opened state."""
+
+    compiled: Compiled
+    store: StateStore
+
+    @property
+    def snapshot(self) -> Snapshot:
+        """The state, journal folded."""
+        return self.store.snapshot
+
+
+def open_project(project: Path, environ: Mapping[str, str]) -> tuple[Found | None, list[Diagnostic]]:
+    """Manifest and state of a folder; changes nothing."""
+    compiled, found = compile_project(project, environ)
+    if compiled is None:
+        return None, found
+    store, more = StateStore.open(compiled.layout)
+    return (Found(compiled, store) if store is not None else None), [*found, *more]
+
+
+def saved_plan(path: Path) -> tuple[Plan | None, list[Diagnostic]]:
+    """The plan that a file of ``plan -out`` holds."""
+    data, problem = read_regular(path)
+    if data is None:
+        return None, [problem or error("PLAN-NOT-A-PLAN", "there is no such file", path=str(path))]
+    document, found = planfile.read(data, str(path))
+    return (encode.from_json(document.plan) if document else None), found
+
+
+def node_of(snapshot: Snapshot, name: str) -> tuple[NodeState | None, list[Diagnostic]]:
+    """One node of the state, or STATE-NO-NODE with a near name."""
+    state = snapshot.nodes.get(name)
+    if state is not None:
+        return state, []
+    near = did_you_mean(name, list(snapshot.nodes))
+    hint = f"did you mean {near}?" if near else "`octoform state list` shows what there is"
+    return None, [error("STATE-NO-NODE", f"the state has no node {name!r}", hint=hint)]
+
+
+Step = Callable[[Found], list[Diagnostic]]
+
+
+def _change(project: Path, environ: Mapping[str, str], operation: str, step: Step) -> list[Diagnostic]:
+    """One small change of the state, under the lock, in the journal, in the snapshot."""
+    compiled, found = compile_project(project, environ)
+    if compiled is None:
+        return found
+    acquired = acquire(compiled.layout, operation)
+    if acquired.lock is None:
+        return [*found, *acquired.diagnostics]
+    with acquired.lock:
+        opened, found = open_project(project, environ)
+        if opened is None:
+            return found
+        found = step(opened)
+        return found if has_errors(found) else [*found, *opened.store.commit_snapshot()]
+
+
+def forget(project: Path, environ: Mapping[str, str], name: str) -> list[Diagnostic]:
+    """``state rm``: the node leaves the state, its artifact stays."""
+
+    def step(opened: Found) -> list[Diagnostic]:
+        state, found = node_of(opened.snapshot, name)
+        return found if state is None else opened.store.remove(name)
+
+    return _change(project, environ, "state rm", step)
+
+
+def accept(project: Path, environ: Mapping[str, str], name: str) -> list[Diagnostic]:
+    """``accept NODE``: the artifact that is there, verified, under the key of today's specs and settings."""
+
+    def step(opened: Found) -> list[Diagnostic]:
+        state, found = node_of(opened.snapshot, name)
+        if state is None:
+            return found
+        situation = look(opened.compiled, opened.snapshot, environ)
+        found = verify_artifact(opened.compiled, name, situation.artifacts)
+        if has_errors(found):
+            return found
+        return found + opened.store.success(name, _adopted(opened, state, situation, name))
+
+    return _change(project, environ, "accept", step)
+
+
+def _adopted(opened: Found, state: NodeState, situation: Situation, name: str) -> NodeState:
+    compiled = opened.compiled
+    node = compiled.graph.node(name)
+    outputs = {other: opened.snapshot.nodes[other].output_digest for other in node.consumes}
+    parts = key_parts(node, outputs, situation.fingerprint.digest)
+    value: Any = situation.artifacts.get(name)
+    changed = {
+        "key": key_of(parts),
+        "key_parts": parts,
+        "output_digest": output_digest(name, value, compiled.schemas) if value is not None else state.output_digest,
+        "file_digest": file_digest(compiled.layout, name) or "",
+        "accepted_at": Clock().stamp(),
+        "tainted": False,
+        "status": Status.ACCEPTED,
+        "detail": {**state.detail, "contract": situation.contract, "adopted": True},
+    }
+    return state.model_copy(update=changed)
+
+
+def unlock(project: Path, environ: Mapping[str, str], lock_id: str) -> list[Diagnostic]:
+    """``force-unlock``: remove the lock with that id."""
+    compiled, found = compile_project(project, environ)
+    return found if compiled is None else force_unlock(compiled.layout, lock_id)

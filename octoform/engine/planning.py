@@ -1,0 +1,148 @@
+"""Plan: compile, look, compare; nothing is written and nothing is started. (Heavy.)"""
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import octoform
+from octoform.diagnostics import Diagnostic, did_you_mean, error, has_errors
+from octoform.engine.compiling import Compiled, compile_project
+from octoform.engine.observing import Situation, look
+from octoform.engine.results import PlanResult
+from octoform.engine.sources import source_files
+from octoform.graph.model import Graph
+from octoform.plan import encode, planfile
+from octoform.plan.diff import Wishes, diff
+from octoform.plan.model import Action, Cause, Change, OpenQuestion, Plan, PlannedAction, Reason
+from octoform.state.files import write_atomic
+from octoform.state.history import repository_facts
+from octoform.state.model import Snapshot
+from octoform.state.store import StateStore
+
+
+@dataclass(frozen=True, slots=True)
+class Request:
+    """What a person asked of plan or apply; ``project`` is absolute."""
+
+    project: Path
+    environ: Mapping[str, str]
+    targets: tuple[str, ...] = ()
+    replace: tuple[str, ...] = ()
+    destroy: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Outlook:
+    """A plan together with all that it was made from; apply goes on from here."""
+
+    compiled: Compiled
+    snapshot: Snapshot
+    situation: Situation
+    plan: Plan
+    diagnostics: tuple[Diagnostic, ...] = field(default=())
+
+
+def make_plan(request: Request, out: Path | None = None) -> PlanResult:
+    """The plan of a project folder; saved to ``out`` when that is given."""
+    outlook, found = prepare(request)
+    if outlook is None:
+        return PlanResult(None, tuple(found))
+    if out is None:
+        return PlanResult(outlook.plan, tuple(found))
+    problem = write_atomic(out, save(request, outlook), 0o600)
+    return PlanResult(outlook.plan, (*found, *([problem] if problem else [])), None if problem else str(out))
+
+
+def prepare(request: Request, store: StateStore | None = None) -> tuple[Outlook | None, list[Diagnostic]]:
+    """Compile, open the state, look, compare. ``store`` is given by apply, which holds the lock."""
+    compiled, found = compile_project(request.project, request.environ)
+    if compiled is None:
+        return None, found
+    found += _unknown_nodes(compiled.graph, (*request.targets, *request.replace))
+    if store is None:
+        store, more = StateStore.open(compiled.layout)
+        found += more
+    if store is None or has_errors(found):
+        return None, found
+    situation = look(compiled, store.snapshot, request.environ)
+    plan = _plan(request, compiled, store.snapshot, situation)
+    return Outlook(compiled, store.snapshot, situation, plan, tuple(found)), found
+
+
+def _unknown_nodes(graph: Graph, names: Iterable[str]) -> list[Diagnostic]:
+    found = []
+    for name in names:
+        if name not in graph.names():
+            near = did_you_mean(name, graph.names())
+            hint = f"did you mean {near}?" if near else f"the nodes are {', '.join(graph.names())}"
+            found.append(error("PLAN-UNKNOWN-NODE", f"there is no node {name!r}", hint=hint))
+    return found
+
+
+def _plan(request: Request, compiled: Compiled, snapshot: Snapshot, situation: Situation) -> Plan:
+    actions = _destruction(snapshot) if request.destroy else _construction(request, compiled, situation)
+    facts = repository_facts(compiled.layout.project, source_files(compiled))
+    targets = compiled.graph.upstream(request.targets) if request.targets else frozenset()
+    return Plan(
+        host=compiled.layout.host,
+        operation="destroy" if request.destroy else "apply",
+        actions=actions,
+        lineage=snapshot.lineage,
+        serial=snapshot.serial,
+        revision=facts.revision if facts else None,
+        dirty=facts.dirty if facts else (),
+        changes=() if request.destroy else _changes(situation),
+        questions=() if request.destroy else _questions(situation),
+        targets=tuple(name for name in compiled.graph.names() if name in targets),
+    )
+
+
+def _construction(request: Request, compiled: Compiled, situation: Situation) -> tuple[PlannedAction, ...]:
+    wishes = Wishes(
+        replace=frozenset(request.replace),
+        targets=compiled.graph.upstream(request.targets) if request.targets else None,
+        ignore=frozenset(compiled.manifest.lifecycle.ignore),
+    )
+    return diff(compiled.graph, situation.prior, situation.observed, wishes)
+
+
+def _destruction(snapshot: Snapshot) -> tuple[PlannedAction, ...]:
+    reason = Reason(Cause.REQUESTED, text="destroy")
+    return tuple(
+        PlannedAction(name, Action.DESTROY, certain=True, reasons=(reason,)) for name in reversed(snapshot.nodes)
+    )
+
+
+def _changes(situation: Situation) -> tuple[Change, ...]:
+    """Hardware that came or went, as the kernel announces it: all that is known before PROBE runs."""
+    words = {"appeared": Action.CREATE, "gone": Action.DESTROY}
+    out = []
+    for text in situation.observed.hardware:
+        word, _, entry = text.partition(" ")
+        if word in words:
+            out.append(Change("hardware", entry, words[word]))
+    return tuple(out)
+
+
+def _questions(situation: Situation) -> tuple[OpenQuestion, ...]:
+    identify = situation.artifacts.get("identify") or {"devices": []}
+    return tuple(
+        OpenQuestion(device["id"], device["identified_as"], device["missing"])
+        for device in identify["devices"]
+        if device["category"] == "unknown" and device.get("missing")
+    )
+
+
+def save(request: Request, outlook: Outlook) -> bytes:
+    """The plan file of an outlook."""
+    situation, plan = outlook.situation, outlook.plan
+    document = planfile.PlanFile(
+        octoform=octoform.__version__,
+        host=plan.host,
+        lineage=plan.lineage if outlook.snapshot.nodes else None,
+        targets=list(request.targets) or None,
+        replace=list(request.replace),
+        units=planfile.units(outlook.compiled.graph, plan, situation.prior, situation.observed),
+        plan=encode.to_json(plan),
+    )
+    return document.model_dump_json(indent=1).encode() + b"\n"
