@@ -1,4 +1,4 @@
-"""Build the serving environment of a lock, once, and keep the one before.
+"""Build the serving environment of a lock, once, and drop those that no one needs.
 
 An environment is bound to its path, so it is built in place: a marker is written last, and a folder without it is
 a build that was cut off and is made anew. Only the lock's hashes are installed.
@@ -6,10 +6,9 @@ a build that was cut off and is made anew. Only the lock's hashes are installed.
 
 import fcntl
 import json
-import os
 import shutil
 import sys
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -31,44 +30,34 @@ from octoform.state.files import write_atomic
 from octoform.state.layout import Layout
 
 Built = tuple[Environment | None, tuple[Diagnostic, ...]]
-KEPT = 2
-"""The current environment and the one before it, so that a rollback needs no network."""
 
 
 def build(layout: Layout, lock_text: str, timeout: float = 600.0) -> Built:
     """The environment of this lock, built unless a complete and intact one is there; errors as diagnostics.
 
-    ``timeout`` is in seconds for the installation. Two builds of one lock wait for each other. Environments older
-    than the previous one are dropped after success.
+    ``timeout`` is in seconds for the installation. Two builds of one lock wait for each other.
     """
     environment = locate(layout, lock_text)
     private_folder(layout.environments)
     with _locked(layout.environments / f".{environment.path.name}.lock"):
         if not intact(environment):
-            os.utime(environment.path)
             return environment, ()
         problem = _make(environment, lock_text, timeout)
     if problem is not None:
         shutil.rmtree(environment.path, ignore_errors=True)
         return None, (problem,)
-    prune(layout, environment)
     return environment, ()
 
 
-def prune(layout: Layout, current: Environment) -> list[Path]:
-    """Drop half-built environments and all but the current and the newest other one; gives what was dropped."""
-    others = []
-    dropped = []
-    for path in sorted(layout.environments.iterdir()):
-        if path == current.path or not FOLDER_NAME.fullmatch(path.name) or not path.is_dir():
-            continue
-        marker = path / MARKER
-        if marker.is_file():
-            others.append((path.stat().st_mtime_ns, path))
-        else:
-            dropped.append(path)
-    dropped.extend(path for _, path in sorted(others, reverse=True)[KEPT - 1 :])
-    return [path for path in dropped if _drop(path)]
+def prune(layout: Layout, keep: Collection[Path]) -> list[Path]:
+    """Drop half-built environments and all complete ones but those to keep; gives what was dropped.
+
+    An environment that someone builds at this moment stays.
+    """
+    if not layout.environments.is_dir():
+        return []
+    found = [path for path in sorted(layout.environments.iterdir()) if FOLDER_NAME.fullmatch(path.name)]
+    return [path for path in found if path.is_dir() and path not in keep and _drop(path)]
 
 
 def _drop(path: Path) -> bool:

@@ -7,7 +7,6 @@ asks whether the environment drifted.
 
 import json
 import os
-import platform
 import re
 import sys
 from dataclasses import dataclass
@@ -37,7 +36,7 @@ def locate(layout: Layout, lock_text: str) -> Environment:
     """Where the environment of this lock lies on this machine, built or not."""
     lock = of_value(lock_text)
     carrier = f"{sys.implementation.name}-{sys.version_info.major}.{sys.version_info.minor}"
-    digest = of_value({"lock": lock, "python": carrier, "machine": f"{sys.platform}-{platform.machine()}"})
+    digest = of_value({"lock": lock, "python": carrier, "machine": f"{sys.platform}-{os.uname().machine}"})
     path = layout.environments / short(digest)
     return Environment(path / "bin" / "python", digest, path, lock)
 

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from octoform.endpoint.environment import Environment, at, bytecode_option
-from octoform.endpoint.files import LAUNCHER, MANIFEST
+from octoform.endpoint.files import LAUNCHER, read_manifest
 from octoform.endpoint.process import base_environment, run
 from octoform.state.layout import Layout
 
@@ -15,6 +15,7 @@ SCRIPT = Path(__file__).parent / "scripts" / "mcp_client.py"
 START_SECONDS = 45.0
 """For a server's start on a small board; a second or two elsewhere."""
 _MARGIN = 10.0
+REFUSAL = "octoform: refused:"
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,11 +45,8 @@ class Report:
 
 def recorded_environment(layout: Layout) -> Environment | None:
     """The environment that the applied endpoint names, or None when nothing (whole) is applied."""
-    try:
-        manifest = json.loads((layout.endpoint / MANIFEST).read_bytes())
-        return at(Path(manifest["environment"]))
-    except (OSError, ValueError, KeyError, TypeError):
-        return None
+    manifest = read_manifest(layout)
+    return at(Path(str(manifest["environment"]))) if manifest and "environment" in manifest else None
 
 
 def send(
@@ -87,7 +85,15 @@ def send(
     except ValueError:
         reason = "the client gave up" if finished.timed_out else _last_line(log) or f"exit status {finished.status}"
         value = {"answered": False, "error": reason, "protocol": None, "server": None, "tools": [], "calls": []}
+    if not value["answered"]:
+        value["error"] = _refusal(log) or value["error"]
     return Report(**value, seconds=finished.seconds, survivors=finished.survivors, log=log)
+
+
+def _refusal(log: str) -> str | None:
+    """The launcher's own sentence, when it refused to serve."""
+    said = [line.removeprefix(REFUSAL).strip() for line in log.splitlines() if line.startswith(REFUSAL)]
+    return said[0] if said else None
 
 
 def _last_line(text: str) -> str:

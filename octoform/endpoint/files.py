@@ -3,10 +3,13 @@
 Light: used by the observation that every plan makes.
 """
 
+import json
 import os
 from pathlib import Path
+from typing import Any
 
 from octoform.digest import of_bytes, of_value
+from octoform.state.layout import Layout
 
 CONNECTION = "connection.json"
 LAUNCHER = "launch"
@@ -46,3 +49,13 @@ def private_folder(path: Path) -> Path:
         path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
         path.mkdir(mode=0o700, exist_ok=True)
     return path
+
+
+def read_manifest(layout: Layout) -> dict[str, Any] | None:
+    """The manifest of the applied endpoint; None when nothing is applied or the file is no manifest of ours."""
+    try:
+        value = json.loads((layout.endpoint / MANIFEST).read_bytes())
+    except (OSError, ValueError):
+        return None
+    fits = isinstance(value, dict) and value.get("format") == 1 and isinstance(value.get("files"), dict)
+    return value if fits else None

@@ -13,8 +13,10 @@ from typing import Any
 
 from octoform.diagnostics import Diagnostic
 from octoform.digest import of_bytes
+from octoform.endpoint.building import prune
 from octoform.endpoint.environment import Environment, bytecode_option
 from octoform.endpoint.files import (
+    CHECK,
     CLIENTS,
     CONNECTION,
     LAUNCHER,
@@ -23,6 +25,7 @@ from octoform.endpoint.files import (
     files_below,
     folder_digest,
     private_folder,
+    read_manifest,
 )
 from octoform.endpoint.snippets import snippets
 from octoform.state.files import write_atomic
@@ -43,6 +46,9 @@ def write_endpoint(
     is taken from. OSError when the accepted server.py cannot be read, which is a bug of the caller.
     """
     folder = private_folder(layout.endpoint)
+    former = read_manifest(layout)
+    # What was seen of the former server says nothing of this one.
+    (folder / CHECK).unlink(missing_ok=True)
     private_folder(layout.call_log.parent)
     launcher = folder / LAUNCHER
     descriptor = _descriptor(layout, environment, tools, os.environ if environ is None else environ)
@@ -59,18 +65,29 @@ def write_endpoint(
         "format": 1,
         "files": {name: of_bytes(data) for name, (data, _) in files.items()},
         "environment": str(environment.path),
+        "previous_environment": _previous(former, environment),
         "lock": environment.lock,
         "server": descriptor["server"]["digest"],
         "runtime": folder_digest(layout.runtime),
     }
-    problem = write_atomic(folder / MANIFEST, _json(manifest), 0o600)
-    return [problem] if problem else []
+    if problem := write_atomic(folder / MANIFEST, _json(manifest), 0o600):
+        return [problem]
+    prune(layout, {Path(str(manifest[name])) for name in ("environment", "previous_environment") if manifest[name]})
+    return []
 
 
 def launcher_text(environment: Environment, script: Path) -> str:
     """The launcher: a shell's two lines, because a shebang can hold neither a long path nor one with a blank."""
     words = [str(environment.python), "-I", *bytecode_option(environment.python), str(script)]
     return "#!/bin/sh\nexec " + " ".join(shlex.quote(word) for word in words) + ' "$@"\n'
+
+
+def _previous(former: Mapping[str, Any] | None, environment: Environment) -> str | None:
+    """The environment to keep beside the current one, so that a way back needs no network."""
+    if former is None:
+        return None
+    last = former.get("environment")
+    return former.get("previous_environment") if last == str(environment.path) else last
 
 
 def _descriptor(

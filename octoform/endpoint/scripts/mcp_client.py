@@ -12,151 +12,30 @@ One JSON object on stdout: ``{"answered", "error", "protocol", "server", "tools"
 
 import json
 import os
+import subprocess
 import sys
-import time
 from pathlib import Path
 from typing import Any
 
-import anyio
-import jsonschema
-from fastmcp import Client
-from fastmcp.client.transports import StdioTransport
-
-sys.path.insert(0, str(Path(__file__).resolve().parent))
-from picture import figures
-
+PASSED = ("HOME", "LOGNAME", "PATH", "SHELL", "TERM", "USER")
+"""What the SDK's clients hand to a stdio server: a tool that needs more would fail in a real client too."""
 MARK = "OCTOFORM_RUN"
-
-
-async def errand(task: dict[str, Any]) -> dict[str, Any]:
-    """Connect, list, call; what fails is part of the answer."""
-    command, *arguments = task["command"]
-    # The SDK passes on only a few variables; the mark lets the caller find whatever is left running.
-    environment = {name: os.environ[name] for name in (MARK,) if name in os.environ}
-    transport = StdioTransport(command, arguments, env=environment, keep_alive=False)
-    report: dict[str, Any] = {
-        "answered": False,
-        "error": None,
-        "protocol": None,
-        "server": None,
-        "tools": [],
-        "calls": [],
-    }
-    seconds = task["start_seconds"]
-    try:
-        async with Client(transport, mode=task["mode"], init_timeout=seconds, timeout=seconds) as client:
-            tools = await client.list_tools()
-            info = client.server_info
-            report.update(answered=True, protocol=client.protocol_version)
-            report["server"] = {"name": info.name, "version": info.version} if info else None
-            wire = [tool.model_dump(mode="json", by_alias=True, exclude_none=True) for tool in tools]
-            report["tools"] = [as_tool(tool) for tool in wire]
-            schemas = {tool["name"]: tool["inputSchema"] for tool in wire}
-            for call in task["calls"]:
-                report["calls"].append(await one_call(client, call, schemas, task["keep_content"]))
-    except Exception as problem:  # noqa: BLE001 - the answer is the only way to tell the caller
-        report["error"] = f"{type(problem).__name__}: {problem}"[:1000]
-    return report
-
-
-def as_tool(wire: dict[str, Any]) -> dict[str, Any]:
-    """A tool under the report's names."""
-    return {
-        "name": wire["name"],
-        "description": wire.get("description", ""),
-        "input_schema": wire["inputSchema"],
-        "output_schema": wire.get("outputSchema"),
-        "annotations": wire.get("annotations"),
-    }
-
-
-async def one_call(client: Client[Any], call: dict[str, Any], schemas: dict[str, Any], keep: bool) -> dict[str, Any]:
-    """One call, its problem classified."""
-    answer: dict[str, Any] = {
-        "tool": call["tool"],
-        "arguments": call["arguments"],
-        "is_error": True,
-        "problem": None,
-        "field": None,
-        "message": "",
-        "content": [],
-        "structured": None,
-        "pictures": [],
-        "ms": 0.0,
-    }
-    schema = schemas.get(call["tool"])
-    if schema is None:
-        return {**answer, "problem": "unknown_tool"}
-    arguments = {**call["arguments"], **converted(call["texts"], schema)}
-    answer["arguments"] = arguments
-    if fault := first_fault(arguments, schema):
-        return {**answer, "problem": "bad_argument", **fault}
-    started = time.monotonic()
-    try:
-        with anyio.fail_after(call["seconds"]):
-            result = await client.call_tool_mcp(call["tool"], arguments, timeout=call["seconds"])
-        wire = result.model_dump(mode="json", by_alias=True, exclude_none=True)
-        answer.update(outcome(wire, keep))
-    except Exception as problem:  # noqa: BLE001 - classified and reported
-        answer.update(problem=problem_kind(problem), message=str(problem)[:1000])
-    answer["ms"] = round((time.monotonic() - started) * 1000, 1)
-    return answer
-
-
-def problem_kind(problem: Exception) -> str:
-    """Which of the problems of the module's docstring an exception is."""
-    text = str(problem)
-    if isinstance(problem, TimeoutError) or "timed out" in text.lower():
-        return "timeout"
-    return "output_schema" if "structured content" in text.lower() or "output schema" in text.lower() else "protocol"
-
-
-def outcome(wire: dict[str, Any], keep: bool) -> dict[str, Any]:
-    """The parts of a result; picture data only when the caller keeps content."""
-    content = wire.get("content", [])
-    texts = [item.get("text", "") for item in content if item.get("type") == "text"]
-    return {
-        "is_error": bool(wire.get("isError")),
-        "message": "\n".join(texts)[:1000],
-        "structured": wire.get("structuredContent"),
-        "content": content if keep else [],
-        "pictures": [figures(item["data"]) for item in content if item.get("type") == "image"],
-    }
-
-
-def converted(texts: dict[str, str], schema: dict[str, Any]) -> dict[str, Any]:
-    """Texts from a command line as the values that the schema wants; what does not convert stays text."""
-    properties = schema.get("properties", {})
-    return {name: convert(text, properties.get(name, {})) for name, text in texts.items()}
-
-
-def convert(text: str, schema: dict[str, Any]) -> Any:
-    """``text`` itself where the schema takes it, else its value as JSON where there is one."""
-    if jsonschema.Draft202012Validator(schema).is_valid(text) and schema:
-        return text
-    try:
-        return json.loads(text)
-    except ValueError:
-        return text
-
-
-def first_fault(arguments: dict[str, Any], schema: dict[str, Any]) -> dict[str, Any] | None:
-    """Field and message of the first argument that breaks the input schema."""
-    problem = jsonschema.exceptions.best_match(jsonschema.Draft202012Validator(schema).iter_errors(arguments))
-    if problem is None:
-        return None
-    field = str(problem.absolute_path[0]) if problem.absolute_path else None
-    if problem.validator == "required":
-        field = next((name for name in problem.validator_value if name not in arguments), None)
-    elif problem.validator == "additionalProperties":
-        field = next((name for name in arguments if name not in schema.get("properties", {})), None)
-    return {"field": field, "message": problem.message[:500]}
+"""Lets the caller find whatever is left running."""
 
 
 def main() -> None:
-    """Read the task, run it, print the report."""
-    report = anyio.run(errand, json.load(sys.stdin))
-    json.dump(report, sys.stdout)
+    """Read the task, start the server, talk to it, print the report."""
+    task: dict[str, Any] = json.load(sys.stdin)
+    environment = {name: os.environ[name] for name in (*PASSED, MARK) if name in os.environ}
+    process = subprocess.Popen(
+        task["command"], env=environment, stdin=subprocess.PIPE, stdout=subprocess.PIPE, start_new_session=True
+    )
+    # While the server starts, this side loads the client: on two cores that halves the wait.
+    sys.path.insert(0, str(Path(__file__).resolve().parent))
+    import anyio
+    from conversation import errand
+
+    json.dump(anyio.run(errand, task, process), sys.stdout)
 
 
 if __name__ == "__main__":

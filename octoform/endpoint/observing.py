@@ -1,0 +1,127 @@
+"""What the applied endpoint looks like now, compared with what apply left: the endpoint's share of a plan's drift.
+
+Light: a few files are read and hashed, one folder is listed; nothing is started and nothing is asked, so a plan that
+has nothing to do stays fast (a few milliseconds).
+"""
+
+import json
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from octoform.digest import of_value
+from octoform.endpoint.environment import Environment, at, intact
+from octoform.endpoint.files import CHECK, CONNECTION, LAUNCHER, file_digest, folder_digest, read_manifest
+from octoform.state.layout import Layout
+
+_WORDS = {LAUNCHER: "the launcher", CONNECTION: "the connection descriptor"}
+
+
+@dataclass(frozen=True, slots=True)
+class Expected:
+    """What the accepted artifacts call for; None is not compared. ``server`` is the digest of server.py's bytes."""
+
+    tools: tuple[str, ...] | None = None
+    server: str | None = None
+    lock_text: str | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class EndpointFacts:
+    """The endpoint as it is. ``reasons`` are plain sentences, empty when all is as it was left.
+
+    ``tools``, ``answered`` and ``checked_at`` (RFC 3339) come from the last check; None when there was none.
+    """
+
+    present: bool
+    reasons: tuple[str, ...]
+    server: str | None = None
+    runtime: str | None = None
+    lock: str | None = None
+    tools: tuple[str, ...] | None = None
+    answered: bool | None = None
+    checked_at: str | None = None
+
+
+def observe(layout: Layout, expected: Expected | None = None) -> EndpointFacts:
+    """Look at the endpoint; never raises for what it finds."""
+    wanted = expected or Expected()
+    manifest = read_manifest(layout)
+    if manifest is None:
+        return EndpointFacts(False, ("the endpoint is not there",))
+    check = _check(layout)
+    server, runtime = file_digest(layout.output("serve")), folder_digest(layout.runtime)
+    reasons = [
+        *_files(layout, manifest["files"]),
+        *_environment(manifest),
+        *_served(manifest, server, runtime, wanted),
+        *_checked(check, wanted),
+    ]
+    return EndpointFacts(
+        present=True,
+        reasons=tuple(reasons),
+        server=server,
+        runtime=runtime,
+        lock=manifest.get("lock"),
+        tools=tuple(check["tools"]) if check else None,
+        answered=bool(check["answered"]) if check else None,
+        checked_at=str(check["at"]) if check else None,
+    )
+
+
+def _files(layout: Layout, files: Mapping[str, str]) -> list[str]:
+    reasons = []
+    for name, digest in sorted(files.items()):
+        path = layout.endpoint / name
+        what = _WORDS.get(name, f"the endpoint's {name}")
+        present = file_digest(path)
+        if present is None:
+            reasons.append(f"{what} is missing")
+        elif present != digest:
+            reasons.append(f"{what} was changed")
+        elif name == LAUNCHER and not os.access(path, os.X_OK):
+            reasons.append(f"{what} is not executable")
+    return reasons
+
+
+def _environment(manifest: Mapping[str, Any]) -> list[str]:
+    environment: Environment | None = at(Path(str(manifest.get("environment"))))
+    if environment is None:
+        return ["the serving environment is missing"]
+    return intact(environment)
+
+
+def _served(manifest: Mapping[str, Any], server: str | None, runtime: str | None, wanted: Expected) -> list[str]:
+    reasons = []
+    if server is None:
+        reasons.append("server.py is missing")
+    elif server != manifest.get("server") or (wanted.server and wanted.server != server):
+        reasons.append("server.py is not the one that the endpoint was made for")
+    if runtime != manifest.get("runtime"):
+        reasons.append("the runtime beside server.py is missing" if runtime is None else "the runtime was changed")
+    if wanted.lock_text is not None and of_value(wanted.lock_text) != manifest.get("lock"):
+        reasons.append("the endpoint was built for another set of packages")
+    return reasons
+
+
+def _checked(check: Mapping[str, Any] | None, wanted: Expected) -> list[str]:
+    if check is None:
+        return ["the endpoint was never seen to answer"]
+    if not check["answered"]:
+        return ["the endpoint did not answer when it was last checked"]
+    if wanted.tools is None or set(wanted.tools) == set(check["tools"]):
+        return []
+    added, gone = set(check["tools"]) - set(wanted.tools), set(wanted.tools) - set(check["tools"])
+    words = [f"+{name}" for name in sorted(added)] + [f"-{name}" for name in sorted(gone)]
+    return [f"tools differ: {' '.join(words)}"]
+
+
+def _check(layout: Layout) -> dict[str, Any] | None:
+    try:
+        value = json.loads((layout.endpoint / CHECK).read_bytes())
+    except (OSError, ValueError):
+        return None
+    whole = isinstance(value, dict) and {"answered", "tools", "at"} <= set(value)
+    return value if whole else None

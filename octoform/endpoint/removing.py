@@ -1,0 +1,45 @@
+"""Take the endpoint away: exactly what apply made, nothing that a person put beside it."""
+
+import shutil
+from pathlib import Path
+
+from octoform.endpoint.environment import FOLDER_NAME, MARKER
+from octoform.endpoint.files import CHECK, CLIENTS, CONNECTION, LAUNCHER, MANIFEST, SERVE_SCRIPT
+from octoform.endpoint.snippets import snippets
+from octoform.state.layout import Layout
+
+
+def remove(layout: Layout) -> list[Path]:
+    """Remove endpoint and environments of this host; gives the files and folders that are not ours and stayed.
+
+    The launcher goes first, so that no client starts a server from what is being removed. OSError when the system
+    refuses.
+    """
+    folder = layout.endpoint
+    for name in (LAUNCHER, SERVE_SCRIPT, CONNECTION, CHECK, MANIFEST):
+        _unlink(folder, name)
+    for name in snippets("", ""):
+        _unlink(folder / CLIENTS, name)
+    for path in sorted(layout.environments.glob("*")):
+        if FOLDER_NAME.fullmatch(path.name) and ((path / MARKER).is_file() or (path / "pyvenv.cfg").is_file()):
+            shutil.rmtree(path)
+    for path in sorted(layout.environments.glob(".*.lock")):
+        path.unlink()
+    return [*_sweep(folder / CLIENTS), *_sweep(folder), *_sweep(layout.environments)]
+
+
+def _unlink(folder: Path, name: str) -> None:
+    """The file, and whatever a cut-off write left of it."""
+    (folder / name).unlink(missing_ok=True)
+    for path in folder.glob(f".{name}.*"):
+        path.unlink()
+
+
+def _sweep(folder: Path) -> list[Path]:
+    """Remove the folder when it is empty, else tell what is in it."""
+    if not folder.is_dir():
+        return []
+    left = sorted(folder.iterdir())
+    if not left:
+        folder.rmdir()
+    return left
