@@ -6,7 +6,14 @@ Heavy: imports jsonschema. Rules may rely on the shape, so they run only on a va
 from dataclasses import replace
 from pathlib import Path
 
-from octoform.contracts import identify_rules, interface_rules, interface_schemas, probe_rules
+from octoform.contracts import (
+    deploy_rules,
+    identify_rules,
+    interface_rules,
+    interface_schemas,
+    probe_rules,
+    serve_rules,
+)
 from octoform.contracts.canon import load_schema
 from octoform.contracts.model import Artifacts, Rule
 from octoform.contracts.shape import shape_diagnostics
@@ -18,8 +25,8 @@ RULES: dict[str, tuple[Rule, ...]] = {
     "probe": probe_rules.RULES,
     "identify": identify_rules.RULES,
     "interface": (*interface_rules.RULES, *interface_schemas.RULES),
-    "serve": (),
-    "deploy": (),
+    "serve": serve_rules.RULES,
+    "deploy": deploy_rules.RULES,
 }
 _NEEDS = {"identify": "probe", "interface": "identify", "serve": "interface", "deploy": "serve"}
 
@@ -35,9 +42,17 @@ def check(stage: str, value: object, artifacts: Artifacts, schemas: Path, path: 
         raise ValueError(f"{stage} cannot be checked without the {needed} artifact")
     found = [] if stage == "serve" else shape_diagnostics(stage, value, load_schema(stage, schemas))
     if not found:
-        for rule in RULES[stage]:
-            found += bounded(rule.check(value, artifacts))
+        found = _ruled(RULES[stage], value, artifacts)
     return [item if item.path or path is None else replace(item, path=path) for item in found]
+
+
+def _ruled(rules: tuple[Rule, ...], value: object, artifacts: Artifacts) -> list[Diagnostic]:
+    found: list[Diagnostic] = []
+    for rule in rules:
+        found += bounded(rule.check(value, artifacts))
+        if found and rule.code == "SERVE-SYNTAX":
+            break
+    return found
 
 
 def bounded(found: list[Diagnostic]) -> list[Diagnostic]:

@@ -1,0 +1,145 @@
+"""Rules for DEPLOY: a dependency set that is exact, complete and owns up to what failed.
+
+What runs beside the hardware for months is decided here once, so nothing may be left to whatever version a package
+index happens to offer on the day of a repair. Light.
+"""
+
+from octoform.contracts.header import declared_names, normalised
+from octoform.contracts.model import Artifacts, JsonObject, Rule
+from octoform.contracts.serve_code_rules import is_standard
+from octoform.contracts.source import Source, imported_modules, read_source
+from octoform.contracts.text import escaped, pointer, shown
+from octoform.diagnostics import Diagnostic, error, warning
+
+
+def status_error(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
+    """A DEPLOY that reports failure has failed."""
+    if value["status"] == "ok":
+        return []
+    reason = value.get("error", "").strip()
+    summary = f"DEPLOY reports failure: {escaped(reason[:300])}" if reason else "DEPLOY reports failure and no reason"
+    failed = [f"{item['name']}: {item['reason']}" for item in value.get("deps_failed", ())]
+    detail = "\n".join(escaped(line) for line in failed[:10]) or None
+    return [error("DEPLOY-STATUS-ERROR", summary, pointer="/status", detail=detail)]
+
+
+def import_unresolved(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
+    """Each third-party import of the server has a provider.
+
+    A module that is imported only inside functions may be provided by a dependency that failed: then its tools fail
+    when they are called, and the others work.
+    """
+    provided = {item["module"].partition(".")[0]: item["provided_by"] for item in value["imports"]}
+    failed = {normalised(item["name"]) for item in value.get("deps_failed", ())}
+    out = []
+    for module, inside in _foreign_imports(artifacts).items():
+        if module not in provided:
+            summary = f"server.py imports {shown(module)}, and nothing is said to provide it"
+            hint = "add it to imports with the requirement that provides it"
+        elif normalised(provided[module]) in failed and not inside:
+            summary = f"server.py imports {shown(module)} at its top, but {shown(provided[module])} failed to install"
+            hint = "find a version that installs; only an import inside a function can do without"
+        else:
+            continue
+        out.append(error("DEPLOY-IMPORT-UNRESOLVED", summary, pointer="/imports", hint=hint))
+    return out
+
+
+def import_provider(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
+    """A provider is a listed requirement, or ``python`` or ``runtime`` where that is true."""
+    names = {normalised(item["name"]) for item in value["requirements"]}
+    names |= {normalised(item["name"]) for item in value.get("deps_failed", ())}
+    out = []
+    for index, item in enumerate(value["imports"]):
+        module, provider = item["module"].partition(".")[0], item["provided_by"]
+        if provider == "python":
+            fits = is_standard(module)
+        elif provider == "runtime":
+            fits = module == "runtime"
+        else:
+            fits = normalised(provider) in names
+        if not fits:
+            summary = f"{shown(item['module'])} is said to come from {shown(provider)}, which does not provide it"
+            hint = "name one of requirements; `python` is the standard library, `runtime` only the module runtime"
+            where = pointer("imports", index, "provided_by")
+            out.append(error("DEPLOY-IMPORT-PROVIDER", summary, pointer=where, hint=hint))
+    return out
+
+
+def duplicate_requirement(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
+    """A requirement stands once, with one version."""
+    first: dict[str, int] = {}
+    out = []
+    for index, item in enumerate(value["requirements"]):
+        before = first.setdefault(normalised(item["name"]), index)
+        if before != index:
+            summary = f"{shown(item['name'])} is required twice, first at requirements[{before}]"
+            where = pointer("requirements", index, "name")
+            out.append(error("DEPLOY-DUPLICATE-REQUIREMENT", summary, pointer=where, hint="keep one exact version"))
+    return out
+
+
+def failed_and_required(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
+    """What failed to install is not required as well."""
+    names = {normalised(item["name"]) for item in value["requirements"]}
+    return [
+        error(
+            "DEPLOY-FAILED-AND-REQUIRED",
+            f"{shown(item['name'])} failed to install and is a requirement",
+            pointer=pointer("deps_failed", index, "name"),
+            hint="a requirement must install; take it out of one of the two lists",
+        )
+        for index, item in enumerate(value.get("deps_failed", ()))
+        if normalised(item["name"]) in names
+    ]
+
+
+def declared_not_required(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
+    """What the server's header declares is settled: required, or owned up to as failed."""
+    settled = {normalised(item["name"]) for item in (*value["requirements"], *value.get("deps_failed", ()))}
+    return [
+        error(
+            "DEPLOY-DECLARED-NOT-REQUIRED",
+            f"server.py declares {shown(name)}, which is neither required nor reported as failed",
+            pointer="/requirements",
+            hint="add it to requirements with an exact version",
+        )
+        for name in sorted(declared_names(artifacts.serve or "") - settled)
+    ]
+
+
+def requirement_unused(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
+    """A requirement provides an import, or says what it is there for."""
+    used = {normalised(item["provided_by"]) for item in value["imports"]}
+    return [
+        warning(
+            "DEPLOY-REQUIREMENT-UNUSED",
+            f"{shown(item['name'])} provides no import and does not say why it is required",
+            pointer=pointer("requirements", index),
+            hint="take it out, or write its purpose into `why`",
+        )
+        for index, item in enumerate(value["requirements"])
+        if normalised(item["name"]) not in used and not item.get("why", "").strip()
+    ]
+
+
+RULES = (
+    Rule("DEPLOY-STATUS-ERROR", status_error),
+    Rule("DEPLOY-IMPORT-UNRESOLVED", import_unresolved),
+    Rule("DEPLOY-IMPORT-PROVIDER", import_provider),
+    Rule("DEPLOY-DUPLICATE-REQUIREMENT", duplicate_requirement),
+    Rule("DEPLOY-FAILED-AND-REQUIRED", failed_and_required),
+    Rule("DEPLOY-DECLARED-NOT-REQUIRED", declared_not_required),
+    Rule("DEPLOY-REQUIREMENT-UNUSED", requirement_unused),
+)
+
+
+def _foreign_imports(artifacts: Artifacts) -> dict[str, bool]:
+    """Third-party top-level module to whether every import of it is inside a function."""
+    source = read_source(artifacts.serve or "")
+    out: dict[str, bool] = {}
+    if isinstance(source, Source):
+        for name, _, inside in imported_modules(source):
+            if name not in ("runtime", ".") and not is_standard(name):
+                out[name] = out.get(name, True) and inside
+    return out

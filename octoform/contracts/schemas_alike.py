@@ -1,0 +1,164 @@
+"""Two input schemas compared for what they accept, not for how they are written.
+
+INTERFACE is written by an agent; the server's schemas come out of a Python signature by way of a library with
+habits of its own (titles everywhere, `anyOf` with null for what may be left out, `const` for an enum of one). Only
+what changes the values that a caller may send counts as a difference. Light.
+"""
+
+from typing import Any
+
+from octoform.contracts.text import shown
+
+_SILENT = frozenset(
+    {"title", "description", "examples", "$schema", "$id", "$comment", "$defs", "definitions", "deprecated"}
+    | {"readOnly", "writeOnly"}
+)
+_SUBSCHEMAS = frozenset({"items", "additionalProperties", "not", "if", "then", "else", "contains", "propertyNames"})
+_LISTS = frozenset({"anyOf", "oneOf", "allOf", "prefixItems"})
+_TABLES = frozenset({"properties", "patternProperties", "dependentSchemas"})
+_MAX_INLINED = 32
+
+
+def schema_equal(a: dict[str, Any], b: dict[str, Any]) -> list[str]:
+    """The differences between two schemas of type object, one line each; empty when they accept the same.
+
+    ``a`` is what was promised and ``b`` what is there: a line reads "properties.x.maximum: 10 promised, 20 found".
+    Dropped before comparing: titles, descriptions, examples, the order of keys, of ``required`` and of enums. Made
+    one: local references and what they stand for, ``anyOf`` of X and null with the default null and an optional X,
+    ``const`` and an enum of one, 1.0 and 1, a missing ``additionalProperties`` at the top and false.
+    """
+    return _differences(normal_form(a), normal_form(b), "")
+
+
+def normal_form(schema: dict[str, Any]) -> Any:
+    """The form that `schema_equal` compares; a copy."""
+    value = _normal(schema, schema, 0)
+    if isinstance(value, dict):
+        value.setdefault("additionalProperties", False)
+        value.setdefault("properties", {})
+    return value
+
+
+def _normal(schema: Any, root: dict[str, Any], inlined: int) -> Any:
+    if not isinstance(schema, dict):
+        return schema
+    reference = schema.get("$ref")
+    if isinstance(reference, str) and reference.startswith("#") and inlined < _MAX_INLINED:
+        beside = {name: item for name, item in schema.items() if name != "$ref"}
+        target = _target(reference, root)
+        if isinstance(target, dict):
+            return _normal({**target, **beside}, root, inlined + 1)
+    out = {name: _keyword(name, item, root, inlined) for name, item in schema.items() if name not in _SILENT}
+    return _merged(out)
+
+
+def _keyword(name: str, item: Any, root: dict[str, Any], inlined: int) -> Any:
+    if name in _SUBSCHEMAS:
+        return _normal(item, root, inlined)
+    if name in _LISTS and isinstance(item, list):
+        return [_normal(part, root, inlined) for part in item]
+    if name in _TABLES and isinstance(item, dict):
+        return {key: _normal(part, root, inlined) for key, part in item.items()}
+    if name in ("required", "type") and isinstance(item, list):
+        return sorted(item, key=str)
+    return _plain(item)
+
+
+def _merged(schema: dict[str, Any]) -> dict[str, Any]:
+    """The spellings of one meaning made one."""
+    if "const" in schema:
+        schema["enum"] = [schema.pop("const")]
+    if isinstance(schema.get("type"), list):
+        if len(schema["type"]) == 1:
+            schema["type"] = schema["type"][0]
+        elif "null" in schema["type"]:
+            schema = _split_null(schema)
+    schema = _optional(schema)
+    if isinstance(schema.get("enum"), list):
+        schema["enum"] = sorted(schema["enum"], key=lambda item: (str(type(item)), str(item)))
+        if all(_has_type(item, schema.get("type")) for item in schema["enum"]):
+            schema.pop("type", None)
+    for name in ("required", "properties"):
+        if not schema.get(name, True):
+            del schema[name]
+    return schema
+
+
+def _split_null(schema: dict[str, Any]) -> dict[str, Any]:
+    """``type: [X, null]`` as the ``anyOf`` that Python signatures give."""
+    kinds = [kind for kind in schema["type"] if kind != "null"]
+    rest = {name: item for name, item in schema.items() if name not in ("type", "default")}
+    inner = {**rest, "type": kinds[0] if len(kinds) == 1 else kinds}
+    default = {"default": schema["default"]} if "default" in schema else {}
+    return {"anyOf": [inner, {"type": "null"}], **default}
+
+
+def _optional(schema: dict[str, Any]) -> dict[str, Any]:
+    """X for ``anyOf: [X, null]`` whose default is null; a single choice for a choice of one."""
+    choices = schema.get("anyOf", schema.get("oneOf"))
+    if not isinstance(choices, list):
+        if schema.get("default", 0) is None:
+            return {name: item for name, item in schema.items() if name != "default"}
+        return schema
+    real = [item for item in choices if item != {"type": "null"}]
+    nullable = len(real) < len(choices)
+    if len(real) != 1 or not isinstance(real[0], dict) or (nullable and schema.get("default", 0) is not None):
+        return schema
+    rest = {name: item for name, item in schema.items() if name not in ("anyOf", "oneOf")}
+    if nullable:
+        rest.pop("default", None)
+    return {**real[0], **rest}
+
+
+def _has_type(value: Any, kind: Any) -> bool:
+    if isinstance(value, bool):
+        return bool(kind == "boolean")
+    kinds = {str: ("string",), int: ("integer", "number"), float: ("number",), type(None): ("null",)}
+    return kind in kinds.get(type(value), ())
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, float) and value.is_integer():
+        return int(value)
+    if isinstance(value, list):
+        return [_plain(item) for item in value]
+    if isinstance(value, dict):
+        return {name: _plain(item) for name, item in value.items()}
+    return value
+
+
+def _target(reference: str, root: dict[str, Any]) -> Any:
+    place: Any = root
+    for part in reference[1:].split("/")[1:]:
+        place = place.get(part.replace("~1", "/").replace("~0", "~")) if isinstance(place, dict) else None
+    return place
+
+
+def _differences(a: Any, b: Any, where: str) -> list[str]:
+    if isinstance(a, dict) and isinstance(b, dict):
+        out = []
+        for name in sorted({*a, *b}):
+            place = f"{where}.{name}" if where else str(name)
+            if name not in b:
+                out.append(f"{_shown_place(place)}: {_said(a[name])} promised, nothing found")
+            elif name not in a:
+                out.append(f"{_shown_place(place)}: {_said(b[name])} found, nothing promised")
+            else:
+                out += _differences(a[name], b[name], place)
+        return out
+    if _same(a, b):
+        return []
+    return [f"{_shown_place(where)}: {_said(a)} promised, {_said(b)} found"]
+
+
+def _same(a: Any, b: Any) -> bool:
+    # True == 1 in Python, but not in JSON.
+    return bool(a == b) and isinstance(a, bool) == isinstance(b, bool)
+
+
+def _said(value: Any) -> str:
+    return shown(value, 60)[1:-1]
+
+
+def _shown_place(place: str) -> str:
+    return shown(place, 120)[1:-1]

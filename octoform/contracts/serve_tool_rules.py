@@ -1,0 +1,167 @@
+"""Rules for SERVE about its tools: exactly those of INTERFACE, each logged, none a raw pipe.
+
+The log is what shows later that a tool was really called and what came of it, so a tool without it is as good as
+not there.
+"""
+
+import ast
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from octoform.contracts.model import Artifacts, Rule
+from octoform.contracts.naming import is_passthrough
+from octoform.contracts.source import Source, needed_source
+from octoform.contracts.text import listed, shown
+from octoform.diagnostics import Diagnostic, Span, error
+
+
+@dataclass(frozen=True, slots=True)
+class ToolSite:
+    """Where a tool is registered; ``name`` is None when it is no constant."""
+
+    name: str | None
+    node: ast.expr | ast.stmt
+    logged: bool
+
+
+def no_server(value: str, _: Artifacts) -> list[Diagnostic]:
+    """``mcp = FastMCP(...)`` stands at module level, where `fastmcp run` finds it."""
+    source = needed_source(value)
+    if "mcp" in _servers(source):
+        return []
+    hint = "write mcp = FastMCP(...) at module level"
+    return [error("SERVE-NO-SERVER", "the file makes no server called mcp", span=Span(1, 1), hint=hint)]
+
+
+def tools_differ(value: str, artifacts: Artifacts) -> list[Diagnostic]:
+    """The registered tools are those of INTERFACE."""
+    source = needed_source(value)
+    sites = list(tool_sites(source))
+    wanted = {tool["name"] for tool in (artifacts.interface or {"tools": []})["tools"]}
+    present = [site.name for site in sites if site.name is not None]
+    out = []
+    for site in sites:
+        if site.name is None:
+            summary = "the name of this tool is not constant"
+            out.append(source.problem("SERVE-TOOLS-DIFFER", site.node, summary, "write the name as a string"))
+        elif site.name not in wanted:
+            summary = f"{shown(site.name)} is not a tool of INTERFACE"
+            hint = "serve exactly the tools of the INTERFACE artifact"
+            out.append(source.problem("SERVE-TOOLS-DIFFER", site.node, summary, hint))
+        elif present.count(site.name) > 1:
+            summary = f"{shown(site.name)} is registered more than once"
+            out.append(source.problem("SERVE-TOOLS-DIFFER", site.node, summary, "register each tool once"))
+    absent = sorted(wanted - set(present))
+    if absent:
+        summary = f"the server lacks {len(absent)} tools of INTERFACE: {listed(absent)}"
+        hint = "register each with @mcp.tool, or @mcp.tool(name=...) with a constant name"
+        out.append(error("SERVE-TOOLS-DIFFER", summary, span=Span(1, 1), hint=hint))
+    return out
+
+
+def tool_not_logged(value: str, _: Artifacts) -> list[Diagnostic]:
+    """Each tool writes its call and its result into the log."""
+    source = needed_source(value)
+    hint = "put @runtime.logged directly below @mcp.tool(...)"
+    return [
+        source.problem("SERVE-TOOL-NOT-LOGGED", site.node, f"the tool {shown(site.name)} is not logged", hint)
+        for site in tool_sites(source)
+        if not site.logged
+    ]
+
+
+def passthrough(value: str, _: Artifacts) -> list[Diagnostic]:
+    """No registered tool is a raw pipe."""
+    source = needed_source(value)
+    hint = "serve what the device does, with typed parameters"
+    return [
+        source.problem("SERVE-PASSTHROUGH", site.node, f"the tool {shown(site.name)} is a raw pipe", hint)
+        for site in tool_sites(source)
+        if site.name is not None and is_passthrough(site.name)
+    ]
+
+
+RULES = (
+    Rule("SERVE-NO-SERVER", no_server),
+    Rule("SERVE-TOOLS-DIFFER", tools_differ),
+    Rule("SERVE-TOOL-NOT-LOGGED", tool_not_logged),
+    Rule("SERVE-PASSTHROUGH", passthrough),
+)
+
+
+def tool_sites(source: Source) -> Iterator[ToolSite]:
+    """Each place that registers a tool: a decorated function, ``mcp.tool(...)`` on one, or ``add_tool``."""
+    servers = _servers(source)
+    decorators: set[ast.AST] = set()
+    for function in source.functions():
+        for index, item in enumerate(function.decorator_list):
+            call = item if isinstance(item, ast.Call) else None
+            if not _registers(call.func if call else item, servers):
+                continue
+            decorators.add(item)
+            name = _given_name(call) if call else _NO_NAME
+            below = function.decorator_list[index + 1 :]
+            logged = any(_is_logging(source, other) for other in below)
+            yield ToolSite(function.name if name is _NO_NAME else _constant(name), function, logged)
+    for call, _ in source.calls():
+        if call not in decorators and _registers(call.func, servers) and source.parents.get(call) not in decorators:
+            yield _call_site(source, call)
+
+
+_NO_NAME = ast.Constant(value=None)
+
+
+def _servers(source: Source) -> set[str]:
+    """The module-level names that are assigned a FastMCP server."""
+    out: set[str] = set()
+    for statement in source.tree.body:
+        if not isinstance(statement, ast.Assign | ast.AnnAssign) or not isinstance(statement.value, ast.Call):
+            continue
+        if source.dotted(statement.value.func).rpartition(".")[2] == "FastMCP":
+            targets = statement.targets if isinstance(statement, ast.Assign) else [statement.target]
+            out.update(item.id for item in targets if isinstance(item, ast.Name))
+    return out
+
+
+def _registers(node: ast.expr, servers: set[str]) -> bool:
+    return (
+        isinstance(node, ast.Attribute)
+        and node.attr in ("tool", "add_tool")
+        and isinstance(node.value, ast.Name)
+        and node.value.id in servers
+    )
+
+
+def _given_name(call: ast.Call) -> ast.expr:
+    for item in call.keywords:
+        if item.arg == "name":
+            return item.value
+    return call.args[0] if call.args else _NO_NAME
+
+
+def _constant(node: ast.expr) -> str | None:
+    return node.value if isinstance(node, ast.Constant) and isinstance(node.value, str) else None
+
+
+def _call_site(source: Source, call: ast.Call) -> ToolSite:
+    """``mcp.tool(runtime.logged(f), name="x")``, and ``mcp.tool(name="x")(runtime.logged(f))``."""
+    outer = source.parents.get(call)
+    wrapped = call.args[0] if call.args else None
+    if isinstance(outer, ast.Call) and outer.func is call:
+        wrapped = outer.args[0] if outer.args else None
+    named = next((item.value for item in call.keywords if item.arg == "name"), None)
+    if named is not None:
+        name = _constant(named)
+    else:
+        inner = wrapped.args[0] if isinstance(wrapped, ast.Call) and wrapped.args else wrapped
+        name = inner.id if isinstance(inner, ast.Name) else None
+    logged = isinstance(wrapped, ast.Call) and _is_logging(source, wrapped)
+    return ToolSite(name, call, logged)
+
+
+def _is_logging(source: Source, node: ast.expr) -> bool:
+    function = node.func if isinstance(node, ast.Call) else node
+    if isinstance(function, ast.Call):
+        function = function.func
+    name = source.dotted(function)
+    return name.startswith("runtime.") and name.rpartition(".")[2] == "logged"

@@ -1,0 +1,141 @@
+"""A generated server as a syntax tree with its names resolved, ready for the rules.
+
+The rules over it catch the mistakes that agents make, in the file that a person will read. They are no sandbox:
+whoever means harm can hide from any static rule, which is why the import under watch and the trial calls follow.
+"""
+
+import ast
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any
+
+from octoform.contracts.text import flattened
+from octoform.diagnostics import Diagnostic, Span, error
+
+Function = ast.FunctionDef | ast.AsyncFunctionDef
+_MAX_LINE_SHOWN = 200
+
+
+@dataclass(frozen=True)
+class Source:
+    """One parsed file. ``names`` maps a local alias to the dotted name that it was imported as."""
+
+    text: str
+    lines: tuple[str, ...]
+    tree: ast.Module
+    names: Mapping[str, str]
+    parents: Mapping[ast.AST, ast.AST]
+
+    def dotted(self, node: ast.AST | None) -> str:
+        """``cv2.VideoCapture`` for a name or attribute chain, imports resolved; ``()`` marks a call inside it."""
+        if isinstance(node, ast.Name):
+            return self.names.get(node.id, node.id)
+        if isinstance(node, ast.Attribute):
+            return f"{self.dotted(node.value)}.{node.attr}"
+        if isinstance(node, ast.Call):
+            return f"{self.dotted(node.func)}()"
+        return f"{self.dotted(node.value)}[]" if isinstance(node, ast.Subscript) else ""
+
+    def calls(self) -> Iterator[tuple[ast.Call, str]]:
+        """Every call with the dotted name of what is called."""
+        for node in ast.walk(self.tree):
+            if isinstance(node, ast.Call):
+                yield node, self.dotted(node.func)
+
+    def functions(self) -> Iterator[Function]:
+        """Every function and method, nested ones too."""
+        for node in ast.walk(self.tree):
+            if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
+                yield node
+
+    def owner(self, node: ast.AST) -> Function | None:
+        """The innermost function whose body holds ``node``; None at module or class level.
+
+        Decorators and default values belong to the scope around their function: they run with it.
+        """
+        below, above = node, self.parents.get(node)
+        while above is not None:
+            if isinstance(above, ast.FunctionDef | ast.AsyncFunctionDef) and below in above.body:
+                return above
+            below, above = above, self.parents.get(above)
+        return None
+
+    def above(self, node: ast.AST) -> Iterator[tuple[ast.AST, ast.AST]]:
+        """(ancestor, its child on the way down) up to the innermost function around ``node``."""
+        stop = self.owner(node)
+        below, above = node, self.parents.get(node)
+        while above is not None and above is not stop:
+            yield above, below
+            below, above = above, self.parents.get(above)
+
+    def problem(self, code: str, node: Any, summary: str, hint: str | None = None) -> Diagnostic:
+        """An error at a node, with its line."""
+        line = node.lineno
+        text = self.lines[line - 1] if line <= len(self.lines) else ""
+        column = len(text.encode()[: node.col_offset].decode("utf-8", "ignore")) + 1
+        end = None
+        if node.end_lineno == line:
+            end = len(text.encode()[: node.end_col_offset].decode("utf-8", "ignore")) + 1
+        shown = flattened(text[:_MAX_LINE_SHOWN])
+        return error(code, summary, span=Span(line, column, end), source=shown, hint=hint)
+
+
+@lru_cache(maxsize=4)
+def read_source(text: str) -> Source | Diagnostic:
+    """The parsed file, or the reason why it is no Python."""
+    try:
+        tree = ast.parse(text)
+        compile(text, "server.py", "exec", dont_inherit=True)
+    except SyntaxError as problem:
+        return _no_python(text, problem)
+    except (ValueError, RecursionError, MemoryError) as problem:
+        summary = f"the server is no Python that can be compiled: {str(problem) or type(problem).__name__}"
+        return error("SERVE-SYNTAX", summary, hint="write plain Python text")
+    parents = {child: node for node in ast.walk(tree) for child in ast.iter_child_nodes(node)}
+    return Source(text, tuple(text.splitlines()), tree, dict(_imported(tree)), parents)
+
+
+def needed_source(text: str) -> Source:
+    """The parsed file for a rule; ValueError for text that `read_source` refuses, which no rule is given."""
+    source = read_source(text)
+    if isinstance(source, Diagnostic):
+        raise ValueError(source.summary)
+    return source
+
+
+def imported_modules(source: Source) -> Iterator[tuple[str, ast.Import | ast.ImportFrom, bool]]:
+    """(top-level module, statement, whether it is inside a function); a relative import gives ``.``."""
+    for node in ast.walk(source.tree):
+        if isinstance(node, ast.Import):
+            for item in node.names:
+                yield item.name.partition(".")[0], node, source.owner(node) is not None
+        elif isinstance(node, ast.ImportFrom):
+            top = "." if node.level else (node.module or "").partition(".")[0]
+            yield top, node, source.owner(node) is not None
+
+
+def _imported(tree: ast.Module) -> Iterator[tuple[str, str]]:
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Import):
+            for item in node.names:
+                if item.asname:
+                    yield item.asname, item.name
+                else:
+                    yield item.name.partition(".")[0], item.name.partition(".")[0]
+        elif isinstance(node, ast.ImportFrom) and node.module and not node.level:
+            for item in node.names:
+                yield item.asname or item.name, f"{node.module}.{item.name}"
+
+
+def _no_python(text: str, problem: SyntaxError) -> Diagnostic:
+    line = problem.lineno or 1
+    lines = text.splitlines()
+    shown = flattened(lines[line - 1][:_MAX_LINE_SHOWN]) if 0 < line <= len(lines) else None
+    return error(
+        "SERVE-SYNTAX",
+        f"the server does not compile: {problem.msg}",
+        span=Span(line, max(problem.offset or 1, 1)),
+        source=shown,
+        hint="write one complete Python file; no code fences around it",
+    )
