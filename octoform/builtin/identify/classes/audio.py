@@ -1,0 +1,60 @@
+"""Sound cards and USB audio: what can be played or recorded through ALSA's PCM devices.
+
+The direction is read from the PCM devices that the kernel made (their names end in p for playback, c for capture); a
+card without any is a mixer or a MIDI port and gets no capability.
+"""
+
+from octoform.builtin.identify.evidence import Device
+from octoform.builtin.identify.verdict import (
+    ACTUATE,
+    ACTUATOR,
+    BIDIRECTIONAL,
+    READ,
+    SENSOR,
+    Capability,
+    Claim,
+    Evidence,
+)
+
+USB_AUDIO = "01"
+_PCI_AUDIO = ("0401", "0403")
+
+
+def claim(device: Device) -> Claim | None:
+    """A sound card, or nothing of the kind."""
+    interface = device.usb(USB_AUDIO)
+    has_card = any(kind == "sound" for kind, _ in device.nodes) or "sound" in device.classes
+    if not interface and not has_card and device.pci_class not in _PCI_AUDIO:
+        return None
+    directions = _directions(device)
+    if interface:
+        evidence = Evidence(interface.line, "USB audio class interface")
+    elif has_card:
+        evidence = device.cite("sound", "ALSA sound card")
+    else:
+        evidence = device.cite_key("class_code", "PCI audio function")
+    names = device.names("sound", "longname", "name", "id")
+    category = {frozenset("p"): ACTUATOR, frozenset("c"): SENSOR}.get(frozenset(directions), BIDIRECTIONAL)
+    kind = {ACTUATOR: "audio_out", SENSOR: "audio_in"}.get(category, "audio")
+    return Claim(kind, category, "sound card", (evidence,), capabilities(directions), names)
+
+
+def _directions(device: Device) -> set[str]:
+    """p and c: what the card's PCM devices do, as PROBE says it or as the kernel names them."""
+    told = " ".join(fact.text for fact in device.of("sound") if fact.key.startswith("pcm"))
+    named = {name[-1] for kind, name in device.nodes if kind == "sound" and name.startswith("pcm")}
+    return named | ({"p"} if "playback" in told else set()) | ({"c"} if "capture" in told else set())
+
+
+def capabilities(directions: set[str]) -> tuple[Capability, ...]:
+    """What the directions (p, c) of a card's PCM devices allow."""
+    found = []
+    if "c" in directions:
+        found.append(
+            Capability(
+                "record_audio", "Record sound for a bounded number of seconds.", "ALSA PCM capture (arecord)", READ
+            )
+        )
+    if "p" in directions:
+        found.append(Capability("play_audio", "Play a short sound or a tone.", "ALSA PCM playback (aplay)", ACTUATE))
+    return tuple(found)

@@ -1,0 +1,95 @@
+"""Input devices: keyboards, pointers, touch surfaces, tablets, game controllers, buttons and switches.
+
+What an input device is comes from its event capabilities (PROBE's `kinds`) and from udev's own classification; a USB
+or HID device without a kernel input device is told by its interface class alone.
+"""
+
+from octoform.builtin.identify.evidence import Device, Fact
+from octoform.builtin.identify.verdict import SENSOR, Capability, Claim, Evidence
+
+USB_HID = "03"
+_BOOT = {"03/01/01": ("keyboard", "USB keyboard"), "03/01/02": ("mouse", "USB mouse")}
+# Vendor interfaces of game controllers that the kernel's own driver for them is bound by.
+_GAME_INTERFACES = ("ff/5d/01", "ff/47/d0")
+_ORDER = (
+    "accelerometer",
+    "tablet",
+    "touchscreen",
+    "touchpad",
+    "gamepad",
+    "joystick",
+    "keyboard",
+    "mouse",
+    "switch",
+    "buttons",
+)
+_UDEV = {
+    "ID_INPUT_ACCELEROMETER": "accelerometer",
+    "ID_INPUT_TABLET": "tablet",
+    "ID_INPUT_TOUCHSCREEN": "touchscreen",
+    "ID_INPUT_TOUCHPAD": "touchpad",
+    "ID_INPUT_JOYSTICK": "gamepad",
+    "ID_INPUT_KEYBOARD": "keyboard",
+    "ID_INPUT_MOUSE": "mouse",
+    "ID_INPUT_SWITCH": "switch",
+}
+_NOUNS = {"switch": ("input", "switch"), "buttons": ("input", "buttons"), "joystick": ("gamepad", "game controller")}
+VIA = "Linux evdev (/dev/input/eventN)"
+
+
+def claim(device: Device) -> Claim | None:
+    """A device that sends input events, or a HID device of another kind; nothing otherwise."""
+    groups = [group for group in device.groups("input") if "name" in group]
+    if groups:
+        return _from_events(device, groups)
+    for triple, (kind, noun) in _BOOT.items():
+        if interface := device.usb(triple):
+            return Claim(kind, SENSOR, noun, (Evidence(interface.line, "USB boot interface"),))
+    if interface := device.usb(*_GAME_INTERFACES):
+        evidence = Evidence(interface.line, "game controller interface")
+        return Claim("gamepad", SENSOR, "game controller", (evidence,), settled=False)
+    interface = device.usb(USB_HID)
+    if interface or device.bus == "hid":
+        evidence = Evidence(interface.line, "human interface device") if interface else device.cite_self("HID device")
+        names = device.names("hid", "name") or _own_name(device)
+        return Claim("input", SENSOR, "USB input device" if interface else "input device", (evidence,), names=names)
+    return None
+
+
+def _from_events(device: Device, groups: list[dict[str, Fact]]) -> Claim:
+    found = [(kind, group) for group in groups for kind in _kinds(group)]
+    found.sort(key=lambda pair: _ORDER.index(pair[0]))
+    kind = found[0][0] if found else "buttons"
+    first = found[0][1] if found else groups[0]
+    shown, noun = _NOUNS.get(kind, (kind, kind))
+    names = tuple((group["name"].text.strip('"'), group["name"].line) for group in [first, *groups])
+    evidence = [Evidence(first["name"].line, "the kernel's input device")]
+    if "kinds" in first:
+        evidence.append(Evidence(first["kinds"].line, f"its events are those of a {noun}"))
+    own = (*device.names("hid", "name"), *_own_name(device))
+    parameters = {
+        "inputs": [
+            {"name": group["name"].text.strip('"'), "kinds": _kinds(group)} for group in groups
+        ]
+    }  # fmt: skip
+    return Claim(shown, SENSOR, noun, tuple(evidence), _capabilities(parameters), (*names, *own))
+
+
+def _kinds(group: dict[str, Fact]) -> list[str]:
+    told = group["kinds"].text.split(",") if "kinds" in group else []
+    udev = [kind for key, kind in _UDEV.items() if f"udev.{key}" in group]
+    return [kind for kind in dict.fromkeys([*udev, *told]) if kind in _ORDER]
+
+
+def _own_name(device: Device) -> tuple[tuple[str, str], ...]:
+    found = device.fact("name") if device.bus in ("hid", "i2c") else None
+    return ((found.text, found.line),) if found else ()
+
+
+def _capabilities(parameters: dict[str, object]) -> tuple[Capability, ...]:
+    return (
+        Capability("read_input_events", "Wait for input events for a bounded time and return them.", VIA,
+                   parameters=parameters),
+        Capability("describe_input", "Describe the keys, axes and switches that the device has.", VIA,
+                   parameters=parameters),
+    )  # fmt: skip

@@ -1,0 +1,58 @@
+"""Disks, cards, optical drives and their controllers: an inventory to read, never a block to write."""
+
+from octoform.builtin.identify.evidence import Device
+from octoform.builtin.identify.verdict import INFRASTRUCTURE, Capability, Claim, Evidence
+
+USB_STORAGE = "08"
+_CLASSES = ("block", "nvme", "mtd", "scsi_disk", "nvdimm", "scsi_tape")
+_PCI_STORAGE = "01"
+_OPTICAL_TYPES = ("cdrom", "optical")
+
+
+def claim(device: Device) -> Claim | None:
+    """A drive, a card, or a controller that drives hang on; nothing otherwise."""
+    if device.bus == "virtual":
+        return None
+    held = next((name for name in _CLASSES if name in device.classes), "")
+    interface = device.usb(USB_STORAGE)
+    if held:
+        evidence = device.cite(held, "a block device of the kernel")
+    elif interface:
+        evidence = Evidence(interface.line, "USB mass storage interface")
+    elif device.pci_class.startswith(_PCI_STORAGE):
+        evidence = device.cite_key("class_code", "PCI mass storage controller")
+        return Claim("storage_controller", INFRASTRUCTURE, "storage controller", (evidence,))
+    elif device.bus in ("mmc", "scsi") and device.text("type") in ("SD", "MMC", "disk", *_OPTICAL_TYPES):
+        evidence = device.cite_key("type", "a storage medium")
+    else:
+        return None
+    names = (*_own_names(device), *device.names("block", "model"), *device.names("nvme", "model"))
+    names = (*names, *device.names("mtd", "name"))
+    if _is_optical(device):
+        return Claim("optical", INFRASTRUCTURE, "optical drive", (evidence,), names=names)
+    capabilities = (_inventory(),) if "block" in device.classes else ()
+    return Claim("storage", INFRASTRUCTURE, "storage device", (evidence,), capabilities, names)
+
+
+def _own_names(device: Device) -> tuple[tuple[str, str], ...]:
+    if device.bus not in ("scsi", "mmc"):
+        return ()
+    model = device.fact("model", "name")
+    if not model:
+        return ()
+    maker = device.text("vendor")
+    # SCSI fills the vendor of a SATA drive with the name of the bus.
+    shown = f"{maker} {model.text}" if maker and maker != "ATA" else model.text
+    return ((shown, model.line),)
+
+
+def _is_optical(device: Device) -> bool:
+    return device.text("type") in _OPTICAL_TYPES or bool(device.udev_text("ID_CDROM"))
+
+
+def _inventory() -> Capability:
+    return Capability(
+        "read_storage",
+        "Read size, partitions, free space of mounted file systems and the health that the kernel reports.",
+        "Linux block layer (/sys/block, /proc/mounts)",
+    )

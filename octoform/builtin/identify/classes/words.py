@@ -1,0 +1,84 @@
+"""Kinds of devices that no interface class tells, told by general words in the device's own strings.
+
+The words are those of the trade (oscilloscope, colorimeter, UPS); none is a maker's or a product's. They are looked
+for in the device's own strings and in the name that the host's id database gives; a word found only in the database
+is weaker and says so.
+"""
+
+from octoform.builtin.identify import naming
+from octoform.builtin.identify.evidence import Device
+from octoform.builtin.identify.verdict import (
+    ACTUATOR,
+    BIDIRECTIONAL,
+    INFRASTRUCTURE,
+    SENSOR,
+    Claim,
+    Evidence,
+)
+
+# (words, kind, category, noun); a phrase needs its words side by side. The first line that fits wins.
+_WORDS: tuple[tuple[tuple[str, ...], str, str, str], ...] = (
+    (("fingerprint", "finger print", "biometric", "biometrics", "swipe sensor"), "fingerprint", SENSOR, "fingerprint reader"),
+    (("fido", "fido2", "u2f", "security key", "smartcard", "smart card", "security token"), "security",
+     INFRASTRUCTURE, "security token"),
+    (("ups", "uninterruptible"), "ups", INFRASTRUCTURE, "uninterruptible power supply"),
+    (("oscilloscope", "scope", "dso"), "scope", SENSOR, "oscilloscope"),
+    (("logic analyzer", "logic analyser", "logic"), "logic", SENSOR, "logic analyser"),
+    (("colorimeter", "spectrophotometer", "spectrometer"), "color", SENSOR, "colour meter"),
+    (("thermometer", "hygrometer", "humidity", "barometer"), "temperature", SENSOR, "environment sensor"),
+    (("gnss", "gps", "glonass", "galileo"), "gnss", SENSOR, "satellite positioning receiver"),
+    (("zigbee", "z-wave", "zwave", "802.15.4", "matter thread"), "zigbee", BIDIRECTIONAL, "home radio stick"),
+    (("sdr", "dvb", "tuner"), "sdr", BIDIRECTIONAL, "radio receiver"),
+    (("wimax", "wlan", "wi-fi", "wifi", "802.11", "802.11n", "802.11ac"), "wifi", INFRASTRUCTURE, "wireless network adapter"),
+    (("lte", "modem", "wwan", "mobile broadband"), "modem", INFRASTRUCTURE, "modem"),
+    (("ethernet", "lan"), "network", INFRASTRUCTURE, "network adapter"),
+    (("radio", "transceiver"), "radio", BIDIRECTIONAL, "radio"),
+    (("infrared", "ircu", "remote control receiver"), "ir", BIDIRECTIONAL, "infrared transceiver"),
+    (("led", "leds", "light", "lamp"), "light", ACTUATOR, "light"),
+    (("dock", "docking"), "dock", INFRASTRUCTURE, "dock"),
+    (("kvm", "remote console"), "kvm", INFRASTRUCTURE, "KVM switch"),
+    (("scanner", "scan"), "scanner", SENSOR, "scanner"),
+    (("printer",), "printer", ACTUATOR, "printer"),
+    (("card reader", "crw", "cardreader"), "storage", INFRASTRUCTURE, "card reader"),
+    (("relay", "stepper", "servo"), "actuator", ACTUATOR, "actuator"),
+)  # fmt: skip
+# A keyboard or a mouse is one whatever words are printed on it.
+_BOOT = ("03/01/01", "03/01/02")
+_UDEV = (
+    ("ID_SIGNAL_ANALYZER", "logic", SENSOR, "signal analyser"),
+    ("ID_SOFTWARE_RADIO", "sdr", BIDIRECTIONAL, "software radio"),
+    ("ID_AV_LIGHTS", "light", ACTUATOR, "studio light"),
+    ("ID_AV_PRODUCTION_CONTROLLER", "input", SENSOR, "production controller"),
+    ("COLORD_KIND", "color", SENSOR, "colour meter"),
+    ("ID_MAKER_TOOL", "maker_tool", BIDIRECTIONAL, "maker tool"),
+    ("ID_INFRARED_CAMERA", "camera", SENSOR, "infrared camera"),
+)
+
+
+def claim(device: Device) -> Claim | None:
+    """A kind told by udev's rules, by the device's words, or by the database's; nothing otherwise."""
+    for name, kind, category, noun in _UDEV:
+        if told := device.udev(name):
+            return Claim(kind, category, noun, (Evidence(told.line, "udev's rules say so"),))
+    if device.bus != "usb" or device.usb(*_BOOT):
+        return None
+    found = device.fact("product")
+    if found and (entry := kind_of(found.text)):
+        return Claim(*entry, evidence=(Evidence(found.line, "the device's own words"),))
+    for interface in device.interfaces:
+        if interface.label and (entry := kind_of(interface.label)):
+            return Claim(*entry, evidence=(Evidence(interface.line, "the interface's own words"),))
+    database = device.database
+    if database.product and (entry := kind_of(database.product)):
+        says = f"{database.source}: {database.vendor} {database.product}"
+        return Claim(*entry, evidence=(Evidence(database.line, says),))
+    return None
+
+
+def kind_of(text: str) -> tuple[str, str, str] | None:
+    """(kind, category, noun) that the words of a name tell; None when they tell none."""
+    spoken = f" {' '.join(naming.words(text))} "
+    for phrases, kind, category, noun in _WORDS:
+        if any(f" {' '.join(naming.words(phrase))} " in spoken for phrase in phrases):
+            return kind, category, noun
+    return None

@@ -1,0 +1,49 @@
+"""What is left when no class module claims a unit: a reason for each, or an open question for a USB device.
+
+A USB device was plugged in by someone and does something; when nothing tells what, a person is asked. Everything else
+that no module claims is part of the machine.
+"""
+
+from octoform.builtin.identify import naming
+from octoform.builtin.identify.evidence import Device
+from octoform.builtin.identify.verdict import UNKNOWN, Claim, Leave
+
+_PCI_BUSES = ("06", "0c", "08", "05", "0604")
+_BUSES = frozenset(("pci_bus", "mdio_bus", "thunderbolt", "typec", "mei", "wmi", "nvmem", "rapidio", "memory"))
+_MISSING = "Say what this device is and does, for example: '{id}: the <maker and model>'."
+
+
+def leave_first(device: Device) -> Leave | None:
+    """Units that are never annotated, whatever class devices they have."""
+    if device.context:
+        return Leave("network_neighbour", "seen on the network; not part of this host")
+    if device.bus == "usb" and device.path.rsplit("/", 1)[-1].startswith("usb"):
+        return Leave("bus_infrastructure", "root hub of a USB host controller")
+    return None
+
+
+def leave(device: Device) -> Leave:
+    """Why a unit that no module claims is left out."""
+    if device.bus == "virtual":
+        return Leave("virtual", "made by the kernel; no hardware behind it")
+    if device.pci_class.startswith(_PCI_BUSES) or device.bus in _BUSES:
+        return Leave("bus_infrastructure", "carries other devices")
+    if "tty" in device.classes:
+        return Leave("unknown_meaning", "a serial port; what is connected to it is not known")
+    if device.bus == "pci":
+        name = naming.join(device.database.vendor, device.database.product)
+        return Leave("no_standard_interface", name or "no kernel class drives it")
+    if device.bus in ("i2c", "spi", "hid", "w1"):
+        return Leave("no_standard_interface", "no kernel class drives it")
+    return Leave("no_function", "part of the machine; nothing to read or set through a standard interface")
+
+
+def unknown(device: Device) -> Claim:
+    """A USB device of which nothing tells what it does."""
+    evidence = [device.cite_self("no interface class, driver or word tells what it does")]
+    found = device.fact("product") or device.fact("manufacturer") or device.fact("product_id")
+    if found:
+        evidence = [device.cite_key(found.key, "names no kind of device")]
+    if device.interfaces:
+        evidence.append(type(evidence[0])(device.interfaces[0].line, "a vendor's own interface"))
+    return Claim("unknown", UNKNOWN, "USB device", tuple(evidence), missing=_MISSING.format(id=device.id))

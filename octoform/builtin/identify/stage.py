@@ -1,0 +1,139 @@
+"""The stage: every device of PROBE is annotated or left out with a reason; the class modules judge, in one order.
+
+The order is the meaning: the first module that claims a unit says what it is. Functions that define a product (a
+camera, a printer, a network adapter) stand before functions that many products have besides (LEDs, a temperature).
+"""
+
+from collections.abc import Callable, Iterable
+from typing import Any
+
+from octoform.builtin.identify import leftover
+from octoform.builtin.identify.classes import (
+    audio,
+    buses,
+    cameras,
+    clock,
+    display,
+    gpio,
+    inputs,
+    light,
+    network,
+    office,
+    power,
+    security,
+    sensors,
+    serial,
+    storage,
+    words,
+)
+from octoform.builtin.identify.evidence import Device
+from octoform.builtin.identify.iddb import IdDatabases
+from octoform.builtin.identify.identity import identity
+from octoform.builtin.identify.verdict import UNKNOWN, Capability, Claim, Evidence, Leave
+from octoform.builtin.task import Task
+
+MAX_CAPABILITIES = 40
+MAX_EVIDENCE = 6
+RULES: tuple[Callable[[Device], Claim | None], ...] = (
+    buses.claim_hub,
+    cameras.claim,
+    office.claim,
+    security.claim,
+    network.claim_bluetooth,
+    network.claim,
+    storage.claim,
+    audio.claim,
+    display.claim,
+    light.claim_backlight,
+    words.claim,
+    sensors.claim_iio,
+    inputs.claim,
+    power.claim,
+    serial.claim,
+    gpio.claim,
+    sensors.claim_hwmon,
+    clock.claim,
+    light.claim_leds,
+    buses.claim_bridge,
+)
+
+
+def run(task: Task) -> str:
+    """Write the IDENTIFY artifact of the task; the summary line (``41 devices annotated, 120 left out``)."""
+    artifact = identify(task.read_input(), IdDatabases(task.sysroot))
+    task.write(artifact)
+    unknown = sum(device["category"] == UNKNOWN for device in artifact["devices"])
+    return f"{len(artifact['devices'])} annotated ({unknown} unknown), {len(artifact['left_out'])} left out"
+
+
+def identify(probe: dict[str, Any], databases: IdDatabases) -> dict[str, Any]:
+    """The artifact for a PROBE artifact: same input, same output."""
+    devices: list[dict[str, Any]] = []
+    left_out: list[dict[str, str]] = []
+    for entry in probe["devices"]:
+        device = Device(entry, databases)
+        verdict = judge(device)
+        if isinstance(verdict, Leave):
+            left_out.append({"id": device.id, "reason": verdict.reason, "detail": verdict.detail[:300]})
+        else:
+            devices.append(verdict)
+    return {"format": 1, "devices": devices, "left_out": left_out}
+
+
+def judge(device: Device) -> dict[str, Any] | Leave:
+    """The annotation of one device, or why it is left out."""
+    refused = leftover.leave_first(device)
+    if refused:
+        return refused
+    claims = [claim for rule in RULES if (claim := rule(device))]
+    if claims:
+        return annotate(device, claims)
+    return annotate(device, [leftover.unknown(device)]) if device.bus == "usb" else leftover.leave(device)
+
+
+def annotate(device: Device, claims: list[Claim]) -> dict[str, Any]:
+    """The schema's device object: kind from the first claim, capabilities from all of them."""
+    first = claims[0]
+    named = identity(device, first)
+    annotation: dict[str, Any] = {
+        "id": device.id,
+        "identified_as": named.name[:300],
+        "category": first.category,
+        "class": first.kind,
+        "confidence": named.confidence,
+        "method": named.method,
+        "evidence": _evidence((*named.evidence, *first.evidence)),
+        "capabilities": [],
+    }
+    if first.category == UNKNOWN:
+        annotation["missing"] = first.missing
+    else:
+        annotation["capabilities"] = [capability.as_json() for capability in _merged(device, claims)]
+    return annotation
+
+
+def _evidence(cited: Iterable[Evidence]) -> list[dict[str, str]]:
+    seen: dict[str, Evidence] = {}
+    for evidence in cited:
+        seen.setdefault(evidence.quote, evidence)
+    return [evidence.as_json() for evidence in list(seen.values())[:MAX_EVIDENCE]]
+
+
+def _merged(device: Device, claims: list[Claim]) -> list[Capability]:
+    """Capabilities of all claims; the same one from two kernel classes becomes one with both lists of channels."""
+    found: dict[str, Capability] = {}
+    for claim in claims:
+        for capability in claim.capabilities:
+            if capability.via == inputs.VIA and {"sound", "video4linux"} & device.classes:
+                continue  # jack switches and camera buttons: no input device that anyone would ask for
+            known = found.get(capability.name)
+            found[capability.name] = _joined(known, capability) if known else capability
+    return list(found.values())[:MAX_CAPABILITIES]
+
+
+def _joined(one: Capability, other: Capability) -> Capability:
+    parameters = dict(one.parameters)
+    for key, value in other.parameters.items():
+        held = parameters.get(key)
+        parameters[key] = [*held, *value] if isinstance(held, list) and isinstance(value, list) else held or value
+    return Capability(one.name, one.description, f"{one.via}; {other.via}", one.effect, parameters)
