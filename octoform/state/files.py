@@ -9,6 +9,7 @@ reads artifacts through this module.
 import contextlib
 import errno
 import os
+import shutil
 import stat
 from collections.abc import Callable
 from pathlib import Path
@@ -193,7 +194,8 @@ def make_folders(layout: Layout) -> Diagnostic | None:
 def check_writable(layout: Layout) -> list[Diagnostic]:
     """Whether an apply could write its results; asked before any agent is started.
 
-    Makes the folders and writes, syncs and removes a small file in each folder that will be written.
+    Makes the folders, removes what a killed run left half written, and writes, syncs and removes a small file in each
+    folder that will be written. Only for the holder of the lock.
     """
     problem = make_folders(layout)
     if problem is not None:
@@ -202,7 +204,7 @@ def check_writable(layout: Layout) -> list[Diagnostic]:
     sweep(layout)
     found = []
     for folder in folders:
-        trouble = _probe(folder) if folder.is_dir() or folder.is_symlink() else None
+        trouble = _probe(folder) if folder.is_dir() and not folder.is_symlink() else None
         if trouble is not None:
             found.append(trouble)
     return _one_per_cause(found)
@@ -210,14 +212,27 @@ def check_writable(layout: Layout) -> list[Diagnostic]:
 
 def sweep(layout: Layout) -> None:
     """Remove temporary files that a killed run left among the committed ones. Only for the holder of the lock."""
-    for leftover in layout.committed.rglob(f".*{TEMPORARY}"):
-        with contextlib.suppress(OSError):
-            leftover.unlink()
+    for leftover in list(layout.committed.rglob(f".*{TEMPORARY}")):
+        if leftover.is_dir() and not leftover.is_symlink():
+            shutil.rmtree(leftover, ignore_errors=True)
+        else:
+            with contextlib.suppress(OSError):
+                leftover.unlink()
+
+
+def full_disk(layout: Layout) -> Diagnostic | None:
+    """STATE-DISK-FULL when the disk that holds the attempts or the state takes no more, else None.
+
+    Tells an agent that failed for want of room from one that did its work badly.
+    """
+    for folder in (layout.local, layout.committed):
+        problem = _probe(folder) if folder.is_dir() else None
+        if problem is not None and problem.code == "STATE-DISK-FULL":
+            return problem
+    return None
 
 
 def _probe(folder: Path) -> Diagnostic | None:
-    if folder.is_symlink():
-        return _not_regular(folder, "a symbolic link")
     trial = folder / f".writable.{os.getpid()}"
     problem = write_atomic(trial, bytes(WRITE_PROBE_BYTES), 0o600)
     if problem is None:

@@ -5,25 +5,21 @@ snapshot is in place before the journal goes. So a kill at any point leaves eith
 state with some nodes marked `interrupted`, or the new state. (Heavy: pydantic models.)
 """
 
-import os
 import uuid
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
-from pathlib import Path
 from typing import Any
 
 from octoform import __version__
 from octoform.diagnostics import Diagnostic, error, has_errors, to_json
-from octoform.state import model
+from octoform.state import model, reserve
 from octoform.state.files import (
     Checkpoint,
     make_folders,
     pass_by,
     read_regular,
-    refused,
     shown,
-    write_all,
     write_atomic,
 )
 from octoform.state.fold import fold
@@ -33,7 +29,6 @@ from octoform.state.model import GitRecord, NodeState, Snapshot, content_digest,
 from octoform.state.peek import backup_path
 from octoform.state.reader import Current, read_current, read_snapshot
 
-RESERVE_BYTES = 512 * 1024
 JOURNAL_RECORDS = 1000
 _FAILURES_KEPT = 20
 _TEXT_KEPT = 4000
@@ -101,7 +96,7 @@ class StateStore:
 
     def begin(self, node: str, data: Mapping[str, Any] | None = None) -> list[Diagnostic]:
         """Say that work on a node starts; until its end is told the node is `interrupted`."""
-        problem = make_folders(self._layout) or self._hold_reserve()
+        problem = make_folders(self._layout) or reserve.hold(self._layout)
         return [problem] if problem is not None else self._step(Op.BEGIN, node, data or {})
 
     def success(self, node: str, state: NodeState) -> list[Diagnostic]:
@@ -150,7 +145,7 @@ class StateStore:
 
     def _append(self, op: Op, node: str, data: Mapping[str, Any]) -> Diagnostic | None:
         record = Record(self._journal.count + 1, self._ports.clock(), op, self._run, node, data)
-        problem = self._spending(lambda: self._journal.append(record))
+        problem = reserve.spending(self._layout, lambda: self._journal.append(record))
         if problem is None:
             self._folded = fold(self._folded, (record,))
             self._dirty = self._dirty or op not in (Op.HEAD, Op.COMMIT)
@@ -173,7 +168,8 @@ class StateStore:
         problem = self._head()
         problem = problem or self._append(Op.COMMIT, "", {"serial": wanted.serial, "snapshot": state_digest(wanted)})
         self._known.add(state_digest(wanted))
-        problem = problem or self._spending(self._keep_former) or self._spending(lambda: self._replace(wanted))
+        problem = problem or reserve.spending(self._layout, self._keep_former)
+        problem = problem or reserve.spending(self._layout, lambda: self._replace(wanted))
         return [problem] if problem is not None else self._settle(wanted)
 
     def _replace(self, wanted: Snapshot) -> Diagnostic | None:
@@ -206,42 +202,8 @@ class StateStore:
         self._base = self._folded = snapshot
         self._known = {state_digest(snapshot)}
         self._dirty = False
-        problem = self._part_with_foreign() or self._journal.clear() or self._drop_reserve()
+        problem = self._part_with_foreign() or self._journal.clear() or reserve.give_back(self._layout)
         return [problem] if problem is not None else []
-
-    def _spending(self, write: Callable[[], Diagnostic | None]) -> Diagnostic | None:
-        """Do a write; when the disk is full, give up the reserve and try once more."""
-        problem = write()
-        if problem is None or problem.code != "STATE-DISK-FULL" or not self._reserve.exists():
-            return problem
-        return self._drop_reserve() or write()
-
-    @property
-    def _reserve(self) -> Path:
-        return self._layout.local / "reserve"
-
-    def _hold_reserve(self) -> Diagnostic | None:
-        """Room on the disk, so that the end of a step that has begun can always be told."""
-        if self._reserve.exists():
-            return None
-        try:
-            descriptor = os.open(self._reserve, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o600)
-            try:
-                write_all(descriptor, os.urandom(RESERVE_BYTES))  # not zeros: a file system may store those as nothing
-                os.fsync(descriptor)
-            finally:
-                os.close(descriptor)
-        except OSError as problem:
-            self._reserve.unlink(missing_ok=True)
-            return refused(problem, self._reserve)
-        return None
-
-    def _drop_reserve(self) -> Diagnostic | None:
-        try:
-            self._reserve.unlink(missing_ok=True)
-        except OSError as problem:
-            return refused(problem, self._reserve)
-        return None
 
 
 def _told(context: Context | None) -> dict[str, Any]:

@@ -1,0 +1,247 @@
+"""Git: at which revision the inputs are, and one commit of what an apply changed.
+
+Nothing else of the person's repository is touched: the commit is made from an index of its own (HEAD and the given
+paths), so what they have staged stays staged, and a refused commit leaves no trace. Hooks and signing are theirs and
+run as ever. GitPython is imported by the functions, and only inside a repository: it looks for the git program when it
+is imported.
+"""
+
+import contextlib
+import os
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from octoform.diagnostics import Diagnostic, error, warning
+from octoform.state.files import shown
+from octoform.state.revision import Repository, repository
+
+_SECONDS = 300
+_TAIL = 3000
+_INHERITED = ("GIT_DIR", "GIT_WORK_TREE", "GIT_INDEX_FILE")
+_UNDER_WAY = {
+    "MERGE_HEAD": "a merge",
+    "CHERRY_PICK_HEAD": "a cherry-pick",
+    "REVERT_HEAD": "a revert",
+    "rebase-merge": "a rebase",
+    "rebase-apply": "a rebase",
+}
+
+
+@dataclass(frozen=True, slots=True)
+class GitFacts:
+    """``revision`` is None before the first commit, ``branch`` None when HEAD is detached; ``dirty`` holds, relative to
+    the project, the asked paths whose content is not that of the revision (edited, staged, untracked, ignored)."""
+
+    revision: str | None
+    dirty: tuple[str, ...]
+    branch: str | None
+
+
+@dataclass(frozen=True, slots=True)
+class _Git:
+    """Runs git on one repository, with nothing inherited from a git that may have called us."""
+
+    where: Repository
+    extra: Mapping[str, str] = field(default_factory=dict)
+
+    def run(self, *arguments: str) -> tuple[int, str, str]:
+        """(status, output, complaints) of one git command."""
+        from git import Git
+
+        quiet = ("-c", "gc.auto=0", "-c", "maintenance.auto=false")
+        status, output, complaints = Git(str(self.where.root)).execute(
+            ["git", *quiet, *arguments],
+            env={**self._environment(), **self.extra},
+            with_extended_output=True,
+            with_exceptions=False,
+            kill_after_timeout=_SECONDS,
+        )
+        return status, str(output), str(complaints)
+
+    def _environment(self) -> dict[str, str]:
+        fixed = {"GIT_OPTIONAL_LOCKS": "0", "GIT_LITERAL_PATHSPECS": "1", "GIT_TERMINAL_PROMPT": "0"}
+        if any(name in os.environ for name in _INHERITED):
+            index = str(self.where.folder / "index")
+            fixed |= {
+                "GIT_DIR": str(self.where.folder),
+                "GIT_WORK_TREE": str(self.where.root),
+                "GIT_INDEX_FILE": index,
+            }
+        return fixed
+
+
+def _open(project: Path) -> tuple[_Git | None, list[Diagnostic]]:
+    """Git on the repository that holds ``project``; (None, []) outside one, a warning when git is not usable."""
+    where = repository(project)
+    if where is None:
+        return None, []
+    found = _Git(where)
+    try:
+        status, _, complaints = found.run("rev-parse", "--git-dir")
+    except ImportError:  # the library looks for the program when it is imported
+        hint = "install git, or ignore this: only revisions and commits need it"
+        return None, [warning("GIT-UNUSABLE", "this is a repository, but there is no git program", hint=hint)]
+    if status != 0:
+        return None, [_unusable(where, complaints)]
+    return found, []
+
+
+def _unusable(where: Repository, complaints: str) -> Diagnostic:
+    return warning(
+        "GIT-UNUSABLE",
+        "git refuses to read this repository; the plan goes on without revisions",
+        path=shown(where.root),
+        detail=_words(complaints),
+        hint="do what git says, or ignore this: only revisions and commits need it",
+    )
+
+
+def repository_facts(project: Path, paths: Iterable[Path]) -> tuple[GitFacts | None, list[Diagnostic]]:
+    """Revision, branch and which of ``paths`` (manifest, specs, profiles) are dirty; (None, []) outside a repository.
+
+    Reads only: not even git's own cache of file times is refreshed.
+    """
+    git, found = _open(project)
+    if git is None:
+        return None, found
+    status, revision, _ = git.run("rev-parse", "--verify", "--quiet", "HEAD")
+    on_branch, branch, _ = git.run("symbolic-ref", "--quiet", "--short", "HEAD")
+    inside = _inside(git.where, paths)
+    dirty: tuple[str, ...] = ()
+    if inside:
+        options = ("--porcelain=v1", "-z", "--no-renames", "--untracked-files=all", "--ignored=matching")
+        failed, listing, complaints = git.run("status", *options, "--", *inside)
+        if failed:
+            return None, [_unusable(git.where, complaints)]
+        dirty = tuple(sorted(_for_person(git.where, project, entry[3:]) for entry in listing.split("\0") if entry))
+    return GitFacts(revision if status == 0 else None, dirty, branch if on_branch == 0 else None), []
+
+
+def _inside(where: Repository, paths: Iterable[Path]) -> list[str]:
+    """The paths that lie in the working tree, relative to its root."""
+    places = (path.parent.resolve() / path.name for path in paths)
+    return [str(place.relative_to(where.root)) for place in places if place.is_relative_to(where.root)]
+
+
+def _for_person(where: Repository, project: Path, name: str) -> str:
+    path = where.root / name
+    home = project.resolve()
+    return str(path.relative_to(home)) if path.is_relative_to(home) else os.path.relpath(path, home)
+
+
+def commit(
+    project: Path, paths: Sequence[Path], message: str, trailers: Mapping[str, str]
+) -> tuple[str | None, list[Diagnostic]]:
+    """Commit the present content of ``paths`` (files or folders, gone ones included) and nothing else.
+
+    Returns the new revision; (None, []) outside a repository or when nothing changed. GIT-BUSY while a merge or rebase
+    is going on, GIT-IGNORED, GIT-COMMIT-FAILED with git's or the hook's words: then the repository is as it was.
+    """
+    git, found = _open(project)
+    if git is None:
+        return None, found
+    busy = [what for name, what in _UNDER_WAY.items() if (git.where.folder / name).exists()]
+    if busy:
+        return None, [_busy(git.where, busy[0])]
+    with _own_index(git) as own:
+        names, found = _stage(own, _inside(git.where, paths))
+        if found or not _changed(own):
+            return None, found
+        status, _, complaints = _Git(own.where, {**own.extra, **_identity(own)}).run(
+            "commit", "--quiet", "-m", message, "-m", _trailers(trailers)
+        )
+        if status != 0:
+            return None, [_failed(git.where, complaints)]
+    _, revision, _ = git.run("rev-parse", "HEAD")
+    status, _, complaints = git.run("reset", "--quiet", "--", *names)
+    return revision, [_index_behind(git.where, complaints)] if status != 0 else []
+
+
+@contextlib.contextmanager
+def _own_index(git: _Git) -> Iterator[_Git]:
+    """Git with an index that holds HEAD and nothing that the person has staged."""
+    path = git.where.folder / f"index.octoform.{os.urandom(6).hex()}"
+    own = _Git(git.where, {"GIT_INDEX_FILE": str(path.resolve())})
+    try:
+        born, _, _ = own.run("rev-parse", "--verify", "--quiet", "HEAD")
+        own.run("read-tree", *(["HEAD"] if born == 0 else ["--empty"]))
+        yield own
+    finally:
+        for leftover in (path, path.with_name(f"{path.name}.lock")):
+            leftover.unlink(missing_ok=True)
+
+
+def _stage(own: _Git, names: list[str]) -> tuple[list[str], list[Diagnostic]]:
+    """Put the paths' present content into the own index; returns those that git knows or that are there."""
+    known = []
+    for name in names:
+        if os.path.lexists(own.where.root / name) or own.run("ls-files", "--", name)[1]:
+            known.append(name)
+    if not known:
+        return [], []
+    status, _, complaints = own.run("add", "--all", "--", *known)
+    if status == 0:
+        return known, []
+    if own.run("check-ignore", "--quiet", "--", *known)[0] == 0:
+        hint = "take state/ out of .gitignore, or set `git: {commit: false}`"
+        summary = "git ignores the files that should be committed"
+        return [], [error("GIT-IGNORED", summary, path=shown(own.where.root), detail=_words(complaints), hint=hint)]
+    return [], [_failed(own.where, complaints)]
+
+
+def _changed(own: _Git) -> bool:
+    status, before, _ = own.run("rev-parse", "--verify", "--quiet", "HEAD^{tree}")
+    if status != 0:
+        return own.run("ls-files")[1] != ""
+    return own.run("write-tree")[1] != before
+
+
+def _identity(git: _Git) -> dict[str, str]:
+    """Where git knows no author, one of octoform's own, rather than a guess from the machine's name."""
+    out = {}
+    for part, fallback in (("NAME", "octoform"), ("EMAIL", "octoform@localhost")):
+        if git.run("config", f"user.{part.lower()}")[1]:
+            continue
+        for role in ("AUTHOR", "COMMITTER"):
+            specific = git.run("config", f"{role.lower()}.{part.lower()}")[1]
+            if not specific and not os.environ.get(f"GIT_{role}_{part}"):
+                out[f"GIT_{role}_{part}"] = fallback
+    return out
+
+
+def _trailers(trailers: Mapping[str, str]) -> str:
+    return "\n".join(f"{name}: {' '.join(value.split())}" for name, value in trailers.items())
+
+
+def _busy(where: Repository, what: str) -> Diagnostic:
+    hint = "finish it, then commit the state by hand or apply again"
+    return error(
+        "GIT-BUSY", f"{what} is going on in this repository; nothing was committed", path=str(where.root), hint=hint
+    )
+
+
+def _failed(where: Repository, complaints: str) -> Diagnostic:
+    return error(
+        "GIT-COMMIT-FAILED",
+        "git did not make the commit; the state itself is written and stays",
+        path=shown(where.root),
+        detail=_words(complaints),
+        hint="do what git or its hook says, then commit the state by hand or apply again",
+    )
+
+
+def _index_behind(where: Repository, complaints: str) -> Diagnostic:
+    return warning(
+        "GIT-INDEX-BEHIND",
+        "the commit is made, but the index could not be brought up to it",
+        path=shown(where.root),
+        detail=_words(complaints),
+        hint="run `git reset -- state` when nothing else uses the repository",
+    )
+
+
+def _words(complaints: str) -> str:
+    """The end of what git said, fit to be shown."""
+    text = complaints.strip()[-_TAIL:]
+    return "".join(char if char.isprintable() or char == "\n" else "\N{REPLACEMENT CHARACTER}" for char in text)

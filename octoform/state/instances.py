@@ -1,0 +1,37 @@
+"""The ledger of instances: which serial number, port and node each device id has on this very machine.
+
+Git gets kinds only; this file keeps what differs between two machines of one kind, readable by its owner alone. The
+generated server's runtime reads it at call time. Light.
+"""
+
+import json
+from collections.abc import Mapping
+
+from octoform.diagnostics import Diagnostic, error
+from octoform.state.files import make_folders, read_regular, shown, write_atomic
+from octoform.state.layout import Layout
+
+FORMAT = 1
+
+
+def write_instances(layout: Layout, devices: Mapping[str, object]) -> list[Diagnostic]:
+    """Write device id to instance, mode 0600 in a folder of mode 0700; empty list when it is on disk."""
+    document = {"format": FORMAT, "devices": dict(devices)}
+    text = json.dumps(document, indent=2, sort_keys=True, ensure_ascii=False, allow_nan=False) + "\n"
+    problem = make_folders(layout) or write_atomic(layout.instances, text.encode("utf-8", "surrogatepass"), 0o600)
+    return [problem] if problem is not None else []
+
+
+def read_instances(layout: Layout) -> tuple[dict[str, object] | None, list[Diagnostic]]:
+    """Device id to instance; (None, []) when PROBE was never accepted on this machine."""
+    data, problem = read_regular(layout.instances)
+    if data is None:
+        return None, [problem] if problem is not None else []
+    try:
+        document = json.loads(data)
+        if document["format"] == FORMAT and isinstance(document["devices"], dict):
+            return document["devices"], []
+    except (ValueError, KeyError, TypeError, RecursionError):
+        pass  # said below, together with the other ways not to be a ledger
+    hint = "run `octoform apply -replace probe`: PROBE writes it anew"
+    return None, [error("STATE-INSTANCES", "this is no ledger of instances", path=shown(layout.instances), hint=hint)]
