@@ -16,17 +16,27 @@ from octoform.endpoint.environment import bytecode_option
 from octoform.endpoint.process import Finished, base_environment, run
 
 SCRIPT = Path(__file__).parent / "scripts" / "inspect_server.py"
-_HINTS = {
-    "device": "find and open the device inside the tool, and close it before the tool returns",
-    "socket": "connect inside the tool; a server of scope local opens no socket of its own",
-    "process": "start nothing at import; tools that need a program start it when they are called",
-    "stdout": "write to stderr or to the log: over stdio, stdout carries the protocol",
-}
-_SUMMARIES = {
-    "device": "the server touches a device while it is imported",
-    "socket": "the server opens a connection while it is imported",
-    "process": "the server starts a process while it is imported",
-    "stdout": "the server prints on stdout while it is imported",
+_RULES = {
+    "device": (
+        "ENDPOINT-IMPORT-DEVICE",
+        "the server touches a device while it is imported",
+        "find and open the device inside the tool, and close it before the tool returns",
+    ),
+    "socket": (
+        "ENDPOINT-IMPORT-SOCKET",
+        "the server opens a connection while it is imported",
+        "connect inside the tool; a server of scope local opens no socket of its own",
+    ),
+    "process": (
+        "ENDPOINT-IMPORT-PROCESS",
+        "the server starts a process while it is imported",
+        "start nothing at import; a tool that needs a program starts it when it is called",
+    ),
+    "stdout": (
+        "ENDPOINT-IMPORT-STDOUT",
+        "the server prints on stdout while it is imported",
+        "write to stderr or to the log: over stdio, stdout carries the protocol",
+    ),
 }
 
 
@@ -108,14 +118,9 @@ def judge_import(report: ImportReport, path: str = "server.py") -> list[Diagnost
 
 
 def _violation(item: Violation, path: str) -> Diagnostic:
-    return error(
-        f"ENDPOINT-IMPORT-{item.kind.upper()}",
-        _SUMMARIES[item.kind],
-        path=path,
-        span=Span(item.line, 1) if item.line else None,
-        detail=item.detail,
-        hint=_HINTS[item.kind],
-    )
+    code, summary, hint = _RULES[item.kind]
+    where = Span(item.line, 1) if item.line else None
+    return error(code, summary, path=path, span=where, detail=item.detail, hint=hint)
 
 
 def _quiet() -> dict[str, str]:

@@ -21,7 +21,7 @@ _WORDS = {LAUNCHER: "the launcher", CONNECTION: "the connection descriptor"}
 
 @dataclass(frozen=True, slots=True)
 class Expected:
-    """What the accepted artifacts call for; None is not compared. ``server`` is the digest of server.py's bytes."""
+    """What the accepted artifacts call for; None stands for what the endpoint was made for. ``server`` is the digest of server.py's bytes."""
 
     tools: tuple[str, ...] | None = None
     server: str | None = None
@@ -32,7 +32,7 @@ class Expected:
 class EndpointFacts:
     """The endpoint as it is. ``reasons`` are plain sentences, empty when all is as it was left.
 
-    ``tools``, ``answered`` and ``checked_at`` (RFC 3339) come from the last check; None when there was none.
+    ``tools``, ``answered`` and ``checked_at`` (RFC 3339) come from the last check; empty and None when there was none.
     """
 
     present: bool
@@ -40,7 +40,7 @@ class EndpointFacts:
     server: str | None = None
     runtime: str | None = None
     lock: str | None = None
-    tools: tuple[str, ...] | None = None
+    tools: tuple[str, ...] = ()
     answered: bool | None = None
     checked_at: str | None = None
 
@@ -57,7 +57,7 @@ def observe(layout: Layout, expected: Expected | None = None) -> EndpointFacts:
         *_files(layout, manifest["files"]),
         *_environment(manifest),
         *_served(manifest, server, runtime, wanted),
-        *_checked(check, wanted),
+        *_checked(check, manifest, wanted),
     ]
     return EndpointFacts(
         present=True,
@@ -65,7 +65,7 @@ def observe(layout: Layout, expected: Expected | None = None) -> EndpointFacts:
         server=server,
         runtime=runtime,
         lock=manifest.get("lock"),
-        tools=tuple(check["tools"]) if check else None,
+        tools=tuple(check["tools"]) if check else (),
         answered=bool(check["answered"]) if check else None,
         checked_at=str(check["at"]) if check else None,
     )
@@ -106,14 +106,15 @@ def _served(manifest: Mapping[str, Any], server: str | None, runtime: str | None
     return reasons
 
 
-def _checked(check: Mapping[str, Any] | None, wanted: Expected) -> list[str]:
+def _checked(check: Mapping[str, Any] | None, manifest: Mapping[str, Any], wanted: Expected) -> list[str]:
     if check is None:
         return ["the endpoint was never seen to answer"]
     if not check["answered"]:
         return ["the endpoint did not answer when it was last checked"]
-    if wanted.tools is None or set(wanted.tools) == set(check["tools"]):
+    names = set(manifest.get("tools", []) if wanted.tools is None else wanted.tools)
+    added, gone = set(check["tools"]) - names, names - set(check["tools"])
+    if not added and not gone:
         return []
-    added, gone = set(check["tools"]) - set(wanted.tools), set(wanted.tools) - set(check["tools"])
     words = [f"+{name}" for name in sorted(added)] + [f"-{name}" for name in sorted(gone)]
     return [f"tools differ: {' '.join(words)}"]
 

@@ -67,6 +67,7 @@ def write_endpoint(
         "environment": str(environment.path),
         "previous_environment": _previous(former, environment),
         "lock": environment.lock,
+        "tools": sorted(tool["name"] for tool in tools),
         "server": descriptor["server"]["digest"],
         "runtime": folder_digest(layout.runtime),
     }
