@@ -2,14 +2,11 @@
 
 Nothing of a device enters a prompt: the preceding artifact is named by its path. What does enter from outside (the
 tail of a failed attempt's log, the contract's diagnostics, profiles) is bounded, escaped and fenced as data.
-(Heavy: imports jinja2.)
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-
-from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
 from octoform.diagnostics import Diagnostic
 from octoform.protocol.fence import escaped, fenced, tail
@@ -57,6 +54,9 @@ def render_prompt(prompt: Prompt) -> str:
 
 def _render(prompt: Prompt, log: str) -> str:
     retry = bool(prompt.diagnostics or prompt.failed_log)
+    # Imported here: a plan names this module and renders nothing, and the library costs a tenth of a second.
+    from jinja2 import Environment, FileSystemLoader, StrictUndefined
+
     environment = Environment(
         loader=FileSystemLoader(Path(__file__).parent / "templates"),
         undefined=StrictUndefined,

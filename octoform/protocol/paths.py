@@ -1,0 +1,28 @@
+"""Where specs and schemas lie: the project's own where it has them, the shipped ones otherwise.
+
+Light on purpose: which files matter must be known without reading YAML.
+"""
+
+from pathlib import Path
+
+from octoform.protocol.model import STAGES
+
+SCHEMAS = "schemas"
+
+
+def shipped() -> Path:
+    """The folder of the shipped specs: inside the installed package, or at the top of the source tree."""
+    packaged = Path(__file__).parent / "shipped"
+    return packaged if packaged.is_dir() else Path(__file__).parents[2] / "protocol"
+
+
+def spec_paths(folder: Path | None) -> dict[str, Path]:
+    """The spec file of each stage; a project's ``protocol/`` folder may hold some, all or none of them."""
+    own = {} if folder is None else {stage: folder / f"{stage}.md" for stage in STAGES}
+    return {stage: own[stage] if stage in own and own[stage].exists() else shipped() / f"{stage}.md" for stage in STAGES}
+
+
+def schema_dir(folder: Path | None) -> Path:
+    """The folder of all schemas: the project's if it has one, else the shipped one."""
+    own = folder / SCHEMAS if folder is not None else None
+    return own if own is not None and own.is_dir() else shipped() / SCHEMAS
