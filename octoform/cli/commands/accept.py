@@ -1,0 +1,15 @@
+"""``accept``: take a node's artifact as it is, when a person knows that only words changed."""
+
+import os
+from argparse import Namespace
+from pathlib import Path
+
+from octoform.engine.inspecting import accept
+from octoform.views import problems, state
+from octoform.views.console import Console
+
+
+def run(arguments: Namespace, project: Path, screen: Console) -> int:
+    """Verify the artifact and adopt it under today's key."""
+    status = problems.show(screen, accept(project, os.environ, arguments.node), as_json=arguments.json)
+    return status or state.adopted(screen, arguments.node, as_json=arguments.json)

@@ -1,0 +1,14 @@
+"""``destroy``: remove what apply made for this host."""
+
+import os
+from argparse import Namespace
+from pathlib import Path
+
+from octoform.cli.commands.apply import execute
+from octoform.engine.planning import Request
+from octoform.views.console import Console
+
+
+def run(arguments: Namespace, project: Path, screen: Console) -> int:
+    """Destroy the host of this folder, last node first."""
+    return execute(arguments, screen, Request(project, os.environ, destroy=True))

@@ -1,0 +1,18 @@
+"""``graph``: the nodes and what they consume, for a drawing program."""
+
+import os
+from argparse import Namespace
+from pathlib import Path
+
+from octoform.engine.compiling import compile_project
+from octoform.graph.drawing import to_dot, to_mermaid
+from octoform.views import problems, texts
+from octoform.views.console import Console
+
+
+def run(arguments: Namespace, project: Path, screen: Console) -> int:
+    """DOT or mermaid on standard output."""
+    compiled, found = compile_project(project, os.environ)
+    if compiled is None:
+        return problems.show(screen, found)
+    return texts.plain(screen, (to_dot if arguments.type == "dot" else to_mermaid)(compiled.graph))

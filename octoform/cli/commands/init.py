@@ -1,0 +1,15 @@
+"""``init``: write a commented octopus.yaml for this host."""
+
+from argparse import Namespace
+from pathlib import Path
+
+from octoform.engine.starting import start_project
+from octoform.views import problems, texts
+from octoform.views.console import Console
+
+
+def run(arguments: Namespace, project: Path, screen: Console) -> int:
+    """Refuses to overwrite a manifest that is there."""
+    started, found = start_project(project, arguments.host)
+    status = problems.show(screen, found, as_json=arguments.json and started is None)
+    return status or texts.started(screen, started or "", as_json=arguments.json)

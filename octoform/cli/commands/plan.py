@@ -1,0 +1,40 @@
+"""``plan``: the memo answers when nothing has moved; otherwise everything is compiled and compared."""
+
+import os
+from argparse import Namespace
+from pathlib import Path
+
+from octoform.engine import memo
+from octoform.plan.model import Plan
+from octoform.views import problems
+from octoform.views.console import Console
+from octoform.views.plan import PlanHuman, PlanJson
+from octoform.views.stream import JsonStream
+
+
+def run(arguments: Namespace, project: Path, screen: Console) -> int:
+    """Show what would change, and change nothing."""
+    usual = not (arguments.target or arguments.replace or arguments.out or arguments.destroy)
+    remembered = memo.recall(project, os.environ) if usual else None
+    return _show(arguments, screen, remembered) if remembered is not None else _compile(arguments, project, screen)
+
+
+def _compile(arguments: Namespace, project: Path, screen: Console) -> int:
+    from octoform.engine.planning import Request, make_plan  # the one heavy import that the memo saves
+
+    targets, replace = tuple(arguments.target), tuple(arguments.replace)
+    request = Request(project, os.environ, targets, replace, destroy=arguments.destroy)
+    result = make_plan(request, Path(arguments.out).absolute() if arguments.out else None)
+    if result.plan is None and arguments.json:
+        JsonStream(screen).diagnostics(result.diagnostics)
+        return 1
+    status = problems.show(screen, result.diagnostics)
+    if result.plan is None:
+        return 1
+    return max(status, _show(arguments, screen, result.plan, arguments.out if result.saved_as else None))
+
+
+def _show(arguments: Namespace, screen: Console, found: Plan, saved_as: str | None = None) -> int:
+    view = PlanJson(JsonStream(screen)) if arguments.json else PlanHuman(screen)
+    view.show(found, saved_as)
+    return 2 if arguments.detailed_exitcode and not found.empty else 0

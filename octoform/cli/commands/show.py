@@ -1,0 +1,25 @@
+"""``show``: the state, or a saved plan."""
+
+import os
+from argparse import Namespace
+from pathlib import Path
+
+from octoform.engine.inspecting import open_project, saved_plan
+from octoform.views import problems, state
+from octoform.views.console import Console
+from octoform.views.plan import PlanHuman, PlanJson
+from octoform.views.stream import JsonStream
+
+
+def run(arguments: Namespace, project: Path, screen: Console) -> int:
+    """Show it; nothing is compared and nothing is changed."""
+    if arguments.planfile:
+        plan, found = saved_plan(Path(arguments.planfile).absolute())
+        if plan is not None:
+            (PlanJson(JsonStream(screen)) if arguments.json else PlanHuman(screen)).show(plan)
+        return problems.show(screen, found)
+    opened, found = open_project(project, os.environ)
+    if opened is None:
+        return problems.show(screen, found, as_json=arguments.json)
+    problems.show(screen, found)
+    return state.show(screen, opened.snapshot, as_json=arguments.json)

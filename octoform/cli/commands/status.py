@@ -1,0 +1,17 @@
+"""``status``: in sync or not, healthy or not."""
+
+import os
+from argparse import Namespace
+from pathlib import Path
+
+from octoform.engine.serving import status
+from octoform.views import endpoint, problems
+from octoform.views.console import Console
+
+
+def run(arguments: Namespace, project: Path, screen: Console) -> int:
+    """Exit code 0 only when the host is in sync and its endpoint answers."""
+    found = status(project, os.environ)
+    if found.sync is None:
+        return problems.show(screen, found.diagnostics, as_json=arguments.json)
+    return endpoint.status(screen, found, as_json=arguments.json)

@@ -1,0 +1,17 @@
+"""``tools``: what the live endpoint offers."""
+
+import os
+from argparse import Namespace
+from pathlib import Path
+
+from octoform.engine.serving import tools
+from octoform.views import endpoint, problems
+from octoform.views.console import Console
+
+
+def run(arguments: Namespace, project: Path, screen: Console) -> int:
+    """Asks the endpoint itself, not a file."""
+    listed, found = tools(project, os.environ)
+    if listed is None:
+        return problems.show(screen, found, as_json=arguments.json)
+    return endpoint.tools(screen, listed, as_json=arguments.json)

@@ -1,0 +1,15 @@
+"""``validate``: check manifest, specs and profiles; start nothing."""
+
+import os
+from argparse import Namespace
+from pathlib import Path
+
+from octoform.engine.compiling import compile_project
+from octoform.views import texts
+from octoform.views.console import Console
+
+
+def run(arguments: Namespace, project: Path, screen: Console) -> int:
+    """All problems at once; exit code 1 when one is an error."""
+    _, found = compile_project(project, os.environ)
+    return texts.validation(screen, found, as_json=arguments.json)

@@ -1,0 +1,121 @@
+"""The live endpoint for a person: status on two axes, tools, one call. (Heavy.)"""
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from octoform.diagnostics import Diagnostic, error, has_errors
+from octoform.endpoint.client import CallResult, list_tools, save_media
+from octoform.endpoint.client import call as call_tool
+from octoform.endpoint.observing import observe
+from octoform.engine import memo
+from octoform.engine.compiling import compile_project
+from octoform.engine.planning import Request, prepare
+from octoform.plan.model import Plan
+from octoform.state.layout import Layout
+
+
+@dataclass(frozen=True, slots=True)
+class Status:
+    """In sync or not, and healthy, unhealthy or unknown: two separate things.
+
+    ``health`` is ``healthy`` only when the endpoint answered just now with the tools of INTERFACE.
+    """
+
+    host: str
+    sync: bool | None
+    health: str
+    reasons: tuple[str, ...] = ()
+    plan: Plan | None = None
+    tools: tuple[str, ...] = ()
+    diagnostics: tuple[Diagnostic, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Answer:
+    """A tool's answer and the files that its pictures and sounds were written to."""
+
+    result: CallResult
+    files: tuple[Path, ...]
+
+
+def status(project: Path, environ: Mapping[str, str]) -> Status:
+    """Compare with the manifest, and ask the endpoint; starts the launcher once."""
+    plan = memo.recall(project, environ)
+    if plan is None:
+        outlook, found = prepare(Request(project, environ))
+        if outlook is None:
+            return Status("", None, "unknown", diagnostics=tuple(found))
+        plan = outlook.plan
+    layout = Layout(project, plan.host)
+    facts = observe(layout)
+    if not facts.present:
+        return Status(plan.host, plan.empty, "unknown", ("there is no endpoint yet",), plan)
+    listed, found = list_tools(layout)
+    reasons = [*facts.reasons, *(item.summary for item in found)]
+    names = tuple(tool["name"] for tool in listed)
+    if not found and set(names) != set(_promised(layout)):
+        reasons.append("the endpoint's tools are not those of INTERFACE")
+    health = "unhealthy" if reasons else "healthy"
+    return Status(plan.host, plan.empty, health, tuple(reasons), plan, names, tuple(found))
+
+
+def _promised(layout: Layout) -> list[str]:
+    path = layout.output("interface")
+    return [tool["name"] for tool in json.loads(path.read_bytes())["tools"]] if path.is_file() else []
+
+
+def tools(project: Path, environ: Mapping[str, str]) -> tuple[list[dict[str, Any]] | None, list[Diagnostic]]:
+    """The tools that the endpoint lists, with effect and devices from the INTERFACE artifact."""
+    layout, found = _layout(project, environ)
+    if layout is None:
+        return None, found
+    listed, problems = list_tools(layout)
+    if has_errors(problems):
+        return None, list(problems)
+    path = layout.output("interface")
+    promised = {tool["name"]: tool for tool in json.loads(path.read_bytes())["tools"]} if path.is_file() else {}
+    extra = ("effect", "devices")
+    return [{**tool, **{key: promised.get(tool["name"], {}).get(key) for key in extra}} for tool in listed], []
+
+
+def call(
+    project: Path, environ: Mapping[str, str], tool: str, pairs: Sequence[str], document: str | None, seconds: float
+) -> tuple[Answer | None, list[Diagnostic]]:
+    """Call a tool with ``name=value`` pairs or one JSON object; media go to files in the working folder's .octoform."""
+    given, texts, found = _arguments(pairs, document)
+    layout, more = _layout(project, environ)
+    if layout is None or found:
+        return None, [*found, *more]
+    result, problems = call_tool(layout, tool, given, texts, seconds)
+    if result is None:
+        return None, list(problems)
+    saved, more = save_media(result, layout.local / "results", tool)
+    return Answer(result, tuple(saved)), more
+
+
+def _layout(project: Path, environ: Mapping[str, str]) -> tuple[Layout | None, list[Diagnostic]]:
+    plan = memo.recall(project, environ)
+    if plan is not None:
+        return Layout(project, plan.host), []
+    compiled, found = compile_project(project, environ)
+    return (compiled.layout if compiled else None), found
+
+
+def _arguments(pairs: Sequence[str], document: str | None) -> tuple[dict[str, Any], dict[str, str], list[Diagnostic]]:
+    hint = "write -arg name=value, or -json '{\"name\": value}'"
+    texts = dict(pair.split("=", 1) for pair in pairs if "=" in pair)
+    bad = [pair for pair in pairs if "=" not in pair]
+    if bad:
+        return {}, {}, [error("CALL-BAD-ARGUMENT", f"{bad[0]!r} is not name=value", hint=hint)]
+    if document is None:
+        return {}, texts, []
+    try:
+        given = json.loads(document)
+    except ValueError as problem:
+        return {}, {}, [error("CALL-BAD-ARGUMENT", f"the arguments are not JSON: {problem}", hint=hint)]
+    if not isinstance(given, dict):
+        return {}, {}, [error("CALL-BAD-ARGUMENT", "the arguments must be one JSON object", hint=hint)]
+    return given, texts, []

@@ -1,0 +1,107 @@
+"""The live endpoint for a person and for a program: status, tools, an answer."""
+
+import json
+from typing import Any
+
+from octoform.engine.serving import Answer, Status
+from octoform.views import sentences
+from octoform.views.console import Console
+from octoform.views.text import escape, one_line
+
+_HEALTH = {"healthy": "green", "unhealthy": "red", "unknown": "yellow"}
+
+
+def status(console: Console, found: Status, *, as_json: bool) -> int:
+    """Both axes with their reasons; exit code 0 only for in sync and healthy."""
+    good = bool(found.sync) and found.health == "healthy"
+    if as_json:
+        document = {
+            "format": 1,
+            "host": found.host,
+            "in_sync": found.sync,
+            "health": found.health,
+            "reasons": list(found.reasons),
+            "tools": list(found.tools),
+        }
+        _json(console, document)
+        return 0 if good else 1
+    sync = console.paint("in sync", "green") if found.sync else console.paint("out of sync", "yellow")
+    console.line(f"host {found.host}: {sync}, {console.paint(found.health, _HEALTH[found.health])}")
+    if found.plan is not None and not found.sync:
+        console.line(f"  {sentences.summary(found.plan).splitlines()[0]}  (octoform plan tells why)")
+    for reason in found.reasons:
+        console.line(f"  {reason}")
+    if found.health == "healthy":
+        console.line(f"  the endpoint answers with {len(found.tools)} tools")
+    return 0 if good else 1
+
+
+def tools(console: Console, listed: list[dict[str, Any]], *, as_json: bool) -> int:
+    """Name, effect, parameters and first line of each tool."""
+    if as_json:
+        _json(console, {"format": 1, "tools": listed})
+        return 0
+    if not listed:
+        console.line("The endpoint has no tools: nothing here can be controlled or read through a standard interface.")
+    for tool in listed:
+        effect = tool.get("effect") or "?"
+        colour = "green" if effect == "read" else "yellow"
+        console.line(f"{console.paint(tool['name'], 'bold')}  {console.paint(effect, colour)}")
+        console.line(f"    {one_line(tool.get('description') or '', 110)}")
+        for line in _parameters(tool["input_schema"]):
+            console.line(f"      {line}")
+    return 0
+
+
+def _parameters(schema: dict[str, Any]) -> list[str]:
+    required = set(schema.get("required", []))
+    lines = []
+    for name, given in schema.get("properties", {}).items():
+        kind = " | ".join(str(value) for value in given["enum"]) if "enum" in given else _kind(given)
+        low, high = given.get("minimum"), given.get("maximum")
+        span = f" {'' if low is None else low}..{'' if high is None else high}" if (low, high) != (None, None) else ""
+        default = "" if "default" not in given else f", default {json.dumps(given['default'])}"
+        need = ", required" if name in required else ""
+        lines.append(one_line(f"{name}: {kind}{span}{default}{need}", 110))
+    return lines
+
+
+def _kind(given: dict[str, Any]) -> str:
+    if "anyOf" in given:
+        return " or ".join(_kind(item) for item in given["anyOf"])
+    return str(given.get("const", given.get("type", "any")))
+
+
+def answer(console: Console, tool: str, found: Answer, *, as_json: bool) -> int:
+    """What the tool said; exit code 1 when it said that it failed."""
+    result = found.result
+    failed = 1 if result.is_error else 0
+    if as_json:
+        content = [block for block in result.content if block.get("type") == "text"]
+        document = {
+            "format": 1,
+            "tool": tool,
+            "is_error": result.is_error,
+            "structured": result.structured,
+            "content": content,
+            "files": [str(path) for path in found.files],
+            "ms": result.ms,
+        }
+        _json(console, document)
+        return failed
+    if result.is_error:
+        console.problem(f"{tool}: {escape(result.message)}")
+        return failed
+    if result.structured is not None:
+        console.line(escape(json.dumps(result.structured, ensure_ascii=False, indent=2)))
+    else:
+        for block in result.content:
+            if block.get("type") == "text":
+                console.line(escape(block.get("text", "")))
+    for path in found.files:
+        console.line(f"saved {path}")
+    return failed
+
+
+def _json(console: Console, value: dict[str, Any]) -> None:
+    console.line(json.dumps(value, ensure_ascii=False, indent=2))

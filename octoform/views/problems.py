@@ -1,0 +1,40 @@
+"""Problems outside any command's own output: usage errors, interruption, diagnostics without a view."""
+
+import json
+from collections.abc import Iterable
+
+import octoform
+from octoform.diagnostics import Diagnostic, has_errors, to_json
+from octoform.views.console import Console
+
+
+def usage(console: Console, message: str, usage_line: str) -> int:
+    """A command line that could not be understood; exit code 1."""
+    console.problem(f"octoform: {message}")
+    console.problem(usage_line.strip() or "see octoform --help")
+    return 1
+
+
+def interrupted(console: Console) -> int:
+    """Ctrl-C; exit code 130."""
+    console.problem("\noctoform: interrupted; what was accepted stays accepted, the next apply goes on from there")
+    return 130
+
+
+def version(console: Console) -> int:
+    """The version; exit code 0."""
+    console.line(f"octoform {octoform.__version__}")
+    return 0
+
+
+def show(console: Console, items: Iterable[Diagnostic], *, as_json: bool = False) -> int:
+    """Diagnostics to standard error (or one JSON object to standard output); exit code 1 when one is an error."""
+    items = list(items)
+    if as_json:
+        console.line(json.dumps({"format": 1, "diagnostics": [to_json(item) for item in items]}, ensure_ascii=False))
+    elif items:
+        from octoform.views.diagnostics import render  # only a problem pays for it
+
+        for item in items:
+            console.problem(render(item, colour=console.colour_err) + "\n")
+    return 1 if has_errors(items) else 0
