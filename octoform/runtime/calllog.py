@@ -1,0 +1,127 @@
+"""One line when a tool is called and one when it ended, whatever happened in between.
+
+A call that is not in the log is invisible to whoever watches the server, so the wrapper is around every tool. Lines
+are ASCII JSON with bounded text, each written at once to a file opened for appending: calls of several threads and
+processes never mix. A log that cannot be written never fails a call; it is said once on standard error.
+"""
+
+import functools
+import inspect
+import json
+import os
+import sys
+import time
+from collections.abc import Awaitable, Callable, Mapping
+from typing import Any, ParamSpec, TypeVar, cast
+
+from .faults import DeviceFault
+
+P = ParamSpec("P")
+R = TypeVar("R")
+
+TEXT_CHARS = 200
+LINE_CHARS = 4000
+_complained: list[str] = []
+
+
+def logged(tool: Callable[P, R]) -> Callable[P, R]:
+    """Log every call of a sync or async tool; its name, signature and documentation stay.
+
+    A failed call's line names the class of the exception; where that only dresses a device's fault or an error of
+    the operating system for the client (``raise ... from problem``), the class of that cause.
+    """
+    signature = inspect.signature(tool)
+
+    @functools.wraps(tool)
+    def call(*args: P.args, **kwargs: P.kwargs) -> R:
+        entry = _begin(tool.__name__, signature, args, kwargs)
+        try:
+            value = tool(*args, **kwargs)
+        except BaseException as problem:
+            _end(entry, problem)
+            raise
+        _end(entry, None)
+        return value
+
+    @functools.wraps(tool)
+    async def call_async(*args: P.args, **kwargs: P.kwargs) -> Any:
+        entry = _begin(tool.__name__, signature, args, kwargs)
+        try:
+            value = await cast("Awaitable[Any]", tool(*args, **kwargs))
+        except BaseException as problem:
+            _end(entry, problem)
+            raise
+        _end(entry, None)
+        return value
+
+    wrapper: Any = call_async if inspect.iscoroutinefunction(tool) else call
+    wrapper.__signature__ = signature
+    return cast("Callable[P, R]", wrapper)
+
+
+def _begin(
+    name: str, signature: inspect.Signature, args: tuple[Any, ...], kwargs: Mapping[str, Any]
+) -> tuple[str, str, float]:
+    identity = os.urandom(8).hex()
+    try:
+        arguments = {key: _bounded(value) for key, value in signature.bind(*args, **kwargs).arguments.items()}
+    except TypeError:  # the call itself will say what is wrong with its arguments
+        arguments = {}
+    _write({"event": "call", "id": identity, "time": _now(), "tool": name, "arguments": arguments})
+    return identity, name, time.perf_counter()
+
+
+def _end(entry: tuple[str, str, float], problem: BaseException | None) -> None:
+    identity, name, begun = entry
+    line: dict[str, Any] = {"event": "result", "id": identity, "time": _now(), "tool": name, "ok": problem is None}
+    if problem is not None:
+        cause = problem.__cause__
+        line["error"] = type(cause if isinstance(cause, DeviceFault | OSError) else problem).__name__
+        line["message"] = _cut(str(problem))
+    line["ms"] = round((time.perf_counter() - begun) * 1000, 1)
+    _write(line)
+
+
+def _bounded(value: Any) -> Any:
+    if value is None or isinstance(value, bool | int | float):
+        return value
+    return _cut(value if isinstance(value, str) else repr(value))
+
+
+def _cut(text: str) -> str:
+    return text if len(text) <= TEXT_CHARS else f"{text[:TEXT_CHARS]}... ({len(text)} characters)"
+
+
+def _now() -> str:
+    moment = time.time()
+    return time.strftime("%Y-%m-%dT%H:%M:%S", time.gmtime(moment)) + f".{int(moment % 1 * 1000):03d}Z"
+
+
+def _write(line: dict[str, Any]) -> None:
+    text = json.dumps(line, ensure_ascii=True)
+    if len(text) > LINE_CHARS and "arguments" in line:
+        text = json.dumps({**line, "arguments": {"...": f"{len(line['arguments'])} arguments left out"}})
+    data = text.encode("ascii") + b"\n"
+    place = os.environ.get("OCTOFORM_CALL_LOG")
+    try:
+        if not place:
+            sys.stderr.write(data.decode("ascii"))
+            return
+        descriptor = os.open(place, os.O_WRONLY | os.O_APPEND | os.O_CREAT | os.O_CLOEXEC, 0o600)
+        try:
+            os.write(descriptor, data)
+        finally:
+            os.close(descriptor)
+    except (OSError, ValueError) as problem:
+        _complain(f"the call log {place or 'on standard error'} cannot be written: {problem}")
+
+
+def _complain(text: str) -> None:
+    """Say once per process that calls are not being logged."""
+    if text in _complained:
+        return
+    _complained.append(text)
+    try:
+        print(f"runtime: {text}", file=sys.stderr)
+    except (OSError, ValueError):
+        return

@@ -1,0 +1,26 @@
+"""The faults of the room rather than of the code: a device that is gone, in doubt, or in use by another.
+
+They have classes of their own because a watcher decides by the class what to do: an absent device is waited for,
+a busy one is tried again, and only what is left over is a defect of the server.
+"""
+
+
+class DeviceFault(Exception):
+    """Something about a device that a person or a client can act on; its text is meant for them."""
+
+    def __init__(self, device: str, text: str) -> None:
+        """``device`` is the id of the device or the name of the bus, ``text`` one sentence."""
+        super().__init__(text)
+        self.device = device
+
+
+class DeviceAbsent(DeviceFault):
+    """No device of this identity is there now, or it has no such part."""
+
+
+class AmbiguousDevice(DeviceFault):
+    """Two specimens could be meant and nothing tells them apart; an actuator is never moved on a guess."""
+
+
+class BusBusy(DeviceFault):
+    """Another call, in this process or in another one, kept the bus for too long."""

@@ -1,0 +1,84 @@
+"""Small bounded reads below the system root, and what sysfs links say about a folder.
+
+Attributes vanish, refuse and stall in everyday life, so a read that fails gives None and the caller says what that
+means. The layout is that of the kernel's Documentation/admin-guide/sysfs-rules.rst: devices are found below
+/sys/class and /sys/bus, and `subsystem` links say what they are.
+"""
+
+import os
+import re
+from pathlib import Path
+
+ATTRIBUTE_BYTES = 4096
+_DIGITS = re.compile(r"(\d+)")
+
+
+def sysroot() -> Path:
+    """The folder that holds sys, proc and dev: ``/``, or what OCTOFORM_SYSROOT names."""
+    return Path(os.environ.get("OCTOFORM_SYSROOT") or "/")
+
+
+def read_bytes(path: Path, limit: int = ATTRIBUTE_BYTES) -> bytes | None:
+    """Up to ``limit`` bytes of a file, None when it cannot be read. Never waits for a writer (O_NONBLOCK)."""
+    try:
+        descriptor = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
+    except OSError:
+        return None
+    parts = []
+    try:
+        while limit > 0 and (part := os.read(descriptor, limit)):
+            parts.append(part)
+            limit -= len(part)
+    except OSError:
+        return None
+    finally:
+        os.close(descriptor)
+    return b"".join(parts)
+
+
+def read_text(path: Path, limit: int = ATTRIBUTE_BYTES) -> str | None:
+    """The same as text without surrounding white space; bytes that are no UTF-8 are replaced."""
+    found = read_bytes(path, limit)
+    return None if found is None else found.decode("utf-8", "replace").strip().strip("\0")
+
+
+def read_number(path: Path, scale: float = 1.0) -> float | None:
+    """A number from an attribute times ``scale``; None when it cannot be read or is no number."""
+    text = read_text(path, 64)
+    try:
+        return None if text is None else round(float(text) * scale, 9)
+    except ValueError:
+        return None
+
+
+def natural(text: str) -> tuple[tuple[int, str], ...]:
+    """Sort key by which ``hwmon2`` comes before ``hwmon10``."""
+    return tuple((int(part), "") if part.isdigit() else (-1, part) for part in _DIGITS.split(text))
+
+
+def subsystem(path: Path) -> tuple[str, str]:
+    """("bus" or "class", name) of a device folder; two empty strings where the folder is no device."""
+    try:
+        target = (path / "subsystem").readlink()
+    except OSError:
+        return "", ""
+    return target.parent.name, target.name
+
+
+def uevent(path: Path) -> dict[str, str]:
+    """The KEY=value lines that the kernel announces for a device folder."""
+    text = read_text(path / "uevent", 16 * ATTRIBUTE_BYTES) or ""
+    return dict(line.split("=", 1) for line in text.splitlines() if "=" in line)
+
+
+def members(name: str) -> list[Path]:
+    """The real folders of all devices of a class or bus, in natural order."""
+    root = sysroot()
+    found: set[Path] = set()
+    folders = [root / "sys/class" / name, root / "sys/bus" / name / "devices"]
+    for folder in [*folders, root / "sys/block"] if name == "block" else folders:
+        try:
+            found.update(entry.resolve() for entry in folder.iterdir() if entry.is_symlink() or entry.is_dir())
+        except OSError:
+            continue
+    return sorted((path for path in found if path.is_dir()), key=lambda path: natural(str(path)))
