@@ -40,6 +40,9 @@ ATTRIBUTES: Mapping[str, tuple[str, ...]] = {
     "vmbus": ("class_id",),
     "xen": ("devtype",),
 }
+_PLAIN_MODALIAS = frozenset(("spi", "i2c", "platform", "acpi", "wmi", "rpmsg", "tee", "scmi", "mdio"))
+# A device without a name on these is called by its place only, which is nothing for an id.
+_NAMED_BY_PLACE = frozenset(("i2c", "spi", "mdio_bus", "pnp", "serio", "serial", "soundwire", "rapidio", "eisa", "nd"))
 _KERNEL_VERSION = re.compile(r"^Linux \d\S* ")
 _AT_ADDRESS = re.compile(r",? at \S+$")
 _HID_ID = re.compile(r"^0*([0-9A-Fa-f]{1,4}):0*([0-9A-Fa-f]{1,8}):0*([0-9A-Fa-f]{1,8})$")
@@ -92,7 +95,9 @@ def describe(node: Node, reader: Reader, uevent: dict[str, str]) -> None:
         node.add(attribute, _AT_ADDRESS.sub("", reader.text(f"{node.path}/{attribute}")))
     facts = dict(node.lines)
     said = facts.get("name") or facts.get("description") or facts.get("id")
-    node.kind = said or node.driver or _platform_kind(node, uevent)
+    node.kind = _TRAILER.sub("", said or "") or _announced_kind(node.modalias) or node.driver
+    if not node.kind and node.subsystem not in _NAMED_BY_PLACE:
+        node.kind = _platform_kind(node, uevent)
 
 
 def _usb(node: Node, reader: Reader, uevent: dict[str, str]) -> None:
@@ -226,6 +231,14 @@ def _platform(node: Node, _reader: Reader, uevent: dict[str, str]) -> None:
     node.add("name", node.kind)
     for key in ("OF_NAME", "OF_COMPATIBLE_0", "OF_COMPATIBLE_1"):
         node.add(key.lower(), uevent.get(key, ""))
+
+
+def _announced_kind(modalias: str) -> str:
+    """The part of a modalias that names the kind: ``spi:adc`` is ``adc``, a device tree's its first compatible."""
+    prefix, _, rest = modalias.partition(":")
+    if prefix == "of":
+        return rest.partition("C")[2].partition("C")[0]
+    return rest.strip(":") if prefix in _PLAIN_MODALIAS else ""
 
 
 def _platform_kind(node: Node, uevent: dict[str, str]) -> str:

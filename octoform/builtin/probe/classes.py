@@ -30,7 +30,6 @@ ATTRIBUTES: Mapping[str, tuple[str, ...]] = {
     "infiniband": ("hca_type", "node_desc"),
     "media": ("model",),
     "mtd": ("name", "type"),
-    "nvme": ("model", "transport"),
     "powercap": ("name",),
     "printer": ("ieee1284_id",),
     "ptp": ("clock_name", "max_adjustment", "n_external_timestamps", "n_periodic_outputs"),
@@ -39,7 +38,6 @@ ATTRIBUTES: Mapping[str, tuple[str, ...]] = {
     "regulator": ("name", "type", "min_microvolts", "max_microvolts"),
     "remoteproc": ("name",),
     "rfkill": ("type",),
-    "rtc": ("name",),
     "scsi_host": ("proc_name",),
     "soc": ("machine", "family", "soc_id"),
     "thermal": ("type", "max_state"),
@@ -236,6 +234,18 @@ def _thermal(node: Node, reader: Reader, _uevent: dict[str, str]) -> None:
     node.add("max_state", reader.text(f"{node.path}/max_state") if node.name.startswith("cooling") else "")
 
 
+def _nvme(node: Node, reader: Reader, _uevent: dict[str, str]) -> None:
+    for attribute in ("model", "transport"):
+        node.add(attribute, reader.text(f"{node.path}/{attribute}"))
+    node.serial = reader.text(f"{node.path}/serial")
+
+
+def _rtc(node: Node, reader: Reader, _uevent: dict[str, str]) -> None:
+    # The driver's name; what follows it says where the clock is attached.
+    node.kind = reader.text(f"{node.path}/name").partition(" ")[0]
+    node.add("name", node.kind)
+
+
 def _backlight(node: Node, reader: Reader, _uevent: dict[str, str]) -> None:
     node.kind = node.name
     node.add("name", node.name)
@@ -254,7 +264,9 @@ SPECIAL: Mapping[str, Callable[[Node, Reader, dict[str, str]], None]] = {
     "input": _input,
     "leds": _leds,
     "net": _net,
+    "nvme": _nvme,
     "power_supply": _power_supply,
+    "rtc": _rtc,
     "sound": _sound,
     "thermal": _thermal,
     "tty": _tty,

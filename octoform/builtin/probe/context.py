@@ -10,7 +10,7 @@ from octoform.builtin.probe import text
 from octoform.builtin.probe.node import Node
 from octoform.builtin.probe.reader import Reader
 from octoform.builtin.probe.scans import Scan
-from octoform.builtin.probe.units import Unit
+from octoform.builtin.probe.unit import Unit
 
 TEXT_BYTES = 65536
 _CARD = re.compile(r"^\s*(\d+)\s+\[(.{1,16}?)\s*\]:\s*(\S+)\s+-\s+(.*)$")
@@ -29,7 +29,7 @@ class Context:
         self._nodes = nodes
         self.platform: dict[str, str] = {"os": "linux", "arch": "unknown"}
         self.hostname = ""
-        self._neighbours: list[str] = []
+        self._neighbours: list[str] | None = None
         self._extra: list[Unit] = []
 
     def scans(self) -> list[Scan]:
@@ -44,10 +44,14 @@ class Context:
         ]
 
     def units(self) -> list[Unit]:
-        """Units that sysfs did not give: the board of a device tree, neighbours as context."""
+        """Units that sysfs did not give: the board of a device tree, neighbours as context.
+
+        All neighbours are one unit, there whenever they can be read: how many there are and who they are changes by
+        the minute and is no fact about this host's kinds.
+        """
         found = list(self._extra)
-        if self._neighbours:
-            head = Node("/proc/net/arp", "neighbours", False, kind="seen", title="network neighbours")
+        if self._neighbours is not None:
+            head = Node("/proc/net/arp", "network", False, kind="neighbours", title="network neighbours")
             extra: dict[str, str | int | bool] = {
                 "count": len(self._neighbours),
                 "address": text.value(", ".join(self._neighbours), 300),
@@ -152,11 +156,9 @@ class Context:
     def _arp(self, reader: Reader) -> None:
         if not reader.data("/proc/net/arp", 1):
             raise FileNotFoundError(2, "no such file")
-        for line in reader.text("/proc/net/arp", TEXT_BYTES).splitlines()[1:]:
-            fields = line.split()
-            if len(fields) >= _ARP_FIELDS and fields[3].strip("0:"):
-                self._neighbours.append(f"{fields[0]} {fields[3]}")
-        self._neighbours.sort(key=text.natural)
+        rows = [line.split() for line in reader.text("/proc/net/arp", TEXT_BYTES).splitlines()[1:]]
+        known = [f"{row[0]} {row[3]}" for row in rows if len(row) >= _ARP_FIELDS and row[3].strip("0:")]
+        self._neighbours = sorted(known, key=text.natural)
 
     def _platform(self, reader: Reader) -> None:
         live = not reader.root

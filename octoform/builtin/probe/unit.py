@@ -1,0 +1,73 @@
+"""A unit: one device on a bus with everything that hangs below it, in canonical order."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+
+from octoform.builtin.probe import text
+from octoform.builtin.probe.node import Node
+
+_HEADS = {"input": "input", "sound": "card"}
+SCRUB_FROM = 6
+_HIDDEN = "<serial>"
+
+
+@dataclass(slots=True)
+class Unit:
+    """A device on a bus (or a class device that has none above it) with everything that hangs below it."""
+
+    head: Node
+    group: str = ""
+    members: list[Node] = field(default_factory=list)
+    context: bool = False
+    extra: dict[str, str | int | bool] = field(default_factory=dict)
+
+    def vid_pid(self) -> tuple[str, str]:
+        """Vendor and product id: its own, or that of the HID device in it."""
+        for node in (self.head, *self.members):
+            if node.vid and node.pid and node.subsystem in ("usb", "pci", "hid"):
+                return node.vid, node.pid
+        return "", ""
+
+
+def owned(unit: Unit) -> list[Node]:
+    """The class devices of a unit; a class device without a bus above it is its own."""
+    return [unit.head, *unit.members] if unit.head.member and not unit.group else unit.members
+
+
+def by_class(nodes: Iterable[Node]) -> dict[str, list[Node]]:
+    found: dict[str, list[Node]] = {}
+    for node in nodes:
+        found.setdefault(node.subsystem, []).append(node)
+    return found
+
+
+def in_order(nodes: Iterable[Node]) -> list[Node]:
+    """Class devices of one unit in canonical order: those that say something first, equals by natural path."""
+    return sorted(
+        nodes,
+        key=lambda node: (
+            not (node.lines or node.driver),
+            not node.name.startswith(_HEADS.get(node.subsystem, "")),
+            node.lines,
+            text.natural(node.path),
+        ),
+    )
+
+
+def in_class_order(nodes: Iterable[Node]) -> list[Node]:
+    """Members by class, each class in the order of the descriptor's ordinals."""
+    return [node for _, members in sorted(by_class(nodes).items()) for node in in_order(members)]
+
+
+def secrets_of(unit: Unit) -> list[str]:
+    nodes = (unit.head, *unit.members)
+    found = {said for node in nodes for said in (node.serial, node.address) if len(said) >= SCRUB_FROM}
+    return sorted(found, key=len, reverse=True)
+
+
+def scrub(said: str, secrets: list[str]) -> str:
+    """Some devices print their serial number into their name; an artifact about kinds must not carry it."""
+    for secret in secrets:
+        if secret in said:
+            said = said.replace(secret, _HIDDEN)
+    return said
