@@ -4,7 +4,7 @@ The proof of SERVE uses an environment of the packages that the server's own hea
 never accepted on its looks; the proof of DEPLOY uses exactly the locked set and the launcher that clients will use.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -81,7 +81,7 @@ def calls_said(report: CheckReport) -> str:
     return f"{answered} of {len(tried)} read tools answered"
 
 
-def _lock(context: Context, requirements: list[str]) -> tuple[str | None, list[Diagnostic]]:
+def _lock(context: Context, requirements: Sequence[str]) -> tuple[str | None, list[Diagnostic]]:
     """The full set for these direct requirements; what was locked before is preferred."""
     path = context.layout.requirements_lock
     previous = path.read_text(encoding="utf-8") if path.is_file() else None

@@ -7,6 +7,8 @@ can hold codes and pages against each other.
 import re
 from importlib import resources
 
+from octoform.diagnostics.model import Diagnostic, did_you_mean, error
+
 _CODE = re.compile(r"[A-Z][A-Z0-9]*(?:-[A-Z0-9]+)+")
 
 
@@ -27,3 +29,10 @@ def codes() -> list[str]:
     folder = resources.files("octoform.diagnostics") / "pages"
     names = [entry.name.removesuffix(".md") for entry in folder.iterdir() if entry.name.endswith(".md")]
     return sorted(name for name in names if _CODE.fullmatch(name))
+
+
+def unknown_code(code: str) -> Diagnostic:
+    """EXPLAIN-UNKNOWN-CODE, with the nearest code as a hint."""
+    near = did_you_mean(code.strip().upper(), codes())
+    hint = f"did you mean {near}?" if near else "`octoform explain` without a code lists all of them"
+    return error("EXPLAIN-UNKNOWN-CODE", f"there is no page for {code!r}", hint=hint)

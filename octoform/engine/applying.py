@@ -9,6 +9,7 @@ from octoform.apply.destroying import destroy
 from octoform.apply.runner import Tally, execute
 from octoform.diagnostics import Diagnostic, error, has_errors
 from octoform.engine import memo, reporting
+from octoform.engine.committing import commit_run
 from octoform.engine.compiling import Compiled, compile_project
 from octoform.engine.execution_log import logging_to
 from octoform.engine.planning import Outlook, Request, prepare
@@ -20,7 +21,7 @@ from octoform.events import Event, Notice
 from octoform.harness.orphans import sweep
 from octoform.plan.model import Plan
 from octoform.state.files import check_writable, write_atomic
-from octoform.state.history import commit_run, repository_facts
+from octoform.state.history import repository_facts
 from octoform.state.lock import Waiting, acquire
 from octoform.state.model import GitRecord
 from octoform.state.store import Context as RunFacts
@@ -138,7 +139,8 @@ class _Run:
         """The snapshot, the commit, the memo, and the result."""
         compiled = self.outlook.compiled
         found: list[Diagnostic] = [*tally.diagnostics]
-        facts = repository_facts(compiled.layout.project, source_files(compiled))
+        facts, more = repository_facts(compiled.layout.project, source_files(compiled))
+        found += more
         git = GitRecord(revision=facts.revision, dirty=list(facts.dirty)) if facts else None
         found += self.store.commit_snapshot(RunFacts(compiled.manifest.digest, git))
         commit = None

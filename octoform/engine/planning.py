@@ -81,7 +81,7 @@ def _unknown_nodes(graph: Graph, names: Iterable[str]) -> list[Diagnostic]:
 
 def _plan(request: Request, compiled: Compiled, snapshot: Snapshot, situation: Situation) -> Plan:
     actions = _destruction(snapshot) if request.destroy else _construction(request, compiled, situation)
-    facts = repository_facts(compiled.layout.project, source_files(compiled))
+    facts, _ = repository_facts(compiled.layout.project, source_files(compiled))
     targets = compiled.graph.upstream(request.targets) if request.targets else frozenset()
     return Plan(
         host=compiled.layout.host,

@@ -53,13 +53,13 @@ def status(project: Path, environ: Mapping[str, str]) -> Status:
     facts = observe(layout)
     if not facts.present:
         return Status(plan.host, plan.empty, "unknown", ("there is no endpoint yet",), plan)
-    listed, found = list_tools(layout)
-    reasons = [*facts.reasons, *(item.summary for item in found)]
+    listed, problems = list_tools(layout)
+    reasons = [*facts.reasons, *(item.summary for item in problems)]
     names = tuple(tool["name"] for tool in listed)
-    if not found and set(names) != set(_promised(layout)):
+    if not problems and set(names) != set(_promised(layout)):
         reasons.append("the endpoint's tools are not those of INTERFACE")
     health = "unhealthy" if reasons else "healthy"
-    return Status(plan.host, plan.empty, health, tuple(reasons), plan, names, tuple(found))
+    return Status(plan.host, plan.empty, health, tuple(reasons), plan, names, problems)
 
 
 def _promised(layout: Layout) -> list[str]:

@@ -11,5 +11,6 @@ from octoform.views.console import Console
 def run(arguments: Namespace, project: Path, screen: Console) -> int:
     """Refuses to overwrite a manifest that is there."""
     started, found = start_project(project, arguments.host)
-    status = problems.show(screen, found, as_json=arguments.json and started is None)
-    return status or texts.started(screen, started or "", as_json=arguments.json)
+    if started is None:
+        return problems.show(screen, found, as_json=arguments.json)
+    return texts.started(screen, started, as_json=arguments.json)
