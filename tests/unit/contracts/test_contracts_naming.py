@@ -1,0 +1,160 @@
+"""What names give away, and two schemas compared for what they accept."""
+
+from typing import Any
+
+import pytest
+
+from octoform.contracts.naming import is_chip_name, is_passthrough, same_action
+from octoform.contracts.schemas_alike import schema_equal
+
+PIPES = [
+    "send_serial_command",
+    "serial_write",
+    "raw_bytes_write",
+    "exec",
+    "execute_command",
+    "run_shell",
+    "write_register",
+    "i2c_transfer",
+    "spi_transceive",
+    "usb_control_transfer",
+    "serial_read",
+    "read_registers",
+    "hid_send_report",
+    "sendRawCommand",
+    "uart-passthrough",
+    "pass_through",
+    "send_gcode",
+    "write_block",
+    "run_code",
+    "ioctl",
+    "send_packet",
+]
+NO_PIPES = [
+    "capture_image",
+    "read_temperature",
+    "read_serial_number",
+    "list_serial_ports",
+    "set_brightness",
+    "record_audio",
+    "read_block_inventory",
+    "get_memory_usage",
+    "send_ir_code",
+    "play_sound",
+    "wait_for_event",
+    "read_battery_status",
+    "write_led_level",
+    "capture_raw_frame",
+    "set_port_power",
+    "read_raw_acceleration",
+    "move_to",
+    "list_formats",
+]
+
+
+@pytest.mark.parametrize("name", PIPES)
+def test_a_raw_pipe_is_known_by_its_name(name: str) -> None:
+    assert is_passthrough(name)
+
+
+@pytest.mark.parametrize("name", NO_PIPES)
+def test_a_typed_capability_is_not_taken_for_a_pipe(name: str) -> None:
+    assert not is_passthrough(name)
+
+
+CHIPS = [
+    ("USB-serial adapter", ""),
+    ("USB to UART bridge", ""),
+    ("AB123X USB to UART Bridge Controller", ""),
+    ("Bridgemaker AB232 USB UART", "manufacturer: Bridgemaker"),
+    ("Bridgemaker Electronics USB-RS485 converter", ""),
+    ("USB Serial Port (bridge of the Bridgemaker)", ""),
+    ("Bridgemaker USB serial", "ID_VENDOR_FROM_DATABASE: Bridgemaker"),
+]
+PRODUCTS = [
+    ("Acme Widget 3000", ""),
+    ("Acme Widget USB serial", "manufacturer: Acme"),
+    ("Label printer behind a USB-serial adapter", ""),
+    ("USB Audio Device", ""),
+    ("USB Camera", ""),
+    ("I2C temperature sensor", ""),
+    ("Servo arm with a serial bus", ""),
+    ("Acme Lightbar serial LED controller", ""),
+]
+
+
+@pytest.mark.parametrize(("name", "text"), CHIPS)
+def test_a_bridge_is_no_product(name: str, text: str) -> None:
+    assert is_chip_name(name, text)
+
+
+@pytest.mark.parametrize(("name", "text"), PRODUCTS)
+def test_a_product_is_not_taken_for_a_bridge(name: str, text: str) -> None:
+    assert not is_chip_name(name, text)
+
+
+def test_synonyms_name_one_action() -> None:
+    assert same_action("take_photo") == same_action("capture_image") == same_action("grabFrame")
+    assert same_action("read_temp") == same_action("get_temperature")
+    assert same_action("read_temperature") != same_action("set_temperature")
+
+
+BASE: dict[str, Any] = {
+    "type": "object",
+    "properties": {
+        "device": {"type": "string", "enum": ["b", "a"], "description": "which"},
+        "level": {"type": "number", "minimum": 0, "maximum": 10.0, "default": 1.0},
+        "count": {"type": "integer"},
+        "title": {"type": "string"},
+        "mode": {"enum": ["only"]},
+    },
+    "required": ["title", "device"],
+}
+SAME: list[dict[str, Any]] = [
+    {**BASE, "title": "Tool", "additionalProperties": False, "$schema": "x", "required": ["device", "title"]},
+    {
+        "type": "object",
+        "$defs": {"D": {"type": "string", "enum": ["a", "b"], "title": "D"}},
+        "properties": {
+            "device": {"$ref": "#/$defs/D"},
+            "level": {"type": "number", "minimum": 0.0, "maximum": 10, "default": 1, "title": "Level"},
+            "count": {"anyOf": [{"type": "integer"}, {"type": "null"}], "default": None, "title": "Count"},
+            "title": {"type": "string", "title": "Title"},
+            "mode": {"const": "only", "type": "string"},
+        },
+        "required": ["device", "title"],
+    },
+    {**BASE, "properties": {**BASE["properties"], "count": {"type": ["integer", "null"], "default": None}}},
+]
+OTHER: list[tuple[str, dict[str, Any]]] = [
+    ("maximum", {**BASE["properties"], "level": {"type": "number", "minimum": 0, "maximum": 11, "default": 1}}),
+    ("default", {**BASE["properties"], "level": {"type": "number", "minimum": 0, "maximum": 10, "default": 2}}),
+    ("count", {**BASE["properties"], "count": {"type": "number"}}),
+    ("count", {**BASE["properties"], "count": {"anyOf": [{"type": "integer"}, {"type": "null"}]}}),
+    ("device", {**BASE["properties"], "device": {"type": "string", "enum": ["a"]}}),
+    ("title", {name: item for name, item in BASE["properties"].items() if name != "title"}),
+    ("extra", {**BASE["properties"], "extra": {"type": "boolean"}}),
+]
+
+
+@pytest.mark.parametrize("other", SAME, ids=range(len(SAME)))
+def test_schemas_that_accept_the_same_are_equal(other: dict[str, Any]) -> None:
+    assert schema_equal(BASE, other) == []
+    assert schema_equal(other, BASE) == []
+
+
+@pytest.mark.parametrize(("where", "properties"), OTHER)
+def test_schemas_that_do_not_are_told_apart(where: str, properties: dict[str, Any]) -> None:
+    assert any(where in line for line in schema_equal(BASE, {**BASE, "properties": properties}))
+
+
+def test_openness_and_truth_values_count() -> None:
+    assert schema_equal(BASE, {**BASE, "additionalProperties": True})
+    one, true = {"type": "object", "minProperties": 1}, {"type": "object", "minProperties": True}
+    assert schema_equal(one, true)
+
+
+def test_a_schema_without_end_is_compared() -> None:
+    endless: dict[str, Any] = {"type": "object", "properties": {"a": {"$ref": "#"}}}
+    assert schema_equal(endless, endless) == []
+    assert schema_equal({"$ref": "#"}, {"$ref": "#"}) == []

@@ -1,0 +1,196 @@
+"""Each rule of SERVE, broken alone in a good server; what the imported server declares; and the lock."""
+
+import pytest
+from contract_samples import READ, SCHEMAS, SERVER, artifacts, good
+
+from octoform.contracts.checking import RULES, check
+from octoform.contracts.deploying import deploy_lock
+from octoform.contracts.header import declared_requirements
+from octoform.contracts.serve_rules import serve_static
+from octoform.contracts.serving import serve_dynamic
+
+HASH = "--hash=sha256:" + "ab" * 32
+END = '\n\nif __name__ == "__main__":'
+
+# (code, what to replace in the good server, by what)
+CASES = [
+    ("SERVE-SYNTAX", "def _fan() -> int:", "def _fan( -> int:"),
+    ("SERVE-SYNTAX", "def _fan() -> int:\n", "def _fan() -> int:\n    return = 1\n"),
+    ("SERVE-SYNTAX", '"""The bench."""', '"""The bench.\0"""'),
+    ("SERVE-TOO-LONG", END, "\n# more" * 500 + END),
+    ("SERVE-HEADER", "# ///\n", "# //\n"),
+    ("SERVE-HEADER", '# requires-python = ">=3.11"\n', ""),
+    ("SERVE-HEADER", '"fastmcp>=4.1,<4.2"', '"fastmcp @ https://example.org/x.whl"'),
+    ("SERVE-IMPORT-OCTOFORM", "import subprocess\n", "import subprocess\n\nfrom octoform import digest\n"),
+    ("SERVE-IMPORT-FORM", "import runtime\n", "import runtime\nfrom . import other\n"),
+    ("SERVE-IMPORT-FORM", "import runtime\n", "import runtime\nfrom math import *\n"),
+    ("SERVE-IMPORT-UNDECLARED", ', "opencv-python-headless"]', "]"),
+    ("SERVE-DYNAMIC-CODE", "    return int(path.read_text())", "    return eval(path.read_text())"),
+    ("SERVE-DYNAMIC-CODE", "    return int(path.read_text())", "    run = __import__('os').getpid\n    return run()"),
+    ("SERVE-DYNAMIC-CODE", "import subprocess\n", "import subprocess\nimport builtins as b\n\nrun = b.exec\n"),
+    ("SERVE-SHELL", "subprocess.run(LAMP_STATUS, check=True, timeout=5)", 'os.system("lampctl " + str(level))'),
+    ("SERVE-SHELL", '["lampctl", "--level", str(level)], check=True', 'f"lampctl {level}", shell=True'),
+    ("SERVE-SHELL", '["lampctl", "--level", str(level)], check=True', '["lampctl"], shell=level > 1'),
+    ("SERVE-SHELL", '["lampctl", "--level", str(level)], check=True', '["sh", "-c", str(level)]'),
+    ("SERVE-SHELL", '["lampctl", "--level", str(level)], check=True', "[str(level)]"),
+    ("SERVE-SHELL", '["lampctl", "--level", str(level)], check=True', "str(level).split()"),
+    (
+        "SERVE-UNSAFE-LOADS",
+        "    return int(path.read_text())",
+        "    import pickle\n    return pickle.loads(path.read_bytes())",
+    ),
+    ("SERVE-DEVICE-AT-IMPORT", 'mcp = FastMCP("bench")', 'mcp = FastMCP("bench")\nNAME = open("/etc/hostname").read()'),
+    ("SERVE-DEVICE-AT-IMPORT", END, "\n\nFAN = _fan()" + END),
+    ("SERVE-DEVICE-AT-IMPORT", "def _fan() -> int:", "def _fan(at=open('/dev/null')) -> int:"),
+    ("SERVE-DEVICE-AT-IMPORT", END, "\n\nsubprocess.run(LAMP_STATUS)" + END),
+    ("SERVE-BUS-UNLOCKED", '    with runtime.bus("hwmon-fanboard"):\n        _drive(percent)', "    _drive(percent)"),
+    ("SERVE-BUS-UNLOCKED", "    return int(path.read_text())", "    return len(open('/dev/fan').read())"),
+    (
+        "SERVE-BUS-UNLOCKED",
+        "    return int(path.read_text())",
+        "    import serial\n    return serial.Serial('x').read()",
+    ),
+    ("SERVE-CAMERA-HELD", "        finally:\n            camera.release()", "        finally:\n            pass"),
+    ("SERVE-CAMERA-HELD", "        camera = cv2", "        global camera\n        camera = cv2"),
+    ("SERVE-CAMERA-HELD", "        camera = cv2", "        runtime.camera = camera = cv2"),
+    ("SERVE-NO-SERVER", "mcp = FastMCP", "mcp = bench = dict or FastMCP"),
+    ("SERVE-TOOLS-DIFFER", '@mcp.tool(name="capture_image")', '@mcp.tool(name="capture_picture")'),
+    ("SERVE-TOOLS-DIFFER", '@mcp.tool(name="capture_image")', '@mcp.tool(name="capture" + "_image")'),
+    ("SERVE-TOOLS-DIFFER", "@mcp.tool\n@runtime.logged\ndef read_fan_speed", "def read_fan_speed"),
+    ("SERVE-TOOL-NOT-LOGGED", "@runtime.logged\ndef read_fan_speed", "def read_fan_speed"),
+    ("SERVE-TOOL-NOT-LOGGED", "@mcp.tool\n@runtime.logged\ndef read_fan", "@runtime.logged\n@mcp.tool\ndef read_fan"),
+    ("SERVE-LISTENS", "    mcp.run()", '    mcp.run(transport="http", port=7777)'),
+    ("SERVE-LISTENS", "    mcp.run()", "    import socketserver\n    socketserver.TCPServer(('', 1), None)"),
+    ("SERVE-PRINTS", "def _fan() -> int:\n", "def _fan() -> int:\n    print('fan')\n"),
+]
+ALSO = {"SERVE-NO-SERVER": {"SERVE-TOOLS-DIFFER"}, "SERVE-HEADER": {"SERVE-IMPORT-UNDECLARED"}}
+
+
+def _codes(text: str) -> set[str]:
+    return {item.code for item in serve_static(text, good("interface"))}
+
+
+@pytest.mark.parametrize(("code", "old", "new"), CASES, ids=range(len(CASES)))
+def test_a_broken_server_gets_exactly_its_code(code: str, old: str, new: str) -> None:
+    assert SERVER.count(old) == 1
+    text = SERVER.replace(old, new)
+    if "os.system" in new:
+        text = text.replace("import subprocess\n", "import os\nimport subprocess\n")
+    if "serial.Serial" in new:
+        text = text.replace('"opencv-python-headless"', '"opencv-python-headless", "pyserial"')
+    assert _codes(text) - ALSO.get(code, set()) == {code}
+
+
+def test_a_passthrough_tool_is_refused_even_if_interface_let_it_in() -> None:
+    interface = good("interface")
+    interface["tools"][1]["name"] = "send_serial_command"
+    text = SERVER.replace("def read_fan_speed", "def send_serial_command")
+    assert {item.code for item in serve_static(text, interface)} == {"SERVE-PASSTHROUGH"}
+
+
+def test_every_rule_of_serve_has_a_case() -> None:
+    assert {rule.code for rule in RULES["serve"]} == {code for code, _, _ in CASES} | {"SERVE-PASSTHROUGH"}
+
+
+def test_a_diagnostic_has_line_column_and_source() -> None:
+    text = SERVER.replace("def _fan() -> int:\n", "def _fan() -> int:\n    é = print('fan')\n")
+    [found] = check("serve", text, artifacts(), SCHEMAS, path="serve/server.py")
+    assert found.span is not None and found.source == "    é = print('fan')"
+    assert found.source[found.span.column - 1 : (found.span.end_column or 0) - 1] == "print('fan')"
+    assert found.path == "serve/server.py"
+    assert text.splitlines()[found.span.line - 1] == found.source
+
+
+GOOD_VARIANTS = [
+    # the lock taken by every caller of a helper, and by a context manager around the device
+    ("        _drive(percent)", "        for _ in range(2):\n            _drive(percent)"),
+    ('    with runtime.bus("hwmon-fanboard"):', "    with runtime.bus(\"hwmon-fanboard\"), open('/dev/fan') as _:"),
+    ("import runtime\n", "import runtime\nfrom runtime import bus\n"),
+    ("@mcp.tool\n@runtime.logged\ndef read_fan_speed", "@mcp.tool\n@runtime.logged()\ndef read_fan_speed"),
+    ("def _fan() -> int:\n", "def _fan() -> int:\n    import sys\n    print('fan', file=sys.stderr)\n"),
+    ("        camera = cv2.VideoCapture(", "        camera = cv2.VideoCapture(*[0][:0], "),
+    ("def _fan() -> int:", "def compile() -> int:\n    return 1\n\n\ndef _fan() -> int:"),
+    ("    return int(path.read_text())", "    import re\n    return len(re.compile('x').findall(path.read_text()))"),
+]
+
+
+@pytest.mark.parametrize(("old", "new"), GOOD_VARIANTS, ids=range(len(GOOD_VARIANTS)))
+def test_other_good_ways_to_write_it_pass(old: str, new: str) -> None:
+    assert SERVER.count(old) == 1
+    assert serve_static(SERVER.replace(old, new), good("interface")) == []
+
+
+def test_the_header_is_read() -> None:
+    assert declared_requirements(SERVER) == ("fastmcp>=4.1,<4.2", "opencv-python-headless")
+    assert declared_requirements("print(1)") == ()
+
+
+def _report() -> dict[str, object]:
+    tools = [
+        {"name": tool["name"], "input_schema": tool["input_schema"], "annotations": tool["annotations"]}
+        for tool in good("interface")["tools"]
+    ]
+    return {"tools": tools, "violations": [], "error": None}
+
+
+def test_the_imported_tools_are_those_of_interface() -> None:
+    assert serve_dynamic(_report(), good("interface")) == []
+    report = _report()
+    tools = report["tools"]
+    assert isinstance(tools, list)
+    tools[0]["name"] = "capture_picture"
+    found = serve_dynamic(report, good("interface"))
+    assert [item.code for item in found] == ["SERVE-TOOLS-DIFFER"] * 2
+
+
+def test_an_imported_schema_or_annotation_that_differs_is_told_line_by_line() -> None:
+    report = _report()
+    tools = report["tools"]
+    assert isinstance(tools, list)
+    tools[0]["input_schema"] = {"type": "object", "properties": {"width": {"type": "integer", "minimum": 1}}}
+    tools[2]["annotations"] = None
+    tools[1]["annotations"] = {**READ, "title": "Fan"}
+    schema, annotations = serve_dynamic(report, good("interface"))
+    assert (schema.code, annotations.code) == ("SERVE-SCHEMA-DIFFERS", "SERVE-ANNOTATIONS-DIFFER")
+    assert schema.detail is not None and "properties.width.maximum: 4096 promised, nothing found" in schema.detail
+    assert annotations.detail is not None and "readOnlyHint: false promised, nothing found" in annotations.detail
+
+
+LOCK = f"""# made by the resolver
+fastmcp==4.1.2 \\
+    {HASH} \\
+    {HASH.replace("ab", "cd")}
+    # via -r requirements.in
+opencv-python-headless==4.10.0.84 ; python_version >= '3.9' \\
+    {HASH}
+"""
+LOCK_CASES = [
+    ("DEPLOY-LOCK-UNPINNED", f"extra>=1 {HASH}\n"),
+    ("DEPLOY-LOCK-UNPINNED", f"extra==1.* {HASH}\n"),
+    ("DEPLOY-LOCK-NO-HASH", "extra==1.0\n"),
+    ("DEPLOY-LOCK-NO-HASH", "extra==1.0 --hash=md5:abcd\n"),
+    ("DEPLOY-LOCK-URL", f"extra @ https://example.org/extra.whl {HASH}\n"),
+    ("DEPLOY-LOCK-URL", "git+https://example.org/extra\n"),
+    ("DEPLOY-LOCK-URL", "./extra.whl\n"),
+    ("DEPLOY-LOCK-URL", "-e ./extra\n"),
+    ("DEPLOY-LOCK-INDEX", "--index-url https://example.org/simple\n"),
+    ("DEPLOY-LOCK-INDEX", "--extra-index-url=https://example.org/simple\n"),
+    ("DEPLOY-LOCK-INDEX", "--find-links ./wheels\n"),
+]
+
+
+def test_a_good_lock_is_accepted() -> None:
+    assert deploy_lock(LOCK, good("deploy")) == []
+    assert deploy_lock(LOCK.replace("fastmcp==", "FastMCP[all]=="), good("deploy")) == []
+
+
+@pytest.mark.parametrize(("code", "line"), LOCK_CASES)
+def test_a_bad_line_in_a_lock_gets_exactly_its_code(code: str, line: str) -> None:
+    [found] = deploy_lock(LOCK + line, good("deploy"), "requirements.txt")
+    assert (found.code, found.span and found.span.line) == (code, 8)
+
+
+def test_a_lock_has_every_requirement_in_its_version() -> None:
+    for text in (LOCK.replace("4.1.2", "4.1.1"), LOCK.replace("fastmcp", "slowmcp")):
+        [found] = deploy_lock(text, good("deploy"))
+        assert found.code == "DEPLOY-LOCK-MISSING" and "4.1.2" in found.summary
