@@ -15,6 +15,8 @@ from octoform.contracts.shape import Problem, validator
 from octoform.contracts.text import pointer, shown
 from octoform.diagnostics import Diagnostic, error
 
+MAX_UNFOLDED = 5000
+
 _TYPING = frozenset({"type", "enum", "const", "anyOf", "oneOf", "allOf", "$ref"})
 _RUNS_A_PATTERN = frozenset({"pattern", "patternProperties", "propertyNames", "format"})
 
@@ -173,32 +175,49 @@ def _schema_problem(schema: JsonObject) -> str | None:
     except SchemaError as problem:
         place = "/".join(str(part) for part in problem.absolute_path) or "its top"
         return f"is not a valid schema at {shown(place)}: its {shown(problem.validator)} is wrong"
-    lost = next((item for item in _references(schema) if not _resolves(item, schema)), None)
-    return None if lost is None else f"refers to {shown(lost)}, which is not in it"
+    try:
+        size = _unfolded(schema, schema, {})
+    except _Unusable as problem:
+        return str(problem)
+    return None if size <= MAX_UNFOLDED else f"unfolds to more than {MAX_UNFOLDED} parts"
 
 
-def _resolves(reference: str, schema: JsonObject) -> bool:
-    place: Any = schema
-    if reference != "#" and not reference.startswith("#/"):
-        return False
-    for part in reference.split("/")[1:]:
+class _Unusable(Exception):
+    """A reference that leads nowhere, or back to itself."""
+
+
+def _unfolded(place: Any, root: JsonObject, sizes: dict[str, int]) -> int:
+    """How many parts a schema has once every reference in it is written out.
+
+    Twenty small definitions that each name the next one twice unfold to a million parts; validating against them
+    would take for ever. ``sizes`` remembers each reference, 0 while it is being counted.
+    """
+    if isinstance(place, list):
+        return 1 + sum(_unfolded(item, root, sizes) for item in place)
+    if not isinstance(place, dict):
+        return 1
+    size = 1
+    for name in ("$ref", "$dynamicRef"):
+        reference = place.get(name)
+        if isinstance(reference, str):
+            if reference not in sizes:
+                sizes[reference] = 0
+                sizes[reference] = _unfolded(_target(reference, root), root, sizes)
+            if sizes[reference] == 0:
+                raise _Unusable(f"refers to itself by {shown(reference)}")
+            size += sizes[reference]
+    return size + sum(_unfolded(item, root, sizes) for name, item in place.items() if name != "$defs")
+
+
+def _target(reference: str, root: JsonObject) -> Any:
+    place: Any = root
+    known = reference == "#" or reference.startswith("#/")
+    for part in reference.split("/")[1:] if known else ():
         key = part.replace("~1", "/").replace("~0", "~")
-        if not isinstance(place, dict) or key not in place:
-            return False
-        place = place[key]
-    return isinstance(place, dict | bool)
-
-
-def _references(schema: Any) -> Iterator[str]:
-    if isinstance(schema, dict):
-        for name in ("$ref", "$dynamicRef"):
-            if isinstance(schema.get(name), str):
-                yield schema[name]
-        for item in schema.values():
-            yield from _references(item)
-    elif isinstance(schema, list):
-        for item in schema:
-            yield from _references(item)
+        place = place.get(key) if isinstance(place, dict) else None
+    if not known or not isinstance(place, dict | bool):
+        raise _Unusable(f"refers to {shown(reference)}, which is not in it")
+    return place
 
 
 def _properties(tool: JsonObject) -> dict[str, Any]:
@@ -258,10 +277,7 @@ def _misfit(arguments: JsonObject, schema: JsonObject) -> str | None:
     """Why the arguments do not fit, in one line; None when they do. Patterns are not run."""
     if _schema_problem(schema) is not None:
         return None
-    try:
-        problem = best_match(validator(_without_patterns(schema)).iter_errors(arguments))
-    except RecursionError:
-        return "the input_schema refers to itself without end"
+    problem = best_match(validator(_without_patterns(schema)).iter_errors(arguments))
     return _reason(problem) if problem is not None else None
 
 

@@ -79,7 +79,7 @@ def _read_json(text: str, path: str) -> tuple[object | None, list[Diagnostic]]:
         return None, [error("ARTIFACT-NOT-JSON", summary, path=path, span=span, source=source, hint=hint)]
     except (_Refused, RecursionError):
         return None, [_locate(text, path)]
-    if _deeper_than(value, MAX_DEPTH) or (_SURROGATE_ESCAPE.search(text) and _has_lone_surrogate(value)):
+    if deeper_than(value, MAX_DEPTH) or (_SURROGATE_ESCAPE.search(text) and _has_lone_surrogate(value)):
         return None, [_locate(text, path)]
     return value, []
 
@@ -108,7 +108,8 @@ def _int(digits: str) -> int:
     return int(digits)
 
 
-def _deeper_than(value: object, limit: int) -> bool:
+def deeper_than(value: object, limit: int) -> bool:
+    """True when lists and objects in a JSON value are nested more than ``limit`` levels deep."""
     level = [value]
     for _ in range(limit):
         below: list[object] = []

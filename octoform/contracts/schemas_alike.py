@@ -16,7 +16,7 @@ _SILENT = frozenset(
 _SUBSCHEMAS = frozenset({"items", "additionalProperties", "not", "if", "then", "else", "contains", "propertyNames"})
 _LISTS = frozenset({"anyOf", "oneOf", "allOf", "prefixItems"})
 _TABLES = frozenset({"properties", "patternProperties", "dependentSchemas"})
-_MAX_INLINED = 32
+_MAX_INLINED = 60
 
 
 def schema_equal(a: dict[str, Any], b: dict[str, Any]) -> list[str]:
@@ -32,36 +32,44 @@ def schema_equal(a: dict[str, Any], b: dict[str, Any]) -> list[str]:
 
 def normal_form(schema: dict[str, Any]) -> Any:
     """The form that `schema_equal` compares; a copy."""
-    value = _normal(schema, schema, 0)
+    value = _Normaliser(schema).schema(schema)
     if isinstance(value, dict):
         value.setdefault("additionalProperties", False)
         value.setdefault("properties", {})
     return value
 
 
-def _normal(schema: Any, root: dict[str, Any], inlined: int) -> Any:
-    if not isinstance(schema, dict):
-        return schema
-    reference = schema.get("$ref")
-    if isinstance(reference, str) and reference.startswith("#") and inlined < _MAX_INLINED:
-        beside = {name: item for name, item in schema.items() if name != "$ref"}
-        target = _target(reference, root)
-        if isinstance(target, dict):
-            return _normal({**target, **beside}, root, inlined + 1)
-    out = {name: _keyword(name, item, root, inlined) for name, item in schema.items() if name not in _SILENT}
-    return _merged(out)
+class _Normaliser:
+    """Rewrites one schema; references are followed at most `_MAX_INLINED` times in all, so every schema ends."""
 
+    def __init__(self, root: dict[str, Any]) -> None:
+        self.root = root
+        self.left = _MAX_INLINED
 
-def _keyword(name: str, item: Any, root: dict[str, Any], inlined: int) -> Any:
-    if name in _SUBSCHEMAS:
-        return _normal(item, root, inlined)
-    if name in _LISTS and isinstance(item, list):
-        return [_normal(part, root, inlined) for part in item]
-    if name in _TABLES and isinstance(item, dict):
-        return {key: _normal(part, root, inlined) for key, part in item.items()}
-    if name in ("required", "type") and isinstance(item, list):
-        return sorted(item, key=str)
-    return _plain(item)
+    def schema(self, schema: Any) -> Any:
+        """The normal form of a schema or of a part of one."""
+        if not isinstance(schema, dict):
+            return schema
+        reference = schema.get("$ref")
+        if isinstance(reference, str) and reference.startswith("#") and self.left > 0:
+            target = _target(reference, self.root)
+            if isinstance(target, dict):
+                self.left -= 1
+                beside = {name: item for name, item in schema.items() if name != "$ref"}
+                return self.schema({**target, **beside})
+        return _merged({name: self.keyword(name, item) for name, item in schema.items() if name not in _SILENT})
+
+    def keyword(self, name: str, item: Any) -> Any:
+        """The normal form of one keyword's value."""
+        if name in _SUBSCHEMAS:
+            return self.schema(item)
+        if name in _LISTS and isinstance(item, list):
+            return [self.schema(part) for part in item]
+        if name in _TABLES and isinstance(item, dict):
+            return {key: self.schema(part) for key, part in item.items()}
+        if name in ("required", "type") and isinstance(item, list):
+            return sorted(item, key=str)
+        return _plain(item)
 
 
 def _merged(schema: dict[str, Any]) -> dict[str, Any]:

@@ -157,4 +157,6 @@ def test_openness_and_truth_values_count() -> None:
 def test_a_schema_without_end_is_compared() -> None:
     endless: dict[str, Any] = {"type": "object", "properties": {"a": {"$ref": "#"}}}
     assert schema_equal(endless, endless) == []
+    forked: dict[str, Any] = {"type": "object", "properties": {"a": {"$ref": "#"}, "b": {"$ref": "#"}}}
+    assert schema_equal(forked, forked) == []
     assert schema_equal({"$ref": "#"}, {"$ref": "#"}) == []

@@ -269,10 +269,18 @@ def test_a_tool_of_two_devices_names_the_device() -> None:
     assert check("interface", value, artifacts(identify=identify), SCHEMAS) == []
 
 
-def test_a_schema_that_refers_to_itself_ends() -> None:
+def _doubling(count: int) -> dict[str, Any]:
+    twice = [{"$ref": f"#/$defs/d{index + 1}"} for index in range(count)]
+    tables: dict[str, Any] = {f"d{index}": {"allOf": [item, item]} for index, item in enumerate(twice)}
+    return {"type": "object", "$ref": "#/$defs/d0", "$defs": {**tables, f"d{count}": {}}}
+
+
+@pytest.mark.parametrize("schema", [{"type": "object", "$ref": "#"}, _doubling(60)], ids=["endless", "doubling"])
+def test_a_schema_that_would_never_end_is_refused(schema: dict[str, Any]) -> None:
     value = good("interface")
-    value["tools"][1]["input_schema"] = {"type": "object", "$ref": "#"}
-    assert "INTERFACE-SMOKE" in {item.code for item in check("interface", value, artifacts(), SCHEMAS)}
+    value["tools"][1]["input_schema"] = schema
+    found = check("interface", value, artifacts(), SCHEMAS)
+    assert [item.code for item in found] == ["INTERFACE-INPUT-SCHEMA"]
 
 
 def test_a_pattern_of_an_agent_is_not_run_here() -> None:
