@@ -101,6 +101,9 @@ class _Reading:
         except YAMLError as reason:
             self._add(" ".join(str(reason).split())[:200], 1, 1)
             return {}
+        except RecursionError:
+            self._add("the front matter is nested too deeply", 2, 1)
+            return {}
         if not isinstance(node, MappingNode):
             self._add("the front matter is no mapping of fields", 2, 1)
             return {}

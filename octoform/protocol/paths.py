@@ -19,7 +19,9 @@ def shipped() -> Path:
 def spec_paths(folder: Path | None) -> dict[str, Path]:
     """The spec file of each stage; a project's ``protocol/`` folder may hold some, all or none of them."""
     own = {} if folder is None else {stage: folder / f"{stage}.md" for stage in STAGES}
-    return {stage: own[stage] if stage in own and own[stage].exists() else shipped() / f"{stage}.md" for stage in STAGES}
+    return {
+        stage: own[stage] if stage in own and own[stage].exists() else shipped() / f"{stage}.md" for stage in STAGES
+    }
 
 
 def schema_dir(folder: Path | None) -> Path:

@@ -1,0 +1,41 @@
+"""Which devices a profile may be used for, and how it is told to an agent. Pure."""
+
+from collections.abc import Collection, Mapping
+from typing import Any
+
+from octoform.profiles import evidence
+from octoform.profiles.model import Profile
+
+
+def holds(profile: Profile, probe: Any, answers: Mapping[str, str] | None = None) -> frozenset[str]:
+    """Ids of the PROBE devices for which the profile's evidence rule holds; never raises, whatever ``probe`` is.
+
+    What the owner answered about a device counts as text of that device: one sentence of a person is evidence too.
+    A neighbour (``context``) is never met.
+    """
+    devices = probe.get("devices") if isinstance(probe, Mapping) else None
+    said = answers or {}
+    return frozenset(
+        device["id"]
+        for device in (devices if isinstance(devices, list) else ())
+        if isinstance(device, Mapping)
+        and isinstance(device.get("id"), str)
+        and device.get("context") is not True
+        and evidence.holds(profile.evidence, device, said.get(device["id"], ""))
+    )
+
+
+def briefing(profile: Profile, ids: Collection[str]) -> str:
+    """The profile as an agent is told it: for which devices it holds, its limits, its prose; no other device."""
+    lines = [f"Profile {profile.name}: {profile.about}", f"Its evidence rule holds for: {', '.join(sorted(ids))}."]
+    lines += [f"Limit: {_limit(item)}." for item in profile.limits]
+    return "\n".join([*lines, "", profile.body.strip(), ""])
+
+
+def _limit(item: Mapping[str, Any]) -> str:
+    low, high = item.get("minimum"), item.get("maximum")
+    bounds = [f"at least {low}"] if low is not None else []
+    bounds += [f"at most {high}"] if high is not None else []
+    unit = f" {item['unit']}" if "unit" in item else ""
+    where = f" of {item['tool']}" if "tool" in item else ""
+    return f"{item['parameter']}{where} {' and '.join(bounds)}{unit}"
