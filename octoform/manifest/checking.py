@@ -1,0 +1,305 @@
+"""What the schema has against a document, as diagnostics with places and hints. (Heavy: pydantic.)"""
+
+import re
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from pydantic import BaseModel, ValidationError
+
+from octoform.diagnostics import Span, did_you_mean
+from octoform.manifest import later, tree
+from octoform.manifest.document import (
+    BUILTIN,
+    COMMAND,
+    NAMED,
+    Budget,
+    BuiltinHarness,
+    CommandHarness,
+    Document,
+    Git,
+    Lifecycle,
+    Stage,
+    StageBudget,
+    Stages,
+)
+from octoform.manifest.report import Report
+from octoform.manifest.tree import Items, Loc, Scalar, Table
+
+_TYPES = {
+    "string_type": "a text",
+    "int_type": "a whole number",
+    "int_from_float": "a whole number",
+    "bool_type": "true or false",
+    "list_type": "a list",
+    "model_type": "a mapping",
+    "model_attributes_type": "a mapping",
+    "dict_type": "a mapping",
+    "union_tag_not_found": "a name or a mapping",
+}
+_HARNESSES = ("builtin", "command")
+_LONGEST_WORD = 80
+
+
+def check(root: Table, report: Report) -> Document | None:
+    """The document, or None with every problem of it in the report."""
+    empty = _without_values(root, report)
+    try:
+        return Document.model_validate(_filled(root))
+    except ValidationError as failure:
+        for item in failure.errors(include_url=False, include_input=False):
+            loc = tuple(part for part in item["loc"] if part not in (NAMED, BUILTIN, COMMAND))
+            if loc not in empty:
+                _Problem(root, report, loc, item["type"], item.get("ctx", {})).tell()
+    return None
+
+
+def _without_values(root: Table, report: Report) -> set[Loc]:
+    """Report every key that has no value, and give their paths."""
+    found = [(loc, scalar) for loc, scalar in tree.scalars(root) if scalar.value is None]
+    for loc, scalar in found:
+        key = tree.key_at(root, loc)
+        report.error(
+            "MANIFEST-WRONG-TYPE",
+            f"`{report.shown(key.text)}` has no value" if key else "this item of the list has no value",
+            key.span if key else scalar.span,
+            hint="give it a value, or remove it",
+        )
+    return {loc for loc, _ in found}
+
+
+def _filled(node: tree.Node) -> Any:
+    """The plain data without the keys that have no value."""
+    if isinstance(node, Table):
+        return {key.text: _filled(value) for key, value in node.entries if tree.data(value) is not None}
+    return [_filled(item) for item in node.items] if isinstance(node, Items) else node.value
+
+
+class _Problem:
+    """One validation error on its way to a diagnostic."""
+
+    def __init__(self, root: Table, report: Report, loc: Loc, kind: str, context: Mapping[str, Any]) -> None:
+        self._root = root
+        self._report = report
+        self._loc = loc
+        self._kind = kind
+        self._context = context
+
+    def tell(self) -> None:
+        """Report it."""
+        telling: dict[str, Callable[[], None]] = {
+            "missing": self._missing,
+            "extra_forbidden": self._unknown_key,
+            "literal_error": self._unknown_value,
+            "manifest": self._own_words,
+            "union_tag_not_found": self._no_harness,
+            "too_long": self._too_long,
+        }
+        if self._kind in telling:
+            telling[self._kind]()
+        elif self._kind in _TYPES:
+            self._wrong_type()
+        else:
+            self._wrong_value(self._limits())
+
+    def _missing(self) -> None:
+        name, parent = str(self._loc[-1]), tree.at(self._root, self._loc[:-1])
+        inside = f" in `{_dotted(self._loc[:-1])}`" if len(self._loc) > 1 else ""
+        hint = {"version": "write `version: 1` as the first line", "command": "command: [my-agent, '{task}']"}
+        self._report.error(
+            "MANIFEST-MISSING-KEY",
+            f"the key `{name}` is missing{inside}",
+            parent.span if parent else Span(1, 1),
+            hint=hint.get(name),
+        )
+
+    def _unknown_key(self) -> None:
+        key = tree.key_at(self._root, self._loc)
+        name, span = str(self._loc[-1]), key.span if key else self._span()
+        if later.is_key(self._loc):
+            self._later(f"`{_dotted(self._loc)}`", span)
+            return
+        siblings = _keys_at(self._root, self._loc[:-1])
+        self._report.error(
+            "MANIFEST-UNKNOWN-KEY",
+            f"unknown key `{self._report.shown(name)}`",
+            span,
+            hint=self._where_key_belongs(name, siblings),
+        )
+
+    def _where_key_belongs(self, name: str, siblings: tuple[str, ...]) -> str:
+        if siblings == ("name",):
+            return "the embedded agent has no settings; write `harness: builtin`"
+        near = did_you_mean(name[:_LONGEST_WORD], siblings)
+        if near:
+            return f"did you mean `{near}`?"
+        elsewhere = next((loc for loc, table in _TABLES.items() if name in table.model_fields), None)
+        if elsewhere is not None:
+            return f"`{name}` belongs under `{_dotted(elsewhere)}`" if elsewhere else f"`{name}` belongs at the top"
+        return f"known here: {', '.join(siblings)}"
+
+    def _unknown_value(self) -> None:
+        value = tree.at(self._root, self._loc)
+        if not isinstance(value, Scalar) or not isinstance(value.value, str) or self._loc == ("version",):
+            self._unknown_version() if self._loc == ("version",) else self._wrong_type("a name")
+            return
+        allowed = tuple(re.findall(r"'([^']*)'", str(self._context.get("expected", ""))))
+        if later.is_value(self._loc, value.text):
+            self._later(f"`{_dotted(self._loc)}: {value.text}`", value.span)
+        elif self._loc[-1] == "harness":
+            self._harness_name(value)
+        else:
+            self._not_one_of(value, allowed)
+
+    def _harness_name(self, value: Scalar) -> None:
+        if value.text == "command":
+            self._report.error(
+                "MANIFEST-MISSING-KEY",
+                "the harness `command` needs its command",
+                value.span,
+                hint="write `harness: {name: command, command: [my-agent, '{task}']}`",
+            )
+        else:
+            self._not_one_of(value, _HARNESSES)
+
+    def _not_one_of(self, value: Scalar, allowed: tuple[str, ...]) -> None:
+        near = did_you_mean(value.text[:_LONGEST_WORD], allowed)
+        self._report.error(
+            "MANIFEST-WRONG-VALUE",
+            f"`{self._report.shown(value.text)}` is no value of `{_dotted(self._loc)}`",
+            value.span,
+            hint=f"did you mean `{near}`?" if near else f"allowed: {', '.join(allowed)}",
+        )
+
+    def _unknown_version(self) -> None:
+        self._report.error(
+            "MANIFEST-WRONG-VALUE",
+            "this octoform reads version 1 of the manifest",
+            self._span(),
+            hint="write `version: 1`; a higher version needs a newer octoform",
+        )
+
+    def _no_harness(self) -> None:
+        """A harness that is neither a name nor a table with a known name."""
+        node = tree.at(self._root, self._loc)
+        entry = node.get("name") if isinstance(node, Table) else None
+        if not isinstance(node, Table):
+            self._wrong_type()
+        elif entry is None:
+            self._loc = (*self._loc, "name")
+            self._missing()
+        elif not isinstance(entry[1], Scalar):
+            self._loc = (*self._loc, "name")
+            self._wrong_type("a text")
+        elif later.is_value(self._loc, entry[1].text):
+            self._later(f"harness `{entry[1].text}`", entry[1].span)
+        else:
+            self._loc = (*self._loc, "name")
+            self._not_one_of(entry[1], _HARNESSES)
+
+    def _own_words(self) -> None:
+        index = self._context.get("index")
+        if index is not None:
+            self._loc = (*self._loc, index)
+        self._wrong_value(str(self._context["summary"]), self._context.get("hint"))
+
+    def _too_long(self) -> None:
+        if self._loc == ("privileged_steps",):
+            node = tree.at(self._root, self._loc)
+            for item in node.items if isinstance(node, Items) else ():
+                self._later("a privileged step", item.span)
+            return
+        self._wrong_value(self._limits())
+
+    def _later(self, what: str, span: Span) -> None:
+        self._report.error(
+            "MANIFEST-NOT-SUPPORTED-YET",
+            f"{self._report.shown(what)} is not supported yet",
+            span,
+            hint="remove it; octoform refuses what it would not act on",
+        )
+
+    def _wrong_type(self, expected: str | None = None) -> None:
+        node = tree.at(self._root, self._loc)
+        hint = None
+        if (
+            isinstance(node, Scalar)
+            and self._kind == "bool_type"
+            and node.text in ("yes", "no", "on", "off", "Yes", "No", "On", "Off")
+        ):
+            hint = f"write `{'true' if node.text.lower() in ('yes', 'on') else 'false'}`"
+        elif isinstance(node, Scalar) and self._kind == "string_type":
+            hint = f'quote it: "{self._report.shown(node.text)}"'
+        elif isinstance(node, Scalar) and self._kind == "list_type":
+            hint = f"write a list: [{self._report.shown(node.text)}]"
+        elif isinstance(node, Scalar) and self._kind == "int_type" and re.fullmatch("[0-9]+", node.text):
+            hint = f"remove the quotes: {node.text}"
+        expected = expected or _TYPES[self._kind]
+        self._report.error(
+            "MANIFEST-WRONG-TYPE",
+            f"`{_dotted(self._loc)}` must be {expected}, and this is {_kind(node)}",
+            self._span(),
+            hint=hint,
+        )
+
+    def _limits(self) -> str:
+        context = self._context
+        words = {
+            "greater_than_equal": f"must be at least {context.get('ge')}",
+            "less_than_equal": f"must be at most {context.get('le')}",
+            "too_short": f"must have at least {context.get('min_length')} item",
+            "too_long": f"may have at most {context.get('max_length')} items",
+            "string_too_short": "may not be empty",
+            "string_too_long": f"may have at most {context.get('max_length')} characters",
+        }
+        return words.get(self._kind, "")
+
+    def _wrong_value(self, summary: str, hint: str | None = None) -> None:
+        if self._kind == "string_pattern_mismatch":
+            is_name = "env" in self._loc
+            summary = "is no name of an environment variable" if is_name else "must be one word"
+            hint = "list names only, such as OPENROUTER_API_KEY; values stay in the environment" if is_name else None
+        lead = f"`{_dotted(self._loc)}` " if self._kind != "manifest" else f"`{_dotted(self._loc)}`: "
+        self._report.error("MANIFEST-WRONG-VALUE", lead + summary, self._span(), hint=hint)
+
+    def _span(self) -> Span:
+        node = tree.at(self._root, self._loc) or tree.at(self._root, self._loc[:-1]) or self._root
+        return node.span
+
+
+_TABLES: dict[Loc, type[BaseModel]] = {
+    (): Document,
+    ("budget",): Budget,
+    ("lifecycle",): Lifecycle,
+    ("git",): Git,
+    ("stages",): Stages,
+    ("harness",): CommandHarness,
+}
+
+
+def _keys_at(root: Table, loc: Loc) -> tuple[str, ...]:
+    """The keys that the table at a path may have."""
+    table = _TABLES.get(loc)
+    if loc[-1:] == ("harness",):
+        entry = tree.at(root, (*loc, "name"))
+        table = BuiltinHarness if isinstance(entry, Scalar) and entry.text == "builtin" else CommandHarness
+    elif table is None:
+        table = StageBudget if loc[-1] == "budget" else Stage
+    return tuple(table.model_fields)
+
+
+def _dotted(loc: Loc) -> str:
+    out = ""
+    for part in loc:
+        out += f"[{part}]" if isinstance(part, int) else f".{part}" if out else part
+    return out
+
+
+def _kind(node: tree.Node | None) -> str:
+    if isinstance(node, Table):
+        return "a mapping"
+    if isinstance(node, Items):
+        return "a list"
+    value = node.value if isinstance(node, Scalar) else None
+    if isinstance(value, bool):
+        return "true or false"
+    return "a number" if isinstance(value, int | float) else "a text"

@@ -1,0 +1,36 @@
+"""Load octopus.yaml: bytes, text, tree, rules, value; every problem at once. (Heavy: YAML reader and pydantic.)"""
+
+from collections.abc import Mapping
+from pathlib import Path
+
+from octoform.diagnostics import Diagnostic
+from octoform.manifest import checking, crosschecks, profile_paths, values
+from octoform.manifest.building import build
+from octoform.manifest.decoding import read_text
+from octoform.manifest.model import Manifest
+from octoform.manifest.reading import read_tree
+from octoform.manifest.report import Report
+
+
+def load(path: Path, environ: Mapping[str, str]) -> tuple[Manifest | None, list[Diagnostic]]:
+    """The manifest of a file, or None and what is wrong with it; warnings come along with a manifest.
+
+    ``path`` is shown in diagnostics as it is given. ``environ`` is only asked whether variables are set. Never raises
+    for what stands in the file; what cannot be decoded or parsed is one problem, everything after that is gathered.
+    """
+    report = Report(str(path))
+    text = read_text(path, report)
+    root = read_tree(text, report) if text is not None else None
+    if root is None:
+        return None, report.diagnostics()
+    values.check_secrets(root, report)
+    variables = values.check_references(root, environ, report)
+    absolute = path.absolute()
+    profiles = profile_paths.check(root, absolute.parent, report)
+    crosschecks.check_commands(root, report)
+    document = checking.check(root, report)
+    if document is not None:
+        crosschecks.check(document, root, report)
+    if document is None or report.failed:
+        return None, report.diagnostics()
+    return build(document, absolute, profiles, variables), report.diagnostics()

@@ -1,0 +1,107 @@
+"""What a manifest means, as frozen values: the only form of it that the rest of octoform knows.
+
+Light on purpose: a plan with nothing to do must not import the YAML reader or pydantic to talk about a manifest.
+References to variables (``${NAME}``) stay unresolved in here, so nothing that is made of a `Manifest` (a key, the
+state, a plan, a log) can hold the value of a secret.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+FILE_NAME = "octopus.yaml"
+STAGES = ("probe", "identify", "interface", "serve", "deploy")
+# What may stand in braces in the arguments of a command, and is filled in for each attempt.
+PLACEHOLDERS = ("prompt_file", "task", "output", "workdir", "model", "stage", "prompt")
+
+
+@dataclass(frozen=True, slots=True)
+class HarnessSpec:
+    """How an agent is run.
+
+    ``command`` is the list of arguments with references and placeholders as written, empty for the embedded agent;
+    ``env`` are the names of the variables it may see; ``prompt_via`` is ``stdin``, ``file`` or ``argument``.
+    """
+
+    name: str
+    command: tuple[str, ...] = ()
+    env: tuple[str, ...] = ()
+    prompt_via: str = "stdin"
+
+
+@dataclass(frozen=True, slots=True)
+class Budget:
+    """What a stage may use: attempts as a count, times in seconds, ``tools`` as the most tools of the endpoint."""
+
+    attempts: int
+    attempt_seconds: float
+    stage_seconds: float
+    tools: int
+
+
+@dataclass(frozen=True, slots=True)
+class StageSettings:
+    """What is in force for one stage, after the stage's own settings have been laid over the general ones."""
+
+    harness: HarnessSpec
+    model: str | None
+    budget: Budget
+
+
+@dataclass(frozen=True, slots=True)
+class Lifecycle:
+    """``prevent_destroy`` refuses to destroy; ``ignore`` names what may change without making anything again."""
+
+    prevent_destroy: bool = False
+    ignore: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Git:
+    """``commit`` lets apply commit what it changed."""
+
+    commit: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Manifest:
+    """One octopus.yaml that has no errors.
+
+    ``path`` is absolute, and so are ``profiles`` (in the order of the file). ``digest`` is of the content with every
+    default filled in: comments, order and layout do not move it. ``variables`` are the names of all environment
+    variables that the manifest refers to or passes on, sorted.
+    """
+
+    path: Path
+    digest: str
+    host: str
+    scope: str
+    profiles: tuple[Path, ...]
+    stages: Mapping[str, StageSettings]
+    lifecycle: Lifecycle
+    git: Git
+    variables: tuple[str, ...] = ()
+
+    @property
+    def project(self) -> Path:
+        """The folder of the manifest, absolute."""
+        return self.path.parent
+
+    def harness_for(self, stage: str) -> HarnessSpec:
+        """The harness that runs a stage."""
+        return self.stages[stage].harness
+
+    def model_for(self, stage: str) -> str | None:
+        """The model of a stage's agent, reference unresolved; None when its harness uses none."""
+        return self.stages[stage].model
+
+    def budget_for(self, stage: str) -> Budget:
+        """The budget of a stage."""
+        return self.stages[stage].budget
+
+    def settings_for(self, stage: str) -> dict[str, object]:
+        """The JSON-able settings that the key of a stage reads: changing one of them makes the stage run again.
+
+        Attempts and timeouts are in no key: they decide whether an output comes, never what it says.
+        """
+        return {"tools": self.budget_for(stage).tools} if stage == "interface" else {}

@@ -1,0 +1,75 @@
+"""Profiles as a manifest names them: markdown files of the project, by a path relative to the manifest.
+
+Only files inside the project's folder count, also after links are followed: profiles are part of what is kept in git,
+and a path that leads elsewhere would mean something different on every machine.
+"""
+
+import os
+from pathlib import Path
+
+from octoform.diagnostics import did_you_mean
+from octoform.manifest import tree
+from octoform.manifest.report import Report
+from octoform.manifest.tree import Items, Scalar, Table
+
+
+def check(root: Table, project: Path, report: Report) -> tuple[Path, ...]:
+    """The absolute paths of the profiles, in order; what is wrong with them goes to the report."""
+    node = tree.at(root, ("profiles",))
+    items = node.items if isinstance(node, Items) else ()
+    found = (_one(item, project, report) for item in items if isinstance(item, Scalar) and isinstance(item.value, str))
+    return tuple(path for path in found if path is not None)
+
+
+def _one(item: Scalar, project: Path, report: Report) -> Path | None:
+    shown = report.shown(item.text)
+    if not item.text or "\0" in item.text:
+        return None
+    path = Path(os.path.normpath(project / item.text))
+    if Path(item.text).is_absolute() or not path.is_relative_to(project):
+        report.error(
+            "MANIFEST-PROFILE-OUTSIDE",
+            f"the profile `{shown}` is not inside the project",
+            item.span,
+            hint="copy it beside octopus.yaml and give its relative path, such as profiles/camera.md",
+        )
+        return None
+    try:
+        return _file(item, path, project, report)
+    except OSError as problem:
+        report.error(
+            "MANIFEST-BAD-PROFILE", f"the profile `{shown}` cannot be read: {problem.strerror or problem}", item.span
+        )
+        return None
+
+
+def _file(item: Scalar, path: Path, project: Path, report: Report) -> Path | None:
+    shown = report.shown(item.text)
+    if not path.exists():
+        report.error("MANIFEST-MISSING-PROFILE", f"there is no profile `{shown}`", item.span, hint=_near(path, project))
+        return None
+    if not path.resolve().is_relative_to(project.resolve()):
+        report.error(
+            "MANIFEST-PROFILE-OUTSIDE",
+            f"the profile `{shown}` is a link to a place outside the project",
+            item.span,
+            hint="copy the file into the project",
+        )
+        return None
+    if not path.is_file() or path.suffix != ".md":
+        what = "is no file" if not path.is_file() else "is no markdown file (.md)"
+        report.error("MANIFEST-BAD-PROFILE", f"the profile `{shown}` {what}", item.span)
+        return None
+    with path.open("rb"):
+        return path
+
+
+def _near(path: Path, project: Path) -> str:
+    try:
+        names = [entry.name for entry in path.parent.iterdir() if entry.suffix == ".md"]
+    except OSError:
+        names = []
+    near = did_you_mean(path.name[:80], names)
+    if near:
+        return f"did you mean `{(path.parent / near).relative_to(project)}`?"
+    return "paths are relative to the folder of octopus.yaml"

@@ -1,0 +1,113 @@
+"""Rules about the text of values, wherever they stand: references to variables, and secrets."""
+
+import re
+from collections.abc import Mapping
+
+from octoform.diagnostics import Span
+from octoform.manifest import references, secrets, tree
+from octoform.manifest.report import Report
+from octoform.manifest.tree import Loc, Node, Scalar, Table
+
+
+def check_secrets(root: Node, report: Report) -> None:
+    """Refuse every literal that looks like a secret, in values, keys and comments, and mask it everywhere."""
+    seen: set[int] = set()
+    for number, line in enumerate(report.lines, 1):
+        for start, end in secrets.found_in(line):
+            _refuse(Span(number, start + 1, end + 1), report)
+            seen.add(number)
+    for loc, scalar in tree.scalars(root):
+        if scalar.span.line not in seen and _holds_secret(root, loc, scalar):
+            report.mask(Span(scalar.span.line, scalar.span.column, scalar.span.end_column))
+            seen.add(scalar.span.line)
+            _refuse(scalar.span, report)
+
+
+def _holds_secret(root: Node, loc: Loc, scalar: Scalar) -> bool:
+    if not isinstance(scalar.value, str) or not scalar.text:
+        return False
+    if secrets.found_in(scalar.text) or secrets.assigned_in(scalar.text):
+        return True
+    if references.contains(scalar.text):
+        return False
+    return _named_secret(root, loc)
+
+
+def _named_secret(root: Node, loc: Loc) -> bool:
+    """True for the value of a key, or behind an option, whose name says that it is a secret."""
+    if loc and isinstance(loc[-1], str):
+        return secrets.is_secret_name(loc[-1])
+    if loc and isinstance(loc[-1], int) and loc[-1] > 0:
+        before = tree.at(root, (*loc[:-1], loc[-1] - 1))
+        return isinstance(before, Scalar) and before.text.startswith("-") and secrets.is_secret_name(before.text)
+    return False
+
+
+def _refuse(span: Span, report: Report) -> None:
+    report.error(
+        "MANIFEST-SECRET",
+        "this looks like a secret",
+        span,
+        hint="keep it in the environment and name the variable; if it is a real one, revoke it now",
+    )
+
+
+def check_references(root: Table, environ: Mapping[str, str], report: Report) -> tuple[str, ...]:
+    """Check every ``${NAME}``, and give the names of all variables that the manifest refers to or passes on."""
+    found: set[str] = set()
+    for loc, scalar in tree.scalars(root):
+        if _is_variable_name(loc) and references.NAME.fullmatch(scalar.text):
+            found.add(scalar.text)
+            if scalar.text not in environ:
+                report.warning(
+                    "MANIFEST-ENV-UNSET",
+                    f"the variable {scalar.text} is not set; the agent will run without it",
+                    scalar.span,
+                )
+        elif references.contains(scalar.text):
+            found |= _check_one(loc, scalar, environ, report)
+    return tuple(sorted(found))
+
+
+def _check_one(loc: Loc, scalar: Scalar, environ: Mapping[str, str], report: Report) -> set[str]:
+    span = _reference_span(scalar, report)
+    if not _may_refer(loc):
+        report.error(
+            "MANIFEST-ENV-NOT-ALLOWED",
+            "a variable may not stand here",
+            span,
+            hint="list names only, without ${}"
+            if _is_variable_name(loc)
+            else "variables may stand in `model` and in `command` only",
+        )
+        return set()
+    for text in references.malformed(scalar.text):
+        report.error(
+            "MANIFEST-WRONG-VALUE",
+            f"`{report.shown(text)}` is no reference to a variable",
+            span,
+            hint="write ${NAME}, or $${ for a plain ${",
+        )
+    names = set(references.names(scalar.text))
+    for name in sorted(names):
+        if not environ.get(name):
+            state = "is empty" if name in environ else "is not set"
+            report.error("MANIFEST-ENV-UNSET", f"the variable {name} {state}", span, hint=f"export {name}=...")
+    return names
+
+
+def _may_refer(loc: Loc) -> bool:
+    return loc[-1:] == ("model",) or (len(loc) > 1 and loc[-2] == "command" and "harness" in loc)
+
+
+def _is_variable_name(loc: Loc) -> bool:
+    return len(loc) > 2 and loc[-3:-1] == ("harness", "env")
+
+
+def _reference_span(scalar: Scalar, report: Report) -> Span:
+    """The place of the first reference inside a value, where the value stands on one line."""
+    line = report.lines[scalar.span.line - 1] if scalar.span.line <= len(report.lines) else ""
+    found = re.compile(r"(?<!\$)\$\{[^{}]*\}?").search(line, scalar.span.column - 1)
+    if found is None:
+        return scalar.span
+    return Span(scalar.span.line, found.start() + 1, found.end() + 1)
