@@ -72,7 +72,9 @@ def _plan_node(
     broken = _broken(node, known, observed, wishes)
     upstream = [name for name in node.consumes if name in moving]
     outputs = {name: _output(prior, name) for name in node.consumes}
-    reasons = broken + _changed(node, known, outputs, observed, wishes, frozenset(upstream))
+    reasons = broken
+    if known.status == "accepted":
+        reasons = broken + _changed(node, known, outputs, observed, wishes, frozenset(upstream))
     if reasons:
         return _action(node, _word(reasons), tuple(reasons), known, certain=True)
     if upstream:

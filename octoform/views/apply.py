@@ -16,6 +16,7 @@ from octoform.plan.model import Plan
 from octoform.views.console import Console
 from octoform.views.diagnostics import render
 from octoform.views.plan import PlanHuman
+from octoform.views.text import one_line
 
 if TYPE_CHECKING:
     from octoform.views.moving import MovingLine
@@ -123,8 +124,8 @@ class RunHuman:
     def _attempt_failed(self, event: events.AttemptFailed) -> None:
         self._say(f"{self._console.paint('!', 'yellow')} {event.node:<10} attempt {event.number} refused")
         for item in event.diagnostics:
-            text = render(item, colour=self._console.colour)
-            self._say("\n".join("    " + line for line in text.splitlines()))
+            if item.severity == "error":
+                self._say(f"             {one_line(f'{item.code}: {item.summary}', 150)}")
 
     def _say(self, text: str) -> None:
         if self._moving is not None:
@@ -135,7 +136,7 @@ class RunHuman:
     def ended(self, result: RunResult) -> None:
         """The closing lines."""
         say, paint = self._console.line, self._console.paint
-        for item in result.diagnostics:
+        for item in dict.fromkeys(result.diagnostics):
             self._console.problem(render(item, colour=self._console.colour_err) + "\n")
         say()
         say(paint(closing(result), "bold", "red" if result.failed else "green"))

@@ -84,7 +84,8 @@ def summary(plan: Plan) -> str:
     agents = sum(1 for item in plan.work if item.calls_agent)
     models = sum(1 for item in plan.work if item.calls_model)
     if agents:
-        line += f"\nAgent runs: at most {agents}, maybe {len(certain)}; {_models(models)}."
+        count = f"{agents}" if agents == len(certain) else f"at most {agents}, maybe {len(certain)}"
+        line += f"\nAgent runs: {count}; {_models(models)}."
     return line
 
 

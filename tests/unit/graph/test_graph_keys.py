@@ -1,0 +1,48 @@
+"""Keys: every part counts, order does not, and only PROBE sees the host."""
+
+from hypothesis import given
+from hypothesis import strategies as st
+
+from octoform.graph.drawing import to_dot, to_mermaid
+from octoform.graph.model import Graph, Node, NodeKind, key_of, key_parts
+
+CHAIN = Graph(
+    (
+        Node("probe", NodeKind.STAGE, (), {"spec": "s1", "harness": "builtin"}, observes_host=True, harness="builtin"),
+        Node("identify", NodeKind.STAGE, ("probe",), {"spec": "s2", "harness": "builtin"}, harness="builtin"),
+        Node("endpoint", NodeKind.ENDPOINT, ("identify",)),
+    )
+)
+
+
+def test_only_the_node_that_observes_the_host_has_the_hardware_in_its_key() -> None:
+    outputs = {"probe": "sha256:aa", "identify": "sha256:bb"}
+    assert key_parts(CHAIN.node("probe"), outputs, "sha256:ff")["hardware"] == "sha256:ff"
+    assert "hardware" not in key_parts(CHAIN.node("identify"), outputs, "sha256:ff")
+
+
+def test_a_consumed_output_is_a_part_of_its_own() -> None:
+    parts = key_parts(CHAIN.node("identify"), {"probe": "sha256:aa"}, None)
+    assert parts == {"spec": "s2", "harness": "builtin", "input.probe": "sha256:aa"}
+
+
+@given(st.dictionaries(st.text(min_size=1), st.text(), min_size=1, max_size=6), st.data())
+def test_a_key_moves_exactly_when_a_part_moves(parts: dict[str, str], data: st.DataObject) -> None:
+    shuffled = dict(data.draw(st.permutations(list(parts.items()))))
+    assert key_of(shuffled) == key_of(parts)
+    name = data.draw(st.sampled_from(sorted(parts)))
+    assert key_of({**parts, name: parts[name] + "x"}) != key_of(parts)
+    assert key_of({key: value for key, value in parts.items() if key != name}) != key_of(parts)
+
+
+def test_upstream_and_downstream_follow_the_edges() -> None:
+    assert CHAIN.upstream(["identify"]) == {"probe", "identify"}
+    assert CHAIN.downstream(["identify"]) == {"identify", "endpoint"}
+
+
+def test_drawings_hold_every_node_and_edge() -> None:
+    dot, mermaid = to_dot(CHAIN), to_mermaid(CHAIN)
+    assert '"identify" -> "probe";' in dot
+    assert '"endpoint" [label = "endpoint (octoform)"];' in dot
+    assert "    probe --> identify\n" in mermaid
+    assert '    probe["probe (builtin)"]\n' in mermaid

@@ -1,0 +1,127 @@
+"""diff: every cause gives its action and its reason, and nothing else moves."""
+
+from collections.abc import Mapping
+
+import pytest
+
+from octoform.graph.model import Graph, Node, NodeKind, key_parts
+from octoform.plan.diff import Observed, Prior, Wishes, diff
+from octoform.plan.model import Action, Cause, PlannedAction
+
+NAMES = ("probe", "identify", "interface", "serve", "deploy", "endpoint")
+
+
+def node(name: str) -> Node:
+    before = NAMES[: NAMES.index(name)]
+    if name == "endpoint":
+        return Node(name, NodeKind.ENDPOINT, ("interface", "serve", "deploy"), {"setting.scope": "local"})
+    parts = {"spec": f"sha256:spec-{name}", "harness": "builtin", "model": ""}
+    return Node(name, NodeKind.STAGE, before[-1:], parts, observes_host=name == "probe", harness="builtin")
+
+
+GRAPH = Graph(tuple(node(name) for name in NAMES))
+FINGERPRINT = "sha256:host"
+OUTPUTS = {name: f"sha256:out-{name}" for name in NAMES}
+FILES = {name: f"sha256:file-{name}" for name in NAMES}
+
+
+def settled(**changes: Prior) -> dict[str, Prior]:
+    """A state in which every node was accepted with today's key."""
+    prior = {
+        item.name: Prior("accepted", key_parts(item, OUTPUTS, FINGERPRINT), OUTPUTS[item.name], FILES[item.name])
+        for item in GRAPH.nodes
+    }
+    return {**prior, **changes}
+
+
+def observed(**changes: object) -> Observed:
+    fields: dict[str, object] = {"fingerprint": FINGERPRINT, "files": FILES, **changes}
+    return Observed(**fields)  # type: ignore[arg-type]
+
+
+def plan(prior: Mapping[str, Prior], seen: Observed, wishes: Wishes | None = None) -> dict[str, PlannedAction]:
+    return {item.node: item for item in diff(GRAPH, prior, seen, wishes or Wishes())}
+
+
+def test_nothing_moved_nothing_to_do() -> None:
+    assert {item.action for item in plan(settled(), observed()).values()} == {Action.NOOP}
+
+
+def test_an_empty_state_creates_everything_for_certain() -> None:
+    actions = plan({}, observed())
+    assert [(item.action, item.certain) for item in actions.values()] == [(Action.CREATE, True)] * 6
+    assert actions["probe"].calls_agent
+    assert not actions["endpoint"].calls_agent
+
+
+def test_a_changed_spec_updates_its_stage_and_leaves_the_rest_open() -> None:
+    prior = settled()
+    parts = {**prior["identify"].key_parts, "spec": "sha256:older"}
+    actions = plan(settled(identify=Prior("accepted", parts, OUTPUTS["identify"], FILES["identify"])), observed())
+    assert actions["probe"].action is Action.NOOP
+    assert (actions["identify"].action, actions["identify"].certain) == (Action.UPDATE, True)
+    reason = actions["identify"].reasons[0]
+    assert (reason.cause, reason.part, reason.before, reason.after) == (
+        Cause.CHANGED,
+        "spec",
+        "sha256:older",
+        "sha256:spec-identify",
+    )
+    assert [actions[name].certain for name in ("interface", "serve", "deploy", "endpoint")] == [False] * 4
+    assert actions["interface"].reasons[0].cause is Cause.UPSTREAM
+
+
+def test_moved_hardware_is_probes_affair_and_says_what_moved() -> None:
+    seen = observed(fingerprint="sha256:other", hardware=("appeared usb:v1d6b", "gone pci:v8086"))
+    actions = plan(settled(), seen)
+    assert actions["probe"].reasons[0].text == "appeared usb:v1d6b; gone pci:v8086"
+    assert [item.certain for item in actions.values()] == [True, False, False, False, False, False]
+
+
+@pytest.mark.parametrize(
+    ("change", "cause", "action"),
+    [
+        ({"files": {**FILES, "interface": None}}, Cause.ARTIFACT_DELETED, Action.CREATE),
+        ({"files": {**FILES, "interface": "sha256:edited"}}, Cause.ARTIFACT_EDITED, Action.UPDATE),
+        ({"links": frozenset({"interface"})}, Cause.ARTIFACT_LINK, Action.REPLACE),
+        ({"contract": {"interface": "INTERFACE-BUDGET: too many"}}, Cause.CONTRACT, Action.UPDATE),
+    ],
+)
+def test_drift_of_an_artifact(change: dict[str, object], cause: Cause, action: Action) -> None:
+    actions = plan(settled(), observed(**change))
+    assert (actions["interface"].action, actions["interface"].reasons[0].cause) == (action, cause)
+    assert actions["identify"].action is Action.NOOP
+
+
+def test_drift_of_the_endpoint_concerns_the_endpoint_alone() -> None:
+    actions = plan(settled(), observed(endpoint=("the launcher is missing",)))
+    assert [item.node for item in actions.values() if item.action is not Action.NOOP] == ["endpoint"]
+    assert actions["endpoint"].reasons[0].text == "the launcher is missing"
+
+
+@pytest.mark.parametrize(("status", "cause"), [("interrupted", Cause.INTERRUPTED), ("failed", Cause.FAILED)])
+def test_a_run_that_did_not_end_is_never_taken_for_done(status: str, cause: Cause) -> None:
+    prior = settled(serve=Prior(status, {}, OUTPUTS["serve"], FILES["serve"]))
+    action = plan(prior, observed())["serve"]
+    assert (action.action, action.reasons[0].cause, action.certain) == (Action.CREATE, cause, True)
+
+
+def test_taint_and_replace_replace() -> None:
+    known = settled()["serve"]
+    tainted = settled(serve=Prior("accepted", known.key_parts, known.output_digest, known.file_digest, tainted=True))
+    assert plan(tainted, observed())["serve"].action is Action.REPLACE
+    assert plan(settled(), observed(), Wishes(replace=frozenset({"serve"})))["serve"].action is Action.REPLACE
+
+
+def test_a_target_keeps_everything_else_as_it_is() -> None:
+    actions = plan({}, observed(), Wishes(targets=GRAPH.upstream(["identify"])))
+    assert [item.node for item in actions.values() if item.action is not Action.NOOP] == ["probe", "identify"]
+
+
+def test_ignored_parts_do_not_count() -> None:
+    known = settled()["serve"]
+    parts = {**known.key_parts, "model": "another", "harness": "command"}
+    prior = settled(serve=Prior("accepted", parts, known.output_digest, known.file_digest))
+    assert plan(prior, observed())["serve"].action is Action.UPDATE
+    ignoring = Wishes(ignore=frozenset({"model", "harness"}))
+    assert plan(prior, observed(), ignoring)["serve"].action is Action.NOOP
