@@ -96,26 +96,34 @@ def read_regular(path: Path, limit: int = SIZE_LIMIT) -> tuple[bytes | None, Dia
     A link, a folder, a device or a pipe is refused (STATE-LINK) without being followed or waited for.
     """
     try:
+        kind = os.lstat(path).st_mode
+        if not stat.S_ISREG(kind):
+            return None, _not_regular(path, "a symbolic link" if stat.S_ISLNK(kind) else "a folder or special file")
         descriptor = os.open(path, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC)
+        try:
+            return _read(descriptor, path, limit)
+        finally:
+            os.close(descriptor)
     except FileNotFoundError:
         return None, None
     except OSError as problem:
-        if problem.errno in (errno.ELOOP, errno.ENXIO):
-            return None, _not_regular(path, "a symbolic link" if path.is_symlink() else "a special file")
         return None, unreadable(problem, path)
-    with os.fdopen(descriptor, "rb") as stream:
-        try:
-            facts = os.fstat(descriptor)
-            if not stat.S_ISREG(facts.st_mode):
-                return None, _not_regular(path, "no regular file")
-            data = stream.read(limit + 1)
-        except OSError as problem:
-            return None, unreadable(problem, path)
-    if len(data) > limit:
-        return None, error(
-            "STATE-TOO-LARGE", f"the file has more than {limit} bytes", path=shown(path), hint="look at what wrote it"
-        )
-    return data, None
+
+
+def _read(descriptor: int, path: Path, limit: int) -> tuple[bytes | None, Diagnostic | None]:
+    """What was looked at may have been exchanged before it was opened, so the open file is looked at again."""
+    facts = os.fstat(descriptor)
+    if not stat.S_ISREG(facts.st_mode):
+        return None, _not_regular(path, "no regular file")
+    chunks, length = [], 0
+    while facts.st_size <= limit and length <= limit:
+        chunk = os.read(descriptor, min(limit + 1 - length, 1 << 20))
+        if not chunk:
+            return b"".join(chunks), None
+        chunks.append(chunk)
+        length += len(chunk)
+    summary = f"the file has more than {limit} bytes"
+    return None, error("STATE-TOO-LARGE", summary, path=shown(path), hint="look at what wrote it")
 
 
 def _not_regular(path: Path, what: str) -> Diagnostic:

@@ -5,6 +5,7 @@ state, of this host, of a format that is understood); the heavy reader adds the 
 """
 
 import json
+import re
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +14,9 @@ from octoform.state.files import read_regular, shown
 from octoform.state.layout import Layout
 
 FORMAT = 1
-_MARKERS = (b"<<<<<<< ", b"=======", b">>>>>>> ", b"||||||| ")
+_ZERO = b"\0"
+_OURS, _THEIRS = b"<<<<<<< ", b">>>>>>> "
+_BEGINNING = re.compile(r"(?:n|nu|nul|t|tr|tru|f|fa|fal|fals|-|[\d.eE+-]+|\\?u[0-9a-fA-F]{0,3})$")
 
 
 def backup_path(layout: Layout) -> Path:
@@ -42,8 +45,11 @@ def peek(layout: Layout) -> dict[str, Any] | None:
 
 def parse(data: bytes, layout: Layout) -> tuple[dict[str, Any] | None, list[Diagnostic]]:
     """The JSON object in ``data`` when it is a state of this host in a known format, else why not."""
-    if not data.strip():
+    if not data.strip(b"\0\t\r\n "):
         return None, [_bad(layout, "STATE-TRUNCATED", "the state file is empty")]
+    if data.endswith(b"\0"):
+        summary = f"the state file ends in zero bytes after byte {len(data.rstrip(_ZERO))}: a disk lost its power"
+        return None, [_bad(layout, "STATE-TRUNCATED", summary)]
     if _has_markers(data):
         summary = "the state file holds git's conflict markers: two histories of it were merged"
         return None, [_bad(layout, "STATE-CONFLICT", summary)]
@@ -56,20 +62,28 @@ def parse(data: bytes, layout: Layout) -> tuple[dict[str, Any] | None, list[Diag
 
 def _has_markers(data: bytes) -> bool:
     lines = data.splitlines()
-    return any(line.startswith(_MARKERS[0]) for line in lines) and any(line.startswith(_MARKERS[2]) for line in lines)
+    return any(line.startswith(_OURS) for line in lines) and any(line.startswith(_THEIRS) for line in lines)
 
 
 def _undecodable(data: bytes, problem: Exception, layout: Layout) -> Diagnostic:
     """A document that starts well and ends before its end was cut; anything else was never a state."""
+    if data.lstrip().startswith(b"{") and _cut(problem):
+        summary = f"the state file ends in the middle, after {len(data)} bytes"
+        return _bad(layout, "STATE-TRUNCATED", summary)
+    where = type(problem).__name__
     if isinstance(problem, json.JSONDecodeError):
-        rest = problem.doc[problem.pos :].strip()
-        cut = data.lstrip().startswith(b"{") and (not rest or "Unterminated" in problem.msg)
-        if cut:
-            summary = f"the state file ends in the middle, after {len(data)} bytes (line {problem.lineno})"
-            return _bad(layout, "STATE-TRUNCATED", summary)
         where = f"line {problem.lineno}, column {problem.colno}: {problem.msg}"
-        return _bad(layout, "STATE-NOT-STATE", f"the state file is not JSON ({where})")
-    return _bad(layout, "STATE-NOT-STATE", f"the state file is not JSON ({type(problem).__name__})")
+    return _bad(layout, "STATE-NOT-STATE", f"the state file is not JSON ({where})")
+
+
+def _cut(problem: Exception) -> bool:
+    """Whether decoding failed only because there is no more: mid-structure, mid-string, mid-word, mid-character."""
+    if isinstance(problem, UnicodeDecodeError):
+        return problem.reason == "unexpected end of data"
+    if not isinstance(problem, json.JSONDecodeError):
+        return False
+    rest = problem.doc[problem.pos :].strip()
+    return not rest or "Unterminated" in problem.msg or bool(_BEGINNING.match(rest))
 
 
 def _container(document: object, layout: Layout) -> tuple[dict[str, Any] | None, list[Diagnostic]]:
@@ -86,7 +100,16 @@ def _container(document: object, layout: Layout) -> tuple[dict[str, Any] | None,
         summary = f"this is the state of host {document.get('host')!r}, not of {layout.host!r}"
         hint = "move the folder back to that host's name, or give the manifest's `host` that name"
         return None, [error("STATE-OTHER-HOST", summary, path=shown(layout.snapshot), pointer="/host", hint=hint)]
+    if not _well_formed(document):
+        return None, [_bad(layout, "STATE-NOT-STATE", "the state file lacks its lineage, serial or nodes")]
     return document, []
+
+
+def _well_formed(document: dict[str, Any]) -> bool:
+    serial, nodes = document.get("serial"), document.get("nodes")
+    counted = isinstance(serial, int) and not isinstance(serial, bool) and serial >= 0
+    named = isinstance(document.get("lineage"), str) and document["lineage"] != ""
+    return counted and named and isinstance(nodes, dict) and all(isinstance(node, dict) for node in nodes.values())
 
 
 def _bad(layout: Layout, code: str, summary: str) -> Diagnostic:
