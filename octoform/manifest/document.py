@@ -66,9 +66,8 @@ def _distinct(values: list[str]) -> list[str]:
 def _kind_of_harness(value: object) -> str | None:
     if isinstance(value, str):
         return NAMED
-    if isinstance(value, dict):
-        return {"builtin": BUILTIN, "command": COMMAND}.get(str(value.get("name")))
-    return None
+    name = value.get("name") if isinstance(value, dict) else getattr(value, "name", None)
+    return {"builtin": BUILTIN, "command": COMMAND}.get(str(name))
 
 
 Host = Annotated[str, AfterValidator(_host), Field(json_schema_extra={"pattern": HOST_PATTERN})]
