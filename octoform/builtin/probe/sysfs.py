@@ -133,7 +133,7 @@ def device_path(link: str) -> str:
     while rest.startswith("../"):
         rest = rest[3:]
     rest = rest.removeprefix("/sys/")
-    return "/sys/" + rest if rest.startswith("devices/") and "/../" not in rest else ""
+    return "/sys/" + rest if rest.startswith("devices/") and "/../" not in rest + "/" else ""
 
 
 def group_of(node: Node) -> str:

@@ -4,6 +4,7 @@ Two hosts with the same kinds of devices must get the same text wherever they ar
 ordered here is ordered by what it says first and by where it is only among equals.
 """
 
+import re
 from collections import Counter
 from collections.abc import Iterable, Mapping
 
@@ -13,6 +14,7 @@ from octoform.builtin.probe.sysfs import DEVICES, VIRTUAL, group_of
 from octoform.builtin.probe.unit import SCRUB_FROM, Unit, in_class_order, owned
 
 MAX_MEMBERS = 400
+_NUMBERED = re.compile(r"[0-9:.].*$")
 MAX_NAMES = 60
 _NO_CLASS = frozenset(
     ("wakeup", "usb", "scsi", "pci_express", "i2c", "usb-serial", "serial-base", "serial", "auxiliary")
@@ -87,7 +89,7 @@ def _base(unit: Unit) -> str:
         return text.slug(unit.group if "-" in unit.group else f"system-{unit.group}")
     head = unit.head
     # The name of a class device says its kind; that of a bus device only where it is.
-    named = text.slug(head.name.rstrip("0123456789")) if head.member else ""
+    named = text.slug(_NUMBERED.sub("", head.name)) if head.member else ""
     kind = text.slug(head.kind or head.title) or named or "device"
     first = "cooling" if ("role", "cooling") in head.lines else text.slug(head.subsystem) or "device"
     return kind if kind.startswith(f"{first}-") or kind == first else f"{first}-{kind}"
