@@ -15,8 +15,8 @@ from pathlib import Path
 from typing import Any
 
 sys.path.insert(0, str(Path(__file__).resolve().parent))
-import score  # noqa: E402
-from truth import Units, read_items  # noqa: E402
+import score
+from truth import Units, read_items
 
 ROOT = Path(__file__).resolve().parents[2]
 STAGES = ("probe", "identify", "interface")

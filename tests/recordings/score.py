@@ -20,21 +20,20 @@ CERTAIN = 0.5
 
 _WORD = re.compile(r"[a-z]+\d[a-z0-9]*|\d+[a-z][a-z0-9]*|[a-z]+|\d+")
 _CAMEL = re.compile(r"(?<=[a-z])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])")
-_NODE_NAME = re.compile(r"^(?:eth|ens|eno|en|wlan|ib|mic|sd[a-z]|sr|vd[a-z]|pmem|mtdblock|gpiochip|card|fd)\w*$")
-_STOP = frozenset(
-    "a an the of for with in on to by or and not no stated as certain its device usb only what is".split()
-)
-_CLASS_WORDS = frozenset(
-    """
+_NODE_NAME = re.compile(r"^(?:eth|ens|eno|en|wlan|ib|mic|sd[a-z]|sr|vd[a-z]|pmem|nvme\d|mtdblock|gpiochip|card|fd)\w*$")
+_ONLY_IDS = re.compile(r"^[0-9a-f]{4} [0-9a-f]{4}$")
+_STOP_TEXT = "a an the of for with in on to by or and not no stated as certain its device usb only what is"
+_STOP = frozenset(_STOP_TEXT.split())
+_CLASS_TEXT = """
     adapter adaptor audio bluetooth bridge bus button camera card chip codec controller digitizer disk dock drive dvd
     ethernet external family fan finger fingerprint flash gigabit gpio graphics hard hd hub input interface internal
     keyboard laser light logic mass memory model modem module monitor mouse multi network node optical oscilloscope pen
     platform port power printer processor radio reader receiver recorded scanner sensor serial slot sound speaker
     storage stick strings switch system tablet temperature touch touchpad touchscreen unknown vendor video virtual
     webcam wired wireless i2c spi pci 2 3 0 1 2.0 3.0 speed full high super built inc ltd co corp corporation company
-    technology technologies electronics semiconductor international computer systems limited communications
-    """.split()
-)
+    technology technologies analog digital converter transmit receive path electronics semiconductor international computer systems limited communications
+"""
+_CLASS_WORDS = frozenset(_CLASS_TEXT.split())
 _BY_CLASS = {
     "camera": {"camera", "webcam"},
     "camera_mic": {"camera", "webcam"},
@@ -80,6 +79,8 @@ def words(text: str) -> list[str]:
 
 def model_words(text: str) -> set[str]:
     """The words that tell one product from another."""
+    if _ONLY_IDS.match(text.strip()):
+        return set()
     return {w for w in words(text) if w not in _STOP | _CLASS_WORDS and not w.isdigit() and not _NODE_NAME.match(w)}
 
 
@@ -129,6 +130,9 @@ def same_product(item: Item, answer: dict[str, Any]) -> bool:
     name = answer["identified_as"]
     told, true = set(words(name)) - _STOP, set(words(re.sub(r"\(.*?\)", " ", item.product))) - _STOP
     telling = model_words(item.product)
+    if item.identified_by == "strings":
+        # The match cites the strings; the product's name is the annotator's paraphrase of them.
+        telling |= model_words(item.quoted)
     if _overlap(telling, told) or len(told & true) >= 2:
         return True
     if telling and item.identified_by != "class":
@@ -150,7 +154,7 @@ def _usable(item: Item, capabilities: Iterable[str], unit: Device | None) -> boo
 
 
 def _overlap(some: set[str], others: set[str]) -> bool:
-    return any(a == b or (len(a) > 3 and len(b) > 3 and (a in b or b in a)) for a in some for b in others)
+    return any(a == b or (len(a) > 2 and len(b) > 2 and (a in b or b in a)) for a in some for b in others)
 
 
 def _says(phrase: str, answer: dict[str, Any], item: Item) -> bool:

@@ -87,7 +87,7 @@ class Units:
         if serial := _SERIAL.match(match):
             return self._by_usb(serial.group(1), serial.group(2), None)
         if sysfs := _SYSFS.match(match):
-            return self._by_path(sysfs.group(1))
+            return self._by_path(f"/sys{sysfs.group(1)}")
         if hid := _HID.search(match):
             return self._by_hid(hid.group(1), hid.group(2), hid.group(3))
         if hwmon := _HWMON.match(match):

@@ -17,6 +17,8 @@ from octoform.builtin.identify.verdict import Evidence
 _MEMBER = re.compile(r"^([a-z0-9_-]+)\[(\d+)\]\.([^:]+)$")
 _TRIPLE = re.compile(r"\bclass ([0-9a-f]{2})/([0-9a-f]{2})/([0-9a-f]{2})")
 _DRIVER = re.compile(r"\bdriver=(\S+)")
+# The firmware's vendor prefixes (PNP ids) name whoever registered three letters, often not the maker.
+_NO_REGISTRY = frozenset(("acpi", "pnp", "platform", "i2c", "spi", "serio", "virtual", "input", "dmi"))
 _LABEL = re.compile(r"\blabel=(.*)$")
 
 
@@ -126,18 +128,33 @@ class Device:
         return None
 
     @cached_property
+    def product(self) -> Fact | None:
+        """The line with the device's product string: the descriptor's, else what udev kept of it."""
+        own = self.fact("product")
+        kept = [found for name in ("ID_MODEL", "ID_SERIAL.name") if (found := self.udev(name))]
+        # Without strings, udev writes the numeric ids in their place.
+        return own or next(
+            (found for found in kept if found.text.lower() not in (self.pid, f"{self.vid}_{self.pid}")), None
+        )
+
+    @property
+    def product_text(self) -> str:
+        """The product string itself, blanks for udev's underscores; empty when there is none."""
+        return self.product.text.replace("_", " ").strip() if self.product else ""
+
+    @cached_property
     def database(self) -> Registered:
         """The registered name: udev's where it recorded one, else the id file's; empty off USB, PCI and SDIO."""
-        if self.bus not in ("usb", "pci", "mmc"):
+        if self.bus in _NO_REGISTRY:
             return Registered()
         vendor, product = self.udev("ID_VENDOR_FROM_DATABASE"), self.udev("ID_MODEL_FROM_DATABASE")
-        if vendor or product:
-            line = (product or vendor).line  # type: ignore[union-attr]
+        line = next((fact.line for fact in (product, self.fact("product_id", "device_id"), vendor) if fact), "")
+        if product or not self.vid:
             return Registered(vendor.text if vendor else "", product.text if product else "", line, "udev hwdb")
-        line = next((fact.line for fact in (self.fact("product_id", "device_id"),) if fact), "")
-        if not line:
-            return Registered()
-        return Registered(*self._databases.lookup(self.bus, self.vid, self.pid), line, f"{self.bus}.ids")
+        found = self._databases.lookup(self.bus, self.vid, self.pid)
+        if not found[1] and vendor:
+            return Registered(vendor.text, "", vendor.line, "udev hwdb")
+        return Registered(*found, line, f"{self.bus}.ids") if line else Registered()
 
     @property
     def usb_class(self) -> str:
@@ -153,7 +170,7 @@ class Device:
     def strings(self) -> str:
         """All that the device says of itself in words: manufacturer, product, interface labels."""
         labels = [interface.label for interface in self.interfaces]
-        return " ".join(part for part in (self.text("manufacturer"), self.text("product"), *labels) if part)
+        return " ".join(part for part in (self.text("manufacturer"), self.product_text, *labels) if part)
 
     def cite(self, kernel_class: str, says: str) -> Evidence:
         """Evidence that the unit has a kernel class: a line of it, else the unit's name."""

@@ -43,7 +43,9 @@ def identity(device: Device, claim: Claim) -> Identity:
 
 
 def _of_usb(device: Device, claim: Claim) -> Identity:
-    product, maker = device.text("product"), device.text("manufacturer")
+    product, maker = device.product_text, device.text("manufacturer")
+    if naming.describes_chip(product) and naming.is_vendor(maker):
+        return Identity(naming.join(maker, claim.noun), CLASS_ONLY, "descriptor_strings", _strings(device))
     if naming.names_a_model(product):
         confidence = FULL if naming.is_vendor(maker) else STRING
         return Identity(naming.join(maker, product), confidence, "descriptor_strings", _strings(device))
@@ -53,8 +55,8 @@ def _of_usb(device: Device, claim: Claim) -> Identity:
     spoken = _kernel_name(claim)
     if spoken and spoken.confidence > CLASS_ONLY and not product:
         return spoken
-    joined = naming.join(maker, product)
-    if joined and naming.is_name(joined):
+    joined = naming.join(maker if naming.is_vendor(maker) else device.database.vendor, product)
+    if product and joined and naming.is_name(joined):
         return Identity(joined, CLASS_ONLY, "descriptor_strings", _strings(device))
     return registered or spoken or Identity(claim.noun, NOTHING, "kernel_class")
 
@@ -68,6 +70,8 @@ def _registered(device: Device, claim: Claim, maker: str, product: str) -> Ident
     name = naming.join(entry.vendor, entry.product or claim.noun)
     if not entry.product:
         return Identity(name, NOTHING, "id_database", evidence)
+    if naming.is_reference(product):
+        return Identity(name, CLASS_ONLY, "id_database", evidence)
     borne_out = naming.is_vendor(maker) and naming.share_a_word(maker, entry.vendor)
     if borne_out or not (maker or product or claim.kind in _BORROWED):
         return Identity(name, REGISTERED, "id_database", evidence)
@@ -83,8 +87,9 @@ def _of_other(device: Device, claim: Claim) -> Identity:
         return spoken
     if registered:
         return registered
-    prefix = f"{device.bus} " if device.bus in _PARAVIRTUAL else ""
-    return Identity(prefix + claim.noun, CLASS_ONLY, "kernel_class")
+    own = device.text("name") if device.bus == "platform" else ""
+    prefix = own if naming.is_name(own) else device.bus if device.bus in _PARAVIRTUAL else ""
+    return Identity(naming.tidy(f"{prefix} {claim.noun}"), CLASS_ONLY, "kernel_class")
 
 
 def _kernel_name(claim: Claim) -> Identity | None:
@@ -99,11 +104,11 @@ def _kernel_name(claim: Claim) -> Identity | None:
 
 
 def _strings(device: Device) -> tuple[Evidence, ...]:
-    found = [fact for fact in (device.fact("product"), device.fact("manufacturer")) if fact]
+    found = [fact for fact in (device.product, device.fact("manufacturer")) if fact]
     return tuple(Evidence(fact.line, "the device's own string") for fact in found)
 
 
 def _shown(device: Device, claim: Claim) -> str:
     """What an unknown device is called: its own strings as they are, with the kind that shows."""
-    strings = naming.join(device.text("manufacturer"), device.text("product"))
+    strings = naming.join(device.text("manufacturer"), device.product_text)
     return f"{claim.noun} ({strings})" if strings else claim.noun

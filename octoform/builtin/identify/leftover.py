@@ -6,7 +6,7 @@ that no module claims is part of the machine.
 
 from octoform.builtin.identify import naming
 from octoform.builtin.identify.evidence import Device
-from octoform.builtin.identify.verdict import UNKNOWN, Claim, Leave
+from octoform.builtin.identify.verdict import UNKNOWN, Claim, Evidence, Leave
 
 _PCI_BUSES = ("06", "0c", "08", "05", "0604")
 _BUSES = frozenset(("pci_bus", "mdio_bus", "thunderbolt", "typec", "mei", "wmi", "nvmem", "rapidio", "memory"))
@@ -41,9 +41,9 @@ def leave(device: Device) -> Leave:
 def unknown(device: Device) -> Claim:
     """A USB device of which nothing tells what it does."""
     evidence = [device.cite_self("no interface class, driver or word tells what it does")]
-    found = device.fact("product") or device.fact("manufacturer") or device.fact("product_id")
+    found = device.product or device.fact("manufacturer", "product_id")
     if found:
-        evidence = [device.cite_key(found.key, "names no kind of device")]
+        evidence = [Evidence(found.line, "names no kind of device")]
     if device.interfaces:
-        evidence.append(type(evidence[0])(device.interfaces[0].line, "a vendor's own interface"))
+        evidence.append(Evidence(device.interfaces[0].line, "a vendor's own interface"))
     return Claim("unknown", UNKNOWN, "USB device", tuple(evidence), missing=_MISSING.format(id=device.id))

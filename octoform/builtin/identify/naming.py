@@ -12,8 +12,7 @@ _WORD = re.compile(r"[a-z]+\d[a-z0-9]*|\d+[a-z][a-z0-9]*|[a-z]+|\d+")
 _CAMEL = re.compile(r"(?<=[a-z])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])")
 
 # Words that say what kind of thing it is, or nothing at all; a string of only these names no model.
-GENERIC = frozenset(
-    """
+_GENERIC = """
     a an and the of for with in on to by at or no not none unknown default string manufacturer product name model
     generic general standard composite multi multifunction function functional device devices gadget unit module board
     controller adapter adaptor converter bridge interface bus host root hub port ports ver version rev revision
@@ -28,9 +27,9 @@ GENERIC = frozenset(
     fingerprint biometric sensor sensors printer scanner printing support serial uart com virtual vcp cdc acm modem
     power button lid sleep switch system peripheral chipset family series series/ technology technologies
     inc ltd co corp corporation company limited gmbh llc ag sa srl electronics semiconductor computer systems
-    international communications r tm c
-    """.split()
-)
+    international communications r tm c vendor misc monitor processor coprocessor chip soc microcontroller function
+"""
+GENERIC = frozenset(_GENERIC.split())
 # What the wire is, not what hangs on it: a name with such words belongs to the chip.
 _TRANSPORT = re.compile(
     r"\bu(?:sb)?[\s_-]*\d?(?:\.\d)?[\s_-]*(?:<->|to|2)?[\s_-]*ser\b|serial|\buarts?\b|\bvcp\b|\bcom[\s_-]?port|"
@@ -39,6 +38,7 @@ _TRANSPORT = re.compile(
 )
 # Words by which makers mark firmware that ships unchanged in other people's products.
 _REFERENCE = re.compile(r"demo|generic|sample|reference design|evaluation firmware|\btest\b", re.IGNORECASE)
+_CHIP_WORDS = frozenset(("processor", "coprocessor", "chip", "soc", "microcontroller"))
 _NO_VENDOR = frozenset(
     ("generic", "no manufacturer", "manufacturer", "n/a", "na", "none", "unknown", "default string", "vendor", "usb")
 )
@@ -75,6 +75,11 @@ def names_a_model(text: str) -> bool:
 def describes_transport(text: str) -> bool:
     """True for names such as 'USB Serial' or 'UART Bridge': they say how it is wired, not what it is."""
     return bool(_TRANSPORT.search(text.replace("_", " ")))
+
+
+def describes_chip(text: str) -> bool:
+    """True where a product's string speaks of the chip in it."""
+    return not _CHIP_WORDS.isdisjoint(words(text))
 
 
 def is_reference(text: str) -> bool:

@@ -15,6 +15,7 @@ from octoform.builtin.identify.classes import (
     clock,
     display,
     gpio,
+    hid,
     inputs,
     light,
     network,
@@ -45,6 +46,7 @@ RULES: tuple[Callable[[Device], Claim | None], ...] = (
     audio.claim,
     display.claim,
     light.claim_backlight,
+    hid.claim,
     words.claim,
     sensors.claim_iio,
     inputs.claim,
@@ -55,6 +57,7 @@ RULES: tuple[Callable[[Device], Claim | None], ...] = (
     clock.claim,
     light.claim_leds,
     buses.claim_bridge,
+    words.claim_plain,
 )
 
 

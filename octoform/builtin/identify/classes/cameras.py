@@ -9,10 +9,11 @@ from octoform.builtin.identify.evidence import Device
 from octoform.builtin.identify.verdict import INFRASTRUCTURE, SENSOR, Capability, Claim, Evidence
 
 USB_VIDEO = "0e"
-_PROCESSOR_WORDS = frozenset(
+_PROCESSORS = (
     "codec enc dec encode decode encoder decoder vpu vdec venc isp rga iep jpeg jpu scaler m2m mem2mem deinterlace "
-    "rotator stateless stateful hevc h264 vp8 vp9 av1 mdp csc resizer rkvdec rkvenc coda bdisp g2d".split()
+    "rotator stateless stateful hevc h264 vp8 vp9 av1 mdp csc resizer rkvdec rkvenc coda bdisp g2d"
 )
+_PROCESSOR_WORDS = frozenset(_PROCESSORS.split())
 
 
 def claim(device: Device) -> Claim | None:

@@ -12,7 +12,7 @@ def claim(device: Device) -> Claim | None:
     if device.bus == "virtual" or not (is_pci or {"drm", "graphics"} & device.classes):
         return None
     connectors = [fact.text for fact in device.of("drm", "connector")]
-    capabilities = ()
+    capabilities: tuple[Capability, ...] = ()
     if connectors:
         capabilities = (
             Capability(

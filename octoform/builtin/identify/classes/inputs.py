@@ -4,6 +4,10 @@ What an input device is comes from its event capabilities (PROBE's `kinds`) and 
 or HID device without a kernel input device is told by its interface class alone.
 """
 
+from collections.abc import Mapping
+
+from octoform.builtin.identify import naming
+from octoform.builtin.identify.classes import hid
 from octoform.builtin.identify.evidence import Device, Fact
 from octoform.builtin.identify.verdict import SENSOR, Capability, Claim, Evidence
 
@@ -42,6 +46,9 @@ def claim(device: Device) -> Claim | None:
     groups = [group for group in device.groups("input") if "name" in group]
     if groups:
         return _from_events(device, groups)
+    told = hid.claim_input(device)
+    if told:
+        return told
     for triple, (kind, noun) in _BOOT.items():
         if interface := device.usb(triple):
             return Claim(kind, SENSOR, noun, (Evidence(interface.line, "USB boot interface"),))
@@ -58,7 +65,8 @@ def claim(device: Device) -> Claim | None:
 
 def _from_events(device: Device, groups: list[dict[str, Fact]]) -> Claim:
     found = [(kind, group) for group in groups for kind in _kinds(group)]
-    found.sort(key=lambda pair: _ORDER.index(pair[0]))
+    leading = _leading(device)
+    found.sort(key=lambda pair: (pair[0] != leading, _ORDER.index(pair[0])))
     kind = found[0][0] if found else "buttons"
     first = found[0][1] if found else groups[0]
     shown, noun = _NOUNS.get(kind, (kind, kind))
@@ -72,7 +80,22 @@ def _from_events(device: Device, groups: list[dict[str, Fact]]) -> Claim:
             {"name": group["name"].text.strip('"'), "kinds": _kinds(group)} for group in groups
         ]
     }  # fmt: skip
-    return Claim(shown, SENSOR, noun, tuple(evidence), _capabilities(parameters), (*names, *own))
+    # Pen tablets of many brands share their firmware and its strings; only a driver that knows the model settles it.
+    settled = kind != "tablet" or "wacom" in device.drivers
+    return Claim(shown, SENSOR, noun, tuple(evidence), _capabilities(parameters), (*names, *own), settled)
+
+
+def _leading(device: Device) -> str:
+    """Keyboards with a pointer and mice with keys send both kinds of events; the first boot interface tells which."""
+    spoken = set(naming.words(device.product_text))
+    for kind, other in (("keyboard", "mouse"), ("mouse", "keyboard")):
+        if kind in spoken and other not in spoken:
+            return kind
+    for interface in device.interfaces:
+        kind = _BOOT.get("/".join(interface.triple), ("", ""))[0]
+        if kind:
+            return kind
+    return ""
 
 
 def _kinds(group: dict[str, Fact]) -> list[str]:
@@ -86,7 +109,7 @@ def _own_name(device: Device) -> tuple[tuple[str, str], ...]:
     return ((found.text, found.line),) if found else ()
 
 
-def _capabilities(parameters: dict[str, object]) -> tuple[Capability, ...]:
+def _capabilities(parameters: Mapping[str, object]) -> tuple[Capability, ...]:
     return (
         Capability("read_input_events", "Wait for input events for a bounded time and return them.", VIA,
                    parameters=parameters),

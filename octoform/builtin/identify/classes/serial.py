@@ -10,7 +10,7 @@ from octoform.builtin.identify.evidence import Device
 from octoform.builtin.identify.verdict import BIDIRECTIONAL, UNKNOWN, Claim, Evidence
 
 _CDC_SERIAL = "02/02"
-_MISSING = "Say which device is connected through this serial adapter, for example: '{id}: the <maker and model> on the bench'."
+_MISSING = "Say what is connected through this serial adapter, for example: '{id}: the <maker and model> on the bench'."
 
 
 def claim(device: Device) -> Claim | None:
@@ -21,9 +21,9 @@ def claim(device: Device) -> Claim | None:
     evidence = (
         Evidence(port.line, "USB serial interface") if port else device.cite("tty", "a serial port of the kernel")
     )
-    if naming.names_a_model(device.text("product")) and not _is_chip(device):
+    if naming.names_a_model(device.product_text) and not _is_chip(device):
         return Claim("serial", BIDIRECTIONAL, "serial device", (evidence,))
-    name = device.fact("product") or device.fact("manufacturer")
+    name = device.product or device.fact("manufacturer")
     quotes = (Evidence(name.line, "names the adapter, not what is connected to it"),) if name else (evidence,)
     return Claim("serial", UNKNOWN, "USB serial adapter", quotes, missing=_MISSING.format(id=device.id))
 
@@ -36,5 +36,5 @@ def _is_serial(device: Device) -> bool:
 def _is_chip(device: Device) -> bool:
     """True when the id database knows these ids as a serial chip and the product string is that chip's name."""
     told = device.database.product
-    product = device.text("product")
+    product = device.product_text
     return naming.describes_transport(told) and naming.share_a_word(told, product)

@@ -27,7 +27,7 @@ def claim(device: Device) -> Claim | None:
     else:
         return None
     names = (*_own_names(device), *device.names("block", "model"), *device.names("nvme", "model"))
-    names = (*names, *device.names("mtd", "name"))
+    names = (*names, *device.names("mtd", "name"), *_udev_names(device))
     if _is_optical(device):
         return Claim("optical", INFRASTRUCTURE, "optical drive", (evidence,), names=names)
     capabilities = (_inventory(),) if "block" in device.classes else ()
@@ -46,8 +46,15 @@ def _own_names(device: Device) -> tuple[tuple[str, str], ...]:
     return ((shown, model.line),)
 
 
+def _udev_names(device: Device) -> tuple[tuple[str, str], ...]:
+    model = device.udev("ID_MODEL") if "block" in device.classes else None
+    return ((f"{device.udev_text('ID_VENDOR')} {model.text}", model.line),) if model else ()
+
+
 def _is_optical(device: Device) -> bool:
-    return device.text("type") in _OPTICAL_TYPES or bool(device.udev_text("ID_CDROM"))
+    disks = [name for kind, name in device.nodes if kind == "block"]
+    told = device.text("type") in _OPTICAL_TYPES or bool(device.udev_text("ID_CDROM"))
+    return told or bool(disks) and all(name.startswith("sr") for name in disks)
 
 
 def _inventory() -> Capability:

@@ -5,6 +5,8 @@ for in the device's own strings and in the name that the host's id database give
 is weaker and says so.
 """
 
+from collections.abc import Iterable, Iterator
+
 from octoform.builtin.identify import naming
 from octoform.builtin.identify.evidence import Device
 from octoform.builtin.identify.verdict import (
@@ -17,8 +19,10 @@ from octoform.builtin.identify.verdict import (
 )
 
 # (words, kind, category, noun); a phrase needs its words side by side. The first line that fits wins.
-_WORDS: tuple[tuple[tuple[str, ...], str, str, str], ...] = (
-    (("fingerprint", "finger print", "biometric", "biometrics", "swipe sensor"), "fingerprint", SENSOR, "fingerprint reader"),
+Entry = tuple[tuple[str, ...], str, str, str]
+_WORDS: tuple[Entry, ...] = (
+    (("fingerprint", "finger print", "biometric", "biometrics", "swipe sensor"), "fingerprint",
+     SENSOR, "fingerprint reader"),
     (("fido", "fido2", "u2f", "security key", "smartcard", "smart card", "security token"), "security",
      INFRASTRUCTURE, "security token"),
     (("ups", "uninterruptible"), "ups", INFRASTRUCTURE, "uninterruptible power supply"),
@@ -29,7 +33,8 @@ _WORDS: tuple[tuple[tuple[str, ...], str, str, str], ...] = (
     (("gnss", "gps", "glonass", "galileo"), "gnss", SENSOR, "satellite positioning receiver"),
     (("zigbee", "z-wave", "zwave", "802.15.4", "matter thread"), "zigbee", BIDIRECTIONAL, "home radio stick"),
     (("sdr", "dvb", "tuner"), "sdr", BIDIRECTIONAL, "radio receiver"),
-    (("wimax", "wlan", "wi-fi", "wifi", "802.11", "802.11n", "802.11ac"), "wifi", INFRASTRUCTURE, "wireless network adapter"),
+    (("wimax", "wlan", "wi-fi", "wifi", "802.11", "802.11n", "802.11ac"), "wifi", INFRASTRUCTURE,
+     "wireless network adapter"),
     (("lte", "modem", "wwan", "mobile broadband"), "modem", INFRASTRUCTURE, "modem"),
     (("ethernet", "lan"), "network", INFRASTRUCTURE, "network adapter"),
     (("radio", "transceiver"), "radio", BIDIRECTIONAL, "radio"),
@@ -44,6 +49,15 @@ _WORDS: tuple[tuple[tuple[str, ...], str, str, str], ...] = (
 )  # fmt: skip
 # A keyboard or a mouse is one whatever words are printed on it.
 _BOOT = ("03/01/01", "03/01/02")
+_PLAIN: tuple[Entry, ...] = (
+    (("storage", "flash drive", "flash disk", "ssd", "card reader"), "storage", INFRASTRUCTURE, "storage device"),
+    (("webcam", "camera"), "camera", SENSOR, "USB camera"),
+    (("hub",), "hub", INFRASTRUCTURE, "USB hub"),
+    (("keyboard",), "keyboard", SENSOR, "USB keyboard"),
+    (("mouse",), "mouse", SENSOR, "USB mouse"),
+    (("headset", "audio", "speaker", "microphone"), "audio", BIDIRECTIONAL, "USB audio device"),
+    (("touchscreen", "touchpad"), "touchscreen", SENSOR, "touch surface"),
+)
 _UDEV = (
     ("ID_SIGNAL_ANALYZER", "logic", SENSOR, "signal analyser"),
     ("ID_SOFTWARE_RADIO", "sdr", BIDIRECTIONAL, "software radio"),
@@ -62,23 +76,41 @@ def claim(device: Device) -> Claim | None:
             return Claim(kind, category, noun, (Evidence(told.line, "udev's rules say so"),))
     if device.bus != "usb" or device.usb(*_BOOT):
         return None
-    found = device.fact("product")
-    if found and (entry := kind_of(found.text)):
-        return Claim(*entry, evidence=(Evidence(found.line, "the device's own words"),))
-    for interface in device.interfaces:
-        if interface.label and (entry := kind_of(interface.label)):
-            return Claim(*entry, evidence=(Evidence(interface.line, "the interface's own words"),))
-    database = device.database
-    if database.product and (entry := kind_of(database.product)):
-        says = f"{database.source}: {database.vendor} {database.product}"
-        return Claim(*entry, evidence=(Evidence(database.line, says),))
+    for line, text, says in _spoken(device):
+        if entry := kind_of(text, _WORDS):
+            return Claim(*entry, evidence=(Evidence(line, says),))
+    maker = device.fact("manufacturer")
+    if maker and (entry := kind_of(maker.text, _WORDS[:1])):
+        return Claim(*entry, evidence=(Evidence(maker.line, "what its maker makes"),), settled=False)
     return None
 
 
-def kind_of(text: str) -> tuple[str, str, str] | None:
+def claim_plain(device: Device) -> Claim | None:
+    """What the plain words of the strings say, for a USB device that shows no class of its own."""
+    if device.bus != "usb":
+        return None
+    for line, text, says in _spoken(device):
+        if entry := kind_of(text, _PLAIN):
+            return Claim(*entry, evidence=(Evidence(line, says),), settled=False)
+    return None
+
+
+def _spoken(device: Device) -> Iterator[tuple[str, str, str]]:
+    """(line, words, what they are) of the device's own strings, then of the database."""
+    if device.product:
+        yield device.product.line, device.product_text, "the device's own words"
+    for interface in device.interfaces:
+        if interface.label:
+            yield interface.line, interface.label, "the interface's own words"
+    told = device.database
+    if told.product:
+        yield told.line, told.product, f"{told.source}: {told.vendor} {told.product}"
+
+
+def kind_of(text: str, table: Iterable[Entry]) -> tuple[str, str, str] | None:
     """(kind, category, noun) that the words of a name tell; None when they tell none."""
     spoken = f" {' '.join(naming.words(text))} "
-    for phrases, kind, category, noun in _WORDS:
+    for phrases, kind, category, noun in table:
         if any(f" {' '.join(naming.words(phrase))} " in spoken for phrase in phrases):
             return kind, category, noun
     return None

@@ -1,0 +1,50 @@
+"""HID devices by their usages: what the report descriptor says that the device is for.
+
+The numbers are usage pages and usages of the USB-IF's HID Usage Tables, which every HID device declares; PROBE lists
+them as `page/usage`. Vendors' own pages (ff00 and above) say nothing.
+"""
+
+from octoform.builtin.identify.evidence import Device
+from octoform.builtin.identify.verdict import ACTUATOR, INFRASTRUCTURE, SENSOR, Claim, Evidence
+
+# The functions that are no input device, in the order in which they decide.
+_FUNCTIONS = {
+    "0084": ("ups", INFRASTRUCTURE, "uninterruptible power supply"),
+    "f1d0": ("security", INFRASTRUCTURE, "security token"),
+    "0059": ("light", ACTUATOR, "light"),
+    "008c": ("barcode", SENSOR, "barcode scanner"),
+    "008d": ("scale", SENSOR, "weighing scale"),
+    "0020": ("sensor_hub", SENSOR, "sensor hub"),
+    "008e": ("card_reader", SENSOR, "magnetic stripe reader"),
+}
+_INPUTS = {
+    "000d/0001": ("tablet", "pen tablet"),
+    "000d/0002": ("tablet", "pen tablet"),
+    "000d/0004": ("touchscreen", "touchscreen"),
+    "000d/0005": ("touchpad", "touchpad"),
+    "0001/0005": ("gamepad", "game controller"),
+    "0001/0004": ("gamepad", "game controller"),
+    "0001/0006": ("keyboard", "keyboard"),
+    "0001/0002": ("mouse", "mouse"),
+}
+
+
+def claim(device: Device) -> Claim | None:
+    """A HID device whose usages name a function that is not input; nothing otherwise."""
+    for fact in device.of("hid", "usages"):
+        pages = [usage.partition("/")[0] for usage in fact.text.split(",")]
+        for page, entry in _FUNCTIONS.items():
+            if page in pages:
+                return Claim(*entry, evidence=(Evidence(fact.line, "HID usage page of that function"),))
+    return None
+
+
+def claim_input(device: Device) -> Claim | None:
+    """A HID device without a kernel input device whose usages name an input function; nothing otherwise."""
+    facts = device.of("hid", "usages")
+    for usage, (kind, noun) in _INPUTS.items():
+        for fact in facts:
+            if usage in fact.text.split(","):
+                return Claim(kind, SENSOR, noun, (Evidence(fact.line, "HID usage of that function"),),
+                             settled=kind != "tablet")  # fmt: skip
+    return None
