@@ -31,7 +31,8 @@ _CLASS_TEXT = """
     platform port power printer processor radio reader receiver recorded scanner sensor serial slot sound speaker
     storage stick strings switch system tablet temperature touch touchpad touchscreen unknown vendor video virtual
     webcam wired wireless i2c spi pci 2 3 0 1 2.0 3.0 speed full high super built inc ltd co corp corporation company
-    technology technologies analog digital converter transmit receive path electronics semiconductor international computer systems limited communications
+    technology technologies analog digital converter transmit receive path
+    electronics semiconductor international computer systems limited communications
 """
 _CLASS_WORDS = frozenset(_CLASS_TEXT.split())
 _BY_CLASS = {

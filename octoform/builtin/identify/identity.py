@@ -6,7 +6,6 @@ whose strings only say "USB camera" is surely a camera, but which one is not kno
 registered name that the device's own strings do not bear out is worth no more, because ids are borrowed and cloned.
 """
 
-import re
 from dataclasses import dataclass
 
 from octoform.builtin.identify import naming
@@ -19,7 +18,6 @@ _DATABASE_FIRST = frozenset(("audio", "audio_out", "audio_in", "network", "wifi"
 # Firmware of these kinds ships under borrowed ids, so that a registered name alone proves no product.
 _BORROWED = frozenset(("input", "keyboard", "mouse", "gamepad", "tablet", "touchscreen", "touchpad", "serial", "ups"))
 _PARAVIRTUAL = frozenset(("virtio", "xen", "vmbus", "vio"))
-_IDS = re.compile(r"\b[0-9A-Fa-f]{4}:[0-9A-Fa-f]{4}\b")
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,13 +48,15 @@ def _of_usb(device: Device, claim: Claim) -> Identity:
         confidence = FULL if naming.is_vendor(maker) else STRING
         return Identity(naming.join(maker, product), confidence, "descriptor_strings", _strings(device))
     registered = _registered(device, claim, maker, product)
-    if registered and registered.confidence >= CLASS_ONLY:
+    if registered and registered.confidence > CLASS_ONLY:
         return registered
     spoken = _kernel_name(claim)
     if spoken and spoken.confidence > CLASS_ONLY and not product:
         return spoken
-    joined = naming.join(maker if naming.is_vendor(maker) else device.database.vendor, product)
-    if product and joined and naming.is_name(joined):
+    if not naming.is_vendor(maker) and claim.kind not in _BORROWED:
+        maker = device.database.vendor
+    joined = naming.join(maker, product)
+    if product and naming.is_name(joined):
         return Identity(joined, CLASS_ONLY, "descriptor_strings", _strings(device))
     return registered or spoken or Identity(claim.noun, NOTHING, "kernel_class")
 
@@ -94,7 +94,7 @@ def _of_other(device: Device, claim: Claim) -> Identity:
 
 def _kernel_name(claim: Claim) -> Identity | None:
     """The kernel's name for the thing: the first that names a model, else the first that is a name."""
-    usable = [(naming.tidy(_IDS.sub(" ", text)), line) for text, line in claim.names]
+    usable = [(naming.tidy(naming.without_ids(text)), line) for text, line in claim.names]
     usable = [(text, line) for text, line in usable if naming.is_name(text)]
     if not usable:
         return None

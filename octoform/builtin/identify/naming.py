@@ -27,18 +27,20 @@ _GENERIC = """
     fingerprint biometric sensor sensors printer scanner printing support serial uart com virtual vcp cdc acm modem
     power button lid sleep switch system peripheral chipset family series series/ technology technologies
     inc ltd co corp corporation company limited gmbh llc ag sa srl electronics semiconductor computer systems
-    international communications r tm c vendor misc monitor processor coprocessor chip soc microcontroller function
+    international communications r tm c vendor misc monitor processor coprocessor chip soc microcontroller nic pnp udisk
+    hidden 4g 5g 4ghz 5ghz 2k 4k 3d 720p 1080p 1080 1000 2500 u
 """
 GENERIC = frozenset(_GENERIC.split())
 # What the wire is, not what hangs on it: a name with such words belongs to the chip.
 _TRANSPORT = re.compile(
     r"\bu(?:sb)?[\s_-]*\d?(?:\.\d)?[\s_-]*(?:<->|to|2)?[\s_-]*ser\b|serial|\buarts?\b|\bvcp\b|\bcom[\s_-]?port|"
-    r"\brs[\s_-]?(?:232|422|485)|\bttl\b",
+    r"\brs[\s_-]?(?:232|422|485)|\bttl|\bvcom\b",
     re.IGNORECASE,
 )
 # Words by which makers mark firmware that ships unchanged in other people's products.
-_REFERENCE = re.compile(r"demo|generic|sample|reference design|evaluation firmware|\btest\b", re.IGNORECASE)
+_REFERENCE = re.compile(r"demo|generic|sample|template|\bexamples?\b|reference design|\btest\b", re.IGNORECASE)
 _CHIP_WORDS = frozenset(("processor", "coprocessor", "chip", "soc", "microcontroller"))
+_IDS = re.compile(r"\b[0-9A-Fa-f]{4}:[0-9A-Fa-f]{4}\b")
 _NO_VENDOR = frozenset(
     ("generic", "no manufacturer", "manufacturer", "n/a", "na", "none", "unknown", "default string", "vendor", "usb")
 )
@@ -58,7 +60,12 @@ def words(text: str) -> list[str]:
 
 def model_words(text: str) -> list[str]:
     """The words of a name that tell one model from another: no class words, no small numbers."""
-    return [word for word in words(text) if word not in GENERIC and not (word.isdigit() and len(word) < 4)]
+    return [word for word in words(without_ids(text)) if word not in GENERIC and not (word.isdigit() and len(word) < 4)]
+
+
+def without_ids(text: str) -> str:
+    """A name without the vendor:product numbers that drivers append to it."""
+    return _IDS.sub(" ", text)
 
 
 def is_name(text: str) -> bool:

@@ -24,6 +24,7 @@ from octoform.builtin.identify.classes import (
     security,
     sensors,
     serial,
+    service,
     storage,
     words,
 )
@@ -46,6 +47,7 @@ RULES: tuple[Callable[[Device], Claim | None], ...] = (
     audio.claim,
     display.claim,
     light.claim_backlight,
+    service.claim,
     hid.claim,
     words.claim,
     sensors.claim_iio,
@@ -54,6 +56,7 @@ RULES: tuple[Callable[[Device], Claim | None], ...] = (
     serial.claim,
     gpio.claim,
     sensors.claim_hwmon,
+    sensors.claim_driver,
     clock.claim,
     light.claim_leds,
     buses.claim_bridge,

@@ -11,7 +11,8 @@ from octoform.builtin.identify.verdict import INFRASTRUCTURE, SENSOR, Capability
 USB_VIDEO = "0e"
 _PROCESSORS = (
     "codec enc dec encode decode encoder decoder vpu vdec venc isp rga iep jpeg jpu scaler m2m mem2mem deinterlace "
-    "rotator stateless stateful hevc h264 vp8 vp9 av1 mdp csc resizer rkvdec rkvenc coda bdisp g2d"
+    "rotator stateless stateful hevc h264 vp8 vp9 av1 mdp csc resizer rkvdec rkvenc coda bdisp g2d "
+    "rpivid cedrus hantro vcodec mfc pispbe venus wave5 pxp ge2d"
 )
 _PROCESSOR_WORDS = frozenset(_PROCESSORS.split())
 

@@ -48,3 +48,9 @@ def claim_input(device: Device) -> Claim | None:
                 return Claim(kind, SENSOR, noun, (Evidence(fact.line, "HID usage of that function"),),
                              settled=kind != "tablet")  # fmt: skip
     return None
+
+
+def is_private(device: Device) -> bool:
+    """True when the device declares usages and all of them are its vendor's own: they say nothing."""
+    usages = [usage for fact in device.of("hid", "usages") for usage in fact.text.split(",")]
+    return bool(usages) and all(usage.startswith("ff") for usage in usages)

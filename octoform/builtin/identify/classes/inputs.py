@@ -56,6 +56,8 @@ def claim(device: Device) -> Claim | None:
         evidence = Evidence(interface.line, "game controller interface")
         return Claim("gamepad", SENSOR, "game controller", (evidence,), settled=False)
     interface = device.usb(USB_HID)
+    if hid.is_private(device):
+        return None
     if interface or device.bus == "hid":
         evidence = Evidence(interface.line, "human interface device") if interface else device.cite_self("HID device")
         names = device.names("hid", "name") or _own_name(device)
@@ -66,7 +68,7 @@ def claim(device: Device) -> Claim | None:
 def _from_events(device: Device, groups: list[dict[str, Fact]]) -> Claim:
     found = [(kind, group) for group in groups for kind in _kinds(group)]
     leading = _leading(device)
-    found.sort(key=lambda pair: (pair[0] != leading, _ORDER.index(pair[0])))
+    found.sort(key=lambda pair: (_ORDER.index(pair[0]) - 2 * (pair[0] == leading), pair[0] != leading))
     kind = found[0][0] if found else "buttons"
     first = found[0][1] if found else groups[0]
     shown, noun = _NOUNS.get(kind, (kind, kind))

@@ -7,6 +7,8 @@ from octoform.builtin.identify.verdict import INFRASTRUCTURE, Claim, Evidence
 USB_BLUETOOTH = "e0/01/01"
 _USB_ETHERNET = ("02/06", "02/0d", "02/0c", "e0/01/03", "ef/04/01")
 _USB_MODEM = ("02/0e",)
+# The kernel's drivers for mobile broadband: they bind to nothing else.
+_MODEM_DRIVERS = frozenset(("option", "qmi_wwan", "cdc_mbim", "sierra", "huawei_cdc_ncm", "iosm", "mtk_t7xx"))
 _PCI = {
     "0200": ("network", "network adapter"),
     "0207": ("network", "network adapter"),
@@ -35,7 +37,7 @@ def claim(device: Device) -> Claim | None:
     """A wired or wireless network adapter or a modem, or nothing of the kind."""
     if device.bus == "virtual":
         return None
-    if {"wwan"} & device.classes or device.usb(*_USB_MODEM) or device.udev_text("ID_MM_DEVICE_IS_MODEM"):
+    if "wwan" in device.classes or device.usb(*_USB_MODEM) or _MODEM_DRIVERS & device.drivers:
         return Claim("modem", INFRASTRUCTURE, "mobile broadband modem", (_evidence(device, "wwan"),))
     if "net" in device.classes:
         wireless = "ieee80211" in device.classes or any(fact.text == "wlan" for fact in device.of("net", "kind"))

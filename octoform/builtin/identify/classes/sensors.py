@@ -32,6 +32,7 @@ _IIO = {
     "humidityrelative": ("read_humidity", "%"),
 }
 _IIO_UNITS = {"voltage": "V", "current": "A", "power": "W", "resistance": "ohm", "intensity": "", "angl": "rad"}
+_DRIVERS = {"smo8800": ("accelerometer", "free-fall sensor"), "hp_accel": ("accelerometer", "free-fall sensor")}
 _HWMON_KEY = re.compile(r"^([a-z]+)\d+$")
 # Pairs of in-phase and quadrature channels, or a synthesiser: what only radios have.
 _RADIO_KEY = re.compile(r"^out_altvoltage|^(?:in|out)_voltage\d+_[iq]$")
@@ -88,6 +89,14 @@ def claim_iio(device: Device) -> Claim | None:
                        parameters={"channels": everything})
         )  # fmt: skip
     return _iio_claim(device, set(kinds), tuple(capabilities))
+
+
+def claim_driver(device: Device) -> Claim | None:
+    """A sensor that its kernel driver tells, though it offers no class of the kernel; nothing otherwise."""
+    for driver in sorted(device.drivers & _DRIVERS.keys()):
+        kind, noun = _DRIVERS[driver]
+        return Claim(kind, SENSOR, noun, (device.cite_key("driver", f"the kernel's {noun} driver"),))
+    return None
 
 
 def _iio_claim(device: Device, kinds: set[str], capabilities: tuple[Capability, ...]) -> Claim:

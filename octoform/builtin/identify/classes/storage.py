@@ -54,7 +54,7 @@ def _udev_names(device: Device) -> tuple[tuple[str, str], ...]:
 def _is_optical(device: Device) -> bool:
     disks = [name for kind, name in device.nodes if kind == "block"]
     told = device.text("type") in _OPTICAL_TYPES or bool(device.udev_text("ID_CDROM"))
-    return told or bool(disks) and all(name.startswith("sr") for name in disks)
+    return told or (bool(disks) and all(name.startswith("sr") for name in disks))
 
 
 def _inventory() -> Capability:

@@ -36,7 +36,7 @@ _WORDS: tuple[Entry, ...] = (
     (("wimax", "wlan", "wi-fi", "wifi", "802.11", "802.11n", "802.11ac"), "wifi", INFRASTRUCTURE,
      "wireless network adapter"),
     (("lte", "modem", "wwan", "mobile broadband"), "modem", INFRASTRUCTURE, "modem"),
-    (("ethernet", "lan"), "network", INFRASTRUCTURE, "network adapter"),
+    (("ethernet", "lan", "nic"), "network", INFRASTRUCTURE, "network adapter"),
     (("radio", "transceiver"), "radio", BIDIRECTIONAL, "radio"),
     (("infrared", "ircu", "remote control receiver"), "ir", BIDIRECTIONAL, "infrared transceiver"),
     (("led", "leds", "light", "lamp"), "light", ACTUATOR, "light"),
@@ -55,7 +55,12 @@ _PLAIN: tuple[Entry, ...] = (
     (("hub",), "hub", INFRASTRUCTURE, "USB hub"),
     (("keyboard",), "keyboard", SENSOR, "USB keyboard"),
     (("mouse",), "mouse", SENSOR, "USB mouse"),
-    (("headset", "audio", "speaker", "microphone"), "audio", BIDIRECTIONAL, "USB audio device"),
+    (
+        ("headset", "audio", "speaker", "microphone", "midi", "synthesizer", "mixer"),
+        "audio",
+        BIDIRECTIONAL,
+        "USB audio device",
+    ),
     (("touchscreen", "touchpad"), "touchscreen", SENSOR, "touch surface"),
 )
 _UDEV = (
