@@ -38,6 +38,8 @@ _TYPES = {
 }
 _HARNESSES = ("builtin", "command")
 _LONGEST_WORD = 80
+# Words for true and false that YAML 1.2 takes as text, as it takes a quoted true.
+_SWITCHES = {"yes": "true", "on": "true", "true": "true", "no": "false", "off": "false", "false": "false"}
 
 
 def check(root: Table, report: Report) -> Document | None:
@@ -220,19 +222,7 @@ class _Problem:
 
     def _wrong_type(self, expected: str | None = None) -> None:
         node = tree.at(self._root, self._loc)
-        hint = None
-        if (
-            isinstance(node, Scalar)
-            and self._kind == "bool_type"
-            and node.text in ("yes", "no", "on", "off", "Yes", "No", "On", "Off")
-        ):
-            hint = f"write `{'true' if node.text.lower() in ('yes', 'on') else 'false'}`"
-        elif isinstance(node, Scalar) and self._kind == "string_type":
-            hint = f'quote it: "{self._report.shown(node.text)}"'
-        elif isinstance(node, Scalar) and self._kind == "list_type":
-            hint = f"write a list: [{self._report.shown(node.text)}]"
-        elif isinstance(node, Scalar) and self._kind == "int_type" and re.fullmatch("[0-9]+", node.text):
-            hint = f"remove the quotes: {node.text}"
+        hint = self._how_to_write(node) if isinstance(node, Scalar) else None
         expected = expected or _TYPES[self._kind]
         self._report.error(
             "MANIFEST-WRONG-TYPE",
@@ -240,6 +230,19 @@ class _Problem:
             self._span(),
             hint=hint,
         )
+
+    def _how_to_write(self, node: Scalar) -> str | None:
+        """The value in the form that was expected, where it is plain what was meant."""
+        shown = self._report.shown(node.text)
+        if self._kind == "bool_type" and node.text.lower() in _SWITCHES:
+            return f"write `{_SWITCHES[node.text.lower()]}`"
+        if self._kind == "string_type":
+            return f'quote it: "{shown}"'
+        if self._kind == "list_type":
+            return f"write a list: [{shown}]"
+        if self._kind == "int_type" and re.fullmatch("[0-9]+", node.text):
+            return f"remove the quotes: {shown}"
+        return None
 
     def _limits(self) -> str:
         context = self._context

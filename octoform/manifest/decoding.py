@@ -21,11 +21,8 @@ FORBIDDEN = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u2028-\u202e\u2066-\u2069\u
 _MOST_CHARACTERS = 10
 
 
-def read_text(path: Path, report: Report) -> str | None:
-    """The file's text with LF line ends, or None with the reasons in the report."""
-    content = _read(path, report)
-    if content is None:
-        return None
+def text_of(content: bytes, report: Report) -> str | None:
+    """The text of a file's bytes with LF line ends, or None with the reasons in the report."""
     text = _decode(content, report)
     if text is None:
         return None
@@ -47,7 +44,8 @@ def name_of(char: str) -> str:
     return f"U+{ord(char):04X}"
 
 
-def _read(path: Path, report: Report) -> bytes | None:
+def read(path: Path, report: Report) -> bytes | None:
+    """The bytes of the manifest, or None with the reason in the report."""
     try:
         kind = path.stat().st_mode
         if not stat.S_ISREG(kind):

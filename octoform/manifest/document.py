@@ -3,7 +3,6 @@
 One source for both, so an editor and octoform agree. Only settings that do something stand here. (Heavy: pydantic.)
 """
 
-import re
 from typing import Annotated, Literal
 
 from pydantic import (
@@ -17,10 +16,10 @@ from pydantic import (
 )
 from pydantic_core import PydanticCustomError
 
+from octoform.manifest import host_name
 from octoform.manifest.durations import LONGEST_SECONDS, PATTERN, seconds
 from octoform.manifest.references import NAME
 
-HOST_PATTERN = r"^[a-z0-9]([a-z0-9-]{0,61}[a-z0-9])?$"
 NAMED, BUILTIN, COMMAND = "#name", "#builtin", "#command"
 
 
@@ -30,18 +29,13 @@ def problem(summary: str, hint: str | None = None, index: int | None = None) -> 
 
 
 def _host(value: str) -> str:
-    if re.fullmatch(HOST_PATTERN[1:-1], value):
+    if host_name.is_legal(value):
         return value
-    fitting = host_name(value)
+    fitting = host_name.nearest(value)
     raise problem(
         "a host name has lower-case letters, digits and inner hyphens, at most 63",
         f"did you mean `{fitting}`?" if fitting else "it becomes the name of a folder: state/<host>",
     )
-
-
-def host_name(text: str) -> str:
-    """The nearest legal host name to a text, empty when nothing is left of it."""
-    return re.sub(r"[^a-z0-9]+", "-", text.lower()).strip("-")[:63].strip("-")
 
 
 def _duration(value: object) -> object:
@@ -70,7 +64,7 @@ def _kind_of_harness(value: object) -> str | None:
     return {"builtin": BUILTIN, "command": COMMAND}.get(str(name))
 
 
-Host = Annotated[str, AfterValidator(_host), Field(json_schema_extra={"pattern": HOST_PATTERN})]
+Host = Annotated[str, AfterValidator(_host), Field(json_schema_extra={"pattern": host_name.PATTERN})]
 Duration = Annotated[str, BeforeValidator(_duration), Field(json_schema_extra={"pattern": PATTERN})]
 Model = Annotated[str, Field(pattern=r"^\S+$", max_length=200)]
 Argument = Annotated[str, Field(max_length=4000)]
@@ -188,7 +182,7 @@ class Document(Table):
 
     version: Literal[1]
     """The version of this format."""
-    host: Host = "local"
+    host: Host = host_name.DEFAULT
     """The name of this host; it names the folder state/<host>."""
     harness: Harness = "builtin"
     """The agent: a name, or a table with its settings."""

@@ -6,7 +6,7 @@ from pathlib import Path
 from octoform.diagnostics import Diagnostic
 from octoform.manifest import checking, crosschecks, profile_paths, values
 from octoform.manifest.building import build
-from octoform.manifest.decoding import read_text
+from octoform.manifest.decoding import read, text_of
 from octoform.manifest.model import Manifest
 from octoform.manifest.reading import read_tree
 from octoform.manifest.report import Report
@@ -19,7 +19,16 @@ def load(path: Path, environ: Mapping[str, str]) -> tuple[Manifest | None, list[
     for what stands in the file; what cannot be decoded or parsed is one problem, everything after that is gathered.
     """
     report = Report(str(path))
-    text = read_text(path, report)
+    content = read(path, report)
+    if content is None:
+        return None, report.diagnostics()
+    return parse(content, path, environ)
+
+
+def parse(content: bytes, path: Path, environ: Mapping[str, str]) -> tuple[Manifest | None, list[Diagnostic]]:
+    """As `load`, of bytes that may not yet stand at ``path``."""
+    report = Report(str(path))
+    text = text_of(content, report)
     root = read_tree(text, report) if text is not None else None
     if root is None:
         return None, report.diagnostics()

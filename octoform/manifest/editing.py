@@ -1,0 +1,134 @@
+"""Write one setting back into a person's octopus.yaml, with comments, order and line ends kept. (Heavy.)
+
+The file belongs to its author. An edit that would lose a comment, change another setting or leave a manifest with
+errors is refused, and the file stays as it was.
+"""
+
+import io
+import os
+import re
+from collections.abc import Mapping
+from pathlib import Path
+
+from ruamel.yaml import YAML
+from ruamel.yaml.comments import CommentedMap, CommentedSeq
+from ruamel.yaml.util import load_yaml_guess_indent
+
+from octoform.diagnostics import Diagnostic, Severity, error
+from octoform.manifest.loading import load, parse
+from octoform.manifest.reading import read_tree
+from octoform.manifest.report import Report
+from octoform.manifest.tree import data
+
+Value = str | int | bool | list[str]
+_BOM = "\ufeff"
+# The blanks before the first line that is nested in a table.
+_NESTED = re.compile(r"^[^\s#-][^\n]*:[ ]*(?:#[^\n]*)?\n(?:[ ]*(?:#[^\n]*)?\n)*([ ]+)[^\s#-]", re.MULTILINE)
+_UNFOLDED = 1_000_000
+
+
+def set_value(path: Path, dotted: str, value: Value, environ: Mapping[str, str]) -> list[Diagnostic]:
+    """Set ``dotted`` (``budget.attempts``) in a manifest that loads; empty when it is written, else what is wrong.
+
+    Missing tables on the way are made. ``environ`` is the environment that the manifest is checked with.
+    """
+    manifest, found = load(path, environ)
+    if manifest is None:
+        return found
+    before = path.read_bytes().decode("utf-8")
+    keys = dotted.split(".")
+    after = _edited(before, keys, value)
+    if after is None:
+        return [_refused(path, dotted, "a part of the name is no table")]
+    _, found = parse(after.encode("utf-8"), path, environ)
+    errors = [item for item in found if item.severity is Severity.ERROR]
+    if errors:
+        return errors
+    if comments(before) != comments(after):
+        return [_refused(path, dotted, "a comment would be lost or moved")]
+    if _with(_plain(before), keys, value) != _plain(after):
+        return [_refused(path, dotted, "another setting would change")]
+    return _replace(path, after.encode("utf-8"))
+
+
+def comments(text: str) -> list[str]:
+    """The comments of a YAML text, in order: what stands between its tokens and is no white space."""
+    text = _lf(text)
+    found: list[str] = []
+    position = 0
+    for token in YAML(typ="safe", pure=True).scan(text):
+        found += re.findall(r"#[^\n]*", text[position : token.start_mark.index])
+        position = max(position, token.end_mark.index)
+    return [comment.rstrip() for comment in found + re.findall(r"#[^\n]*", text[position:])]
+
+
+def _edited(text: str, keys: list[str], value: Value) -> str | None:
+    """The text with the value set, or None when the way to it is blocked by a value that is no table."""
+    _, width, offset = load_yaml_guess_indent(_lf(text))
+    yaml = YAML()
+    yaml.preserve_quotes = True
+    yaml.width = _UNFOLDED
+    yaml.explicit_start = _lf(text).startswith("---")
+    nested = _NESTED.search(_lf(text))
+    yaml.indent(mapping=len(nested.group(1)) if nested else 2, sequence=width or 2, offset=offset or 0)
+    table = root = yaml.load(_lf(text))
+    for key in keys[:-1]:
+        table = table.setdefault(key, CommentedMap())
+        if not isinstance(table, CommentedMap):
+            return None
+    table[keys[-1]] = _listed(value, table.get(keys[-1])) if isinstance(value, list) else value
+    out = io.StringIO()
+    yaml.dump(root, out)
+    line_end = "\r\n" if "\r\n" in text else "\n"
+    return (_BOM if text.startswith(_BOM) else "") + out.getvalue().replace("\n", line_end)
+
+
+def _listed(value: list[str], old: object) -> CommentedSeq:
+    """A list in the form that stood there, on one line where none did."""
+    new = CommentedSeq(value)
+    if not isinstance(old, CommentedSeq) or old.fa.flow_style() is not False:
+        new.fa.set_flow_style()
+    return new
+
+
+def _lf(text: str) -> str:
+    return text.removeprefix(_BOM).replace("\r\n", "\n").replace("\r", "\n")
+
+
+def _plain(text: str) -> object:
+    tree = read_tree(_lf(text), Report("octopus.yaml"))
+    return data(tree) if tree is not None else None
+
+
+def _with(content: object, keys: list[str], value: Value) -> object:
+    if not keys:
+        return value
+    table = content if isinstance(content, dict) else {}
+    return {**table, keys[0]: _with(table.get(keys[0]), keys[1:], value)}
+
+
+def _refused(path: Path, dotted: str, reason: str) -> Diagnostic:
+    return error(
+        "MANIFEST-NOT-EDITED",
+        f"`{dotted}` cannot be set without harm to the file: {reason}",
+        path=str(path),
+        hint="edit the file yourself; it was left as it is",
+    )
+
+
+def _replace(path: Path, content: bytes) -> list[Diagnostic]:
+    """Write beside the file, then rename over it; a link stays a link."""
+    target = path.resolve()
+    temporary = target.with_name(f".{target.name}.{os.getpid()}")
+    try:
+        with temporary.open("xb") as out:
+            out.write(content)
+            out.flush()
+            os.fsync(out.fileno())
+        temporary.chmod(target.stat().st_mode & 0o7777)
+        temporary.replace(target)
+    except OSError as problem:
+        temporary.unlink(missing_ok=True)
+        reason = f"{path.name} cannot be written: {problem.strerror or problem}"
+        return [error("MANIFEST-UNWRITABLE", reason, path=str(path))]
+    return []
