@@ -1,18 +1,17 @@
 """Foreign text in a prompt: bounded, made visible, and inside a fence that its content cannot close."""
 
+import os
 import re
+import stat
 import unicodedata
 from pathlib import Path
 
-_HIDDEN = ("Cc", "Cf", "Cs", "Co", "Zl", "Zp")
+_HIDDEN = ("Cc", "Cf", "Cs", "Co", "Cn", "Zl", "Zp")
 
 
 def escaped(text: str) -> str:
     """Control, format and bidirectional characters as ``\\uNNNN``; line feeds and tabs stay."""
-    shown = (
-        char if char in "\n\t" or unicodedata.category(char) not in _HIDDEN else f"\\u{ord(char):04x}" for char in text
-    )
-    return "".join(shown)
+    return "".join(_escape(char) if _is_hidden(char) else char for char in text)
 
 
 def fenced(label: str, text: str) -> str:
@@ -24,10 +23,33 @@ def fenced(label: str, text: str) -> str:
 
 
 def tail(path: Path, lines: int, size: int) -> str:
-    """The last ``lines`` lines of a log, at most ``size`` bytes, whatever its bytes are; empty when there is none."""
-    if not path.is_file():
-        return ""
-    with path.open("rb") as file:
-        file.seek(max(0, path.stat().st_size - size))
+    """The last ``lines`` lines of a log, at most ``size`` bytes once escaped, whatever it holds.
+
+    Empty when there is none, or when it is not a plain file: an agent may put a link in its place.
+    """
+    try:
+        descriptor = os.open(path, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC)
+    except OSError:
+        return ""  # no log is no reason to stop: the diagnostics say why the attempt failed
+    with os.fdopen(descriptor, "rb") as file:
+        facts = os.fstat(file.fileno())
+        if not stat.S_ISREG(facts.st_mode):
+            return ""
+        file.seek(max(0, facts.st_size - size))
         data = file.read(size)
-    return "\n".join(data.decode("utf-8", "replace").splitlines()[-lines:])
+    text = escaped(data.decode("utf-8", "replace").replace("\r\n", "\n")).rstrip("\n")
+    return cut("\n".join(text.split("\n")[-lines:]), size)
+
+
+def cut(text: str, size: int) -> str:
+    """The end of a text, at most ``size`` bytes in UTF-8; a character that is cut through is left out."""
+    data = text.encode("utf-8", "replace")
+    return data[max(0, len(data) - size) :].decode("utf-8", "ignore")
+
+
+def _is_hidden(char: str) -> bool:
+    return char not in "\n\t" and unicodedata.category(char) in _HIDDEN
+
+
+def _escape(char: str) -> str:
+    return f"\\u{ord(char):04x}" if ord(char) < 0x10000 else f"\\U{ord(char):08x}"

@@ -9,14 +9,15 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from octoform.diagnostics import Diagnostic
-from octoform.protocol.fence import escaped, fenced, tail
+from octoform.protocol.fence import cut, escaped, fenced, tail
 from octoform.protocol.model import Spec
 
 MOST_PROMPT_BYTES = 48 * 1024
 MOST_TAIL_LINES = 100
 MOST_TAIL_BYTES = 8 * 1024
 MOST_DIAGNOSTICS = 20
-MOST_PROFILE_BYTES = 6 * 1024
+MOST_DIAGNOSTIC_CHARACTERS = 600
+TEMPLATES = Path(__file__).parent / "templates"
 
 
 class PromptTooLarge(ValueError):
@@ -25,7 +26,11 @@ class PromptTooLarge(ValueError):
 
 @dataclass(frozen=True, slots=True)
 class Prompt:
-    """What a prompt is made of. ``diagnostics`` and ``failed_log`` make it a retry."""
+    """What a prompt is made of.
+
+    ``own_spec`` is the attempt's editable copy of the spec; ``profiles`` are whole texts. ``diagnostics`` and
+    ``failed_log`` are those of the attempt before, and one of them makes it a retry.
+    """
 
     spec: Spec
     output: Path
@@ -38,9 +43,17 @@ class Prompt:
     failed_log: Path | None = None
     diagnostics: tuple[Diagnostic, ...] = ()
 
+    @property
+    def is_retry(self) -> bool:
+        """True when an attempt before this one failed."""
+        return bool(self.diagnostics or self.failed_log)
+
 
 def render_prompt(prompt: Prompt) -> str:
-    """The prompt's text, at most `MOST_PROMPT_BYTES` in UTF-8; PromptTooLarge when its fixed parts are larger."""
+    """The prompt's text, at most `MOST_PROMPT_BYTES` in UTF-8; PromptTooLarge when its fixed parts are larger.
+
+    A retry's log gives way first: it is cut from its beginning as far as the bound asks.
+    """
     log = tail(prompt.failed_log, MOST_TAIL_LINES, MOST_TAIL_BYTES) if prompt.failed_log else ""
     while True:
         text = _render(prompt, log)
@@ -48,49 +61,50 @@ def render_prompt(prompt: Prompt) -> str:
         if excess <= 0:
             return text
         if not log:
-            raise PromptTooLarge(f"the prompt of {prompt.spec.stage} is {excess} bytes over {MOST_PROMPT_BYTES}")
-        log = log[excess + 64 :]
+            raise PromptTooLarge(
+                f"the prompt of {prompt.spec.stage} would have {MOST_PROMPT_BYTES + excess} bytes; "
+                f"at most {MOST_PROMPT_BYTES} are sent"
+            )
+        log = cut(log, max(0, len(log.encode()) - excess))
 
 
 def _render(prompt: Prompt, log: str) -> str:
-    retry = bool(prompt.diagnostics or prompt.failed_log)
     # Imported here: a plan names this module and renders nothing, and the library costs a tenth of a second.
     from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
     environment = Environment(
-        loader=FileSystemLoader(Path(__file__).parent / "templates"),
+        loader=FileSystemLoader(TEMPLATES),
         undefined=StrictUndefined,
         autoescape=False,
         keep_trailing_newline=True,
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    template = environment.get_template("retry.md.j2" if retry else "first.md.j2")
     schema = prompt.spec.schema
-    return template.render(
+    return environment.get_template("retry.md.j2" if prompt.is_retry else "first.md.j2").render(
         stage=prompt.spec.stage.upper(),
-        body=prompt.spec.body,
+        body=prompt.spec.body.rstrip(),
         own_spec=prompt.own_spec,
-        schema=schema.read_text(encoding="utf-8") if schema and not retry else "",
+        schema=schema.read_text(encoding="utf-8").rstrip() if schema and not prompt.is_retry else "",
         schema_path=schema,
         input=prompt.input,
         output=prompt.output,
         workdir=prompt.workdir,
         tools=prompt.tools,
         seconds=round(prompt.wall_seconds),
-        profiles=[fenced("profile", text[:MOST_PROFILE_BYTES]) for text in prompt.profiles],
-        diagnostics=_problems(prompt.diagnostics),
-        log=fenced("log", log) if log else "",
+        profiles=[fenced("profile", text) for text in prompt.profiles],
+        findings=fenced("findings", _findings(prompt.diagnostics)) if prompt.diagnostics else "",
+        log=fenced("log", log) if log.strip() else "",
     )
 
 
-def _problems(items: Sequence[Diagnostic]) -> list[str]:
+def _findings(items: Sequence[Diagnostic]) -> str:
     lines = []
     for item in items[:MOST_DIAGNOSTICS]:
         where = item.pointer or (f"line {item.span.line}" if item.span else "")
         text = f"{item.code}{' at ' + where if where else ''}: {item.summary}"
         text += f" ({item.hint})" if item.hint else ""
-        lines.append(escaped(" ".join(text.split()))[:600])
+        lines.append("- " + escaped(" ".join(text.split()))[:MOST_DIAGNOSTIC_CHARACTERS])
     if len(items) > MOST_DIAGNOSTICS:
-        lines.append(f"and {len(items) - MOST_DIAGNOSTICS} more")
-    return lines
+        lines.append(f"- and {len(items) - MOST_DIAGNOSTICS} more")
+    return "\n".join(lines)
