@@ -29,7 +29,8 @@ _TOUCHED = re.compile(
 )
 _DENIAL = re.compile(r"\b(?:no|not|never|none|without|nothing|neither|nor|cannot|refused|skipped)\b", re.I)
 _REPLY_KEYS = frozenset({"reply", "response", "received", "answer", "banner", "handshake", "sent", "rx", "tx"})
-_PORT = re.compile(r"[0-9a-f]+(?:[-:.][0-9a-f]+)+")
+# Where a specimen sits on USB or I2C, on PCI, or on SCSI. Other buses' names (a GUID, a bus number) may be kinds.
+_PORT = re.compile(r"\d+-\d+(?:\.\d+)*|[0-9a-f]{4}:[0-9a-f]{2}:[0-9a-f]{2}\.[0-7]|\d+:\d+:\d+:\d+")
 
 
 def duplicate_id(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
