@@ -15,6 +15,7 @@ from pathlib import Path
 
 from octoform.harness import processes
 from octoform.harness.environment import ATTEMPT
+from octoform.harness.plainfile import read_plain
 from octoform.harness.processes import Process
 
 RECORD = "process.json"
@@ -66,13 +67,12 @@ def write(workdir: Path, record: Record) -> None:
 
 def read(workdir: Path) -> Record | None:
     """The record of an attempt; None when there is none or it is no such thing (an agent may have spoilt it)."""
+    data = read_plain(workdir / RECORD, RECORD_LIMIT)
     try:
-        descriptor = os.open(workdir / RECORD, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC)
-        with os.fdopen(descriptor, "rb") as stream:
-            value = json.loads(stream.read(RECORD_LIMIT))
+        value = json.loads(data or b"")
         supervisor = value["supervisor"]
         record = Record(str(value["attempt"]), int(supervisor["pid"]), int(supervisor["start"]), value["ended"] is True)
-    except (OSError, ValueError, KeyError, TypeError):
+    except (ValueError, KeyError, TypeError, RecursionError):
         return None
     return record if len(record.mark) == 32 else None
 

@@ -6,9 +6,9 @@ never zero.
 
 import json
 import math
-import os
 from pathlib import Path
 
+from octoform.harness.plainfile import read_plain
 from octoform.harness.port import Usage
 
 FILE_NAME = "usage.json"
@@ -17,11 +17,10 @@ SIZE_LIMIT = 64 << 10
 
 def read(workdir: Path) -> Usage:
     """``usage.json`` of the attempt: input_tokens, cached_tokens, output_tokens (counts), cost_usd (dollars)."""
+    data = read_plain(workdir / FILE_NAME, SIZE_LIMIT)
     try:
-        descriptor = os.open(workdir / FILE_NAME, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC)
-        with os.fdopen(descriptor, "rb") as stream:
-            value = json.loads(stream.read(SIZE_LIMIT))
-    except (OSError, ValueError, RecursionError):
+        value = json.loads(data or b"")
+    except (ValueError, RecursionError):
         return Usage()
     if not isinstance(value, dict):
         return Usage()

@@ -31,12 +31,13 @@ def tail(path: Path, lines: int, size: int) -> str:
         descriptor = os.open(path, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC)
     except OSError:
         return ""  # no log is no reason to stop: the diagnostics say why the attempt failed
-    with os.fdopen(descriptor, "rb") as file:
-        facts = os.fstat(file.fileno())
+    try:
+        facts = os.fstat(descriptor)
         if not stat.S_ISREG(facts.st_mode):
             return ""
-        file.seek(max(0, facts.st_size - size))
-        data = file.read(size)
+        data = os.pread(descriptor, size, max(0, facts.st_size - size))
+    finally:
+        os.close(descriptor)
     text = escaped(data.decode("utf-8", "replace").replace("\r\n", "\n")).rstrip("\n")
     return cut("\n".join(text.split("\n")[-lines:]), size)
 

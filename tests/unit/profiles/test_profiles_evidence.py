@@ -1,0 +1,152 @@
+"""The evidence rule: truth tables, totality, and what is refused."""
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from octoform.profiles import Profile, briefing, evidence, holds, load
+
+ARM = Path(__file__).parents[3] / "profiles" / "so-arm101.md"
+
+
+@pytest.fixture(scope="module")
+def arm() -> Profile:
+    """The shipped profile of the arm."""
+    profiles, found = load([ARM])
+    assert found == []
+    return profiles[0]
+
+
+def device(vid: str, pid: str, text: str, **more: object) -> dict[str, Any]:
+    fields = {"id": "usb-x", "name": "USB Serial", "interface": "usb", "raw_descriptor": text}
+    return {**fields, "vid": vid, "pid": pid, "classes": ["tty"], "drivers": ["ch341"], **more}
+
+
+@pytest.mark.parametrize("chip", [("1a86", "7523"), ("1a86", "55d3")])
+@pytest.mark.parametrize("word", ["Feetech", "STS3215", "LeRobot", "SO-ARM100", "SO-ARM101", "lerobot", "feetech"])
+def test_the_arm_needs_a_known_chip_and_a_word(arm: Profile, chip: tuple[str, str], word: str) -> None:
+    chip_and_word = {"devices": [device(*chip, f"product: {word} bus board")]}
+    chip_only = {"devices": [device(*chip, "product: USB Serial")]}
+    word_only = {"devices": [device("0403", "6001", f"product: {word} bus board")]}
+    neither = {"devices": [device("0403", "6001", "product: USB Serial")]}
+    assert holds(arm, chip_and_word) == {"usb-x"}
+    assert holds(arm, chip_only) == frozenset()
+    assert holds(arm, word_only) == frozenset()
+    assert holds(arm, neither) == frozenset()
+
+
+def test_the_word_must_be_said_of_that_very_device(arm: Profile) -> None:
+    other = device("0403", "6001", "product: LeRobot camera mount", id="usb-y")
+    assert holds(arm, {"devices": [device("1a86", "7523", ""), other]}) == frozenset()
+
+
+def test_the_owners_answer_is_evidence_about_the_device_it_names(arm: Profile) -> None:
+    twins = {"devices": [device("1a86", "7523", ""), device("1a86", "7523", "", id="usb-x-2")]}
+    assert holds(arm, twins, {"usb-x-2": "the SO-ARM101 on the left of the bench"}) == {"usb-x-2"}
+    lamp = {"devices": [device("0403", "6001", "")]}
+    assert holds(arm, lamp, {"usb-x": "the SO-ARM101"}) == frozenset()
+
+
+def test_only_whole_words_count(arm: Profile) -> None:
+    for text in ("SO-ARM1010", "xFeetech", "FeetechX"):
+        assert holds(arm, {"devices": [device("1a86", "7523", text)]}) == frozenset()
+
+
+def test_a_neighbour_is_never_met(arm: Profile) -> None:
+    assert holds(arm, {"devices": [device("1a86", "7523", "LeRobot", context=True)]}) == frozenset()
+
+
+def rule(value: object) -> evidence.Rule:
+    found, problems = evidence.read(value, ())
+    assert problems == []
+    assert found is not None
+    return found
+
+
+@pytest.mark.parametrize(
+    ("value", "expected"),
+    [
+        ({"class": "tty"}, True),
+        ({"class": ["sound", "tty"]}, True),
+        ({"class": "TTY"}, False),
+        ({"driver": "ch341"}, True),
+        ({"driver": "ftdi_sio"}, False),
+        ({"interface": "usb"}, True),
+        ({"interface": "pci"}, False),
+        ({"vid_pid": "1A86:7523"}, True),
+        ({"text": "usb serial"}, True),
+        ({"not": {"text": "usb serial"}}, False),
+        ({"not": {"not": {"class": "tty"}}}, True),
+        ({"all": [{"class": "tty"}, {"driver": "nope"}]}, False),
+        ({"any": [{"class": "nope"}, {"driver": "ch341"}]}, True),
+    ],
+)
+def test_single_rules(value: object, expected: bool) -> None:
+    assert evidence.holds(rule(value), device("1a86", "7523", "")) is expected
+
+
+@pytest.mark.parametrize(
+    "value",
+    [
+        *(None, [], {}, "text", {"text": []}, {"text": [""]}, {"text": 7}, {"any": []}, {"any": {}}, {"all": None}),
+        *(
+            {"vid_pid": "1a86"},
+            {"vid_pid": ["1a86:7523", "*"]},
+            {"exec": "x"},
+            {"not": []},
+            {"text": "a", "class": "b"},
+        ),
+        *({"any": [{"text": "a"}, {"regex": ".*"}]}, {"any": [{"text": f"w{n}"} for n in range(101)]}),
+    ],
+)
+def test_what_is_no_rule(value: object) -> None:
+    found, problems = evidence.read(value, ("evidence",))
+    assert found is None
+    assert problems and all(place[0] == "evidence" for place, _, _ in problems)
+
+
+def test_depth_is_bounded() -> None:
+    value: object = {"text": "a"}
+    for _ in range(evidence.MOST_DEPTH):
+        value = {"not": value}
+    assert evidence.read(value, ())[0] is None
+
+
+tests = st.fixed_dictionaries({"text": st.sampled_from(["a", "b"])}) | st.fixed_dictionaries({"class": st.just("tty")})
+rules = st.recursive(
+    tests,
+    lambda inner: (
+        st.fixed_dictionaries({"not": inner})
+        | st.fixed_dictionaries({"any": st.lists(inner, min_size=1, max_size=3)})
+        | st.fixed_dictionaries({"all": st.lists(inner, min_size=1, max_size=3)})
+    ),
+    max_leaves=6,
+)
+junk = st.recursive(st.none() | st.integers() | st.text(max_size=5), lambda x: st.lists(x, max_size=3), max_leaves=5)
+
+
+@given(rules, st.dictionaries(st.sampled_from(["name", "raw_descriptor", "vid", "classes", "drivers"]), junk))
+def test_every_rule_has_an_answer_for_every_device(value: object, facts: dict[str, Any]) -> None:
+    found, problems = evidence.read(value, ())
+    if found is not None:
+        assert evidence.holds(found, facts) is not evidence.holds(evidence.Rule("not", (found,)), facts)
+    else:
+        assert problems
+
+
+@given(junk)
+def test_holds_never_raises(arm: Profile, probe: object) -> None:
+    assert holds(arm, probe) == frozenset()
+    assert holds(arm, {"devices": probe}) == frozenset()
+    assert holds(arm, {"devices": [probe, {"id": probe}]}) == frozenset()
+
+
+def test_a_briefing_names_devices_and_limits(arm: Profile) -> None:
+    text = briefing(arm, {"usb-1a86-7523"})
+    assert text.startswith("Profile so-arm101: ")
+    assert "holds for: usb-1a86-7523." in text
+    assert "Limit: position at least 0 and at most 4095 raw." in text
+    assert "shoulder_pan" in text
