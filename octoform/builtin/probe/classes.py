@@ -53,7 +53,8 @@ _CHANNEL = re.compile(r"^((?:in|out)_[a-z]+\d*(?:[-_][\w-]+)?)_(raw|input|proces
 _SUPPLY_LINES = ("type", "technology", "manufacturer", "model_name", "scope")
 _SUPPLY_NO_READING = {"name", "serial_number", "uevent", "devtype", *_SUPPLY_LINES}
 _NETWORK_KINDS = {"1": "ethernet", "32": "infiniband", "280": "can", "512": "ppp", "772": "loopback", "801": "wireless"}
-_LED_OWNER = re.compile(r"^(input|phy|mmc|usb|hid|card)\d+(?=\W|$)")
+_LED_OWNER = re.compile(r"(?<![a-z])(input|phy|mmc|usb|hid|card)\d+(?=\W|$)")
+_LED_HID = re.compile(r"^[0-9A-F]{4}:[0-9A-F]{4}:[0-9A-F]{4}\.[0-9A-F]+:")
 _TTY_NUMBER = re.compile(r"\d+$")
 _MAX_CHANNELS = 120
 _EDID_BYTES = 512
@@ -124,7 +125,9 @@ def _power_supply(node: Node, reader: Reader, uevent: dict[str, str]) -> None:
     readings |= {file for file in files if file.startswith(("temp", "time_to", "voltage"))}
     node.add("readings", ",".join(sorted(readings - _SUPPLY_NO_READING - {"power"})))
     node.serial = uevent.get("POWER_SUPPLY_SERIAL_NUMBER", "")
-    node.kind = node.name
+    # Not its name: that of a wireless device's battery carries the device's address.
+    facts = dict(node.lines)
+    node.kind = facts.get("model_name") or facts.get("type", "")
 
 
 def _input(node: Node, reader: Reader, uevent: dict[str, str]) -> None:
@@ -210,7 +213,7 @@ def _bluetooth(node: Node, reader: Reader, _uevent: dict[str, str]) -> None:
 
 
 def _leds(node: Node, reader: Reader, _uevent: dict[str, str]) -> None:
-    node.kind = _LED_OWNER.sub(r"\1", node.name)
+    node.kind = _LED_OWNER.sub(r"\1", _LED_HID.sub("", node.name))
     node.add("name", node.kind)
     node.add("max_brightness", reader.text(f"{node.path}/max_brightness"))
 

@@ -1,4 +1,11 @@
-"""What a unit's kind is called and what the kernel says about it, as text without anything of the one instance."""
+"""What a unit's kind is called and what the kernel says about it, as text without anything of the one instance.
+
+The descriptor is lines of ``key: value``; a key holds no colon followed by a blank, a value no line end. First what the
+unit's own bus says (``bus``, ids, strings, ``driver``, ``modalias``, ``udev.<PROPERTY>``, for USB ``interface NN: class
+cc/ss/pp driver=name label=text``), then its class devices as ``class[ordinal].key``, with ``class.count`` before them
+when there are several. A class device's ordinal is its place among the ``nodes`` of that class in the instance. A
+channel of a sensor is a key (``hwmon[0].temp1: input,max label=Core 0``), its value the attributes that can be read.
+"""
 
 from octoform.builtin.probe import text
 from octoform.builtin.probe.node import Node

@@ -4,7 +4,7 @@ Every bus and every class is a scan of its own, in two passes: first all its dev
 each is described. A driver that hangs in the second pass can therefore hide facts, never devices.
 """
 
-from octoform.builtin.probe import buses, classes
+from octoform.builtin.probe import buses, classes, text
 from octoform.builtin.probe.node import Node
 from octoform.builtin.probe.reader import Reader
 from octoform.builtin.probe.scans import Scan
@@ -27,7 +27,9 @@ PHYSICAL_VIRTUAL = frozenset(
 )
 _UDEV_CLASSES = frozenset(("block", "input", "net", "tty", "video4linux", "usbmisc", "bluetooth", "drm"))
 _DESCRIBED = frozenset(("sound", "hidraw", "nvme", "usb", *classes.ATTRIBUTES, *classes.SPECIAL, *_UDEV_CLASSES))
-MAX_FOLDERS = 85
+# The artifact holds at most 200 scans: what is beyond these many buses or classes shares one.
+MAX_FOLDERS = 90
+SCAN_NAME_CHARS = 120
 
 
 class Sysfs:
@@ -40,24 +42,42 @@ class Sysfs:
 
     def scans(self, reader: Reader) -> list[Scan]:
         """One scan for each bus and class that the host has, and for those that a person expects."""
-        buses_there = reader.names_or_none("/sys/bus")
+        buses_there = _union(EXPECTED_BUSES, reader.names_or_none("/sys/bus"))
         classes_there = reader.names_or_none("/sys/class")
-        found = [self._bus_scan(name) for name in _union(EXPECTED_BUSES, buses_there)]
-        found += [self._class_scan(name, "/sys/class/" + name) for name in _union(EXPECTED_CLASSES, classes_there)]
+        classes_asked = _union(EXPECTED_CLASSES, classes_there)
+        found = [self._bus_scan(name, [name]) for name in buses_there[:MAX_FOLDERS]]
+        found += [self._class_scan(name, [name]) for name in classes_asked[:MAX_FOLDERS]]
+        if rest := buses_there[MAX_FOLDERS:]:
+            found.append(self._bus_scan("bus/other", rest))
+        if rest := classes_asked[MAX_FOLDERS:]:
+            found.append(self._class_scan("other", rest))
         if "block" not in classes_there:
-            found.append(Scan("sysfs:block", lambda reader: self._look(reader, "block", "/sys/block", False)))
+            found.append(Scan("sysfs:block", self._disks))
         return found
 
-    def _bus_scan(self, bus: str) -> Scan:
-        return Scan(f"sysfs:{bus}"[:120], lambda reader: self._look(reader, bus, f"/sys/bus/{bus}/devices", True))
+    def _disks(self, reader: Reader) -> None:
+        self._look(reader, "block", _listed(reader, "/sys/block", ["block"]), False)
 
-    def _class_scan(self, name: str, folder: str) -> Scan:
-        return Scan(f"sysfs:class/{name}"[:120], lambda reader: self._look(reader, name, folder, False))
+    def _bus_scan(self, title: str, names: list[str]) -> Scan:
+        def look(reader: Reader) -> None:
+            for name in names:
+                folder = f"/sys/bus/{name}/devices"
+                self._look(reader, name, _listed(reader, folder, names), True)
 
-    def _look(self, reader: Reader, subsystem: str, folder: str, is_bus: bool) -> None:
+        return Scan(text.value(f"sysfs:{title}", SCAN_NAME_CHARS), look)
+
+    def _class_scan(self, title: str, names: list[str]) -> Scan:
+        def look(reader: Reader) -> None:
+            for name in names:
+                folder = f"/sys/class/{name}"
+                self._look(reader, name, _listed(reader, folder, names), False)
+
+        return Scan(text.value(f"sysfs:class/{title}", SCAN_NAME_CHARS), look)
+
+    def _look(self, reader: Reader, subsystem: str, links: list[str], is_bus: bool) -> None:
         fresh: list[Node] = []
-        for name in reader.names(folder):
-            path = device_path(reader.link(f"{folder}/{name}"))
+        for link in links:
+            path = device_path(link)
             if path and path not in self.nodes:
                 member = not is_bus or buses.is_member(subsystem, path.rpartition("/")[2], path)
                 node = self.nodes[path] = Node(path, subsystem, member)
@@ -104,11 +124,10 @@ class Sysfs:
         target = self._input_device(node)
         said = {_plain(text) for _, text in target.lines}
         wanted = OF_CLASS.get(node.subsystem, "")
-        for key, text in sorted(properties.items()):
-            if key.startswith(wanted) and not (
-                key in STRING_PROPERTIES and (_plain(text) in said or text.startswith("Linux_"))
-            ):
-                target.add(f"udev.{key}", text)
+        for key, value in sorted(properties.items()):
+            repeated = key in STRING_PROPERTIES and (_plain(value) in said or value.startswith("Linux_"))
+            if key.startswith(wanted) and not repeated:
+                target.add(f"udev.{key}", value)
 
     def _input_device(self, node: Node) -> Node:
         """An event node's properties are those of its input device."""
@@ -119,6 +138,12 @@ class Sysfs:
 def _plain(text: str) -> str:
     """Text as udev writes it into a property: anything unusual is an underscore."""
     return "".join(char if char.isalnum() else "_" for char in text.lower())
+
+
+def _listed(reader: Reader, folder: str, asked: list[str]) -> list[str]:
+    """The links in a folder; one that cannot be listed fails its own scan, or is counted where others share it."""
+    names = reader.names(folder) if len(asked) == 1 else reader.names_or_none(folder)
+    return [reader.link(f"{folder}/{name}") for name in names]
 
 
 def read_uevent(reader: Reader, node: Node) -> dict[str, str]:
@@ -147,4 +172,4 @@ def group_of(node: Node) -> str:
 
 
 def _union(expected: tuple[str, ...], there: list[str]) -> list[str]:
-    return sorted({*expected, *there[:MAX_FOLDERS]})
+    return [*sorted(expected), *sorted({*there} - {*expected})]

@@ -145,3 +145,16 @@ def test_links_that_lead_out_of_the_device_tree_are_no_devices(tmp_path: Path) -
     (folder / "hwmon2").symlink_to("/etc")
     artifact: Any = probe(Reader(str(tmp_path)))
     assert artifact["devices"] == []
+
+
+def test_a_host_with_very_many_classes_loses_none(tmp_path: Path) -> None:
+    for number in range(300):
+        device = tmp_path / f"sys/devices/platform/box/kind{number}/thing{number}"
+        device.mkdir(parents=True)
+        folder = tmp_path / f"sys/class/kind{number}"
+        folder.mkdir(parents=True)
+        (folder / device.name).symlink_to(f"../../devices/platform/box/kind{number}/thing{number}")
+    artifact: Any = probe(Reader(str(tmp_path)))
+    assert len(artifact["scan_methods"]) <= 200
+    assert len(artifact["devices"]) == 300
+    assert {"platform", "proc:net/arp"} <= {scan["name"] for scan in artifact["scan_methods"]}
