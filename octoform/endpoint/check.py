@@ -5,6 +5,7 @@ the tool is called, and a call that is not in the injected log is invisible to w
 """
 
 import json
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, replace
 from datetime import UTC, datetime
@@ -24,7 +25,14 @@ CALL_SECONDS = 20.0
 __all__ = ["CheckReport", "TrialCall", "check", "judge_check"]
 
 
-def check(layout: Layout, interface: Mapping[str, Any], *, smoke: bool = True, mode: str = "auto") -> CheckReport:
+def check(
+    layout: Layout,
+    interface: Mapping[str, Any],
+    *,
+    smoke: bool = True,
+    mode: str = "auto",
+    call_seconds: float = CALL_SECONDS,
+) -> CheckReport:
     """Check the applied endpoint against the INTERFACE artifact and record the result beside the launcher.
 
     With ``smoke`` every tool of effect ``read`` is called once, one after the other. Never raises for what the
@@ -35,7 +43,7 @@ def check(layout: Layout, interface: Mapping[str, Any], *, smoke: bool = True, m
         return CheckReport(False, "the endpoint was not applied", None, None, (), (), 0.0)
     readers = [tool for tool in interface["tools"] if smoke and tool["effect"] == "read"]
     trials = {tool["name"]: trial_arguments(tool) for tool in readers}
-    calls = [Call(name, given, seconds=CALL_SECONDS) for name, given in trials.items() if given is not None]
+    calls = [Call(name, given, seconds=call_seconds) for name, given in trials.items() if given is not None]
     position = mark(layout.call_log)
     seen = send(layout, environment, calls, mode=mode)
     report = _report(seen, list(trials), calls_after(layout.call_log, position))
@@ -47,7 +55,11 @@ def _report(seen: Report, readers: Sequence[str], logged: Sequence[LoggedCall]) 
     entries: dict[str, LoggedCall] = {}
     for entry in logged:
         entries.setdefault(entry.tool, entry)
-    calls = [_trial(name, answers.get(name), entries.get(name), answered=seen.answered) for name in readers]
+    # The log names the function, whose name cannot hold every character of a tool's name.
+    calls = [
+        _trial(name, answers.get(name), entries.get(name) or entries.get(re.sub(r"\W", "_", name)), seen.answered)
+        for name in readers
+    ]
     error = seen.error
     if error and not seen.answered and seen.log.strip():
         error = f"{error}\n{seen.log.strip()[-1500:]}"
@@ -64,7 +76,7 @@ def _report(seen: Report, readers: Sequence[str], logged: Sequence[LoggedCall]) 
     )
 
 
-def _trial(name: str, answer: Mapping[str, Any] | None, entry: LoggedCall | None, *, answered: bool) -> TrialCall:
+def _trial(name: str, answer: Mapping[str, Any] | None, entry: LoggedCall | None, answered: bool) -> TrialCall:
     if answer is None:
         reason = "no harmless arguments are known" if answered else "the server did not answer"
         return TrialCall(name, ok=False, skipped=reason)

@@ -21,7 +21,10 @@ _WORDS = {LAUNCHER: "the launcher", CONNECTION: "the connection descriptor"}
 
 @dataclass(frozen=True, slots=True)
 class Expected:
-    """What the accepted artifacts call for; None stands for what the endpoint was made for. ``server`` is the digest of server.py's bytes."""
+    """What the accepted artifacts call for; None stands for what the endpoint was made for.
+
+    ``server`` is the digest of server.py's bytes.
+    """
 
     tools: tuple[str, ...] | None = None
     server: str | None = None
@@ -32,7 +35,8 @@ class Expected:
 class EndpointFacts:
     """The endpoint as it is. ``reasons`` are plain sentences, empty when all is as it was left.
 
-    ``tools``, ``answered`` and ``checked_at`` (RFC 3339) come from the last check; empty and None when there was none.
+    ``tools``, ``answered`` and ``checked_at`` (RFC 3339) come from the last check; empty and None
+    when there was none.
     """
 
     present: bool

@@ -96,7 +96,9 @@ def classify(event: str, arguments: tuple[object, ...]) -> tuple[str | None, str
         if isinstance(path, (str, bytes)) and is_device(os.fsdecode(path)):
             return "device", f"opens {os.fsdecode(path)}"
     elif event in SOCKET_EVENTS:
-        return "socket", f"{event.removeprefix('socket.')} {arguments[-1]!r}"
+        # Names are looked up as (host, port, ...), sockets as (socket, address).
+        what = arguments[:1] if event.startswith("socket.get") else arguments[-1]
+        return "socket", f"{event.removeprefix('socket.')} {what!r}"
     elif event in PROCESS_EVENTS:
         what = arguments[1] if event == "subprocess.Popen" and len(arguments) > 1 else arguments[:1]
         return "process", f"starts {what!r}"

@@ -1,0 +1,189 @@
+"""Locks and environments, built from tiny packages without any index."""
+
+from pathlib import Path
+
+import pytest
+from endpoint_servers import Wheelhouse
+
+from octoform.diagnostics import Diagnostic
+from octoform.endpoint import packages
+from octoform.endpoint.building import build, prune
+from octoform.endpoint.environment import MARKER, Environment, at, installed, intact, locate, pins
+from octoform.endpoint.resolving import normalise, resolve
+from octoform.state.layout import Layout
+
+
+def codes(problems: tuple[Diagnostic, ...]) -> list[str]:
+    return [item.code for item in problems]
+
+
+def locked(layout: Layout, *requirements: str) -> str:
+    lock, problems = resolve(requirements, layout.project)
+    assert lock is not None, problems
+    return lock
+
+
+def built(layout: Layout, lock: str) -> Environment:
+    environment, problems = build(layout, lock)
+    assert environment is not None, problems
+    return environment
+
+
+def test_a_lock_holds_the_closure_with_hashes_and_nothing_of_the_machine(
+    layout: Layout, wheelhouse: Wheelhouse
+) -> None:
+    wheelhouse.add("alpha", "1.0", "beta>=1")
+    wheelhouse.add("beta", "1.2")
+    lock = locked(layout, "alpha==1.0")
+    assert pins(lock) == {"alpha": "1.0", "beta": "1.2"}
+    assert lock.count("--hash=sha256:") == 2
+    assert str(wheelhouse.folder) not in lock
+    assert "#" not in lock
+
+
+def test_equal_sets_give_equal_bytes(layout: Layout, wheelhouse: Wheelhouse) -> None:
+    for name in ("alpha", "beta"):
+        wheelhouse.add(name, "1.0")
+    assert locked(layout, "alpha==1.0", "beta==1.0") == locked(layout, "beta==1.0", "alpha==1.0")
+
+
+def test_normal_form_does_not_depend_on_order_spelling_or_comments() -> None:
+    one = "B_b==1 \\\n    --hash=sha256:22 \\\n    --hash=sha256:11\n    # via x\na==2 \\\n    --hash=sha256:33\n"
+    other = "# made for you\na==2 \\\n    --hash=sha256:33\nb.b==1 \\\n    --hash=sha256:11 \\\n    --hash=sha256:22\n"
+    assert normalise(one) == normalise(other) == normalise(normalise(other))
+    assert list(pins(normalise(one))) == ["a", "b-b"]
+
+
+def test_a_former_lock_keeps_the_versions_that_still_fit(layout: Layout, wheelhouse: Wheelhouse) -> None:
+    wheelhouse.add("alpha", "1.0", "beta>=1")
+    wheelhouse.add("beta", "1.2")
+    former = locked(layout, "alpha==1.0")
+    wheelhouse.add("beta", "1.3")
+    again, _ = resolve(["alpha==1.0"], layout.project, former)
+    assert again == former
+    assert pins(locked(layout, "alpha==1.0"))["beta"] == "1.3"
+
+
+@pytest.mark.parametrize(
+    "requirement",
+    [
+        "alpha @ https://example.org/alpha.whl",
+        "-e .",
+        "--index-url=https://example.org",
+        "git+https://example.org/a",
+        "./alpha.whl",
+        "alpha==1.0\n--extra-index-url x",
+    ],
+)
+def test_a_requirement_that_leaves_the_index_is_refused(layout: Layout, requirement: str) -> None:
+    lock, problems = resolve(["alpha==1.0", requirement], layout.project)
+    assert lock is None
+    assert codes(problems) == ["ENDPOINT-REQUIREMENT-REFUSED"]
+
+
+def test_what_cannot_be_resolved_is_told_in_the_tools_own_words(layout: Layout, wheelhouse: Wheelhouse) -> None:
+    wheelhouse.add("alpha", "1.0")
+    lock, problems = resolve(["alpha==9.9"], layout.project)
+    assert lock is None
+    assert codes(problems) == ["ENDPOINT-RESOLVE-FAILED"]
+    assert "alpha==9.9" in str(problems[0].detail)
+
+
+def test_without_a_network_a_warm_cache_is_enough(
+    serving: Environment, layout: Layout, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for name in ("HTTPS_PROXY", "HTTP_PROXY", "ALL_PROXY"):
+        monkeypatch.setenv(name, "http://127.0.0.1:9")
+    lock = locked(layout, "fastmcp>=4.1,<4.2")
+    assert locate(layout, lock).lock == serving.lock
+
+
+def test_without_a_network_and_a_cache_the_reason_is_the_network(
+    layout: Layout, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("UV_CACHE_DIR", str(tmp_path / "empty"))
+    monkeypatch.setenv("UV_DEFAULT_INDEX", "http://someone:secret@127.0.0.1:9/simple")
+    monkeypatch.setenv("UV_HTTP_RETRIES", "0")
+    lock, problems = resolve(["alpha==1.0"], layout.project)
+    assert lock is None
+    assert "connect the host" in str(problems[0].hint)
+    assert "secret" not in str(problems[0])
+
+
+def test_the_tool_sees_the_index_configuration_and_no_secrets(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("PIP_INDEX_URL", "https://mirror.example/simple")
+    monkeypatch.setenv("PIP_FIND_LINKS", "/one /two")
+    monkeypatch.setenv("MODEL_API_KEY", "not for uv")
+    monkeypatch.setenv("UV_SYSTEM_PYTHON", "1")
+    seen = packages.tool_environment()
+    assert seen["UV_DEFAULT_INDEX"] == "https://mirror.example/simple"
+    assert seen["UV_FIND_LINKS"] == "/one,/two"
+    assert "MODEL_API_KEY" not in seen
+    assert "UV_SYSTEM_PYTHON" not in seen
+    monkeypatch.setenv("UV_INDEX_URL", "https://own.example/simple")
+    assert "UV_DEFAULT_INDEX" not in packages.tool_environment()
+
+
+def test_an_environment_is_built_once_and_found_again(layout: Layout, wheelhouse: Wheelhouse) -> None:
+    wheelhouse.add("alpha", "1.0")
+    lock = locked(layout, "alpha==1.0")
+    environment = built(layout, lock)
+    assert installed(environment.path) == ["alpha-1.0"]
+    assert intact(environment) == []
+    made = (environment.path / MARKER).stat().st_mtime_ns
+    assert built(layout, lock) == environment == at(environment.path)
+    assert (environment.path / MARKER).stat().st_mtime_ns == made
+
+
+def test_an_upgrade_behind_our_back_is_seen_and_repaired(layout: Layout, wheelhouse: Wheelhouse) -> None:
+    wheelhouse.add("alpha", "1.0")
+    lock = locked(layout, "alpha==1.0")
+    environment = built(layout, lock)
+    wheelhouse.add("alpha", "1.1")
+    wheelhouse.add("gamma", "3.0")
+    install = ["pip", "install", "-q", "--python", str(environment.python), "alpha==1.1", "gamma"]
+    assert packages.packages(install, layout.project, 60.0).status == 0
+    assert intact(environment) == [
+        "alpha 1.0 -> 1.1 in the serving environment",
+        "gamma 3.0 was added to the serving environment",
+    ]
+    assert intact(built(layout, lock)) == []
+
+
+def test_a_build_that_was_cut_off_is_made_anew(layout: Layout, wheelhouse: Wheelhouse) -> None:
+    wheelhouse.add("alpha", "1.0")
+    lock = locked(layout, "alpha==1.0")
+    environment = built(layout, lock)
+    (environment.path / MARKER).unlink()
+    (environment.path / "rubbish").touch()
+    assert intact(environment)
+    assert intact(built(layout, lock)) == []
+    assert not (environment.path / "rubbish").exists()
+
+
+def test_only_the_locks_hashes_are_installed(
+    layout: Layout, wheelhouse: Wheelhouse, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    wheelhouse.add("alpha", "1.0")
+    lock = locked(layout, "alpha==1.0")
+    wheelhouse.add("alpha", "1.0", "beta")
+    monkeypatch.setenv("UV_CACHE_DIR", str(tmp_path / "another cache"))
+    environment, problems = build(layout, lock)
+    assert environment is None
+    assert codes(problems) == ["ENDPOINT-BUILD-FAILED"]
+    assert not locate(layout, lock).path.exists()
+
+
+def test_pruning_keeps_what_is_named_and_drops_the_rest(layout: Layout, wheelhouse: Wheelhouse) -> None:
+    environments = []
+    for version in ("1.0", "1.1", "1.2"):
+        wheelhouse.add("alpha", version)
+        environments.append(built(layout, locked(layout, f"alpha=={version}")))
+    (environments[1].path / MARKER).unlink()
+    foreign = layout.environments / "notes.txt"
+    foreign.touch()
+    prune(layout, {environments[2].path})
+    assert environments[2].path.is_dir()
+    assert not environments[0].path.exists()
+    assert not environments[1].path.exists()
+    assert foreign.exists()
