@@ -7,21 +7,19 @@ from octoform.profiles import evidence
 from octoform.profiles.model import Profile
 
 
-def holds(profile: Profile, probe: Any, answers: Mapping[str, str] | None = None) -> frozenset[str]:
+def holds(profile: Profile, probe: Any) -> frozenset[str]:
     """Ids of the PROBE devices for which the profile's evidence rule holds; never raises, whatever ``probe`` is.
 
-    What the owner answered about a device counts as text of that device: one sentence of a person is evidence too.
-    A neighbour (``context``) is never met.
+    The words must stand in what PROBE recorded of that very device. A neighbour (``context``) is never met.
     """
     devices = probe.get("devices") if isinstance(probe, Mapping) else None
-    said = answers or {}
     return frozenset(
         device["id"]
         for device in (devices if isinstance(devices, list) else ())
         if isinstance(device, Mapping)
         and isinstance(device.get("id"), str)
         and device.get("context") is not True
-        and evidence.holds(profile.evidence, device, said.get(device["id"], ""))
+        and evidence.holds(profile.evidence, device)
     )
 
 

@@ -38,16 +38,16 @@ def read(value: object, place: Place) -> tuple[Rule | None, list[Problem]]:
     return (None if problems else rule), problems
 
 
-def holds(rule: Rule, device: Mapping[str, Any], said: str = "") -> bool:
-    """Whether the rule holds for one PROBE device; ``said`` is what the owner answered about it. Never raises."""
+def holds(rule: Rule, device: Mapping[str, Any]) -> bool:
+    """Whether the rule holds for one PROBE device; never raises, whatever the device's members are."""
     if rule.kind == "any":
-        return any(holds(item, device, said) for item in rule.rules)
+        return any(holds(item, device) for item in rule.rules)
     if rule.kind == "all":
-        return all(holds(item, device, said) for item in rule.rules)
+        return all(holds(item, device) for item in rule.rules)
     if rule.kind == "not":
-        return not holds(rule.rules[0], device, said)
+        return not holds(rule.rules[0], device)
     if rule.kind == "text":
-        text = "\n".join([_text(device, "name"), _text(device, "raw_descriptor"), said]).casefold()
+        text = f"{_text(device, 'name')}\n{_text(device, 'raw_descriptor')}".casefold()
         return any(_has_word(text, word) for word in rule.words)
     return not set(rule.words).isdisjoint(_values(rule.kind, device))
 

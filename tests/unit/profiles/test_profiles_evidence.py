@@ -43,13 +43,6 @@ def test_the_word_must_be_said_of_that_very_device(arm: Profile) -> None:
     assert holds(arm, {"devices": [device("1a86", "7523", ""), other]}) == frozenset()
 
 
-def test_the_owners_answer_is_evidence_about_the_device_it_names(arm: Profile) -> None:
-    twins = {"devices": [device("1a86", "7523", ""), device("1a86", "7523", "", id="usb-x-2")]}
-    assert holds(arm, twins, {"usb-x-2": "the SO-ARM101 on the left of the bench"}) == {"usb-x-2"}
-    lamp = {"devices": [device("0403", "6001", "")]}
-    assert holds(arm, lamp, {"usb-x": "the SO-ARM101"}) == frozenset()
-
-
 def test_only_whole_words_count(arm: Profile) -> None:
     for text in ("SO-ARM1010", "xFeetech", "FeetechX"):
         assert holds(arm, {"devices": [device("1a86", "7523", text)]}) == frozenset()
