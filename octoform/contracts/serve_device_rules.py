@@ -26,6 +26,8 @@ _DOTTED_OPENERS = frozenset(
 )
 _FILE_OPENERS = frozenset({"open", "io.open", "os.open"})
 _FILE_METHODS = frozenset({"open", "read_text", "read_bytes", "write_text", "write_bytes"})
+# Finding a device reads the system, and fails the whole import when the device is away.
+_RUNTIME_READS = frozenset(f"runtime.{name}" for name in ("device", "files", "read_text", "read_bytes", "read_number"))
 _PROGRAMS = re.compile(r"subprocess\.(?:run|Popen|call|check_call|check_output)")
 _CACHES = frozenset({"functools.cache", "functools.lru_cache", "functools.cached_property", "cache", "lru_cache"})
 
@@ -101,7 +103,7 @@ def _opens_device(source: Source, call: ast.Call) -> bool:
 
 def _opens_anything(source: Source, call: ast.Call) -> bool:
     name = source.dotted(call.func)
-    if name in _FILE_OPENERS or _PROGRAMS.fullmatch(name) or _opens_device(source, call):
+    if name in _FILE_OPENERS | _RUNTIME_READS or _PROGRAMS.fullmatch(name) or _opens_device(source, call):
         return True
     return isinstance(call.func, ast.Attribute) and call.func.attr in _FILE_METHODS and call.func.attr != "open"
 
@@ -113,18 +115,28 @@ def _is_node_path(source: Source, path: ast.expr, call: ast.Call) -> bool:
     names = {item.id for item in ast.walk(path) if isinstance(item, ast.Name)}
     scope = source.owner(call)
     for statement in ast.walk(scope) if scope is not None else ():
-        if isinstance(statement, ast.Assign) and _mentions_node(source, statement.value):
-            targets = [item for target in statement.targets for item in ast.walk(target)]
-            if names.intersection(item.id for item in targets if isinstance(item, ast.Name)):
+        for target, value in _bindings(statement):
+            bound = {item.id for item in ast.walk(target) if isinstance(item, ast.Name)}
+            if names & bound and _mentions_node(source, value):
                 return True
     return False
+
+
+def _bindings(statement: ast.AST) -> Iterator[tuple[ast.expr, ast.expr]]:
+    """(target, value) of each assignment that a statement makes, a loop over values too."""
+    if isinstance(statement, ast.Assign):
+        yield from ((target, statement.value) for target in statement.targets)
+    elif isinstance(statement, ast.For | ast.AsyncFor | ast.comprehension):
+        yield statement.target, statement.iter
+    elif isinstance(statement, ast.NamedExpr):
+        yield statement.target, statement.value
 
 
 def _mentions_node(source: Source, tree: ast.AST) -> bool:
     for item in ast.walk(tree):
         if isinstance(item, ast.Constant) and isinstance(item.value, str) and item.value.startswith("/dev/"):
             return True
-        if isinstance(item, ast.Call) and source.dotted(item.func).endswith(".node"):
+        if isinstance(item, ast.Call) and source.dotted(item.func).endswith((".node", ".nodes")):
             return True
     return False
 

@@ -41,10 +41,16 @@ CASES = [
     ),
     ("SERVE-DEVICE-AT-IMPORT", 'mcp = FastMCP("bench")', 'mcp = FastMCP("bench")\nNAME = open("/etc/hostname").read()'),
     ("SERVE-DEVICE-AT-IMPORT", END, "\n\nFAN = _fan()" + END),
+    ("SERVE-DEVICE-AT-IMPORT", END, '\n\nFAN = runtime.device("hwmon-fanboard")' + END),
     ("SERVE-DEVICE-AT-IMPORT", "def _fan() -> int:", "def _fan(at=open('/dev/null')) -> int:"),
     ("SERVE-DEVICE-AT-IMPORT", END, "\n\nsubprocess.run(LAMP_STATUS)" + END),
     ("SERVE-BUS-UNLOCKED", '    with runtime.bus("hwmon-fanboard"):\n        _drive(percent)', "    _drive(percent)"),
     ("SERVE-BUS-UNLOCKED", "    return int(path.read_text())", "    return len(open('/dev/fan').read())"),
+    (
+        "SERVE-BUS-UNLOCKED",
+        "    return int(path.read_text())",
+        "    return [open(n) for n in runtime.device('x').nodes('fan')]",
+    ),
     (
         "SERVE-BUS-UNLOCKED",
         "    return int(path.read_text())",
