@@ -7,9 +7,9 @@ OCTOFORM_CALL_LOG (the call log; standard error without it), OCTOFORM_SYSROOT (t
 
 from .calllog import logged
 from .devices import Device, device
-from .faults import AmbiguousDevice, BusBusy, DeviceAbsent, DeviceFault
+from .faults import AmbiguousDevice, BusBusy, DeviceAbsent, DeviceFault, sentence
 from .locks import Bus, bus
-from .sysfs import read_bytes, read_number, read_text, sysroot
+from .sysfs import files, read_bytes, read_first, read_number, read_text, sysroot
 
 __all__ = [
     "AmbiguousDevice",
@@ -20,9 +20,12 @@ __all__ = [
     "DeviceFault",
     "bus",
     "device",
+    "files",
     "logged",
     "read_bytes",
+    "read_first",
     "read_number",
     "read_text",
+    "sentence",
     "sysroot",
 ]

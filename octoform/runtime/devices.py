@@ -42,7 +42,8 @@ class Device:
 
     def nodes(self, kind: str, prefix: str = "") -> list[str]:
         """Device nodes of a class whose names start with ``prefix``, below the system root: ``/dev/video0``."""
-        return [_node(path) for path in self.paths(kind) if path.name.startswith(prefix)]
+        found = [_node(path) for path in self.paths(kind) if path.name.startswith(prefix)]
+        return [node for node in found if node]
 
     def node(self, kind: str, prefix: str = "") -> str:
         """The first of them; DeviceAbsent when there is none."""
@@ -145,8 +146,10 @@ def _absolute(folder: Path) -> str:
 
 
 def _node(path: Path) -> str:
-    name = uevent(path).get("DEVNAME") or path.name.replace("!", "/")
-    return str(sysroot() / "dev" / name.removeprefix("/dev/"))
+    """The node of a class device; empty for one that has none, as most have."""
+    name = uevent(path).get("DEVNAME", "").removeprefix("/dev/")
+    node = sysroot() / "dev" / (name or path.name.replace("!", "/"))
+    return str(node) if name or node.exists() else ""
 
 
 def _instances() -> Mapping[str, Any]:

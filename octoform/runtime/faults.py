@@ -4,6 +4,37 @@ They have classes of their own because a watcher decides by the class what to do
 a busy one is tried again, and only what is left over is a defect of the server.
 """
 
+import errno
+import grp
+from pathlib import Path
+
+_SAID = {
+    errno.EACCES: "this user may not open it",
+    errno.EPERM: "this user may not do that",
+    errno.EBUSY: "another program is using it",
+    errno.ENOENT: "it is not there",
+    errno.ENODEV: "the device went away",
+    errno.ENXIO: "the device went away",
+    errno.EIO: "the device did not answer",
+}
+
+
+def sentence(problem: OSError) -> str:
+    """An error of the operating system in words for a client: what it was about, and what a person can do."""
+    text = _SAID.get(problem.errno or 0) or problem.strerror or str(problem)
+    if not isinstance(problem.filename, str):
+        return text
+    if problem.errno == errno.EACCES and (group := _group(problem.filename)):
+        text += f"; it belongs to the group {group}"
+    return f"{problem.filename}: {text}"
+
+
+def _group(path: str) -> str:
+    try:
+        return grp.getgrgid(Path(path).stat().st_gid).gr_name
+    except (OSError, KeyError):
+        return ""
+
 
 class DeviceFault(Exception):
     """Something about a device that a person or a client can act on; its text is meant for them."""

@@ -51,9 +51,19 @@ def read_number(path: Path, scale: float = 1.0) -> float | None:
         return None
 
 
+def read_first(*paths: Path, scale: float = 1.0) -> float | None:
+    """The number in the first of these attributes that can be read, times ``scale``; None when none can."""
+    return next((found for found in (read_number(path, scale) for path in paths) if found is not None), None)
+
+
 def natural(text: str) -> tuple[tuple[int, str], ...]:
     """Sort key by which ``hwmon2`` comes before ``hwmon10``."""
     return tuple((int(part), "") if part.isdigit() else (-1, part) for part in _DIGITS.split(text))
+
+
+def files(folder: Path, *patterns: str) -> list[Path]:
+    """The entries of a folder whose names match one of some shell patterns, in natural order."""
+    return sorted({path for pattern in patterns for path in folder.glob(pattern)}, key=lambda path: natural(path.name))
 
 
 def subsystem(path: Path) -> tuple[str, str]:

@@ -1,0 +1,143 @@
+"""The stage: capabilities to tools, within the budget, and every other device with the reason why it has none."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from octoform.builtin.interface.catalog import KINDS
+from octoform.builtin.interface.kinds import Kind
+from octoform.builtin.interface.legend import legend
+from octoform.builtin.interface.schemas import Schema, one_of
+from octoform.builtin.task import Refused, Task
+
+Device = Mapping[str, Any]
+Owners = dict[str, list[tuple[Device, Mapping[str, Any]]]]
+"""Capability name to (device, capability) of each device that has it, in the artifact's order."""
+
+
+def run(task: Task) -> str:
+    """Write the INTERFACE artifact of the task's IDENTIFY artifact; the summary line (``7 tools, 31 left out``)."""
+    artifact = declare(task.read_input(), task.tools_budget)
+    task.write(artifact)
+    return f"{len(artifact['tools'])} tools, {len(artifact['left_out'])} devices left out"
+
+
+def declare(identify: Mapping[str, Any], budget: int) -> dict[str, Any]:
+    """The artifact; Refused when the input is no IDENTIFY artifact."""
+    try:
+        owners = _owners(identify["devices"])
+        kept, cut = _within(budget, [KINDS[name] for name in KINDS if name in owners])
+        tools = [_tool(kind, owners[kind.name]) for kind in kept]
+        left_out = _left_out(identify, {name for tool in tools for name in tool["devices"]}, _spared(cut, owners))
+    except (KeyError, TypeError, AttributeError) as problem:
+        raise Refused(f"the IDENTIFY artifact is not as expected: {type(problem).__name__}: {problem}") from problem
+    return {"format": 1, "tools": tools, "left_out": left_out}
+
+
+def _owners(devices: Sequence[Device]) -> Owners:
+    owners: Owners = {}
+    for device in devices:
+        for capability in device["capabilities"]:
+            owners.setdefault(capability["name"], []).append((device, capability))
+    return owners
+
+
+def _within(budget: int, wanted: list[Kind]) -> tuple[list[Kind], list[Kind]]:
+    """The tools that fit and those that do not: the least worth goes first, the later in the catalog among equals."""
+    order = {kind.name: index for index, kind in enumerate(wanted)}
+    ranked = sorted(wanted, key=lambda kind: (-kind.worth, order[kind.name]))
+    kept, cut = ranked[:budget], ranked[budget:]
+    return sorted(kept, key=lambda kind: order[kind.name]), cut
+
+
+def _tool(kind: Kind, owners: Sequence[tuple[Device, Mapping[str, Any]]]) -> dict[str, Any]:
+    devices = [device["id"] for device, _ in owners]
+    properties = {
+        "device": _device(devices, legend([device for device, _ in owners])),
+        **kind.parameters([capability.get("parameters", {}) for _, capability in owners]),
+    }
+    if kind.effect == "actuate" and _only_one(properties.get("led")):
+        properties["led"]["default"] = properties["led"]["const"]
+    required = [name for name, schema in properties.items() if "default" not in schema]
+    tool: dict[str, Any] = {
+        "name": kind.name,
+        "capability": kind.name,
+        "devices": devices,
+        "description": kind.description,
+        "effect": kind.effect,
+        "annotations": _annotations(kind),
+        "input_schema": {"type": "object", "properties": properties, "additionalProperties": False},
+        "output_schema": _output(kind, [capability.get("parameters", {}) for _, capability in owners]),
+    }
+    if required:
+        tool["input_schema"]["required"] = required
+    if limits := [
+        _limit(name, schema, kind.units.get(name)) for name, schema in properties.items() if "minimum" in schema
+    ]:
+        tool["limits"] = limits
+    if kind.effect == "read":
+        chosen = {} if len(devices) == 1 else {"device": devices[0]}
+        tool["smoke"] = {"arguments": {**chosen, **kind.smoke}}
+    return tool
+
+
+def _output(kind: Kind, facts: Sequence[Mapping[str, Any]]) -> Schema:
+    """The result's schema, with a note for SERVE of the kernel interfaces that the channels come from."""
+    found = {channel.get("source") for fact in facts for channel in fact.get("channels", ())} - {None, ""}
+    return {**kind.output, "$comment": "sources: " + ", ".join(sorted(found))} if found else kind.output
+
+
+def _device(devices: list[str], description: str) -> Schema:
+    schema = one_of(description, devices)
+    return {**schema, "default": devices[0]} if len(devices) == 1 else schema
+
+
+def _only_one(schema: Schema | None) -> bool:
+    return schema is not None and "const" in schema
+
+
+def _annotations(kind: Kind) -> dict[str, bool]:
+    return {
+        "readOnlyHint": kind.effect == "read",
+        "destructiveHint": kind.effect == "irreversible",
+        "idempotentHint": kind.idempotent,
+        "openWorldHint": False,
+    }
+
+
+def _limit(name: str, schema: Schema, unit: str | None) -> dict[str, Any]:
+    limit = {"parameter": name, "minimum": schema["minimum"], "maximum": schema["maximum"]}
+    return {**limit, "unit": unit} if unit else limit
+
+
+def _spared(cut: list[Kind], owners: Owners) -> dict[str, list[str]]:
+    """Device id to the capabilities that the budget cut, for all devices that lost one."""
+    lost: dict[str, list[str]] = {}
+    for kind in cut:
+        for device, _ in owners[kind.name]:
+            lost.setdefault(device["id"], []).append(kind.name)
+    return lost
+
+
+def _left_out(identify: Mapping[str, Any], served: set[str], spared: Mapping[str, list[str]]) -> list[dict[str, Any]]:
+    out = [dict(item) for item in identify["left_out"]]
+    for device in identify["devices"]:
+        name = device["id"]
+        if name in spared:
+            reason, detail = "tool_budget", f"without a tool for {', '.join(sorted(spared[name]))}"
+        elif name in served:
+            continue
+        else:
+            reason, detail = _reason(device)
+        out.append({"id": name, "reason": reason, **({"detail": detail[:300]} if detail else {})})
+    return out
+
+
+def _reason(device: Device) -> tuple[str, str]:
+    if device["category"] == "unknown":
+        return "unknown_meaning", str(device.get("missing") or "")
+    if device["capabilities"]:
+        names = ", ".join(capability["name"] for capability in device["capabilities"])
+        return "no_standard_interface", f"nothing here can write a tool for {names}"
+    if device["category"] == "infrastructure":
+        return "bus_infrastructure", ""
+    return "no_standard_interface", "the kernel offers no class interface for what it does"

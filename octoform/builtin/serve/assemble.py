@@ -1,0 +1,139 @@
+"""Puts the server together: header, imports, types, and the sections of the classes that are needed.
+
+What is imported follows from what the sections use, so no section has to know of another. Heavy: imports jinja2.
+"""
+
+import ast
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from jinja2 import Environment, FileSystemLoader, StrictUndefined
+
+from octoform.builtin.serve.functions import annotation_names, heading
+from octoform.builtin.serve.shapes import Shapes
+from octoform.builtin.task import Refused
+
+TEMPLATES = Path(__file__).parent / "templates"
+SECTIONS: Mapping[str, tuple[str, ...]] = {
+    "camera": ("capture_image", "list_camera_formats"),
+    "audio": ("record_audio", "play_audio"),
+    "sensors": (
+        *("read_temperature", "read_fan_speed", "read_voltage", "read_current", "read_power", "read_energy"),
+        *("read_humidity", "read_acceleration", "read_angular_velocity", "read_magnetic_field", "read_illuminance"),
+        *("read_pressure", "read_proximity", "read_sensor_channels"),
+    ),
+    "power": ("read_battery", "read_power_supply"),
+    "light": ("read_brightness", "set_brightness", "read_led", "set_led"),
+    "gpio": ("read_gpio_lines",),
+    "inputs": ("describe_input", "read_input_events"),
+    "storage": ("read_storage",),
+    "display": ("read_display",),
+    "clock": ("read_clock",),
+}
+"""Template name to the capabilities that it implements, in the order of the server."""
+
+_MODULES = (
+    "array",
+    "contextlib",
+    "ctypes",
+    "errno",
+    "fcntl",
+    "io",
+    "math",
+    "os",
+    "re",
+    "select",
+    "struct",
+    "sys",
+    "time",
+    "wave",
+)
+_FROM: Mapping[str, tuple[str, ...]] = {
+    "collections.abc": ("Iterator",),
+    "contextlib": ("contextmanager",),
+    "pathlib": ("Path",),
+    "typing": ("Annotated", "Any", "Literal"),
+    "fastmcp": ("FastMCP",),
+    "fastmcp.exceptions": ("ToolError",),
+    "fastmcp.tools": ("ToolResult",),
+    "fastmcp.utilities.types": ("Audio", "Image"),
+    "pydantic": ("Field", "TypeAdapter"),
+    "typing_extensions": ("TypedDict",),
+}
+_STANDARD = ("collections.abc", "contextlib", "pathlib", "typing")
+_REQUIREMENTS: Mapping[str, str] = {
+    "fastmcp": "fastmcp>=4.1,<4.2",
+    "pydantic": "pydantic>=2.12,<3",
+    "typing_extensions": "typing-extensions>=4.12",
+    "cv2": "opencv-python-headless>=4.10",
+}
+
+
+def assemble(tools: Sequence[Mapping[str, Any]]) -> str:
+    """The whole file for these tools."""
+    by_capability = {tool["capability"]: tool for tool in tools}
+    known = {name for names in SECTIONS.values() for name in names}
+    if strange := sorted(by_capability.keys() - known):
+        raise Refused(f"no template implements {', '.join(strange)}")
+    shapes = Shapes(tools)
+    hints = annotation_names(tools)
+    environment = Environment(
+        loader=FileSystemLoader(TEMPLATES),
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        keep_trailing_newline=False,
+        autoescape=False,
+    )
+
+    def head(capability: str) -> str:
+        return heading(by_capability[capability], shapes, hints)
+
+    body = [
+        environment.get_template(f"{name}.py.j2").render(tools=by_capability, head=head, sources=sources).strip()
+        for name, capabilities in SECTIONS.items()
+        if by_capability.keys() & set(capabilities)
+    ]
+    if body:
+        body.insert(0, environment.get_template("support.py.j2").render().strip())
+    base = environment.get_template("base.py.j2").render(hints=hints).strip()
+    end = environment.get_template("main.py.j2").render().strip()
+    types = ["# fmt: off\n" + "\n".join(shapes.lines) + "\n# fmt: on"] if shapes.lines else []
+    text = "\n\n\n".join([part for part in ["\n\n".join([base, *types]), *body, end] if part]) + "\n"
+    used = _used(text)
+    top = environment.get_template("header.py.j2").render(
+        requirements=[_REQUIREMENTS[name] for name in _REQUIREMENTS if name in used], count=len(tools)
+    )
+    return f"{top.strip()}\n\n{_imports(used)}\n\n{text}"
+
+
+def sources(tool: Mapping[str, Any]) -> set[str]:
+    """The kernel interfaces that a measurement comes from, as INTERFACE noted them; all when it did not."""
+    said = str(tool.get("output_schema", {}).get("$comment", ""))
+    return (
+        set(said.removeprefix("sources: ").split(", ")) if said.startswith("sources: ") else {"hwmon", "thermal", "iio"}
+    )
+
+
+def _used(text: str) -> set[str]:
+    """Every name in the code, and every module that it imports itself."""
+    names: set[str] = set()
+    for node in ast.walk(ast.parse(text)):
+        if isinstance(node, ast.Name):
+            names.add(node.id)
+        elif isinstance(node, ast.Import):
+            names.update(alias.name for alias in node.names)
+    names.update(module for module, members in _FROM.items() if names & set(members))
+    return names
+
+
+def _imports(used: set[str]) -> str:
+    standard = [f"import {name}" for name in _MODULES if name in used]
+    standard += [_from(module, used) for module in _FROM if module in _STANDARD and module in used]
+    third = [_from(module, used) for module in _FROM if module not in _STANDARD and module in used]
+    return "\n\n".join("\n".join(group) for group in (standard, third, ["import runtime"]) if group)
+
+
+def _from(module: str, used: set[str]) -> str:
+    return f"from {module} import {', '.join(name for name in _FROM[module] if name in used)}"

@@ -1,0 +1,104 @@
+"""The server's types, written from the artifact's schemas: shapes of results, and which devices a tool may be given.
+
+A tool's result is a TypedDict of the functional form, because that is one line for a shape: the table of all shapes
+fits on one screen. (pydantic needs the one of typing_extensions before Python 3.12.)
+"""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+WIDTH = 120
+_PLAIN = {"string": "str", "integer": "int", "number": "float", "boolean": "bool"}
+
+
+class Shapes:
+    """Names and definitions of the types that a set of tools needs, each defined once."""
+
+    def __init__(self, tools: Sequence[Mapping[str, Any]]) -> None:
+        """Collect them in the order of the tools."""
+        self.lines: list[str] = []
+        self._records: dict[str, Mapping[str, Any]] = {}
+        self._devices: dict[tuple[tuple[str, ...], str], str] = {}
+        for tool in tools:
+            if "output_schema" in tool:
+                self.type_of(tool["output_schema"])
+        for tool in tools:
+            self.device_type(tool)
+
+    def type_of(self, schema: Mapping[str, Any]) -> str:
+        """The Python type of a schema, defining the records in it; TypeError for what is not understood."""
+        if "anyOf" in schema:
+            return " | ".join("None" if part == {"type": "null"} else self.type_of(part) for part in schema["anyOf"])
+        kind = schema.get("type")
+        if kind == "array":
+            return f"list[{self.type_of(schema['items'])}]"
+        if kind == "object" and "title" in schema:
+            return self._record(schema)
+        if kind not in _PLAIN:
+            raise TypeError(f"no Python type for the schema {dict(schema)}")
+        return _PLAIN[kind]
+
+    def device_type(self, tool: Mapping[str, Any]) -> str:
+        """The type of a tool's ``device`` parameter, shared by the tools that serve the same devices."""
+        schema = tool["input_schema"].get("properties", {}).get("device")
+        if schema is None:
+            return ""
+        key = (choices(schema), schema.get("description", ""))
+        if key not in self._devices:
+            words = key[0][0].split("-") if len(key[0]) == 1 else [*tool["capability"].split("_")[1:], "device"]
+            name = "".join(part.capitalize() for part in "_".join(words).replace(".", "_").split("_"))
+            self._devices[key] = name
+            described = [f"Field(description={quoted(key[1])})"] if key[1] else []
+            self.lines += _definition(f"{name} = Annotated[", [_literal(key[0]), *described], "]")
+        return self._devices[key]
+
+    def _record(self, schema: Mapping[str, Any]) -> str:
+        name = str(schema["title"])
+        if not name.isidentifier():
+            raise TypeError(f"{name!r} is no name of a class")
+        members = [f'"{key}": {self.type_of(value)}' for key, value in schema["properties"].items()]
+        if set(schema.get("required", ())) != schema["properties"].keys():
+            raise TypeError(f"{name} has members that may be missing; make them null instead")
+        shape = {key: value for key, value in schema.items() if key != "$comment"}
+        if self._records.setdefault(name, shape) != shape:
+            raise TypeError(f"two different records are called {name}")
+        lines = _definition(f'{name} = TypedDict("{name}", {{', members, "})")
+        if not set(lines) <= set(self.lines):
+            self.lines += lines
+        return name
+
+
+def choices(schema: Mapping[str, Any]) -> tuple[str, ...]:
+    """The words that a string parameter may be."""
+    return tuple(schema["enum"]) if "enum" in schema else (schema["const"],)
+
+
+def quoted(text: str) -> str:
+    """A Python string literal in double quotes, of one line."""
+    escaped = text.replace("\\", "\\\\").replace('"', '\\"').replace("\n", "\\n").replace("\r", "\\r")
+    if escaped == text.replace('"', '\\"') and '"' in text and "'" not in text:
+        return f"'{text}'"
+    return f'"{escaped}"'
+
+
+def _literal(words: Sequence[str]) -> str:
+    return "Literal[" + ", ".join(quoted(word) for word in words) + "]"
+
+
+def _definition(start: str, parts: Sequence[str], end: str) -> list[str]:
+    """``start a, b end`` on one line where it fits, else filled lines of parts."""
+    whole = f"{start}{', '.join(parts)}{end}"
+    if len(whole) <= WIDTH:
+        return [whole]
+    lines, line = [start], "   "
+    for piece in (piece for part in parts for piece in _breakable(part)):
+        if len(line) + len(piece) + 2 > WIDTH and line.strip():
+            lines.append(line)
+            line = "   "
+        line += f" {piece},"
+    return [*lines, line, end]
+
+
+def _breakable(part: str) -> list[str]:
+    """The pieces of a part between which a line may end."""
+    return part.split(", ") if part.startswith("Literal[") else [part]
