@@ -11,6 +11,7 @@ from octoform.graph.model import Graph
 from octoform.manifest.model import Manifest
 from octoform.profiles import Profile
 from octoform.protocol import Spec
+from octoform.state.files import Checkpoint, pass_by
 from octoform.state.layout import Layout
 from octoform.state.store import StateStore
 
@@ -49,3 +50,4 @@ class Context:
     environ: Mapping[str, str]
     emit: EventSink
     clock: Clock
+    checkpoint: Checkpoint = pass_by

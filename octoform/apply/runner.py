@@ -100,7 +100,10 @@ def _end(context: Context, node: Node, finished: Finished) -> list[Diagnostic]:
 def _accept(context: Context, node: Node, verdict: Verdict) -> list[Diagnostic]:
     if node.kind is NodeKind.ENDPOINT:
         return []
-    return [*remember(context, node.name, verdict.value), *accept(context.layout, node.name, verdict.files)]
+    return [
+        *remember(context, node.name, verdict.value),
+        *accept(context.layout, node.name, verdict.files, context.checkpoint),
+    ]
 
 
 def _state(context: Context, node: Node, finished: Finished) -> NodeState:

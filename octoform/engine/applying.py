@@ -25,17 +25,18 @@ from octoform.state.history import repository_facts
 from octoform.state.lock import Waiting, acquire
 from octoform.state.model import GitRecord
 from octoform.state.store import Context as RunFacts
-from octoform.state.store import StateStore
+from octoform.state.store import Ports, StateStore
 
 
 @dataclass(frozen=True, slots=True)
 class Options:
-    """How a run is carried out; ``planfile`` is a saved plan to obey."""
+    """How a run is carried out; ``planfile`` is a saved plan to obey, ``ports`` are the state's crash points."""
 
     approved: bool = False
     lock_seconds: float = 0.0
     planfile: Path | None = None
     clock: Clock = field(default_factory=Clock)
+    ports: Ports = field(default_factory=Ports)
 
 
 def apply(request: Request, options: Options, view: RunView) -> RunResult:
@@ -68,7 +69,7 @@ def _planned(
 ) -> RunResult:
     started = options.clock.monotonic()
     blank = RunResult("destroy" if request.destroy else "apply", compiled.layout.host)
-    store, found = StateStore.open(compiled.layout)
+    store, found = StateStore.open(compiled.layout, options.ports)
     if store is None:
         return replace(blank, failed="state", diagnostics=tuple(found))
     saved, problems = read_saved(options.planfile, compiled)
@@ -133,6 +134,7 @@ class _Run:
             environ=self.request.environ,
             emit=emit,
             clock=self.options.clock,
+            checkpoint=self.options.ports.checkpoint,
         )
 
     def record(self, plan: Plan, tally: Tally, seconds: float) -> RunResult:

@@ -29,7 +29,9 @@ def good(stage: str) -> str:
     text = (GOOD / (NAMES.get(stage) or f"{stage}.json")).read_text()
     if stage == "deploy":  # the exact versions that are here, so that they can be had without a network
         for name, version in (("fastmcp", "4.1"), ("pydantic", "2.12")):
-            text = text.replace(f'"name": "{name}", "version": "{version}"', f'"name": "{name}", "version": "{found(name)}"')
+            text = text.replace(
+                f'"name": "{name}", "version": "{version}"', f'"name": "{name}", "version": "{found(name)}"'
+            )
     return text
 
 

@@ -1,0 +1,37 @@
+"""Run an apply whose process kills itself (SIGKILL) at the N-th checkpoint; prints the name of the point first.
+
+``python crashing.py PROJECT TARGET N``. With N = 0 it runs to the end and prints how many points it passed.
+"""
+
+import os
+import signal
+import sys
+from pathlib import Path
+
+from octoform.engine.applying import Options, apply
+from octoform.engine.planning import Request
+from octoform.state.store import Ports
+from octoform.views.apply import RunHuman
+from octoform.views.console import Console
+
+
+def main() -> None:
+    project, target, limit = Path(sys.argv[1]), sys.argv[2], int(sys.argv[3])
+    passed: list[str] = []
+
+    def checkpoint(name: str) -> None:
+        passed.append(name)
+        if len(passed) == limit:
+            sys.__stdout__.write(f"killed at {name}\n")
+            sys.__stdout__.flush()
+            os.kill(os.getpid(), signal.SIGKILL)
+
+    with Path(os.devnull).open("w") as nowhere:
+        screen = Console(nowhere, sys.stderr, colour=False, colour_err=False, interactive=False)
+        options = Options(approved=True, ports=Ports(checkpoint=checkpoint))
+        result = apply(Request(project, os.environ, targets=(target,)), options, RunHuman(screen))
+    print(len(passed), result.failed or "done")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,102 @@
+"""kill -9 at every point where something becomes durable: the next apply completes, and no agent runs in vain."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+from projects import Project
+
+CRASHING = Path(__file__).parent / "crashing.py"
+TARGET = "identify"
+
+
+def crash(project: Project, limit: int) -> "subprocess.CompletedProcess[str]":
+    command = [sys.executable, str(CRASHING), str(project.folder), TARGET, str(limit)]
+    return subprocess.run(
+        command, cwd=project.folder, env=project.environment(), capture_output=True, text=True, timeout=60, check=False
+    )
+
+
+def test_kill_at_every_durable_point_leaves_a_state_that_the_next_apply_completes(tmp_path: Path) -> None:
+    whole = Project(tmp_path / "whole", tmp_path / "whole-outside")
+    whole.write()
+    points = int(crash(whole, 0).stdout.split()[0])
+    assert points >= 20
+    reference = {name: node["output_digest"] for name, node in whole.nodes().items()}
+    names = set()
+    for limit in range(1, points + 1):
+        project = Project(tmp_path / f"p{limit}", tmp_path / f"o{limit}")
+        project.write()
+        done = crash(project, limit)
+        assert done.returncode == -signal.SIGKILL, done.stderr
+        names.add(done.stdout.split()[-1])
+        project.run("apply", "-auto-approve", "-target", TARGET, status=0)
+        nodes = project.nodes()
+        assert {name: node["output_digest"] for name, node in nodes.items()} == reference, done.stdout
+        assert {node["status"] for node in nodes.values()} == {"accepted"}
+        assert not list(project.folder.rglob("*.tmp*"))
+    assert len(names) >= 8
+
+
+def test_f11_a_killed_orchestrator_leaves_no_agent_that_could_write_later(project: Project) -> None:
+    project.script = {"probe": [{"write": '{"half', "sleep": 120}]}
+    project.write()
+    process = project.start("apply", "-auto-approve", "-target", "probe")
+    deadline = time.monotonic() + 30
+    while not project.agent_runs() and time.monotonic() < deadline:
+        time.sleep(0.02)
+    agent = project.agent_runs()[0]["pid"]
+    os.kill(process.pid, signal.SIGKILL)
+    process.communicate(timeout=10)
+    while Path(f"/proc/{agent}").exists() and time.monotonic() < deadline:
+        time.sleep(0.02)
+    assert not Path(f"/proc/{agent}").exists()
+    project.script = {}
+    project.apply("-target", "probe", status=0)
+    assert project.nodes()["probe"]["status"] == "accepted"
+    assert len(project.agent_runs()) == 2
+
+
+def test_f10_two_applies_at_once_the_second_is_refused_by_name(project: Project) -> None:
+    project.script = {"probe": [{"sleep": 120}]}
+    project.write()
+    first = project.start("apply", "-auto-approve", "-target", "probe")
+    deadline = time.monotonic() + 30
+    while not project.agent_runs() and time.monotonic() < deadline:
+        time.sleep(0.02)
+    second = project.run("apply", "-auto-approve", "-target", "probe", status=1)
+    assert "STATE-LOCKED" in second.err
+    assert str(first.pid) in second.err
+    assert project.run("plan").status == 0
+    first.send_signal(signal.SIGINT)
+    first.communicate(timeout=30)
+    assert first.returncode == 130
+    project.script = {}
+    project.apply("-target", "probe", status=0)
+
+
+def test_f41_an_artifact_edited_by_hand_is_made_again(project: Project) -> None:
+    project.apply("-target", "interface", status=0)
+    path = project.state / "identify" / "output.json"
+    good = path.read_bytes()
+    path.write_bytes(good.replace(b"0.9", b"0.8"))
+    plan = project.run("plan", "-target", "interface", "-detailed-exitcode", status=2)
+    assert "edited by hand" in plan.out
+    project.apply("-target", "interface", status=0)
+    assert path.read_bytes() == good
+    assert [run["stage"] for run in project.agent_runs()].count("interface") == 1
+
+
+def test_f40_an_artifact_replaced_by_a_link_is_never_followed(project: Project, tmp_path: Path) -> None:
+    project.apply("-target", "identify", status=0)
+    path = project.state / "identify" / "output.json"
+    foreign = tmp_path / "foreign.json"
+    foreign.write_bytes(path.read_bytes())
+    path.unlink()
+    path.symlink_to(foreign)
+    project.apply("-target", "identify", status=0)
+    assert not path.is_symlink()
+    assert foreign.exists()

@@ -1,0 +1,173 @@
+"""What an agent may leave behind and must not get through: one fault each, injected through the real command line."""
+
+import json
+import time
+from pathlib import Path
+
+import pytest
+from projects import Project
+
+INVENTED = {
+    "id": "usb-9999-0001",
+    "identified_as": "a robot arm",
+    "category": "actuator",
+    "confidence": 0.9,
+    "method": "web_search",
+    "evidence": [{"quote": "arm"}],
+    "capabilities": [],
+}
+PASSTHROUGH = {
+    "name": "send_serial_command",
+    "description": "Send raw bytes.",
+    "via": "pyserial",
+    "effect": "actuate",
+}
+
+REFUSALS = [
+    pytest.param("probe", {"write": '{"format": 1,'}, "ARTIFACT-NOT-JSON", id="F01 invalid JSON"),
+    pytest.param("identify", {"mutate": [[["devices", 0, "category"], "gadget"]]}, "IDENTIFY-SCHEMA", id="F02 schema"),
+    pytest.param(
+        "identify", {"mutate": [[["devices", 2], INVENTED]]}, "IDENTIFY-INVENTED-DEVICE", id="F03 invented arm"
+    ),
+    pytest.param(
+        "identify",
+        {"mutate": [[["devices", 0, "capabilities", 1], PASSTHROUGH]]},
+        "IDENTIFY-PASSTHROUGH",
+        id="F04 passthrough",
+    ),
+    pytest.param("interface", {"mutate": [[["tools"], []]]}, "INTERFACE-CAPABILITY-WITHOUT-TOOL", id="missing tool"),
+    pytest.param("probe", {"write": " \n\t\n"}, "ARTIFACT-EMPTY", id="F07a white space"),
+    pytest.param("probe", {"write": '{"half"', "exit": 3}, "APPLY-AGENT-FAILED", id="F08 exit 3"),
+    pytest.param("probe", {"exit": 0}, "ARTIFACT-MISSING", id="no output"),
+    pytest.param("probe", {"link": "/etc/hostname"}, "ARTIFACT-LINK", id="F40 link"),
+]
+
+
+@pytest.mark.parametrize(("stage", "behaviour", "code"), REFUSALS)
+def test_is_refused_by_name_and_the_run_stops(
+    project: Project, stage: str, behaviour: dict[str, object], code: str
+) -> None:
+    project.script = {stage: [behaviour]}
+    project.manifest = {"budget": "{attempts: 1}"}
+    done = project.apply("-target", "interface", status=1)
+    assert code in done.codes()
+    assert not (project.state / stage).exists()
+    assert [run["stage"] for run in project.agent_runs()][-1] == stage
+    assert project.nodes()[stage]["status"] == "failed"
+
+
+def test_a_refusal_becomes_the_next_attempts_prompt(project: Project) -> None:
+    project.script = {"identify": [{"mutate": [[["devices", 2], INVENTED]]}, "good"]}
+    project.apply("-target", "identify", status=0)
+    prompt = (project.attempts("identify")[1] / "prompt.md").read_text()
+    assert "IDENTIFY-INVENTED-DEVICE" in prompt
+    assert "usb-9999-0001" in prompt
+    assert project.nodes()["identify"]["attempts"] == 2
+
+
+def test_f08b_output_of_a_failed_attempt_is_never_seen_again(project: Project) -> None:
+    project.script = {"probe": [{"write": '{"format": 1, "half', "sleep": 30}, {"exit": 1}]}
+    project.manifest = {"budget": "{attempts: 2, attempt_timeout: 1s}"}
+    done = project.apply("-target", "probe", status=1)
+    assert {"APPLY-TIMEOUT", "APPLY-AGENT-FAILED"} <= set(done.codes())
+    assert not (project.state / "probe").exists()
+
+
+def gone(pid: int) -> bool:
+    try:
+        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] == "Z"
+    except (FileNotFoundError, ProcessLookupError):
+        return True
+
+
+def test_f07_a_hanging_agent_and_its_grandchild_in_another_session_are_gone(project: Project) -> None:
+    project.script = {"probe": [{"grandchild": 300, "sleep": 300}]}
+    project.manifest = {"budget": "{attempts: 1, attempt_timeout: 2s}"}
+    started = time.monotonic()
+    done = project.apply("-target", "probe", status=1)
+    assert "APPLY-TIMEOUT" in done.codes()
+    assert time.monotonic() - started < 30
+    assert gone(int((project.attempts("probe")[0] / "grandchild.pid").read_text()))
+    assert gone(project.agent_runs()[0]["pid"])
+
+
+def test_what_a_successful_agent_leaves_running_is_ended_too(project: Project) -> None:
+    project.script = {"probe": [{"grandchild": 300, "copy": str(good("probe"))}]}
+    project.apply("-target", "probe", status=0)
+    assert gone(int((project.attempts("probe")[0] / "grandchild.pid").read_text()))
+
+
+def good(stage: str) -> Path:
+    return Path(__file__).parents[1] / "agent" / "good" / f"{stage}.json"
+
+
+def test_f23_a_spent_stage_budget_is_a_failed_stage_and_stops_the_run(project: Project) -> None:
+    project.script = {"probe": [{"sleep": 60}]}
+    project.manifest = {"budget": "{attempts: 5, attempt_timeout: 2s, stage_timeout: 3s}"}
+    done = project.apply("-target", "identify", status=1)
+    assert "APPLY-BUDGET-SPENT" in done.codes()
+    assert {run["stage"] for run in project.agent_runs()} == {"probe"}
+    assert len(project.agent_runs()) == 2
+
+
+def test_f27_a_program_that_is_not_installed_is_one_line_and_no_retry(project: Project) -> None:
+    project.write()
+    (project.folder / "octopus.yaml").write_text(
+        "version: 1\nhost: bench\nharness: {name: command, command: [no-such-agent-anywhere]}\n"
+    )
+    done = project.run("apply", "-auto-approve", "-target", "probe", status=1)
+    assert "no-such-agent-anywhere" in done.err
+    assert len(project.attempts("probe")) <= 1
+
+
+def test_f28_a_failed_probe_keeps_the_last_good_one(project: Project) -> None:
+    project.apply("-target", "probe", status=0)
+    before = (project.state / "probe" / "output.json").read_bytes()
+    project.script = {"probe": [{"exit": 1}]}
+    project.manifest = {"budget": "{attempts: 1}"}
+    project.apply("-target", "probe", "-replace", "probe", status=1)
+    assert (project.state / "probe" / "output.json").read_bytes() == before
+    project.script = {}
+    project.apply("-target", "probe", status=0)
+    assert project.nodes()["probe"]["status"] == "accepted"
+
+
+def test_f29_writes_outside_the_attempt_are_undone_and_fail_it(project: Project) -> None:
+    project.apply("-target", "identify", status=0)
+    artifact = project.state / "probe" / "output.json"
+    before = artifact.read_bytes()
+    manifest = project.folder / "octopus.yaml"
+    project.script = {"identify": [{"touch": [str(artifact), str(manifest)]}, "good"]}
+    project.write()
+    written = manifest.read_bytes()
+    done = project.run("apply", "-auto-approve", "--json", "-target", "identify", "-replace", "identify", status=0)
+    assert "APPLY-OUTSIDE-WRITE" in done.codes()
+    assert artifact.read_bytes() == before
+    assert manifest.read_bytes() == written
+    assert project.nodes()["identify"]["attempts"] == 2
+
+
+@pytest.mark.parametrize("stage", ["probe", "identify"])
+def test_f38_logs_of_any_bytes_and_any_size_reach_the_next_prompt_bounded(project: Project, stage: str) -> None:
+    flood = "x" * 3_000_000 + "\x1b[31m‮"
+    project.script = {stage: [{"say": flood, "exit": 2}, "good"]}
+    project.apply("-target", stage, status=0)
+    prompt = (project.attempts(stage)[1] / "prompt.md").read_bytes()
+    assert len(prompt) <= 48 * 1024
+    assert b"\x1b" not in prompt
+    assert "‮" not in prompt.decode()
+
+
+def test_f35_an_agent_that_fails_twice_then_works(project: Project) -> None:
+    project.script = {"probe": [{"exit": 1}, {"exit": 0}, "good"]}
+    project.apply("-target", "probe", status=0)
+    assert project.nodes()["probe"]["attempts"] == 3
+
+
+def test_f36_a_stage_that_fails_all_attempts_stops_the_run(project: Project) -> None:
+    project.script = {"identify": [{"exit": 1}]}
+    done = project.apply("-target", "interface", status=1)
+    assert [run["stage"] for run in project.agent_runs()] == ["probe", "identify", "identify", "identify"]
+    assert project.nodes()["probe"]["status"] == "accepted"
+    assert json.loads(done.out.splitlines()[-1])["result"]["failed"] == "identify"
+    assert [path.name for path in (project.state / "probe").iterdir()] == ["output.json"]

@@ -1,0 +1,113 @@
+"""A project folder for a test: a manifest, a scripted agent, and the real command line as a user would run it."""
+
+import json
+import os
+import subprocess
+import sys
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+OCTOFORM = Path(sys.executable).parent / "octoform"
+AGENT = Path(__file__).parents[1] / "agent" / "agent.py"
+SECONDS = 120.0
+
+
+@dataclass(frozen=True)
+class Done:
+    """A command that ended."""
+
+    status: int
+    out: str
+    err: str
+
+    @property
+    def text(self) -> str:
+        return self.out + self.err
+
+    def events(self) -> list[dict[str, Any]]:
+        """The lines of a ``--json`` stream."""
+        return [json.loads(line) for line in self.out.splitlines()]
+
+    def codes(self) -> list[str]:
+        """The codes of the diagnostics in a ``--json`` stream, attempts included."""
+        found = []
+        for event in self.events():
+            listed = [event["diagnostic"]] if "diagnostic" in event else event.get("diagnostics", [])
+            found += [item["code"] for item in listed]
+        return found
+
+
+@dataclass
+class Project:
+    """A folder with octopus.yaml whose agent follows a script; the script lies outside of it."""
+
+    folder: Path
+    outside: Path
+    script: dict[str, list[object]] = field(default_factory=dict)
+    manifest: dict[str, str] = field(default_factory=dict)
+    environ: dict[str, str] = field(default_factory=dict)
+
+    @property
+    def state(self) -> Path:
+        return self.folder / "state" / "bench"
+
+    @property
+    def local(self) -> Path:
+        return self.folder / ".octoform" / "bench"
+
+    def write(self) -> None:
+        """Write manifest and script as they are now."""
+        self.folder.mkdir(parents=True, exist_ok=True)
+        self.outside.mkdir(parents=True, exist_ok=True)
+        (self.outside / "script.json").write_text(json.dumps(self.script))
+        command = json.dumps([sys.executable, str(AGENT), str(self.outside / "script.json")])
+        lines = ["version: 1", "host: bench", f"harness: {{name: command, command: {command}}}"]
+        lines += [f"{key}: {value}" for key, value in self.manifest.items()]
+        (self.folder / "octopus.yaml").write_text("\n".join(lines) + "\n")
+
+    def environment(self) -> dict[str, str]:
+        kept = ("PATH", "HOME", "LANG", "UV_CACHE_DIR", "SSL_CERT_FILE", "PIP_CERT", "PIP_CONFIG_FILE")
+        return {**{name: os.environ[name] for name in kept if name in os.environ}, **self.environ}
+
+    def start(self, *arguments: str, **options: Any) -> "subprocess.Popen[str]":
+        """Start octoform and leave it running."""
+        return subprocess.Popen(
+            [str(OCTOFORM), *arguments],
+            cwd=self.folder,
+            env=self.environment(),
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+            **options,
+        )
+
+    def run(self, *arguments: str, status: int | None = None) -> Done:
+        """Run octoform to its end; ``status`` is what it must leave with."""
+        process = self.start(*arguments)
+        out, err = process.communicate(timeout=SECONDS)
+        done = Done(process.returncode, out, err)
+        assert "Traceback" not in done.text, done.text
+        assert status is None or done.status == status, done.text
+        return done
+
+    def apply(self, *arguments: str, status: int | None = None) -> Done:
+        """``apply -auto-approve --json`` with the manifest and script as they are now."""
+        self.write()
+        return self.run("apply", "-auto-approve", "--json", *arguments, status=status)
+
+    def agent_runs(self) -> list[dict[str, Any]]:
+        """Every call of the scripted agent so far."""
+        log = self.outside / "script.log"
+        return [json.loads(line) for line in log.read_text().splitlines()] if log.exists() else []
+
+    def nodes(self) -> dict[str, Any]:
+        """The nodes of the state file."""
+        nodes: dict[str, Any] = json.loads((self.state / "state.json").read_text())["nodes"]
+        return nodes
+
+    def attempts(self, stage: str) -> Sequence[Path]:
+        """The attempt folders of a stage, oldest first."""
+        return sorted(self.local.glob(f"attempts/*-{stage}-*"))
