@@ -31,7 +31,7 @@ from octoform.builtin.identify.classes import (
 from octoform.builtin.identify.evidence import Device
 from octoform.builtin.identify.iddb import IdDatabases
 from octoform.builtin.identify.identity import identity
-from octoform.builtin.identify.verdict import UNKNOWN, Capability, Claim, Evidence, Leave
+from octoform.builtin.identify.verdict import INFRASTRUCTURE, READ, UNKNOWN, Capability, Claim, Evidence, Leave
 from octoform.builtin.task import Task
 
 MAX_CAPABILITIES = 40
@@ -45,8 +45,8 @@ RULES: tuple[Callable[[Device], Claim | None], ...] = (
     network.claim,
     storage.claim,
     audio.claim,
-    display.claim,
     light.claim_backlight,
+    display.claim,
     service.claim,
     hid.claim,
     words.claim,
@@ -132,6 +132,8 @@ def _merged(device: Device, claims: list[Claim]) -> list[Capability]:
         for capability in claim.capabilities:
             if capability.via == inputs.VIA and {"sound", "video4linux"} & device.classes:
                 continue  # jack switches and camera buttons: no input device that anyone would ask for
+            if claims[0].category == INFRASTRUCTURE and capability.effect != READ:
+                continue  # the lights of a network adapter are its driver's
             known = found.get(capability.name)
             found[capability.name] = _joined(known, capability) if known else capability
     return list(found.values())[:MAX_CAPABILITIES]

@@ -25,8 +25,9 @@ _KIND = re.compile(
     r"|ID_INPUT(?:_\w+)?|ID_V4L_(?:CAPABILITIES|PRODUCT|VERSION)|ID_ATA|ID_ATA_ROTATION_RATE_RPM"
     r"|ID_CDROM(?:_(?!MEDIA)\w+)?|ID_DRIVE_\w+|ID_MM_\w+|ID_GPHOTO2|ID_MEDIA_PLAYER|ID_SMARTCARD_READER"
     r"|ID_SIGNAL_ANALYZER|ID_HARDWARE_WALLET|ID_SECURITY_TOKEN|ID_MAKER_TOOL|ID_INFRARED_CAMERA|ID_PDA"
-    r"|ID_AV_\w+|ID_SENSOR\w*|COLORD_KIND|AMBA_ID)$"
+    r"|ID_SOFTWARE_RADIO|ID_AV_\w+|ID_SENSOR\w*|LIBFPRINT_DRIVER|COLOR_MEASUREMENT_DEVICE|COLORD_KIND|AMBA_ID)$"
 )
+_RECORDED = ("E:ID_", "E:COLOR", "E:AMBA", "E:LIBFPRINT")
 _REDUNDANT = {"ID_INPUT", "ID_V4L_VERSION"}
 
 
@@ -52,7 +53,7 @@ class UdevDatabase:
 def _properties(record: str) -> dict[str, str]:
     found: dict[str, str] = {}
     for line in record.splitlines():
-        if line.startswith("E:ID_") or line.startswith("E:COLORD") or line.startswith("E:AMBA"):
+        if line.startswith(_RECORDED):
             key, _, text = line[2:].partition("=")
             if text and key not in _REDUNDANT and _KIND.match(key):
                 found[key] = text

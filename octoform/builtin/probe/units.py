@@ -16,6 +16,8 @@ from octoform.builtin.probe.unit import SCRUB_FROM, Unit, in_class_order, owned
 MAX_MEMBERS = 400
 _NUMBERED = re.compile(r"[0-9:.].*$")
 MAX_NAMES = 60
+# The light of a display panel hangs below the graphics adapter in sysfs; it is a thing of its own that can be set.
+_APART = frozenset(("backlight",))
 _NO_CLASS = frozenset(
     ("wakeup", "usb", "scsi", "pci_express", "i2c", "usb-serial", "serial-base", "serial", "auxiliary")
 )
@@ -48,7 +50,8 @@ def _owner_key(node: Node, owner: Mapping[str, str], units: Mapping[str, Unit]) 
         key = owner.get(above)
         # Nothing real hides in a unit that stands for many of a kind.
         if key is not None and not units[key].group:
-            return key if node.member or _same_product(node, units[key].head) else node.path
+            owned = node.member and node.subsystem not in _APART
+            return key if owned or _same_product(node, units[key].head) else node.path
     return node.path
 
 
