@@ -78,7 +78,8 @@ class RunHuman:
         match event:
             case events.NodeStarted():
                 self._running = _Running(node=event.node)
-                self._work(event.node, "starting")
+                if self._moving is not None:
+                    self._moving.update(event.node, "starting")
             case events.AttemptStarted():
                 self._running = _Running(event.node, f"attempt {event.number} of {event.of}, {event.harness}")
                 self._work(event.node, self._running.attempt)
