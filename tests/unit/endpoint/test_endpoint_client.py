@@ -1,0 +1,101 @@
+"""Listing and calling for a person at a terminal."""
+
+from pathlib import Path
+
+import pytest
+from endpoint_servers import HEADER, VOLTAGE, processes_of, publish, tool
+from endpoint_zoo import PICTURE
+
+from octoform.endpoint.client import call, list_tools, save_media
+from octoform.endpoint.environment import Environment
+from octoform.state.layout import Layout
+
+BOUNDED = "channel: Annotated[int, Field(ge=1, le=8, description='input 1 to 8')], label: str = ''"
+SOURCE = (
+    HEADER.replace("import runtime", "from typing import Annotated\n\nfrom pydantic import Field\n\nimport runtime")
+    + tool("return channel * 1.5", head=BOUNDED)
+    + tool("raise runtime.DeviceAbsent('usb-0000-0000', 'it is not connected')", name="absent")
+    + tool(PICTURE.replace("{row}", "range(16)"), name="picture", returns="Image")
+)
+
+
+@pytest.fixture(scope="module")
+def bench(serving: Environment, tmp_path_factory: pytest.TempPathFactory) -> Layout:
+    """An applied endpoint with a tool of bounded parameters, one whose device is gone, and a camera."""
+    layout = Layout(tmp_path_factory.mktemp("client"), "bench")
+    publish(layout, serving, SOURCE)
+    return layout
+
+
+def test_the_tools_are_listed_with_their_schemas(bench: Layout) -> None:
+    tools, problems = list_tools(bench)
+    assert problems == ()
+    assert [item["name"] for item in tools] == ["absent", "picture", "read_clock", "read_voltage"]
+    assert tools[3]["input_schema"]["properties"]["channel"]["maximum"] == 8
+    assert processes_of(bench) == []
+
+
+def test_texts_of_a_command_line_become_what_the_schema_asks_for(bench: Layout) -> None:
+    result, problems = call(bench, "read_voltage", {}, {"channel": "2", "label": "7"})
+    assert problems == ()
+    assert result is not None and not result.is_error
+    assert result.structured == {"result": 3.0}
+    assert result.content[0]["text"] == "3.0"
+    assert '"label": "7"' in bench.call_log.read_text()
+    assert processes_of(bench) == []
+
+
+@pytest.mark.parametrize(
+    ("arguments", "names", "hint"),
+    [
+        ({"chanel": 2, "channel": 2}, "'chanel'", "did you mean 'channel'?"),
+        ({}, "'channel'", "input 1 to 8"),
+        ({"channel": 9}, "'channel'", "input 1 to 8"),
+    ],
+)
+def test_a_wrong_argument_is_named_and_reaches_no_device(
+    bench: Layout, arguments: dict[str, object], names: str, hint: str
+) -> None:
+    before = bench.call_log.read_text() if bench.call_log.exists() else ""
+    result, (problem,) = call(bench, "read_voltage", arguments)
+    assert result is None
+    assert problem.code == "ENDPOINT-BAD-ARGUMENT"
+    assert names in problem.summary
+    assert problem.hint == hint
+    assert (bench.call_log.read_text() if bench.call_log.exists() else "") == before
+
+
+def test_an_unknown_tool_gets_a_suggestion(bench: Layout) -> None:
+    result, (problem,) = call(bench, "read_voltag", {})
+    assert result is None
+    assert (problem.code, problem.hint) == ("ENDPOINT-UNKNOWN-TOOL", "did you mean 'read_voltage'?")
+
+
+def test_what_the_tool_says_of_itself_is_a_result(bench: Layout) -> None:
+    result, problems = call(bench, "absent", {})
+    assert problems == ()
+    assert result is not None and result.is_error
+    assert "it is not connected" in result.message
+
+
+def test_pictures_can_be_kept(bench: Layout, tmp_path: Path) -> None:
+    result, _ = call(bench, "picture", {})
+    assert result is not None
+    (path,), problems = save_media(result, tmp_path / "frames", "picture")
+    assert problems == []
+    assert path.name == "picture-1.png"
+    assert path.read_bytes().startswith(b"\x89PNG")
+    assert path.stat().st_mode & 0o777 == 0o600
+
+
+def test_without_an_endpoint_the_person_is_told_what_to_do(layout: Layout) -> None:
+    assert [item.code for item in list_tools(layout)[1]] == ["ENDPOINT-NOT-APPLIED"]
+    assert [item.code for item in call(layout, "x", {})[1]] == ["ENDPOINT-NOT-APPLIED"]
+
+
+def test_a_refusal_of_the_launcher_reaches_the_person(layout: Layout, serving: Environment) -> None:
+    publish(layout, serving, SOURCE, VOLTAGE)
+    layout.output("serve").unlink()
+    _, (problem,) = list_tools(layout)
+    assert problem.code == "ENDPOINT-DOWN"
+    assert "cannot be read" in str(problem.detail)
