@@ -50,6 +50,8 @@ def run_contained(task: Task, invocation: Invocation, progress: ProgressSink) ->
         Limits(wall_seconds=task.wall_seconds),
         progress,
     )
+    # Scratch files are no part of an attempt's record and may be large; what cannot be removed stays.
+    shutil.rmtree(task.workdir / "tmp", ignore_errors=True)
     return outcome(ended, task, invocation)
 
 

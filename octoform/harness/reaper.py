@@ -251,6 +251,7 @@ def main(arguments: list[str]) -> int:
     for descriptor in (report, control):
         os.set_inheritable(descriptor, False)
     contained = _prctl(PR_SET_CHILD_SUBREAPER, 1)
+    # It watches the thread that started us; that thread waits for our end, so it cannot be gone before the process.
     _prctl(PR_SET_PDEATHSIG, signal.SIGTERM)
     bell = Bell(control)
     while not bell.wait(wall):

@@ -112,6 +112,14 @@ def test_a_secret_setting_of_octoform_itself_is_not_passed(shell: Agent, task: T
     assert "OCTOFORM_TOKEN" not in log(task)
 
 
+def test_scratch_files_go_with_the_run_and_the_rest_stays(shell: Agent, task: Task) -> None:
+    shell('touch "$TMPDIR/scratch" "$HOME/session" note')
+    assert sorted(path.name for path in task.workdir.iterdir()) == [
+        *("home", "note", "process.json", "prompt.md", "task.log"),
+    ]
+    assert (task.workdir / "home" / "session").exists()
+
+
 def test_placeholders_and_the_prompt_as_a_file(task: Task) -> None:
     argv = ("printf", "%s\n", "{stage}", "m={model}", "{task}", "{prompt_file}", "{{stage}}", "{}")
     outcome = CommandHarness(argv, prompt_via="file").run(task, lambda text, seconds: None)

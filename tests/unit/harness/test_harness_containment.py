@@ -60,7 +60,7 @@ if os.fork() == 0:
 note("agent")
 time.sleep(600)
 """
-    ended = contained(python(code), wall_seconds=1.5)
+    ended = contained(python(code), wall_seconds=2.5)
     assert ended.reason == "wall"
     assert ended.status == -15
     assert ended.survivors >= 1
