@@ -8,8 +8,8 @@ import pytest
 
 ROOT = Path(__file__).parents[2]
 FILES = sorted((ROOT / "octoform").rglob("*.py"))
-# What lies below endpoint/scripts runs in the serving environment, beside the server's own libraries, and is imported by
-# no module of the core; a picture that a tool gave is read there with whatever decoder the server has.
+# What lies below endpoint/scripts runs in the serving environment, beside the server's own libraries, and is imported
+# by no module of the core; a picture that a tool gave is read there with whatever decoder the server has.
 OUTSIDE = ("builtin", "runtime", "endpoint/scripts")
 CORE = [path for path in FILES if not path.relative_to(ROOT / "octoform").as_posix().startswith(OUTSIDE)]
 DEVICE_LIBRARIES = {"cv2", "serial", "smbus", "smbus2", "gpiod", "usb", "hid", "evdev", "sounddevice", "pyudev"}
