@@ -7,6 +7,7 @@ hear each other's answers; a camera kept open shows yesterday's picture. All thr
 import ast
 import re
 from collections.abc import Iterable, Iterator
+from functools import lru_cache
 
 from octoform.contracts.model import Artifacts, Rule
 from octoform.contracts.source import Function, Source, needed_source
@@ -170,18 +171,47 @@ def _is_main_guard(node: ast.stmt) -> bool:
 
 
 def _guarded(source: Source, node: ast.AST) -> bool:
-    """True when a ``with runtime.bus(...)`` of the same function encloses the node."""
+    """True when a ``with`` of the same function that holds the lock of a bus encloses the node."""
+    return _encloses(source, node, _locking_managers(source))
+
+
+def _encloses(source: Source, node: ast.AST, managers: frozenset[str]) -> bool:
     for above, below in source.above(node):
         if isinstance(above, ast.With | ast.AsyncWith):
             before = above.items[: above.items.index(below)] if isinstance(below, ast.withitem) else above.items
-            if any(_is_bus(source, item.context_expr) for item in before):
+            if any(_locks(source, item.context_expr, managers) for item in before):
                 return True
     return False
 
 
-def _is_bus(source: Source, expression: ast.expr) -> bool:
+def _locks(source: Source, expression: ast.expr, managers: frozenset[str]) -> bool:
     name = source.dotted(expression.func) if isinstance(expression, ast.Call) else ""
-    return name.startswith("runtime.") and name.endswith(".bus")
+    return (name.startswith("runtime.") and name.endswith(".bus")) or name in managers
+
+
+@lru_cache(maxsize=4)
+def _locking_managers(source: Source) -> frozenset[str]:
+    """The file's own context managers that yield only while they hold the lock of a bus."""
+    found: frozenset[str] = frozenset()
+    while True:
+        more = {
+            item.name
+            for item in source.functions()
+            if _is_manager(source, item) and _yields_locked(source, item, found)
+        }
+        if more == found:
+            return found
+        found = frozenset(more)
+
+
+def _is_manager(source: Source, function: Function) -> bool:
+    names = (source.dotted(item) for item in function.decorator_list)
+    return any(name in ("contextlib.contextmanager", "contextlib.asynccontextmanager") for name in names)
+
+
+def _yields_locked(source: Source, function: Function, managers: frozenset[str]) -> bool:
+    yields = [item for item in ast.walk(function) if isinstance(item, ast.Yield) and source.owner(item) is function]
+    return bool(yields) and all(_encloses(source, item, managers) for item in yields)
 
 
 def _bare_touches(source: Source) -> Iterator[tuple[str, ast.Call]]:

@@ -17,9 +17,12 @@ Function = ast.FunctionDef | ast.AsyncFunctionDef
 _MAX_LINE_SHOWN = 200
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Source:
-    """One parsed file. ``names`` maps a local alias to the dotted name that it was imported as."""
+    """One parsed file, compared by identity.
+
+    ``names`` maps a local alias to the dotted name that it was imported as.
+    """
 
     text: str
     lines: tuple[str, ...]

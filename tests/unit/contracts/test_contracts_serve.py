@@ -126,6 +126,38 @@ def test_other_good_ways_to_write_it_pass(old: str, new: str) -> None:
     assert serve_static(SERVER.replace(old, new), good("interface")) == []
 
 
+MANAGER = """
+@contextlib.contextmanager
+def opened(name: str):
+    unit = runtime.device(name)
+    with runtime.bus(unit):
+        yield unit
+"""
+
+
+def _with_manager(manager: str) -> str:
+    text = SERVER.replace("import subprocess\n", "import contextlib\nimport subprocess\n")
+    text = text.replace('mcp = FastMCP("bench")\n', f'mcp = FastMCP("bench")\n\n{manager}')
+    return text.replace('with runtime.bus("hwmon-fanboard"):', 'with opened("hwmon-fanboard"):')
+
+
+def test_a_context_manager_of_the_file_may_hold_the_lock() -> None:
+    assert serve_static(_with_manager(MANAGER), good("interface")) == []
+
+
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        ("        yield unit", "        pass\n    yield unit"),
+        ("    with runtime.bus(unit):", "    with contextlib.suppress(OSError):"),
+        ("        yield unit", "        yield unit\n    yield None"),
+    ],
+)
+def test_a_context_manager_that_yields_without_the_lock_does_not(old: str, new: str) -> None:
+    found = serve_static(_with_manager(MANAGER.replace(old, new)), good("interface"))
+    assert {item.code for item in found} == {"SERVE-BUS-UNLOCKED"}
+
+
 def test_the_header_is_read() -> None:
     assert declared_requirements(SERVER) == ("fastmcp>=4.1,<4.2", "opencv-python-headless")
     assert declared_requirements("print(1)") == ()
