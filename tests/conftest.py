@@ -1,20 +1,22 @@
-"""What tests of every package may use: the invented hosts of tests/hosts as trees on disk."""
+"""Options of all tests."""
 
-from collections.abc import Callable
-from pathlib import Path
+import os
 
 import pytest
-from hosts.plant import plant
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    """``--update`` rewrites the expected files of golden cases instead of comparing with them."""
+    parser.addoption("--update", action="store_true", help="rewrite the expected files of golden cases")
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """A machine that only checks must not write what it should compare with."""
+    if config.getoption("--update") and os.environ.get("CI"):
+        raise pytest.UsageError("--update is for people: it is refused where CI is set")
 
 
 @pytest.fixture
-def planted(tmp_path: Path) -> Callable[..., Path]:
-    """``planted("laptop")`` builds that host's tree and returns its root; a second argument changes its text."""
-    count = 0
-
-    def build(name: str, replace: dict[str, str] | None = None) -> Path:
-        nonlocal count
-        count += 1
-        return plant(name, tmp_path / f"{name}-{count}", replace)
-
-    return build
+def update(request: pytest.FixtureRequest) -> bool:
+    """True when expected files are to be rewritten."""
+    return bool(request.config.getoption("--update"))

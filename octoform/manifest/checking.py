@@ -36,6 +36,24 @@ _TYPES = {
     "dict_type": "a mapping",
     "union_tag_not_found": "a name or a mapping",
 }
+_FORMS = {
+    "a text": "one word or quoted text",
+    "a name": "one word",
+    "a whole number": "a number without quotes and point, such as 3",
+    "true or false": "`true` or `false`, without quotes",
+    "a list": "a list: [first, second]",
+    "a mapping": "a mapping: {key: value}",
+    "a name or a mapping": "`harness: builtin`, or `harness: {name: command, command: [...]}`",
+}
+_COMMAND_HINT = "write `command: [my-agent, '{task}']`"
+_MODEL_HINT = "write it as the agent expects it, such as vendor/model-name"
+_RANGES = {
+    "attempts": "allowed: 1 to 20",
+    "tools": "allowed: 1 to 200",
+    "command": _COMMAND_HINT,
+    "profiles": "allowed: up to 100 profiles",
+    "model": _MODEL_HINT,
+}
 _HARNESSES = ("builtin", "command")
 _LONGEST_WORD = 80
 # Words for true and false that YAML 1.2 takes as text, as it takes a quoted true.
@@ -44,19 +62,19 @@ _SWITCHES = {"yes": "true", "on": "true", "true": "true", "no": "false", "off": 
 
 def check(root: Table, report: Report) -> Document | None:
     """The document, or None with every problem of it in the report."""
-    empty = _without_values(root, report)
+    _refuse_empty(root, report)
     try:
         return Document.model_validate(_filled(root))
     except ValidationError as failure:
         for item in failure.errors(include_url=False, include_input=False):
             loc = tuple(part for part in item["loc"] if part not in (NAMED, BUILTIN, COMMAND))
-            if loc not in empty:
+            if not report.is_settled(loc):
                 _Problem(root, report, loc, item["type"], item.get("ctx", {})).tell()
     return None
 
 
-def _without_values(root: Table, report: Report) -> set[Loc]:
-    """Report every key that has no value, and give their paths."""
+def _refuse_empty(root: Table, report: Report) -> None:
+    """Report every key that has no value."""
     found = [(loc, scalar) for loc, scalar in tree.scalars(root) if scalar.value is None]
     for loc, scalar in found:
         key = tree.key_at(root, loc)
@@ -66,7 +84,7 @@ def _without_values(root: Table, report: Report) -> set[Loc]:
             key.span if key else scalar.span,
             hint="give it a value, or remove it",
         )
-    return {loc for loc, _ in found}
+        report.settle(loc)
 
 
 def _filled(node: tree.Node) -> Any:
@@ -105,14 +123,26 @@ class _Problem:
 
     def _missing(self) -> None:
         name, parent = str(self._loc[-1]), tree.at(self._root, self._loc[:-1])
+        if isinstance(parent, Table) and self._is_misspelt(name, parent):
+            return
         inside = f" in `{_dotted(self._loc[:-1])}`" if len(self._loc) > 1 else ""
-        hint = {"version": "write `version: 1` as the first line", "command": "command: [my-agent, '{task}']"}
+        hint = {
+            "version": "write `version: 1` as the first line",
+            "command": _COMMAND_HINT,
+            "name": "write `name: command`",
+        }
         self._report.error(
             "MANIFEST-MISSING-KEY",
             f"the key `{name}` is missing{inside}",
             parent.span if parent else Span(1, 1),
             hint=hint.get(name),
         )
+
+    def _is_misspelt(self, name: str, parent: Table) -> bool:
+        """True when a key stands there that is reported as a slip of this one."""
+        known = _keys_at(self._root, self._loc[:-1])
+        keys = [key.text[:_LONGEST_WORD] for key, _ in parent.entries if key.text not in known]
+        return any(did_you_mean(key, known) == name for key in keys)
 
     def _unknown_key(self) -> None:
         key = tree.key_at(self._root, self._loc)
@@ -141,8 +171,8 @@ class _Problem:
 
     def _unknown_value(self) -> None:
         value = tree.at(self._root, self._loc)
-        if not isinstance(value, Scalar) or not isinstance(value.value, str) or self._loc == ("version",):
-            self._unknown_version() if self._loc == ("version",) else self._wrong_type("a name")
+        if not isinstance(value, Scalar) or not isinstance(value.value, str):
+            self._wrong_type("a name")
             return
         allowed = tuple(re.findall(r"'([^']*)'", str(self._context.get("expected", ""))))
         if later.is_value(self._loc, value.text):
@@ -170,14 +200,6 @@ class _Problem:
             f"`{self._report.shown(value.text)}` is no value of `{_dotted(self._loc)}`",
             value.span,
             hint=f"did you mean `{near}`?" if near else f"allowed: {', '.join(allowed)}",
-        )
-
-    def _unknown_version(self) -> None:
-        self._report.error(
-            "MANIFEST-WRONG-VALUE",
-            "this octoform reads version 1 of the manifest",
-            self._span(),
-            hint="write `version: 1`; a higher version needs a newer octoform",
         )
 
     def _no_harness(self) -> None:
@@ -224,6 +246,7 @@ class _Problem:
         node = tree.at(self._root, self._loc)
         hint = self._how_to_write(node) if isinstance(node, Scalar) else None
         expected = expected or _TYPES[self._kind]
+        hint = hint or f"write {_FORMS[expected]}"
         self._report.error(
             "MANIFEST-WRONG-TYPE",
             f"`{_dotted(self._loc)}` must be {expected}, and this is {_kind(node)}",
@@ -260,7 +283,9 @@ class _Problem:
         if self._kind == "string_pattern_mismatch":
             is_name = "env" in self._loc
             summary = "is no name of an environment variable" if is_name else "must be one word"
-            hint = "list names only, such as OPENROUTER_API_KEY; values stay in the environment" if is_name else None
+            hint = "list names only, such as MY_API_KEY; values stay in the environment" if is_name else _MODEL_HINT
+        elif self._kind != "manifest":
+            hint = _RANGES.get(str(self._loc[-1]))
         lead = f"`{_dotted(self._loc)}` " if self._kind != "manifest" else f"`{_dotted(self._loc)}`: "
         self._report.error("MANIFEST-WRONG-VALUE", lead + summary, self._span(), hint=hint)
 
@@ -305,4 +330,6 @@ def _kind(node: tree.Node | None) -> str:
     value = node.value if isinstance(node, Scalar) else None
     if isinstance(value, bool):
         return "true or false"
-    return "a number" if isinstance(value, int | float) else "a text"
+    if isinstance(value, float):
+        return "a number with a fraction or exponent"
+    return "a number" if isinstance(value, int) else "a text"

@@ -78,7 +78,9 @@ def check_commands(root: Table, report: Report) -> None:
 
 def _argument(item: Scalar, index: int, prompt: str, report: Report) -> None:
     if index == 0 and isinstance(item.value, str) and not item.text.strip():
-        report.error("MANIFEST-WRONG-VALUE", "the first item of a command is a program", item.span)
+        report.error(
+            "MANIFEST-WRONG-VALUE", "the first item of a command is a program", item.span, hint="name the program"
+        )
     for name in dict.fromkeys(found for found in _PLACEHOLDER.findall(item.text) if found):
         if name not in PLACEHOLDERS:
             near = did_you_mean(name[:80], PLACEHOLDERS)

@@ -38,15 +38,24 @@ def _host(value: str) -> str:
     )
 
 
+def _version(value: object) -> object:
+    """True and 1.0 equal 1 in Python, and are no version."""
+    if isinstance(value, bool | float | str) or value != 1:
+        raise problem(
+            "this octoform reads version 1 of the manifest",
+            "write `version: 1`; a higher version needs a newer octoform",
+        )
+    return value
+
+
 def _duration(value: object) -> object:
     if isinstance(value, int | float) and not isinstance(value, bool):
         raise problem("a duration needs a unit", f"write `{value}s` for seconds, or use m and h: `5m`, `1h30m`")
-    if isinstance(value, str):
-        length = seconds(value)
-        if length is None:
-            raise problem("this is no duration", "write whole numbers with h, m and s, in this order: `200s`, `1h30m`")
-        if not 1 <= length <= LONGEST_SECONDS:
-            raise problem("a duration is between 1s and 24h")
+    length = seconds(value) if isinstance(value, str) else None
+    if length is None:
+        raise problem("this is no duration", "write whole numbers with h, m and s, in this order: `200s`, `1h30m`")
+    if not 1 <= length <= LONGEST_SECONDS:
+        raise problem("this is out of range", "a duration is between 1s and 24h")
     return value
 
 
@@ -64,6 +73,7 @@ def _kind_of_harness(value: object) -> str | None:
     return {"builtin": BUILTIN, "command": COMMAND}.get(str(name))
 
 
+Version = Annotated[Literal[1], BeforeValidator(_version)]
 Host = Annotated[str, AfterValidator(_host), Field(json_schema_extra={"pattern": host_name.PATTERN})]
 Duration = Annotated[str, BeforeValidator(_duration), Field(json_schema_extra={"pattern": PATTERN})]
 Model = Annotated[str, Field(pattern=r"^\S+$", max_length=200)]
@@ -180,7 +190,7 @@ class Git(Table):
 class Document(Table):
     """What octoform shall make of this host: which agent, with which budget. Devices are found, not listed."""
 
-    version: Literal[1]
+    version: Version
     """The version of this format."""
     host: Host = host_name.DEFAULT
     """The name of this host; it names the folder state/<host>."""

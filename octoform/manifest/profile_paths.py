@@ -12,12 +12,18 @@ from octoform.manifest import tree
 from octoform.manifest.report import Report
 from octoform.manifest.tree import Items, Scalar, Table
 
+_WHAT = "a profile is a readable markdown file inside the project"
+
 
 def check(root: Table, project: Path, report: Report) -> tuple[Path, ...]:
     """The absolute paths of the profiles, in order; what is wrong with them goes to the report."""
     node = tree.at(root, ("profiles",))
     items = node.items if isinstance(node, Items) else ()
-    found = (_one(item, project, report) for item in items if isinstance(item, Scalar) and isinstance(item.value, str))
+    found = (
+        _one(item, project, report)
+        for index, item in enumerate(items)
+        if isinstance(item, Scalar) and isinstance(item.value, str) and not report.is_settled(("profiles", index))
+    )
     return tuple(path for path in found if path is not None)
 
 
@@ -38,7 +44,10 @@ def _one(item: Scalar, project: Path, report: Report) -> Path | None:
         return _file(item, path, project, report)
     except OSError as problem:
         report.error(
-            "MANIFEST-BAD-PROFILE", f"the profile `{shown}` cannot be read: {problem.strerror or problem}", item.span
+            "MANIFEST-BAD-PROFILE",
+            f"the profile `{shown}` cannot be read: {problem.strerror or problem}",
+            item.span,
+            hint=_WHAT,
         )
         return None
 
@@ -58,7 +67,7 @@ def _file(item: Scalar, path: Path, project: Path, report: Report) -> Path | Non
         return None
     if not path.is_file() or path.suffix != ".md":
         what = "is no file" if not path.is_file() else "is no markdown file (.md)"
-        report.error("MANIFEST-BAD-PROFILE", f"the profile `{shown}` {what}", item.span)
+        report.error("MANIFEST-BAD-PROFILE", f"the profile `{shown}` {what}", item.span, hint=_WHAT)
         return None
     with path.open("rb"):
         return path

@@ -11,6 +11,7 @@ from ruamel.yaml import YAML
 from ruamel.yaml.error import MarkedYAMLError, StringMark, YAMLError
 from ruamel.yaml.events import (
     AliasEvent,
+    CollectionStartEvent,
     DocumentStartEvent,
     Event,
     MappingEndEvent,
@@ -18,7 +19,6 @@ from ruamel.yaml.events import (
     NodeEvent,
     ScalarEvent,
     SequenceEndEvent,
-    SequenceStartEvent,
 )
 
 from octoform.diagnostics import Span
@@ -41,10 +41,14 @@ def read_tree(text: str, report: Report) -> Table | None:
     except MarkedYAMLError as problem:
         explain(problem, report)
         return None
-    except (YAMLError, ValueError, OverflowError) as problem:
-        # The reader passes a number beyond Unicode in an escape to chr() unchecked.
-        place = builder.last
-        report.error("MANIFEST-SYNTAX", f"not valid YAML: {str(problem).splitlines()[0]}", place)
+    except (YAMLError, ValueError, OverflowError):
+        # The reader passes the number of an escape to chr() unchecked.
+        report.error(
+            "MANIFEST-SYNTAX",
+            "not valid YAML: an escape in the next text is no character",
+            builder.last,
+            hint="write the backslash twice, or use single quotes",
+        )
         return None
     return _top(builder, report)
 
@@ -126,42 +130,44 @@ class _Builder:
         self._values += 1
         if self._values > MOST_VALUES or len(self._stack) >= DEEPEST:
             what = f"more than {MOST_VALUES} values" if self._values > MOST_VALUES else f"more than {DEEPEST} levels"
-            self._report.error("MANIFEST-TOO-LARGE", f"the manifest has {what}", span)
+            hint = "a manifest is a short file of settings; devices are found, not listed"
+            self._report.error("MANIFEST-TOO-LARGE", f"the manifest has {what}", span, hint=hint)
             return False
-        self._refuse_extras(event, span)
-        if isinstance(event, AliasEvent):
-            self._place(Scalar(span, "", "", plain=False))
-        elif isinstance(event, ScalarEvent):
+        if self._refused(event, span):
+            return False
+        if isinstance(event, ScalarEvent):
+            text = self._characters(event.value, span)
             plain = event.style is None
-            self._characters(event.value, span)
-            self._place(Scalar(span, event.value, plain_value(event.value) if plain else event.value, plain))
+            value = plain_value(text) if plain else text
+            self._place(Scalar(span, text, value, plain, _last_line(event)))
         else:
             self._stack.append(_Frame(span, isinstance(event, MappingStartEvent)))
         return True
 
-    def _refuse_extras(self, event: NodeEvent, span: Span) -> None:
+    def _refused(self, event: NodeEvent, span: Span) -> bool:
+        """Report an anchor, an alias or a tag: what it would mean for the rest is not guessed at."""
         if event.anchor is not None:
             mark = "*" if isinstance(event, AliasEvent) else "&"
             self._report.error(
                 "MANIFEST-ANCHOR",
-                f"anchors and aliases are not used in a manifest: {mark}{event.anchor[:40]}",
+                f"anchors and aliases are not used in a manifest: {mark}{self._report.shown(event.anchor)}",
                 span,
                 hint="write the value out where it is needed",
             )
-        tag = (
-            getattr(event, "tag", None)
-            if isinstance(event, ScalarEvent | MappingStartEvent | SequenceStartEvent)
-            else None
-        )
-        if tag is not None and str(tag) not in ("", "None"):
+            return True
+        tag = str(event.tag or "") if isinstance(event, ScalarEvent | CollectionStartEvent) else ""
+        if tag:
+            shown = self._report.shown(tag.replace("tag:yaml.org,2002:", "!!"))
             self._report.error(
                 "MANIFEST-TAG",
-                f"tags are not used in a manifest: {str(tag)[:60]}",
+                f"tags are not used in a manifest: {shown}",
                 span,
                 hint="remove the tag; every setting has one type, which is known",
             )
+        return bool(tag)
 
-    def _characters(self, text: str, span: Span) -> None:
+    def _characters(self, text: str, span: Span) -> str:
+        """The text without characters that no setting may hold; they are reported."""
         found = FORBIDDEN.search(text)
         if found:
             self._report.error(
@@ -170,6 +176,7 @@ class _Builder:
                 span,
                 hint="remove the escape",
             )
+        return FORBIDDEN.sub("", text)
 
     def _place(self, node: Node) -> None:
         if not self._stack:
@@ -216,3 +223,10 @@ def _span(event: Event) -> Span:
     end: StringMark = event.end_mark
     same_line = end.line == start.line and end.column > start.column
     return Span(start.line + 1, start.column + 1, end.column + 1 if same_line else None)
+
+
+def _last_line(event: Event) -> int:
+    """The last line that an event reaches to; a block text ends where the next line begins."""
+    end: StringMark = event.end_mark
+    is_block = end.column == 0 and end.line > event.start_mark.line
+    return int(end.line) if is_block else int(end.line) + 1

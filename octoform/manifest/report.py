@@ -7,8 +7,9 @@ from dataclasses import replace
 
 from octoform.diagnostics import Diagnostic, Severity, Span
 from octoform.manifest import secrets
+from octoform.manifest.tree import Loc
 
-MOST = 50
+MOST = 30
 LONGEST_LINE = 500
 LONGEST_VALUE = 60
 
@@ -21,6 +22,7 @@ class Report:
         self.lines: list[str] = []
         self._found: list[Diagnostic] = []
         self._masks: dict[int, list[tuple[int, int]]] = {}
+        self._settled: set[Loc] = set()
 
     @property
     def failed(self) -> bool:
@@ -42,10 +44,13 @@ class Report:
         end = span.end_column - 1 if span.end_column is not None else len(self._line(span.line))
         self._masks.setdefault(span.line, []).append((span.column - 1, end))
 
-    def is_masked(self, span: Span) -> bool:
-        """True when a mask covers a part of the span's line from its column on."""
-        until = span.end_column - 1 if span.end_column is not None else len(self._line(span.line))
-        return any(start < until and end > span.column - 1 for start, end in self._masks.get(span.line, ()))
+    def settle(self, loc: Loc) -> None:
+        """Say that the value at ``loc`` has been refused, so that no rule looks at it again."""
+        self._settled.add(loc)
+
+    def is_settled(self, loc: Loc) -> bool:
+        """True for a value that has been refused already."""
+        return loc in self._settled
 
     def error(self, code: str, summary: str, span: Span | None = None, **more: str | None) -> None:
         """Note an error; ``more`` may hold ``hint`` and ``detail``."""
@@ -69,8 +74,9 @@ class Report:
         ordered = sorted(self._found, key=_place)
         shown = [replace(item, source=self._source(item.span)) for item in ordered[:MOST]]
         if len(ordered) > MOST:
-            rest = f"{len(ordered) - MOST} more problems are not shown"
-            shown.append(Diagnostic(Severity.ERROR, "MANIFEST-MORE", rest, path=self.path, hint="mend these first"))
+            rest, span = f"{len(ordered) - MOST} more problems begin here and are not shown", ordered[MOST].span
+            hint = "mend those above first"
+            shown.append(Diagnostic(Severity.ERROR, "MANIFEST-MORE", rest, path=self.path, span=span, hint=hint))
         return shown
 
     def _source(self, span: Span | None) -> str | None:

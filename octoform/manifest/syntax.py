@@ -27,16 +27,23 @@ _WORDS: tuple[tuple[str, str, str], ...] = (
     ("expected escape sequence", "this escape is not complete", "write the backslash twice, or use single quotes"),
     ("block sequence entries are not allowed", "a list cannot begin here", "start the list on its own line"),
     ("sequence entries are not allowed", "a list cannot begin here", "start the list on its own line"),
+    ("expected '<document start>'", "the text goes on after its end", "write lines of the form `key: value`"),
     ("expected the node content", "a value is missing here", "give a value, or remove the sign"),
 )
-_WHERE_IT_OPENED = ("unexpected end of stream", "found unexpected document separator", "expected ',' or")
+_OTHERWISE = "octopus.yaml is YAML 1.2: lines of the form `key: value`"
+_WHERE_IT_BEGAN = (
+    "could not find expected ':'",
+    "unexpected end of stream",
+    "found unexpected document separator",
+    "expected ',' or",
+)
 
 
 def explain(problem: MarkedYAMLError, report: Report) -> None:
     """Report a problem of syntax, at the place where a person would mend it."""
     words = str(problem.problem or problem.context or "it cannot be read")
     mark = problem.problem_mark or problem.context_mark
-    if problem.context_mark is not None and any(part in words for part in _WHERE_IT_OPENED):
+    if problem.context_mark is not None and any(part in words for part in _WHERE_IT_BEGAN):
         mark = problem.context_mark
     line, column = (mark.line + 1, mark.column + 1) if mark is not None else (1, 1)
     if _is_tab(report, line, column):
@@ -47,7 +54,7 @@ def explain(problem: MarkedYAMLError, report: Report) -> None:
             hint="indent with spaces, two for each level",
         )
         return
-    meaning, hint = next(((meaning, hint) for part, meaning, hint in _WORDS if part in words), (words, None))
+    meaning, hint = next(((meaning, hint) for part, meaning, hint in _WORDS if part in words), (words, _OTHERWISE))
     report.error("MANIFEST-SYNTAX", f"not valid YAML: {meaning}", Span(line, column), hint=hint)
 
 

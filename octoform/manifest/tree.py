@@ -15,12 +15,16 @@ Loc = tuple[str | int, ...]
 
 @dataclass(frozen=True, slots=True)
 class Scalar:
-    """A value without parts. ``text`` is its content, ``value`` what YAML 1.2 makes of it; ``plain`` is unquoted."""
+    """A value without parts. ``text`` is its content, ``value`` what YAML 1.2 makes of it; ``plain`` is unquoted.
+
+    ``last_line`` is the last line that the value may reach to.
+    """
 
     span: Span
     text: str
     value: str | int | float | bool | None
     plain: bool = True
+    last_line: int = 0
 
 
 @dataclass(frozen=True, slots=True)

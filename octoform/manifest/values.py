@@ -8,32 +8,36 @@ from octoform.manifest import references, secrets, tree
 from octoform.manifest.report import Report
 from octoform.manifest.tree import Loc, Node, Scalar, Table
 
+_WHERE = "variables may stand in `model` and in `command` only"
+_REFERENCE = re.compile(r"(?<!\$)\$\{[^{}]*\}?")
+
 
 def check_secrets(root: Node, report: Report) -> None:
     """Refuse every literal that looks like a secret, in values, keys and comments, and mask it everywhere."""
-    seen: set[int] = set()
+    told: set[str] = set()
     for number, line in enumerate(report.lines, 1):
         for start, end in secrets.found_in(line):
+            told.add(line[start:end])
             _refuse(Span(number, start + 1, end + 1), report)
-            seen.add(number)
     for loc, scalar in tree.scalars(root):
-        if scalar.span.line not in seen and _holds_secret(root, loc, scalar):
-            report.mask(Span(scalar.span.line, scalar.span.column, scalar.span.end_column))
-            seen.add(scalar.span.line)
+        found = _secrets_of(root, loc, scalar)
+        if found:
+            report.settle(loc)
+        if found - told:
+            _mask(scalar, report)
             _refuse(scalar.span, report)
 
 
-def _holds_secret(root: Node, loc: Loc, scalar: Scalar) -> bool:
-    if not isinstance(scalar.value, str) or not scalar.text:
-        return False
-    if secrets.found_in(scalar.text) or secrets.assigned_in(scalar.text):
-        return True
-    if references.contains(scalar.text):
-        return False
-    return _named_secret(root, loc)
+def _secrets_of(root: Node, loc: Loc, scalar: Scalar) -> set[str]:
+    text = scalar.text
+    if not isinstance(scalar.value, str) or not text:
+        return set()
+    found = {text[start:end] for start, end in (*secrets.found_in(text), *secrets.assigned_in(text))}
+    is_named = not found and not references.contains(text) and _is_named_secret(root, loc)
+    return {text} if is_named else found
 
 
-def _named_secret(root: Node, loc: Loc) -> bool:
+def _is_named_secret(root: Node, loc: Loc) -> bool:
     """True for the value of a key, or behind an option, whose name says that it is a secret."""
     if loc and isinstance(loc[-1], str):
         return secrets.is_secret_name(loc[-1])
@@ -41,6 +45,13 @@ def _named_secret(root: Node, loc: Loc) -> bool:
         before = tree.at(root, (*loc[:-1], loc[-1] - 1))
         return isinstance(before, Scalar) and before.text.startswith("-") and secrets.is_secret_name(before.text)
     return False
+
+
+def _mask(scalar: Scalar, report: Report) -> None:
+    """Mask a value wherever it reaches to; a quoted or folded text may go on for several lines."""
+    report.mask(scalar.span)
+    for number in range(scalar.span.line + 1, scalar.last_line + 1):
+        report.mask(Span(number, 1))
 
 
 def _refuse(span: Span, report: Report) -> None:
@@ -63,6 +74,7 @@ def check_references(root: Table, environ: Mapping[str, str], report: Report) ->
                     "MANIFEST-ENV-UNSET",
                     f"the variable {scalar.text} is not set; the agent will run without it",
                     scalar.span,
+                    hint=f"export {scalar.text}, or take it out of `env`",
                 )
         elif references.contains(scalar.text):
             found |= _check_one(loc, scalar, environ, report)
@@ -101,13 +113,14 @@ def _may_refer(loc: Loc) -> bool:
 
 
 def _is_variable_name(loc: Loc) -> bool:
-    return len(loc) > 2 and loc[-3:-1] == ("harness", "env")
+    return len(loc) > 2 and loc[-3:-1] == ("harness", "env") and isinstance(loc[-1], int)
 
 
 def _reference_span(scalar: Scalar, report: Report) -> Span:
     """The place of the first reference inside a value, where the value stands on one line."""
     line = report.lines[scalar.span.line - 1] if scalar.span.line <= len(report.lines) else ""
-    found = re.compile(r"(?<!\$)\$\{[^{}]*\}?").search(line, scalar.span.column - 1)
+    end = scalar.span.end_column - 1 if scalar.span.end_column is not None else len(line)
+    found = _REFERENCE.search(line, scalar.span.column - 1, end)
     if found is None:
         return scalar.span
     return Span(scalar.span.line, found.start() + 1, found.end() + 1)
