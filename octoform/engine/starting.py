@@ -11,5 +11,5 @@ from octoform.manifest.starter import write_starter
 def start_project(project: Path, host: str | None) -> tuple[Path | None, list[Diagnostic]]:
     """Write octopus.yaml unless there is one; the host is named after this machine when no name is given."""
     path = project / MANIFEST
-    found = write_starter(path, host or platform.node())
-    return (None if found else path), found
+    named, found = write_starter(path, host, platform.node())
+    return (None if named is None else path), found
