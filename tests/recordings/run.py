@@ -1,12 +1,15 @@
 """Score the embedded agent on a folder of recorded hosts: `python tests/recordings/run.py DIR --trees TREES [-v]`.
 
 Each recording DIR/<name>/truth.json is run through the agent's real stages (its own process, the tree as sysroot).
+A recording holds what the kernel showed, not the id databases that the host also had (usb.ids, pci.ids): this machine's
+stand in for them where it has any, or those of `--ids DIR`; `--ids none` runs without, and the first line says which.
 Exit status 1 when anything was misidentified or a stage failed, so that a change which makes names worse is refused.
 """
 
 import argparse
 import json
 import os
+import shutil
 import subprocess
 import sys
 import tempfile
@@ -19,6 +22,10 @@ import score
 from truth import Units, read_items
 
 ROOT = Path(__file__).resolve().parents[2]
+IDS = {
+    "usb.ids": ("var/lib/usbutils", "usr/share/hwdata", "usr/share/misc"),
+    "pci.ids": ("usr/share/hwdata", "usr/share/misc"),
+}
 STAGES = ("probe", "identify", "interface")
 SECONDS = 60
 
@@ -26,13 +33,16 @@ SECONDS = 60
 def main() -> int:
     """Run, mark and print; the exit status."""
     arguments = _arguments()
+    ids = _id_files(arguments.ids)
+    print(f"id databases: {', '.join(sorted(ids)) or 'none'}")
     marks: list[score.Mark] = []
     failures: list[str] = []
     for folder in sorted(path.parent for path in arguments.recordings.glob("*/truth.json")):
         tree = arguments.trees / folder.name
         if arguments.only and arguments.only not in folder.name:
             continue
-        artifacts, problem = _run_stages(tree, arguments)
+        with tempfile.TemporaryDirectory() as scratch:
+            artifacts, problem = _run_stages(_with_ids(tree, ids, Path(scratch)), tree.name, arguments)
         if problem:
             failures.append(f"{folder.name}: {problem}")
         if "identify" in artifacts:
@@ -49,6 +59,7 @@ def _arguments() -> argparse.Namespace:
     parser = argparse.ArgumentParser(description="score the embedded agent on recorded hosts")
     parser.add_argument("recordings", type=Path, help="folder of recordings, each with a truth.json")
     parser.add_argument("--trees", type=Path, required=True, help="folder of the sysroot trees, one per recording")
+    parser.add_argument("--ids", help="folder with usb.ids and pci.ids, or none")
     parser.add_argument("--keep", type=Path, help="keep the artifacts of every recording below this folder")
     parser.add_argument("--until", choices=STAGES, default=STAGES[-1], help="the last stage to run")
     parser.add_argument("--only", help="only recordings whose name contains this")
@@ -56,10 +67,37 @@ def _arguments() -> argparse.Namespace:
     return parser.parse_args()
 
 
-def _run_stages(tree: Path, arguments: argparse.Namespace) -> tuple[dict[str, Any], str]:
+def _id_files(wanted: str | None) -> dict[str, Path]:
+    """The id databases to show to the agent, by name."""
+    if wanted == "none":
+        return {}
+    places = {name: [Path("/") / folder for folder in folders] for name, folders in IDS.items()}
+    found = {}
+    for name, folders in places.items():
+        candidates = [Path(wanted) / name] if wanted else [folder / name for folder in folders]
+        existing = [path.resolve() for path in candidates if path.is_file()]
+        if existing:
+            found[name] = existing[0]
+    return found
+
+
+def _with_ids(tree: Path, ids: dict[str, Path], scratch: Path) -> Path:
+    """A root that shows the tree and, beside it, the id databases; the tree itself is not touched."""
+    if not ids or (tree / "usr").exists():
+        return tree
+    for entry in tree.iterdir():
+        (scratch / entry.name).symlink_to(entry.resolve())
+    folder = scratch / "usr/share/misc"
+    folder.mkdir(parents=True)
+    for name, path in ids.items():
+        shutil.copyfile(path, folder / name)
+    return scratch
+
+
+def _run_stages(tree: Path, name: str, arguments: argparse.Namespace) -> tuple[dict[str, Any], str]:
     """The artifacts of the stages that there are, and what failed."""
     with tempfile.TemporaryDirectory() as scratch:
-        place = arguments.keep / tree.name if arguments.keep else Path(scratch)
+        place = arguments.keep / name if arguments.keep else Path(scratch)
         place.mkdir(parents=True, exist_ok=True)
         artifacts: dict[str, Any] = {}
         previous: Path | None = None

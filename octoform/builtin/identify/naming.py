@@ -28,6 +28,8 @@ _GENERIC = """
     power button lid sleep switch system peripheral chipset family series series/ technology technologies
     inc ltd co corp corporation company limited gmbh llc ag sa srl electronics semiconductor computer systems
     international communications r tm c vendor misc monitor processor coprocessor chip soc microcontroller nic pnp udisk
+    oscilloscope scope logic analyzer analyser ups gnss gps light lamp led leds dock docking token key security meter
+    colorimeter thermometer relay kvm radio sdr tuner infrared fido u2f smartcard smart biometrics
     hidden 4g 5g 4ghz 5ghz 2k 4k 3d 720p 1080p 1080 1000 2500 u
 """
 GENERIC = frozenset(_GENERIC.split())

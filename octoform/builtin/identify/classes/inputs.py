@@ -61,7 +61,8 @@ def claim(device: Device) -> Claim | None:
     if interface or device.bus == "hid":
         evidence = Evidence(interface.line, "human interface device") if interface else device.cite_self("HID device")
         names = device.names("hid", "name") or _own_name(device)
-        return Claim("input", SENSOR, "USB input device" if interface else "input device", (evidence,), names=names)
+        noun = "USB input device" if interface else "input device"
+        return Claim("input", SENSOR, noun, (evidence,), names=names, settled=False)
     return None
 
 

@@ -5,6 +5,7 @@ for in the device's own strings and in the name that the host's id database give
 is weaker and says so.
 """
 
+import re
 from collections.abc import Iterable, Iterator
 
 from octoform.builtin.identify import naming
@@ -19,6 +20,7 @@ from octoform.builtin.identify.verdict import (
 )
 
 # (words, kind, category, noun); a phrase needs its words side by side. The first line that fits wins.
+_STEM = re.compile(r"[a-z]{3,}(?=\d)")
 Entry = tuple[tuple[str, ...], str, str, str]
 _WORDS: tuple[Entry, ...] = (
     (("fingerprint", "finger print", "biometric", "biometrics", "swipe sensor"), "fingerprint",
@@ -68,7 +70,7 @@ _UDEV = (
     ("ID_SOFTWARE_RADIO", "sdr", BIDIRECTIONAL, "software radio"),
     ("ID_AV_LIGHTS", "light", ACTUATOR, "studio light"),
     ("ID_AV_PRODUCTION_CONTROLLER", "input", SENSOR, "production controller"),
-    ("COLORD_KIND", "color", SENSOR, "colour meter"),
+    ("COLOR_MEASUREMENT_DEVICE", "color", SENSOR, "colour meter"),
     ("ID_MAKER_TOOL", "maker_tool", BIDIRECTIONAL, "maker tool"),
     ("ID_INFRARED_CAMERA", "camera", SENSOR, "infrared camera"),
 )
@@ -114,7 +116,10 @@ def _spoken(device: Device) -> Iterator[tuple[str, str, str]]:
 
 def kind_of(text: str, table: Iterable[Entry]) -> tuple[str, str, str] | None:
     """(kind, category, noun) that the words of a name tell; None when they tell none."""
-    spoken = f" {' '.join(naming.words(text))} "
+    tokens = naming.words(text)
+    # A model number often begins with the kind: a DSO2000 is a DSO.
+    stems = [found[0] for token in tokens if (found := _STEM.match(token))]
+    spoken = f" {' '.join([*tokens, '.', *stems])} "
     for phrases, kind, category, noun in table:
         if any(f" {' '.join(naming.words(phrase))} " in spoken for phrase in phrases):
             return kind, category, noun
