@@ -11,9 +11,11 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from octoform.apply.context import Context
+from octoform.apply.reading import accepted
 from octoform.diagnostics import Diagnostic, to_json
 from octoform.events import AttemptProgress
 from octoform.harness.port import Harness, Outcome, Task
+from octoform.profiles import briefing, holds
 from octoform.protocol import Prompt, render_prompt
 from octoform.state.layout import OUTPUT_NAMES
 
@@ -118,8 +120,17 @@ def _prompt(context: Context, task: Task, own_spec: Path, failed: Failed | None)
             own_spec=own_spec,
             tools=context.manifest.budget_for(task.stage).tools,
             wall_seconds=task.wall_seconds,
-            profiles=tuple(profile.text for profile in context.profiles) if task.stage != "probe" else (),
+            profiles=_briefings(context, task.stage),
             failed_log=failed.log if failed else None,
             diagnostics=failed.diagnostics if failed else (),
         )
     )
+
+
+def _briefings(context: Context, stage: str) -> tuple[str, ...]:
+    """What the profiles say, each with the devices of this host for which its evidence holds; nothing otherwise."""
+    if stage == "probe" or not context.profiles:
+        return ()
+    probe = accepted(context, "probe")
+    held = [(profile, holds(profile, probe)) for profile in context.profiles]
+    return tuple(briefing(profile, devices) for profile, devices in held if devices)

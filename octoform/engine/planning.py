@@ -59,6 +59,7 @@ def prepare(request: Request, store: StateStore | None = None) -> tuple[Outlook 
     if compiled is None:
         return None, found
     found += _unknown_nodes(compiled.graph, (*request.targets, *request.replace))
+    found += _prevented(compiled) if request.destroy else []
     if store is None:
         store, more = StateStore.open(compiled.layout)
         found += more
@@ -77,6 +78,14 @@ def _unknown_nodes(graph: Graph, names: Iterable[str]) -> list[Diagnostic]:
             hint = f"did you mean {near}?" if near else f"the nodes are {', '.join(graph.names())}"
             found.append(error("PLAN-UNKNOWN-NODE", f"there is no node {name!r}", hint=hint))
     return found
+
+
+def _prevented(compiled: Compiled) -> list[Diagnostic]:
+    if not compiled.manifest.lifecycle.prevent_destroy:
+        return []
+    summary = f"host {compiled.layout.host} cannot be destroyed: lifecycle.prevent_destroy is true"
+    hint = "set it to false in the manifest first, if this host really is to go"
+    return [error("PLAN-PREVENT-DESTROY", summary, path=str(compiled.manifest.path), hint=hint)]
 
 
 def _plan(request: Request, compiled: Compiled, snapshot: Snapshot, situation: Situation) -> Plan:

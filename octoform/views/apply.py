@@ -16,6 +16,7 @@ from octoform.plan.model import Plan
 from octoform.views.console import Console
 from octoform.views.diagnostics import render
 from octoform.views.plan import PlanHuman
+from octoform.views.problems import near
 from octoform.views.text import one_line
 
 if TYPE_CHECKING:
@@ -138,7 +139,7 @@ class RunHuman:
         """The closing lines."""
         say, paint = self._console.line, self._console.paint
         for item in dict.fromkeys(result.diagnostics):
-            self._console.problem(render(item, colour=self._console.colour_err) + "\n")
+            self._console.problem(render(near(item), colour=self._console.colour_err) + "\n")
         say()
         say(paint(closing(result), "bold", "red" if result.failed else "green"))
         if result.failed:

@@ -2,6 +2,8 @@
 
 import json
 from collections.abc import Iterable
+from dataclasses import replace
+from pathlib import Path
 
 import octoform
 from octoform.diagnostics import Diagnostic, has_errors, to_json
@@ -27,9 +29,16 @@ def version(console: Console) -> int:
     return 0
 
 
+def near(item: Diagnostic) -> Diagnostic:
+    """The diagnostic with its path as a person in this folder would type it."""
+    if item.path is None or not Path(item.path).is_absolute() or not Path(item.path).is_relative_to(Path.cwd()):
+        return item
+    return replace(item, path=str(Path(item.path).relative_to(Path.cwd())))
+
+
 def show(console: Console, items: Iterable[Diagnostic], *, as_json: bool = False) -> int:
     """Diagnostics to standard error (or one JSON object to standard output); exit code 1 when one is an error."""
-    items = list(items)
+    items = [near(item) for item in items]
     if as_json:
         console.line(json.dumps({"format": 1, "diagnostics": [to_json(item) for item in items]}, ensure_ascii=False))
     elif items:

@@ -6,6 +6,7 @@ from pathlib import Path
 
 from octoform.diagnostics import Diagnostic, has_errors, to_json
 from octoform.views import problems
+from octoform.views.diagnostics import summary
 from octoform.views.console import Console
 
 
@@ -18,13 +19,13 @@ def validation(console: Console, found: Sequence[Diagnostic], *, as_json: bool) 
             "valid": errors == 0,
             "error_count": errors,
             "warning_count": len(found) - errors,
-            "diagnostics": [to_json(item) for item in found],
+            "diagnostics": [to_json(problems.near(item)) for item in found],
         }
         console.line(json.dumps(document, ensure_ascii=False, indent=2))
     else:
         problems.show(console, found)
         if errors:
-            console.problem(f"{errors} error{'s' if errors > 1 else ''}")
+            console.problem(summary(found))
         else:
             console.line(console.paint("Success! The configuration is valid.", "green"))
     return 1 if has_errors(found) else 0
