@@ -115,7 +115,8 @@ def _read(descriptor: int, path: Path, limit: int) -> tuple[bytes | None, Diagno
     facts = os.fstat(descriptor)
     if not stat.S_ISREG(facts.st_mode):
         return None, _not_regular(path, "no regular file")
-    chunks, length = [], 0
+    chunks: list[bytes] = []
+    length = 0
     while facts.st_size <= limit and length <= limit:
         chunk = os.read(descriptor, min(limit + 1 - length, 1 << 20))
         if not chunk:

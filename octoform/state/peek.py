@@ -16,7 +16,8 @@ from octoform.state.layout import Layout
 FORMAT = 1
 _ZERO = b"\0"
 _OURS, _THEIRS = b"<<<<<<< ", b">>>>>>> "
-_BEGINNING = re.compile(r"(?:n|nu|nul|t|tr|tru|f|fa|fal|fals|-|[\d.eE+-]+|\\?u[0-9a-fA-F]{0,3})$")
+_BEGINNING = re.compile(r"(?:n|nu|nul|t|tr|tru|f|fa|fal|fals|[\d.eE+-]+)$")
+_ESCAPE_LENGTH = len(r"\u0000")
 
 
 def backup_path(layout: Layout) -> Path:
@@ -83,7 +84,8 @@ def _cut(problem: Exception) -> bool:
     if not isinstance(problem, json.JSONDecodeError):
         return False
     rest = problem.doc[problem.pos :].strip()
-    return not rest or "Unterminated" in problem.msg or bool(_BEGINNING.match(rest))
+    in_escape = problem.msg.startswith("Invalid \\") and len(rest) < _ESCAPE_LENGTH
+    return not rest or in_escape or "Unterminated" in problem.msg or bool(_BEGINNING.match(rest))
 
 
 def _container(document: object, layout: Layout) -> tuple[dict[str, Any] | None, list[Diagnostic]]:

@@ -31,7 +31,7 @@ def in_child(work: Callable[[], str]) -> str:
         try:
             os.close(reader)
             text = work()
-        except BaseException as problem:
+        except (OSError, AssertionError, RuntimeError) as problem:
             text = repr(problem)
         finally:
             os.write(writer, text.encode())
