@@ -6,8 +6,8 @@ from pathlib import Path
 
 from octoform.diagnostics import Diagnostic, has_errors, to_json
 from octoform.views import problems
-from octoform.views.diagnostics import summary
 from octoform.views.console import Console
+from octoform.views.diagnostics import summary
 
 
 def validation(console: Console, found: Sequence[Diagnostic], *, as_json: bool) -> int:
