@@ -167,5 +167,3 @@ def test_every_code_of_the_package_has_a_page() -> None:
         text = (PAGES / f"{name}.md").read_text()
         assert text.startswith(f"# {name}: "), name
         assert 6 <= len(text.splitlines()) <= 30, name
-    pages = {path.stem for path in PAGES.glob("STATE-*.md")} | {path.stem for path in PAGES.glob("GIT-*.md")}
-    assert pages - codes == set()
