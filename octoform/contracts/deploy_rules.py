@@ -8,8 +8,9 @@ from octoform.contracts.header import declared_names, normalised
 from octoform.contracts.model import Artifacts, JsonObject, Rule
 from octoform.contracts.serve_code_rules import is_standard
 from octoform.contracts.source import Source, imported_modules, read_source
-from octoform.contracts.text import escaped, pointer, shown
+from octoform.contracts.text import pointer, shown
 from octoform.diagnostics import Diagnostic, error, warning
+from octoform.escaping import escaped
 
 
 def status_error(value: JsonObject, _: Artifacts) -> list[Diagnostic]:

@@ -10,8 +10,9 @@ from typing import Any
 
 from octoform.contracts.instance import secrets_of
 from octoform.contracts.model import Artifacts, JsonObject, Rule
-from octoform.contracts.text import escaped, is_hidden, pointer, shown
+from octoform.contracts.text import pointer, shown
 from octoform.diagnostics import Diagnostic, error
+from octoform.escaping import escaped, is_hidden
 
 _NEIGHBOURHOODS = frozenset(
     {"network", "neighbour", "neighbor", "arp", "ndp", "mdns", "dnssd", "bonjour", "ssdp", "upnp", "lan", "wlan"}

@@ -4,19 +4,7 @@ A product string can hold control characters, right-to-left overrides or a megab
 a terminal and into the next prompt, so nothing foreign enters one except through `shown`.
 """
 
-import unicodedata
-
-_HIDDEN = frozenset({"Cc", "Cf", "Cs", "Co", "Cn", "Zl", "Zp"})
-
-
-def is_hidden(character: str) -> bool:
-    """True for control, formatting (bidirectional, zero width), surrogate and line-separating characters."""
-    return not ("\x20" <= character <= "\x7e") and unicodedata.category(character) in _HIDDEN
-
-
-def escaped(text: str) -> str:
-    """The text with every hidden character written as its backslash escape."""
-    return "".join(_escape(item) if is_hidden(item) else item for item in text)
+from octoform.escaping import escaped, is_hidden
 
 
 def flattened(text: str) -> str:
@@ -40,13 +28,3 @@ def listed(values: list[str], limit: int = 5) -> str:
 def pointer(*parts: str | int) -> str:
     """RFC 6901 pointer of the parts."""
     return "".join("/" + str(part).replace("~", "~0").replace("/", "~1") for part in parts)
-
-
-def _escape(character: str) -> str:
-    code = ord(character)
-    named = {"\n": "\\n", "\t": "\\t", "\r": "\\r"}.get(character)
-    if named is not None:
-        return named
-    if code <= 0xFF:
-        return f"\\x{code:02x}"
-    return f"\\u{code:04x}" if code <= 0xFFFF else f"\\U{code:08x}"

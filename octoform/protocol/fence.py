@@ -3,20 +3,16 @@
 import os
 import re
 import stat
-import unicodedata
 from pathlib import Path
 
-_HIDDEN = ("Cc", "Cf", "Cs", "Co", "Cn", "Zl", "Zp")
+from octoform.escaping import escaped
 
-
-def escaped(text: str) -> str:
-    """Control, format and bidirectional characters as ``\\uNNNN``; line feeds and tabs stay."""
-    return "".join(_escape(char) if _is_hidden(char) else char for char in text)
+_KEPT = "\n\t"
 
 
 def fenced(label: str, text: str) -> str:
     """A code fence longer than any run of backquotes inside, labelled as data that gives no orders."""
-    body = escaped(text)
+    body = escaped(text, _KEPT)
     longest = max((len(run) for run in re.findall(r"`+", body)), default=0)
     fence = "`" * max(3, longest + 1)
     return f"{fence}text data={label}\n{body.rstrip()}\n{fence}"
@@ -38,7 +34,7 @@ def tail(path: Path, lines: int, size: int) -> str:
         data = os.pread(descriptor, size, max(0, facts.st_size - size))
     finally:
         os.close(descriptor)
-    text = escaped(data.decode("utf-8", "replace").replace("\r\n", "\n")).rstrip("\n")
+    text = escaped(data.decode("utf-8", "replace").replace("\r\n", "\n"), _KEPT).rstrip("\n")
     return cut("\n".join(text.split("\n")[-lines:]), size)
 
 
@@ -46,11 +42,3 @@ def cut(text: str, size: int) -> str:
     """The end of a text, at most ``size`` bytes in UTF-8; a character that is cut through is left out."""
     data = text.encode("utf-8", "replace")
     return data[max(0, len(data) - size) :].decode("utf-8", "ignore")
-
-
-def _is_hidden(char: str) -> bool:
-    return char not in "\n\t" and unicodedata.category(char) in _HIDDEN
-
-
-def _escape(char: str) -> str:
-    return f"\\u{ord(char):04x}" if ord(char) < 0x10000 else f"\\U{ord(char):08x}"

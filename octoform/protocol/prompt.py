@@ -9,7 +9,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from octoform.diagnostics import Diagnostic
-from octoform.protocol.fence import cut, escaped, fenced, tail
+from octoform.escaping import escaped
+from octoform.protocol.fence import cut, fenced, tail
 from octoform.protocol.model import Spec
 
 MOST_PROMPT_BYTES = 48 * 1024

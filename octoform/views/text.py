@@ -1,18 +1,11 @@
-"""Text from devices, agents and files made safe for a terminal: bounded, on one line, control characters shown."""
+"""Foreign text on one line of a terminal: bounded, control characters shown."""
 
-import unicodedata
+from octoform.escaping import escaped
 
 
 def escape(text: str) -> str:
-    """Control, format and bidirectional characters as ``\\xNN`` or ``\\uNNNN``; line feeds and tabs stay."""
-    return "".join(_visible(char) for char in text)
-
-
-def _visible(char: str) -> str:
-    if char in "\n\t" or unicodedata.category(char) not in ("Cc", "Cf", "Cs", "Co", "Zl", "Zp"):
-        return char
-    code = ord(char)
-    return f"\\x{code:02x}" if code < 0x100 else f"\\u{code:04x}" if code < 0x10000 else f"\\U{code:08x}"
+    """Hidden characters as backslash escapes; line feeds and tabs stay."""
+    return escaped(text, "\n\t")
 
 
 def one_line(text: str, width: int) -> str:

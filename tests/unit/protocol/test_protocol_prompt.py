@@ -101,7 +101,7 @@ def test_hidden_characters_of_a_log_are_shown(tmp_path: Path) -> None:
     log = tmp_path / "agent.log"
     log.write_bytes("\u202eevil \x1b[31m \U000e0041 caf\u00e9 \xff".encode() + b"\xff\n")
     text = render_prompt(prompt(failed_log=log))
-    assert "\\u202eevil \\u001b[31m \\U000e0041 caf\u00e9" in text
+    assert "\\u202eevil \\x1b[31m \\U000e0041 caf\u00e9" in text
 
 
 @given(st.text(alphabet="`~\n ax", max_size=200))

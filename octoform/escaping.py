@@ -1,0 +1,30 @@
+"""Foreign text made visible: one way for terminals, prompts, diagnostics and rules.
+
+A device may name itself anything: escape sequences, right-to-left overrides, invisible joiners. Whatever leaves
+octoform as text goes through here, so nothing foreign can act on a terminal or hide in a prompt. Light.
+"""
+
+import unicodedata
+from collections.abc import Collection
+
+_HIDDEN = frozenset({"Cc", "Cf", "Cs", "Co", "Cn", "Zl", "Zp"})
+_NAMED = {"\n": "\\n", "\t": "\\t", "\r": "\\r"}
+
+
+def is_hidden(character: str) -> bool:
+    """True for control, format (bidirectional, zero width), surrogate, unassigned and line-separating characters."""
+    return not (" " <= character <= "~") and unicodedata.category(character) in _HIDDEN
+
+
+def escaped(text: str, keep: Collection[str] = "") -> str:
+    """The text with every hidden character but those of ``keep`` as its backslash escape (``\\x1b``, ``\\u202e``)."""
+    return "".join(_escape(char) if is_hidden(char) and char not in keep else char for char in text)
+
+
+def _escape(character: str) -> str:
+    code = ord(character)
+    if character in _NAMED:
+        return _NAMED[character]
+    if code <= 0xFF:
+        return f"\\x{code:02x}"
+    return f"\\u{code:04x}" if code <= 0xFFFF else f"\\U{code:08x}"
