@@ -78,7 +78,7 @@ def _where_else(path: Path) -> str:
     near = did_you_mean(path.name, names)
     if near:
         return f"{near} is here: rename it to {path.name}"
-    return f"`octoform init` writes a {FILE_NAME} for this host"
+    return f"`octoform init` writes an {FILE_NAME} for this host"
 
 
 def _decode(content: bytes, report: Report) -> str | None:

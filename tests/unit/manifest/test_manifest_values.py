@@ -1,0 +1,187 @@
+"""What a loaded manifest says: defaults, stages laid over general settings, digests, references."""
+
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from octoform.harness import command as command_harness
+from octoform.manifest import model
+from octoform.manifest.durations import seconds
+from octoform.manifest.loading import load
+from octoform.manifest.model import Budget, HarnessSpec, Manifest
+from octoform.manifest.references import contains, malformed, names, resolve
+
+
+def loaded(folder: Path, text: str, **environ: str) -> Manifest:
+    (folder / "octopus.yaml").write_text(text, "utf-8")
+    manifest, found = load(folder / "octopus.yaml", environ)
+    assert manifest is not None, found
+    return manifest
+
+
+def test_defaults(tmp_path: Path) -> None:
+    manifest = loaded(tmp_path, "version: 1\n")
+    assert manifest.host == "local"
+    assert manifest.scope == "local"
+    assert manifest.profiles == ()
+    assert manifest.path == tmp_path / "octopus.yaml"
+    assert manifest.project == tmp_path
+    assert not manifest.lifecycle.prevent_destroy
+    assert not manifest.git.commit
+    for stage in model.STAGES:
+        assert manifest.harness_for(stage) == HarnessSpec("builtin")
+        assert manifest.model_for(stage) is None
+        assert manifest.budget_for(stage) == Budget(3, 200.0, 600.0, 30)
+    assert manifest.settings_for("interface") == {"tools": 30}
+    assert manifest.settings_for("probe") == {}
+
+
+def test_a_stage_differs_only_where_it_says_so(tmp_path: Path) -> None:
+    manifest = loaded(
+        tmp_path,
+        "version: 1\n"
+        "harness: {name: command, command: [agent, '{task}'], env: [KEY], prompt: file}\n"
+        "model: vendor/general\n"
+        "budget: {attempts: 2, attempt_timeout: 1m40s, stage_timeout: 1h, tools: 12}\n"
+        "stages:\n"
+        "  probe: {harness: builtin}\n"
+        "  serve: {model: vendor/special, budget: {attempts: 5, attempt_timeout: 300s}}\n",
+        KEY="x",
+    )
+    general = HarnessSpec("command", ("agent", "{task}"), ("KEY",), "file")
+    assert manifest.harness_for("identify") == general
+    assert manifest.harness_for("probe") == HarnessSpec("builtin")
+    assert manifest.model_for("probe") is None
+    assert manifest.model_for("identify") == "vendor/general"
+    assert manifest.model_for("serve") == "vendor/special"
+    assert manifest.budget_for("identify") == Budget(2, 100.0, 3600.0, 12)
+    assert manifest.budget_for("serve") == Budget(5, 300.0, 3600.0, 12)
+    assert manifest.variables == ("KEY",)
+
+
+def test_digest_is_of_the_meaning(tmp_path: Path) -> None:
+    first = loaded(tmp_path, "version: 1\nhost: a\nbudget: {attempts: 3}\n").digest
+    assert loaded(tmp_path, "# words\nbudget:\n  attempts: 3   # default\nhost: 'a'\nversion: 1\n").digest == first
+    assert loaded(tmp_path, "version: 1\nhost: a\n").digest == first
+    assert loaded(tmp_path, "version: 1\nhost: b\n").digest != first
+    assert loaded(tmp_path, "version: 1\nhost: a\nbudget: {attempts: 4}\n").digest != first
+
+
+def test_no_value_of_a_variable_is_kept(tmp_path: Path) -> None:
+    text = "version: 1\nmodel: ${M}\nharness: {name: command, command: [agent, '--key=${K}'], env: [E]}\n"
+    values = {"M": "value-of-m", "K": "value-of-k", "E": "value-of-e"}
+    manifest = loaded(tmp_path, text, **values)
+    assert not any(value in repr(manifest) for value in values.values())
+    assert manifest.variables == ("E", "K", "M")
+    assert manifest.digest == loaded(tmp_path, text, M="other", K="other", E="other").digest
+    assert [resolve(item, values) for item in manifest.harness_for("probe").command] == ["agent", "--key=value-of-k"]
+
+
+def test_profiles_are_absolute_and_in_order(tmp_path: Path) -> None:
+    (tmp_path / "profiles").mkdir()
+    for name in ("b.md", "a.md"):
+        (tmp_path / "profiles" / name).write_text("# x\n")
+    manifest = loaded(tmp_path, "version: 1\nprofiles: [profiles/b.md, ./profiles/a.md]\n")
+    assert manifest.profiles == (tmp_path / "profiles" / "b.md", tmp_path / "profiles" / "a.md")
+
+
+@pytest.mark.parametrize("lead", ["", "folder/"])
+def test_a_profile_that_links_outside_is_refused(tmp_path: Path, lead: str) -> None:
+    outside = tmp_path / "outside"
+    outside.mkdir()
+    (outside / "x.md").write_text("# x\n")
+    project = tmp_path / "project"
+    project.mkdir()
+    (project / "folder").symlink_to(outside)
+    (project / "x.md").symlink_to(outside / "x.md")
+    (project / "octopus.yaml").write_text(f"version: 1\nprofiles: [{lead}x.md]\n")
+    manifest, found = load(project / "octopus.yaml", {})
+    assert manifest is None
+    assert [item.code for item in found] == ["MANIFEST-PROFILE-OUTSIDE"]
+
+
+def test_a_project_behind_a_link_may_have_profiles(tmp_path: Path) -> None:
+    project = tmp_path / "project"
+    project.mkdir()
+    (project / "x.md").write_text("# x\n")
+    (project / "octopus.yaml").write_text("version: 1\nprofiles: [x.md]\n")
+    (tmp_path / "link").symlink_to(project)
+    manifest, found = load(tmp_path / "link" / "octopus.yaml", {})
+    assert manifest is not None
+    assert found == []
+
+
+def test_a_missing_manifest_says_what_to_do(tmp_path: Path) -> None:
+    _, found = load(tmp_path / "octopus.yaml", {})
+    assert [(item.code, item.hint) for item in found] == [
+        ("MANIFEST-NOT-FOUND", "`octoform init` writes an octopus.yaml for this host")
+    ]
+    (tmp_path / "octopus.yml").write_text("version: 1\n")
+    _, found = load(tmp_path / "octopus.yaml", {})
+    assert found[0].hint == "octopus.yml is here: rename it to octopus.yaml"
+
+
+def test_what_is_no_file_is_refused_without_waiting(tmp_path: Path) -> None:
+    (tmp_path / "folder").mkdir()
+    os.mkfifo(tmp_path / "fifo")
+    for name in ("folder", "fifo"):
+        _, found = load(tmp_path / name, {})
+        assert [item.code for item in found] == ["MANIFEST-UNREADABLE"]
+
+
+@pytest.mark.parametrize(
+    ("text", "length"),
+    [
+        ("200s", 200),
+        ("5m", 300),
+        ("1h30m", 5400),
+        ("1h1m1s", 3661),
+        ("0s", 0),
+        ("", None),
+        ("5", None),
+        ("1m1h", None),
+        ("1.5h", None),
+        (" 5s", None),
+        ("5s\n", None),
+        ("٣s", None),
+    ],
+)
+def test_durations(text: str, length: int | None) -> None:
+    assert seconds(text) == length
+
+
+def test_references() -> None:
+    assert names("a${B}c${D_1}$${E}") == ("B", "D_1")
+    assert contains("x${B}")
+    assert not contains("$${B} $B {B}")
+    assert malformed("${} ${1} ${A $${B} ${C}") == ("${}", "${1}", "${A $$")
+    assert resolve("a${B}$${B}${", {"B": "${C}"}) == "a${C}${B}${"
+    with pytest.raises(KeyError):
+        resolve("${B}", {})
+
+
+def test_placeholders_are_those_of_the_harness() -> None:
+    assert set(model.PLACEHOLDERS) == set(command_harness.PLACEHOLDERS)
+
+
+def test_every_code_has_a_page_and_every_page_a_code() -> None:
+    package = Path(model.__file__).parent
+    used = set(re.findall(r'"(MANIFEST-[A-Z-]+)"', "".join(file.read_text("utf-8") for file in package.glob("*.py"))))
+    pages = package.parent / "diagnostics" / "pages"
+    assert used == {page.stem for page in pages.glob("MANIFEST-*.md")}
+    for code in used:
+        assert (pages / f"{code}.md").read_text("utf-8").startswith(f"# {code}: ")
+
+
+@pytest.mark.parametrize("module", ["model", "references", "starter", "host_name", "durations", "secrets"])
+def test_light_modules_stay_light(module: str) -> None:
+    code = (
+        f"import sys, octoform.manifest.{module}; "
+        "print([name for name in ('pydantic', 'ruamel.yaml', 'rich', 'jsonschema') if name in sys.modules])"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "[]"
