@@ -70,16 +70,15 @@ def intact(environment: Environment) -> list[str]:
     return reasons
 
 
-def bytecode_option(python: Path) -> list[str]:
-    """Interpreter options that keep all bytecode in the environment, none beside the committed server."""
-    return ["-X", f"pycache_prefix={python.parent.parent / 'bytecode'}"]
+def packages_of(path: Path) -> Path:
+    """The folder of an environment that holds its packages."""
+    return path / "lib" / f"python{sys.version_info.major}.{sys.version_info.minor}" / "site-packages"
 
 
 def installed(path: Path) -> list[str]:
     """Names of the ``*.dist-info`` folders (without the ending), sorted; empty when there is no environment."""
-    folder = path / "lib" / f"python{sys.version_info.major}.{sys.version_info.minor}" / "site-packages"
     try:
-        with os.scandir(folder) as entries:
+        with os.scandir(packages_of(path)) as entries:
             names = [entry.name for entry in entries]
     except OSError:
         return []

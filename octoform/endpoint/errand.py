@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from octoform.endpoint.environment import Environment, at, bytecode_option
+from octoform.endpoint.environment import Environment, at
 from octoform.endpoint.files import LAUNCHER, read_manifest
 from octoform.endpoint.process import base_environment, run
 from octoform.state.layout import Layout
@@ -73,7 +73,7 @@ def send(
         ],
     }
     finished = run(
-        [str(environment.python), "-I", *bytecode_option(environment.python), str(SCRIPT)],
+        [str(environment.python), "-I", str(SCRIPT)],
         cwd=layout.endpoint,
         environment={**base_environment(), "FASTMCP_CHECK_FOR_UPDATES": "off", "FASTMCP_ENV_FILE": "/dev/null"},
         timeout=START_SECONDS + _MARGIN + sum(call.seconds for call in calls),

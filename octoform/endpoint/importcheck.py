@@ -12,7 +12,6 @@ from pathlib import Path
 from typing import Any
 
 from octoform.diagnostics import Diagnostic, Span, error
-from octoform.endpoint.environment import bytecode_option
 from octoform.endpoint.process import Finished, base_environment, run
 
 SCRIPT = Path(__file__).parent / "scripts" / "inspect_server.py"
@@ -92,7 +91,7 @@ def check_import(
     variables = {**base_environment(), **_quiet(), **(environment or {})}
     if "OCTOFORM_SYSROOT" in os.environ:
         variables.setdefault("OCTOFORM_SYSROOT", os.environ["OCTOFORM_SYSROOT"])
-    command = [str(python), "-I", *bytecode_option(python), str(SCRIPT), str(folder / "server.py")]
+    command = [str(python), "-I", str(SCRIPT), str(folder / "server.py")]
     finished = run(command, cwd=folder, environment=variables, timeout=timeout)
     return _read(finished)
 

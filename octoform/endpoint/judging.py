@@ -47,7 +47,7 @@ def judge_check(report: CheckReport, interface: Mapping[str, Any]) -> list[Diagn
     for call in report.calls:
         found += _call(call)
     if report.survivors:
-        summary = f"{report.survivors} processes of the server were still running after the check and were ended"
+        summary = f"processes of the server still running after the check, ended: {report.survivors}"
         found.append(warning("ENDPOINT-LEFT-RUNNING", summary, hint="a tool must end what it starts before it returns"))
     return found
 

@@ -14,7 +14,7 @@ from typing import Any
 from octoform.diagnostics import Diagnostic
 from octoform.digest import of_bytes
 from octoform.endpoint.building import prune
-from octoform.endpoint.environment import Environment, bytecode_option
+from octoform.endpoint.environment import Environment
 from octoform.endpoint.files import (
     CHECK,
     CLIENTS,
@@ -79,7 +79,7 @@ def write_endpoint(
 
 def launcher_text(environment: Environment, script: Path) -> str:
     """The launcher: a shell's two lines, because a shebang can hold neither a long path nor one with a blank."""
-    words = [str(environment.python), "-I", *bytecode_option(environment.python), str(script)]
+    words = [str(environment.python), "-I", str(script)]
     return "#!/bin/sh\nexec " + " ".join(shlex.quote(word) for word in words) + ' "$@"\n'
 
 

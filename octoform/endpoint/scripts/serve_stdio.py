@@ -60,10 +60,13 @@ def load(path: Path, source: bytes) -> Any:
     """Execute exactly the bytes that were checked and give the FastMCP server they define."""
     from fastmcp import FastMCP
 
+    # The bytecode of the runtime belongs into the environment, never beside the committed server.
+    sys.pycache_prefix = str(Path(sys.prefix, "bytecode"))
     module = types.ModuleType("server")
     module.__file__ = str(path)
     sys.modules["server"] = module
     exec(compile(source, str(path), "exec"), module.__dict__)
+    sys.pycache_prefix = None
     found = [value for value in module.__dict__.values() if isinstance(value, FastMCP)]
     named = module.__dict__.get("mcp")
     return named if isinstance(named, FastMCP) else found[0]

@@ -9,6 +9,8 @@ from octoform.diagnostics import Diagnostic
 from octoform.endpoint import packages
 from octoform.endpoint.building import build, prune
 from octoform.endpoint.environment import MARKER, Environment, at, installed, intact, locate, pins
+from octoform.endpoint.prewarming import GUESS, prepare, prewarmed
+from octoform.endpoint.process import run
 from octoform.endpoint.resolving import normalise, resolve
 from octoform.state.layout import Layout
 
@@ -187,3 +189,41 @@ def test_pruning_keeps_what_is_named_and_drops_the_rest(layout: Layout, wheelhou
     assert not environments[0].path.exists()
     assert not environments[1].path.exists()
     assert foreign.exists()
+
+
+def test_bytecode_of_equal_packages_is_shared(layout: Layout, wheelhouse: Wheelhouse) -> None:
+    for name in ("alpha", "beta"):
+        wheelhouse.add(name, "1.0")
+    first = built(layout, locked(layout, "alpha==1.0"))
+    load = "import alpha; print(alpha.__cached__)"
+    assert run([str(first.python), "-I", "-c", load], cwd=layout.project, environment={}, timeout=30).status == 0
+    second = built(layout, locked(layout, "alpha==1.0", "beta==1.0"))
+    done = run([str(second.python), "-I", "-c", load], cwd=layout.project, environment={}, timeout=30)
+    cached = Path(done.stdout.strip())
+    assert second.path in cached.parents
+    assert cached.stat().st_nlink == 2
+
+
+def test_prewarming_builds_beside_other_work_and_only_once(
+    layout: Layout, wheelhouse: Wheelhouse, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    wheelhouse.add("alpha", "1.0")
+    lock = locked(layout, "alpha==1.0")
+    with prewarmed(layout, ["alpha==1.0"]):
+        pass
+    assert intact(locate(layout, lock)) == []
+    monkeypatch.setattr("octoform.endpoint.prewarming.prepare", None)
+    with prewarmed(layout, ["alpha==1.0"]):
+        pass
+
+
+def test_a_guess_that_fails_is_no_problem(layout: Layout, wheelhouse: Wheelhouse) -> None:
+    with prewarmed(layout, ["alpha==1.0"]):
+        pass
+    assert list(layout.environments.glob("[0-9a-f]*")) == []
+
+
+def test_prewarming_leaves_bytecode_for_every_server(layout: Layout) -> None:
+    assert prepare(layout, GUESS)
+    (environment,) = layout.environments.glob("[0-9a-f]*")
+    assert list(environment.glob("lib/python*/site-packages/fastmcp/server/__pycache__/server.*.pyc"))
