@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
+from octoform.builtin.identify import naming
 from octoform.builtin.identify.iddb import IdDatabases
 from octoform.builtin.identify.verdict import Evidence
 
@@ -139,8 +140,8 @@ class Device:
 
     @property
     def product_text(self) -> str:
-        """The product string itself, blanks for udev's underscores; empty when there is none."""
-        return self.product.text.replace("_", " ").strip() if self.product else ""
+        """The product string, tidied; empty when there is none."""
+        return naming.tidy(self.product.text) if self.product else ""
 
     @cached_property
     def database(self) -> Registered:

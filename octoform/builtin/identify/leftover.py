@@ -4,10 +4,13 @@ A USB device was plugged in by someone and does something; when nothing tells wh
 that no module claims is part of the machine.
 """
 
+import re
+
 from octoform.builtin.identify import naming
 from octoform.builtin.identify.evidence import Device
 from octoform.builtin.identify.verdict import UNKNOWN, Claim, Evidence, Leave
 
+_ROOT_HUB = re.compile(r"/usb\d+$")
 _PCI_BUSES = ("06", "0c", "08", "05", "0604")
 _BUSES = frozenset(("pci_bus", "mdio_bus", "thunderbolt", "typec", "mei", "wmi", "nvmem", "rapidio", "memory"))
 _MISSING = "Say what this device is and does, for example: '{id}: the <maker and model>'."
@@ -17,7 +20,7 @@ def leave_first(device: Device) -> Leave | None:
     """Units that are never annotated, whatever class devices they have."""
     if device.context:
         return Leave("network_neighbour", "seen on the network; not part of this host")
-    if device.bus == "usb" and device.path.rsplit("/", 1)[-1].startswith("usb"):
+    if device.bus == "usb" and _ROOT_HUB.search(device.path):
         return Leave("bus_infrastructure", "root hub of a USB host controller")
     return None
 

@@ -30,7 +30,7 @@ _GENERIC = """
     international communications r tm c vendor misc monitor processor coprocessor chip soc microcontroller nic pnp udisk
     oscilloscope scope logic analyzer analyser ups gnss gps light lamp led leds dock docking token key security meter
     colorimeter thermometer relay kvm radio sdr tuner infrared fido u2f smartcard smart biometrics
-    hidden 4g 5g 4ghz 5ghz 2k 4k 3d 720p 1080p 1080 1000 2500 u
+    4g 5g 4ghz 5ghz 2k 4k 3d 720p 1080p 1080 1000 2500 u
 """
 GENERIC = frozenset(_GENERIC.split())
 # What the wire is, not what hangs on it: a name with such words belongs to the chip.
@@ -43,6 +43,8 @@ _TRANSPORT = re.compile(
 _REFERENCE = re.compile(r"demo|generic|sample|template|\bexamples?\b|reference design|\btest\b", re.IGNORECASE)
 _CHIP_WORDS = frozenset(("processor", "coprocessor", "chip", "soc", "microcontroller"))
 _IDS = re.compile(r"\b[0-9A-Fa-f]{4}:[0-9A-Fa-f]{4}\b")
+# PROBE's marks in a text: escapes of unprintable characters, a serial number taken out, an end cut off.
+_MARKS = re.compile(r"\\(?:x[0-9a-f]{2}|u[0-9a-f]{4}|U[0-9a-f]{8})|<serial>|\[cut\]")
 _NO_VENDOR = frozenset(
     ("generic", "no manufacturer", "manufacturer", "n/a", "na", "none", "unknown", "default string", "vendor", "usb")
 )
@@ -50,8 +52,9 @@ _LOT_NUMBER = re.compile(r"^(?=.*\d.*\d)[A-Z0-9_-]{14,}$")
 
 
 def tidy(text: str) -> str:
-    """A string fit to be shown as a name: printable, one line, single blanks, at most LONGEST_NAME characters."""
-    printable = "".join(sign if sign.isprintable() else " " for sign in text.replace("_", " "))
+    """A string fit to be shown as a name: one line of at most LONGEST_NAME characters, without PROBE's marks."""
+    plain = _MARKS.sub(" ", text).replace("_", " ")
+    printable = "".join(sign if sign.isprintable() else " " for sign in plain)
     return " ".join(printable.split())[:LONGEST_NAME].strip()
 
 
