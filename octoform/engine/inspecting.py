@@ -16,6 +16,7 @@ from octoform.plan import encode, planfile
 from octoform.plan.model import Plan
 from octoform.state.artifacts import file_digest
 from octoform.state.files import read_regular
+from octoform.state.layout import STAGES, Layout
 from octoform.state.lock import acquire, force_unlock
 from octoform.state.model import NodeState, Snapshot, Status
 from octoform.state.store import StateStore
@@ -99,12 +100,20 @@ def accept(project: Path, environ: Mapping[str, str], name: str) -> list[Diagnos
         if state is None:
             return found
         situation = look(opened.compiled, opened.snapshot, environ)
+        if name in STAGES and name not in situation.artifacts:
+            return [_nothing_to_accept(opened.compiled.layout, name)]
         found = verify_artifact(opened.compiled, name, situation.artifacts)
         if has_errors(found):
             return found
         return found + opened.store.success(name, _adopted(opened, state, situation, name))
 
     return _change(project, environ, "accept", step)
+
+
+def _nothing_to_accept(layout: Layout, name: str) -> Diagnostic:
+    hint = f"restore it, or run `octoform apply -replace {name}`"
+    summary = f"the artifact of {name} is not there or cannot be read; nothing can be accepted"
+    return error("ARTIFACT-MISSING", summary, path=str(layout.output(name)), hint=hint)
 
 
 def _adopted(opened: Found, state: NodeState, situation: Situation, name: str) -> NodeState:
