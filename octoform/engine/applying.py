@@ -1,6 +1,7 @@
 """Apply: plan under the lock, show, ask, do, record. (Heavy.)"""
 
 from collections.abc import Callable
+from contextlib import nullcontext
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -8,6 +9,7 @@ from octoform.apply.context import Clock, Context
 from octoform.apply.destroying import destroy
 from octoform.apply.runner import Tally, execute
 from octoform.diagnostics import Diagnostic, error, has_errors
+from octoform.endpoint.prewarming import prewarmed
 from octoform.engine import memo, reporting
 from octoform.engine.committing import commit_run
 from octoform.engine.compiling import Compiled, compile_project
@@ -116,7 +118,11 @@ class _Run:
             for text in (*notices, *_swept(layout.attempts)):
                 emit(Notice("", text))
             context = self._context(emit)
-            return destroy(context, plan) if self.request.destroy else execute(context, plan, allowed)
+            if self.request.destroy:
+                return destroy(context, plan)
+            serves = any(item.node == "serve" and allowed("serve") for item in plan.work)
+            with prewarmed(layout) if serves else nullcontext():
+                return execute(context, plan, allowed)
 
     def _context(self, emit: Callable[[Event], None]) -> Context:
         compiled, situation = self.outlook.compiled, self.outlook.situation
