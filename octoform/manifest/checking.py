@@ -7,7 +7,7 @@ from typing import Any
 from pydantic import BaseModel, ValidationError
 
 from octoform.diagnostics import Span, did_you_mean
-from octoform.manifest import later, tree
+from octoform.manifest import later, tree, wording
 from octoform.manifest.document import (
     BUILTIN,
     COMMAND,
@@ -24,40 +24,6 @@ from octoform.manifest.document import (
 )
 from octoform.manifest.report import Report
 from octoform.manifest.tree import Items, Loc, Scalar, Table
-
-_TYPES = {
-    "string_type": "a text",
-    "int_type": "a whole number",
-    "int_from_float": "a whole number",
-    "bool_type": "true or false",
-    "list_type": "a list",
-    "model_type": "a mapping",
-    "model_attributes_type": "a mapping",
-    "dict_type": "a mapping",
-    "union_tag_not_found": "a name or a mapping",
-}
-_FORMS = {
-    "a text": "one word or quoted text",
-    "a name": "one word",
-    "a whole number": "a number without quotes and point, such as 3",
-    "true or false": "`true` or `false`, without quotes",
-    "a list": "a list: [first, second]",
-    "a mapping": "a mapping: {key: value}",
-    "a name or a mapping": "`harness: builtin`, or `harness: {name: command, command: [...]}`",
-}
-_COMMAND_HINT = "write `command: [my-agent, '{task}']`"
-_MODEL_HINT = "write it as the agent expects it, such as vendor/model-name"
-_RANGES = {
-    "attempts": "allowed: 1 to 20",
-    "tools": "allowed: 1 to 200",
-    "command": _COMMAND_HINT,
-    "profiles": "allowed: up to 100 profiles",
-    "model": _MODEL_HINT,
-}
-_HARNESSES = ("builtin", "command")
-_LONGEST_WORD = 80
-# Words for true and false that YAML 1.2 takes as text, as it takes a quoted true.
-_SWITCHES = {"yes": "true", "on": "true", "true": "true", "no": "false", "off": "false", "false": "false"}
 
 
 def check(root: Table, report: Report) -> Document | None:
@@ -116,7 +82,7 @@ class _Problem:
         }
         if self._kind in telling:
             telling[self._kind]()
-        elif self._kind in _TYPES:
+        elif self._kind in wording.TYPES:
             self._wrong_type()
         else:
             self._wrong_value(self._limits())
@@ -125,10 +91,10 @@ class _Problem:
         name, parent = str(self._loc[-1]), tree.at(self._root, self._loc[:-1])
         if isinstance(parent, Table) and self._is_misspelt(name, parent):
             return
-        inside = f" in `{_dotted(self._loc[:-1])}`" if len(self._loc) > 1 else ""
+        inside = f" in `{wording.dotted(self._loc[:-1])}`" if len(self._loc) > 1 else ""
         hint = {
             "version": "write `version: 1` as the first line",
-            "command": _COMMAND_HINT,
+            "command": wording.COMMAND_HINT,
             "name": "write `name: command`",
         }
         self._report.error(
@@ -141,14 +107,14 @@ class _Problem:
     def _is_misspelt(self, name: str, parent: Table) -> bool:
         """True when a key stands there that is reported as a slip of this one."""
         known = _keys_at(self._root, self._loc[:-1])
-        keys = [key.text[:_LONGEST_WORD] for key, _ in parent.entries if key.text not in known]
+        keys = [key.text[: wording.LONGEST_WORD] for key, _ in parent.entries if key.text not in known]
         return any(did_you_mean(key, known) == name for key in keys)
 
     def _unknown_key(self) -> None:
         key = tree.key_at(self._root, self._loc)
         name, span = str(self._loc[-1]), key.span if key else self._span()
         if later.is_key(self._loc):
-            self._later(f"`{_dotted(self._loc)}`", span)
+            self._later(f"`{wording.dotted(self._loc)}`", span)
             return
         siblings = _keys_at(self._root, self._loc[:-1])
         self._report.error(
@@ -161,12 +127,14 @@ class _Problem:
     def _where_key_belongs(self, name: str, siblings: tuple[str, ...]) -> str:
         if siblings == ("name",):
             return "the embedded agent has no settings; write `harness: builtin`"
-        near = did_you_mean(name[:_LONGEST_WORD], siblings)
+        near = did_you_mean(name[: wording.LONGEST_WORD], siblings)
         if near:
             return f"did you mean `{near}`?"
         elsewhere = next((loc for loc, table in _TABLES.items() if name in table.model_fields), None)
         if elsewhere is not None:
-            return f"`{name}` belongs under `{_dotted(elsewhere)}`" if elsewhere else f"`{name}` belongs at the top"
+            return (
+                f"`{name}` belongs under `{wording.dotted(elsewhere)}`" if elsewhere else f"`{name}` belongs at the top"
+            )
         return f"known here: {', '.join(siblings)}"
 
     def _unknown_value(self) -> None:
@@ -176,7 +144,7 @@ class _Problem:
             return
         allowed = tuple(re.findall(r"'([^']*)'", str(self._context.get("expected", ""))))
         if later.is_value(self._loc, value.text):
-            self._later(f"`{_dotted(self._loc)}: {value.text}`", value.span)
+            self._later(f"`{wording.dotted(self._loc)}: {value.text}`", value.span)
         elif self._loc[-1] == "harness":
             self._harness_name(value)
         else:
@@ -191,13 +159,13 @@ class _Problem:
                 hint="write `harness: {name: command, command: [my-agent, '{task}']}`",
             )
         else:
-            self._not_one_of(value, _HARNESSES)
+            self._not_one_of(value, wording.HARNESSES)
 
     def _not_one_of(self, value: Scalar, allowed: tuple[str, ...]) -> None:
-        near = did_you_mean(value.text[:_LONGEST_WORD], allowed)
+        near = did_you_mean(value.text[: wording.LONGEST_WORD], allowed)
         self._report.error(
             "MANIFEST-WRONG-VALUE",
-            f"`{self._report.shown(value.text)}` is no value of `{_dotted(self._loc)}`",
+            f"`{self._report.shown(value.text)}` is no value of `{wording.dotted(self._loc)}`",
             value.span,
             hint=f"did you mean `{near}`?" if near else f"allowed: {', '.join(allowed)}",
         )
@@ -218,7 +186,7 @@ class _Problem:
             self._later(f"harness `{entry[1].text}`", entry[1].span)
         else:
             self._loc = (*self._loc, "name")
-            self._not_one_of(entry[1], _HARNESSES)
+            self._not_one_of(entry[1], wording.HARNESSES)
 
     def _own_words(self) -> None:
         index = self._context.get("index")
@@ -245,11 +213,11 @@ class _Problem:
     def _wrong_type(self, expected: str | None = None) -> None:
         node = tree.at(self._root, self._loc)
         hint = self._how_to_write(node) if isinstance(node, Scalar) else None
-        expected = expected or _TYPES[self._kind]
-        hint = hint or f"write {_FORMS[expected]}"
+        expected = expected or wording.TYPES[self._kind]
+        hint = hint or f"write {wording.FORMS[expected]}"
         self._report.error(
             "MANIFEST-WRONG-TYPE",
-            f"`{_dotted(self._loc)}` must be {expected}, and this is {_kind(node)}",
+            f"`{wording.dotted(self._loc)}` must be {expected}, and this is {wording.kind(node)}",
             self._span(),
             hint=hint,
         )
@@ -257,8 +225,8 @@ class _Problem:
     def _how_to_write(self, node: Scalar) -> str | None:
         """The value in the form that was expected, where it is plain what was meant."""
         shown = self._report.shown(node.text)
-        if self._kind == "bool_type" and node.text.lower() in _SWITCHES:
-            return f"write `{_SWITCHES[node.text.lower()]}`"
+        if self._kind == "bool_type" and node.text.lower() in wording.SWITCHES:
+            return f"write `{wording.SWITCHES[node.text.lower()]}`"
         if self._kind == "string_type":
             return f'quote it: "{shown}"'
         if self._kind == "list_type":
@@ -283,10 +251,12 @@ class _Problem:
         if self._kind == "string_pattern_mismatch":
             is_name = "env" in self._loc
             summary = "is no name of an environment variable" if is_name else "must be one word"
-            hint = "list names only, such as MY_API_KEY; values stay in the environment" if is_name else _MODEL_HINT
+            hint = (
+                "list names only, such as MY_API_KEY; values stay in the environment" if is_name else wording.MODEL_HINT
+            )
         elif self._kind != "manifest":
-            hint = _RANGES.get(str(self._loc[-1]))
-        lead = f"`{_dotted(self._loc)}` " if self._kind != "manifest" else f"`{_dotted(self._loc)}`: "
+            hint = wording.RANGES.get(str(self._loc[-1]))
+        lead = f"`{wording.dotted(self._loc)}` " if self._kind != "manifest" else f"`{wording.dotted(self._loc)}`: "
         self._report.error("MANIFEST-WRONG-VALUE", lead + summary, self._span(), hint=hint)
 
     def _span(self) -> Span:
@@ -313,23 +283,3 @@ def _keys_at(root: Table, loc: Loc) -> tuple[str, ...]:
     elif table is None:
         table = StageBudget if loc[-1] == "budget" else Stage
     return tuple(table.model_fields)
-
-
-def _dotted(loc: Loc) -> str:
-    out = ""
-    for part in loc:
-        out += f"[{part}]" if isinstance(part, int) else f".{part}" if out else part
-    return out
-
-
-def _kind(node: tree.Node | None) -> str:
-    if isinstance(node, Table):
-        return "a mapping"
-    if isinstance(node, Items):
-        return "a list"
-    value = node.value if isinstance(node, Scalar) else None
-    if isinstance(value, bool):
-        return "true or false"
-    if isinstance(value, float):
-        return "a number with a fraction or exponent"
-    return "a number" if isinstance(value, int) else "a text"

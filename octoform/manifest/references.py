@@ -43,6 +43,23 @@ def resolve(text: str, environ: Mapping[str, str]) -> str:
     return _REFERENCE.sub(value, text)
 
 
+def resolve_argument(text: str, environ: Mapping[str, str]) -> str:
+    """As `resolve`, for an argument in which placeholders in braces are filled in later.
+
+    Braces that come out of here are doubled, so that neither a variable's value nor a plain ``${`` is taken for a
+    placeholder.
+    """
+
+    def value(found: re.Match[str]) -> str:
+        if found.group().startswith("$$"):
+            return found.group()[1:].replace("{", "{{").replace("}", "}}")
+        if not _is_well_formed(found):
+            return found.group()
+        return environ[found.group(1)].replace("{", "{{").replace("}", "}}")
+
+    return _REFERENCE.sub(value, text)
+
+
 def _is_well_formed(found: re.Match[str]) -> bool:
     text = found.group()
     return not text.startswith("$$") and text.endswith("}") and NAME.fullmatch(found.group(1)) is not None

@@ -13,7 +13,7 @@ from octoform.manifest import model
 from octoform.manifest.durations import seconds
 from octoform.manifest.loading import load
 from octoform.manifest.model import Budget, HarnessSpec, Manifest
-from octoform.manifest.references import contains, malformed, names, resolve
+from octoform.manifest.references import contains, malformed, names, resolve, resolve_argument
 
 
 def loaded(folder: Path, text: str, **environ: str) -> Manifest:
@@ -162,6 +162,18 @@ def test_references() -> None:
     assert resolve("a${B}$${B}${", {"B": "${C}"}) == "a${C}${B}${"
     with pytest.raises(KeyError):
         resolve("${B}", {})
+
+
+def test_a_value_is_never_taken_for_a_placeholder(tmp_path: Path) -> None:
+    environ = {"A": "{task}{{", "B": "plain"}
+    task = {"task": "/t"}
+    for text, filled in [
+        ("${A}{task}", "{task}{{/t"),
+        ("$${task}", "${task}"),
+        ("$${HOME", "${HOME"),
+        ("{{task}}-${B}", "{task}-plain"),
+    ]:
+        assert command_harness.fill(resolve_argument(text, environ), task) == filled
 
 
 def test_placeholders_are_those_of_the_harness() -> None:
