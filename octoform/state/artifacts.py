@@ -123,7 +123,7 @@ def accept(
 
 def _check_name(name: str) -> None:
     path = PurePosixPath(name)
-    plain = path.as_posix() == name and not path.is_absolute() and "\0" not in name
+    plain = path.as_posix() == name != "." and not path.is_absolute() and "\0" not in name
     if not plain or any(part.startswith(".") or part == "__pycache__" for part in path.parts):
         raise ValueError(f"no name for an artifact: {name!r}")
 

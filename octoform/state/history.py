@@ -183,11 +183,16 @@ def _stage(own: _Git, names: list[str]) -> tuple[list[str], list[Diagnostic]]:
     status, _, complaints = own.run("add", "--all", "--", *known)
     if status == 0:
         return known, []
-    if own.run("check-ignore", "--quiet", "--", *known)[0] == 0:
+    if _ignored(own, known):
         hint = "take state/ out of .gitignore, or set `git: {commit: false}`"
         summary = "git ignores the files that should be committed"
         return [], [error("GIT-IGNORED", summary, path=shown(own.where.root), detail=_words(complaints), hint=hint)]
     return [], [_failed(own.where, complaints)]
+
+
+def _ignored(own: _Git, names: list[str]) -> bool:
+    plain = _Git(own.where, {**own.extra, "GIT_LITERAL_PATHSPECS": "0"})  # this command takes names only, and says so
+    return plain.run("check-ignore", "--", *names)[1] != ""
 
 
 def _changed(own: _Git) -> bool:

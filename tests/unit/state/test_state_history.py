@@ -1,0 +1,343 @@
+"""Git, with real repositories: what is dirty, and commits that touch nothing of the person's."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from octoform.state.history import commit, repository_facts
+from octoform.state.revision import head_revision
+
+TRAILERS = {"Octoform-Host": "bench", "Octoform-Serial": "3"}
+
+
+class Project:
+    """A project folder in a repository, and the git program to look at it with."""
+
+    def __init__(self, root: Path) -> None:
+        self.root = root
+        root.mkdir(parents=True, exist_ok=True)
+
+    def git(self, *arguments: str) -> str:
+        run = subprocess.run(["git", *arguments], cwd=self.root, capture_output=True, text=True, check=True)
+        return run.stdout.strip()
+
+    def write(self, name: str, text: str = "x") -> Path:
+        path = self.root / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(text)
+        return path
+
+    def commit_all(self) -> str:
+        self.git("add", "-A")
+        self.git("commit", "-q", "-m", "by hand")
+        return self.git("rev-parse", "HEAD")
+
+    def last_files(self) -> list[str]:
+        return self.git("show", "--name-only", "--format=", "HEAD").splitlines()
+
+
+@pytest.fixture(autouse=True)
+def nobody_s_settings(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """No setting of the machine or its user reaches git here."""
+    for name in [name for name in os.environ if name.startswith("GIT_") or name == "EMAIL"]:
+        monkeypatch.delenv(name)
+    monkeypatch.setenv("HOME", str(tmp_path / "home"))
+    monkeypatch.setenv("XDG_CONFIG_HOME", str(tmp_path / "home"))
+    monkeypatch.setenv("GIT_CONFIG_NOSYSTEM", "1")
+
+
+@pytest.fixture
+def repo(tmp_path: Path) -> Project:
+    project = Project(tmp_path / "repo")
+    project.git("init", "-q", "-b", "main")
+    project.git("config", "user.name", "Ada")
+    project.git("config", "user.email", "ada@example.org")
+    return project
+
+
+def committed(project: Project, *names: str) -> str:
+    revision, found = commit(project.root, [project.root / name for name in names or ("state",)], "octoform", TRAILERS)
+    assert found == [] and revision is not None
+    assert revision == project.git("rev-parse", "HEAD") == head_revision(project.root)
+    return revision
+
+
+def test_outside_a_repository_there_is_nothing_to_say(tmp_path: Path) -> None:
+    assert repository_facts(tmp_path, [tmp_path / "octopus.yaml"]) == (None, [])
+    assert commit(tmp_path, [tmp_path], "m", {}) == (None, [])
+    assert head_revision(tmp_path) is None
+
+
+def test_before_the_first_commit(repo: Project) -> None:
+    path = repo.write("octopus.yaml")
+    facts, found = repository_facts(repo.root, [path])
+    assert found == [] and facts is not None
+    assert (facts.revision, facts.dirty, facts.branch) == (None, ("octopus.yaml",), "main")
+    assert head_revision(repo.root) is None
+    repo.write("state/bench/state.json")
+    committed(repo)
+    assert repo.last_files() == ["state/bench/state.json"]
+    assert repo.git("status", "--porcelain") == "?? octopus.yaml"
+
+
+def test_every_way_to_be_dirty_and_none(repo: Project) -> None:
+    repo.write(".gitignore", "ignored.md\n")
+    names = ["clean.md", "edited.md", "staged.md", "gone.md", "renamed.md", "sp ace ü\n.md"]
+    for name in names:
+        repo.write(name)
+    revision = repo.commit_all()
+    repo.write("edited.md", "y")
+    repo.write("staged.md", "y")
+    repo.git("add", "staged.md")
+    (repo.root / "gone.md").unlink()
+    repo.git("mv", "renamed.md", "new.md")
+    for name in ("untracked.md", "ignored.md", "not-asked.md", "sp ace ü\n.md"):
+        repo.write(name, "z")
+    asked = [*names, "new.md", "untracked.md", "ignored.md", "never-there.md", "*.md"]
+    facts, _ = repository_facts(repo.root, [*(repo.root / name for name in asked), Path("/etc/hostname")])
+    assert facts is not None and facts.revision == revision
+    dirty = ["edited.md", "gone.md", "ignored.md", "new.md", "renamed.md", "sp ace ü\n.md", "staged.md", "untracked.md"]
+    assert list(facts.dirty) == dirty
+
+
+def test_a_project_below_the_root_names_paths_from_itself(repo: Project) -> None:
+    project = repo.root / "hosts/bench"
+    inside = repo.write("hosts/bench/octopus.yaml")
+    shared = repo.write("profiles/arm.md")
+    facts, _ = repository_facts(project, [inside, shared])
+    assert facts is not None and facts.dirty == ("../../profiles/arm.md", "octopus.yaml")
+    repo.write("hosts/bench/state/s")
+    revision, found = commit(project, [project / "state"], "m", {})
+    assert found == [] and revision == head_revision(project)
+    assert repo.last_files() == ["hosts/bench/state/s"]
+
+
+def test_facts_write_nothing(repo: Project) -> None:
+    path = repo.write("octopus.yaml")
+    repo.commit_all()
+    os.utime(path, (1, 1))  # git would like to refresh its cache now
+    before = (repo.root / ".git/index").read_bytes()
+    facts, _ = repository_facts(repo.root, [path])
+    assert facts is not None and facts.dirty == ()
+    assert (repo.root / ".git/index").read_bytes() == before
+
+
+def test_only_the_given_paths_are_committed_and_the_stage_is_left(repo: Project) -> None:
+    repo.write("state/a", "old")
+    repo.write("state/gone", "old")
+    repo.write("mine.txt", "old")
+    repo.commit_all()
+    repo.write("state/a", "new")
+    repo.write("state/b/c", "new")
+    (repo.root / "state/gone").unlink()
+    repo.write("mine.txt", "staged")
+    repo.git("add", "mine.txt")
+    repo.write("mine.txt", "edited after staging")
+    repo.write("added.txt", "staged")
+    repo.git("add", "added.txt")
+    committed(repo)
+    assert repo.last_files() == ["state/a", "state/b/c", "state/gone"]
+    assert repo.git("diff", "--cached", "--name-only").split() == ["added.txt", "mine.txt"]
+    assert repo.git("show", ":mine.txt") == "staged"
+    assert repo.git("status", "--porcelain", "--", "state") == ""
+
+
+def test_the_message_has_trailers_that_git_reads(repo: Project) -> None:
+    repo.write("state/a")
+    revision, _ = commit(repo.root, [repo.root / "state"], "Apply bench", {**TRAILERS, "Octoform-Model": "a\nb: c"})
+    assert revision is not None
+    text = repo.git("log", "-1", "--format=%s|%(trailers:only,unfold)")
+    assert text.split("|")[0] == "Apply bench"
+    assert text.split("|")[1].splitlines() == [
+        "Octoform-Host: bench",
+        "Octoform-Serial: 3",
+        "Octoform-Model: a b: c",
+    ]
+
+
+def test_nothing_changed_is_no_commit(repo: Project) -> None:
+    repo.write("state/a")
+    before = committed(repo)
+    assert commit(repo.root, [repo.root / "state", repo.root / "absent"], "m", {}) == (None, [])
+    assert head_revision(repo.root) == before
+
+
+def test_a_detached_head_moves_alone(repo: Project) -> None:
+    repo.write("a")
+    first = repo.commit_all()
+    repo.git("checkout", "-q", "--detach")
+    repo.write("state/a")
+    committed(repo)
+    assert repo.git("rev-parse", "main") == first
+    facts, _ = repository_facts(repo.root, [])
+    assert facts is not None and facts.branch is None
+
+
+def test_without_an_identity_octoform_s_own(tmp_path: Path) -> None:
+    repo = Project(tmp_path / "anonymous")
+    repo.git("init", "-q")
+    repo.write("state/a")
+    committed(repo)
+    assert repo.git("log", "-1", "--format=%an <%ae> %cn <%ce>") == (
+        "octoform <octoform@localhost> octoform <octoform@localhost>"
+    )
+
+
+def test_the_person_s_identity_comes_first(repo: Project, monkeypatch: pytest.MonkeyPatch) -> None:
+    repo.write("state/a")
+    committed(repo)
+    assert repo.git("log", "-1", "--format=%an <%ae> %cn") == "Ada <ada@example.org> Ada"
+    repo.git("config", "--unset", "user.email")
+    monkeypatch.setenv("GIT_AUTHOR_EMAIL", "env@example.org")
+    repo.write("state/a", "2")
+    committed(repo)
+    assert repo.git("log", "-1", "--format=%an <%ae> %ce") == "Ada <env@example.org> octoform@localhost"
+
+
+@pytest.mark.parametrize("hook", ["pre-commit", "commit-msg"])
+def test_a_hook_that_refuses_leaves_no_trace(repo: Project, hook: str) -> None:
+    repo.write("mine", "1")
+    first = repo.commit_all()
+    repo.write("mine", "2")
+    repo.git("add", "mine")
+    script = repo.write(f".git/hooks/{hook}", "#!/bin/sh\necho 'no state on a \x07Friday' >&2\nexit 1\n")
+    script.chmod(0o755)
+    repo.write("state/a")
+    before = (repo.root / ".git/index").read_bytes()
+    revision, [problem] = commit(repo.root, [repo.root / "state"], "m", {})
+    assert revision is None and problem.code == "GIT-COMMIT-FAILED"
+    assert "no state on a" in (problem.detail or "") and "\x07" not in (problem.detail or "")
+    assert head_revision(repo.root) == first
+    assert (repo.root / ".git/index").read_bytes() == before
+    assert [path.name for path in (repo.root / ".git").glob("index*")] == ["index"]
+
+
+def test_a_merge_under_way_is_not_concluded(repo: Project) -> None:
+    repo.write("a", "1")
+    repo.commit_all()
+    repo.git("checkout", "-q", "-b", "other")
+    repo.write("b")
+    repo.commit_all()
+    repo.git("checkout", "-q", "main")
+    repo.write("c")
+    repo.commit_all()
+    repo.git("merge", "-q", "--no-commit", "other")
+    repo.write("state/a")
+    before = head_revision(repo.root)
+    revision, [problem] = commit(repo.root, [repo.root / "state"], "m", {})
+    assert revision is None and problem.code == "GIT-BUSY" and "merge" in problem.summary
+    assert head_revision(repo.root) == before
+    assert (repo.root / ".git/MERGE_HEAD").exists()
+
+
+def test_ignored_state_is_said(repo: Project) -> None:
+    repo.write(".gitignore", "state/\n")
+    repo.write("state/a")
+    revision, [problem] = commit(repo.root, [repo.root / "state"], "m", {})
+    assert revision is None and problem.code == "GIT-IGNORED"
+
+
+def test_names_are_names_and_no_patterns(repo: Project) -> None:
+    repo.write("st*te/a")
+    repo.write("state/b")
+    committed(repo, "st*te")
+    assert repo.last_files() == ["st*te/a"]
+
+
+def test_worktree_and_submodule(repo: Project, tmp_path: Path) -> None:
+    repo.write("a")
+    repo.commit_all()
+    repo.git("worktree", "add", "-q", "-b", "side", str(tmp_path / "tree"))
+    inner = Project(tmp_path / "inner")
+    inner.git("init", "-q", "-b", "main")
+    inner.write("b")
+    inner.git("-c", "user.name=x", "-c", "user.email=x@y", "add", "-A")
+    inner.git("-c", "user.name=x", "-c", "user.email=x@y", "commit", "-q", "-m", "b")
+    repo.git("-c", "protocol.file.allow=always", "submodule", "add", "-q", str(inner.root), "sub")
+    main = head_revision(repo.root)
+    for place in (tmp_path / "tree", repo.root / "sub"):
+        project = Project(place)
+        project.write("state/x")
+        committed(project)
+        assert project.last_files() == ["state/x"]
+        assert project.git("status", "--porcelain") == ""
+    assert head_revision(repo.root) == main
+
+
+def test_a_bare_repository_is_none(tmp_path: Path) -> None:
+    project = Project(tmp_path / "bare.git")
+    project.git("init", "-q", "--bare")
+    assert repository_facts(project.root, []) == (None, [])
+    assert commit(project.root, [project.root], "m", {}) == (None, [])
+
+
+def test_called_from_a_hook_of_another_repository(
+    repo: Project, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    other = Project(tmp_path / "other")
+    other.git("init", "-q")
+    monkeypatch.setenv("GIT_DIR", str(other.root / ".git"))
+    monkeypatch.setenv("GIT_INDEX_FILE", str(other.root / ".git/index"))
+    path = repo.write("state/a")
+    revision, found = commit(repo.root, [path], "m", {})
+    assert found == [] and revision == head_revision(repo.root)
+    assert head_revision(other.root) is None
+    facts, _ = repository_facts(repo.root, [path])
+    assert facts is not None and (facts.revision, facts.dirty) == (revision, ())
+
+
+def test_a_broken_repository_is_a_warning(repo: Project) -> None:
+    path = repo.write("octopus.yaml")
+    repo.write(".git/config", "[core\n")
+    facts, [problem] = repository_facts(repo.root, [path])
+    assert facts is None and problem.code == "GIT-UNUSABLE" and problem.severity.value == "warning"
+
+
+def test_an_index_that_is_locked_delays_only_the_index(repo: Project) -> None:
+    repo.write("a")
+    repo.commit_all()
+    repo.write("state/a")
+    lock = repo.write(".git/index.lock")
+    revision, [problem] = commit(repo.root, [repo.root / "state"], "m", {})
+    assert revision == head_revision(repo.root) and problem.code == "GIT-INDEX-BEHIND"
+    lock.unlink()
+    repo.git("reset", "-q", "--", "state")
+    assert repo.git("status", "--porcelain") == ""
+
+
+def test_without_a_git_program(repo: Project) -> None:
+    """In a process of its own, since the library looks for the program once."""
+    program = (
+        "import sys; from pathlib import Path; from octoform.state.history import repository_facts;"
+        "print([item.code for item in repository_facts(Path(sys.argv[1]), [])[1]])"
+    )
+    environment = {"PATH": str(repo.root), "PYTHONPATH": str(Path(__file__).parents[3])}
+    command = [sys.executable, "-c", program, str(repo.root)]
+    run = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
+    assert (run.stdout.strip(), run.returncode) == ("['GIT-UNUSABLE']", 0), run.stderr
+
+
+def test_the_revision_is_read_wherever_git_keeps_it(repo: Project) -> None:
+    repo.write("a")
+    revision = repo.commit_all()
+    repo.git("pack-refs", "--all")
+    assert not (repo.root / ".git/refs/heads/main").exists()
+    assert head_revision(repo.root) == revision
+    repo.write("b")
+    assert repo.commit_all() == head_revision(repo.root) != revision
+    repo.git("checkout", "-q", "-b", "a/branch/with/slashes")
+    assert head_revision(repo.root / "no" / "such" / "folder") == head_revision(repo.root)
+    repo.git("symbolic-ref", "refs/heads/alias", "refs/heads/main")
+    repo.git("symbolic-ref", "HEAD", "refs/heads/alias")
+    assert head_revision(repo.root) == repo.git("rev-parse", "HEAD")
+
+
+@pytest.mark.parametrize("head", ["", "nonsense", "ref: refs/heads/.invalid", "ref: ../../../etc/passwd", "ref: HEAD"])
+def test_a_head_that_names_no_revision(repo: Project, head: str) -> None:
+    repo.write("a")
+    repo.commit_all()
+    repo.write(".git/HEAD", head + "\n")
+    assert head_revision(repo.root) is None
