@@ -45,6 +45,7 @@ _CHIP_WORDS = frozenset(("processor", "coprocessor", "chip", "soc", "microcontro
 _IDS = re.compile(r"\b[0-9A-Fa-f]{4}:[0-9A-Fa-f]{4}\b")
 # PROBE's marks in a text: escapes of unprintable characters, a serial number taken out, an end cut off.
 _MARKS = re.compile(r"\\(?:x[0-9a-f]{2}|u[0-9a-f]{4}|U[0-9a-f]{8})|<serial>|\[cut\]")
+_TWICE = re.compile(r"\b(\w{3,})(?: \1\b)+", re.IGNORECASE)
 _NO_VENDOR = frozenset(
     ("generic", "no manufacturer", "manufacturer", "n/a", "na", "none", "unknown", "default string", "vendor", "usb")
 )
@@ -55,7 +56,7 @@ def tidy(text: str) -> str:
     """A string fit to be shown as a name: one line of at most LONGEST_NAME characters, without PROBE's marks."""
     plain = _MARKS.sub(" ", text).replace("_", " ")
     printable = "".join(sign if sign.isprintable() else " " for sign in plain)
-    return " ".join(printable.split())[:LONGEST_NAME].strip()
+    return _TWICE.sub(r"\1", " ".join(printable.split()))[:LONGEST_NAME].strip()
 
 
 def words(text: str) -> list[str]:

@@ -44,12 +44,14 @@ RULES: tuple[Callable[[Device], Claim | None], ...] = (
     network.claim_bluetooth,
     network.claim,
     storage.claim,
+    inputs.claim_game,
     audio.claim,
     light.claim_backlight,
     display.claim,
     service.claim,
     hid.claim,
     words.claim,
+    office.claim_phone,
     sensors.claim_iio,
     inputs.claim,
     power.claim,
@@ -114,7 +116,7 @@ def annotate(device: Device, claims: list[Claim]) -> dict[str, Any]:
     if first.category == UNKNOWN:
         annotation["missing"] = first.missing
     else:
-        annotation["capabilities"] = [capability.as_json() for capability in _merged(device, claims)]
+        annotation["capabilities"] = [capability.as_json() for capability in _merged(claims)]
     return annotation
 
 
@@ -125,13 +127,11 @@ def _evidence(cited: Iterable[Evidence]) -> list[dict[str, str]]:
     return [evidence.as_json() for evidence in list(seen.values())[:MAX_EVIDENCE]]
 
 
-def _merged(device: Device, claims: list[Claim]) -> list[Capability]:
+def _merged(claims: list[Claim]) -> list[Capability]:
     """Capabilities of all claims; the same one from two kernel classes becomes one with both lists of channels."""
     found: dict[str, Capability] = {}
     for claim in claims:
         for capability in claim.capabilities:
-            if capability.via == inputs.VIA and {"sound", "video4linux"} & device.classes:
-                continue  # jack switches and camera buttons: no input device that anyone would ask for
             if claims[0].category == INFRASTRUCTURE and capability.effect != READ:
                 continue  # the lights of a network adapter are its driver's
             known = found.get(capability.name)

@@ -50,11 +50,16 @@ MOTION = device(
     nodes=[("iio", "iio:device0")],
 )
 CONVERTER = device(
-    "iio-dac2", "iio", "class: iio", "iio[0].name: dac2688", "iio[0].out_voltage0: raw,scale", nodes=[("iio", "x")]
+    "iio-dac2",
+    "iio",
+    "class: iio",
+    "iio[0].name: dac2688",
+    "iio[0].out_voltage0: raw,scale",
+    nodes=[("iio", "iio:device0")],
 )
 TRANSCEIVER = device(
     "iio-rx", "iio", "iio[0].name: rx-phy", "iio[0].out_altvoltage0_LO: raw", "iio[0].in_voltage0: raw",
-    nodes=[("iio", "x")],
+    nodes=[("iio", "iio:device0")],
 )  # fmt: skip
 BATTERY = device(
     "acpi-bat",

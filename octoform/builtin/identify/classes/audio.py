@@ -23,7 +23,7 @@ _PCI_AUDIO = ("0401", "0403")
 def claim(device: Device) -> Claim | None:
     """A sound card, or nothing of the kind."""
     interface = device.usb(USB_AUDIO)
-    has_card = any(kind == "sound" for kind, _ in device.nodes) or "sound" in device.classes
+    has_card = any(kind == "sound" and name.startswith("card") for kind, name in device.nodes)
     if not interface and not has_card and device.pci_class not in _PCI_AUDIO:
         return None
     directions = _directions(device)

@@ -38,12 +38,20 @@ _UDEV = {
     "ID_INPUT_SWITCH": "switch",
 }
 _NOUNS = {"switch": ("input", "switch"), "buttons": ("input", "buttons"), "joystick": ("gamepad", "game controller")}
-VIA = "Linux evdev (/dev/input/eventN)"
+_VIA = "Linux evdev (/dev/input/eventN)"
+
+
+def claim_game(device: Device) -> Claim | None:
+    """A game controller, which is one whatever else is built in; nothing otherwise."""
+    found = claim(device) if device.of("input") else None
+    return found if found and found.kind == "gamepad" else None
 
 
 def claim(device: Device) -> Claim | None:
     """A device that sends input events, or a HID device of another kind; nothing otherwise."""
     groups = [group for group in device.groups("input") if "name" in group]
+    if groups and {"sound", "video4linux"} & device.classes and _only_buttons(groups):
+        return None  # jack switches, headset keys and camera buttons: no input device that anyone would ask for
     if groups:
         return _from_events(device, groups)
     told = hid.claim_input(device)
@@ -104,7 +112,11 @@ def _leading(device: Device) -> str:
 def _kinds(group: dict[str, Fact]) -> list[str]:
     told = group["kinds"].text.split(",") if "kinds" in group else []
     udev = [kind for key, kind in _UDEV.items() if f"udev.{key}" in group]
-    return [kind for kind in dict.fromkeys([*udev, *told]) if kind in _ORDER]
+    return [kind for kind in dict.fromkeys(udev or told) if kind in _ORDER]
+
+
+def _only_buttons(groups: list[dict[str, Fact]]) -> bool:
+    return all(kind in ("switch", "buttons") for group in groups for kind in _kinds(group))
 
 
 def _own_name(device: Device) -> tuple[tuple[str, str], ...]:
@@ -114,8 +126,8 @@ def _own_name(device: Device) -> tuple[tuple[str, str], ...]:
 
 def _capabilities(parameters: Mapping[str, object]) -> tuple[Capability, ...]:
     return (
-        Capability("read_input_events", "Wait for input events for a bounded time and return them.", VIA,
+        Capability("read_input_events", "Wait for input events for a bounded time and return them.", _VIA,
                    parameters=parameters),
-        Capability("describe_input", "Describe the keys, axes and switches that the device has.", VIA,
+        Capability("describe_input", "Describe the keys, axes and switches that the device has.", _VIA,
                    parameters=parameters),
     )  # fmt: skip

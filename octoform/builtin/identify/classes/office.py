@@ -11,7 +11,7 @@ _CAMERA_WORDS = frozenset(("camera", "cam"))
 
 
 def claim(device: Device) -> Claim | None:
-    """A printer, a still camera or a phone, or nothing of the kind."""
+    """A printer, a still camera or a media player, or nothing of the kind."""
     if interface := device.usb(_USB_PRINTER):
         return Claim("printer", ACTUATOR, "USB printer", (Evidence(interface.line, "USB printer class"),))
     if interface := device.usb(_USB_STILL_IMAGE):
@@ -20,6 +20,11 @@ def claim(device: Device) -> Claim | None:
         if device.udev_text("ID_GPHOTO2") or not _CAMERA_WORDS.isdisjoint(spoken):
             return Claim("still_camera", SENSOR, "still camera", (evidence,))
         return Claim("phone", INFRASTRUCTURE, "phone or media device", (evidence,))
+    return None
+
+
+def claim_phone(device: Device) -> Claim | None:
+    """A device whose debug or boot interface is Android's; modems and other embedded systems have one besides."""
     if interface := device.usb(*_USB_PHONE):
         return Claim(
             "phone", INFRASTRUCTURE, "Android phone", (Evidence(interface.line, "Android debug or boot interface"),)

@@ -65,7 +65,8 @@ def claim_hwmon(device: Device) -> Claim | None:
 
 def claim_iio(device: Device) -> Claim | None:
     """A sensor of the industrial I/O subsystem."""
-    if "iio" not in device.classes and not device.of("iio"):
+    # Triggers share the bus with the sensors that they fire; only devices have channels.
+    if not any(kind == "iio" and name.startswith("iio:device") for kind, name in device.nodes):
         return None
     kinds: dict[str, list[dict[str, Any]]] = {}
     everything = []

@@ -1,5 +1,6 @@
 """Disks, cards, optical drives and their controllers: an inventory to read, never a block to write."""
 
+from octoform.builtin.identify import naming
 from octoform.builtin.identify.evidence import Device
 from octoform.builtin.identify.verdict import INFRASTRUCTURE, Capability, Claim, Evidence
 
@@ -40,15 +41,17 @@ def _own_names(device: Device) -> tuple[tuple[str, str], ...]:
     model = device.fact("model", "name")
     if not model:
         return ()
-    maker = device.text("vendor")
-    # SCSI fills the vendor of a SATA drive with the name of the bus.
-    shown = f"{maker} {model.text}" if maker and maker != "ATA" else model.text
-    return ((shown, model.line),)
+    return ((_joined(device.text("vendor"), model.text), model.line),)
 
 
 def _udev_names(device: Device) -> tuple[tuple[str, str], ...]:
     model = device.udev("ID_MODEL") if "block" in device.classes else None
-    return ((f"{device.udev_text('ID_VENDOR')} {model.text}", model.line),) if model else ()
+    return ((_joined(device.udev_text("ID_VENDOR"), model.text), model.line),) if model else ()
+
+
+def _joined(maker: str, model: str) -> str:
+    # SCSI fills the vendor of a SATA drive with the name of the bus.
+    return naming.join("" if maker == "ATA" else maker, model)
 
 
 def _is_optical(device: Device) -> bool:
