@@ -9,7 +9,18 @@ from .calllog import logged
 from .devices import Device, device
 from .faults import AmbiguousDevice, BusBusy, DeviceAbsent, DeviceFault, sentence
 from .locks import Bus, bus
-from .sysfs import files, read_bytes, read_first, read_number, read_text, sysroot
+from .sysfs import (
+    files,
+    free_bytes,
+    mounts,
+    read_bits,
+    read_bytes,
+    read_first,
+    read_integer,
+    read_number,
+    read_text,
+    sysroot,
+)
 
 __all__ = [
     "AmbiguousDevice",
@@ -21,9 +32,13 @@ __all__ = [
     "bus",
     "device",
     "files",
+    "free_bytes",
     "logged",
+    "mounts",
+    "read_bits",
     "read_bytes",
     "read_first",
+    "read_integer",
     "read_number",
     "read_text",
     "sentence",

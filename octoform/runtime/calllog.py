@@ -14,7 +14,7 @@ import time
 from collections.abc import Awaitable, Callable, Mapping
 from typing import Any, ParamSpec, TypeVar, cast
 
-from .faults import DeviceFault
+from .faults import DeviceFault, sentence
 
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -27,8 +27,9 @@ _complained: list[str] = []
 def logged(tool: Callable[P, R]) -> Callable[P, R]:
     """Log every call of a sync or async tool; its name, signature and documentation stay.
 
-    A failed call's line names the class of the exception; where that only dresses a device's fault or an error of
-    the operating system for the client (``raise ... from problem``), the class of that cause.
+    A failed call's line names the class of the exception. A fault of a device and an error of the operating system
+    then go on as FastMCP's ToolError with one sentence for the client, which a server that masks the details of
+    unforeseen errors lets through; without FastMCP, and for every other exception, as they are.
     """
     signature = inspect.signature(tool)
 
@@ -39,7 +40,9 @@ def logged(tool: Callable[P, R]) -> Callable[P, R]:
             value = tool(*args, **kwargs)
         except BaseException as problem:
             _end(entry, problem)
-            raise
+            if (told := for_client(problem)) is None:
+                raise
+            raise told from problem
         _end(entry, None)
         return value
 
@@ -50,13 +53,24 @@ def logged(tool: Callable[P, R]) -> Callable[P, R]:
             value = await cast("Awaitable[Any]", tool(*args, **kwargs))
         except BaseException as problem:
             _end(entry, problem)
-            raise
+            if (told := for_client(problem)) is None:
+                raise
+            raise told from problem
         _end(entry, None)
         return value
 
     wrapper: Any = call_async if inspect.iscoroutinefunction(tool) else call
     wrapper.__signature__ = signature
     return cast("Callable[P, R]", wrapper)
+
+
+def for_client(problem: BaseException) -> Exception | None:
+    """The error that a client may read for a fault of the room; None for every other exception."""
+    if not isinstance(problem, DeviceFault | OSError):
+        return None
+    kind = getattr(sys.modules.get("fastmcp.exceptions"), "ToolError", None)
+    text = sentence(problem) if isinstance(problem, OSError) else str(problem)
+    return kind(text) if isinstance(kind, type) and issubclass(kind, Exception) else None
 
 
 def _begin(
@@ -75,8 +89,7 @@ def _end(entry: tuple[str, str, float], problem: BaseException | None) -> None:
     identity, name, begun = entry
     line: dict[str, Any] = {"event": "result", "id": identity, "time": _now(), "tool": name, "ok": problem is None}
     if problem is not None:
-        cause = problem.__cause__
-        line["error"] = type(cause if isinstance(cause, DeviceFault | OSError) else problem).__name__
+        line["error"] = type(problem).__name__
         line["message"] = _cut(str(problem))
     line["ms"] = round((time.perf_counter() - begun) * 1000, 1)
     _write(line)

@@ -7,13 +7,15 @@ id alone decides, by kind and ordinal.
 
 import json
 import os
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from . import kinds
 from .faults import AmbiguousDevice, DeviceAbsent
+from .locks import DEFAULT_TIMEOUT, Bus
 from .sysfs import members, natural, subsystem, sysroot, uevent
 
 STRONG, POSITIONAL, WEAK = "strong", "positional", "weak"
@@ -51,6 +53,12 @@ class Device:
         if not found:
             raise DeviceAbsent(self.id, f"{self.id} is there but has no {kind} node now; its driver may be missing")
         return found[0]
+
+    @contextmanager
+    def bus(self, timeout: float = DEFAULT_TIMEOUT) -> Iterator["Device"]:
+        """The device with its lock held: ``with runtime.device(id).bus() as unit:``. BusBusy after ``timeout`` s."""
+        with Bus(str(self.folder), timeout):
+            yield self
 
     def _owns(self, path: Path) -> bool:
         if path != self.folder and self.folder not in path.parents:

@@ -14,8 +14,8 @@ import threading
 import time
 from pathlib import Path
 from types import TracebackType
+from typing import Protocol
 
-from .devices import Device
 from .faults import BusBusy
 from .sysfs import read_text
 
@@ -87,7 +87,16 @@ class Bus:
             raise BusBusy(self.name, f"{self.name} was in use for {self.timeout:g} s (by process {holder})")
 
 
-def bus(shared: str | Device, timeout: float = DEFAULT_TIMEOUT) -> Bus:
+class Located(Protocol):
+    """A device with a place in sysfs."""
+
+    @property
+    def folder(self) -> Path:
+        """Its folder now."""
+        ...
+
+
+def bus(shared: str | Located, timeout: float = DEFAULT_TIMEOUT) -> Bus:
     """The lock of a bus by its name, or of one device wherever it is attached."""
     return Bus(shared if isinstance(shared, str) else str(shared.folder), timeout)
 

@@ -7,9 +7,11 @@ means. The layout is that of the kernel's Documentation/admin-guide/sysfs-rules.
 
 import os
 import re
+import struct
 from pathlib import Path
 
 ATTRIBUTE_BYTES = 4096
+_OCTAL = re.compile(r"\\([0-7]{3})")
 _DIGITS = re.compile(r"(\d+)")
 
 
@@ -47,6 +49,14 @@ def read_number(path: Path, scale: float = 1.0) -> float | None:
     text = read_text(path, 64)
     try:
         return None if text is None else round(float(text) * scale, 9)
+    except ValueError:
+        return None
+
+
+def read_integer(path: Path) -> int | None:
+    """A whole number from an attribute, decimal or with 0x; None when it cannot be read or is none."""
+    try:
+        return int(read_text(path, 64) or "", 0)
     except ValueError:
         return None
 
@@ -92,3 +102,32 @@ def members(name: str) -> list[Path]:
         except OSError:
             continue
     return sorted((path for path in found if path.is_dir()), key=lambda path: natural(str(path)))
+
+
+def read_bits(path: Path) -> list[int]:
+    """The set bits of a map such as input devices have: words of the kernel's ``long``, highest first."""
+    width, number = 8 * struct.calcsize("l"), 0
+    for word in (read_text(path) or "").split():
+        number = number << width | int(word, 16)
+    return [bit for bit in range(number.bit_length()) if number >> bit & 1]
+
+
+def mounts() -> dict[str, tuple[str, str]]:
+    """Device number (``8:1``) to the place where it is mounted first, and its file system (proc(5), mountinfo)."""
+    found: dict[str, tuple[str, str]] = {}
+    for line in (read_text(sysroot() / "proc/self/mountinfo", 1 << 20) or "").splitlines():
+        before, _, after = line.partition(" - ")
+        fields, kind = before.split(), after.split()
+        if len(fields) > 4 and kind:
+            place = _OCTAL.sub(lambda code: chr(int(code[1], 8)), fields[4])
+            found.setdefault(fields[2], (place, kind[0]))
+    return found
+
+
+def free_bytes(mounted_at: str | None) -> int | None:
+    """Bytes that this user may still write below a mount point; None without one, or where it cannot be asked."""
+    try:
+        status = os.statvfs(sysroot() / mounted_at.lstrip("/")) if mounted_at else None
+    except OSError:
+        return None
+    return status.f_bavail * status.f_frsize if status else None

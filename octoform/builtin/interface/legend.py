@@ -8,15 +8,16 @@ import re
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-MOST_CHARS = 96
+MOST_CHARS = 60
 NAME_CHARS = 48
 _UNSAFE = re.compile(r"[^A-Za-z0-9 .,()/+#_-]+")
 
 
 def legend(devices: Sequence[Mapping[str, Any]]) -> str:
     """``device id ("Product A", "Product B")``, in the order of the ids; without names where they would be too long."""
-    named = "device id (" + ", ".join(f'"{_safe(device["identified_as"])}"' for device in devices) + ")"
-    return named if len(named) <= MOST_CHARS else "device id"
+    names = ", ".join(f'"{_safe(device["identified_as"])}"' for device in devices)
+    long = len(names) + sum(len(device["id"]) for device in devices) > MOST_CHARS
+    return "device id" if long else f"device id ({names})"
 
 
 def _safe(name: str) -> str:

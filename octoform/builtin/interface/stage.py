@@ -1,4 +1,8 @@
-"""The stage: capabilities to tools, within the budget, and every other device with the reason why it has none."""
+"""The stage: capabilities to tools, within the budget, and every other device with the reason why it has none.
+
+The budget is the task's number of tools, and the length that the protocol allows a server: what SERVE could not write
+must not be promised here. Heavy: renders the server to see how long it gets (jinja2).
+"""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -7,6 +11,7 @@ from octoform.builtin.interface.catalog import KINDS
 from octoform.builtin.interface.kinds import Kind
 from octoform.builtin.interface.legend import legend
 from octoform.builtin.interface.schemas import Schema, one_of
+from octoform.builtin.serve.stage import MOST_LINES, lines
 from octoform.builtin.task import Refused, Task
 
 Device = Mapping[str, Any]
@@ -27,6 +32,10 @@ def declare(identify: Mapping[str, Any], budget: int) -> dict[str, Any]:
         owners = _owners(identify["devices"])
         kept, cut = _within(budget, [KINDS[name] for name in KINDS if name in owners])
         tools = [_tool(kind, owners[kind.name]) for kind in kept]
+        while tools and lines(tools) > MOST_LINES:
+            kept, more = _within(len(kept) - 1, kept)
+            cut += more
+            tools = [_tool(kind, owners[kind.name]) for kind in kept]
         left_out = _left_out(identify, {name for tool in tools for name in tool["devices"]}, _spared(cut, owners))
     except (KeyError, TypeError, AttributeError) as problem:
         raise Refused(f"the IDENTIFY artifact is not as expected: {type(problem).__name__}: {problem}") from problem

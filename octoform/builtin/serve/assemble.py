@@ -10,7 +10,7 @@ from typing import Any
 
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
-from octoform.builtin.serve.functions import annotation_names, heading
+from octoform.builtin.serve.functions import annotation_names, heading, registration
 from octoform.builtin.serve.shapes import Shapes
 from octoform.builtin.task import Refused
 
@@ -35,7 +35,6 @@ SECTIONS: Mapping[str, tuple[str, ...]] = {
 
 _MODULES = (
     "array",
-    "contextlib",
     "ctypes",
     "errno",
     "fcntl",
@@ -50,8 +49,8 @@ _MODULES = (
     "wave",
 )
 _FROM: Mapping[str, tuple[str, ...]] = {
-    "collections.abc": ("Iterator",),
-    "contextlib": ("contextmanager",),
+    "collections.abc": ("Callable", "Iterable", "Iterator"),
+    "contextlib": ("ExitStack",),
     "pathlib": ("Path",),
     "typing": ("Annotated", "Any", "Literal"),
     "fastmcp": ("FastMCP",),
@@ -88,17 +87,17 @@ def assemble(tools: Sequence[Mapping[str, Any]]) -> str:
     )
 
     def head(capability: str) -> str:
-        return heading(by_capability[capability], shapes, hints)
+        return heading(by_capability[capability], shapes)
 
     body = [
         environment.get_template(f"{name}.py.j2").render(tools=by_capability, head=head, sources=sources).strip()
         for name, capabilities in SECTIONS.items()
         if by_capability.keys() & set(capabilities)
     ]
-    if body:
-        body.insert(0, environment.get_template("support.py.j2").render().strip())
     base = environment.get_template("base.py.j2").render(hints=hints).strip()
-    end = environment.get_template("main.py.j2").render().strip()
+    ordered = [by_capability[name] for names in SECTIONS.values() for name in names if name in by_capability]
+    lines = [registration(tool, shapes, hints) for tool in ordered]
+    end = environment.get_template("main.py.j2").render(lines=lines).strip()
     types = ["# fmt: off\n" + "\n".join(shapes.lines) + "\n# fmt: on"] if shapes.lines else []
     text = "\n\n\n".join([part for part in ["\n\n".join([base, *types]), *body, end] if part]) + "\n"
     used = _used(text)

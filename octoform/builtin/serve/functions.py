@@ -1,4 +1,4 @@
-"""The heads of the server's functions, written from the artifact: decorators, typed parameters, documentation.
+"""The heads of the server's functions, written from the artifact: typed parameters, documentation, registration.
 
 Ranges, defaults and choices are the artifact's own, so what a profile narrowed there is narrow here.
 """
@@ -40,18 +40,22 @@ def annotation_names(tools: Sequence[Mapping[str, Any]]) -> dict[str, dict[str, 
     return found
 
 
-def heading(tool: Mapping[str, Any], shapes: Shapes, hints: Mapping[str, Mapping[str, Any]]) -> str:
-    """Decorators, ``def`` line and documentation of one tool."""
-    capability = tool["capability"]
-    options = [f"annotations={next(name for name, value in hints.items() if value == tool['annotations'])}"]
-    if tool["name"] != capability:
-        options.insert(0, f"name={quoted(tool['name'])}")
+def heading(tool: Mapping[str, Any], shapes: Shapes) -> str:
+    """``def`` line and documentation of one tool."""
     returns = shapes.type_of(tool["output_schema"])
+    returns = "ToolResult" if returns in WITH_CONTENT else returns
+    return "\n".join([*_signature(tool["capability"], _parameters(tool, shapes), returns), *_documentation(tool)])
+
+
+def registration(tool: Mapping[str, Any], shapes: Shapes, hints: Mapping[str, Mapping[str, Any]]) -> str:
+    """The line that makes a function a tool: logged, under its name, with what it may do."""
+    returns = shapes.type_of(tool["output_schema"])
+    options = [f"annotations={next(name for name, value in hints.items() if value == tool['annotations'])}"]
+    if tool["name"] != tool["capability"]:
+        options.insert(0, f"name={quoted(tool['name'])}")
     if returns in WITH_CONTENT:
         options.append(f"output_schema=TypeAdapter({returns}).json_schema()")
-        returns = "ToolResult"
-    lines = [f"@mcp.tool({', '.join(options)})", "@runtime.logged"]
-    return "\n".join([*lines, *_signature(capability, _parameters(tool, shapes), returns), *_documentation(tool)])
+    return f"mcp.tool(runtime.logged({tool['capability']}), {', '.join(options)})"
 
 
 WITH_CONTENT = ("Picture", "Recording")

@@ -5,7 +5,7 @@ server's schemas are equal to them by construction; the templates hold only what
 """
 
 import ast
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from octoform.builtin.serve.assemble import assemble
@@ -29,8 +29,13 @@ def render(interface: Mapping[str, Any]) -> str:
         ast.parse(text)
     except (KeyError, TypeError, AttributeError, SyntaxError) as problem:
         raise Refused(f"the INTERFACE artifact cannot be rendered: {type(problem).__name__}: {problem}") from problem
-    if (lines := text.count("\n")) > MOST_LINES:
+    if (count := text.count("\n")) > MOST_LINES:
         raise Refused(
-            f"the server would have {lines} lines, more than {MOST_LINES}; lower budget.tools in the manifest"
+            f"the server would have {count} lines, more than {MOST_LINES}; lower budget.tools in the manifest"
         )
     return text
+
+
+def lines(tools: Sequence[Mapping[str, Any]]) -> int:
+    """How many lines a server of these tools has."""
+    return assemble(tools).count("\n")

@@ -9,8 +9,7 @@ CLOCKS = record("Clocks", device=TEXT, clocks=listing(CLOCK))
 KINDS = (
     Kind(
         "read_clock",
-        "Read the hardware clock (seconds since 1970, taken as UTC) and `drift_s`: how many seconds it is ahead of the "
-        "system's time. A drift of whole hours means that it keeps local time.",
+        "Read the hardware clock, taken as UTC, and how many seconds it is ahead of the system's time (`drift_s`).",
         CLOCKS,
         35,
     ),

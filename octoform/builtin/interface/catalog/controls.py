@@ -8,11 +8,10 @@ LIGHTS = record("Lights", device=TEXT, lights=listing(LIGHT))
 LINE = record("Line", offset=WHOLE, name=TEXT, consumer=TEXT, used=FLAG, direction=TEXT, active_low=FLAG)
 CHIP = record("Chip", name=TEXT, label=TEXT, lines=listing(LINE))
 CHIPS = record("Chips", device=TEXT, chips=listing(CHIP))
-_ORDER = "0 is off, 100 the brightest that the device can"
 
 
 def _percent(_: Facts) -> dict[str, Schema]:
-    return {"percent": number(f"brightness in percent: {_ORDER}", 0, 100)}
+    return {"percent": number("brightness in percent; 0 is off", 0, 100)}
 
 
 def _lamps(facts: Facts) -> dict[str, Schema]:
@@ -49,7 +48,7 @@ KINDS = (
     ),
     Kind(
         "read_gpio_lines",
-        "List the lines of a GPIO controller: name, direction, and who uses them. No line is requested or changed.",
+        "List the lines of a GPIO controller: name, direction, user. No line is requested or changed.",
         CHIPS,
         45,
     ),

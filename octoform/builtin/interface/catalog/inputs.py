@@ -11,9 +11,7 @@ EVENTS = record("Events", device=TEXT, waited_s=NUMBER, events=listing(EVENT))
 
 def _waiting(_: Facts) -> dict[str, Schema]:
     return {
-        "seconds": number(
-            "longest time to wait, in seconds; the call ends earlier when enough events came", 0.1, 60, 5
-        ),
+        "seconds": number("longest wait in seconds", 0.1, 60, 5),
         "events": whole("how many events are enough", 1, 200, 20),
     }
 
@@ -27,12 +25,11 @@ KINDS = (
     ),
     Kind(
         "read_input_events",
-        "Wait for input events (keys, buttons, axes, switches) for a bounded time. An empty list means that none came.",
+        "Wait a bounded time for events (keys, axes, switches). An empty list means that none came.",
         EVENTS,
         65,
         parameters=_waiting,
         smoke={"seconds": 0.1},
         units={"seconds": "s", "events": "events"},
-        idempotent=False,
     ),
 )

@@ -5,19 +5,17 @@ from octoform.builtin.interface.schemas import FLAG, NUMBER, TEXT, WHOLE, Schema
 
 FORMAT = record("Format", pixel_format=TEXT, description=TEXT, compressed=FLAG, sizes=listing(TEXT))
 FORMATS = record("Formats", device=TEXT, formats=listing(FORMAT))
-PICTURE = record(
-    "Picture", device=TEXT, width=WHOLE, height=WHOLE, format=TEXT, size_bytes=WHOLE, mean=NUMBER, variance=NUMBER
-)
+PICTURE = record("Picture", width=WHOLE, height=WHOLE, format=TEXT, size_bytes=WHOLE, mean=NUMBER, variance=NUMBER)
 PLAYED = record("Played", device=TEXT, seconds=NUMBER, frequency_hz=NUMBER, volume=NUMBER)
-RECORDING = record("Recording", device=TEXT, seconds=NUMBER, rate_hz=WHOLE, channels=WHOLE, peak=NUMBER, rms=NUMBER)
+RECORDING = record("Recording", seconds=NUMBER, rate_hz=WHOLE, channels=WHOLE, peak=NUMBER, rms=NUMBER)
 
 
 def _picture(_: Facts) -> dict[str, Schema]:
     return {
-        "width": whole("wished width in pixels; the camera gives the nearest it can", 16, 8192, 1280),
+        "width": whole("wished width in pixels; the nearest is taken", 16, 8192, 1280),
         "height": whole("wished height in pixels", 16, 8192, 720),
         "format": choice("coding of the picture", "jpeg", "png"),
-        "flush": whole("pictures to throw away first, so that exposure settles", 0, 60, 5),
+        "flush": whole("pictures thrown away first, while exposure settles", 0, 60, 5),
     }
 
 
@@ -40,24 +38,21 @@ def _tone(_: Facts) -> dict[str, Schema]:
 KINDS = (
     Kind(
         "capture_image",
-        "Take one picture. The camera is opened for this call and closed again. `mean` and `variance` are of the "
-        "brightness (0 to 255): a variance near zero is a picture of one colour, such as a covered lens.",
+        "Take one picture. `mean` and `variance` of its brightness (0 to 255) tell a black frame from a picture.",
         PICTURE,
         95,
         parameters=_picture,
         units={"width": "px", "height": "px", "flush": "pictures"},
-        idempotent=False,
     ),
     Kind("list_camera_formats", "List the pixel formats and picture sizes that the camera offers.", FORMATS, 40),
     Kind(
         "record_audio",
-        "Record sound and give it as WAV (16 bit). `peak` and `rms` are parts of full scale: a peak of 0 is silence.",
+        "Record sound as 16-bit WAV. `peak` and `rms` are parts of full scale; a peak of 0 is silence.",
         RECORDING,
         90,
         parameters=_recording,
         smoke={"seconds": 0.2},
         units={"seconds": "s", "rate_hz": "Hz", "channels": "channels"},
-        idempotent=False,
     ),
     Kind(
         "play_audio",

@@ -1,14 +1,14 @@
 """Batteries and other power supplies of the kernel's power_supply class."""
 
 from octoform.builtin.interface.kinds import Kind
-from octoform.builtin.interface.schemas import FLAG, NUMBER, TEXT, WHOLE, listing, maybe, record
+from octoform.builtin.interface.schemas import NUMBER, TEXT, WHOLE, listing, maybe, record
 
 SUPPLY = record(
     "Supply",
     name=TEXT,
     type=TEXT,
     status=maybe(TEXT),
-    online=maybe(FLAG),
+    online=maybe(WHOLE),
     capacity_percent=maybe(NUMBER),
     voltage_v=maybe(NUMBER),
     current_a=maybe(NUMBER),
@@ -23,13 +23,13 @@ SUPPLY = record(
     technology=maybe(TEXT),
 )
 SUPPLIES = record("Supplies", device=TEXT, supplies=listing(SUPPLY))
-_REST = "What the device does not tell is null. Percent, V, A, W, Wh, Ah and degC as the names say."
+_REST = "Null is not told; online 1 is connected."
 
 KINDS = (
-    Kind("read_battery", f"Read charge, flow, health and temperature of the device's batteries. {_REST}", SUPPLIES, 80),
+    Kind("read_battery", f"Read charge, flow, health and temperature of the batteries. {_REST}", SUPPLIES, 80),
     Kind(
         "read_power_supply",
-        f"Read whether the device's supplies are connected, and what they give. {_REST}",
+        f"Read whether the supplies are connected, and what they give. {_REST}",
         SUPPLIES,
         60,
     ),

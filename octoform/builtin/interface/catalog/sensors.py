@@ -5,26 +5,25 @@ from octoform.builtin.interface.schemas import NUMBER, TEXT, listing, record
 
 READING = record("Reading", sensor=TEXT, channel=TEXT, label=TEXT, value=NUMBER, unit=TEXT)
 READINGS = record("Readings", device=TEXT, readings=listing(READING), unreadable=listing(TEXT))
-_REST = "Channels that did not answer are named in `unreadable`."
 
 
 def _kind(name: str, what: str, worth: int = 60) -> Kind:
-    return Kind(name, f"Read {what} of every channel that the device has now. {_REST}", READINGS, worth)
+    return Kind(name, f"Read {what}; channels that did not answer are in `unreadable`.", READINGS, worth)
 
 
 KINDS = (
-    _kind("read_temperature", "the temperature in degC", 75),
-    _kind("read_fan_speed", "the fan speed in rpm", 65),
-    _kind("read_voltage", "the voltage in V"),
-    _kind("read_current", "the electric current in A"),
-    _kind("read_power", "the power in W", 65),
-    _kind("read_energy", "the energy counter in J", 50),
-    _kind("read_humidity", "the relative humidity in %", 70),
+    _kind("read_temperature", "every temperature of the device in degC", 75),
+    _kind("read_fan_speed", "every fan speed of the device in rpm", 65),
+    _kind("read_voltage", "every voltage of the device in V"),
+    _kind("read_current", "every electric current of the device in A"),
+    _kind("read_power", "every power of the device in W", 65),
+    _kind("read_energy", "every energy counter of the device in J", 50),
+    _kind("read_humidity", "the relative humidity in percent", 70),
     _kind("read_acceleration", "the acceleration in m/s^2 along each axis", 70),
     _kind("read_angular_velocity", "the angular velocity in rad/s about each axis", 70),
     _kind("read_magnetic_field", "the magnetic field in gauss along each axis", 70),
     _kind("read_illuminance", "the illuminance in lux", 70),
     _kind("read_pressure", "the pressure in kPa", 70),
-    _kind("read_proximity", "the proximity (no unit, larger is nearer unless the sensor says otherwise)", 70),
-    _kind("read_sensor_channels", "the scaled value", 45),
+    _kind("read_proximity", "the proximity, larger when nearer", 70),
+    _kind("read_sensor_channels", "the scaled value of every channel of the sensor", 45),
 )

@@ -37,14 +37,13 @@ DISPLAYS = record("Displays", device=TEXT, connectors=listing(CONNECTOR))
 KINDS = (
     Kind(
         "read_storage",
-        "Read size, kind, partitions, free space of mounted file systems, and the health that the kernel tells "
-        "without special rights. Sizes in bytes; what is not told is null.",
+        "Read size, partitions, free space and what the kernel tells of health. What is not told is null.",
         STORAGE,
         60,
     ),
     Kind(
         "read_display",
-        "Read which displays are connected, what they call themselves, their size in mm and their modes in pixels.",
+        "Read which displays are connected, their names, size in mm and modes in pixels.",
         DISPLAYS,
         50,
     ),
