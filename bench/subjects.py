@@ -1,0 +1,43 @@
+"""A project for a benchmark: with the instantaneous scripted agent of the tests, or with the embedded agent."""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from measuring import PYTHON, SUPPORT, environment
+
+if TYPE_CHECKING:
+    from projects import Project
+
+INSIDE = Path(__file__).with_name("inside.py")
+
+
+def project(folder: Path) -> "Project":
+    """A fresh project whose agent answers at once with accepted artifacts."""
+    sys.path.insert(0, str(SUPPORT))
+    from projects import Project
+
+    made = Project(folder / "project", folder / "outside")
+    made.write()
+    return made
+
+
+def embedded(folder: Path) -> Path:
+    """A fresh project folder that holds nothing but a manifest for the embedded agent."""
+    made = folder / "embedded"
+    made.mkdir()
+    (made / "octopus.yaml").write_text("version: 1\nhost: bench\nharness: builtin\n")
+    return made
+
+
+def inside(folder: Path, *arguments: str) -> dict[str, Any]:
+    """One octoform command measured from inside; see `inside`."""
+    report = folder.parent / "report.json"
+    command = [PYTHON, str(INSIDE), str(report), *arguments]
+    done = subprocess.run(command, cwd=folder, env=environment(), capture_output=True, text=True, check=False)
+    if done.returncode:
+        raise SystemExit(f"octoform {' '.join(arguments)}: exit status {done.returncode}\n{done.stderr}")
+    found: dict[str, Any] = json.loads(report.read_text())
+    return found
