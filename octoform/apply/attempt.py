@@ -15,6 +15,7 @@ from octoform.apply.reading import accepted
 from octoform.diagnostics import Diagnostic, to_json
 from octoform.events import AttemptProgress
 from octoform.harness.port import Harness, Outcome, Task
+from octoform.manifest.references import resolve
 from octoform.profiles import briefing, holds
 from octoform.protocol import Prompt, render_prompt
 from octoform.state.layout import OUTPUT_NAMES
@@ -45,9 +46,10 @@ def prepare(context: Context, stage: str, number: int, wall_seconds: float, fail
         output=workdir / OUTPUT_NAMES.get(stage, "output.json"),
         log=workdir / "agent.log",
         document=workdir / "task.json",
-        model=context.manifest.model_for(stage),
-        environment=_environment(context),
+        model=resolved_model(context, stage),
+        environment=context.environ,
         wall_seconds=wall_seconds,
+        secrets=context.manifest.variables,
     )
     document = _document(context, task, own_spec, failed)
     task.document.write_text(json.dumps(document, indent=2, ensure_ascii=False) + "\n", encoding="utf-8")
@@ -82,8 +84,10 @@ def _folder(context: Context, stage: str, number: int) -> Path:
     return folder
 
 
-def _environment(context: Context) -> dict[str, str]:
-    return {name: context.environ[name] for name in ("OCTOFORM_SYSROOT",) if context.environ.get(name)}
+def resolved_model(context: Context, stage: str) -> str | None:
+    """The stage's model with its references replaced; for the agent's arguments alone, never for a file."""
+    model = context.manifest.model_for(stage)
+    return None if model is None else resolve(model, context.environ)
 
 
 def _document(context: Context, task: Task, spec: Path, failed: Failed | None) -> dict[str, object]:
@@ -99,7 +103,7 @@ def _document(context: Context, task: Task, spec: Path, failed: Failed | None) -
         "spec": str(spec),
         "prompt": str(task.prompt),
         "output": str(task.output),
-        "model": task.model,
+        "model": context.manifest.model_for(task.stage),
         "limits": {"wall_seconds": task.wall_seconds, "tools": context.manifest.budget_for(task.stage).tools},
         "diagnostics": _as_json(failed.diagnostics if failed else ()),
     }

@@ -11,12 +11,13 @@ from octoform import events
 from octoform.apply import audit, serving
 from octoform.apply.attempt import Failed, prepare, run
 from octoform.apply.context import Context
-from octoform.apply.gate import Verdict, ended_well, judge, read_output
+from octoform.apply.gate import Verdict, ended_well, judge, leaked, read_output
 from octoform.apply.result import Finished
 from octoform.apply.settling import settle
 from octoform.diagnostics import Diagnostic, error, has_errors
 from octoform.harness.port import ExitReason, Harness, Outcome, Task, Usage
 from octoform.harness.registry import resolve
+from octoform.manifest.references import resolve_argument
 from octoform.protocol import PromptTooLarge
 from octoform.state.files import full_disk
 
@@ -43,7 +44,8 @@ def run_stage(context: Context, stage: str) -> Finished:
 def _attempts(context: Context, stage: str, started: float, progress: _Progress) -> Verdict:
     budget = context.manifest.budget_for(stage)
     chosen = context.manifest.harness_for(stage)
-    harness = resolve(chosen.name, chosen.command, chosen.env, chosen.prompt_via, context.layout.project)
+    command = [resolve_argument(item, context.environ) for item in chosen.command]
+    harness = resolve(chosen.name, command, chosen.env, chosen.prompt_via, context.layout.project)
     if isinstance(harness, Diagnostic):
         return Verdict((harness,))
     verdict = Verdict(())
@@ -97,6 +99,7 @@ def _gate(context: Context, task: Task, outcome: Outcome, touched: list[Diagnost
     if ended or has_errors(touched):
         return Verdict((*touched, *ended))
     data, found = read_output(task)
+    found += leaked(task, data)
     if found:
         return Verdict((*touched, *found))
     value, found = judge(context, task, data)

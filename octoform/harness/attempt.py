@@ -45,7 +45,7 @@ def run_contained(task: Task, invocation: Invocation, progress: ProgressSink) ->
             environment=variables,
             log=task.log,
             stdin=invocation.stdin,
-            secrets=environment.secrets(task.environment, invocation.named),
+            secrets=environment.secrets(task.environment, (*invocation.named, *task.secrets)),
         ),
         Limits(wall_seconds=task.wall_seconds),
         progress,

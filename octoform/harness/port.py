@@ -52,6 +52,7 @@ class Task:
     model: str | None
     environment: Mapping[str, str]
     wall_seconds: float
+    secrets: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
