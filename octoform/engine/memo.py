@@ -23,7 +23,7 @@ from octoform.state.layout import Layout
 from octoform.state.revision import head_revision
 
 FORMAT = 1
-VARIABLES = ("OCTOFORM_SYSROOT", "HOME")
+SETTINGS = ("OCTOFORM_SYSROOT",)
 PACKAGE = Path(octoform.__file__).parent
 
 
@@ -83,8 +83,12 @@ def _listing(folder: str) -> list[list[object]]:
 
 
 def variables(chosen: Iterable[str], environ: Mapping[str, str]) -> dict[str, str]:
-    """Digests of the variables that the manifest or octoform reads; values are not kept."""
-    return {name: digest.of_bytes(environ.get(name, "\0unset").encode()) for name in sorted(chosen)}
+    """What a plan reads of the environment: octoform's own settings, and whether the manifest's variables are set.
+
+    The values of the manifest's variables are in no key and may be secrets, so not even a digest of them is kept.
+    """
+    told = {name: "set" if environ.get(name) else "unset" for name in sorted(chosen)}
+    return {**told, **{name: environ.get(name, "") for name in SETTINGS}}
 
 
 def digests(project: Path, files: Iterable[str]) -> dict[str, str | None]:
@@ -127,7 +131,7 @@ def document(
     files = sorted(
         {*sources, *(name for group in listed.values() for name in group), f".octoform/{plan.host}/journal.jsonl"}
     )
-    wanted = sorted({*VARIABLES, *chosen})
+    wanted = sorted(chosen)
     memo = {
         "format": FORMAT,
         "program": program(),
