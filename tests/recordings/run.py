@@ -48,6 +48,8 @@ def main() -> int:
         if "identify" in artifacts:
             marks += _marks(folder, artifacts)
     _print_details(marks, verbose=arguments.verbose)
+    if arguments.verbose:
+        _print_unusable(marks)
     for title, by_hand in (("written by hand", True), ("made by rules", False)):
         _print_table(title, [mark for mark in marks if mark.item.by_hand == by_hand], verbose=arguments.verbose)
     for failure in failures:
@@ -157,6 +159,12 @@ def _print_details(marks: list[score.Mark], *, verbose: bool) -> None:
             basis = "hand" if mark.item.by_hand else "rule"
             print(f"{mark.result.upper()} [{basis}] {mark.item.recording}: {mark.item.match}")
             print(f"    is {mark.item.product} ({mark.item.category}, {mark.item.kind}); {mark.why}")
+
+
+def _print_unusable(marks: list[score.Mark]) -> None:
+    for mark in marks:
+        if mark.usable is False:
+            print(f"NO TOOL {mark.item.recording}: {mark.item.match} ({mark.item.kind}); {mark.why}")
 
 
 def _print_table(title: str, marks: list[score.Mark], *, verbose: bool) -> None:

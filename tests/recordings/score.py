@@ -65,7 +65,11 @@ _SAME = {
 
 @dataclass(frozen=True)
 class Mark:
-    """One item, how it went and why; ``usable`` is None for what no standard interface drives by its category."""
+    """One item, how it went and why; ``usable`` is None for what no standard interface drives.
+
+    That is infrastructure, and a device of which the recording shows no kernel class device (a bare `lsusb -v`): there
+    nothing is bound that a tool could open.
+    """
 
     item: Item
     result: str
@@ -148,7 +152,7 @@ def tool_names(tools: Iterable[dict[str, Any]], device_id: str) -> tuple[str, ..
 
 
 def _usable(item: Item, capabilities: Iterable[str], unit: Device | None) -> bool | None:
-    if item.category not in ("sensor", "actuator", "bidirectional"):
+    if item.category not in ("sensor", "actuator", "bidirectional") or (unit and not unit.get("classes")):
         return None
     wanted = set(item.capabilities)
     return unit is not None and any(name in wanted or _SAME.get(name, set()) & wanted for name in capabilities)

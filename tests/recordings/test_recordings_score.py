@@ -24,6 +24,7 @@ UNIT = {
     "interface": "usb",
     "vid": "1d9c",
     "pid": "0001",
+    "classes": ["hwmon", "video4linux"],
     "raw_descriptor": "hwmon[0].name: ext9",
     "instance": {
         "port": "1-2",
@@ -70,6 +71,7 @@ def test_a_tool_that_means_the_same_makes_it_usable() -> None:
     tools = [{"capability": "capture_image", "devices": [UNIT["id"]]}]
     assert score.mark(ITEM, UNIT, told("Kestrel HD-40"), tools).usable is True
     assert score.mark(ITEM, UNIT, told("Kestrel HD-40"), []).usable is False
+    assert score.mark(ITEM, {**UNIT, "classes": []}, told("Kestrel HD-40"), []).usable is None
     assert score.mark(replace(ITEM, category="infrastructure"), UNIT, told("Kestrel HD-40"), tools).usable is None
 
 

@@ -17,6 +17,9 @@ FULL, STRING, REGISTERED, KERNEL, CLASS_ONLY, NOTHING = 0.9, 0.8, 0.7, 0.8, 0.45
 _DATABASE_FIRST = frozenset(("audio", "audio_out", "audio_in", "network", "wifi", "gpu", "bluetooth"))
 # Firmware of these kinds ships under borrowed ids, so that a registered name alone proves no product.
 _BORROWED = frozenset(("input", "keyboard", "mouse", "gamepad", "tablet", "touchscreen", "touchpad", "serial", "ups"))
+# Controllers of these kinds are sold under any brand: whoever registered the ids made the chip.
+_CONTROLLER_IDS = _BORROWED | {"storage", "camera", "audio", "audio_in", "audio_out"}
+_MEDIUM_WORDS = frozenset(("flash", "drive", "disk", "udisk", "stick"))
 _PARAVIRTUAL = frozenset(("virtio", "xen", "vmbus", "vio"))
 
 
@@ -53,7 +56,7 @@ def _of_usb(device: Device, claim: Claim) -> Identity:
     spoken = _kernel_name(claim)
     if spoken and spoken.confidence > CLASS_ONLY and not product:
         return spoken
-    if not naming.is_vendor(maker) and claim.kind not in _BORROWED:
+    if not naming.is_vendor(maker) and claim.kind not in _BORROWED and not _is_medium(claim, product):
         maker = device.database.vendor
     joined = naming.join(maker, product)
     if product and naming.is_name(joined):
@@ -73,9 +76,19 @@ def _registered(device: Device, claim: Claim, maker: str, product: str) -> Ident
     if naming.is_reference(product):
         return Identity(name, CLASS_ONLY, "id_database", evidence)
     borne_out = naming.is_vendor(maker) and naming.share_a_word(maker, entry.vendor)
-    if borne_out or not (maker or product or claim.kind in _BORROWED):
+    if borne_out:
+        return Identity(name, REGISTERED, "id_database", evidence)
+    if device.bus == "usb" and _is_medium(claim, entry.product):
+        return None
+    if not (maker or product) and not (device.bus == "usb" and claim.kind in _CONTROLLER_IDS):
         return Identity(name, REGISTERED, "id_database", evidence)
     return Identity(name, CLASS_ONLY, "id_database", evidence)
+
+
+def _is_medium(claim: Claim, product: str) -> bool:
+    """True for a flash drive or disk, whose registered vendor is that of its controller and seldom its brand."""
+    spoken = set(naming.words(product))
+    return claim.kind == "storage" and bool(spoken & _MEDIUM_WORDS) and "reader" not in spoken
 
 
 def _of_other(device: Device, claim: Claim) -> Identity:

@@ -102,7 +102,7 @@ def is_reference(text: str) -> bool:
 
 def is_vendor(text: str) -> bool:
     """False for placeholders and for lot numbers that stand in the manufacturer's field."""
-    plain = text.strip()
+    plain = text.strip(" -._")
     return bool(plain) and plain.lower() not in _NO_VENDOR and is_name(plain) and not _LOT_NUMBER.match(plain)
 
 

@@ -49,7 +49,7 @@ def claim_game(device: Device) -> Claim | None:
 
 def claim(device: Device) -> Claim | None:
     """A device that sends input events, or a HID device of another kind; nothing otherwise."""
-    groups = [group for group in device.groups("input") if "name" in group]
+    groups = [group for group in device.groups("input") if "name" in group and _sends(group)]
     if groups and {"sound", "video4linux"} & device.classes and _only_buttons(groups):
         return None  # jack switches, headset keys and camera buttons: no input device that anyone would ask for
     if groups:
@@ -113,6 +113,12 @@ def _kinds(group: dict[str, Fact]) -> list[str]:
     told = group["kinds"].text.split(",") if "kinds" in group else []
     udev = [kind for key, kind in _UDEV.items() if f"udev.{key}" in group]
     return [kind for kind in dict.fromkeys(udev or told) if kind in _ORDER]
+
+
+def _sends(group: dict[str, Fact]) -> bool:
+    """False for what only takes events, such as the loudspeaker that the kernel drives as an input device."""
+    events = set(group["events"].text.split(",")) if "events" in group else {"key"}
+    return not events.isdisjoint(("key", "rel", "abs", "switch"))
 
 
 def _only_buttons(groups: list[dict[str, Fact]]) -> bool:
