@@ -1,8 +1,11 @@
-"""Options of all tests."""
+"""What tests of every package may use: the option to rewrite golden files, and the invented hosts as trees on disk."""
 
 import os
+from collections.abc import Callable
+from pathlib import Path
 
 import pytest
+from hosts.plant import plant
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
@@ -20,3 +23,16 @@ def pytest_configure(config: pytest.Config) -> None:
 def update(request: pytest.FixtureRequest) -> bool:
     """True when expected files are to be rewritten."""
     return bool(request.config.getoption("--update"))
+
+
+@pytest.fixture
+def planted(tmp_path: Path) -> Callable[..., Path]:
+    """``planted("laptop")`` builds that host's tree and returns its root; a second argument changes its text."""
+    count = 0
+
+    def build(name: str, replace: dict[str, str] | None = None) -> Path:
+        nonlocal count
+        count += 1
+        return plant(name, tmp_path / f"{name}-{count}", replace)
+
+    return build
