@@ -4,6 +4,7 @@ from collections.abc import Callable
 from contextlib import nullcontext
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import Any
 
 from octoform.apply.context import Clock, Context
 from octoform.apply.destroying import destroy
@@ -173,17 +174,24 @@ class _Run:
 
     def _remember(self, tally: Tally) -> None:
         """Keep the memo when nothing is left to do; drop it when something is."""
-        path = memo.path_of(self.request.project)
         request = Request(self.request.project, self.request.environ)
+        path, ground = memo.path_of(request.project), self._ground(self.outlook.compiled)
         outlook = None if tally.failed or self.request.destroy else prepare(request)[0]
-        if outlook is None or not outlook.plan.empty:
+        # A manifest that was edited meanwhile may name other files and variables than those that were looked at.
+        same = outlook is not None and _sources(outlook.compiled) == _sources(self.outlook.compiled)
+        if outlook is None or not outlook.plan.empty or not same:
             path.unlink(missing_ok=True)
-            return
-        sources = [str(path) for path in source_files(outlook.compiled)]
-        chosen = outlook.compiled.manifest.variables
-        write_atomic(
-            path, memo.document(outlook.plan, self.request.project, sources, chosen, self.request.environ), 0o600
-        )
+        else:
+            write_atomic(path, memo.document(outlook.plan, ground), 0o600)
+
+    def _ground(self, compiled: Compiled) -> dict[str, Any]:
+        files, chosen = _sources(compiled)
+        return memo.rests_on(self.request.project, compiled.layout.host, files, chosen, self.request.environ)
+
+
+def _sources(compiled: Compiled) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """The files and the environment variables that a compiled project was read from."""
+    return tuple(str(path) for path in source_files(compiled)), compiled.manifest.variables
 
 
 def _swept(attempts: Path) -> tuple[str, ...]:

@@ -9,7 +9,7 @@ long way is taken. Light: no import beyond the standard library's cheap parts.
 import json
 import os
 import sys
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -45,14 +45,17 @@ def recall(project: Path, environ: Mapping[str, str]) -> Plan | None:
 
 
 def _read(path: Path) -> dict[str, Any] | None:
-    """The memo, if it is a plain file of ours in the format of this version."""
+    """The memo, if it is a plain file of ours, whole, in the format of this version."""
     try:
         if path.is_symlink() or path.stat().st_uid != os.getuid():
             return None
-        memo = json.loads(path.read_bytes())
-    except (OSError, ValueError):
-        return None  # no memo, or a broken one: the long way tells what is wrong, if anything is
-    return memo if isinstance(memo, dict) and memo.get("format") == FORMAT else None
+        seal, _, text = path.read_bytes().partition(b"\n")
+    except OSError:
+        return None  # no memo: the long way
+    if seal.decode("ascii", "replace") != digest.of_bytes(text):
+        return None  # cut or edited: the long way tells what is wrong, if anything is
+    memo: dict[str, Any] = json.loads(text)
+    return memo if memo.get("format") == FORMAT else None
 
 
 def _same(memo: Mapping[str, Any], project: Path, environ: Mapping[str, str]) -> bool:
@@ -92,26 +95,37 @@ def variables(chosen: Iterable[str], environ: Mapping[str, str]) -> dict[str, st
 
 
 def digests(project: Path, files: Iterable[str]) -> dict[str, str | None]:
-    """Digest of each file, None where it cannot be read as a plain file."""
+    """Digest of each file, None where it cannot be read; a link is told apart from a file of the same bytes."""
     return {name: _digest(project / name) for name in files}
 
 
 def _digest(path: Path) -> str | None:
     try:
-        return None if path.is_symlink() else digest.of_file(path)
+        found = digest.of_file(path)
+        return f"{path.readlink()} {found}" if path.is_symlink() else found
     except OSError:
         return None
 
 
 def names(project: Path, folders: Iterable[str]) -> dict[str, list[str]]:
-    """Every file name below each folder, so that a new file is noticed."""
-    out = {}
-    for folder in folders:
-        found = [
-            str(Path(root, name).relative_to(project)) for root, _, files in os.walk(project / folder) for name in files
-        ]
-        out[folder] = sorted(name for name in found if "__pycache__" not in name)
-    return out
+    """Every name below each folder, so that a new file, folder or link is noticed; caches of Python are left out."""
+    return {folder: sorted(_below(f"{project}/{folder}", folder)) for folder in folders}
+
+
+def _below(path: str, name: str) -> Iterator[str]:
+    try:
+        with os.scandir(path) as entries:
+            found = sorted(entries, key=lambda entry: entry.name)
+    except OSError:
+        return  # not there (its name is missing, too) or closed to this user
+    yield name + "/"
+    for entry in found:
+        if entry.name == "__pycache__":
+            continue
+        if entry.is_dir(follow_symlinks=False):
+            yield from _below(entry.path, f"{name}/{entry.name}")
+        else:
+            yield f"{name}/{entry.name}"
 
 
 def _dirty(project: Path, memo: Mapping[str, Any]) -> tuple[str, ...]:
@@ -122,18 +136,18 @@ def _dirty(project: Path, memo: Mapping[str, Any]) -> tuple[str, ...]:
     return tuple(sorted(line[3:] for line in done.stdout.splitlines()))
 
 
-def document(
-    plan: Plan, project: Path, sources: Iterable[str], chosen: Iterable[str], environ: Mapping[str, str]
-) -> bytes:
-    """The memo of a plan without work; ``sources`` are the files of manifest, specs, schemas and profiles."""
-    folders = ["protocol", f"state/{plan.host}"]
-    listed = names(project, folders)
-    files = sorted(
-        {*sources, *(name for group in listed.values() for name in group), f".octoform/{plan.host}/journal.jsonl"}
-    )
+def rests_on(
+    project: Path, host_name: str, sources: Iterable[str], chosen: Iterable[str], environ: Mapping[str, str]
+) -> dict[str, Any]:
+    """All that a plan is made from, as it is now; ``sources`` are the files of manifest, specs, schemas and profiles.
+
+    To be taken before the plan is made: what moves meanwhile then differs from what is kept, and the memo is no hit.
+    """
+    listed = names(project, ["protocol", f"state/{host_name}"])
+    below = (name for group in listed.values() for name in group if not name.endswith("/"))
+    files = sorted({*sources, *below, f".octoform/{host_name}/journal.jsonl"})
     wanted = sorted(chosen)
-    memo = {
-        "format": FORMAT,
+    return {
         "program": program(),
         "variables": wanted,
         "environment": variables(wanted, environ),
@@ -141,6 +155,10 @@ def document(
         "files": digests(project, files),
         "names": listed,
         "hardware": host.fingerprint(host.root_from_environment(environ)).digest,
-        "plan": to_json(plan),
     }
-    return digest.canonical_json(memo)
+
+
+def document(plan: Plan, ground: Mapping[str, Any]) -> bytes:
+    """The memo of a plan without work, made from ``ground`` (see `rests_on`): its own digest, then one line of JSON."""
+    text = digest.canonical_json({"format": FORMAT, **ground, "plan": to_json(plan)})
+    return digest.of_bytes(text).encode() + b"\n" + text
