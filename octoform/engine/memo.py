@@ -68,9 +68,13 @@ def _same(memo: Mapping[str, Any], project: Path, environ: Mapping[str, str]) ->
 
 def program() -> dict[str, str]:
     """What runs: version, interpreter, and the package's own files by name, size and time."""
-    entries = _listing(str(PACKAGE))
-    build = digest.of_value(entries)
-    return {"octoform": octoform.__version__, "python": sys.version, "executable": sys.executable, "build": build}
+    version, executable = octoform.__version__, sys.executable
+    return {"octoform": version, "python": sys.version, "executable": executable, "build": build_of(PACKAGE)}
+
+
+def build_of(package: Path) -> str:
+    """Digest over name, size and time of every file of a package: an installed one, or a checkout being edited."""
+    return digest.of_value(_listing(str(package)))
 
 
 def _listing(folder: str) -> list[list[object]]:
