@@ -1,9 +1,10 @@
-"""Score the embedded agent on a folder of recorded hosts: `python tests/recordings/run.py DIR --trees TREES [-v]`.
+"""Score the embedded agent on a folder of recorded hosts: `python tests/recordings/run.py DIR [-v]`.
 
-Each recording DIR/<name>/truth.json is run through the agent's real stages (its own process, the tree as sysroot).
-A recording holds what the kernel showed, not the id databases that the host also had (usb.ids, pci.ids): this machine's
-stand in for them where it has any, or those of `--ids DIR`; `--ids none` runs without, and the first line says which.
-Exit status 1 when anything was misidentified or a stage failed, so that a change which makes names worse is refused.
+Each recording DIR/<name> with a truth.json is made a tree (or taken from `--trees`) and run through the agent's real
+stages (its own process, the tree as sysroot). A recording holds what the kernel showed, not the id databases that the
+host also had (usb.ids, pci.ids): this machine's stand in for them where it has any, or those of `--ids DIR`; `--ids
+none` runs without, and the first line says which. Exit status 1 when anything was misidentified or a stage failed, so
+that a change which makes names worse is refused.
 """
 
 import argparse
@@ -19,6 +20,7 @@ from typing import Any
 
 sys.path.insert(0, str(Path(__file__).resolve().parent))
 import score
+from sysroot.convert import convert
 from truth import Units, read_items
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -38,11 +40,11 @@ def main() -> int:
     marks: list[score.Mark] = []
     failures: list[str] = []
     for folder in sorted(path.parent for path in arguments.recordings.glob("*/truth.json")):
-        tree = arguments.trees / folder.name
         if arguments.only and arguments.only not in folder.name:
             continue
         with tempfile.TemporaryDirectory() as scratch:
-            artifacts, problem = _run_stages(_with_ids(tree, ids, Path(scratch)), tree.name, arguments)
+            tree = _tree(folder, Path(scratch), arguments)
+            artifacts, problem = _run_stages(_with_ids(tree, ids, Path(scratch)), folder.name, arguments)
         if problem:
             failures.append(f"{folder.name}: {problem}")
         if "identify" in artifacts:
@@ -60,7 +62,7 @@ def main() -> int:
 def _arguments() -> argparse.Namespace:
     parser = argparse.ArgumentParser(description="score the embedded agent on recorded hosts")
     parser.add_argument("recordings", type=Path, help="folder of recordings, each with a truth.json")
-    parser.add_argument("--trees", type=Path, required=True, help="folder of the sysroot trees, one per recording")
+    parser.add_argument("--trees", type=Path, help="folder of trees made before, one per recording")
     parser.add_argument("--ids", help="folder with usb.ids and pci.ids, or none")
     parser.add_argument("--keep", type=Path, help="keep the artifacts of every recording below this folder")
     parser.add_argument("--until", choices=STAGES, default=STAGES[-1], help="the last stage to run")
@@ -83,17 +85,29 @@ def _id_files(wanted: str | None) -> dict[str, Path]:
     return found
 
 
+def _tree(folder: Path, scratch: Path, arguments: argparse.Namespace) -> Path:
+    if arguments.trees:
+        return Path(arguments.trees / folder.name)
+    tree = scratch / "tree"
+    tree.mkdir()
+    for fault in convert(folder, tree).faults:
+        print(f"{folder.name}: {fault}")
+    return tree
+
+
 def _with_ids(tree: Path, ids: dict[str, Path], scratch: Path) -> Path:
     """A root that shows the tree and, beside it, the id databases; the tree itself is not touched."""
     if not ids or (tree / "usr").exists():
         return tree
+    root = scratch / "root"
+    root.mkdir()
     for entry in tree.iterdir():
-        (scratch / entry.name).symlink_to(entry.resolve())
-    folder = scratch / "usr/share/misc"
+        (root / entry.name).symlink_to(entry.resolve())
+    folder = root / "usr/share/misc"
     folder.mkdir(parents=True)
     for name, path in ids.items():
         shutil.copyfile(path, folder / name)
-    return scratch
+    return root
 
 
 def _run_stages(tree: Path, name: str, arguments: argparse.Namespace) -> tuple[dict[str, Any], str]:
