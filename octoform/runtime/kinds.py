@@ -63,6 +63,7 @@ def kinds(path: Path) -> set[str]:
     said += [events.get("DRIVER", ""), events.get("OF_NAME", ""), path.name]
     said.append(_TRAILER.sub("", _ADDRESS.sub("", path.name)))
     said.append(f"{read_text(path / 'vendor') or ''} {read_text(path / 'model') or ''}")
+    said.append((read_text(path / "device") or "").removeprefix("0x"))
     said.append(f"{events.get('MMC_TYPE', '')} {events.get('MMC_NAME', '')}")
     return {slug(text) for text in said} - {""}
 
