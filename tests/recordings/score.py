@@ -16,6 +16,7 @@ from truth import Device, Item
 NAMED, UNKNOWN_RIGHT, MISIDENTIFIED = "named", "unknown as should", "misidentified"
 MISSED, LEFT_OUT, NOT_SEEN = "not named", "left out", "not seen"
 RIGHT = (NAMED, UNKNOWN_RIGHT)
+RESULTS = (*RIGHT, MISIDENTIFIED, MISSED, LEFT_OUT, NOT_SEEN)
 CERTAIN = 0.5
 
 _WORD = re.compile(r"[a-z]+\d[a-z0-9]*|\d+[a-z][a-z0-9]*|[a-z]+|\d+")

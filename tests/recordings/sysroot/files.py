@@ -43,7 +43,7 @@ def _unpack(tree: Tree, archive: tarfile.TarFile, member: tarfile.TarInfo, prefi
 
 
 def load_sysinfo(tree: Tree, folder: Path) -> int:
-    """A folder of wacom-hid-descriptors: `devtree.txt`, `devtree_data.txt`, `machine.txt`, `*.hid.bin`; how many of them."""
+    """A folder of wacom-hid-descriptors: `devtree.txt`, `devtree_data.txt`, `machine.txt`, `*.hid.bin`; how many."""
     folders, links = _listing(_read(folder / "devtree.txt"))
     for name in sorted(folders):
         tree.folder(name[1:])
