@@ -14,6 +14,7 @@ from octoform.apply.context import Context
 from octoform.apply.reading import accepted
 from octoform.diagnostics import Diagnostic, to_json
 from octoform.events import AttemptProgress
+from octoform.harness.plainfile import read_plain
 from octoform.harness.port import Harness, Outcome, Task
 from octoform.manifest.references import resolve
 from octoform.profiles import briefing, holds
@@ -21,6 +22,7 @@ from octoform.protocol import Prompt, render_prompt
 from octoform.state.layout import OUTPUT_NAMES
 
 KEEP = 100
+MOST_SPEC_BYTES = 256 * 1024
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,7 +39,7 @@ def prepare(context: Context, stage: str, number: int, wall_seconds: float, fail
     workdir = _folder(context, stage, number)
     spec = context.specs[stage]
     own_spec = workdir / "spec.md"
-    own_spec.write_text(failed.spec.read_text("utf-8", "replace") if failed else spec.text, encoding="utf-8")
+    own_spec.write_text((edited(failed.spec) if failed else None) or spec.text, encoding="utf-8")
     task = Task(
         stage=stage,
         attempt=number,
@@ -55,6 +57,12 @@ def prepare(context: Context, stage: str, number: int, wall_seconds: float, fail
     task.document.write_text(json.dumps(document, indent=2, ensure_ascii=False) + "\n", encoding="utf-8")
     task.prompt.write_text(_prompt(context, task, own_spec, failed), encoding="utf-8")
     return task
+
+
+def edited(copy: Path) -> str | None:
+    """What an agent made of its copy of the spec; None when it left no plain file of a sane size in its place."""
+    data = read_plain(copy, MOST_SPEC_BYTES + 1)
+    return None if data is None or len(data) > MOST_SPEC_BYTES else data.decode("utf-8", "replace")
 
 
 def run(context: Context, harness: Harness, task: Task) -> Outcome:

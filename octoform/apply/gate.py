@@ -22,7 +22,6 @@ from octoform.profiles import holds
 
 MOST_BYTES = {"serve": 256 * 1024}
 MOST_JSON_BYTES = 8 * 1024 * 1024
-SHORTEST_SECRET = 8
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,17 +87,6 @@ def read_output(task: Task) -> tuple[bytes, list[Diagnostic]]:
         text = f"the output of {task.stage} has {facts.st_size} bytes; at most {most} are read"
         return b"", [error("ARTIFACT-TOO-LARGE", text, path=path)]
     return task.output.read_bytes(), []
-
-
-def leaked(task: Task, data: bytes) -> list[Diagnostic]:
-    """The secret values that stand in an output: it would be committed. The value itself is not told."""
-    values = {name: task.environment.get(name, "") for name in task.secrets}
-    names = [name for name, value in values.items() if len(value) >= SHORTEST_SECRET and value.encode() in data]
-    hint = "an agent must not write what it was given to log in with; the output is kept in the attempt's folder only"
-    return [
-        error("APPLY-SECRET-IN-OUTPUT", f"the output of {task.stage} holds the value of {name}", hint=hint)
-        for name in names
-    ]
 
 
 def judge(context: Context, task: Task, data: bytes) -> tuple[Any, list[Diagnostic]]:

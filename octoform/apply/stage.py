@@ -9,9 +9,10 @@ from typing import Any
 
 from octoform import events
 from octoform.apply import audit, serving
-from octoform.apply.attempt import Failed, prepare, run
+from octoform.apply.attempt import Failed, edited, prepare, run
 from octoform.apply.context import Context
-from octoform.apply.gate import Verdict, ended_well, judge, leaked, read_output
+from octoform.apply.gate import Verdict, ended_well, judge, read_output
+from octoform.apply.leaks import leaked
 from octoform.apply.result import Finished
 from octoform.apply.settling import settle
 from octoform.diagnostics import Diagnostic, error, has_errors
@@ -19,7 +20,7 @@ from octoform.harness.port import ExitReason, Harness, Outcome, Task, Usage
 from octoform.harness.registry import resolve
 from octoform.manifest.references import resolve_argument
 from octoform.protocol import PromptTooLarge
-from octoform.state.files import full_disk
+from octoform.state.files import full_disk, refused
 
 DELAY_SECONDS = 0.5
 
@@ -79,16 +80,23 @@ def _spent(verdict: Verdict, stage: str, seconds: float) -> Verdict:
 def _attempt(
     context: Context, stage: str, harness: Harness, wall_seconds: float, progress: _Progress
 ) -> tuple[Outcome | None, Verdict]:
+    """The agent's end and the gate's word; no outcome when no agent could be started and none should be again."""
     try:
         task = prepare(context, stage, progress.attempts, wall_seconds, progress.failed)
     except PromptTooLarge as problem:
         return None, Verdict((error("APPLY-PROMPT-TOO-LARGE", str(problem), hint="shorten the spec or the profiles"),))
+    except OSError as problem:
+        progress.attempts -= 1
+        return None, Verdict((refused(problem, context.layout.attempts),))
     watch = _watch(context)
-    outcome = run(context, harness, task)
-    progress.usage = _add(progress.usage, outcome.usage)
-    touched = audit.end(watch)
-    verdict = _gate(context, task, outcome, touched)
-    _note_edit(context, task)
+    try:
+        outcome = run(context, harness, task)
+        progress.usage = _add(progress.usage, outcome.usage)
+        verdict = _gate(context, task, outcome, audit.end(watch))
+        _note_edit(context, task)
+    except OSError as problem:  # a full disk, or an agent that has made away with its own folder
+        outcome = Outcome(ExitReason.CRASHED, None, 0.0)
+        verdict = Verdict((*audit.end(watch), refused(problem, task.workdir)))
     if not verdict.accepted:
         progress.failed = Failed(verdict.diagnostics, task.log, task.workdir / "spec.md")
     return outcome, verdict
@@ -99,9 +107,11 @@ def _gate(context: Context, task: Task, outcome: Outcome, touched: list[Diagnost
     if ended or has_errors(touched):
         return Verdict((*touched, *ended))
     data, found = read_output(task)
-    found += leaked(task, data)
-    if found:
-        return Verdict((*touched, *found))
+    secret = leaked(task, data)
+    if secret:
+        task.output.unlink()
+    if found or secret:
+        return Verdict((*touched, *found, *secret))
     value, found = judge(context, task, data)
     found = [*touched, *found]
     if has_errors(found):
@@ -135,7 +145,7 @@ def _watch(context: Context) -> audit.Watch:
 
 def _note_edit(context: Context, task: Task) -> None:
     copy = task.workdir / "spec.md"
-    if copy.is_file() and copy.read_text("utf-8", "replace") != context.specs[task.stage].text:
+    if edited(copy) not in (None, context.specs[task.stage].text):
         context.emit(
             events.Notice(task.stage, f"the agent edited its copy of the spec: {copy.name} in {task.workdir.name}")
         )

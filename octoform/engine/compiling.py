@@ -9,6 +9,7 @@ from octoform.diagnostics import Diagnostic, has_errors
 from octoform.graph.compile import compile_graph
 from octoform.graph.model import Graph
 from octoform.manifest.loading import load as load_manifest
+from octoform.manifest.loading import named_profiles
 from octoform.manifest.model import Manifest
 from octoform.profiles import Profile
 from octoform.protocol import Spec
@@ -36,7 +37,7 @@ def compile_project(project: Path, environ: Mapping[str, str]) -> tuple[Compiled
     manifest, found = load_manifest(project / MANIFEST, environ)
     specs, more = load_specs(project / "protocol")
     found = [*found, *more]
-    profiles, more = profile_reader.load(manifest.profiles if manifest else ())
+    profiles, more = profile_reader.load(manifest.profiles if manifest else named_profiles(project / MANIFEST))
     found += more
     if manifest is None or has_errors(found):
         return None, found

@@ -12,24 +12,61 @@ from pathlib import Path
 
 from octoform.apply.context import Clock
 from octoform.diagnostics import Diagnostic, to_json
-from octoform.events import AttemptProgress, Event
+from octoform.events import AttemptProgress, Event, Notice
+from octoform.state.files import write_all
 
 
 @contextmanager
 def logging_to(path: Path, clock: Clock, show: Callable[[Event], None]) -> Iterator[Callable[[Event], None]]:
-    """A sink that writes each event as one line and passes it on; progress lines are only passed on."""
-    path.parent.mkdir(parents=True, exist_ok=True, mode=0o700)
-    descriptor = os.open(path, os.O_WRONLY | os.O_APPEND | os.O_CREAT | os.O_CLOEXEC, 0o600)
+    """A sink that writes each event as one line and passes it on; progress lines are only passed on.
+
+    A log that cannot be written (a full disk) stops no run: that it is incomplete is shown, once.
+    """
+    log = _Log(path, show)
 
     def emit(event: Event) -> None:
         if not isinstance(event, AttemptProgress):
-            os.write(descriptor, _line(event, clock))
+            log.write(_line(event, clock))
         show(event)
 
     try:
         yield emit
     finally:
-        os.close(descriptor)
+        log.close()
+
+
+class _Log:
+    """The open file; None after the system has refused it."""
+
+    def __init__(self, path: Path, show: Callable[[Event], None]) -> None:
+        self._show = show
+        self._torn = False
+        self._told = False
+        self._descriptor: int | None = None
+        try:
+            path.parent.mkdir(parents=True, exist_ok=True, mode=0o700)
+            self._descriptor = os.open(path, os.O_WRONLY | os.O_APPEND | os.O_CREAT | os.O_CLOEXEC, 0o600)
+        except OSError as problem:
+            self._tell(problem)
+
+    def write(self, line: bytes) -> None:
+        if self._descriptor is None:
+            return
+        try:
+            write_all(self._descriptor, b"\n" + line if self._torn else line)
+            self._torn = False
+        except OSError as problem:
+            self._torn = True  # some of it may stand there; the next line must not be glued to it
+            self._tell(problem)
+
+    def _tell(self, problem: OSError) -> None:
+        if not self._told:
+            self._told = True
+            self._show(Notice("", f"the execution log is incomplete: {problem.strerror}"))
+
+    def close(self) -> None:
+        if self._descriptor is not None:
+            os.close(self._descriptor)
 
 
 def _line(event: Event, clock: Clock) -> bytes:

@@ -43,3 +43,15 @@ def parse(content: bytes, path: Path, environ: Mapping[str, str]) -> tuple[Manif
     if document is None or report.failed:
         return None, report.diagnostics()
     return build(document, absolute, profiles, variables), report.diagnostics()
+
+
+def named_profiles(path: Path) -> tuple[Path, ...]:
+    """The profiles that a manifest names and that are there, also of a manifest with problems.
+
+    So that the problems of all files can be told at once; what is wrong with the manifest is told by `load`.
+    """
+    report = Report(str(path))
+    content = read(path, report)
+    text = text_of(content, report) if content is not None else None
+    root = read_tree(text, report) if text is not None else None
+    return profile_paths.check(root, path.absolute().parent, report) if root is not None else ()

@@ -46,12 +46,13 @@ class PlanFile(BaseModel):
 
 @dataclass(frozen=True, slots=True)
 class Moved:
-    """A constraint of one unit that no longer holds."""
+    """A constraint of one unit that no longer holds; ``text`` tells more of it where there is more to tell."""
 
     unit: str
     part: str
     before: str | None
     after: str | None
+    text: str = ""
 
 
 def units(graph: Graph, plan: Plan, prior: Mapping[str, Prior], observed: Observed) -> dict[str, Unit]:
@@ -80,7 +81,8 @@ def moved(saved: PlanFile, graph: Graph, prior: Mapping[str, Prior], observed: O
         now = _unit(graph.node(name), moving, prior, observed)
         for part in sorted(set(unit.parts) | set(now.parts)):
             if unit.parts.get(part) != now.parts.get(part):
-                out.append(Moved(name, part, unit.parts.get(part), now.parts.get(part)))
+                text = "; ".join(observed.hardware) if part == "hardware" else ""
+                out.append(Moved(name, part, unit.parts.get(part), now.parts.get(part), text))
         if unit.prior != now.prior:
             out.append(Moved(name, "state", unit.prior, now.prior))
         if unit.file != now.file:
@@ -102,10 +104,11 @@ def read(data: bytes, path: str) -> tuple[PlanFile | None, list[Diagnostic]]:
 
 def describe(item: Moved) -> Diagnostic:
     """PLAN-STALE for one moved constraint."""
+    detail = f"{item.part}: {item.before or '(none)'} -> {item.after or '(none)'}"
     return error(
         "PLAN-STALE",
         f"{item.unit}: {item.part} moved since the plan was saved",
-        detail=f"{item.part}: {item.before or '(none)'} -> {item.after or '(none)'}",
+        detail=f"{detail} (since PROBE: {item.text})" if item.text else detail,
         hint="make a new plan; the units that did not move are applied",
     )
 

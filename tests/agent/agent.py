@@ -8,6 +8,10 @@ one repeats). A behaviour is ``good`` (write the good artifact beside this file)
     {"sleep": SECONDS}       wait                                 {"say": TEXT}       print on stdout
     {"link": TARGET}         make the output a symbolic link      {"touch": [PATHS]}  write into other files
     {"grandchild": SECONDS}  leave a process in a session of its own, ignoring SIGTERM
+    {"children": N}          leave N processes behind             {"bytes": HEX}      write these bytes
+    {"sparse": SIZE}         write a file of that size with a hole {"shout": HEX}      print these bytes
+    {"echo": NAME}           print the value of a variable        {"ballast": PATH}   fill PATH until the disk is full
+    {"leak": NAME}           the good JSON with the value in it; with "escaped": true spelt in \\uXXXX
 
 Every call is one line in SCRIPT.log, so that a test can count them.
 """
@@ -64,15 +68,71 @@ def leave_grandchild(seconds: float) -> None:
     Path("grandchild.pid").write_text(str(process.pid))
 
 
-def act(behaviour: dict[str, object], stage: str, output: Path) -> None:
+def leak(stage: str, behaviour: dict[str, object]) -> str:
+    """The good output with the value of a variable in the text of its first device."""
+    value = os.environ[behaviour["leak"]]
+    place = ["devices", 0, "identified_as" if stage == "identify" else "raw_descriptor"]
+    text = mutate(stage, [[place, f"sensor {value}"]])
+    escaped = "".join(f"\\u{ord(sign):04x}" for sign in value)
+    return text.replace(json.dumps(value)[1:-1], escaped) if behaviour.get("escaped") else text
+
+
+def fill_disk(path: Path) -> None:
+    with path.open("ab", buffering=0) as file:
+        for size in (4096, 1):
+            try:
+                while file.write(b"x" * size):
+                    pass
+            except OSError:
+                continue
+
+
+def speak(behaviour: dict[str, object]) -> None:
     if "say" in behaviour:
         print(behaviour["say"], flush=True)
+    if "echo" in behaviour:
+        print(os.environ[behaviour["echo"]], flush=True)
+        print(os.environ[behaviour["echo"]], file=sys.stderr, flush=True)
+    if "shout" in behaviour:
+        sys.stdout.buffer.write(bytes.fromhex(behaviour["shout"]) + b"\n")
+        sys.stdout.buffer.flush()
+
+
+def leave(behaviour: dict[str, object]) -> None:
+    if "children" in behaviour:
+        leave_children(behaviour["children"])
     if "grandchild" in behaviour:
         leave_grandchild(behaviour["grandchild"])
+
+
+def leave_children(count: int) -> None:
+    pids = [subprocess.Popen([sys.executable, "-c", "import time; time.sleep(300)"]).pid for _ in range(count)]
+    Path("children.json").write_text(json.dumps(pids))
+
+
+def write_odd(behaviour: dict[str, object], stage: str, output: Path) -> bool:
+    """Outputs that are no text of ours; False when the behaviour asks for none."""
+    if "sparse" in behaviour:
+        with output.open("wb") as file:
+            file.truncate(behaviour["sparse"])
+    elif "bytes" in behaviour:
+        output.write_bytes(bytes.fromhex(behaviour["bytes"]))
+    elif "leak" in behaviour:
+        output.write_text(leak(stage, behaviour))
+    else:
+        return False
+    return True
+
+
+def act(behaviour: dict[str, object], stage: str, output: Path) -> None:
+    speak(behaviour)
+    leave(behaviour)
     for name in behaviour.get("touch", []):
         with Path(name).open("a") as file:
             file.write("touched by the agent\n")
-    if "link" in behaviour:
+    if write_odd(behaviour, stage, output):
+        pass
+    elif "link" in behaviour:
         output.symlink_to(behaviour["link"])
     elif "mutate" in behaviour:
         output.write_text(mutate(stage, behaviour["mutate"]))
@@ -82,6 +142,8 @@ def act(behaviour: dict[str, object], stage: str, output: Path) -> None:
         output.write_text(behaviour["write"])
     elif not {"exit", "sleep"} & set(behaviour):
         output.write_text(good(stage))
+    if "ballast" in behaviour:
+        fill_disk(Path(behaviour["ballast"]))
     time.sleep(behaviour.get("sleep", 0))
     sys.exit(behaviour.get("exit", 0))
 

@@ -2,8 +2,10 @@
 
 import json
 import os
+import shutil
 import subprocess
 import sys
+import time
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -11,6 +13,7 @@ from typing import Any
 
 OCTOFORM = Path(sys.executable).parent / "octoform"
 AGENT = Path(__file__).parents[1] / "agent" / "agent.py"
+SHIPPED = Path(__file__).parents[2] / "protocol"
 SECONDS = 120.0
 
 
@@ -41,13 +44,17 @@ class Done:
 
 @dataclass
 class Project:
-    """A folder with octopus.yaml whose agent follows a script; the script lies outside of it."""
+    """A folder with octopus.yaml whose agent follows a script; the script lies outside of it.
+
+    ``environ`` is added to the environment of octoform, ``env`` names the variables that the agent is given.
+    """
 
     folder: Path
     outside: Path
     script: dict[str, list[object]] = field(default_factory=dict)
     manifest: dict[str, str] = field(default_factory=dict)
     environ: dict[str, str] = field(default_factory=dict)
+    env: list[str] = field(default_factory=list)
 
     @property
     def state(self) -> Path:
@@ -63,7 +70,8 @@ class Project:
         self.outside.mkdir(parents=True, exist_ok=True)
         (self.outside / "script.json").write_text(json.dumps(self.script))
         command = json.dumps([sys.executable, str(AGENT), str(self.outside / "script.json")])
-        lines = ["version: 1", "host: bench", f"harness: {{name: command, command: {command}}}"]
+        passed = f", env: {json.dumps(self.env)}" if self.env else ""
+        lines = ["version: 1", "host: bench", f"harness: {{name: command, command: {command}{passed}}}"]
         lines += [f"{key}: {value}" for key, value in self.manifest.items()]
         (self.folder / "octopus.yaml").write_text("\n".join(lines) + "\n")
 
@@ -111,3 +119,21 @@ class Project:
     def attempts(self, stage: str) -> Sequence[Path]:
         """The attempt folders of a stage, oldest first."""
         return sorted(self.local.glob(f"attempts/*-{stage}-*"))
+
+    def stages_run(self) -> list[str]:
+        """The stages of all calls of the scripted agent so far."""
+        return [run["stage"] for run in self.agent_runs()]
+
+    def wait_for_agent(self, count: int = 1) -> int:
+        """Wait until the agent was started ``count`` times; the process id of the last."""
+        deadline = time.monotonic() + 60
+        while len(self.agent_runs()) < count:
+            assert time.monotonic() < deadline, "no agent was started"
+            time.sleep(0.02)
+        return int(self.agent_runs()[count - 1]["pid"])
+
+    def own_specs(self) -> Path:
+        """Give the project its own copies of the shipped specs; the folder."""
+        folder = self.folder / "protocol"
+        shutil.copytree(SHIPPED, folder)
+        return folder
