@@ -11,12 +11,6 @@ echo
 echo "== octoform apply"
 "$octoform" apply -auto-approve
 echo
-echo "== octoform status"
-"$octoform" status
-echo
-echo "== octoform tools"
-"$octoform" tools
-echo
 tool=$("$octoform" tools --json | .venv/bin/python -c '
 import json, sys
 tools = json.load(sys.stdin)["tools"]
@@ -26,3 +20,5 @@ if [ -n "$tool" ]; then
     echo "== octoform call $tool"
     "$octoform" call "$tool"
 fi
+echo
+echo "Next: put .venv/bin on your PATH, then: octoform plan"
