@@ -89,7 +89,7 @@ def _prevented(compiled: Compiled) -> list[Diagnostic]:
 
 
 def _plan(request: Request, compiled: Compiled, snapshot: Snapshot, situation: Situation) -> Plan:
-    actions = _destruction(snapshot) if request.destroy else _construction(request, compiled, situation)
+    actions = _destruction(compiled.graph, snapshot) if request.destroy else _construction(request, compiled, situation)
     facts, _ = repository_facts(compiled.layout.project, source_files(compiled))
     targets = compiled.graph.upstream(request.targets) if request.targets else frozenset()
     return Plan(
@@ -115,11 +115,12 @@ def _construction(request: Request, compiled: Compiled, situation: Situation) ->
     return diff(compiled.graph, situation.prior, situation.observed, wishes)
 
 
-def _destruction(snapshot: Snapshot) -> tuple[PlannedAction, ...]:
+def _destruction(graph: Graph, snapshot: Snapshot) -> tuple[PlannedAction, ...]:
+    """What stands is taken down from its end: nothing is left over that rests on something gone."""
     reason = Reason(Cause.REQUESTED, text="destroy")
-    return tuple(
-        PlannedAction(name, Action.DESTROY, certain=True, reasons=(reason,)) for name in reversed(snapshot.nodes)
-    )
+    order = [*(name for name in snapshot.nodes if name not in graph.names()), *reversed(graph.names())]
+    names = [name for name in order if name in snapshot.nodes]
+    return tuple(PlannedAction(name, Action.DESTROY, certain=True, reasons=(reason,)) for name in names)
 
 
 def _changes(situation: Situation) -> tuple[Change, ...]:

@@ -76,7 +76,7 @@ def _plan_node(
     if known.status == "accepted":
         reasons = broken + _changed(node, known, outputs, observed, wishes, frozenset(upstream))
     if reasons:
-        return _action(node, _word(reasons), tuple(reasons), known, certain=True)
+        return _action(node, _word(reasons, known), tuple(reasons), known, certain=True)
     if upstream:
         waits = tuple(Reason(Cause.UPSTREAM, part=f"input.{name}") for name in upstream)
         return _action(node, Action.UPDATE, waits, known, certain=False)
@@ -132,11 +132,12 @@ def _changed(
     return reasons
 
 
-def _word(reasons: list[Reason]) -> Action:
+def _word(reasons: list[Reason], known: Prior) -> Action:
+    """A node is created when there is no artifact of it, whether there never was one or it went."""
     causes = {reason.cause for reason in reasons}
     if causes & {Cause.REQUESTED, Cause.TAINTED, Cause.ARTIFACT_LINK}:
         return Action.REPLACE
-    if causes & {Cause.INTERRUPTED, Cause.FAILED, Cause.ARTIFACT_DELETED}:
+    if Cause.ARTIFACT_DELETED in causes or not known.output_digest:
         return Action.CREATE
     return Action.UPDATE
 

@@ -2,9 +2,12 @@
 
 from octoform.plan.encode import to_json
 from octoform.plan.model import Action, Plan, PlannedAction
-from octoform.views import sentences
+from octoform.views import hardware, sentences
 from octoform.views.console import Console
 from octoform.views.stream import JsonStream
+from octoform.views.text import one_line
+
+WIDTH = 100
 
 
 class PlanHuman:
@@ -21,62 +24,68 @@ class PlanHuman:
             say()
             self._legend(plan)
             for item in plan.work:
-                self._node(item)
-        self._devices(plan)
+                self._node(plan, item)
+        self._hardware(plan)
+        self._questions(plan)
         say()
         first, *rest = sentences.summary(plan).split("\n")
         say(self._console.paint(first, "bold"))
         for line in rest:
             say(line)
-        if saved_as:
-            say(f"\nSaved as {saved_as}. Apply it with:  octoform apply {saved_as}")
+        self._advice(plan, saved_as)
 
     def _header(self, plan: Plan) -> str:
         text = f"host {plan.host}"
+        if plan.targets:
+            text += f", only {sentences.listed(plan.targets, 'and')} (-target)"
         if plan.revision:
             text += f", revision {plan.revision[:12]}"
             text += f" with uncommitted {', '.join(plan.dirty)}" if plan.dirty else ""
         return self._console.paint(text, "dim")
 
     def _legend(self, plan: Plan) -> None:
-        meanings = {
-            Action.CREATE: "create",
-            Action.UPDATE: "update in place",
-            Action.REPLACE: "destroy and then create replacement",
-            Action.DESTROY: "destroy",
-        }
         self._console.line("octoform will perform the following actions:")
-        for action, meaning in meanings.items():
+        for action, meaning in sentences.LEGEND.items():
             if any(item.action is action for item in plan.work):
-                self._console.line(f"  {self._symbol(action)} {meaning}")
+                self._console.line(f"{self._symbol(action)} {meaning}")
         self._console.line()
 
     def _symbol(self, action: Action) -> str:
         symbol = f"{sentences.SYMBOLS[action]:>3}"
         return self._console.paint(symbol, sentences.COLOURS[action])
 
-    def _node(self, item: PlannedAction) -> None:
+    def _node(self, plan: Plan, item: PlannedAction) -> None:
         say = self._console.line
         maker = f"  [{item.harness}{', ' + item.model if item.model else ''}]" if item.calls_agent else ""
         name = self._console.paint(f"{item.node:<10}", "bold")
         say(f"{self._symbol(item.action)} {name} {sentences.phrase(item)}{self._console.paint(maker, 'dim')}")
-        for reason in item.reasons:
-            say(f"        {sentences.reason(reason)}")
-        if item.calls_agent and item.last:
-            say(self._console.paint(f"        last run: {_last(item)}", "dim"))
+        for reason in sentences.reasons(plan, item):
+            say(f"        {reason}")
+        if item.calls_agent and item.last.get("attempts"):
+            say(self._console.paint(f"        the accepted run took {_last(item)}", "dim"))
 
-    def _devices(self, plan: Plan) -> None:
-        say = self._console.line
+    def _hardware(self, plan: Plan) -> None:
         if plan.changes:
-            say("\nWhat is known before apply:")
-        for change in plan.changes:
-            text = f": {change.text}" if change.text else ""
-            say(f"  {self._symbol(change.action)} {change.kind} {change.name}{text}")
+            self._console.line("\nHardware that came or went since the last apply, as the kernel announces it:")
+        for line in hardware.lines(plan.changes):
+            self._console.line(f"{self._symbol(line.action)} {one_line(line.text, WIDTH)}")
+
+    def _questions(self, plan: Plan) -> None:
         if plan.questions:
-            say("\nDevices whose meaning is missing:")
+            self._console.line("\nDevices whose meaning is missing:")
         for question in plan.questions:
             mark = self._console.paint("  ?", "cyan")
-            say(f"  {mark} {question.device} ({question.seen_as})\n        {question.sentence}")
+            self._console.line(f"{mark} {question.device} ({one_line(question.seen_as, WIDTH)})")
+            self._console.line(f"        {one_line(question.sentence, 2 * WIDTH)}")
+
+    def _advice(self, plan: Plan, saved_as: str | None) -> None:
+        first, *more = sentences.adoptable(plan) or ("",)
+        if first:
+            text = f"To keep an artifact that is still right, without a new run:  octoform accept {first}"
+            text += f"  (and so {sentences.listed(more, 'and')})" if more else ""
+            self._console.line(self._console.paint(text, "dim"))
+        if saved_as:
+            self._console.line(f"\nSaved as {saved_as}. Apply it with:  octoform apply {saved_as}")
 
 
 def _last(item: PlannedAction) -> str:
@@ -105,7 +114,7 @@ class PlanJson:
         document = to_json(plan)
         for item, change in zip(plan.actions, document["actions"], strict=True):
             if item.action is not Action.NOOP:
-                texts = [sentences.reason(reason) for reason in item.reasons]
+                texts = sentences.reasons(plan, item)
                 self._stream.emit(
                     "planned_change", f"{item.node}: {sentences.phrase(item)}", change=change, reasons_text=texts
                 )

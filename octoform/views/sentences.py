@@ -1,7 +1,10 @@
 """Reasons and symbols as words: one place that turns the plan's records into what a person reads."""
 
+from collections.abc import Sequence
+
 from octoform import digest
 from octoform.plan.model import Action, Cause, Plan, PlannedAction, Reason
+from octoform.views import hardware
 
 SYMBOLS = {
     Action.CREATE: "+",
@@ -11,86 +14,130 @@ SYMBOLS = {
     Action.NOOP: "",
 }
 COLOURS = {Action.CREATE: "green", Action.UPDATE: "yellow", Action.REPLACE: "yellow", Action.DESTROY: "red"}
+LEGEND = {
+    Action.CREATE: "create",
+    Action.UPDATE: "update in place",
+    Action.REPLACE: "replace",
+    Action.DESTROY: "destroy",
+}
 
 _PHRASES = {
     Action.CREATE: "will be created",
     Action.UPDATE: "will be updated in place",
-    Action.REPLACE: "must be replaced",
+    Action.REPLACE: "will be replaced",
     Action.DESTROY: "will be destroyed",
     Action.NOOP: "stays as it is",
 }
 
+_PURPOSES = {
+    "probe": "lists every device that the operating system shows",
+    "identify": "says what each device is, on evidence",
+    "interface": "decides which typed tools there will be",
+    "serve": "writes the MCP server",
+    "deploy": "decides the exact packages; the server is started and tried",
+    "endpoint": "the launcher and the settings for MCP clients",
+}
+
 _CAUSES = {
-    Cause.NEW: "it is not in the state",
     Cause.INTERRUPTED: "its last run began and never ended",
     Cause.FAILED: "its last run failed",
-    Cause.TAINTED: "it is tainted",
-    Cause.REQUESTED: "-replace asks for it",
-    Cause.ARTIFACT_DELETED: "its accepted artifact is gone",
-    Cause.ARTIFACT_EDITED: "its accepted artifact was edited by hand",
-    Cause.ARTIFACT_LINK: "its accepted artifact was replaced by a link",
+    Cause.TAINTED: "it is marked as tainted",
+    Cause.REQUESTED: "asked for by -replace",
+    Cause.ARTIFACT_DELETED: "its accepted artifact {place} is gone",
+    Cause.ARTIFACT_EDITED: "its accepted artifact {place} was edited by hand",
+    Cause.ARTIFACT_LINK: "its accepted artifact {place} was replaced by a link",
     Cause.CONTRACT: "its accepted artifact no longer passes its contract",
-    Cause.ENDPOINT: "the endpoint is not as it was left",
+    Cause.ENDPOINT: "drift",
 }
 
 
 def phrase(item: PlannedAction) -> str:
     """What happens to the node, as the end of a sentence."""
-    if not item.certain:
-        return "known after apply"
-    return _PHRASES[item.action]
+    return _PHRASES[item.action] if item.certain else "may be updated in place (known after apply)"
 
 
-def reason(item: Reason) -> str:
-    """One reason as one line, part by part, before and after."""
-    if item.cause is Cause.UPSTREAM:
-        source = (item.part or "").removeprefix("input.")
-        return f"runs only if the output of {source} comes out different"
+def reasons(plan: Plan, item: PlannedAction) -> list[str]:
+    """Why a node is worked on, one line a reason; what it waits for is one line in all."""
+    if plan.operation == "destroy":
+        return []
+    told = [_reason(plan, item.node, one) for one in item.reasons if one.cause is not Cause.UPSTREAM]
+    waits = [(one.part or "").removeprefix("input.") for one in item.reasons if one.cause is Cause.UPSTREAM]
+    return [*told, f"only if the output of {listed(waits, 'or')} comes out different"] if waits else told
+
+
+def _reason(plan: Plan, node: str, item: Reason) -> str:
+    if item.cause is Cause.NEW:
+        purpose = _PURPOSES.get(node)
+        return f"not in the state yet: {purpose}" if purpose else "not in the state yet"
     if item.cause is Cause.CHANGED:
-        return _changed(item)
-    text = _CAUSES[item.cause]
+        return _changed(plan, node, item)
+    text = _CAUSES[item.cause].format(place=f"state/{plan.host}/{node}")
     if item.before and item.after:
         text += f" ({show(item.before)} -> {show(item.after)})"
     return f"{text}: {item.text}" if item.text else text
 
 
-def _changed(item: Reason) -> str:
+def _changed(plan: Plan, node: str, item: Reason) -> str:
     part = item.part or ""
     if part == "hardware":
-        return f"hardware: {item.text}" if item.text else "hardware: what the kernel announces has changed"
+        return f"hardware: {_moved(plan)}"
+    if part == "spec":
+        return f"spec: protocol/{node}.md changed ({show(item.before)} -> {show(item.after)})"
     label = f"output of {part.removeprefix('input.')}" if part.startswith("input.") else part.replace(".", " ", 1)
-    return f"{label}: {show(item.before)} -> {show(item.after)}"
+    if not _is_digest(item.before) and not _is_digest(item.after):
+        return f"{label}: {show(item.before)} -> {show(item.after)}"
+    if item.before and item.after:
+        return f"{label}: changed ({show(item.before)} -> {show(item.after)})"
+    return f"{label}: new ({show(item.after)})" if item.after else f"{label}: no longer there"
+
+
+def _moved(plan: Plan) -> str:
+    """How much of the hardware came and went, as far as it is known."""
+    found = [line.action for line in hardware.lines(plan.changes)]
+    words = ((Action.CREATE, "appeared"), (Action.DESTROY, "gone"), (Action.UPDATE, "counted differently"))
+    told = [f"{found.count(action)} {word}" for action, word in words if action in found]
+    return f"{', '.join(told)} (listed below)" if told else "what the kernel announces has changed"
+
+
+def _is_digest(value: str | None) -> bool:
+    return value is not None and value.startswith(digest.PREFIX)
 
 
 def show(value: str | None) -> str:
     """A key part for people: digests are shortened, absence has a word."""
     if value is None:
         return "(none)"
-    if value.startswith(digest.PREFIX):
+    if _is_digest(value):
         return digest.short(value)
     return value or "(none)"
 
 
+def listed(words: Sequence[str], last: str) -> str:
+    """``a, b or c``."""
+    return words[0] if len(words) == 1 else f"{', '.join(words[:-1])} {last} {words[-1]}"
+
+
 def summary(plan: Plan) -> str:
-    """The line that counts; certain work first, then what may follow from it."""
+    """The line that counts; certain work first, then what may follow from it. A second line counts agents."""
     if plan.empty:
         return nothing(plan)
     add, change, destroy = counts(plan)
     line = f"Plan: {add} to add, {change} to change, {destroy} to destroy."
-    certain = [item for item in plan.work if item.certain and item.calls_agent]
-    maybe = [item for item in plan.work if not item.certain]
+    maybe = sum(1 for item in plan.work if not item.certain)
     if maybe:
-        line += f" {len(maybe)} more known after apply: at most {len(plan.work)}, maybe {len(plan.work) - len(maybe)}."
-    agents = sum(1 for item in plan.work if item.calls_agent)
-    models = sum(1 for item in plan.work if item.calls_model)
-    if agents:
-        count = f"{agents}" if agents == len(certain) else f"at most {agents}, maybe {len(certain)}"
-        line += f"\nAgent runs: {count}; {_models(models)}."
-    return line
+        line += f" {maybe} more may change, known after apply."
+    return line if plan.operation == "destroy" else f"{line}\n{_agents(plan)}"
 
 
-def _models(count: int) -> str:
-    return "none calls a model" if count == 0 else f"{count} may call a model"
+def _agents(plan: Plan) -> str:
+    runs = [item for item in plan.work if item.calls_agent]
+    certain = sum(1 for item in runs if item.certain)
+    models = sum(1 for item in runs if item.calls_model)
+    if not runs:
+        return "Agent runs: none."
+    count = f"{certain}" if certain == len(runs) else f"at most {len(runs)}, maybe {certain}"
+    who = f"{models} of them" if models < len(runs) else "each" if len(runs) > 1 else "it"
+    return f"Agent runs: {count}; {f'{who} may call a model' if models else 'no model is called'}."
 
 
 def counts(plan: Plan) -> tuple[int, int, int]:
@@ -103,4 +150,24 @@ def nothing(plan: Plan) -> str:
     """The words for a plan without work."""
     if plan.operation == "destroy":
         return "No changes. No objects need to be destroyed."
+    if plan.targets:
+        return f"No changes. As far as {listed(plan.targets, 'and')}, your infrastructure matches the configuration."
     return "No changes. Your infrastructure matches the configuration."
+
+
+def adoptable(plan: Plan) -> tuple[str, ...]:
+    """The nodes whose artifacts a person may want to keep instead of running their agents again.
+
+    That is so where nothing but a text that the agent reads, or the artifact itself, was edited.
+    """
+    return tuple(
+        item.node
+        for item in plan.work
+        if item.certain and item.calls_agent and item.action is Action.UPDATE and all(map(_edited, item.reasons))
+    )
+
+
+def _edited(item: Reason) -> bool:
+    if item.cause is Cause.CHANGED:
+        return item.part == "spec" or (item.part or "").startswith("profile.")
+    return item.cause is Cause.ARTIFACT_EDITED

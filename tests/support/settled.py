@@ -108,7 +108,7 @@ class Settled:
             harness=node.harness,
             model=node.model,
             attempts=1 if node.name in STAGES else 0,
-            usage=Usage(input_tokens=1200 * place, output_tokens=300 * place) if node.model else Usage(),
+            usage=Usage(input_tokens=1200 * (place + 1), output_tokens=300 * (place + 1)) if node.model else Usage(),
             seconds=1.5 + place,
             accepted_at=STAMP,
             detail={"contract": contract_digest(compiled.schemas)},

@@ -103,7 +103,9 @@ def test_drift_of_the_endpoint_concerns_the_endpoint_alone() -> None:
 def test_a_run_that_did_not_end_is_never_taken_for_done(status: str, cause: Cause) -> None:
     prior = settled(serve=Prior(status, {}, OUTPUTS["serve"], FILES["serve"]))
     action = plan(prior, observed())["serve"]
-    assert (action.action, action.reasons[0].cause, action.certain) == (Action.CREATE, cause, True)
+    assert (action.action, action.reasons[0].cause, action.certain) == (Action.UPDATE, cause, True)
+    never = plan(settled(serve=Prior(status, {}, "", "")), observed())["serve"]
+    assert (never.action, never.reasons[0].cause, never.certain) == (Action.CREATE, cause, True)
 
 
 def test_taint_and_replace_replace() -> None:
