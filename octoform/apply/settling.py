@@ -1,7 +1,6 @@
 """From an accepted value to files: what git keeps, what stays on the machine, and the line a person reads."""
 
 import json
-import os
 import secrets
 from collections.abc import Mapping
 from pathlib import Path
@@ -15,7 +14,9 @@ from octoform.diagnostics import Diagnostic
 from octoform.state.files import write_atomic
 from octoform.state.instances import write_instances
 from octoform.state.layout import Layout
+from octoform.state.reserve import spending
 
+KEY_BYTES = 32
 RUNTIME = Path(octoform.__file__).parent / "runtime"
 
 
@@ -44,10 +45,11 @@ def remember(context: Context, stage: str, value: Any) -> list[Diagnostic]:
     """Keep on this machine what PROBE saw of it: the instances, and what the kernel announced at that time."""
     if stage != "probe":
         return []
-    found = write_instances(context.layout, instances(value))
+    layout = context.layout
     hardware = text_of({"format": 1, "digest": context.fingerprint, "entries": list(context.hardware)})
-    problem = write_atomic(context.layout.fingerprint, hardware, 0o600)
-    return [*found, *([problem] if problem else [])]
+    problem = spending(layout, lambda: next(iter(write_instances(layout, instances(value))), None))
+    problem = problem or spending(layout, lambda: write_atomic(layout.fingerprint, hardware, 0o600))
+    return [problem] if problem else []
 
 
 def _probe(context: Context, value: Any) -> dict[str, bytes]:
@@ -55,15 +57,18 @@ def _probe(context: Context, value: Any) -> dict[str, bytes]:
 
 
 def _pseudonym_key(layout: Layout) -> bytes:
-    """32 random bytes of this host, made once and never committed: a serial number could be guessed otherwise."""
+    """32 random bytes of this host, made once and never committed: a serial number could be guessed otherwise.
+
+    OSError when they cannot be kept.
+    """
     path = layout.local / "pseudonym.key"
-    try:
-        descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
-    except FileExistsError:
+    if path.is_file() and path.stat().st_size == KEY_BYTES:
         return path.read_bytes()
-    with os.fdopen(descriptor, "wb") as file:
-        file.write(secrets.token_bytes(32))
-    return path.read_bytes()
+    key = secrets.token_bytes(KEY_BYTES)
+    problem = spending(layout, lambda: write_atomic(path, key, 0o600))
+    if problem is not None:
+        raise OSError(None, problem.summary)
+    return key
 
 
 def _json(_: Context, value: Any) -> dict[str, bytes]:

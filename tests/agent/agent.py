@@ -10,7 +10,9 @@ one repeats). A behaviour is ``good`` (write the good artifact beside this file)
     {"grandchild": SECONDS}  leave a process in a session of its own, ignoring SIGTERM
     {"children": N}          leave N processes behind             {"bytes": HEX}      write these bytes
     {"sparse": SIZE}         write a file of that size with a hole {"shout": HEX}      print these bytes
-    {"echo": NAME}           print the value of a variable        {"ballast": PATH}   fill PATH until the disk is full
+    {"echo": NAME}           print the value of a variable        {"flood": SIZE}      print one line of that many bytes
+    {"ballast": PATH}        fill the disk before the output is written, {"fill": PATH} after it
+    {"remove": true}         remove the attempt's whole folder
     {"leak": NAME}           the good JSON with the value in it; with "escaped": true spelt in \\uXXXX
 
 Every call is one line in SCRIPT.log, so that a test can count them.
@@ -19,6 +21,7 @@ Every call is one line in SCRIPT.log, so that a test can count them.
 import importlib.metadata
 import json
 import os
+import shutil
 import subprocess
 import sys
 import time
@@ -93,6 +96,8 @@ def speak(behaviour: dict[str, object]) -> None:
     if "echo" in behaviour:
         print(os.environ[behaviour["echo"]], flush=True)
         print(os.environ[behaviour["echo"]], file=sys.stderr, flush=True)
+    if "flood" in behaviour:
+        print("x" * behaviour["flood"], flush=True)
     if "shout" in behaviour:
         sys.stdout.buffer.write(bytes.fromhex(behaviour["shout"]) + b"\n")
         sys.stdout.buffer.flush()
@@ -112,7 +117,9 @@ def leave_children(count: int) -> None:
 
 def write_odd(behaviour: dict[str, object], stage: str, output: Path) -> bool:
     """Outputs that are no text of ours; False when the behaviour asks for none."""
-    if "sparse" in behaviour:
+    if "remove" in behaviour:
+        shutil.rmtree(output.parent)
+    elif "sparse" in behaviour:
         with output.open("wb") as file:
             file.truncate(behaviour["sparse"])
     elif "bytes" in behaviour:
@@ -127,6 +134,8 @@ def write_odd(behaviour: dict[str, object], stage: str, output: Path) -> bool:
 def act(behaviour: dict[str, object], stage: str, output: Path) -> None:
     speak(behaviour)
     leave(behaviour)
+    if "ballast" in behaviour:
+        fill_disk(Path(behaviour["ballast"]))
     for name in behaviour.get("touch", []):
         with Path(name).open("a") as file:
             file.write("touched by the agent\n")
@@ -142,8 +151,8 @@ def act(behaviour: dict[str, object], stage: str, output: Path) -> None:
         output.write_text(behaviour["write"])
     elif not {"exit", "sleep"} & set(behaviour):
         output.write_text(good(stage))
-    if "ballast" in behaviour:
-        fill_disk(Path(behaviour["ballast"]))
+    if "fill" in behaviour:
+        fill_disk(Path(behaviour["fill"]))
     time.sleep(behaviour.get("sleep", 0))
     sys.exit(behaviour.get("exit", 0))
 

@@ -46,7 +46,8 @@ class Done:
 class Project:
     """A folder with octopus.yaml whose agent follows a script; the script lies outside of it.
 
-    ``environ`` is added to the environment of octoform, ``env`` names the variables that the agent is given.
+    ``environ`` is added to the environment of octoform, ``env`` names the variables that the agent is given,
+    ``prefix`` is a command that runs octoform.
     """
 
     folder: Path
@@ -55,6 +56,7 @@ class Project:
     manifest: dict[str, str] = field(default_factory=dict)
     environ: dict[str, str] = field(default_factory=dict)
     env: list[str] = field(default_factory=list)
+    prefix: list[str] = field(default_factory=list)
 
     @property
     def state(self) -> Path:
@@ -82,7 +84,7 @@ class Project:
     def start(self, *arguments: str, **options: Any) -> "subprocess.Popen[str]":
         """Start octoform and leave it running."""
         return subprocess.Popen(
-            [str(OCTOFORM), *arguments],
+            [*self.prefix, str(OCTOFORM), *arguments],
             cwd=self.folder,
             env=self.environment(),
             stdin=subprocess.DEVNULL,
