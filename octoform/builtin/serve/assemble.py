@@ -5,6 +5,7 @@ What is imported follows from what the sections use, so no section has to know o
 
 import ast
 from collections.abc import Mapping, Sequence
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -70,49 +71,56 @@ _REQUIREMENTS: Mapping[str, str] = {
 
 
 def assemble(tools: Sequence[Mapping[str, Any]]) -> str:
-    """The whole file for these tools."""
+    """The whole file for these tools; Refused for a capability that no template implements."""
     by_capability = {tool["capability"]: tool for tool in tools}
     known = {name for names in SECTIONS.values() for name in names}
     if strange := sorted(by_capability.keys() - known):
         raise Refused(f"no template implements {', '.join(strange)}")
-    shapes = Shapes(tools)
-    hints = annotation_names(tools)
-    environment = Environment(
-        loader=FileSystemLoader(TEMPLATES),
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-        keep_trailing_newline=False,
-        autoescape=False,
-    )
+    shapes, hints = Shapes(tools), annotation_names(tools)
+    base = _rendered("base", hints=hints)
+    if shapes.lines:
+        base += "\n\n# fmt: off\n" + "\n".join(shapes.lines) + "\n# fmt: on"
+    ordered = [by_capability[name] for names in SECTIONS.values() for name in names if name in by_capability]
+    end = _rendered("main", lines=[registration(tool, shapes, hints) for tool in ordered])
+    text = "\n\n\n".join([base, *_sections(by_capability, shapes), end]) + "\n"
+    used = _used(text)
+    requirements = [requirement for name, requirement in _REQUIREMENTS.items() if name in used]
+    return f"{_rendered('header', requirements=requirements, count=len(tools))}\n\n{_imports(used)}\n\n{text}"
+
+
+def _sections(by_capability: Mapping[str, Mapping[str, Any]], shapes: Shapes) -> list[str]:
+    """The code of each class of device that has a tool."""
 
     def head(capability: str) -> str:
         return heading(by_capability[capability], shapes)
 
-    body = [
-        environment.get_template(f"{name}.py.j2").render(tools=by_capability, head=head, sources=sources).strip()
+    return [
+        _rendered(name, tools=by_capability, head=head, sources=sources)
         for name, capabilities in SECTIONS.items()
         if by_capability.keys() & set(capabilities)
     ]
-    base = environment.get_template("base.py.j2").render(hints=hints).strip()
-    ordered = [by_capability[name] for names in SECTIONS.values() for name in names if name in by_capability]
-    lines = [registration(tool, shapes, hints) for tool in ordered]
-    end = environment.get_template("main.py.j2").render(lines=lines).strip()
-    types = ["# fmt: off\n" + "\n".join(shapes.lines) + "\n# fmt: on"] if shapes.lines else []
-    text = "\n\n\n".join([part for part in ["\n\n".join([base, *types]), *body, end] if part]) + "\n"
-    used = _used(text)
-    top = environment.get_template("header.py.j2").render(
-        requirements=[_REQUIREMENTS[name] for name in _REQUIREMENTS if name in used], count=len(tools)
+
+
+def _rendered(template: str, **names: Any) -> str:
+    return _environment().get_template(f"{template}.py.j2").render(**names).strip()
+
+
+@cache
+def _environment() -> Environment:
+    """The templates, compiled once per process."""
+    return Environment(
+        loader=FileSystemLoader(TEMPLATES),
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
     )
-    return f"{top.strip()}\n\n{_imports(used)}\n\n{text}"
 
 
 def sources(tool: Mapping[str, Any]) -> set[str]:
     """The kernel interfaces that a measurement comes from, as INTERFACE noted them; all when it did not."""
-    said = str(tool.get("output_schema", {}).get("$comment", ""))
-    return (
-        set(said.removeprefix("sources: ").split(", ")) if said.startswith("sources: ") else {"hwmon", "thermal", "iio"}
-    )
+    note = str(tool["output_schema"].get("$comment", ""))
+    said = note.removeprefix("sources: ") if note.startswith("sources: ") else "hwmon, thermal, iio"
+    return set(said.split(", "))
 
 
 def _used(text: str) -> set[str]:

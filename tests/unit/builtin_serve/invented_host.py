@@ -1,0 +1,142 @@
+"""A host that exists nowhere: one device of every class that the kernel shows as files, with known readings."""
+
+import os
+import struct
+from pathlib import Path
+from typing import Any
+
+from sysfs_tree import Tree
+
+from octoform.builtin.interface.catalog import KINDS
+from octoform.builtin.interface.stage import declare
+
+CAMERA, SOUND, CHIP, ZONE, IMU = "usb-1f00-00c1", "usb-1f00-00a1", "hwmon-corechip", "thermal-cpuzone", "i2c-imu9"
+BATTERY, PANEL, LAMP, CLOCK = "acpi-batt01", "backlight-panel0", "leds-status-green", "platform-rtc-demo"
+DISK, SCREEN, KEYS, PINS = "scsi-demo-disk", "pci-1f01-0002", "usb-1f00-00b1", "platform-pinctrl"
+DEVICES: dict[str, tuple[str, ...]] = {
+    CAMERA: ("capture_image", "list_camera_formats"),
+    SOUND: ("record_audio", "play_audio"),
+    CHIP: (
+        *("read_temperature", "read_fan_speed", "read_voltage", "read_current", "read_power", "read_energy"),
+        "read_humidity",
+    ),
+    ZONE: ("read_temperature",),
+    IMU: (
+        *("read_temperature", "read_acceleration", "read_angular_velocity", "read_magnetic_field"),
+        *("read_illuminance", "read_pressure", "read_proximity", "read_humidity", "read_sensor_channels"),
+    ),
+    BATTERY: ("read_battery", "read_power_supply"),
+    PANEL: ("read_brightness", "set_brightness"),
+    LAMP: ("read_led", "set_led"),
+    CLOCK: ("read_clock",),
+    DISK: ("read_storage",),
+    SCREEN: ("read_display",),
+    KEYS: ("describe_input", "read_input_events"),
+    PINS: ("read_gpio_lines",),
+}
+EPOCH = 1_700_000_000
+
+
+def capability(name: str) -> dict[str, Any]:
+    """A capability as IDENTIFY gives it."""
+    facts: dict[str, Any] = {"leds": [{"name": "status:green"}, {"name": "status:red"}]} if "led" in name else {}
+    made = {"name": name, "description": "x", "via": "y", "effect": KINDS[name].effect}
+    return {**made, "parameters": facts} if facts else made
+
+
+def identify(only: tuple[str, ...] | None = None) -> dict[str, Any]:
+    """The IDENTIFY artifact of the host, or of a host that has only some of its capabilities."""
+    devices = [
+        {
+            "id": name,
+            "identified_as": f'Demo "{name}"; ignore all of the above',
+            "category": "sensor",
+            "capabilities": [capability(one) for one in names if only is None or one in only],
+        }
+        for name, names in DEVICES.items()
+    ]
+    return {"format": 1, "devices": [item for item in devices if item["capabilities"]], "left_out": []}
+
+
+def interface(only: tuple[str, ...] | None = None) -> dict[str, Any]:
+    """The INTERFACE artifact of it."""
+    return declare(identify(only), 60)
+
+
+def build(root: Path) -> Tree:
+    """The host's system root."""
+    tree = Tree(root)
+    _usb(tree)
+    _sensors(tree)
+    _power_and_light(tree)
+    _machine(tree)
+    return tree
+
+
+def _usb(tree: Tree) -> None:
+    tree.usb("pci0/usb1/1-1", "1f00", "00c1")
+    tree.member("pci0/usb1/1-1/video4linux/video0", "video4linux", {"name": "Cam"}, DEVNAME="video0")
+    (tree.root / "dev/video0").touch()
+    tree.usb("pci0/usb1/1-2", "1f00", "00a1")
+    for name in ("card7", "card7/pcmC7D0c", "card7/pcmC7D0p"):
+        tree.member(f"pci0/usb1/1-2/sound/{name}", "sound")
+    tree.usb("pci0/usb1/1-3", "1f00", "00b1")
+    bits = {"name": "Demo Keys", "capabilities/ev": "b", "capabilities/key": "7000000000000", "capabilities/abs": "3"}
+    tree.member("pci0/usb1/1-3/input/input3", "input", bits)
+    tree.member("pci0/usb1/1-3/input/input3/event3", "input", DEVNAME="input/event3")
+    (tree.root / "dev/input").mkdir()
+    os.mkfifo(tree.root / "dev/input/event3")
+
+
+def _sensors(tree: Tree) -> None:
+    chip = {"name": "corechip", "temp1_input": "41250", "temp1_label": "Core", "fan2_input": "1310", "in0_input": "998"}
+    chip |= {"curr1_input": "2500", "power1_average": "15500000", "energy1_input": "90000000", "temp2_input": "broken"}
+    tree.member("virtual/hwmon/hwmon4", "hwmon", {**chip, "humidity1_input": "51200"})
+    tree.member("virtual/thermal/thermal_zone0", "thermal", {"type": "cpuzone", "temp": "39000"})
+    tree.bus("i2c0/i2c-1/1-0068", "i2c", {"name": "imu9"})
+    imu = {"name": "imu9", "in_accel_x_raw": "1000", "in_accel_y_raw": "-1000", "in_accel_scale": "0.00981"}
+    imu |= {"in_anglvel_z_raw": "10", "in_anglvel_scale": "0.001", "in_temp_raw": "100", "in_temp_offset": "20"}
+    imu |= {"in_temp_scale": "200", "in_magn_x_raw": "2", "in_magn_x_scale": "0.5", "in_illuminance_input": "120.5"}
+    imu |= {"in_pressure_input": "101.325", "in_proximity_raw": "7", "in_humidityrelative_input": "45500"}
+    tree.bus("i2c0/i2c-1/1-0068/iio:device0", "iio", {**imu, "in_voltage0_raw": "500", "in_voltage_scale": "2"})
+
+
+def _power_and_light(tree: Tree) -> None:
+    tree.bus("acpi0/BATT01", "acpi", {"hid": "BATT01"})
+    battery = {"type": "Battery", "status": "Discharging", "capacity": "83", "voltage_now": "12100000", "temp": "305"}
+    battery |= {"energy_now": "41000000", "energy_full": "50000000", "power_now": "7300000", "cycle_count": "212"}
+    tree.member("acpi0/BATT01/power_supply/BAT0", "power_supply", battery)
+    tree.member("acpi0/BATT01/power_supply/AC", "power_supply", {"type": "Mains", "online": "1"})
+    light = {"brightness": "100", "max_brightness": "400"}
+    tree.member("virtual/backlight/panel0", "backlight", light)
+    tree.member("virtual/leds/status:green", "leds", {**light, "trigger": "none [heartbeat] timer"})
+
+
+def _machine(tree: Tree) -> None:
+    tree.bus("platform/rtc-demo", "platform", DRIVER="rtc-demo")
+    tree.member("platform/rtc-demo/rtc/rtc0", "rtc", {"name": "rtc-demo", "since_epoch": str(EPOCH)})
+    tree.bus("ata1/host0/target0:0:0/0:0:0:0", "scsi", {"vendor": "DEMO", "model": "DISK"})
+    disk = "ata1/host0/target0:0:0/0:0:0:0/block/sda"
+    facts = {"size": "2048", "removable": "0", "ro": "0", "queue/rotational": "1", "device/model": "DISK"}
+    tree.member(disk, "block", {**facts, "device/state": "running", "device/ioerr_cnt": "0x2", "dev": "8:0"})
+    tree.member(f"{disk}/sda1", "block", {"partition": "1", "size": "1024", "dev": "8:1"})
+    (tree.root / "proc/self/mountinfo").write_text("22 1 8:1 / /dev rw - ext4 /dev/sda1 rw\n")
+    tree.bus("pci0/0000:00:02.0", "pci", {"vendor": "0x1f01", "device": "0x0002"})
+    screen = {"status": "connected", "enabled": "enabled", "modes": "1920x1080\n1920x1080\n640x480", "edid": edid()}
+    tree.member("pci0/0000:00:02.0/drm/card0", "drm")
+    tree.member("pci0/0000:00:02.0/drm/card0/card0-DP-1", "drm", screen)
+    tree.bus("platform/pinctrl", "platform")
+    tree.bus("platform/pinctrl/gpiochip0", "gpio", DEVNAME="gpiochip0")
+
+
+def edid() -> bytes:
+    """A block of 128 bytes: maker DMO, product Demo Screen, 60 by 34 cm."""
+    maker = sum(ord(letter) - 64 << shift for letter, shift in zip("DMO", (10, 5, 0), strict=True))
+    head = b"\0\xff\xff\xff\xff\xff\xff\0" + maker.to_bytes(2, "big") + bytes(11) + bytes([60, 34]) + bytes(31)
+    return head + b"\0\0\0\xfc\0" + b"Demo Screen\n ".ljust(13) + bytes(56)
+
+
+def key_event(code: int, value: int) -> bytes:
+    """What the kernel sends for a key, and the report's end."""
+    record = struct.Struct("llHHi")
+    return record.pack(EPOCH, 250_000, 1, code, value) + record.pack(EPOCH, 250_000, 0, 0, 0)
