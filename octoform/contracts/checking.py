@@ -46,6 +46,11 @@ def check(stage: str, value: object, artifacts: Artifacts, schemas: Path, path: 
     return [item if item.path or path is None else replace(item, path=path) for item in found]
 
 
+def has_shape(stage: str, value: object, schemas: Path) -> bool:
+    """Whether the schema of the stage accepts the value; source text has no schema."""
+    return stage == "serve" or not shape_diagnostics(stage, value, load_schema(stage, schemas))
+
+
 def _ruled(rules: tuple[Rule, ...], value: object, artifacts: Artifacts) -> list[Diagnostic]:
     found: list[Diagnostic] = []
     for rule in rules:

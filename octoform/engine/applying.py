@@ -15,6 +15,7 @@ from octoform.engine import memo, reporting
 from octoform.engine.committing import commit_run
 from octoform.engine.compiling import Compiled, compile_project
 from octoform.engine.execution_log import logging_to
+from octoform.engine.observing import read_artifacts
 from octoform.engine.planning import Outlook, Request, prepare
 from octoform.engine.ports import RunView
 from octoform.engine.results import RunResult
@@ -23,6 +24,7 @@ from octoform.engine.sources import source_files
 from octoform.events import Event, Notice
 from octoform.harness.orphans import sweep
 from octoform.plan.model import Plan
+from octoform.state.artifacts import observe
 from octoform.state.files import check_writable, write_atomic
 from octoform.state.history import repository_facts
 from octoform.state.lock import Waiting, acquire
@@ -57,13 +59,14 @@ def _locked(request: Request, options: Options, view: RunView) -> RunResult:
     if compiled is None:
         return replace(blank, failed="compile", diagnostics=tuple(found))
     blank = replace(blank, host=compiled.layout.host)
-    found = check_writable(compiled.layout)
-    if found:
-        return replace(blank, failed="state", diagnostics=tuple(found))
     acquired = acquire(compiled.layout, operation, Waiting(timeout=options.lock_seconds))
     if acquired.lock is None:
         return replace(blank, failed="lock", diagnostics=acquired.diagnostics)
     with acquired.lock:
+        # Only with the lock: this writes into the folders, and removes what looks like a dead run's leftovers.
+        found = check_writable(compiled.layout)
+        if found:
+            return replace(blank, failed="state", diagnostics=tuple(found))
         return _planned(request, options, view, compiled, acquired.notices)
 
 
@@ -157,6 +160,8 @@ class _Run:
             commit, more = commit_run(compiled.layout, self.store.snapshot, plan.operation)
             found += more
         self._remember(tally)
+        files = {stage: facts.digest for stage, facts in observe(compiled.layout).items()}
+        artifacts = read_artifacts(compiled, self.store.snapshot, files)
         return RunResult(
             operation=plan.operation,
             host=plan.host,
@@ -167,8 +172,8 @@ class _Run:
             seconds=seconds,
             failed=tally.failed,
             diagnostics=tuple(found),
-            funnel=None if self.request.destroy else reporting.funnel(compiled.layout),
-            endpoint=None if self.request.destroy or tally.failed else reporting.endpoint(compiled.layout),
+            funnel=None if self.request.destroy else reporting.funnel(artifacts),
+            endpoint=None if self.request.destroy or tally.failed else reporting.endpoint(compiled.layout, artifacts),
             commit=commit,
         )
 

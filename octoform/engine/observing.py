@@ -8,7 +8,7 @@ from typing import Any
 
 import octoform
 from octoform import digest, host
-from octoform.contracts.checking import check
+from octoform.contracts.checking import check, has_shape
 from octoform.contracts.model import Artifacts, ProfileFacts
 from octoform.contracts.parsing import parse
 from octoform.diagnostics import Diagnostic, Severity
@@ -40,10 +40,11 @@ def look(compiled: Compiled, snapshot: Snapshot, environ: Mapping[str, str]) -> 
     files = observe_files(layout)
     fingerprint = host.fingerprint(host.root_from_environment(environ))
     contract = contract_digest(compiled.schemas)
-    artifacts = _artifacts(layout)
+    found = {stage: facts.digest for stage, facts in files.items()}
+    artifacts = read_artifacts(compiled, snapshot, found)
     observed = Observed(
         fingerprint=fingerprint.digest,
-        files={stage: facts.digest for stage, facts in files.items()},
+        files=found,
         links=frozenset(stage for stage, facts in files.items() if facts.is_link),
         contract=_complaints(compiled, snapshot, artifacts, contract),
         endpoint=tuple(observe_endpoint(layout).reasons) if "endpoint" in snapshot.nodes else (),
@@ -65,15 +66,22 @@ def _prior(state: NodeState) -> Prior:
     return Prior(state.status.value, state.key_parts, state.output_digest, state.file_digest, state.tainted, last)
 
 
-def _artifacts(layout: Layout) -> dict[str, Any]:
-    """The artifacts that can be read as values; one that cannot is told by its digest or its absence."""
+def read_artifacts(compiled: Compiled, snapshot: Snapshot, digests: Mapping[str, str | None]) -> dict[str, Any]:
+    """The artifacts that can be read as values; one that cannot is told by its digest or its absence.
+
+    ``digests`` are those of the files as they lie there. What is not as it was accepted must have its stage's shape
+    to be read at all: whoever uses the values relies on it.
+    """
     found = {}
     for stage in STAGES:
-        path = layout.output(stage)
-        if path.is_file() and not path.is_symlink():
-            value, _ = parse(stage, path.read_bytes(), str(path))
-            if value is not None:
-                found[stage] = value
+        path = compiled.layout.output(stage)
+        if digests.get(stage) is None or not path.is_file() or path.is_symlink():
+            continue
+        value, _ = parse(stage, path.read_bytes(), str(path))
+        state = snapshot.nodes.get(stage)
+        as_accepted = state is not None and state.file_digest == digests[stage]
+        if value is not None and (as_accepted or has_shape(stage, value, compiled.schemas)):
+            found[stage] = value
     return found
 
 

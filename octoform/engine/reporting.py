@@ -1,6 +1,7 @@
 """What the end of a run tells: the funnel and the endpoint, read from the accepted artifacts."""
 
 import json
+from collections.abc import Mapping
 from typing import Any
 
 from octoform.endpoint.observing import observe
@@ -8,14 +9,9 @@ from octoform.engine.results import EndpointSummary, Funnel
 from octoform.state.layout import Layout
 
 
-def _read(layout: Layout, stage: str) -> dict[str, Any] | None:
-    path = layout.output(stage)
-    return json.loads(path.read_bytes()) if path.is_file() else None
-
-
-def funnel(layout: Layout) -> Funnel | None:
+def funnel(artifacts: Mapping[str, Any]) -> Funnel | None:
     """Counts from what is seen to what can be called; None before IDENTIFY was accepted."""
-    probe, identify, interface = (_read(layout, stage) for stage in ("probe", "identify", "interface"))
+    probe, identify, interface = (artifacts.get(stage) for stage in ("probe", "identify", "interface"))
     if probe is None or identify is None:
         return None
     served = {device for tool in interface["tools"] for device in tool["devices"]} if interface else set()
@@ -28,9 +24,9 @@ def funnel(layout: Layout) -> Funnel | None:
     )
 
 
-def endpoint(layout: Layout) -> EndpointSummary | None:
+def endpoint(layout: Layout, artifacts: Mapping[str, Any]) -> EndpointSummary | None:
     """The endpoint as it was last checked; None when there is none."""
-    interface = _read(layout, "interface")
+    interface = artifacts.get("interface")
     facts = observe(layout)
     if interface is None or facts.reasons or not (layout.endpoint / "launch").exists():
         return None

@@ -62,9 +62,12 @@ def status(project: Path, environ: Mapping[str, str]) -> Status:
     return Status(plan.host, plan.empty, health, tuple(reasons), plan, names, problems)
 
 
-def _promised(layout: Layout) -> list[str]:
-    path = layout.output("interface")
-    return [tool["name"] for tool in json.loads(path.read_bytes())["tools"]] if path.is_file() else []
+def _promised(layout: Layout) -> dict[str, Any]:
+    """The tools of the INTERFACE artifact by name; none when it can be read no more, which the plan tells."""
+    try:
+        return {tool["name"]: tool for tool in json.loads(layout.output("interface").read_bytes())["tools"]}
+    except (OSError, ValueError, LookupError, TypeError):
+        return {}
 
 
 def tools(project: Path, environ: Mapping[str, str]) -> tuple[list[dict[str, Any]] | None, list[Diagnostic]]:
@@ -75,8 +78,7 @@ def tools(project: Path, environ: Mapping[str, str]) -> tuple[list[dict[str, Any
     listed, problems = list_tools(layout)
     if has_errors(problems):
         return None, list(problems)
-    path = layout.output("interface")
-    promised = {tool["name"]: tool for tool in json.loads(path.read_bytes())["tools"]} if path.is_file() else {}
+    promised = _promised(layout)
     extra = ("effect", "devices")
     return [{**tool, **{key: promised.get(tool["name"], {}).get(key) for key in extra}} for tool in listed], []
 

@@ -13,6 +13,7 @@ one repeats). A behaviour is ``good`` (write the good artifact beside this file)
     {"echo": NAME}           print the value of a variable        {"flood": SIZE}      print one line of that many bytes
     {"ballast": PATH}        fill the disk before the output is written, {"fill": PATH} after it
     {"remove": true}         remove the attempt's whole folder
+    {"replace_spec": [KIND, TARGET]}  put a pipe, a folder or a link to TARGET in the place of the spec's copy
     {"leak": NAME}           the good JSON with the value in it; with "escaped": true spelt in \\uXXXX
 
 Every call is one line in SCRIPT.log, so that a test can count them.
@@ -106,8 +107,16 @@ def speak(behaviour: dict[str, object]) -> None:
 def leave(behaviour: dict[str, object]) -> None:
     if "children" in behaviour:
         leave_children(behaviour["children"])
+    if "replace_spec" in behaviour:
+        replace_spec(*behaviour["replace_spec"])
     if "grandchild" in behaviour:
         leave_grandchild(behaviour["grandchild"])
+
+
+def replace_spec(kind: str, target: str) -> None:
+    copy = Path("spec.md")
+    copy.unlink()
+    {"pipe": lambda: os.mkfifo(copy), "folder": copy.mkdir, "link": lambda: copy.symlink_to(target)}[kind]()
 
 
 def leave_children(count: int) -> None:
