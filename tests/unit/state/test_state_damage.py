@@ -9,7 +9,7 @@ import pytest
 
 from octoform.state.layout import Layout
 from octoform.state.model import NodeState
-from octoform.state.peek import backup_path, peek
+from octoform.state.peek import backup_path, parse, peek
 from octoform.state.store import StateStore
 
 PAGES = Path(__file__).parents[3] / "octoform/diagnostics/pages"
@@ -38,8 +38,11 @@ def code(layout: Layout) -> str:
 def test_cut_anywhere_it_is_never_read(twice: Layout) -> None:
     data = twice.snapshot.read_bytes()
     for length in range(len(data) - 2):
+        document, found = parse(data[:length], twice)
+        assert document is None and [item.code for item in found] == ["STATE-TRUNCATED"], data[:length][-20:]
+    for length in range(0, len(data) - 2, 50):
         twice.snapshot.write_bytes(data[:length])
-        assert code(twice) == "STATE-TRUNCATED", data[:length][-20:]
+        assert code(twice) == "STATE-TRUNCATED"
         assert twice.snapshot.read_bytes() == data[:length]
 
 

@@ -3,6 +3,7 @@
 import fcntl
 import json
 import os
+import select
 import signal
 from collections.abc import Callable
 from dataclasses import replace
@@ -238,7 +239,7 @@ def test_a_guard_that_is_never_let_go_is_an_error_and_no_hang(layout: Layout, mo
 def test_many_that_find_one_dead_holder_end_with_one_lock(layout: Layout) -> None:
     """Eight processes start at one signal, each finds the dead lock; exactly one has the lock at the end."""
     racers = 8
-    for _ in range(12):
+    for _ in range(6):
         taken(layout)
         rewrite(layout, start_time=1)
         go_reader, go_writer = os.pipe()
@@ -266,6 +267,87 @@ def test_many_that_find_one_dead_holder_end_with_one_lock(layout: Layout) -> Non
         assert answers.count(b"1") == 1
         assert isinstance(holder, Holder) and holder.process.pid in pids
         taken(layout).release()
+
+
+class Racer:
+    """A process that takes the lock and sees a dead holder only when it is let: its /proc has a pipe for that one."""
+
+    def __init__(self, layout: Layout, proc: Path, dead: int, other: tuple[int, int] | None) -> None:
+        """``other`` is the racer before this one: its pid, and its gate as this process holds it open."""
+        self.gate = proc / str(dead) / "stat"
+        self.gate.parent.mkdir(parents=True)
+        os.mkfifo(self.gate)
+        for name in ("sys", "self", *([str(other[0])] if other else [])):
+            (proc / name).symlink_to(Path("/proc") / name)
+        self.says, writer = os.pipe()
+
+        def race() -> None:
+            if other is not None:
+                os.close(other[1])
+            (proc / str(os.getpid())).symlink_to(f"/proc/{os.getpid()}")
+            flock = fcntl.flock
+
+            def telling(descriptor: int, operation: int) -> None:
+                try:
+                    flock(descriptor, operation)
+                except BlockingIOError:
+                    os.write(writer, b"w")
+                    raise
+
+            fcntl.flock = telling
+            outcome = acquire(layout, "apply", proc=proc)
+            os.write(writer, b"1" if outcome.lock is not None else b"0")
+            signal.pause()  # what it has it keeps until it is killed
+
+        self.pid = child(race)
+        os.close(writer)
+
+    def at_the_gate(self) -> int | None:
+        """The open gate, once the racer asks whether the holder lives."""
+        try:
+            return os.open(self.gate, os.O_WRONLY | os.O_NONBLOCK)
+        except OSError:
+            return None
+
+    def waits(self) -> bool:
+        """Whether it has been kept off by another racer."""
+        return bool(select.select([self.says], [], [], 0)[0])
+
+    def answer(self) -> str:
+        while (said := os.read(self.says, 1)) == b"w":
+            pass
+        return said.decode()
+
+    def end(self) -> None:
+        os.kill(self.pid, signal.SIGKILL)
+        os.waitpid(self.pid, 0)
+        os.close(self.says)
+
+
+def test_of_two_that_found_the_same_dead_holder_the_second_does_not_clear_the_first_s_lock(
+    layout: Layout, tmp_path: Path
+) -> None:
+    """Both have the dead holder before them; the first clears it and takes the lock; then the second goes on."""
+    dead = 4_000_000
+    taken(layout)
+    rewrite(layout, pid=dead)
+    first = Racer(layout, tmp_path / "a", dead, None)
+    while (gate := first.at_the_gate()) is None:
+        os.sched_yield()
+    second = Racer(layout, tmp_path / "b", dead, (first.pid, gate))
+    second_gate = None
+    while second_gate is None and not second.waits():
+        second_gate = second.at_the_gate()
+    os.close(gate)
+    answers = first.answer()
+    if second_gate is not None:
+        os.close(second_gate)
+    answers += second.answer()
+    holder = read_holder(layout)
+    first.end()
+    second.end()
+    assert answers == "10"
+    assert isinstance(holder, Holder) and holder.process.pid == first.pid
 
 
 def test_myself_is_alive() -> None:

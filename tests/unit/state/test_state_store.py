@@ -11,8 +11,10 @@ from hypothesis import HealthCheck, settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, rule
 
-from octoform.diagnostics import error, has_errors
+from octoform.diagnostics import Diagnostic, error, has_errors
+from octoform.state import journal
 from octoform.state import store as stores
+from octoform.state.journal import Reading
 from octoform.state.layout import Layout
 from octoform.state.model import GitRecord, NodeState, Snapshot, Status, encode, state_digest
 from octoform.state.peek import backup_path, peek
@@ -30,12 +32,15 @@ def opened(layout: Layout, ports: Ports | None = None) -> StateStore:
     return store
 
 
+MEMORY = Path("/dev/shm")
+
+
 class Histories(RuleBasedStateMachine):
     """The model: what each node's last step said, as (status, key, tainted)."""
 
     @initialize()
     def start(self) -> None:
-        self.folder = Path(tempfile.mkdtemp())
+        self.folder = Path(tempfile.mkdtemp(dir=MEMORY if os.access(MEMORY, os.W_OK) else None))
         self.layout = Layout(self.folder, "bench")
         self.store = opened(self.layout)
         self.model: dict[str, tuple[str, str, bool]] = {}
@@ -118,7 +123,7 @@ class Histories(RuleBasedStateMachine):
 
 TestHistories = Histories.TestCase
 TestHistories.settings = settings(
-    max_examples=40, stateful_step_count=25, deadline=None, suppress_health_check=list(HealthCheck)
+    max_examples=25, stateful_step_count=20, deadline=None, suppress_health_check=list(HealthCheck)
 )
 
 
@@ -240,6 +245,38 @@ def test_a_commit_that_failed_after_the_rename_is_taken_up(accepted: Layout) -> 
     document = peek(accepted)
     assert document is not None
     assert (document["serial"], sorted(document["nodes"])) == (3, ["probe", "serve"])
+
+
+def test_a_plan_that_reads_while_an_apply_commits(accepted: Layout, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The commit falls between the reader's look at the snapshot and its look at the journal, and once more after."""
+    writer = opened(accepted)
+    real = journal.read
+    keys = ["two", "three"]
+
+    def read(path: Path) -> tuple[Reading | None, list[Diagnostic]]:
+        before = keys[:1] and real(path)
+        if keys:
+            writer.success("probe", NodeState(key=keys.pop(0)))
+            assert writer.commit_snapshot() == []
+        return real(path) if len(keys) == 1 else before or real(path)
+
+    monkeypatch.setattr(journal, "read", read)
+    store, found = StateStore.open(accepted)
+    assert store is not None and found == []
+    assert (store.snapshot.nodes["probe"].key, store.snapshot.serial) == ("three", 3)
+
+
+def test_a_state_that_never_stands_still_is_said(accepted: Layout, monkeypatch: pytest.MonkeyPatch) -> None:
+    real = journal.read
+
+    def read(path: Path) -> tuple[Reading | None, list[Diagnostic]]:
+        document = json.loads(accepted.snapshot.read_bytes())
+        accepted.snapshot.write_text(json.dumps({**document, "serial": document["serial"] + 1}))
+        return real(path)
+
+    monkeypatch.setattr(journal, "read", read)
+    store, found = StateStore.open(accepted)
+    assert store is None and [item.code for item in found] == ["STATE-MOVED"]
 
 
 def test_reading_writes_nothing(layout: Layout) -> None:
