@@ -4,6 +4,7 @@ Each stage's module is imported only when it is asked for: PROBE must not wait f
 Exit status: 0 when the output was written, 1 with one line of reason on stderr otherwise.
 """
 
+import resource
 import sys
 from importlib import import_module
 from pathlib import Path
@@ -11,6 +12,8 @@ from pathlib import Path
 from octoform.builtin.task import Refused, read_task
 
 USAGE = "usage: python -m octoform.builtin <task.json>"
+MOST_MEMORY = 1 << 30
+"""Bytes of private memory. The largest recorded host needs a tenth of it; a board with 1 GB must survive a mistake."""
 
 
 def main(arguments: list[str]) -> int:
@@ -24,9 +27,13 @@ def main(arguments: list[str]) -> int:
     except Refused as reason:
         print(" ".join(str(reason).split()), file=sys.stderr)
         return 1
+    except MemoryError:
+        print(f"this stage needs more than {MOST_MEMORY >> 20} MiB of memory", file=sys.stderr)
+        return 1
     print(summary)
     return 0
 
 
 if __name__ == "__main__":
+    resource.setrlimit(resource.RLIMIT_DATA, (MOST_MEMORY, MOST_MEMORY))
     sys.exit(main(sys.argv[1:]))

@@ -204,6 +204,7 @@ def _become_agent(arguments: list[str], file_bytes: int, supervisor: int, failur
         if os.getppid() == supervisor:
             resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
             resource.setrlimit(resource.RLIMIT_FSIZE, (file_bytes, file_bytes))
+            _first_to_go()
             os.execvp(arguments[0], arguments)
     except OSError as problem:
         number = problem.errno or 1
@@ -212,6 +213,18 @@ def _become_agent(arguments: list[str], file_bytes: int, supervisor: int, failur
     finally:
         os.write(failure, str(number).encode("ascii"))
         os._exit(127)
+
+
+def _first_to_go() -> None:
+    """When memory runs out, the kernel shall end the agent and not octoform or the owner's own work."""
+    try:
+        descriptor = os.open("/proc/self/oom_score_adj", os.O_WRONLY)
+    except OSError:
+        return  # no such file on this system: the kernel decides as it does for everybody
+    try:
+        os.write(descriptor, b"500")
+    finally:
+        os.close(descriptor)
 
 
 def _supervise(tree: Tree, wall: float, bell: Bell) -> str:

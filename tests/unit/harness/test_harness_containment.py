@@ -41,6 +41,11 @@ def test_death_by_signal(contained: Contained) -> None:
     assert (ended.reason, ended.status) == ("ended", -9)
 
 
+def test_the_agent_is_the_first_to_go_when_memory_runs_out(contained: Contained, tmp_path: Path) -> None:
+    contained(("cat", "/proc/self/oom_score_adj"))
+    assert int((tmp_path / "task.log").read_text()) >= 500
+
+
 def test_missing_program(contained: Contained) -> None:
     ended = contained(("/nonexistent/agent",))
     assert (ended.reason, ended.errno) == ("not_started", 2)
