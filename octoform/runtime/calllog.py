@@ -27,9 +27,9 @@ _complained: list[str] = []
 def logged(tool: Callable[P, R]) -> Callable[P, R]:
     """Log every call of a sync or async tool; its name, signature and documentation stay.
 
-    A failed call's line names the class of the exception. A fault of a device and an error of the operating system
-    then go on as FastMCP's ToolError with one sentence for the client, which a server that masks the details of
-    unforeseen errors lets through; without FastMCP, and for every other exception, as they are.
+    A failed call's line names the class of the exception. A fault of a device, an error of the operating system and a
+    missing library then go on as FastMCP's ToolError with one sentence for the client, which a server that masks the
+    details of unforeseen errors lets through; without FastMCP, and for every other exception, as they are.
     """
     signature = inspect.signature(tool)
 
@@ -65,11 +65,16 @@ def logged(tool: Callable[P, R]) -> Callable[P, R]:
 
 
 def for_client(problem: BaseException) -> Exception | None:
-    """The error that a client may read for a fault of the room; None for every other exception."""
-    if not isinstance(problem, DeviceFault | OSError):
+    """The error that a client may read for what is no fault of the call; None for every other exception."""
+    if isinstance(problem, OSError):
+        text = sentence(problem)
+    elif isinstance(problem, ImportError):
+        text = f"a library that this tool needs is missing on this host: {problem.name or problem}"
+    elif isinstance(problem, DeviceFault):
+        text = str(problem)
+    else:
         return None
     kind = getattr(sys.modules.get("fastmcp.exceptions"), "ToolError", None)
-    text = sentence(problem) if isinstance(problem, OSError) else str(problem)
     return kind(text) if isinstance(kind, type) and issubclass(kind, Exception) else None
 
 

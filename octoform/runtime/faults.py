@@ -15,6 +15,7 @@ _SAID = {
     errno.ENOENT: "it is not there",
     errno.ENODEV: "the device went away",
     errno.ENXIO: "the device went away",
+    errno.ENOTTY: "it is no device of the expected kind",
     errno.EIO: "the device did not answer",
 }
 

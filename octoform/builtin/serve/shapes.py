@@ -4,6 +4,7 @@ A tool's result is a TypedDict of the functional form, because that is one line 
 fits on one screen. (pydantic needs the one of typing_extensions before Python 3.12.)
 """
 
+import re
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -45,12 +46,23 @@ class Shapes:
             return ""
         key = (choices(schema), schema.get("description", ""))
         if key not in self._devices:
-            words = key[0][0].split("-") if len(key[0]) == 1 else [*tool["capability"].split("_")[1:], "device"]
-            name = "".join(part.capitalize() for part in "_".join(words).replace(".", "_").split("_"))
+            name = self._free_name(key[0], tool["capability"])
             self._devices[key] = name
             described = [f"Field(description={quoted(key[1])})"] if key[1] else []
             self.lines += _definition(f"{name} = Annotated[", [_literal(key[0]), *described], "]")
         return self._devices[key]
+
+    def _free_name(self, devices: Sequence[str], capability: str) -> str:
+        """A name for these devices that no other type has: tools of one kind may serve different ones."""
+        words = re.findall(r"[a-z0-9]+", devices[0] if len(devices) == 1 else capability.partition("_")[2])
+        name = "".join(word.capitalize() for word in words) + "Device"
+        name = name if name[:1].isalpha() else f"The{name}"
+        taken = self._devices.values()
+        return next(
+            free
+            for number in range(1, len(taken) + 2)
+            if (free := f"{name}{number}" if number > 1 else name) not in taken
+        )
 
     def _record(self, schema: Mapping[str, Any]) -> str:
         name = str(schema["title"])

@@ -258,9 +258,10 @@ def test_a_picture_with_data_beside_it(tmp_path: Path) -> None:
 
 def test_a_missing_library_breaks_only_its_tool(tmp_path: Path) -> None:
     endpoint = Endpoint(tmp_path, ("capture_image", "read_clock"))
-    (endpoint.folder / "cv2.py").write_text("raise ModuleNotFoundError('cv2')")
+    (endpoint.folder / "cv2.py").write_text("raise ModuleNotFoundError('cv2', name='cv2')")
     camera, clock = endpoint.calls([("capture_image", {}), ("read_clock", {})])
     assert camera.is_error and not clock.is_error
+    assert camera.content[0].text == "a library that this tool needs is missing on this host: cv2"
     assert [line["error"] for line in endpoint.logged() if "error" in line] == ["ModuleNotFoundError"]
 
 

@@ -92,6 +92,20 @@ def test_narrower_ranges_and_other_names_of_an_artifact_are_served(tmp_path: Pat
     assert found["description"] == tool["description"]
 
 
+def test_tools_for_different_devices_have_different_choices(tmp_path: Path) -> None:
+    artifact = interface(("read_led", "set_led", "read_brightness"))
+    tools = {tool["name"]: tool for tool in artifact["tools"]}
+    for name, devices in {"read_led": ["b", "c"], "set_led": ["a", "b"], "read_brightness": ["3d-lamp"]}.items():
+        choice = {"const": "3d-lamp", "default": "3d-lamp"} if len(devices) == 1 else {"enum": devices}
+        schema = tools[name]["input_schema"]
+        tools[name]["devices"] = devices
+        schema["properties"]["device"] = {"type": "string", "description": "device id", **choice}
+        schema["required"] = [one for one in schema["properties"] if one != "device" or len(devices) > 1]
+    served = declared(loaded(render(artifact), tmp_path))
+    for name, tool in tools.items():
+        assert bare(served[name]["inputSchema"])["properties"] == tool["input_schema"]["properties"], name
+
+
 def test_the_same_artifact_gives_the_same_bytes() -> None:
     assert render(interface()) == render(interface())
 
