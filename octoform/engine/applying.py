@@ -116,7 +116,7 @@ class _Run:
         """Do the plan's work while the view watches."""
         allowed: Callable[[str], bool] = saved.allows if saved else lambda _: True
         layout = self.outlook.compiled.layout
-        if plan.empty:
+        if plan.empty and not notices:
             return Tally()
         with self.view.watching() as show, logging_to(layout.call_log, self.options.clock, show) as emit:
             for text in (*notices, *_swept(layout.attempts)):

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import octoform
-from octoform.diagnostics import Diagnostic, did_you_mean, error, has_errors
+from octoform.diagnostics import Diagnostic, did_you_mean, error, has_errors, warning
 from octoform.engine.compiling import Compiled, compile_project
 from octoform.engine.observing import Situation, look
 from octoform.engine.results import PlanResult
@@ -16,6 +16,9 @@ from octoform.plan.diff import Wishes, diff
 from octoform.plan.model import Action, Cause, Change, OpenQuestion, Plan, PlannedAction, Reason
 from octoform.state.files import write_atomic
 from octoform.state.history import repository_facts
+from octoform.state.holder import Liveness, liveness, myself
+from octoform.state.layout import Layout
+from octoform.state.lock import Holder, read_holder
 from octoform.state.model import Snapshot
 from octoform.state.store import StateStore
 
@@ -62,12 +65,22 @@ def prepare(request: Request, store: StateStore | None = None) -> tuple[Outlook 
     found += _prevented(compiled) if request.destroy else []
     if store is None:
         store, more = StateStore.open(compiled.layout)
-        found += more
+        found += [*more, *_under_way(compiled.layout)]
     if store is None or has_errors(found):
         return None, found
     situation = look(compiled, store.snapshot, request.environ)
     plan = _plan(request, compiled, store.snapshot, situation)
     return Outlook(compiled, store.snapshot, situation, plan, tuple(found)), found
+
+
+def _under_way(layout: Layout) -> list[Diagnostic]:
+    """A plan takes no lock; it says when somebody is changing what it looks at."""
+    holder = read_holder(layout)
+    if not isinstance(holder, Holder) or liveness(holder.process, myself()) is Liveness.DEAD:
+        return []
+    summary = f"{holder.operation} is under way since {holder.created} (process {holder.process.pid})"
+    hint = "what it is working on looks interrupted until it ends; plan again then"
+    return [warning("PLAN-RUN-UNDER-WAY", summary, hint=hint)]
 
 
 def _unknown_nodes(graph: Graph, names: Iterable[str]) -> list[Diagnostic]:
