@@ -6,7 +6,6 @@ never accepted on its looks; the proof of DEPLOY uses exactly the locked set and
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict
-from pathlib import Path
 from typing import Any
 
 from octoform import events
@@ -25,6 +24,9 @@ from octoform.endpoint.publishing import write_endpoint
 from octoform.endpoint.resolving import resolve
 from octoform.harness.port import Task
 
+IMPORT_SECONDS = 30.0
+"""For an import on a small board; an attempt that may take less time in all may not take more for this."""
+
 Proof = tuple[list[Diagnostic], dict[str, bytes], dict[str, object]]
 
 
@@ -37,7 +39,7 @@ def prove_serve(context: Context, task: Task, source: str) -> Proof:
     if environment is None:
         return found, {}, {}
     context.emit(events.Checking("serve", "importing the server where it will be served"))
-    report = _import(environment, task.workdir / "import", source)
+    report = _import(environment, task, source)
     found += judge_import(report)
     if not has_errors(found):
         found += serve_dynamic(asdict(report), accepted(context, "interface"))
@@ -96,12 +98,13 @@ def _environment(context: Context, lock: str | None) -> tuple[Environment | None
     return environment, list(found)
 
 
-def _import(environment: Environment, folder: Path, source: str) -> ImportReport:
+def _import(environment: Environment, task: Task, source: str) -> ImportReport:
+    folder = task.workdir / "import"
     for name, data in {"server.py": source.encode(), **runtime_files()}.items():
         path = folder / name
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_bytes(data)
-    return check_import(environment.python, folder)
+    return check_import(environment.python, folder, min(IMPORT_SECONDS, task.wall_seconds))
 
 
 PROOFS: Mapping[str, Callable[[Context, Task, Any], Proof]] = {"serve": prove_serve, "deploy": prove_deploy}

@@ -7,6 +7,7 @@ from typing import Any
 
 from octoform.apply.context import Clock
 from octoform.contracts.canon import output_digest
+from octoform.contracts.parsing import parse
 from octoform.diagnostics import Diagnostic, did_you_mean, error, has_errors
 from octoform.engine.compiling import Compiled, compile_project
 from octoform.engine.observing import Situation, look
@@ -16,7 +17,7 @@ from octoform.plan import encode, planfile
 from octoform.plan.model import Plan
 from octoform.state.artifacts import file_digest
 from octoform.state.files import read_regular
-from octoform.state.layout import STAGES, Layout
+from octoform.state.layout import STAGES
 from octoform.state.lock import acquire, force_unlock
 from octoform.state.model import NodeState, Snapshot, Status
 from octoform.state.store import StateStore
@@ -31,8 +32,10 @@ class Found:
 
     @property
     def snapshot(self) -> Snapshot:
-        """The state, journal folded."""
-        return self.store.snapshot
+        """The state, journal folded, its nodes in the order of work (the file sorts them by name)."""
+        found, names = self.store.snapshot, self.compiled.graph.names()
+        order = sorted(found.nodes, key=lambda name: names.index(name) if name in names else len(names))
+        return found.model_copy(update={"nodes": {name: found.nodes[name] for name in order}})
 
 
 def open_project(project: Path, environ: Mapping[str, str]) -> tuple[Found | None, list[Diagnostic]]:
@@ -101,7 +104,7 @@ def accept(project: Path, environ: Mapping[str, str], name: str) -> list[Diagnos
             return found
         situation = look(opened.compiled, opened.snapshot, environ)
         if name in STAGES and name not in situation.artifacts:
-            return [_nothing_to_accept(opened.compiled.layout, name)]
+            return _unacceptable(opened.compiled, name, situation)
         found = verify_artifact(opened.compiled, name, situation.artifacts)
         if has_errors(found):
             return found
@@ -110,10 +113,16 @@ def accept(project: Path, environ: Mapping[str, str], name: str) -> list[Diagnos
     return _change(project, environ, "accept", step)
 
 
-def _nothing_to_accept(layout: Layout, name: str) -> Diagnostic:
+def _unacceptable(compiled: Compiled, name: str, situation: Situation) -> list[Diagnostic]:
+    """Why what lies there cannot even be read as an artifact of that stage."""
+    path = compiled.layout.output(name)
     hint = f"restore it, or run `octoform apply -replace {name}`"
-    summary = f"the artifact of {name} is not there or cannot be read; nothing can be accepted"
-    return error("ARTIFACT-MISSING", summary, path=str(layout.output(name)), hint=hint)
+    data, problem = read_regular(path)
+    if data is None:
+        summary = f"the artifact of {name} is not there; nothing can be accepted"
+        return [problem or error("ARTIFACT-MISSING", summary, path=str(path), hint=hint)]
+    value, found = parse(name, data, str(path))
+    return found or verify_artifact(compiled, name, {**situation.artifacts, name: value})
 
 
 def _adopted(opened: Found, state: NodeState, situation: Situation, name: str) -> NodeState:

@@ -97,7 +97,12 @@ class Project:
     def run(self, *arguments: str, status: int | None = None) -> Done:
         """Run octoform to its end; ``status`` is what it must leave with."""
         process = self.start(*arguments)
-        out, err = process.communicate(timeout=SECONDS)
+        try:
+            out, err = process.communicate(timeout=SECONDS)
+        finally:
+            if process.poll() is None:
+                process.kill()
+                process.wait()
         done = Done(process.returncode, out, err)
         assert "Traceback" not in done.text, done.text
         assert status is None or done.status == status, done.text
