@@ -29,7 +29,8 @@ def run(task: Task) -> str:
     task.write(artifact)
     if artifact["status"] == "error":
         return f"no working set: {artifact['error']}"
-    return f"{len(artifact['requirements'])} requirements, {packages} packages"
+    direct = len(artifact["requirements"])
+    return f"{direct} requirement{'s' * (direct != 1)}, {packages} packages"
 
 
 def decide(script: Script, resolver: Resolver) -> tuple[dict[str, Any], int]:

@@ -23,7 +23,8 @@ def run(task: Task) -> str:
     """Write the INTERFACE artifact of the task's IDENTIFY artifact; the summary line (``7 tools, 31 left out``)."""
     artifact = declare(task.read_input(), task.tools_budget)
     task.write(artifact)
-    return f"{len(artifact['tools'])} tools, {len(artifact['left_out'])} devices left out"
+    tools, left_out = len(artifact["tools"]), len(artifact["left_out"])
+    return f"{tools} tool{'s' * (tools != 1)}, {left_out} device{'s' * (left_out != 1)} left out"
 
 
 def declare(identify: Mapping[str, Any], budget: int) -> dict[str, Any]:

@@ -19,7 +19,8 @@ def run(task: Task) -> str:
     interface = task.read_input()
     text = render(interface)
     task.write(text)
-    return f"server.py: {len(interface['tools'])} tools, {text.count(chr(10))} lines"
+    tools = len(interface["tools"])
+    return f"server.py: {tools} tool{'s' * (tools != 1)}, {text.count(chr(10))} lines"
 
 
 def render(interface: Mapping[str, Any]) -> str:

@@ -59,7 +59,7 @@ def deployed(folder: Path, body: str, *dependencies: str) -> tuple[str, dict[str
 def test_exact_versions_and_providers(tmp_path: Path, index: Index) -> None:
     body = "import os.path\nimport runtime\nfrom demomcp.server import X\ndef f():\n    import json\n"
     summary, artifact = deployed(tmp_path, body, "demomcp>=4.1,<4.2")
-    assert summary == "1 requirements, 2 packages"
+    assert summary == "1 requirement, 2 packages"
     assert artifact["status"] == "ok" and artifact["python"] == ">=3.10"
     assert artifact["requirements"] == [{"name": "demomcp", "version": "4.1.2", "why": "provides demomcp"}]
     assert {item["module"]: item["provided_by"] for item in artifact["imports"]} == {

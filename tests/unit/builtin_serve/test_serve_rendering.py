@@ -1,7 +1,9 @@
 """The text of the server: complete, readable, the same every time, and with nothing of classes that are not there."""
 
+import ast
 import asyncio
 import importlib.util
+import struct
 import subprocess
 import sys
 from pathlib import Path
@@ -115,7 +117,7 @@ def test_formatted_and_without_a_finding(
     only: tuple[str, ...] | None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     text, _ = rendered(only, monkeypatch)
-    compile(text, "server.py", "exec")
+    ast.parse(text, feature_version=(3, 10))
     (tmp_path / "server.py").write_text(text)
     (tmp_path / "runtime").mkdir()
     options = ["--isolated", "--no-cache", "--line-length=120", "--target-version=py310"]
@@ -149,6 +151,21 @@ def test_only_the_kernel_interfaces_that_were_found_are_read() -> None:
     artifact["tools"][0]["output_schema"] = {**artifact["tools"][0]["output_schema"], "$comment": "sources: thermal"}
     text = render(artifact)
     assert "def thermal" in text and "def hwmon" not in text and "def iio" not in text
+
+
+def test_numbers_of_the_kernels_requests_follow_from_their_structures() -> None:
+    """The kernel's _IOC: direction, size of the structure, letter of the subsystem, number (asm-generic/ioctl.h)."""
+    text = render(interface(("list_camera_formats", "read_gpio_lines")))
+    both, read = 3, 2
+    fmtdesc, frmsizeenum = struct.calcsize("=3I32s2I3I"), struct.calcsize("=3I6I2I")
+    chipinfo, lineinfo = struct.calcsize("=32s32sI"), struct.calcsize("=32s32s2IQ160s4I")
+    for way, size, letter, number in (
+        (both, fmtdesc, ord("V"), 2),
+        (both, frmsizeenum, ord("V"), 74),
+        (read, chipinfo, 0xB4, 1),
+        (both, lineinfo, 0xB4, 5),
+    ):
+        assert f"0x{way << 30 | size << 16 | letter << 8 | number:08X}" in text
 
 
 def test_an_empty_interface_gives_an_empty_server(tmp_path: Path) -> None:
