@@ -31,25 +31,30 @@ def endpoint(layout: Layout, artifacts: Mapping[str, Any]) -> EndpointSummary | 
     if interface is None or facts.reasons or not (layout.endpoint / "launch").exists():
         return None
     readers = [tool for tool in interface["tools"] if tool["effect"] == "read"]
+    calls = _trial_calls(layout)
+    good = {call["tool"]: call for call in calls if call.get("ok")}
     easy = [tool["name"] for tool in readers if not tool["input_schema"].get("required")]
     return EndpointSummary(
         command=str(layout.endpoint / "launch"),
         scope="local",
         transport="stdio",
         tools=tuple(tool["name"] for tool in interface["tools"]),
-        answered=_answered(layout),
-        example=easy[0] if easy else None,
+        answered=_said(calls, good),
+        example=next((name for name in easy if name in good), easy[0] if easy else None),
     )
 
 
-def _answered(layout: Layout) -> str | None:
-    """A read tool that answered in the last check, for the closing lines."""
+def _trial_calls(layout: Layout) -> list[dict[str, Any]]:
+    """The calls of the last check; empty when there was none."""
     path = layout.endpoint / "check.json"
-    if not path.is_file():
-        return None
-    calls = json.loads(path.read_bytes()).get("calls", [])
-    good = [call for call in calls if call.get("ok")]
+    calls: list[dict[str, Any]] = json.loads(path.read_bytes()).get("calls", []) if path.is_file() else []
+    return calls
+
+
+def _said(calls: list[dict[str, Any]], good: Mapping[str, dict[str, Any]]) -> str | None:
+    """A read tool that answered in the last check, for the closing lines."""
     if not good:
         return None
-    took = f" in {good[0]['ms']:.0f} ms" if good[0].get("ms") is not None else ""
-    return f"{good[0]['tool']} answered{took}; {len(good)} of {len(calls)} read tools did"
+    name, call = next(iter(good.items()))
+    took = f" in {call['ms']:.0f} ms" if call.get("ms") is not None else ""
+    return f"{name} answered{took}; {len(good)} of {len(calls)} read tools did"
