@@ -14,7 +14,7 @@ ROUNDS = 5
 BOUND = 1.0
 PHASES = {
     "agent": "the scripted agent, five times",
-    "environment": "locking and building the environment (uv)",
+    "environment": "locking, building and compiling the environment",
     "import": "the SERVE import check",
     "server": "starting the server and calling its tools",
 }

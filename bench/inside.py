@@ -1,55 +1,91 @@
-"""Runs one octoform command in this process and tells what its own process spent, and what its children did, by phase.
+"""Runs one octoform command in this process and tells what its own process spent, and what each of its children did.
 
 ``python inside.py REPORT ARGUMENT...``. The share of octoform itself is RUSAGE_SELF of this process, from the start of
-the interpreter to the end of the command, together with the supervisors of its agents (a supervisor's share is what the
-children of an attempt spent beyond what the supervisor says its agent spent). Everything else is RUSAGE_CHILDREN, set
-down to a phase by the lines of the JSON stream: a line is written as one phase ends and the next begins.
+the interpreter to the end of the command, together with the supervisors of its agents: what a supervisor's process
+tree spent beyond what the supervisor says its agent spent. Every other child is reaped by wait4, which tells what
+exactly that child and its own children spent, and is set down to a phase by the program it runs; so work that goes on
+beside the agents is told apart from them.
 """
 
-import json
+import os
 import resource
+import subprocess
 import sys
 import time
-from collections.abc import Callable
-from pathlib import Path
+from collections.abc import Sequence
 from typing import Any
 
 BEGAN = time.monotonic()
+PROGRAMS = (
+    ("reaper.py", "supervised"),
+    ("inspect_server.py", "import"),
+    ("warm.py", "environment"),
+    ("/uv", "environment"),
+    ("mcp_client.py", "server"),
+)
 
 
-def children() -> float:
-    """CPU seconds of all children that were waited for, and theirs."""
-    used = resource.getrusage(resource.RUSAGE_CHILDREN)
-    return used.ru_utime + used.ru_stime
-
-
-class Marks:
-    """Standard output for the command: each line of the JSON stream closes one phase and opens another."""
+class Children:
+    """Every child process: what it runs, and what it spent. Takes the place of os.waitpid, which subprocess calls."""
 
     def __init__(self) -> None:
-        self.phases = {"agent": 0.0, "environment": 0.0, "import": 0.0, "server": 0.0, "other": 0.0}
-        self.done: dict[str, float] = {}
-        self.lines: list[dict[str, Any]] = []
-        self._phase = "other"
-        self._since = 0.0
+        self.spent = dict.fromkeys((*(phase for _, phase in PROGRAMS), "other"), 0.0)
+        self.agents: list[float] = []
+        self._programs: dict[int, str] = {}
+
+    def waitpid(self, pid: int, options: int) -> tuple[int, int]:
+        """As os.waitpid, and note what the child spent once it has ended."""
+        found, status, used = os.wait4(pid, options)
+        if found:
+            self.spent[self._programs.pop(found, "other")] += used.ru_utime + used.ru_stime
+        return found, status
+
+    def started(self, pid: int, command: Sequence[str]) -> None:
+        """Note what a child runs."""
+        text = " ".join(str(word) for word in command)
+        self._programs[pid] = next((phase for program, phase in PROGRAMS if program in text), "other")
+
+    def watch(self) -> None:
+        """From now on; to be called before anything is started."""
+        children, waitpid = self, self.waitpid
+        start, poll = subprocess.Popen.__init__, subprocess.Popen._internal_poll
+
+        def noted(process: Any, args: Any, *rest: Any, **options: Any) -> None:
+            start(process, args, *rest, **options)
+            children.started(process.pid, args)
+
+        def polled(process: Any, *rest: Any, **options: Any) -> Any:
+            return poll(process, *rest, **{**options, "_waitpid": waitpid})
+
+        os.waitpid = waitpid
+        subprocess.Popen.__init__ = noted
+        subprocess.Popen._internal_poll = polled
+        self._count_agents()
+
+    def _count_agents(self) -> None:
+        """Note what each supervisor says that its agent spent."""
+        from octoform.harness import attempt
+
+        original = attempt.run
+
+        def noted(*arguments: Any) -> Any:
+            ended = original(*arguments)
+            self.agents.append(ended.cpu_seconds)
+            return ended
+
+        attempt.run = noted
+
+
+class Lines:
+    """Standard output for the command: the lines of the JSON stream, each with its wall time."""
+
+    def __init__(self) -> None:
+        self.kept: list[tuple[float, str]] = []
 
     def write(self, text: str) -> int:
         """One line, as the views write them."""
-        event = json.loads(text)
-        self.lines.append(event)
-        self.phases[self._phase] += children() - self._since
-        self._since = children()
-        self._phase = self._next(event)
-        if event["type"] == "apply_complete":
-            self.done[event["node"]] = time.monotonic() - BEGAN
+        self.kept.append((time.monotonic() - BEGAN, text))
         return len(text)
-
-    def _next(self, event: dict[str, Any]) -> str:
-        if event["type"] == "attempt_start":
-            return "agent"
-        what = event.get("what", "")
-        words = {"environment": "environment", "importing": "import", "starting": "server"}
-        return next((phase for word, phase in words.items() if word in what), "other")
 
     def flush(self) -> None:
         """Nothing is held back."""
@@ -59,45 +95,38 @@ class Marks:
         return False
 
 
-def count_agents(spent: list[float]) -> None:
-    """Note what each supervisor says that its agent spent."""
-    from octoform.harness import attempt
-
-    original: Callable[..., Any] = attempt.run
-
-    def noted(*arguments: Any) -> Any:
-        ended = original(*arguments)
-        spent.append(ended.cpu_seconds)
-        return ended
-
-    attempt.run = noted
-
-
 def main() -> int:
     """Run the command and write the report."""
     from octoform.cli.main import main as octoform
 
-    report, arguments = Path(sys.argv[1]), sys.argv[2:]
-    marks, agents = Marks(), []
-    count_agents(agents)
-    screen, sys.stdout = sys.stdout, marks
+    children, lines = Children(), Lines()
+    children.watch()
+    screen, sys.stdout = sys.stdout, lines
     try:
-        status = octoform([*arguments, "-json"])
+        status = octoform([*sys.argv[2:], "-json"])
     finally:
         sys.stdout = screen
     used = resource.getrusage(resource.RUSAGE_SELF)
-    supervisors = max(0.0, marks.phases["agent"] - sum(agents))
-    document = {
-        "own": used.ru_utime + used.ru_stime,
-        "supervisors": supervisors,
-        "phases": {**marks.phases, "agent": sum(agents)},
-        "agents": len(agents),
-        "done": marks.done,
-        "wall": time.monotonic() - BEGAN,
-        "events": marks.lines,
-    }
-    report.write_text(json.dumps(document))
+    _write(sys.argv[1], used.ru_utime + used.ru_stime, children, lines)
     return status
+
+
+def _write(path: str, own: float, children: Children, lines: Lines) -> None:
+    import json
+    from pathlib import Path
+
+    events = [(wall, json.loads(text)) for wall, text in lines.kept]
+    agents = sum(children.agents)
+    document = {
+        "own": own,
+        "supervisors": max(0.0, children.spent.pop("supervised") - agents),
+        "phases": {"agent": agents, **children.spent},
+        "agents": len(children.agents),
+        "done": {event["node"]: wall for wall, event in events if event["type"] == "apply_complete"},
+        "wall": time.monotonic() - BEGAN,
+        "events": [event for _, event in events],
+    }
+    Path(path).write_text(json.dumps(document))
 
 
 if __name__ == "__main__":

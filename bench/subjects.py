@@ -38,6 +38,13 @@ def inside(folder: Path, *arguments: str) -> dict[str, Any]:
     command = [PYTHON, str(INSIDE), str(report), *arguments]
     done = subprocess.run(command, cwd=folder, env=environment(), capture_output=True, text=True, check=False)
     if done.returncode:
-        raise SystemExit(f"octoform {' '.join(arguments)}: exit status {done.returncode}\n{done.stderr}")
+        said = done.stderr or _errors(report)
+        raise SystemExit(f"octoform {' '.join(arguments)}: exit status {done.returncode}\n{said}")
     found: dict[str, Any] = json.loads(report.read_text())
     return found
+
+
+def _errors(report: Path) -> str:
+    """The messages of the JSON stream that tell of something wrong."""
+    events = json.loads(report.read_text())["events"] if report.exists() else []
+    return "\n".join(event["@message"] for event in events if event["@level"] == "error")
