@@ -10,6 +10,18 @@ from octoform.harness.attempt import Invocation, run_contained
 from octoform.harness.port import Outcome, ProgressSink, Task
 
 MODULE = "octoform.builtin"
+PACKAGE_TOOL = (
+    "UV_",
+    "PIP_",
+    "SSL_CERT_",
+    "HTTP_PROXY",
+    "HTTPS_PROXY",
+    "NO_PROXY",
+    "http_proxy",
+    "https_proxy",
+    "no_proxy",
+)
+"""What DEPLOY's package tool needs where packages come through a mirror or a proxy; values are kept out of the log."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -22,4 +34,5 @@ class BuiltinHarness:
         """See `Harness.run`."""
         # Isolated: neither the working directory, which the agent writes to, nor the user's site is on its path.
         argv = (sys.executable, "-I", "-m", MODULE, str(task.document))
-        return run_contained(task, Invocation(argv), progress)
+        named = tuple(name for name in task.environment if name.startswith(PACKAGE_TOOL))
+        return run_contained(task, Invocation(argv, named=named), progress)
