@@ -1,0 +1,79 @@
+"""What the documents say is true: links lead somewhere, commands exist, the README's own commands run as written."""
+
+import json
+import os
+import re
+import shlex
+import subprocess
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+from projects import OCTOFORM
+
+from octoform.cli.parser import build, parse
+from octoform.manifest.loading import parse as parse_manifest
+
+ROOT = Path(__file__).parents[2]
+DOCUMENTS = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
+FENCE = re.compile(r"^```(\w*)[^\n]*\n(.*?)^```", re.MULTILINE | re.DOTALL)
+LINK = re.compile(r"\]\(([^)#:]+)(?:#[^)]*)?\)")
+
+
+def blocks(path: Path, language: str) -> Iterator[str]:
+    for found in FENCE.finditer(path.read_text()):
+        if found[1] == language:
+            yield found[2]
+
+
+def commands(path: Path) -> list[list[str]]:
+    """Every octoform command line of a document's shell examples, without comments."""
+    lines = [line for block in blocks(path, "sh") for line in block.splitlines()]
+    return [words[1:] for words in (shlex.split(line, comments=True) for line in lines) if words[:1] == ["octoform"]]
+
+
+@pytest.mark.parametrize("path", DOCUMENTS, ids=lambda path: path.name)
+def test_links_lead_to_files(path: Path) -> None:
+    gone = [target for target in LINK.findall(path.read_text()) if not (path.parent / target).exists()]
+    assert gone == []
+
+
+@pytest.mark.parametrize("path", DOCUMENTS, ids=lambda path: path.name)
+def test_commands_of_examples_exist(path: Path) -> None:
+    for words in commands(path):
+        parse(words)
+
+
+def test_every_command_is_documented() -> None:
+    text = (ROOT / "docs" / "commands.md").read_text()
+    choices = build()._subparsers._group_actions[0].choices  # argparse has no public list of its commands
+    assert [name for name in choices if f"`{name}" not in text] == []
+
+
+def test_yaml_examples_are_valid_manifests(tmp_path: Path) -> None:
+    examples = [block for path in DOCUMENTS for block in blocks(path, "yaml") if "version:" in block]
+    assert examples
+    for block in examples:
+        names = re.findall(r"profiles/[\w.-]+\.md", block)
+        for name in names:
+            (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+            (tmp_path / name).write_text("a profile\n")
+        environ = dict.fromkeys(re.findall(r"[A-Z][A-Z0-9_]{3,}", block), "value-of-a-test")
+        _, found = parse_manifest(block.encode(), tmp_path / "octopus.yaml", environ)
+        assert [item for item in found if item.severity == "error"] == [], block
+
+
+@pytest.mark.slow
+def test_the_readmes_commands_run_in_their_order(tmp_path: Path, planted: Callable[..., Path]) -> None:
+    tree = planted("laptop")
+    environ = {name: os.environ[name] for name in ("PATH", "HOME") if name in os.environ}
+    environ |= {"OCTOFORM_SYSROOT": str(tree)}
+    used = commands(ROOT / "README.md")
+    assert [words[0] for words in used] == ["init", "plan", "apply", "status", "tools", "call", "destroy"]
+    for words in used:
+        done = subprocess.run(
+            [OCTOFORM, *words], cwd=tmp_path, env=environ, input="yes\n", capture_output=True, text=True, timeout=120
+        )
+        assert done.returncode == 0, (words, done.stdout, done.stderr)
+    hosts = list((tmp_path / "state").iterdir())
+    assert json.loads((hosts[0] / "state.json").read_text())["nodes"] == {}
