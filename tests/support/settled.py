@@ -29,7 +29,7 @@ from octoform.state.model import NodeState, Usage
 from octoform.state.store import Ports, StateStore
 
 GOOD = Path(__file__).parents[1] / "agent" / "good"
-RUNTIME = Path(__file__).parents[2] / "octoform" / "runtime"
+RUNTIME = b'"""Stands for the modules beside a generated server."""\n'
 LOCK = "fastmcp==4.1.0\n"
 STAMP = "2026-01-01T00:00:00Z"
 
@@ -90,7 +90,7 @@ class Settled:
         name = OUTPUT_NAMES.get(stage, "output.json")
         files = {name: (GOOD / ("server.py" if stage == "serve" else f"{stage}.json")).read_bytes()}
         if stage == "serve":
-            files |= {f"runtime/{path.name}": path.read_bytes() for path in sorted(RUNTIME.glob("*.py"))}
+            files["runtime/__init__.py"] = RUNTIME
         if stage == "deploy":
             files["requirements.txt"] = LOCK.encode()
         assert accept(compiled.layout, stage, files) == []
