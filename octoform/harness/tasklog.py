@@ -6,7 +6,7 @@ agent saw; and redacted before it is written, because a log is what the next pro
 
 import os
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from types import TracebackType
 from typing import Self
@@ -18,6 +18,7 @@ SHORTEST_SECRET = 6
 LINE_LIMIT = 200
 LINES_LOOKED_AT = 8
 PROGRESS_INTERVAL = 0.2
+SILENCE_INTERVAL = 10.0
 
 
 class Redactor:
@@ -54,11 +55,15 @@ class Redactor:
 
 
 class Progress:
-    """Lines of the agent's standard output for a person: short, printable, and not more than five a second."""
+    """Lines of the agent's standard output for a person: short, printable, and not more than five a second.
 
-    def __init__(self, sink: ProgressSink) -> None:
+    A silent agent is told of too, by an empty text every ten seconds, so that nobody wonders whether it still runs.
+    """
+
+    def __init__(self, sink: ProgressSink, clock: Callable[[], float] = time.monotonic) -> None:
         self._sink = sink
-        self._began = time.monotonic()
+        self._clock = clock
+        self._began = clock()
         self._told = float("-inf")
         self._line = b""
         self._pending: str | None = None
@@ -77,7 +82,9 @@ class Progress:
 
     def tick(self) -> None:
         """Show a waiting line when enough time has passed since the last."""
-        now = time.monotonic()
+        now = self._clock()
+        if self._pending is None and now - max(self._told, self._began) >= SILENCE_INTERVAL:
+            self._pending = ""
         if self._pending is not None and now - self._told >= PROGRESS_INTERVAL:
             self._show(now)
 
@@ -85,7 +92,7 @@ class Progress:
         """Show the last line, whole or not."""
         self._pending = printable(self._line) or self._pending
         if self._pending is not None:
-            self._show(time.monotonic())
+            self._show(self._clock())
 
     def _show(self, now: float) -> None:
         text, self._pending, self._told = self._pending, None, now

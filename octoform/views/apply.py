@@ -22,7 +22,7 @@ from octoform.views.text import one_line
 if TYPE_CHECKING:
     from octoform.views.moving import MovingLine
 
-PULSE_SECONDS = 10.0
+PULSE_SECONDS = 9.0
 
 
 @dataclass(slots=True)
@@ -111,7 +111,8 @@ class RunHuman:
 
     def _progress(self, event: events.AttemptProgress) -> None:
         if self._moving is not None:
-            self._moving.update(event.node, f"{self._running.attempt}  {event.text}".strip())
+            if event.text:
+                self._moving.update(event.node, f"{self._running.attempt}  {event.text}")
         elif event.elapsed - self._running.last_pulse >= PULSE_SECONDS:
             self._running.last_pulse = event.elapsed
             said = f": {event.text}" if event.text else ""

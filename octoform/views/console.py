@@ -7,6 +7,7 @@ import os
 import sys
 from collections.abc import Mapping
 from dataclasses import dataclass
+from io import TextIOWrapper
 from typing import TextIO
 
 STYLES = {"bold": "1", "dim": "2", "red": "31", "green": "32", "yellow": "33", "cyan": "36"}
@@ -42,6 +43,9 @@ class Console:
 def for_process(environ: Mapping[str, str] | None = None) -> Console:
     """The console of this process; ``NO_COLOR`` (any value that is not empty) and ``TERM=dumb`` turn colour off."""
     environ = os.environ if environ is None else environ
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, TextIOWrapper):
+            stream.reconfigure(errors="backslashreplace")  # a terminal without UTF-8 must not end a run
     plain = bool(environ.get("NO_COLOR")) or environ.get("TERM") == "dumb"
     return Console(
         out=sys.stdout,
