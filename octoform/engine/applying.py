@@ -154,11 +154,14 @@ class _Run:
         facts, more = repository_facts(compiled.layout.project, source_files(compiled))
         found += more
         git = GitRecord(revision=facts.revision, dirty=list(facts.dirty)) if facts else None
-        found += self.store.commit_snapshot(RunFacts(compiled.manifest.digest, git))
+        written = self.store.commit_snapshot(RunFacts(compiled.manifest.digest, git))
+        failed = tally.failed or ("state" if has_errors(written) else None)
+        found += written
         commit = None
         if compiled.manifest.git.commit and not has_errors(found) and not plan.empty:
             commit, more = commit_run(compiled.layout, self.store.snapshot, plan.operation)
             found += more
+            failed = "commit" if has_errors(more) else failed
         self._remember(tally)
         files = {stage: facts.digest for stage, facts in observe(compiled.layout).items()}
         artifacts = read_artifacts(compiled, self.store.snapshot, files)
@@ -170,10 +173,10 @@ class _Run:
             destroyed=tally.destroyed,
             agent_runs=tally.agent_runs,
             seconds=seconds,
-            failed=tally.failed,
+            failed=failed,
             diagnostics=tuple(found),
             funnel=None if self.request.destroy else reporting.funnel(artifacts),
-            endpoint=None if self.request.destroy or tally.failed else reporting.endpoint(compiled.layout, artifacts),
+            endpoint=None if self.request.destroy or failed else reporting.endpoint(compiled.layout, artifacts),
             commit=commit,
         )
 

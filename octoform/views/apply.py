@@ -5,6 +5,7 @@ same facts come as plain lines, with a sign of life every ten seconds. The end i
 command. (Heavy only on a terminal: the moving line is drawn by rich.)
 """
 
+import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -52,8 +53,8 @@ class RunHuman:
         self._console.out.write("  Enter a value: ")
         self._console.out.flush()
         try:
-            answer = input()
-        except EOFError:
+            answer = input() if sys.stdin is not None else ""
+        except (EOFError, UnicodeDecodeError):
             answer = ""
         self._console.line()
         return answer.strip() == "yes"

@@ -80,6 +80,7 @@ def test_2_a_disk_that_fills_during_a_write_of_the_state_loses_nothing(
     done = fill(project, point, number)
     assert done.returncode == 0, done.stderr
     assert "STATE-DISK-FULL" in done.stderr
+    assert not done.stdout.startswith("done")
     assert (project.state / "state.json").read_bytes() == before
     assert not [path for path in project.folder.rglob("*") if "octoform-tmp" in path.name]
 
