@@ -64,7 +64,6 @@ def _read_long(text: str) -> Iterator[UsbDevice]:
             device = UsbDevice(vendor[1].lower(), product[1].lower(), bus, number)
             device.attributes = _attributes(chunk)
             device.interfaces = list(_interfaces(chunk))
-            device.registered = (_registered("idVendor", chunk), _registered("idProduct", chunk))
             yield device
 
 
@@ -103,12 +102,6 @@ def _interfaces(chunk: str) -> Iterator[UsbInterface]:
         first, second, third = (hex2(_one(name + r"\s+(\d+)", text) or "0") for name in names)
         endpoints = hex2(_one(r"bNumEndpoints\s+(\d+)", text) or "0")
         yield UsbInterface(hex2(number), (first, second, third), endpoints, _string("iInterface", text))
-
-
-def _registered(name: str, chunk: str) -> str:
-    """The name behind an id: lsusb takes it from the host's usb.ids, never from the device."""
-    found = _one(name + r"[ \t]+0x[0-9a-fA-F]{4}[ \t]+(\S.*)$", chunk) or ""
-    return "" if found.startswith("[unknown]") else found
 
 
 def _one(pattern: str, text: str) -> str | None:

@@ -29,10 +29,7 @@ class UsbInterface:
 
 @dataclass
 class UsbDevice:
-    """One device; ``attributes`` has sysfs names, ``number`` is its number on the bus where that was recorded.
-
-    ``registered`` are the vendor's and the product's names in the id database of the recorded host, where it told them.
-    """
+    """One device; ``attributes`` has sysfs names, ``number`` is its number on the bus where that was recorded."""
 
     vendor: str
     product_id: str
@@ -42,7 +39,6 @@ class UsbDevice:
     attributes: dict[str, str | None] = field(default_factory=dict)
     interfaces: list[UsbInterface] = field(default_factory=list)
     drivers: Mapping[int, str] = field(default_factory=dict)
-    registered: tuple[str, str] = ("", "")
 
     @property
     def codes(self) -> tuple[str, str, str]:
@@ -99,17 +95,8 @@ def put(tree: Tree, device: UsbDevice) -> None:
         tree.attribute(f"{folder}/{name}", value, derived=True)
     tree.register(folder.removeprefix("sys"), "usb", "usb")
     tree.write(folder + "/uevent", "\n".join(uevent) + "\n", derived=True)
-    _put_registered(tree, device, values.get("dev"))
     for interface in device.interfaces:
         _put_interface(tree, device, interface, folder)
-
-
-def _put_registered(tree: Tree, device: UsbDevice, number: str | None) -> None:
-    """What the host's id database says, as its udev would have kept it."""
-    names = zip(("ID_VENDOR_FROM_DATABASE", "ID_MODEL_FROM_DATABASE"), device.registered, strict=True)
-    record = "".join(f"E:{key}={text}\n" for key, text in names if text)
-    if record:
-        tree.write(f"run/udev/data/{f'c{number}' if number else f'+usb:{device.name}'}", record, derived=True)
 
 
 def _folder(tree: Tree, name: str) -> str:
