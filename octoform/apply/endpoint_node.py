@@ -5,36 +5,41 @@ from octoform.apply.context import Context
 from octoform.apply.gate import Verdict
 from octoform.apply.result import Finished
 from octoform.apply.serving import calls_said, publish
+from octoform.apply.settling import counted
 from octoform.diagnostics import Diagnostic, error, has_errors
 from octoform.endpoint.building import build
 from octoform.endpoint.observing import observe
 from octoform.harness.port import Usage
 
 
-def run_endpoint(context: Context) -> Finished:
-    """Make the endpoint what the accepted artifacts say; nothing is started when it already is."""
+def run_endpoint(context: Context, *, anew: bool = False) -> Finished:
+    """Make the endpoint what the accepted artifacts say; nothing is started when it already is.
+
+    ``anew`` makes all of it again, also where it looks as it was left.
+    """
     started = context.clock.monotonic()
-    verdict = _publish(context)
+    verdict = _publish(context, anew)
     return Finished(verdict, 0, Usage(), context.clock.monotonic() - started)
 
 
-def _publish(context: Context) -> Verdict:
+def _publish(context: Context, anew: bool) -> Verdict:
     lock_path = context.layout.requirements_lock
     if not lock_path.is_file():
         hint = "octoform apply -replace deploy"
         return Verdict((error("ENDPOINT-NO-LOCK", "the lock of the endpoint is gone", path=str(lock_path), hint=hint),))
     lock = lock_path.read_text(encoding="utf-8")
     facts = observe(context.layout)
-    if not facts.reasons:
-        return _verdict(context, [], lock, f"{len(facts.tools)} tools, as DEPLOY left it")
-    environment, problems = build(context.layout, lock)
+    if not facts.reasons and not anew:
+        return _verdict(context, [], lock, f"{counted(len(facts.tools), 'tool')}, as DEPLOY left it")
+    # A server that fell silent although every file is in place is broken inside its packages.
+    environment, problems = build(context.layout, lock, anew=anew or facts.answered is False)
     found: list[Diagnostic] = list(problems)
     if environment is None:
         return Verdict(tuple(found))
     report = publish(context, environment, found, "endpoint")
     if report is None or has_errors(found):
         return Verdict(tuple(found))
-    return _verdict(context, found, lock, f"{len(report.tools)} tools, {calls_said(report)}")
+    return _verdict(context, found, lock, f"{counted(len(report.tools), 'tool')}, {calls_said(report)}")
 
 
 def _verdict(context: Context, found: list[Diagnostic], lock: str, said: str) -> Verdict:

@@ -67,7 +67,7 @@ def _carry_out(context: Context, node: Node, action: PlannedAction, tally: Tally
     context.emit(events.NodeStarted(node.name, action.action.value))
     found = context.store.begin(node.name, {"action": action.action.value})
     if not has_errors(found):
-        finished = run_endpoint(context) if node.kind is NodeKind.ENDPOINT else run_stage(context, node.name)
+        finished = _run(context, node, action)
         tally.agent_runs += finished.attempts
         found = _end(context, node, finished)
         tally.diagnostics += finished.verdict.diagnostics if finished.verdict.accepted else ()
@@ -78,6 +78,12 @@ def _carry_out(context: Context, node: Node, action: PlannedAction, tally: Tally
         tally.added += 1
     else:
         tally.changed += 1
+
+
+def _run(context: Context, node: Node, action: PlannedAction) -> Finished:
+    if node.kind is NodeKind.ENDPOINT:
+        return run_endpoint(context, anew=action.action is Action.REPLACE)
+    return run_stage(context, node.name)
 
 
 def _end(context: Context, node: Node, finished: Finished) -> list[Diagnostic]:

@@ -11,7 +11,7 @@ from typing import Any
 from octoform import events
 from octoform.apply.context import Context
 from octoform.apply.reading import accepted
-from octoform.apply.settling import runtime_files
+from octoform.apply.settling import counted, runtime_files
 from octoform.contracts.deploying import deploy_lock
 from octoform.contracts.header import declared_requirements
 from octoform.contracts.serving import serve_dynamic
@@ -43,7 +43,7 @@ def prove_serve(context: Context, task: Task, source: str) -> Proof:
     found += judge_import(report)
     if not has_errors(found):
         found += serve_dynamic(asdict(report), accepted(context, "interface"))
-    return found, {}, {"said": f"{len(report.tools)} tools import"}
+    return found, {}, {"said": f"imports with {counted(len(report.tools), 'tool')}"}
 
 
 def prove_deploy(context: Context, _: Task, deploy: Mapping[str, Any]) -> Proof:

@@ -84,7 +84,7 @@ def runtime_files() -> dict[str, bytes]:
     return {f"runtime/{path.name}": path.read_bytes() for path in sorted(RUNTIME.glob("*.py"))}
 
 
-def _plural(count: int, word: str) -> str:
+def counted(count: int, word: str) -> str:
     return f"{count} {word}" if count == 1 else f"{count} {word}s"
 
 
@@ -94,14 +94,14 @@ def _unknown(value: Any) -> int:
 
 _SENTENCES = {
     "probe": lambda value: (
-        f"{_plural(len(value['devices']), 'device')} seen by {_plural(len(value['scan_methods']), 'scan')}"
+        f"{counted(len(value['devices']), 'device')} seen by {counted(len(value['scan_methods']), 'scan')}"
     ),
     "identify": lambda value: (
         f"{len(value['devices'])} annotated, {_unknown(value)} of them unknown, {len(value['left_out'])} left out"
     ),
-    "interface": lambda value: _plural(len(value["tools"]), "tool"),
+    "interface": lambda value: counted(len(value["tools"]), "tool"),
     "serve": lambda value: f"server.py, {len(value.splitlines())} lines",
-    "deploy": lambda value: _plural(len(value["requirements"]), "exact requirement"),
+    "deploy": lambda value: counted(len(value["requirements"]), "exact requirement"),
 }
 
 _COUNTS = {

@@ -22,6 +22,7 @@ from octoform.endpoint.environment import (
     installed,
     intact,
     locate,
+    modules,
     normal,
     packages_of,
     pins,
@@ -35,15 +36,16 @@ from octoform.state.layout import Layout
 Built = tuple[Environment | None, tuple[Diagnostic, ...]]
 
 
-def build(layout: Layout, lock_text: str, timeout: float = 600.0) -> Built:
+def build(layout: Layout, lock_text: str, timeout: float = 600.0, *, anew: bool = False) -> Built:
     """The environment of this lock, built unless a complete and intact one is there; errors as diagnostics.
 
-    ``timeout`` is in seconds for the installation. Two builds of one lock wait for each other.
+    ``anew`` trusts none that is there: what its names do not show may be broken inside. ``timeout`` is in seconds
+    for the installation. Two builds of one lock wait for each other.
     """
     environment = locate(layout, lock_text)
     private_folder(layout.environments)
     with _locked(layout.environments / f".{environment.path.name}.lock"):
-        if not intact(environment):
+        if not anew and not intact(environment):
             return environment, ()
         problem = _make(environment, lock_text, timeout) or _seal(environment, lock_text)
         if problem is None:
@@ -132,6 +134,7 @@ def _seal(environment: Environment, lock_text: str) -> Diagnostic | None:
         "digest": environment.digest,
         "lock": environment.lock,
         "distributions": present,
+        "modules": modules(environment.path),
     }
     return write_atomic(environment.path / MARKER, json.dumps(document, indent=1).encode(), 0o600)
 

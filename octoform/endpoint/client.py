@@ -10,6 +10,7 @@ from typing import Any
 from octoform.diagnostics import Diagnostic, did_you_mean, error
 from octoform.endpoint.errand import Call, Report, recorded_environment, send
 from octoform.endpoint.files import private_folder
+from octoform.endpoint.sighting import record_sight
 from octoform.state.files import write_atomic
 from octoform.state.layout import Layout
 
@@ -97,6 +98,7 @@ def _ask(layout: Layout, calls: tuple[Call, ...], mode: str) -> Report | Diagnos
             "ENDPOINT-NOT-APPLIED", f"{layout.host} has no endpoint yet", hint="run octoform apply, which builds it"
         )
     report = send(layout, environment, calls, mode=mode, keep_content=True)
+    record_sight(layout, environment, report)
     return report if report.answered else _down(report)
 
 

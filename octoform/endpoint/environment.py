@@ -52,17 +52,20 @@ def at(path: Path) -> Environment | None:
 def intact(environment: Environment) -> list[str]:
     """Plain reasons why the environment is not what was built; empty when it is.
 
-    Compares the names and versions of the installed distributions with those recorded at build time, so an upgrade
-    behind our back is seen; a file edited inside a package is not.
+    Compares the names and versions of the installed distributions, and the names of their modules, with those
+    recorded at build time, so an upgrade or a lost package behind our back is seen; a file edited inside a package
+    is not.
     """
     marker = _marker(environment.path)
     if marker is None or marker.get("digest") != environment.digest:
         return ["the serving environment is missing or was never completed"]
     if not os.access(environment.python, os.X_OK):
         return ["the interpreter of the serving environment is missing"]
+    names = contents(environment.path)
     built = _by_name(marker["distributions"])
-    present = _by_name(installed(environment.path))
-    reasons = []
+    present = _by_name(_distributions(names))
+    lost = sorted(set(marker.get("modules", ())) - set(names))
+    reasons = [f"{name} is gone from the serving environment" for name in lost]
     for name in sorted({*built, *present}):
         before, after = built.get(name), present.get(name)
         if before != after:
@@ -77,12 +80,21 @@ def packages_of(path: Path) -> Path:
 
 def installed(path: Path) -> list[str]:
     """Names of the ``*.dist-info`` folders (without the ending), sorted; empty when there is no environment."""
+    return _distributions(contents(path))
+
+
+def contents(path: Path) -> list[str]:
+    """Every name in the folder that holds the packages, bytecode left out; empty when there is no environment."""
     try:
         with os.scandir(packages_of(path)) as entries:
-            names = [entry.name for entry in entries]
+            return [entry.name for entry in entries if entry.name != "__pycache__"]
     except OSError:
         return []
-    return sorted(name.removesuffix(_DIST_INFO) for name in names if name.endswith(_DIST_INFO))
+
+
+def modules(path: Path) -> list[str]:
+    """The names in that folder which can be imported or are read at the start, sorted."""
+    return sorted(name for name in contents(path) if not name.endswith(_DIST_INFO))
 
 
 def pins(lock_text: str) -> dict[str, str]:
@@ -93,6 +105,10 @@ def pins(lock_text: str) -> dict[str, str]:
 def normal(name: str) -> str:
     """A distribution's name in the one form in which two spellings are equal."""
     return re.sub(r"[-_.]+", "-", name).lower()
+
+
+def _distributions(names: list[str]) -> list[str]:
+    return sorted(name.removesuffix(_DIST_INFO) for name in names if name.endswith(_DIST_INFO))
 
 
 def _difference(name: str, before: str | None, after: str | None) -> str:

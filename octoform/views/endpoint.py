@@ -32,7 +32,8 @@ def status(console: Console, found: Status, *, as_json: bool) -> int:
     for reason in found.reasons:
         console.line(f"  {reason}")
     if found.health == "healthy":
-        console.line(f"  the endpoint answers with {len(found.tools)} tools")
+        tools_said = "1 tool" if len(found.tools) == 1 else f"{len(found.tools)} tools"
+        console.line(f"  the endpoint answers with {tools_said}")
     return 0 if good else 1
 
 

@@ -1,13 +1,18 @@
 """Listing and calling for a person at a terminal."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 from endpoint_servers import HEADER, VOLTAGE, processes_of, publish, tool
 from endpoint_zoo import PICTURE
 
+from octoform.endpoint.check import check
 from octoform.endpoint.client import call, list_tools, save_media
 from octoform.endpoint.environment import Environment
+from octoform.endpoint.errand import Report
+from octoform.endpoint.observing import Expected, observe
+from octoform.endpoint.sighting import record_sight
 from octoform.state.layout import Layout
 
 BOUNDED = "channel: Annotated[int, Field(ge=1, le=8, description='input 1 to 8')], label: str = ''"
@@ -17,6 +22,7 @@ SOURCE = (
     + tool("raise runtime.DeviceAbsent('usb-0000-0000', 'it is not connected')", name="absent")
     + tool(PICTURE.replace("{row}", "range(16)"), name="picture", returns="Image")
 )
+SERVED = Expected(tools=("absent", "picture", "read_clock", "read_voltage"))
 
 
 @pytest.fixture(scope="module")
@@ -99,3 +105,26 @@ def test_a_refusal_of_the_launcher_reaches_the_person(layout: Layout, serving: E
     _, (problem,) = list_tools(layout)
     assert problem.code == "ENDPOINT-DOWN"
     assert "cannot be read" in str(problem.detail)
+
+
+def test_a_plan_knows_what_was_seen_last(layout: Layout, serving: Environment) -> None:
+    interface = publish(layout, serving, SOURCE, VOLTAGE)
+    check(layout, interface, smoke=False)
+    assert observe(layout, SERVED).reasons == ()
+    server = layout.output("serve")
+    good = server.read_bytes()
+    server.unlink()
+    assert list_tools(layout)[1]
+    server.write_bytes(good)
+    assert observe(layout, SERVED).reasons == ("the endpoint did not answer when it was last checked",)
+    assert list_tools(layout)[1] == ()
+    assert observe(layout, SERVED).reasons == ()
+
+
+def test_what_was_seen_of_a_former_endpoint_says_nothing_of_the_present_one(
+    layout: Layout, serving: Environment
+) -> None:
+    check(layout, publish(layout, serving, SOURCE, VOLTAGE), smoke=False)
+    former = replace(serving, path=serving.path.parent / "former")
+    record_sight(layout, former, Report(False, "gone", None, None, [], [], 1.0, 0, ""))
+    assert observe(layout, SERVED).answered

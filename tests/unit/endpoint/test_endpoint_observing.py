@@ -10,7 +10,7 @@ from collections.abc import Callable
 import pytest
 from endpoint_servers import publish
 
-from octoform.endpoint.environment import Environment
+from octoform.endpoint.environment import Environment, packages_of
 from octoform.endpoint.files import CHECK
 from octoform.endpoint.observing import Expected, observe
 from octoform.endpoint.removing import remove
@@ -24,6 +24,9 @@ def applied(layout: Layout, serving: Environment) -> Layout:
     shutil.copytree(
         serving.path, path, symlinks=True, ignore=shutil.ignore_patterns("bytecode", "*.py", "*.so", "*.pyi")
     )
+    for module in packages_of(serving.path).iterdir():
+        if module.is_file():
+            shutil.copy(module, packages_of(path))
     publish(layout, Environment(path / "bin" / "python", serving.digest, path, serving.lock))
     write_check(layout)
     return layout
@@ -42,6 +45,12 @@ def upgrade(layout: Layout) -> None:
     info.rename(folder / "fastmcp-9.9.dist-info")
 
 
+def lose(layout: Layout, name: str) -> None:
+    """A package or module goes; the record of its installation stays."""
+    (path,) = layout.environments.glob(f"*/lib/python*/site-packages/{name}")
+    shutil.rmtree(path) if path.is_dir() else path.unlink()
+
+
 def test_an_endpoint_as_it_was_left_gives_no_reason(applied: Layout) -> None:
     facts = observe(applied)
     assert facts.present and facts.answered
@@ -58,6 +67,8 @@ def test_an_endpoint_as_it_was_left_gives_no_reason(applied: Layout) -> None:
         (lambda at: (at.endpoint / "connection.json").write_text("{}"), "the connection descriptor was changed"),
         (lambda at: (at.endpoint / "clients/codex.toml").unlink(), "the endpoint's clients/codex.toml is missing"),
         (lambda at: shutil.rmtree(at.environments), "the serving environment is missing"),
+        (lambda at: lose(at, "fastmcp"), "fastmcp is gone from the serving environment"),
+        (lambda at: lose(at, "typing_extensions.py"), "typing_extensions.py is gone from the serving environment"),
         (
             lambda at: next(at.environments.glob("*/bin/python")).unlink(),
             "the interpreter of the serving environment is missing",

@@ -152,6 +152,17 @@ def test_an_upgrade_behind_our_back_is_seen_and_repaired(layout: Layout, wheelho
     assert intact(built(layout, lock)) == []
 
 
+def test_an_environment_that_is_not_trusted_is_made_anew(layout: Layout, wheelhouse: Wheelhouse) -> None:
+    wheelhouse.add("alpha", "1.0")
+    lock = locked(layout, "alpha==1.0")
+    environment = built(layout, lock)
+    (environment.path / "rubbish").touch()
+    assert built(layout, lock) == environment and (environment.path / "rubbish").exists()
+    again, problems = build(layout, lock, anew=True)
+    assert (again, problems) == (environment, ())
+    assert not (environment.path / "rubbish").exists()
+
+
 def test_a_build_that_was_cut_off_is_made_anew(layout: Layout, wheelhouse: Wheelhouse) -> None:
     wheelhouse.add("alpha", "1.0")
     lock = locked(layout, "alpha==1.0")
