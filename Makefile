@@ -17,7 +17,7 @@ lint: setup
 	@.venv/bin/lint-imports
 
 test: lint
-	@$(PYTHON) -m pytest
+	@$(PYTHON) -m pytest -n auto --dist worksteal
 
 recordings: setup
 	@$(PYTHON) tests/recordings/run.py $(DIR)
