@@ -13,8 +13,16 @@ def project(tmp_path: Path) -> Project:
     return made
 
 
+@pytest.fixture
+def live(applied: Project) -> Project:
+    """The applied project, whole again when the test before has taken it down."""
+    if not applied.nodes():
+        applied.apply(status=0)
+    return applied
+
+
 @pytest.fixture(scope="module")
-def live(tmp_path_factory: pytest.TempPathFactory) -> Project:
+def applied(tmp_path_factory: pytest.TempPathFactory) -> Project:
     """A project in a folder with blanks, a quote and umlauts, applied from PROBE to the endpoint."""
     folder = tmp_path_factory.mktemp("live")
     made = Project(folder / "Prüfstand 'zwei' & mehr", folder / "outside")
