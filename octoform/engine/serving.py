@@ -108,16 +108,17 @@ def _layout(project: Path, environ: Mapping[str, str]) -> tuple[Layout | None, l
 
 def _arguments(pairs: Sequence[str], document: str | None) -> tuple[dict[str, Any], dict[str, str], list[Diagnostic]]:
     hint = "write -arg name=value, or -json '{\"name\": value}'"
-    texts = dict(pair.split("=", 1) for pair in pairs if "=" in pair)
-    bad = [pair for pair in pairs if "=" not in pair]
+    names = [pair.partition("=")[0] for pair in pairs]
+    bad = [pair for pair in pairs if not pair.partition("=")[0] or "=" not in pair]
     if bad:
         return {}, {}, [error("CALL-BAD-ARGUMENT", f"{bad[0]!r} is not name=value", hint=hint)]
-    if document is None:
-        return {}, texts, []
     try:
-        given = json.loads(document)
+        given = json.loads(document or "{}")
     except ValueError as problem:
         return {}, {}, [error("CALL-BAD-ARGUMENT", f"the arguments are not JSON: {problem}", hint=hint)]
     if not isinstance(given, dict):
         return {}, {}, [error("CALL-BAD-ARGUMENT", "the arguments must be one JSON object", hint=hint)]
-    return given, texts, []
+    twice = [name for name in names if names.count(name) > 1 or name in given]
+    if twice:
+        return {}, {}, [error("CALL-BAD-ARGUMENT", f"{twice[0]!r} is given twice", hint="give each argument once")]
+    return given, dict(pair.split("=", 1) for pair in pairs), []

@@ -96,9 +96,12 @@ def read(data: bytes, path: str) -> tuple[PlanFile | None, list[Diagnostic]]:
         saved = PlanFile.model_validate_json(data)
         encode.from_json(saved.plan)
     except (ValidationError, KeyError, TypeError, ValueError) as problem:
-        first = str(problem).splitlines()[0]
+        place = (
+            ".".join(str(part) for part in problem.errors()[0]["loc"]) if isinstance(problem, ValidationError) else ""
+        )
         hint = "save one with `octoform plan -out FILE`"
-        return None, [error("PLAN-NOT-A-PLAN", f"this is not a saved plan: {first}", path=path, hint=hint)]
+        detail = f"it does not fit at {place}" if place else "it is cut off, edited or another file"
+        return None, [error("PLAN-NOT-A-PLAN", "this is not a saved plan", path=path, detail=detail, hint=hint)]
     return saved, []
 
 

@@ -14,6 +14,8 @@ from typing import TYPE_CHECKING
 from octoform import events
 from octoform.engine.results import RunResult
 from octoform.plan.model import Plan
+from octoform.state.layout import STAGES
+from octoform.views import sentences
 from octoform.views.console import Console
 from octoform.views.diagnostics import render
 from octoform.views.plan import PlanHuman
@@ -144,7 +146,7 @@ class RunHuman:
             self._console.problem(render(near(item), colour=self._console.colour_err) + "\n")
         say()
         say(paint(closing(result), "bold", "red" if result.failed else "green"))
-        if result.failed:
+        if result.failed in STAGES and result.operation == "apply":
             say("What was accepted stays accepted; the next apply goes on from there.")
         if result.funnel is not None:
             say()
@@ -171,7 +173,8 @@ class RunHuman:
             return
         say = self._console.line
         say(f"\n  endpoint    {endpoint.command}")
-        say(f"              scope {endpoint.scope}, {endpoint.transport}, {len(endpoint.tools)} tools")
+        offered = sentences.counted(len(endpoint.tools), "tool")
+        say(f"              scope {endpoint.scope}, {endpoint.transport}, {offered}")
         if endpoint.answered:
             say(f"  answered    {endpoint.answered}")
         say("  next        octoform tools")
@@ -181,8 +184,15 @@ class RunHuman:
 
 def closing(result: RunResult) -> str:
     """The one line that says how it ended."""
+    operation = result.operation.capitalize()
+    if result.failed == "approval":
+        return f"{operation} cancelled: nothing was done."
+    if result.refused:
+        return f"{operation} stopped: the saved plan no longer holds for {sentences.listed(result.refused, 'and')}."
+    if result.failed in (*STAGES, "endpoint"):
+        return f"{operation} stopped: {result.failed} failed."
     if result.failed:
-        return f"{result.operation.capitalize()} stopped: {result.failed} failed."
+        return f"{operation} stopped: see the error above."
     if result.operation == "destroy":
         return f"Destroy complete! Resources: {result.destroyed} destroyed."
     counts = f"{result.added} added, {result.changed} changed, {result.destroyed} destroyed"

@@ -32,8 +32,7 @@ def status(console: Console, found: Status, *, as_json: bool) -> int:
     for reason in found.reasons:
         console.line(f"  {reason}")
     if found.health == "healthy":
-        tools_said = "1 tool" if len(found.tools) == 1 else f"{len(found.tools)} tools"
-        console.line(f"  the endpoint answers with {tools_said}")
+        console.line(f"  the endpoint answers with {sentences.counted(len(found.tools), 'tool')}")
     return 0 if good else 1
 
 

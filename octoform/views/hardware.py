@@ -17,6 +17,8 @@ _NUMBERED = (
     ("HID device", re.compile(r"hid:b[0-9A-F]{4}g[0-9A-F]{4}v0000([0-9A-F]{4})p0000([0-9A-F]{4})")),
 )
 _WORDS = {"acpi": "ACPI device", "scsi": "SCSI device", "mmc": "memory card", "i2c": "I2C device", "of": "board device"}
+_SCSI = {"t-0x00": "disk", "t-0x01": "tape", "t-0x05": "optical drive", "t-0x0d": "enclosure"}
+"""By the peripheral device type that the standard gives and the kernel prints."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,4 +55,6 @@ def describe(announced: str) -> str:
         if found:
             return f"{word} {found[1].lower()}:{found[2].lower()}"
     bus, _, rest = announced.partition(":")
+    if bus == "scsi" and rest in _SCSI:
+        return f"SCSI {_SCSI[rest]}"
     return f"{_WORDS.get(bus, f'{bus} device')} {rest.strip(':') or '(unnamed)'}"

@@ -171,3 +171,8 @@ def _edited(item: Reason) -> bool:
     if item.cause is Cause.CHANGED:
         return item.part == "spec" or (item.part or "").startswith("profile.")
     return item.cause is Cause.ARTIFACT_EDITED
+
+
+def counted(number: int, what: str) -> str:
+    """``1 tool``, ``2 tools``."""
+    return f"{number} {what}" if number == 1 else f"{number} {what}s"

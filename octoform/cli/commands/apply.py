@@ -4,7 +4,7 @@ import os
 from argparse import Namespace
 from pathlib import Path
 
-from octoform.cli.parser import seconds
+from octoform.cli.parser import UsageError, seconds
 from octoform.engine.applying import Options
 from octoform.engine.applying import apply as carry_out
 from octoform.engine.planning import Request
@@ -16,6 +16,9 @@ from octoform.views.stream import JsonStream
 
 def run(arguments: Namespace, project: Path, screen: Console) -> int:
     """Apply the host of this folder."""
+    if arguments.planfile and (arguments.target or arguments.replace):
+        text = "a saved plan has its own -target and -replace; make a new plan to change them"
+        raise UsageError(text, "usage: octoform apply [-json] [-lock-timeout DURATION] PLANFILE")
     request = Request(project, os.environ, tuple(arguments.target), tuple(arguments.replace))
     return execute(arguments, screen, request, arguments.planfile)
 

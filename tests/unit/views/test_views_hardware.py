@@ -23,6 +23,8 @@ def went(name: str) -> Change:
         ("acpi:ABC0001:", "ACPI device ABC0001"),
         ("spi:lamp", "spi device lamp"),
         ("virtio:", "virtio device (unnamed)"),
+        ("scsi:t-0x00", "SCSI disk"),
+        ("scsi:t-0x1e", "SCSI device t-0x1e"),
         ("nothing known", "nothing known device (unnamed)"),
     ],
 )

@@ -4,6 +4,8 @@ import io
 import json
 from datetime import UTC, datetime
 
+import pytest
+
 from octoform import events
 from octoform.diagnostics import error
 from octoform.engine.results import EndpointSummary, Funnel, RunResult
@@ -91,3 +93,21 @@ def test_the_stream_has_a_version_first_and_one_object_a_line() -> None:
     assert lines[-1]["type"] == "run_summary"
     assert lines[-1]["result"]["failed"] == "serve"
     assert view.approve() is False
+
+
+@pytest.mark.parametrize(
+    ("result", "words"),
+    [
+        (RunResult("apply", "bench", failed="approval"), "Apply cancelled: nothing was done."),
+        (RunResult("destroy", "bench", failed="approval"), "Destroy cancelled: nothing was done."),
+        (RunResult("apply", "", failed="compile"), "Apply stopped: see the error above."),
+        (
+            RunResult("apply", "bench", failed="saved plan", refused=("identify", "interface")),
+            "Apply stopped: the saved plan no longer holds for identify and interface.",
+        ),
+    ],
+)
+def test_a_run_that_did_nothing_does_not_speak_of_what_was_accepted(result: RunResult, words: str) -> None:
+    screen = console()
+    RunHuman(screen).ended(result)
+    assert screen.out.getvalue().strip() == words
