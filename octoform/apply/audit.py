@@ -5,6 +5,8 @@ the attempt, by name; other new or changed files in the project are told, since 
 """
 
 import os
+import shutil
+import stat
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,11 +18,23 @@ _SKIPPED = {"node_modules", "__pycache__"}
 
 
 @dataclass(frozen=True, slots=True)
+class _There:
+    """What lies at a path: a plain file with its bytes, a link with its target, or something else."""
+
+    kind: str
+    data: bytes = b""
+
+
+@dataclass(frozen=True, slots=True)
 class Watch:
-    """The guarded files' bytes (None: absent) and what else lay in the project, by size and time."""
+    """What lies at the guarded paths (None: nothing) and what else lay in the project, by size and time.
+
+    ``real`` are the folders above the guarded paths that were no links.
+    """
 
     project: Path
-    guarded: Mapping[Path, bytes | None]
+    guarded: Mapping[Path, _There | None]
+    real: frozenset[Path]
     folders: tuple[Path, ...]
     seen: Mapping[Path, tuple[int, int]]
 
@@ -28,18 +42,20 @@ class Watch:
 def begin(project: Path, files: Iterable[Path], folders: Iterable[Path]) -> Watch:
     """Remember ``files``, all files below ``folders``, and the sizes and times of the rest of the project."""
     folders = tuple(folders)
-    guarded: dict[Path, bytes | None] = {path: _bytes(path) for path in files}
+    guarded = {path: _look(path) for path in files}
     for folder in folders:
-        guarded |= {path: _bytes(path) for path in _files(folder)}
-    return Watch(project, guarded, folders, _listing(project))
+        guarded |= {path: _look(path) for path in _files(folder)}
+    above = {parent for path in guarded for parent in path.parents if parent.is_relative_to(project)}
+    real = frozenset(parent for parent in above if parent.is_dir() and not parent.is_symlink())
+    return Watch(project, guarded, real, folders, _listing(project))
 
 
 def end(watch: Watch) -> list[Diagnostic]:
     """Put back what was changed and say so; an empty list when the attempt kept to its folder."""
     found = []
     for path, before in watch.guarded.items():
-        if _bytes(path) != before:
-            _restore(path, before)
+        if _look(path) != before:
+            _restore(watch, path, before)
             found.append(_touched(watch, path))
     for folder in watch.folders:
         for path in _files(folder):
@@ -76,21 +92,39 @@ def _name(project: Path, path: Path) -> str:
     return str(path.relative_to(project)) if path.is_relative_to(project) else str(path)
 
 
-def _bytes(path: Path) -> bytes | None:
-    if path.is_symlink():
-        return b"link:" + os.fsencode(path.readlink())
+def _look(path: Path) -> _There | None:
+    """Never follows a link, and never waits for a pipe that was put in a file's place."""
     try:
-        return path.read_bytes()
+        mode = path.lstat().st_mode
     except (FileNotFoundError, NotADirectoryError):
         return None
+    if stat.S_ISLNK(mode):
+        return _There("link", os.fsencode(path.readlink()))
+    return _There("file", path.read_bytes()) if stat.S_ISREG(mode) else _There("other")
 
 
-def _restore(path: Path, before: bytes | None) -> None:
-    if path.is_symlink() or (before is None and path.exists()):
+def _restore(watch: Watch, path: Path, before: _There | None) -> None:
+    """Put back what was there; folders that went, or became files or links, are made again."""
+    for parent in reversed(path.parents):
+        if parent in watch.real and (parent.is_symlink() or not parent.is_dir()):
+            parent.unlink(missing_ok=True)
+            parent.mkdir()
+    _clear(path)
+    if before is None or before.kind == "other":
+        return
+    path.parent.mkdir(parents=True, exist_ok=True)
+    if before.kind == "link":
+        path.symlink_to(os.fsdecode(before.data))
+    else:
+        path.write_bytes(before.data)
+
+
+def _clear(path: Path) -> None:
+    there = _look(path)
+    if there is not None and there.kind == "other" and path.is_dir():
+        shutil.rmtree(path)
+    elif there is not None:
         path.unlink()
-    if before is not None and not before.startswith(b"link:"):
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_bytes(before)
 
 
 def _files(folder: Path) -> list[Path]:

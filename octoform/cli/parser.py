@@ -30,6 +30,10 @@ class _Parser(argparse.ArgumentParser):
     def error(self, message: str) -> NoReturn:
         raise UsageError(message, self.format_usage())
 
+    def _get_option_tuples(self, _: str) -> list[tuple[argparse.Action, str, str | None]]:
+        """No abbreviations: argparse would take `-auto` for `-auto-approve`, whatever ``allow_abbrev`` says."""
+        return []
+
 
 def build() -> argparse.ArgumentParser:
     """The parser of all commands; cheap enough to be built for ``--help`` on a small board."""

@@ -1,0 +1,121 @@
+"""What an agent may not touch is put back and told; what a person may have done meanwhile is told and left."""
+
+import os
+from pathlib import Path
+
+import pytest
+
+from octoform.apply import audit
+
+
+@pytest.fixture
+def project(tmp_path: Path) -> Path:
+    for name in ("octopus.yaml", "state/bench/probe/output.json", "notes.md"):
+        path = tmp_path / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(f"{name}\n")
+    return tmp_path
+
+
+def watch(project: Path) -> audit.Watch:
+    return audit.begin(project, [project / "octopus.yaml", project / "absent.md"], [project / "state"])
+
+
+def test_nothing_touched_is_nothing_told(project: Path) -> None:
+    assert audit.end(watch(project)) == []
+
+
+def test_guarded_files_are_put_back(project: Path) -> None:
+    seen = watch(project)
+    (project / "octopus.yaml").write_text("other\n")
+    (project / "absent.md").write_text("new\n")
+    (project / "state" / "bench" / "probe" / "output.json").unlink()
+    (project / "state" / "stranger.json").write_text("{}")
+    found = audit.end(seen)
+    assert sorted(item.path or "" for item in found) == [
+        "absent.md",
+        "octopus.yaml",
+        "state/bench/probe/output.json",
+        "state/stranger.json",
+    ]
+    assert {item.severity.value for item in found} == {"error"}
+    assert (project / "octopus.yaml").read_text() == "octopus.yaml\n"
+    assert (project / "state" / "bench" / "probe" / "output.json").exists()
+    assert not (project / "absent.md").exists()
+    assert not (project / "state" / "stranger.json").exists()
+
+
+def test_a_link_in_the_place_of_a_guarded_file_is_taken_away_and_never_written_through(project: Path) -> None:
+    seen = watch(project)
+    foreign = project / "notes.md"
+    (project / "octopus.yaml").unlink()
+    (project / "octopus.yaml").symlink_to(foreign)
+    assert [item.path for item in audit.end(seen)] == ["octopus.yaml"]
+    assert not (project / "octopus.yaml").is_symlink()
+    assert (project / "octopus.yaml").read_text() == "octopus.yaml\n"
+    assert foreign.read_text() == "notes.md\n"
+
+
+@pytest.mark.parametrize("how", ["file", "folder", "pipe"])
+def test_a_folder_or_file_of_the_other_kind_is_put_back_too(project: Path, how: str) -> None:
+    seen = watch(project)
+    if how == "folder":
+        (project / "octopus.yaml").unlink()
+        (project / "octopus.yaml").mkdir()
+    elif how == "pipe":
+        (project / "octopus.yaml").unlink()
+        os.mkfifo(project / "octopus.yaml")
+    else:
+        output = project / "state" / "bench" / "probe" / "output.json"
+        output.unlink()
+        output.parent.rmdir()
+        output.parent.write_text("in the way\n")
+    assert audit.end(seen)
+    assert (project / "octopus.yaml").read_text() == "octopus.yaml\n"
+    assert (project / "state" / "bench" / "probe" / "output.json").read_text() == "state/bench/probe/output.json\n"
+
+
+def test_other_files_are_told_as_warnings_and_left(project: Path) -> None:
+    seen = watch(project)
+    (project / "notes.md").write_text("a person writes\n")
+    found = audit.end(seen)
+    assert [(item.severity.value, item.path) for item in found] == [("warning", "notes.md")]
+    assert (project / "notes.md").read_text() == "a person writes\n"
+
+
+def test_a_link_that_a_person_uses_is_put_back_as_a_link(project: Path) -> None:
+    manifest = project / "octopus.yaml"
+    manifest.unlink()
+    manifest.symlink_to("notes.md")
+    seen = watch(project)
+    manifest.unlink()
+    manifest.write_text("other\n")
+    assert audit.end(seen)
+    assert manifest.is_symlink()
+    assert manifest.read_text() == "notes.md\n"
+
+
+def test_a_folder_of_the_state_that_became_a_link_is_not_written_through(project: Path, tmp_path: Path) -> None:
+    seen = watch(project)
+    foreign = tmp_path.parent / f"{tmp_path.name}-foreign"
+    foreign.mkdir()
+    (foreign / "output.json").write_text("mine\n")
+    folder = project / "state" / "bench" / "probe"
+    (folder / "output.json").unlink()
+    folder.rmdir()
+    folder.symlink_to(foreign)
+    assert audit.end(seen)
+    assert not folder.is_symlink()
+    assert (folder / "output.json").read_text() == "state/bench/probe/output.json\n"
+    assert (foreign / "output.json").read_text() == "mine\n"
+
+
+def test_a_state_folder_that_a_person_keeps_elsewhere_stays_a_link(project: Path, tmp_path: Path) -> None:
+    elsewhere = tmp_path.parent / f"{tmp_path.name}-elsewhere"
+    (project / "state").rename(elsewhere)
+    (project / "state").symlink_to(elsewhere)
+    seen = watch(project)
+    (elsewhere / "bench" / "probe" / "output.json").write_text("{}")
+    assert audit.end(seen)
+    assert (project / "state").is_symlink()
+    assert (elsewhere / "bench" / "probe" / "output.json").read_text() == "state/bench/probe/output.json\n"

@@ -1,0 +1,62 @@
+"""What can be typed: Terraform's single dashes and the usual double ones, durations, and errors with status 1."""
+
+import pytest
+
+from octoform.cli.main import main
+from octoform.cli.parser import UsageError, parse, seconds
+
+
+@pytest.mark.parametrize("dashes", ["-", "--"])
+def test_options_work_with_one_dash_and_with_two(dashes: str) -> None:
+    found = parse(["apply", f"{dashes}auto-approve", f"{dashes}target", "probe", f"{dashes}target", "serve", "x.plan"])
+    assert (found.auto_approve, found.target, found.planfile) == (True, ["probe", "serve"], "x.plan")
+
+
+def test_a_value_may_be_given_after_an_equals_sign() -> None:
+    assert parse(["plan", "-out=x.plan", "--target=probe"]).out == "x.plan"
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"), [("30s", 30.0), ("1h30m", 5400.0), ("250ms", 0.25), ("1.5m", 90.0), ("0s", 0.0)]
+)
+def test_durations(text: str, expected: float) -> None:
+    assert seconds(text) == expected
+
+
+@pytest.mark.parametrize("text", ["", "30", "soon", "-1s", "1s ", "1d", "1s2"])
+def test_what_is_no_duration_is_a_usage_error(text: str) -> None:
+    with pytest.raises(UsageError):
+        seconds(text)
+
+
+@pytest.mark.parametrize(
+    "argv",
+    [
+        ["paln"],
+        ["plan", "-nonsense"],
+        ["plan", "-targ", "probe"],
+        ["destroy", "-auto"],
+        ["state"],
+        ["call"],
+        ["-chdir", "/no/such/folder", "plan"],
+        ["apply", "-lock-timeout", "soon"],
+    ],
+)
+def test_usage_errors_leave_with_1_and_say_one_thing(argv: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(argv) == 1
+    said = capsys.readouterr()
+    assert said.err.startswith("octoform: ")
+    assert said.out == ""
+
+
+def test_no_command_shows_the_help_and_leaves_with_1(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as left:
+        main([])
+    assert left.value.code == 1
+    assert "exit codes:" in capsys.readouterr().out
+
+
+def test_json_of_call_is_an_object_or_only_the_form_of_the_answer() -> None:
+    assert parse(["call", "t"]).json_arguments is None
+    assert parse(["call", "t", "-json"]).json_arguments == ""
+    assert parse(["call", "t", "-json", '{"a": 1}']).json_arguments == '{"a": 1}'
