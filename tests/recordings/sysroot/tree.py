@@ -59,10 +59,11 @@ class Tree:
     def write(self, path: str, data: str | bytes, *, derived: bool = False, keep: bool = True) -> None:
         """Write a file; with ``keep`` one that is there stays. What cannot be a file here is left out."""
         real = self.real(path)
-        if not self._folder(real.parent) or real.is_symlink() or real.is_dir() or (keep and real.exists()):
-            return
         content = data.encode("utf-8", "surrogateescape") if isinstance(data, str) else data
+        # A name that no file system takes is as good as not recorded.
         try:
+            if not self._folder(real.parent) or real.is_symlink() or real.is_dir() or (keep and real.exists()):
+                return
             real.write_bytes(content)
         except (OSError, ValueError):
             return
@@ -82,11 +83,9 @@ class Tree:
     def raw_link(self, path: str, target: str) -> None:
         """A link whose text was recorded; a name that is taken stays as it is."""
         real = self.real(path)
-        if not self._folder(real.parent) or real.is_symlink() or real.exists():
-            return
-        # A name or target that no file system takes is as good as not recorded.
         with suppress(OSError, ValueError):
-            real.symlink_to(target)
+            if self._folder(real.parent) and not real.is_symlink() and not real.exists():
+                real.symlink_to(target)
 
     def node(self, name: str, kind: str, major: str | None = None, minor: str | None = None) -> None:
         """A device node (``video0`` or ``/dev/video0``) as an empty file, its kind and numbers in the list of nodes."""

@@ -353,6 +353,8 @@ def test_what_is_written_first_stays_and_no_path_climbs_out(tmp_path: Path) -> N
     tree.attribute("sys/a/name", "second")
     tree.write("../../b", "inside")
     tree.write("sys/a/name/below", "a file is in the way")
+    tree.write("sys/a/" + "x" * 300, "no file system takes this name")
+    tree.link("sys/a/" + "y" * 300, "sys/a")
     assert read(tmp_path / "tree", "sys/a/name") == "first"
     assert read(tmp_path / "tree", "b") == "inside"
     assert tree.written == 2
