@@ -47,7 +47,7 @@ def test_two_applies_that_race_for_the_lock_never_mix(project: Project) -> None:
     project.apply("-target", "probe", status=0)
     serial = json.loads((project.state / "state.json").read_bytes())["serial"]
     arguments = ("apply", "-auto-approve", "-target", "probe", "-replace", "probe")
-    done_well = 0
+    done_well, last = 0, serial
     for _ in range(10):
         both = [project.start(*arguments), project.start(*arguments)]
         said = [process.communicate(timeout=60)[1] for process in both]
@@ -60,7 +60,9 @@ def test_two_applies_that_race_for_the_lock_never_mix(project: Project) -> None:
         done_well += statuses.count(0)
         snapshot = json.loads((project.state / "state.json").read_bytes())
         assert snapshot["nodes"]["probe"]["status"] == "accepted"
-        assert snapshot["serial"] == serial + done_well
+        # Two runs of one second and one duration leave the same content, which is no new serial.
+        assert last <= snapshot["serial"] <= serial + done_well
+        last = snapshot["serial"]
     assert len(project.agent_runs()) == 1 + done_well
 
 
