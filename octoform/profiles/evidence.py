@@ -89,7 +89,7 @@ def _tests(rule: Rule) -> Iterator[Rule]:
 
 def _rule(value: object, place: Place, problems: list[Problem], depth: int) -> Rule | None:
     if not isinstance(value, Mapping) or len(value) != 1:
-        hint = "write for example {any: [{vid_pid: '0000:0000'}, {text: [Name]}]}"
+        hint = "write for example {any: [{vid_pid: 'vvvv:pppp'}, {text: [Name]}]}"
         problems.append((place, "a rule is a mapping with exactly one member", hint))
         return None
     kind, content = next(iter(value.items()))

@@ -13,6 +13,7 @@ which makes names worse is refused.
 import argparse
 import json
 import os
+import signal
 import sys
 import tempfile
 import time
@@ -38,18 +39,25 @@ IDS = {
 
 @dataclass(frozen=True)
 class Plan:
-    """What is done with every recording; ``environments`` is the folder of serving environments that all share."""
+    """What is done with every recording; ``scratch`` is the one folder that holds all that is made on the way."""
 
-    environments: Path
+    scratch: Path
     ids: Mapping[str, Path]
     trees: Path | None
     keep: Path | None
     until: str
 
+    @property
+    def environments(self) -> Path:
+        """The serving environments, which all hosts share."""
+        return self.scratch / "environments"
+
 
 def main() -> int:
     """Run, mark and print; the exit status."""
     arguments = _arguments()
+    # Ended from outside, it still removes its trees.
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(1))
     ids = _id_files(arguments.ids)
     folders = sorted(path.parent for path in arguments.recordings.glob("*/truth.json"))
     folders = [folder for folder in folders if arguments.only in folder.name]
@@ -60,6 +68,7 @@ def main() -> int:
     began = time.monotonic()
     with tempfile.TemporaryDirectory(prefix="octoform-recordings-") as scratch:
         plan = Plan(Path(scratch), ids, arguments.trees, arguments.keep, arguments.until)
+        plan.environments.mkdir(mode=0o700)
         hosts, marks = _run_all(folders, plan)
     print_details(marks, verbose=arguments.verbose)
     for title, by_hand in (("written by hand", True), ("made by rules", False)):
@@ -110,7 +119,7 @@ def _run_all(folders: list[Path], plan: Plan) -> tuple[list[Onboarded], list[sco
 
 def run_one(folder: Path, plan: Plan) -> tuple[Onboarded, list[score.Mark]]:
     """One recording from its files to its marks, in a temporary folder of its own."""
-    with tempfile.TemporaryDirectory(prefix="octoform-recording-") as name:
+    with tempfile.TemporaryDirectory(prefix=f"{folder.name}-", dir=plan.scratch) as name:
         scratch = Path(name)
         tree = plan.trees / folder.name if plan.trees else scratch / "tree"
         faults = () if plan.trees else convert(folder, tree).faults
