@@ -100,7 +100,8 @@ def accept(project: Path, environ: Mapping[str, str], name: str) -> list[Diagnos
 
     def step(opened: Found) -> list[Diagnostic]:
         state, found = node_of(opened.snapshot, name)
-        if state is None:
+        found = found or _not_to_be_accepted(opened, name)
+        if state is None or found:
             return found
         situation = look(opened.compiled, opened.snapshot, environ)
         if name in STAGES and name not in situation.artifacts:
@@ -111,6 +112,16 @@ def accept(project: Path, environ: Mapping[str, str], name: str) -> list[Diagnos
         return found + opened.store.success(name, _adopted(opened, state, situation, name))
 
     return _change(project, environ, "accept", step)
+
+
+def _not_to_be_accepted(opened: Found, name: str) -> list[Diagnostic]:
+    """What stands in the way before any artifact is looked at."""
+    if name not in STAGES:
+        summary = f"{name} is no artifact, so there is nothing to accept"
+        return [error("ARTIFACT-MISSING", summary, hint="octoform apply brings it up to date; no agent runs for it")]
+    gone = [other for other in opened.compiled.graph.node(name).consumes if other not in opened.snapshot.nodes]
+    summary = f"{name} rests on {', '.join(gone)}, which the state does not have"
+    return [error("STATE-NO-NODE", summary, hint="octoform apply makes what is missing")] if gone else []
 
 
 def _unacceptable(compiled: Compiled, name: str, situation: Situation) -> list[Diagnostic]:

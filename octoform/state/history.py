@@ -180,7 +180,10 @@ def _stage(own: _Git, names: list[str]) -> tuple[list[str], list[Diagnostic]]:
             known.append(name)
     if not known:
         return [], []
-    status, _, complaints = own.run("add", "--all", "--", *known)
+    # Whoever starts a generated server by hand leaves bytecode beside it, which is nobody's work.
+    literal = _Git(own.where, {**own.extra, "GIT_LITERAL_PATHSPECS": "0"})
+    patterns = [f":(top,literal){name}" for name in known]
+    status, _, complaints = literal.run("add", "--all", "--", *patterns, ":(top,exclude,glob)**/__pycache__/**")
     if status == 0:
         return known, []
     if _ignored(own, known):

@@ -260,7 +260,7 @@ def force_unlock(layout: Layout, lock_id: str) -> list[Diagnostic]:
             if there.id != lock_id:
                 detail = f"{there.operation} by pid {there.process.pid} on {there.process.host} since {there.created}"
                 hint = f"octoform force-unlock {there.id}"
-                summary = f"the lock that is there is not {lock_id}"
+                summary = f"the lock that is there is not {lock_id!r}"
                 return [error("STATE-LOCK-ID", summary, path=shown(layout.lock), detail=detail, hint=hint)]
             layout.lock.unlink()
     except FileNotFoundError:

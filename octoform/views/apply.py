@@ -189,6 +189,8 @@ def closing(result: RunResult) -> str:
         return f"{operation} cancelled: nothing was done."
     if result.refused:
         return f"{operation} stopped: the saved plan no longer holds for {sentences.listed(result.refused, 'and')}."
+    if result.failed == "commit":
+        return f"{operation} done, but not committed: see the error above."
     if result.failed in (*STAGES, "endpoint"):
         return f"{operation} stopped: {result.failed} failed."
     if result.failed:

@@ -247,6 +247,14 @@ def test_names_are_names_and_no_patterns(repo: Project) -> None:
     assert repo.last_files() == ["st*te/a"]
 
 
+def test_bytecode_beside_a_server_is_not_committed(repo: Project) -> None:
+    repo.write("state/bench/serve/server.py")
+    repo.write("state/bench/serve/__pycache__/server.cpython-311.pyc")
+    revision, found = commit(repo.root, [repo.root / "state" / "bench"], "m", TRAILERS)
+    assert revision and found == []
+    assert repo.last_files() == ["state/bench/serve/server.py"]
+
+
 def test_worktree_and_submodule(repo: Project, tmp_path: Path) -> None:
     repo.write("a")
     repo.commit_all()

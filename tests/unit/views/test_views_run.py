@@ -100,6 +100,7 @@ def test_the_stream_has_a_version_first_and_one_object_a_line() -> None:
     [
         (RunResult("apply", "bench", failed="approval"), "Apply cancelled: nothing was done."),
         (RunResult("destroy", "bench", failed="approval"), "Destroy cancelled: nothing was done."),
+        (RunResult("apply", "bench", failed="commit"), "Apply done, but not committed: see the error above."),
         (RunResult("apply", "", failed="compile"), "Apply stopped: see the error above."),
         (
             RunResult("apply", "bench", failed="saved plan", refused=("identify", "interface")),
