@@ -62,6 +62,7 @@ def prepare(request: Request, store: StateStore | None = None) -> tuple[Outlook 
     if compiled is None:
         return None, found
     found += _unknown_nodes(compiled.graph, (*request.targets, *request.replace))
+    found += [] if has_errors(found) else _outside_of_targets(compiled.graph, request)
     found += _prevented(compiled) if request.destroy else []
     if store is None:
         store, more = StateStore.open(compiled.layout)
@@ -91,6 +92,16 @@ def _unknown_nodes(graph: Graph, names: Iterable[str]) -> list[Diagnostic]:
             hint = f"did you mean {near}?" if near else f"the nodes are {', '.join(graph.names())}"
             found.append(error("PLAN-UNKNOWN-NODE", f"there is no node {name!r}", hint=hint))
     return found
+
+
+def _outside_of_targets(graph: Graph, request: Request) -> list[Diagnostic]:
+    """What should be replaced and is kept out by the targets: one of the two is a mistake."""
+    kept_out = [name for name in request.replace if request.targets and name not in graph.upstream(request.targets)]
+    summary = "-replace {} has no effect: -target {} keeps it out of this run"
+    hint = "leave out -target, or make it reach as far as the node that should be replaced"
+    return [
+        error("PLAN-REPLACE-OUTSIDE", summary.format(name, ", ".join(request.targets)), hint=hint) for name in kept_out
+    ]
 
 
 def _prevented(compiled: Compiled) -> list[Diagnostic]:
