@@ -57,7 +57,8 @@ def ended_well(outcome: Outcome, task: Task) -> list[Diagnostic]:
         ]
     if outcome.reason is ExitReason.FINISHED and outcome.exit_status in (0, None):
         return []
-    text = f"the agent of {task.stage} ended with {_status(outcome)}"
+    installed = outcome.reason is not ExitReason.NOT_INSTALLED
+    text = f"the agent of {task.stage} " + (f"ended with {_status(outcome)}" if installed else "could not be started")
     return [error("APPLY-AGENT-FAILED", text, detail=outcome.detail or None, path=_shown(task.log))]
 
 

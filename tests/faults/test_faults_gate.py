@@ -117,6 +117,7 @@ def test_f27_a_program_that_is_not_installed_is_one_line_and_no_retry(project: P
     )
     done = project.run("apply", "-auto-approve", "-target", "probe", status=1)
     assert "no-such-agent-anywhere" in done.err
+    assert "the agent of probe could not be started" in done.err
     assert len(project.attempts("probe")) <= 1
 
 
