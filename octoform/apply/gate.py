@@ -19,9 +19,12 @@ from octoform.contracts.parsing import parse
 from octoform.diagnostics import Diagnostic, error, has_errors
 from octoform.harness.port import ExitReason, Outcome, Task
 from octoform.profiles import holds
+from octoform.protocol.fence import tail
 
 MOST_BYTES = {"serve": 256 * 1024}
 MOST_JSON_BYTES = 8 * 1024 * 1024
+LINES_QUOTED = 2
+BYTES_QUOTED = 400
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,7 +62,9 @@ def ended_well(outcome: Outcome, task: Task) -> list[Diagnostic]:
         return []
     installed = outcome.reason is not ExitReason.NOT_INSTALLED
     text = f"the agent of {task.stage} " + (f"ended with {_status(outcome)}" if installed else "could not be started")
-    return [error("APPLY-AGENT-FAILED", text, detail=outcome.detail or None, path=_shown(task.log))]
+    said = tail(task.log, LINES_QUOTED, BYTES_QUOTED)
+    detail = "\n".join(part for part in (outcome.detail, f"it said last: {said}" if said else "") if part)
+    return [error("APPLY-AGENT-FAILED", text, detail=detail or None, path=_shown(task.log))]
 
 
 def _status(outcome: Outcome) -> str:

@@ -15,14 +15,20 @@ def commit_run(layout: Layout, snapshot: Snapshot, operation: str) -> tuple[str 
 def _trailers(snapshot: Snapshot) -> dict[str, str]:
     makers = sorted({state.harness for state in snapshot.nodes.values() if state.harness})
     models = sorted({state.model for state in snapshot.nodes.values() if state.model})
-    usages = [state.usage for state in snapshot.nodes.values()]
-    tokens = [sum(filter(None, (usage.input_tokens, usage.output_tokens))) for usage in usages]
-    cost = sum(usage.cost_usd or 0.0 for usage in usages)
     return {
         "Octoform-Host": snapshot.host,
         "Octoform-Lineage": snapshot.lineage,
         "Octoform-Serial": str(snapshot.serial),
         "Octoform-Harness": ", ".join(makers) or "none",
         "Octoform-Model": ", ".join(models) or "none",
-        "Octoform-Usage": f"{sum(tokens)} tokens, {cost:.4f} USD",
+        "Octoform-Usage": _usage(snapshot),
     }
+
+
+def _usage(snapshot: Snapshot) -> str:
+    """Tokens and money of the accepted runs, as far as the agents told; what nobody told is unknown, not zero."""
+    usages = [state.usage for state in snapshot.nodes.values()]
+    counts = [count for usage in usages for count in (usage.input_tokens, usage.output_tokens) if count is not None]
+    costs = [usage.cost_usd for usage in usages if usage.cost_usd is not None]
+    tokens = f"{sum(counts)} tokens" if counts else "tokens unknown"
+    return f"{tokens}, {sum(costs):.4f} USD" if costs else f"{tokens}, cost unknown"

@@ -23,6 +23,7 @@ from octoform.state.layout import Layout
 from octoform.state.revision import head_revision
 
 FORMAT = 1
+LOCAL = ("journal.jsonl", "instances.json")
 SETTINGS = ("OCTOFORM_SYSROOT",)
 PACKAGE = Path(octoform.__file__).parent
 
@@ -149,7 +150,7 @@ def rests_on(
     """
     listed = names(project, ["protocol", f"state/{host_name}"])
     below = (name for group in listed.values() for name in group if not name.endswith("/"))
-    files = sorted({*sources, *below, f".octoform/{host_name}/journal.jsonl"})
+    files = sorted({*sources, *below, *(f".octoform/{host_name}/{name}" for name in LOCAL)})
     wanted = sorted(chosen)
     return {
         "program": program(),

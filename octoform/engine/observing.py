@@ -49,6 +49,7 @@ def look(compiled: Compiled, snapshot: Snapshot, environ: Mapping[str, str]) -> 
         contract=_complaints(compiled, snapshot, artifacts, contract),
         endpoint=tuple(observe_endpoint(layout).reasons) if "endpoint" in snapshot.nodes else (),
         hardware=_hardware(layout, fingerprint),
+        instances_gone=not layout.instances.is_file(),
     )
     prior = {name: _prior(state) for name, state in snapshot.nodes.items()}
     return Situation(prior, observed, fingerprint, contract, artifacts)
@@ -63,7 +64,15 @@ def contract_digest(schemas: Path) -> str:
 def _prior(state: NodeState) -> Prior:
     usage = state.usage.model_dump(exclude_none=True)
     last = {"seconds": state.seconds, "attempts": state.attempts, **usage}
-    return Prior(state.status.value, state.key_parts, state.output_digest, state.file_digest, state.tainted, last)
+    return Prior(
+        state.status.value,
+        state.key_parts,
+        state.output_digest,
+        state.file_digest,
+        state.tainted,
+        last,
+        state.accepted_at or "",
+    )
 
 
 def read_artifacts(compiled: Compiled, snapshot: Snapshot, digests: Mapping[str, str | None]) -> dict[str, Any]:

@@ -54,12 +54,16 @@ def status(project: Path, environ: Mapping[str, str]) -> Status:
     if not facts.present:
         return Status(plan.host, plan.empty, "unknown", ("there is no endpoint yet",), plan)
     listed, problems = list_tools(layout)
-    reasons = [*facts.reasons, *(item.summary for item in problems)]
+    reasons = [*facts.reasons, *(_told(item) for item in problems)]
     names = tuple(tool["name"] for tool in listed)
     if not problems and set(names) != set(_promised(layout)):
         reasons.append("the endpoint's tools are not those of INTERFACE")
     health = "unhealthy" if reasons else "healthy"
     return Status(plan.host, plan.empty, health, tuple(reasons), plan, names, problems)
+
+
+def _told(item: Diagnostic) -> str:
+    return f"{item.summary}: {item.detail.splitlines()[0]}" if item.detail else item.summary
 
 
 def _promised(layout: Layout) -> dict[str, Any]:

@@ -50,7 +50,7 @@ def write_starter(path: Path, host: str | None, machine: str) -> tuple[str | Non
         return None, [
             error(
                 "MANIFEST-EXISTS",
-                f"there is already a {path.name} here",
+                f"{path.name} is here already",
                 path=str(path),
                 hint="edit it, or move it away first; `octoform validate` checks it",
             )

@@ -21,6 +21,7 @@ class Prior:
     file_digest: str
     tainted: bool = False
     last: Mapping[str, object] = field(default_factory=dict)
+    accepted_at: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,6 +30,7 @@ class Observed:
 
     ``contract`` holds, by stage, why an accepted artifact no longer passes (empty when it does or was not asked);
     ``endpoint`` holds plain sentences about the live side; ``hardware`` explains a moved fingerprint.
+    ``instances_gone``: this machine has lost, or never had, what PROBE knew of its own specimens.
     """
 
     fingerprint: str | None
@@ -37,6 +39,7 @@ class Observed:
     contract: Mapping[str, str] = field(default_factory=dict)
     endpoint: tuple[str, ...] = ()
     hardware: tuple[str, ...] = ()
+    instances_gone: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,6 +102,8 @@ def _broken(node: Node, known: Prior, observed: Observed, wishes: Wishes) -> lis
         return reasons
     if node.kind is NodeKind.ENDPOINT:
         return reasons + [Reason(Cause.ENDPOINT, text=text) for text in observed.endpoint]
+    if node.observes_host and observed.instances_gone:
+        reasons.append(Reason(Cause.INSTANCES_GONE))
     found = observed.files.get(node.name)
     if node.name in observed.links:
         reasons.append(Reason(Cause.ARTIFACT_LINK))

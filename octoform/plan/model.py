@@ -32,6 +32,7 @@ class Cause(StrEnum):
     ARTIFACT_EDITED = "artifact-edited"
     ARTIFACT_LINK = "artifact-link"
     CONTRACT = "contract"
+    INSTANCES_GONE = "instances-gone"
     ENDPOINT = "endpoint"
     UPSTREAM = "upstream"
 

@@ -68,9 +68,14 @@ def _unit(node: Node, moving: set[str], prior: Mapping[str, Prior], observed: Ob
     before = prior.get(node.name)
     return Unit(
         parts=known,
-        prior=key_of(before.key_parts) + f"/{before.status}" if before is not None else None,
+        prior=_run(before) if before is not None else None,
         file=observed.files.get(node.name),
     )
+
+
+def _run(before: Prior) -> str:
+    """Which run of a node the state holds: a plan that was applied once has moved, whatever came out."""
+    return f"{key_of(before.key_parts)}/{before.status}/{before.accepted_at}"
 
 
 def moved(saved: PlanFile, graph: Graph, prior: Mapping[str, Prior], observed: Observed) -> list[Moved]:

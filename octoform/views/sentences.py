@@ -47,6 +47,7 @@ _CAUSES = {
     Cause.ARTIFACT_EDITED: "its accepted artifact {place} was edited by hand",
     Cause.ARTIFACT_LINK: "its accepted artifact {place} was replaced by a link",
     Cause.CONTRACT: "its accepted artifact no longer passes its contract",
+    Cause.INSTANCES_GONE: "this machine does not know its own specimens (serial numbers, ports); PROBE tells them",
     Cause.ENDPOINT: "drift",
 }
 

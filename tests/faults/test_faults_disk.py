@@ -1,5 +1,6 @@
 """Disks that are full or closed: named, before the agent's budget is spent on them, and nothing is lost."""
 
+import json
 import shutil
 from pathlib import Path
 
@@ -32,9 +33,14 @@ def test_f09a_what_was_accepted_before_the_disk_was_full_is_kept(project: Projec
         assert kept
         assert project.nodes()["probe"]["status"] == "accepted"
         assert str(project.local) in done.err  # the disk is named
+    before = len(project.agent_runs())
+    artifact = project.state / "probe" / "output.json"
+    accepted = artifact.read_bytes() if artifact.exists() else None
     project.prefix, project.script = [], {}
     project.apply("-target", "identify", status=0)
-    assert project.stages_run().count("probe") == 1
+    # The instances lay on the disk that is gone, so PROBE tells them again; what it had found stays as it was.
+    assert project.stages_run()[before:] == ["probe", "identify"]
+    assert accepted is None or json.loads(accepted)["devices"][0]["id"] == "hwmon-benchtemp"
 
 
 def test_f09b_a_state_folder_that_cannot_be_written_is_one_error_before_any_agent(project: Project) -> None:
@@ -64,5 +70,6 @@ def test_a_folder_of_attempts_that_went_is_made_again(project: Project) -> None:
     project.apply("-target", "probe", status=0)
     shutil.rmtree(project.folder / ".octoform")
     project.apply("-target", "identify", status=0)
-    assert project.stages_run() == ["probe", "identify"]
+    assert project.stages_run() == ["probe", "probe", "identify"]  # the instances went with the folder
+    assert (project.local / "instances.json").exists()
     assert Path(project.folder / ".octoform" / ".gitignore").read_text() == "*\n"

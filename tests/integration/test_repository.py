@@ -45,7 +45,7 @@ def test_an_apply_commits_what_it_changed_and_says_what_made_it(project: Project
         "Octoform-Serial: 1",
         "Octoform-Harness: command",
         "Octoform-Model: none",
-        "Octoform-Usage: 0 tokens",
+        "Octoform-Usage: tokens unknown, cost unknown",
     ):
         assert line in message
     assert git(project, "log", "-1", "--format=%an").strip() == "A Person"

@@ -56,6 +56,11 @@ def _unserve(layout: Layout, _: StateStore, name: str) -> None:
     (layout.endpoint / name).unlink()
 
 
+def _lose(layout: Layout, _: StateStore, name: str) -> None:
+    """A file that stays on the machine was lost, or the project was cloned to another machine."""
+    (layout.local / name).unlink()
+
+
 def _interrupt(_: Layout, store: StateStore, name: str) -> None:
     """A run began on a node, and nobody saw it end."""
     assert store.begin(name) == []
@@ -82,6 +87,7 @@ HAPPENINGS: Mapping[str, Callable[[Layout, StateStore, str], None]] = {
     "deleted": _delete,
     "linked": _link,
     "endpoint file deleted": _unserve,
+    "lost on the machine": _lose,
     "interrupted": _interrupt,
     "failed": _fail,
     "tainted": _taint,

@@ -24,6 +24,7 @@ from octoform.engine.observing import contract_digest
 from octoform.graph.model import Node, key_of, key_parts
 from octoform.state.artifacts import accept, file_digest
 from octoform.state.files import write_atomic
+from octoform.state.instances import write_instances
 from octoform.state.layout import OUTPUT_NAMES, STAGES, Layout
 from octoform.state.model import NodeState, Usage
 from octoform.state.store import Ports, StateStore
@@ -70,6 +71,7 @@ class Settled:
             parts = key_parts(node, outputs, fingerprint.digest)
             assert store.success(node.name, self._state(compiled, node, parts)) == []
         remembered = {"format": 1, "digest": fingerprint.digest, "entries": list(fingerprint.entries)}
+        assert write_instances(compiled.layout, {}) == []
         assert write_atomic(compiled.layout.fingerprint, json.dumps(remembered).encode(), 0o600) is None
         assert store.commit_snapshot() == []
         return compiled.layout

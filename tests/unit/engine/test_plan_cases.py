@@ -48,6 +48,7 @@ def test_there_is_a_case_for_every_reason_to_run() -> None:
         "artifact-edited",
         "artifact-link",
         "endpoint",
+        "instances-gone",
         "upstream",
     }
     assert missing - set(reasons) == set()
