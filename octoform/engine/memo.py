@@ -20,7 +20,7 @@ from octoform.endpoint.observing import observe
 from octoform.plan.encode import from_json, to_json
 from octoform.plan.model import Plan
 from octoform.state.layout import Layout
-from octoform.state.revision import head_revision
+from octoform.state.revision import head_revision, repository
 
 FORMAT = 1
 LOCAL = ("journal.jsonl", "instances.json")
@@ -42,7 +42,10 @@ def recall(project: Path, environ: Mapping[str, str]) -> Plan | None:
     if observe(Layout(project, plan.host)).reasons:
         return None
     revision = head_revision(project)
-    return plan if revision == plan.revision else replace(plan, revision=revision, dirty=_dirty(project, memo))
+    if revision == plan.revision:
+        return plan
+    dirty = _dirty(project, memo)
+    return replace(plan, revision=revision, dirty=dirty) if dirty is not None else None
 
 
 def _read(path: Path) -> dict[str, Any] | None:
@@ -133,12 +136,24 @@ def _below(path: str, name: str) -> Iterator[str]:
             yield f"{name}/{entry.name}"
 
 
-def _dirty(project: Path, memo: Mapping[str, Any]) -> tuple[str, ...]:
+def _dirty(project: Path, memo: Mapping[str, Any]) -> tuple[str, ...] | None:
+    """Which of the project's own sources git calls changed; None when git cannot say, and the long way tells why."""
     import subprocess  # only after a commit since the last apply
 
-    command = ["git", "-C", str(project), "status", "--porcelain", "--", *memo["sources"]]
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
-    return tuple(sorted(line[3:] for line in done.stdout.splitlines()))
+    inside = [name for name in memo["sources"] if (project / name).is_relative_to(project)]
+    # Without optional locks: a plan writes nothing, not even git's own cache of file times.
+    command = ["git", "--no-optional-locks", "-C", str(project), "status", "--porcelain=v1", "-z", "--no-renames"]
+    try:
+        done = subprocess.run([*command, "--", *inside], capture_output=True, text=True, check=False)
+    except OSError:
+        return None
+    if done.returncode != 0:
+        return None
+    where = repository(project)
+    if where is None:
+        return None
+    entries = [where.root / entry[3:] for entry in done.stdout.split("\0") if entry]
+    return tuple(sorted(os.path.relpath(entry, project.resolve()) for entry in entries))
 
 
 def rests_on(

@@ -272,3 +272,29 @@ def test_a_plan_with_a_memo_imports_nothing_heavy(bench: Bench) -> None:
     assert "No changes." in done.stdout
     imported = {name.partition(".")[0] for name in json.loads(done.stdout.splitlines()[-1].replace("'", '"'))}
     assert imported.isdisjoint(HEAVY)
+
+
+def git(folder: Path, *arguments: str) -> None:
+    identity = ("-c", "user.name=A Person", "-c", "user.email=person@example.org")
+    subprocess.run(["git", *identity, "-C", str(folder), *arguments], check=True, capture_output=True)
+
+
+def test_after_a_commit_it_tells_revision_and_dirty_files_as_the_long_way_does(
+    bench: Bench, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    git(bench.project.parent, "init", "-q")
+    git(bench.project.parent, "add", "project/octopus.yaml")
+    git(bench.project.parent, "commit", "-q", "-m", "one")
+    assert bench.run("apply", "-auto-approve") == 0
+    git(bench.project.parent, "commit", "-q", "--allow-empty", "-m", "two")
+    capsys.readouterr()
+    assert bench.hit()
+    assert bench.run("plan") == 0
+    short = capsys.readouterr().out
+    assert "uncommitted profiles/lamp.md" in short
+    bench.memo.rename(bench.memo.with_suffix(".aside"))
+    assert bench.run("plan") == 0
+    assert capsys.readouterr().out == short
+    bench.memo.with_suffix(".aside").rename(bench.memo)
+    monkeypatch.setenv("PATH", "/nonexistent")
+    assert not bench.hit()  # git cannot be asked, so the long way tells that
