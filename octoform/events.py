@@ -95,7 +95,3 @@ class Notice(Event):
 
 
 EventSink = Callable[[Event], None]
-
-
-def discard(event: Event) -> None:
-    """A sink for callers that show nothing."""
