@@ -42,6 +42,38 @@ class AttemptProgress(Event):
 
 
 @dataclass(frozen=True, slots=True)
+class AgentActed(Event):
+    """The agent uses one of its tools; ``text`` is the command, path or query on one line, ``elapsed`` seconds."""
+
+    tool: str
+    text: str
+    elapsed: float
+
+
+@dataclass(frozen=True, slots=True)
+class AgentSpent(Event):
+    """What the attempt has used so far: replies and tokens as counts, US dollars; None is unknown."""
+
+    turns: int
+    input_tokens: int | None
+    output_tokens: int | None
+    cost_usd: float | None
+    elapsed: float
+
+
+@dataclass(frozen=True, slots=True)
+class SpecEdited(Event):
+    """The agent changed its own copy of the spec; ``diff`` are the lines of a unified diff, bounded.
+
+    ``permitted`` is False when it was not asked to: then the change has no effect on the next attempt.
+    """
+
+    number: int
+    permitted: bool
+    diff: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True)
 class AttemptFailed(Event):
     """The attempt's output was refused or never came; the diagnostics say why."""
 

@@ -15,7 +15,7 @@ from octoform.apply.reading import accepted
 from octoform.diagnostics import Diagnostic, to_json
 from octoform.events import AttemptProgress
 from octoform.harness.plainfile import read_plain
-from octoform.harness.port import Harness, Outcome, Task
+from octoform.harness.port import AgentEvent, Harness, Outcome, Said, Task, TaskLimits, Usage
 from octoform.manifest.references import resolve
 from octoform.profiles import briefing, holds
 from octoform.protocol import Prompt, render_prompt
@@ -37,7 +37,7 @@ class Failed:
 def prepare(context: Context, stage: str, number: int, wall_seconds: float, failed: Failed | None) -> Task:
     """Make the folder of attempt ``number`` and everything in it."""
     workdir = _folder(context, stage, number)
-    spec = context.specs[stage]
+    spec, budget = context.specs[stage], context.manifest.budget_for(stage)
     own_spec = workdir / "spec.md"
     own_spec.write_text((edited(failed.spec) if failed else None) or spec.text, encoding="utf-8")
     task = Task(
@@ -50,7 +50,7 @@ def prepare(context: Context, stage: str, number: int, wall_seconds: float, fail
         document=workdir / "task.json",
         model=resolved_model(context, stage),
         environment=context.environ,
-        wall_seconds=wall_seconds,
+        limits=TaskLimits(wall_seconds, budget.idle_seconds, budget.turns),
         secrets=context.manifest.variables,
     )
     document = _document(context, task, own_spec, failed)
@@ -68,8 +68,9 @@ def edited(copy: Path) -> str | None:
 def run(context: Context, harness: Harness, task: Task) -> Outcome:
     """Let the agent work; its progress becomes events."""
 
-    def progress(text: str, elapsed: float) -> None:
-        context.emit(AttemptProgress(task.stage, text, elapsed))
+    def progress(event: AgentEvent, elapsed: float, _: Usage) -> None:
+        if isinstance(event, Said):
+            context.emit(AttemptProgress(task.stage, event.text, elapsed))
 
     return harness.run(task, progress)
 
@@ -112,7 +113,7 @@ def _document(context: Context, task: Task, spec: Path, failed: Failed | None) -
         "prompt": str(task.prompt),
         "output": str(task.output),
         "model": context.manifest.model_for(task.stage),
-        "limits": {"wall_seconds": task.wall_seconds, "tools": context.manifest.budget_for(task.stage).tools},
+        "limits": {"wall_seconds": task.limits.wall_seconds, "tools": context.manifest.budget_for(task.stage).tools},
         "diagnostics": _as_json(failed.diagnostics if failed else ()),
     }
 
@@ -131,7 +132,7 @@ def _prompt(context: Context, task: Task, own_spec: Path, failed: Failed | None)
             workdir=task.workdir,
             own_spec=own_spec,
             tools=context.manifest.budget_for(task.stage).tools,
-            wall_seconds=task.wall_seconds,
+            wall_seconds=task.limits.wall_seconds,
             profiles=_briefings(context, task.stage),
             failed_log=failed.log if failed else None,
             diagnostics=failed.diagnostics if failed else (),

@@ -54,11 +54,11 @@ def ended_well(outcome: Outcome, task: Task) -> list[Diagnostic]:
         return [
             error(
                 "APPLY-TIMEOUT",
-                f"the agent of {task.stage} did not end within {task.wall_seconds:.0f} s and was stopped",
+                f"the agent of {task.stage} did not end within {task.limits.wall_seconds:.0f} s and was stopped",
                 hint="raise budget.attempt_timeout in octopus.yaml if the work needs longer",
             )
         ]
-    if outcome.reason is ExitReason.FINISHED and outcome.exit_status in (0, None):
+    if outcome.reason is ExitReason.FINISHED:
         return []
     installed = outcome.reason is not ExitReason.NOT_INSTALLED
     text = f"the agent of {task.stage} " + (f"ended with {_status(outcome)}" if installed else "could not be started")

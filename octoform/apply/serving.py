@@ -104,7 +104,7 @@ def _import(environment: Environment, task: Task, source: str) -> ImportReport:
         path = folder / name
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_bytes(data)
-    return check_import(environment.python, folder, min(IMPORT_SECONDS, task.wall_seconds))
+    return check_import(environment.python, folder, min(IMPORT_SECONDS, task.limits.wall_seconds))
 
 
 PROOFS: Mapping[str, Callable[[Context, Task, Any], Proof]] = {"serve": prove_serve, "deploy": prove_deploy}

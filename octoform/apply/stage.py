@@ -18,7 +18,6 @@ from octoform.apply.settling import settle
 from octoform.diagnostics import Diagnostic, error, has_errors
 from octoform.harness.port import ExitReason, Harness, Outcome, Task, Usage
 from octoform.harness.registry import resolve
-from octoform.manifest.references import resolve_argument
 from octoform.protocol import PromptTooLarge
 from octoform.state.files import full_disk, refused
 
@@ -45,8 +44,7 @@ def run_stage(context: Context, stage: str) -> Finished:
 def _attempts(context: Context, stage: str, started: float, progress: _Progress) -> Verdict:
     budget = context.manifest.budget_for(stage)
     chosen = context.manifest.harness_for(stage)
-    command = [resolve_argument(item, context.environ) for item in chosen.command]
-    harness = resolve(chosen.name, command, chosen.env, chosen.prompt_via, context.layout.project)
+    harness = resolve(chosen, context.environ, context.layout.project)
     if isinstance(harness, Diagnostic):
         return Verdict((harness,))
     verdict = Verdict(())

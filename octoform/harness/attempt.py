@@ -1,43 +1,51 @@
 """One attempt below containment, as every harness does it: environment, log, and the run told back as an Outcome.
 
-A harness only says which program to run and how the prompt reaches it; everything that must hold for any agent
-stands here once.
+A harness only says which program to run, how the prompt reaches it and how its output is read; everything that must
+hold for any agent stands here once.
 """
 
 import os
 import shutil
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from octoform.harness import environment, usage
 from octoform.harness.containment import Ended, Limits, Program, run
-from octoform.harness.port import ExitReason, Outcome, ProgressSink, Task
+from octoform.harness.dialect import Dialect
+from octoform.harness.port import ExitReason, Outcome, ProgressSink, Task, Usage
+from octoform.harness.watching import Watcher
 
 REASONS = {"wall": ExitReason.TIMEOUT, "not_started": ExitReason.NOT_INSTALLED, "ended": ExitReason.FINISHED}
+PRIVATE = ("home", "tmp")
+"""Folders of an attempt that are no part of its record: they may be large, or hold what a program cached of a login."""
 
 
 @dataclass(frozen=True, slots=True)
 class Invocation:
-    """The program and its arguments, the file on its standard input (None: empty), the variables that it may see."""
+    """The program and its arguments, the file on its standard input (None: empty), the variables that it may see.
+
+    ``settings`` are variables that the harness itself sets; ``path`` are folders to put before PATH. ``dialect`` reads
+    its output; without one each line is something that it said. ``program`` names it with its version, for the record.
+    """
 
     argv: tuple[str, ...]
     stdin: Path | None = None
     named: tuple[str, ...] = ()
+    settings: Mapping[str, str] = field(default_factory=dict)
+    path: tuple[str, ...] = ()
+    dialect: Dialect | None = None
+    program: str | None = None
 
 
 def run_contained(task: Task, invocation: Invocation, progress: ProgressSink) -> Outcome:
     """Run the invocation for the task; OSError only when octoform cannot write the attempt's own files."""
-    variables = environment.minimal(task.workdir, task.environment, invocation.named)
-    variables |= {
-        environment.TASK: str(task.document),
-        environment.PROMPT: str(task.prompt),
-        environment.OUTPUT: str(task.output),
-    }
+    variables = _environment(task, invocation)
     name = invocation.argv[0]
     program = shutil.which(name, path=variables["PATH"])
     if program is None:
         return Outcome(ExitReason.NOT_INSTALLED, None, 0.0, not_installed(name))
+    watcher = Watcher(invocation.dialect, task.limits, progress, task.price).recording(task.transcript)
     ended = run(
         Program(
             argv=(program, *invocation.argv[1:]),
@@ -47,12 +55,25 @@ def run_contained(task: Task, invocation: Invocation, progress: ProgressSink) ->
             stdin=invocation.stdin,
             secrets=environment.secrets(task.environment, (*invocation.named, *task.secrets)),
         ),
-        Limits(wall_seconds=task.wall_seconds),
-        progress,
+        Limits(wall_seconds=task.limits.wall_seconds),
+        watcher,
     )
-    # Scratch files are no part of an attempt's record and may be large; what cannot be removed stays.
-    shutil.rmtree(task.workdir / "tmp", ignore_errors=True)
-    return outcome(ended, task, invocation)
+    for folder in PRIVATE:
+        # What cannot be removed stays in the attempt's private folder.
+        shutil.rmtree(task.workdir / folder, ignore_errors=True)
+    return outcome(ended, task, invocation, watcher)
+
+
+def _environment(task: Task, invocation: Invocation) -> dict[str, str]:
+    variables = environment.minimal(task.workdir, task.environment, invocation.named)
+    variables |= invocation.settings
+    variables |= {
+        environment.TASK: str(task.document),
+        environment.PROMPT: str(task.prompt),
+        environment.OUTPUT: str(task.output),
+        "PATH": os.pathsep.join((*invocation.path, variables["PATH"])),
+    }
+    return variables
 
 
 def not_installed(name: str) -> str:
@@ -60,23 +81,46 @@ def not_installed(name: str) -> str:
     return f"the agent program {name!r} is not installed, or not executable, or not on the PATH"
 
 
-def outcome(ended: Ended, task: Task, invocation: Invocation) -> Outcome:
+def outcome(ended: Ended, task: Task, invocation: Invocation, watcher: Watcher) -> Outcome:
     """The end of the tree in the words of the port."""
-    reason = REASONS.get(ended.reason, ExitReason.CRASHED)
-    if reason is ExitReason.FINISHED and ended.status != 0:
-        reason = ExitReason.CRASHED
     return Outcome(
-        reason=reason,
+        reason=_reason(ended, watcher),
         exit_status=None if ended.reason == "not_started" else ended.status,
         seconds=ended.seconds,
-        detail=_detail(ended, task, invocation),
-        usage=usage.read(task.workdir),
+        detail=_detail(ended, task, invocation, watcher),
+        usage=_usage(task, watcher),
         survivors_killed=ended.survivors,
+        turns=watcher.turns,
+        program=invocation.program,
     )
 
 
-def _detail(ended: Ended, task: Task, invocation: Invocation) -> str:
-    said = [_reason(ended, task, invocation.argv[0])]
+def _reason(ended: Ended, watcher: Watcher) -> ExitReason:
+    """What the stream said stands above the exit status: several programs leave with 0 after a failure."""
+    if ended.reason == "ordered" and watcher.reason is not None:
+        return watcher.reason
+    if ended.reason != "ended":
+        return REASONS.get(ended.reason, ExitReason.CRASHED)
+    if watcher.trouble is not None:
+        return watcher.trouble.reason
+    if watcher.closed is not None and watcher.closed.ok:
+        return ExitReason.FINISHED
+    return ExitReason.FINISHED if ended.status == 0 else ExitReason.CRASHED
+
+
+def _usage(task: Task, watcher: Watcher) -> Usage:
+    """What was read from the stream; else what the agent wrote into its usage file."""
+    used = watcher.usage
+    known = (used.input_tokens, used.output_tokens, used.cost_usd)
+    return used if any(value is not None for value in known) else usage.read(task.workdir)
+
+
+def _detail(ended: Ended, task: Task, invocation: Invocation, watcher: Watcher) -> str:
+    said = [_ending(ended, task, invocation.argv[0], watcher)]
+    if watcher.trouble is not None:
+        said.append(watcher.trouble.text)
+    if watcher.closed is not None and not watcher.closed.ok and watcher.closed.text:
+        said.append(watcher.closed.text)
     if ended.survivors:
         said.append(f"{ended.survivors} process(es) that it had left running were ended")
     if ended.remaining:
@@ -91,9 +135,16 @@ def _detail(ended: Ended, task: Task, invocation: Invocation) -> str:
     return "; ".join(text for text in said if text)
 
 
-def _reason(ended: Ended, task: Task, name: str) -> str:
+def _ending(ended: Ended, task: Task, name: str, watcher: Watcher) -> str:
+    limits = task.limits
+    if ended.reason == "ordered":
+        return {
+            ExitReason.IDLE: f"stopped after {limits.idle_seconds or 0:g} s without a sign of progress",
+            ExitReason.TURN_LIMIT: f"stopped after {watcher.turns} replies of the model, {limits.turns} are allowed",
+            ExitReason.BUDGET: f"stopped when its cost passed {limits.usd or 0:.2f} US dollars",
+        }.get(watcher.reason or ExitReason.CRASHED, "stopped, since trying again would not have helped")
     if ended.reason == "wall":
-        return f"stopped after its limit of {task.wall_seconds:g} s"
+        return f"stopped after its limit of {limits.wall_seconds:g} s"
     if ended.reason == "not_started":
         return f"{not_installed(name)} ({os.strerror(ended.errno)})"
     if ended.reason == "lost":

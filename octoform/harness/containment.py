@@ -16,11 +16,11 @@ from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import Protocol
 
 from octoform.harness import orphans, processes
 from octoform.harness.environment import ATTEMPT
-from octoform.harness.port import ProgressSink
-from octoform.harness.tasklog import DEFAULT_LIMIT, Progress, TaskLog
+from octoform.harness.tasklog import DEFAULT_LIMIT, TaskLog
 
 REAPER = Path(__file__).with_name("reaper.py")
 CHUNK = 64 << 10
@@ -50,11 +50,28 @@ class Program:
     secrets: Mapping[str, str] = field(default_factory=dict)
 
 
+class Observer(Protocol):
+    """Reads along while the program runs."""
+
+    def feed(self, stream: str, data: bytes) -> None:
+        """A piece of ``stdout`` or ``stderr``, redacted."""
+        ...
+
+    def tick(self) -> bool:
+        """Called at least five times a second; True ends the tree."""
+        ...
+
+    def finish(self) -> None:
+        """The output has ended; called once."""
+        ...
+
+
 @dataclass(frozen=True, slots=True)
 class Ended:
     """How the tree ended.
 
-    ``reason`` is ended, wall, stopped, orphaned, not_started (``errno`` says why) or lost (the supervisor was killed).
+    ``reason`` is ended, wall, ordered (by the observer), stopped, orphaned, not_started (``errno`` says why) or lost
+    (the supervisor was killed).
     ``status`` is the program's exit status, negative for a signal, None when unknown. ``survivors`` counts processes
     besides the program itself that had to be ended, ``remaining`` those that could not be.
     """
@@ -72,7 +89,7 @@ class Ended:
     log_dropped: int = 0
 
 
-def run(program: Program, limits: Limits, progress: ProgressSink) -> Ended:
+def run(program: Program, limits: Limits, observer: Observer) -> Ended:
     """Run it and wait for the end of its whole tree; OSError only for what octoform itself cannot write or start.
 
     An exception that comes meanwhile (an interrupt by the person, say) ends the tree and is passed on.
@@ -84,7 +101,7 @@ def run(program: Program, limits: Limits, progress: ProgressSink) -> Ended:
         try:
             record = session.record()
             orphans.write(program.workdir, record)
-            told = session.follow(log, Progress(progress))
+            told = session.follow(log, observer)
         finally:
             session.stop()
         ended = _settle(told, record, time.monotonic() - began)
@@ -127,13 +144,14 @@ class _Session:
         self._mark = mark
         self._report = report
         self._told = b""
+        self._ordered = False
 
     def record(self) -> orphans.Record:
         """Who the supervisor is, for the attempt's folder."""
         found = processes.look(self._process.pid)
         return orphans.Record(self._mark, self._process.pid, found.start if found else 0)
 
-    def follow(self, log: TaskLog, progress: Progress) -> bytes:
+    def follow(self, log: TaskLog, observer: Observer) -> bytes:
         """Let the agent start, and read until the supervisor has ended; its report line (empty when it was killed)."""
         with suppress(BrokenPipeError):
             os.write(self._control, b"g")
@@ -146,16 +164,17 @@ class _Session:
             selector.register(self._report, selectors.EVENT_READ, "report")
             while self._report in selector.get_map() and time.monotonic() < give_up:
                 for key, _ in selector.select(0.2):
-                    self._take(selector, key, log, progress)
-                progress.tick()
+                    self._take(selector, key, log, observer)
+                if observer.tick():
+                    self._order_end()
                 if log.full:
                     time.sleep(FLOOD_PAUSE_SECONDS)
-            self._drain(selector, log, progress)
-        progress.finish()
+            self._drain(selector, log, observer)
+        observer.finish()
         return self._told
 
     def _take(
-        self, selector: selectors.BaseSelector, key: selectors.SelectorKey, log: TaskLog, progress: Progress
+        self, selector: selectors.BaseSelector, key: selectors.SelectorKey, log: TaskLog, observer: Observer
     ) -> bool:
         """Read one piece of one stream; False when it has nothing now or has ended."""
         try:
@@ -168,16 +187,21 @@ class _Session:
         if key.data == "report":
             self._told += data
             return True
-        shown = log.feed(key.data, data)
-        if key.data == "stdout":
-            progress.feed(shown)
+        observer.feed(key.data, log.feed(key.data, data))
         return True
 
-    def _drain(self, selector: selectors.BaseSelector, log: TaskLog, progress: Progress) -> None:
+    def _order_end(self) -> None:
+        """Tell the supervisor, once, that the tree has to go."""
+        if not self._ordered:
+            self._ordered = True
+            with suppress(BrokenPipeError):
+                os.write(self._control, b"e")
+
+    def _drain(self, selector: selectors.BaseSelector, log: TaskLog, observer: Observer) -> None:
         """What still stands in the pipes after the end: at most their capacity, and a bound against a live writer."""
         for key in list(selector.get_map().values()):
             rounds = 64
-            while key.data != "report" and rounds and self._take(selector, key, log, progress):
+            while key.data != "report" and rounds and self._take(selector, key, log, observer):
                 rounds -= 1
 
     def stop(self) -> None:

@@ -14,23 +14,59 @@ from typing import Protocol
 class ExitReason(StrEnum):
     """How a run ended, as the orchestrator saw it.
 
-    Finished means exit status 0; crashed is another exit status, a signal, or a run that was stopped from outside.
+    Finished: the program ended by itself and nothing was wrong with its run. Timeout, idle, turn limit and budget are
+    limits that octoform keeps. Auth, rate limit and unreachable are what the model's side answered when the run came
+    to nothing. Crashed is another exit status, a signal, or a run that was stopped from outside.
     """
 
     FINISHED = "finished"
     TIMEOUT = "timeout"
+    IDLE = "idle"
+    TURN_LIMIT = "turn_limit"
+    BUDGET = "budget"
+    AUTH = "auth"
+    RATE_LIMIT = "rate_limit"
+    UNREACHABLE = "unreachable"
     CRASHED = "crashed"
     NOT_INSTALLED = "not_installed"
 
 
 @dataclass(frozen=True, slots=True)
 class Usage:
-    """What a run cost, as far as the agent told: tokens as counts, cost in US dollars; None is unknown."""
+    """What a run cost, as far as it is known: tokens as counts, cost in US dollars; None is unknown.
+
+    ``input_tokens`` are all tokens that went in, the ``cached_tokens`` among them. ``cost_source`` says who priced
+    them: ``manifest``, ``litellm`` (its table), ``reported`` (the program's own word, from a price that it was given).
+    """
 
     input_tokens: int | None = None
     cached_tokens: int | None = None
     output_tokens: int | None = None
     cost_usd: float | None = None
+    cost_source: str | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Price:
+    """US dollars for a million tokens: fresh input, input read from a cache, output; and whose table it is from."""
+
+    input: float
+    cached: float
+    output: float
+    source: str
+
+
+@dataclass(frozen=True, slots=True)
+class TaskLimits:
+    """What one run may use: seconds in all, seconds without a sign of progress, replies of the model, US dollars.
+
+    None is no limit. Only harnesses whose output tells of turns can keep a limit of turns and dollars.
+    """
+
+    wall_seconds: float
+    idle_seconds: float | None = None
+    turns: int | None = None
+    usd: float | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,6 +76,7 @@ class Task:
     ``workdir`` is the attempt's own folder and the agent's working directory; ``output`` lies in it and does not
     exist yet. ``document`` is the machine-readable task that stands in ``workdir/task.json``. ``environment`` is what
     the caller has: the agent gets PATH, the OCTOFORM_ settings and the variables that its harness names out of it.
+    ``secrets`` names the variables whose values may reach no file; ``price`` is what the model costs, None unknown.
     """
 
     stage: str
@@ -51,13 +88,23 @@ class Task:
     document: Path
     model: str | None
     environment: Mapping[str, str]
-    wall_seconds: float
+    limits: TaskLimits
     secrets: tuple[str, ...] = ()
+    price: Price | None = None
+
+    @property
+    def transcript(self) -> Path:
+        """What the agent did, one JSON object a line, in the same words for every harness."""
+        return self.workdir / "transcript.jsonl"
 
 
 @dataclass(frozen=True, slots=True)
 class Outcome:
-    """How the run ended; ``exit_status`` is negative for a signal, None when nothing was started."""
+    """How the run ended; ``exit_status`` is negative for a signal, None when nothing was started.
+
+    ``turns`` counts replies of the model, None where the harness cannot tell. ``program`` is the program that ran,
+    with its version where it said one.
+    """
 
     reason: ExitReason
     exit_status: int | None
@@ -65,13 +112,74 @@ class Outcome:
     detail: str = ""
     usage: Usage = field(default_factory=Usage)
     survivors_killed: int = 0
+    turns: int | None = None
+    program: str | None = None
 
 
-ProgressSink = Callable[[str, float], None]
+@dataclass(frozen=True, slots=True)
+class Said:
+    """A line that the agent printed or its model said; empty text after ten silent seconds."""
+
+    text: str
+
+
+@dataclass(frozen=True, slots=True)
+class ToolCalled:
+    """The agent uses one of its tools; ``text`` is the command, path or query on one line."""
+
+    tool: str
+    text: str
+
+
+@dataclass(frozen=True, slots=True)
+class ToolReturned:
+    """A tool has ended; ``failed`` as the program sees it."""
+
+    failed: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Turn:
+    """The model has replied once; ``usage`` is that of this reply alone (nothing known: all None)."""
+
+    usage: Usage = field(default_factory=Usage)
+
+
+@dataclass(frozen=True, slots=True)
+class Totals:
+    """The program's own sum over the whole run; it stands above what was added up from turns."""
+
+    usage: Usage
+
+
+@dataclass(frozen=True, slots=True)
+class Trouble:
+    """The model's side failed; the program may try again. ``reason`` is what it is if the run comes to nothing.
+
+    ``final``: trying again is of no use, or the program has given up; the run is ended.
+    """
+
+    reason: ExitReason
+    text: str
+    final: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Closed:
+    """The program says that its run is over; ``ok`` as it sees it, with its own closing words."""
+
+    ok: bool
+    text: str = ""
+
+
+AgentEvent = Said | ToolCalled | ToolReturned | Turn | Totals | Trouble | Closed
+
+ProgressSink = Callable[[AgentEvent, float, Usage], None]
+"""Called with what happened, the seconds since the start, and what was used so far."""
 
 
 class Harness(Protocol):
-    """Runs an agent on one task, blocking, within ``task.wall_seconds``; leaves no process behind."""
+    """Runs an agent on one task, blocking, within ``task.limits``; leaves no process behind."""
 
     @property
     def name(self) -> str:

@@ -8,9 +8,10 @@ proof that nothing runs on.
 
 Arguments: ``REPORT_FD CONTROL_FD WALL_SECONDS GRACE_SECONDS FILE_BYTES PROGRAM [ARGUMENT ...]``. The agent is started
 when a byte arrives on the control descriptor. The tree is ended (SIGTERM, then SIGKILL) when the agent has ended, when
-the wall limit has passed, on SIGTERM, or when the control descriptor closes, which is how the death of octoform shows
-on every system; on Linux the kernel's parent-death signal says the same. One JSON line on the report descriptor tells
-how it went. Where there is no subreaper (not Linux) only the agent's process group is ended, and the report says so.
+the wall limit has passed, on a second byte, on SIGTERM, or when the control descriptor closes, which is how the death
+of octoform shows on every system; on Linux the kernel's parent-death signal says the same. One JSON line on the report
+descriptor tells how it went. Where there is no subreaper (not Linux) only the agent's process group is ended, and the
+report says so.
 """
 
 import ctypes
@@ -228,7 +229,7 @@ def _first_to_go() -> None:
 
 
 def _supervise(tree: Tree, wall: float, bell: Bell) -> str:
-    """Wait for the agent's end, the limit, a stop or the death of octoform; which of them it was."""
+    """Wait for the agent's end, the limit, an order, a stop or the death of octoform; which of them it was."""
     deadline = time.monotonic() + wall
     while True:
         tree.reap()
@@ -241,7 +242,8 @@ def _supervise(tree: Tree, wall: float, bell: Bell) -> str:
         left = deadline - time.monotonic()
         if left <= 0:
             return "wall"
-        bell.wait(left)
+        if bell.wait(left):
+            return "ordered"
 
 
 def _report(descriptor: int, **fields: object) -> None:

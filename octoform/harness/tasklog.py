@@ -11,8 +11,6 @@ from pathlib import Path
 from types import TracebackType
 from typing import Self
 
-from octoform.harness.port import ProgressSink
-
 DEFAULT_LIMIT = 16 << 20
 SHORTEST_SECRET = 6
 LINE_LIMIT = 200
@@ -60,7 +58,7 @@ class Progress:
     A silent agent is told of too, by an empty text every ten seconds, so that nobody wonders whether it still runs.
     """
 
-    def __init__(self, sink: ProgressSink, clock: Callable[[], float] = time.monotonic) -> None:
+    def __init__(self, sink: Callable[[str, float], None], clock: Callable[[], float] = time.monotonic) -> None:
         self._sink = sink
         self._clock = clock
         self._began = clock()

@@ -6,7 +6,7 @@ state, a plan, a log) can hold the value of a secret.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 FILE_NAME = "octopus.yaml"
@@ -16,27 +16,79 @@ PLACEHOLDERS = ("prompt_file", "task", "output", "workdir", "model", "stage", "p
 
 
 @dataclass(frozen=True, slots=True)
+class Sandbox:
+    """Confinement of an agent: it writes only in its attempt's folder; ``network`` says whether it has one."""
+
+    network: bool = True
+
+
+@dataclass(frozen=True, slots=True)
 class HarnessSpec:
     """How an agent is run.
 
-    ``command`` is the list of arguments with references and placeholders as written, empty for the embedded agent;
-    ``env`` are the names of the variables it may see; ``prompt_via`` is ``stdin``, ``file`` or ``argument``.
+    ``command`` is the list of arguments with references and placeholders as written: the whole command of the
+    ``command`` harness, the program of a named one where it is not the installed one; else empty. ``env`` are the
+    names of the variables that the agent may see, ``key`` the one with the API key (None: the usual one of the
+    model's provider). ``base_url`` is where the model's API is, reference unresolved, and ``api`` which one it
+    speaks; None: the provider's own. ``prompt_via`` is ``stdin``, ``file`` or ``argument``. ``recording`` is the
+    absolute folder of a recorded run.
     """
 
     name: str
     command: tuple[str, ...] = ()
     env: tuple[str, ...] = ()
     prompt_via: str = "stdin"
+    key: str | None = None
+    base_url: str | None = None
+    api: str | None = None
+    web_search: bool = False
+    sandbox: Sandbox | None = None
+    recording: Path | None = None
 
 
 @dataclass(frozen=True, slots=True)
 class Budget:
-    """What a stage may use: attempts as a count, times in seconds, ``tools`` as the most tools of the endpoint."""
+    """What a stage may use: attempts as a count, times in seconds, ``tools`` as the most tools of the endpoint.
+
+    ``turns`` are replies of the model in one attempt, ``usd`` the US dollars of all attempts of this stage (None: no
+    limit of its own). ``edit_specs``: a retry may correct its own copy of the spec.
+    """
 
     attempts: int
     attempt_seconds: float
     stage_seconds: float
     tools: int
+    idle_seconds: float = 120.0
+    turns: int = 100
+    usd: float | None = None
+    edit_specs: bool = True
+
+
+@dataclass(frozen=True, slots=True)
+class Price:
+    """US dollars for a million tokens: fresh input, input from a cache, output."""
+
+    input: float
+    cached: float
+    output: float
+
+
+@dataclass(frozen=True, slots=True)
+class Escalation:
+    """The agent for what the stage's own agent left ``unknown``."""
+
+    harness: HarnessSpec
+    model: str | None
+
+
+@dataclass(frozen=True, slots=True)
+class Housekeeping:
+    """The bare completion that condenses long logs: its model, and the most tokens that it may answer with."""
+
+    model: str
+    max_tokens: int
+    key: str | None = None
+    base_url: str | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,6 +98,7 @@ class StageSettings:
     harness: HarnessSpec
     model: str | None
     budget: Budget
+    escalate: Escalation | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,7 +122,8 @@ class Manifest:
 
     ``path`` is absolute, and so are ``profiles`` (in the order of the file). ``digest`` is of the content with every
     default filled in: comments, order and layout do not move it. ``variables`` are the names of all environment
-    variables that the manifest refers to or passes on, sorted.
+    variables that the manifest refers to or passes on, sorted. ``prices`` are by the model's name; ``run_usd`` is what
+    one run may cost in all, in US dollars.
     """
 
     path: Path
@@ -81,6 +135,9 @@ class Manifest:
     lifecycle: Lifecycle
     git: Git
     variables: tuple[str, ...] = ()
+    prices: Mapping[str, Price] = field(default_factory=dict)
+    run_usd: float | None = None
+    housekeeping: Housekeeping | None = None
 
     @property
     def project(self) -> Path:

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from octoform.apply.leaks import leaked
-from octoform.harness.port import Task
+from octoform.harness.port import Task, TaskLimits
 
 VALUE = 'k3y-"with"-ümlaut'
 
@@ -25,7 +25,7 @@ def task(stage: str = "identify", **environment: str) -> Task:
         document=document,
         model=None,
         environment=environment or {"BENCH_KEY": VALUE},
-        wall_seconds=1.0,
+        limits=TaskLimits(1.0),
         secrets=("BENCH_KEY", "NOT_SET"),
     )
 

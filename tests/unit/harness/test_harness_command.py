@@ -10,10 +10,11 @@ import pytest
 
 from octoform.diagnostics import Diagnostic
 from octoform.harness import usage
-from octoform.harness.builtin import BuiltinHarness
-from octoform.harness.command import CommandHarness, fill
-from octoform.harness.port import ExitReason, Outcome, Task, Usage
+from octoform.harness.adapters.builtin import BuiltinHarness
+from octoform.harness.adapters.command import CommandHarness, fill
+from octoform.harness.port import ExitReason, Outcome, Task, TaskLimits, Usage
 from octoform.harness.registry import resolve
+from octoform.manifest.model import HarnessSpec
 
 SECRET = "sk-not-a-real-key-0123456789"
 
@@ -38,7 +39,7 @@ def task(tmp_path: Path) -> Task:
             "UNRELATED": "x",
             "OCTOFORM_SYSROOT": "/tree",
         },
-        wall_seconds=30,
+        limits=TaskLimits(30),
     )
 
 
@@ -51,7 +52,7 @@ def shell(task: Task) -> Agent:
 
     def start(script: str, **settings: object) -> Outcome:
         harness = CommandHarness(("sh", "-c", script), **settings)  # type: ignore[arg-type]
-        return harness.run(task, lambda text, seconds: None)
+        return harness.run(task, lambda *told: None)
 
     return start
 
@@ -108,21 +109,20 @@ def test_a_named_variable_that_is_not_set_is_told_when_the_run_fails(shell: Agen
 
 def test_a_secret_setting_of_octoform_itself_is_not_passed(shell: Agent, task: Task) -> None:
     task = replace(task, environment={**task.environment, "OCTOFORM_TOKEN": SECRET})
-    CommandHarness(("env",)).run(task, lambda text, seconds: None)
+    CommandHarness(("env",)).run(task, lambda *told: None)
     assert "OCTOFORM_TOKEN" not in log(task)
 
 
-def test_scratch_files_go_with_the_run_and_the_rest_stays(shell: Agent, task: Task) -> None:
+def test_scratch_and_home_go_with_the_run_and_the_rest_stays(shell: Agent, task: Task) -> None:
     shell('touch "$TMPDIR/scratch" "$HOME/session" note')
     assert sorted(path.name for path in task.workdir.iterdir()) == [
-        *("home", "note", "process.json", "prompt.md", "task.log"),
+        *("note", "process.json", "prompt.md", "task.log", "transcript.jsonl"),
     ]
-    assert (task.workdir / "home" / "session").exists()
 
 
 def test_placeholders_and_the_prompt_as_a_file(task: Task) -> None:
     argv = ("printf", "%s\n", "{stage}", "m={model}", "{task}", "{prompt_file}", "{{stage}}", "{}")
-    outcome = CommandHarness(argv, prompt_via="file").run(task, lambda text, seconds: None)
+    outcome = CommandHarness(argv, prompt_via="file").run(task, lambda *told: None)
     assert outcome.exit_status == 0
     expected = ["identify", "m=some/model", str(task.document), str(task.prompt), "{stage}", "{}"]
     assert log(task).splitlines() == expected
@@ -145,7 +145,7 @@ def test_fill_leaves_other_braces_alone() -> None:
 
 @pytest.mark.parametrize("program", ["no-such-agent-program", "./no-such-file", "{workdir}/prompt.md"])
 def test_a_program_that_is_not_installed_is_one_line(task: Task, program: str) -> None:
-    outcome = CommandHarness((program,)).run(task, lambda text, seconds: None)
+    outcome = CommandHarness((program,)).run(task, lambda *told: None)
     assert (outcome.reason, outcome.exit_status) == (ExitReason.NOT_INSTALLED, None)
     assert Path(program).name in outcome.detail
     assert "\n" not in outcome.detail
@@ -156,13 +156,13 @@ def test_a_program_of_the_wrong_format_is_told_too(task: Task) -> None:
     program = task.workdir / "agent"
     program.write_bytes(b"#!/nonexistent/interpreter\n")
     program.chmod(0o755)
-    outcome = CommandHarness((str(program),)).run(task, lambda text, seconds: None)
+    outcome = CommandHarness((str(program),)).run(task, lambda *told: None)
     assert outcome.reason is ExitReason.NOT_INSTALLED
     assert "No such file" in outcome.detail
 
 
 def test_the_wall_limit(task: Task) -> None:
-    outcome = CommandHarness(("sleep", "600")).run(replace(task, wall_seconds=0.2), lambda text, seconds: None)
+    outcome = CommandHarness(("sleep", "600")).run(replace(task, limits=TaskLimits(0.2)), lambda *told: None)
     assert outcome.reason is ExitReason.TIMEOUT
     assert outcome.detail == "stopped after its limit of 0.2 s"
     assert 0.2 <= outcome.seconds < 10
@@ -199,34 +199,34 @@ def test_usage_behind_a_link_is_unknown(tmp_path: Path) -> None:
 
 def test_the_embedded_agent_refuses_a_task_that_is_none_with_one_line(task: Task) -> None:
     task.document.write_text('{"stage": "brew"}')
-    outcome = BuiltinHarness().run(task, lambda text, seconds: None)
+    outcome = BuiltinHarness().run(task, lambda *told: None)
     assert (outcome.reason, outcome.exit_status) == (ExitReason.CRASHED, 1)
     assert "brew" in log(task)
 
 
 def test_resolve() -> None:
-    assert isinstance(resolve("builtin"), BuiltinHarness)
-    assert resolve("command", ["agent", "{task}"], ["KEY"], "file") == CommandHarness(
-        ("agent", "{task}"), ("KEY",), "file"
-    )
-    assert resolve("command", ["./agent"], folder=Path("/project")) == CommandHarness(("/project/agent",))
+    assert isinstance(resolve(HarnessSpec("builtin"), {}), BuiltinHarness)
+    spec = HarnessSpec("command", ("agent", "{task}", "${WHO}"), ("KEY",), "file")
+    assert resolve(spec, {"WHO": "{me}"}) == CommandHarness(("agent", "{task}", "{{me}}"), ("KEY",), "file")
+    relative = HarnessSpec("command", ("./agent",))
+    assert resolve(relative, {}, Path("/project")) == CommandHarness(("/project/agent",))
 
 
 @pytest.mark.parametrize(
-    ("arguments", "code", "hint"),
+    ("spec", "code", "hint"),
     [
-        (("biultin",), "HARNESS-UNKNOWN", "builtin"),
-        (("zzz",), "HARNESS-UNKNOWN", "known harnesses"),
-        (("command",), "HARNESS-NO-COMMAND", "command:"),
-        (("command", [" "]), "HARNESS-NO-COMMAND", "command:"),
-        (("command", ["a", "{promt_file}"]), "HARNESS-PLACEHOLDER", "{prompt_file}"),
-        (("command", ["a"], [], "mail"), "HARNESS-PROMPT-VIA", "stdin"),
-        (("command", ["a", "{prompt}"]), "HARNESS-PROMPT-VIA", "argument"),
-        (("builtin", ["a"]), "HARNESS-BUILTIN-SETTINGS", "command"),
+        (HarnessSpec("biultin"), "HARNESS-UNKNOWN", "builtin"),
+        (HarnessSpec("zzz"), "HARNESS-UNKNOWN", "known harnesses"),
+        (HarnessSpec("command"), "HARNESS-NO-COMMAND", "command:"),
+        (HarnessSpec("command", (" ",)), "HARNESS-NO-COMMAND", "command:"),
+        (HarnessSpec("command", ("a", "{promt_file}")), "HARNESS-PLACEHOLDER", "{prompt_file}"),
+        (HarnessSpec("command", ("a",), (), "mail"), "HARNESS-PROMPT-VIA", "stdin"),
+        (HarnessSpec("command", ("a", "{prompt}")), "HARNESS-PROMPT-VIA", "argument"),
+        (HarnessSpec("builtin", ("a",)), "HARNESS-BUILTIN-SETTINGS", "command"),
     ],
 )
-def test_settings_that_cannot_work(arguments: tuple[object, ...], code: str, hint: str) -> None:
-    found = resolve(*arguments)  # type: ignore[arg-type]
+def test_settings_that_cannot_work(spec: HarnessSpec, code: str, hint: str) -> None:
+    found = resolve(spec, {})
     assert isinstance(found, Diagnostic)
     assert found.code == code
     assert found.hint is not None and hint in found.hint

@@ -4,10 +4,14 @@ It is named here only as a module to run: nothing of it is imported, and its out
 """
 
 import sys
+from collections.abc import Mapping
 from dataclasses import dataclass
+from pathlib import Path
 
+from octoform.diagnostics import Diagnostic, error
 from octoform.harness.attempt import Invocation, run_contained
 from octoform.harness.port import Outcome, ProgressSink, Task
+from octoform.manifest.model import HarnessSpec
 
 MODULE = "octoform.builtin"
 PACKAGE_TOOL = (
@@ -36,3 +40,14 @@ class BuiltinHarness:
         argv = (sys.executable, "-I", "-m", MODULE, str(task.document))
         named = tuple(name for name in task.environment if name.startswith(PACKAGE_TOOL))
         return run_contained(task, Invocation(argv, named=named), progress)
+
+
+def create(spec: HarnessSpec, _environ: Mapping[str, str], _folder: Path | None) -> BuiltinHarness | Diagnostic:
+    """The harness, or what is wrong with its settings."""
+    if spec.command or spec.env:
+        return error(
+            "HARNESS-BUILTIN-SETTINGS",
+            "the embedded agent takes no command and no variables",
+            hint="leave them out, or set name: command",
+        )
+    return BuiltinHarness()

@@ -6,15 +6,16 @@ environment: OCTOFORM_TASK, OCTOFORM_PROMPT and OCTOFORM_OUTPUT are paths.
 """
 
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
 from octoform.diagnostics import Diagnostic, did_you_mean, error
 from octoform.harness.attempt import Invocation, run_contained
 from octoform.harness.port import Outcome, ProgressSink, Task
+from octoform.manifest.model import PLACEHOLDERS, HarnessSpec
+from octoform.manifest.references import resolve_argument
 
-PLACEHOLDERS = ("prompt_file", "task", "output", "workdir", "model", "stage", "prompt")
 PROMPT_WAYS = ("stdin", "file", "argument")
 _PLACEHOLDER = re.compile(r"\{\{|\}\}|\{([A-Za-z_][A-Za-z0-9_]*)\}")
 
@@ -69,22 +70,31 @@ def names(template: str) -> set[str]:
     return {found for found in _PLACEHOLDER.findall(template) if found}
 
 
-def create(
-    command: Sequence[str], env: Sequence[str], prompt_via: str, folder: Path | None
-) -> CommandHarness | Diagnostic:
+def create(spec: HarnessSpec, environ: Mapping[str, str], folder: Path | None) -> CommandHarness | Diagnostic:
     """The harness, or what is wrong with its settings; a relative program with a slash belongs to ``folder``."""
+    command = [resolve_argument(item, environ) for item in spec.command]
     if not command or not command[0].strip():
         return error(
             "HARNESS-NO-COMMAND",
             "the command harness has no command",
             hint="name the program and its arguments as a list: command: [my-agent, --task, '{task}']",
         )
-    if prompt_via not in PROMPT_WAYS:
+    if spec.prompt_via not in PROMPT_WAYS:
         return error(
             "HARNESS-PROMPT-VIA",
-            f"prompt_via is {prompt_via!r}, which is none of {', '.join(PROMPT_WAYS)}",
+            f"prompt_via is {spec.prompt_via!r}, which is none of {', '.join(PROMPT_WAYS)}",
             hint="leave it out for stdin",
         )
+    problem = _placeholders(command, spec.prompt_via)
+    if problem is not None:
+        return problem
+    program = command[0]
+    if folder is not None and "/" in program and not Path(program).is_absolute():
+        program = str(folder / program)
+    return CommandHarness((program, *command[1:]), tuple(spec.env), spec.prompt_via)
+
+
+def _placeholders(command: list[str], prompt_via: str) -> Diagnostic | None:
     for item in command:
         for name in sorted(names(item) - set(PLACEHOLDERS)):
             return _unknown(name, item)
@@ -94,10 +104,7 @@ def create(
             "{prompt} stands in the command, but the prompt is not passed as an argument",
             hint="set prompt_via: argument, or use {prompt_file}",
         )
-    program = command[0]
-    if folder is not None and "/" in program and not Path(program).is_absolute():
-        program = str(folder / program)
-    return CommandHarness((program, *command[1:]), tuple(env), prompt_via)
+    return None
 
 
 def _unknown(name: str, item: str) -> Diagnostic:

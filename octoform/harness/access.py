@@ -1,0 +1,67 @@
+"""How an agent reaches its model: over which API, where that is, and which variable holds the key.
+
+The key itself is never held here.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from urllib.parse import urlsplit
+
+from octoform.diagnostics import Diagnostic, error
+from octoform.manifest.model import HarnessSpec
+from octoform.manifest.providers import CHAT, RESPONSES, split
+from octoform.manifest.references import resolve
+
+SUFFIXES = ("/v1", "/v1beta")
+
+
+@dataclass(frozen=True, slots=True)
+class Access:
+    """One way to a model.
+
+    ``model`` is the name that is sent to the API, ``named`` the one of the manifest; ``base_url`` is in the form that
+    the API's own clients take (with ``/v1`` for the two of OpenAI, without for the others); ``key`` is the name of a
+    variable, None where none is needed.
+    """
+
+    provider: str
+    model: str
+    named: str
+    api: str
+    base_url: str
+    key: str | None
+
+
+def access(
+    spec: HarnessSpec, model: str | None, apis: Sequence[str], environ: Mapping[str, str]
+) -> Access | Diagnostic:
+    """The way to ``model`` over one of ``apis`` (the program's, the one it does best first), or what is missing."""
+    if model is None:
+        return error(
+            "HARNESS-NO-MODEL",
+            f"{spec.name} needs a model, and octopus.yaml names none",
+            hint="write for example: model: anthropic/claude-sonnet-4-5",
+        )
+    provider, name = split(model, spec.name)
+    spoken = [api for api in apis if spec.base_url is not None or api in provider.urls]
+    if spec.api is not None:
+        spoken = [api for api in spoken if api == spec.api]
+    if not spoken:
+        return error(
+            "HARNESS-API",
+            f"{spec.name} cannot talk to {provider.name}{f' over {spec.api}' if spec.api else ''}",
+            hint=f"it speaks {', '.join(apis)}; choose another provider or harness, or a base_url that speaks one of them",
+        )
+    api = spoken[0]
+    base_url = normalised(resolve(spec.base_url, environ), api) if spec.base_url is not None else provider.urls[api]
+    return Access(provider.name, name, model, api, base_url, spec.key or provider.key)
+
+
+def normalised(url: str, api: str) -> str:
+    """A base URL as the clients of an API take it, with or without a version in it as it was written."""
+    url = url.rstrip("/")
+    if api in (CHAT, RESPONSES):
+        return url if urlsplit(url).path else f"{url}/v1"
+    for suffix in SUFFIXES:
+        url = url.removesuffix(suffix)
+    return url

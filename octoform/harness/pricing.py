@@ -1,0 +1,67 @@
+"""What tokens cost: the manifest's own prices first, then the table that litellm ships, if it is installed.
+
+A price that nobody knows stays unknown: a run is never reported as free because its model is not in a table.
+"""
+
+import json
+from collections.abc import Mapping
+from functools import cache
+from importlib.metadata import PackageNotFoundError, version
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any
+
+from octoform.harness.port import Price, Usage
+
+TABLE = "model_prices_and_context_window_backup.json"
+MILLION = 1_000_000
+
+
+def cost_of(usage: Usage, price: Price) -> float | None:
+    """US dollars of a usage at a price; None when a count is unknown."""
+    if usage.input_tokens is None or usage.output_tokens is None:
+        return None
+    cached = min(usage.cached_tokens or 0, usage.input_tokens)
+    dollars = (usage.input_tokens - cached) * price.input + cached * price.cached + usage.output_tokens * price.output
+    return dollars / MILLION
+
+
+def price_of(model: str, prices: Mapping[str, Price]) -> Price | None:
+    """The price of a model by the name that the manifest gives it; None when no table knows it."""
+    return prices.get(model) or _listed(model)
+
+
+def _listed(model: str) -> Price | None:
+    table = _table()
+    # Names with and without the provider are listed; a shorter name is the same model sold by its maker.
+    parts = model.split("/")
+    for start in range(len(parts)):
+        entry = table.get("/".join(parts[start:]))
+        price = _price(entry) if isinstance(entry, dict) else None
+        if price is not None:
+            return price
+    return None
+
+
+def _price(entry: Mapping[str, Any]) -> Price | None:
+    into, out = entry.get("input_cost_per_token"), entry.get("output_cost_per_token")
+    cached = entry.get("cache_read_input_token_cost", into)
+    if not all(isinstance(value, int | float) and value >= 0 for value in (into, out, cached)) or not (into or out):
+        return None  # a zero in that table means that nobody entered a price
+    return Price(float(into or 0) * MILLION, float(cached or 0) * MILLION, float(out or 0) * MILLION, "litellm")
+
+
+@cache
+def _table() -> Mapping[str, Any]:
+    """The price table as a file: importing the package itself would cost seconds."""
+    try:
+        version("litellm")
+    except PackageNotFoundError:
+        return {}
+    spec = find_spec("litellm")
+    folders = spec.submodule_search_locations if spec is not None else None
+    path = Path(next(iter(folders or []), "")) / TABLE
+    if not path.is_file():
+        return {}
+    table: Mapping[str, Any] = json.loads(path.read_bytes())
+    return table

@@ -1,0 +1,79 @@
+"""The record of one attempt: what was asked of an agent, what it used, how it ended and what the gate said.
+
+It stands as ``attempt.json`` in the attempt's own folder, beside prompt, log, transcript and output. (Heavy: pydantic.)
+"""
+
+import json
+from pathlib import Path
+from typing import Any, Literal
+
+from pydantic import Field, ValidationError
+
+from octoform.diagnostics import Diagnostic
+from octoform.state.files import read_regular, write_atomic
+from octoform.state.layout import Layout
+from octoform.state.model import Persisted, Usage
+
+FILE_NAME = "attempt.json"
+MOST_BYTES = 1 << 20
+
+
+class SpecEdit(Persisted):
+    """What an agent made of its copy of the spec; ``permitted`` is False when it was not asked to touch it."""
+
+    digest: str
+    permitted: bool
+    added: int
+    removed: int
+
+
+class AttemptRecord(Persisted):
+    """``number`` counts all attempts of a host, ``attempt`` those of a stage in one run; ``seconds`` are wall time.
+
+    ``role`` is ``stage``, or ``escalate`` for the agent that got what the first left unknown. ``diagnostics`` are as
+    `octoform.diagnostics.to_json` gives them; ``files`` are what the agent left in its folder.
+    """
+
+    format: Literal[1] = 1
+    number: int
+    stage: str
+    attempt: int
+    role: str = "stage"
+    harness: str
+    model: str | None = None
+    program: str | None = None
+    started_at: str
+    seconds: float
+    reason: str
+    exit_status: int | None = None
+    detail: str = ""
+    turns: int | None = None
+    usage: Usage = Field(default_factory=Usage)
+    prompt_bytes: int = 0
+    accepted: bool = False
+    diagnostics: list[dict[str, Any]] = Field(default_factory=list)
+    files: list[str] = Field(default_factory=list)
+    spec_edit: SpecEdit | None = None
+    survivors_killed: int = 0
+
+
+def write(folder: Path, record: AttemptRecord) -> Diagnostic | None:
+    """Write the record into the attempt's folder; None when it stands."""
+    text = json.dumps(record.model_dump(mode="json"), indent=1, ensure_ascii=False)
+    return write_atomic(folder / FILE_NAME, f"{text}\n".encode("utf-8", "replace"), 0o600)
+
+
+def read(folder: Path) -> AttemptRecord | None:
+    """The record of an attempt; None while it runs, when it was interrupted, or when the file is none of ours."""
+    data, _ = read_regular(folder / FILE_NAME, MOST_BYTES)
+    try:
+        return AttemptRecord.model_validate_json(data) if data is not None else None
+    except ValidationError:
+        return None
+
+
+def folders(layout: Layout) -> list[Path]:
+    """The attempts' folders, oldest first."""
+    if not layout.attempts.is_dir():
+        return []
+    return sorted(path for path in layout.attempts.iterdir() if path.name.partition("-")[0].isdigit())
