@@ -50,7 +50,7 @@ def access(
         return error(
             "HARNESS-API",
             f"{spec.name} cannot talk to {provider.name}{f' over {spec.api}' if spec.api else ''}",
-            hint=f"it speaks {', '.join(apis)}; choose another provider or harness, or a base_url that speaks one of them",
+            hint=f"it speaks {', '.join(apis)}; choose another provider or harness, or a base_url of its own",
         )
     api = spoken[0]
     base_url = normalised(resolve(spec.base_url, environ), api) if spec.base_url is not None else provider.urls[api]
