@@ -61,12 +61,14 @@ class TaskLimits:
     """What one run may use: seconds in all, seconds without a sign of progress, replies of the model, US dollars.
 
     None is no limit. Only harnesses whose output tells of turns can keep a limit of turns and dollars.
+    ``patience_seconds`` is how long a program may go on trying after the model's side has begun to fail.
     """
 
     wall_seconds: float
     idle_seconds: float | None = None
     turns: int | None = None
     usd: float | None = None
+    patience_seconds: float = 30.0
 
 
 @dataclass(frozen=True, slots=True)

@@ -32,8 +32,6 @@ from octoform.harness.port import (
 from octoform.harness.pricing import cost_of
 from octoform.harness.tasklog import Progress
 
-PATIENCE_SECONDS = 30.0
-"""How long a program may go on trying after the model's side has begun to fail."""
 LONGEST_LINE = 8 << 20
 TRANSCRIPT_BYTES = 4 << 20
 KINDS = {
@@ -143,7 +141,7 @@ class Watcher:
 
     def _verdict(self) -> ExitReason | None:
         now, seen, limits = self._clock(), self._seen, self._limits
-        if seen.trouble is not None and (seen.trouble.final or now - seen.trouble_since > PATIENCE_SECONDS):
+        if seen.trouble is not None and (seen.trouble.final or now - seen.trouble_since > limits.patience_seconds):
             return seen.trouble.reason
         if limits.turns is not None and seen.turns > limits.turns:
             return ExitReason.TURN_LIMIT
