@@ -2,10 +2,11 @@
 
 import time
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from pathlib import Path
 
+from octoform.apply.purse import Purse
 from octoform.events import EventSink
 from octoform.graph.model import Graph
 from octoform.manifest.model import Manifest
@@ -34,7 +35,7 @@ class Context:
     """One run on one host.
 
     ``fingerprint`` and ``hardware`` are the host's digest and entries as they were when the run began; ``contract`` is
-    the digest of the schemas and rules that accepted artifacts are held to.
+    the digest of the schemas and rules that accepted artifacts are held to. ``purse`` counts what the run has cost.
     """
 
     layout: Layout
@@ -51,3 +52,4 @@ class Context:
     emit: EventSink
     clock: Clock
     checkpoint: Checkpoint = pass_by
+    purse: Purse = field(default_factory=Purse)

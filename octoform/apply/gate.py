@@ -48,23 +48,59 @@ class Verdict:
         return not has_errors(self.diagnostics)
 
 
+_ENDINGS: Mapping[ExitReason, tuple[str, str, str]] = {
+    ExitReason.TIMEOUT: (
+        "APPLY-TIMEOUT",
+        "the agent of {stage} did not end within {wall:.0f} s and was stopped",
+        "raise budget.attempt_timeout in octopus.yaml if the work needs longer",
+    ),
+    ExitReason.IDLE: (
+        "APPLY-IDLE",
+        "the agent of {stage} showed no progress for {idle:.0f} s and was stopped",
+        "raise budget.idle_timeout in octopus.yaml if its model thinks longer than that",
+    ),
+    ExitReason.TURN_LIMIT: (
+        "APPLY-TURN-LIMIT",
+        "the agent of {stage} went on after {turns} replies of its model and was stopped",
+        "raise budget.turns in octopus.yaml if the work needs more; a loop needs another model",
+    ),
+    ExitReason.BUDGET: (
+        "APPLY-COST-LIMIT",
+        "the agent of {stage} has cost more than the {usd:.2f} US dollars that were left, and was stopped",
+        "raise budget.usd in octopus.yaml, or choose a cheaper model",
+    ),
+    ExitReason.AUTH: (
+        "APPLY-AUTH",
+        "the model's provider refused the key of {stage}'s agent",
+        "check the key's variable and what the key may use; `octoform doctor` tries it",
+    ),
+    ExitReason.RATE_LIMIT: (
+        "APPLY-RATE-LIMIT",
+        "the model's provider limits the requests of {stage}'s agent",
+        "wait, or choose another model or provider",
+    ),
+    ExitReason.UNREACHABLE: (
+        "APPLY-MODEL-UNREACHABLE",
+        "the model of {stage}'s agent could not be reached or failed to answer",
+        "`octoform doctor` tries the model's API; check base_url, the network and the provider",
+    ),
+}
+
+
 def ended_well(outcome: Outcome, task: Task) -> list[Diagnostic]:
-    """Why the run itself already failed; a non-zero exit is a failed attempt whatever it wrote."""
-    if outcome.reason is ExitReason.TIMEOUT:
-        return [
-            error(
-                "APPLY-TIMEOUT",
-                f"the agent of {task.stage} did not end within {task.limits.wall_seconds:.0f} s and was stopped",
-                hint="raise budget.attempt_timeout in octopus.yaml if the work needs longer",
-            )
-        ]
+    """Why the run itself already failed; whatever it wrote then counts for nothing."""
     if outcome.reason is ExitReason.FINISHED:
         return []
+    said = tail(task.log, LINES_QUOTED, BYTES_QUOTED)
+    detail = "\n".join(part for part in (outcome.detail, f"it said last: {said}" if said else "") if part) or None
+    if outcome.reason in _ENDINGS:
+        code, text, hint = _ENDINGS[outcome.reason]
+        limits = task.limits
+        values = {"wall": limits.wall_seconds, "idle": limits.idle_seconds, "turns": limits.turns, "usd": limits.usd}
+        return [error(code, text.format(stage=task.stage, **values), detail=outcome.detail or None, hint=hint)]
     installed = outcome.reason is not ExitReason.NOT_INSTALLED
     text = f"the agent of {task.stage} " + (f"ended with {_status(outcome)}" if installed else "could not be started")
-    said = tail(task.log, LINES_QUOTED, BYTES_QUOTED)
-    detail = "\n".join(part for part in (outcome.detail, f"it said last: {said}" if said else "") if part)
-    return [error("APPLY-AGENT-FAILED", text, detail=detail or None, path=_shown(task.log))]
+    return [error("APPLY-AGENT-FAILED", text, detail=detail, path=_shown(task.log))]
 
 
 def _status(outcome: Outcome) -> str:
@@ -97,11 +133,17 @@ def read_output(task: Task) -> tuple[bytes, list[Diagnostic]]:
 
 def judge(context: Context, task: Task, data: bytes) -> tuple[Any, list[Diagnostic]]:
     """Parse, schema and rules: all that needs nothing but values."""
-    path = _shown(task.output)
-    value, found = parse(task.stage, data, path)
-    if value is None or has_errors(found):
+    value, found = read_value(task, data)
+    if value is None:
         return None, found
+    path = _shown(task.output)
     return value, found + check(task.stage, value, artifacts(context, task.stage, value), context.schemas, path)
+
+
+def read_value(task: Task, data: bytes) -> tuple[Any, list[Diagnostic]]:
+    """The output as a value; None with the reasons when it cannot be read."""
+    value, found = parse(task.stage, data, _shown(task.output))
+    return (None, found) if has_errors(found) else (value, found)
 
 
 def artifacts(context: Context, stage: str, value: object) -> Artifacts:

@@ -1,5 +1,6 @@
 """Accepted artifacts as values again, for the rules and the proofs of later stages."""
 
+from pathlib import Path
 from typing import Any
 
 from octoform.apply.context import Context
@@ -13,6 +14,12 @@ def accepted(context: Context, stage: str) -> Any:
     if value is None:
         raise ValueError(f"{path} cannot be read any more: {found}")
     return value
+
+
+def predecessor(context: Context, stage: str) -> Path | None:
+    """The accepted artifact that the stage may read; None for the first."""
+    consumes = context.graph.node(stage).consumes
+    return context.layout.output(consumes[0]) if consumes else None
 
 
 def accepted_before(context: Context, stage: str) -> dict[str, Any]:

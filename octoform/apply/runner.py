@@ -4,6 +4,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 
 from octoform import events
+from octoform.apply.attempt_record import state_usage
 from octoform.apply.context import Context
 from octoform.apply.endpoint_node import run_endpoint
 from octoform.apply.gate import Verdict
@@ -12,9 +13,11 @@ from octoform.apply.settling import remember
 from octoform.apply.stage import run_stage
 from octoform.diagnostics import Diagnostic, has_errors
 from octoform.graph.model import Node, NodeKind, key_of, key_parts
+from octoform.harness.port import Usage
+from octoform.harness.watching import added
 from octoform.plan.model import Action, Plan, PlannedAction
 from octoform.state.artifacts import accept, file_digest
-from octoform.state.model import NodeState, Status, Usage
+from octoform.state.model import NodeState, Status
 
 
 @dataclass(slots=True)
@@ -25,6 +28,7 @@ class Tally:
     changed: int = 0
     destroyed: int = 0
     agent_runs: int = 0
+    usage: Usage = field(default_factory=Usage)
     failed: str | None = None
     diagnostics: list[Diagnostic] = field(default_factory=list)
 
@@ -69,6 +73,7 @@ def _carry_out(context: Context, node: Node, action: PlannedAction, tally: Tally
     if not has_errors(found):
         finished = _run(context, node, action)
         tally.agent_runs += finished.attempts
+        tally.usage = added(tally.usage, finished.usage)
         found = _end(context, node, finished)
         tally.diagnostics += finished.verdict.diagnostics if finished.verdict.accepted else ()
     if has_errors(found):
@@ -114,7 +119,6 @@ def _accept(context: Context, node: Node, verdict: Verdict) -> list[Diagnostic]:
 
 def _state(context: Context, node: Node, finished: Finished) -> NodeState:
     parts = _parts(context, node)
-    usage = finished.usage
     return NodeState(
         key=key_of(parts),
         key_parts=parts,
@@ -123,12 +127,7 @@ def _state(context: Context, node: Node, finished: Finished) -> NodeState:
         harness=node.harness,
         model=node.model,
         attempts=finished.attempts,
-        usage=Usage(
-            input_tokens=usage.input_tokens,
-            cached_tokens=usage.cached_tokens,
-            output_tokens=usage.output_tokens,
-            cost_usd=usage.cost_usd,
-        ),
+        usage=state_usage(finished.usage),
         seconds=round(finished.seconds, 3),
         accepted_at=context.clock.stamp(),
         detail={**finished.verdict.detail, "contract": context.contract},

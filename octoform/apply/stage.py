@@ -8,99 +8,156 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 from octoform import events
-from octoform.apply import audit, serving
-from octoform.apply.attempt import Failed, edited, prepare, run
+from octoform.apply import audit, escalating, serving, spec_copy
+from octoform.apply.assignment import Assignment, of_stage, unaffordable
+from octoform.apply.attempt import Failed, Prepared, prepare, run
+from octoform.apply.attempt_record import record
 from octoform.apply.context import Context
-from octoform.apply.gate import Verdict, ended_well, judge, read_output
+from octoform.apply.gate import Verdict, ended_well, read_output
 from octoform.apply.leaks import leaked
 from octoform.apply.result import Finished
 from octoform.apply.settling import settle
+from octoform.apply.spec_copy import Edit
 from octoform.diagnostics import Diagnostic, error, has_errors
-from octoform.harness.port import ExitReason, Harness, Outcome, Task, Usage
+from octoform.harness.port import ExitReason, Harness, Outcome, Task, TaskLimits, Usage
 from octoform.harness.registry import resolve
+from octoform.harness.watching import added
 from octoform.protocol import PromptTooLarge
+from octoform.state import spec_edits
 from octoform.state.files import full_disk, refused
 
 DELAY_SECONDS = 0.5
+FARAWAY_SECONDS = 5.0
+HOPELESS = frozenset({ExitReason.NOT_INSTALLED, ExitReason.AUTH, ExitReason.BUDGET})
+"""Ends after which another attempt can only end the same way."""
+FARAWAY = frozenset({ExitReason.RATE_LIMIT, ExitReason.UNREACHABLE})
+"""Ends that lie with the model's provider, who is given longer from attempt to attempt."""
 
 
 @dataclass(slots=True)
 class _Progress:
-    """What the attempts have used so far."""
+    """What the attempts have used so far, and what the last one left to the next."""
 
     attempts: int = 0
     usage: Usage = field(default_factory=Usage)
     failed: Failed | None = None
+    edit: Edit | None = None
 
 
 def run_stage(context: Context, stage: str) -> Finished:
     """Run the stage's agent until its contract accepts an output; never raises for what an agent does."""
+    finished = _fulfil(context, of_stage(context, stage))
+    more = escalating.of_unknown(context, stage, finished.verdict) if finished.verdict.accepted else None
+    return finished if more is None else _joined(finished, _fulfil(context, more), more)
+
+
+def _joined(first: Finished, second: Finished, more: Assignment) -> Finished:
+    verdict = second.verdict
+    if verdict.accepted:
+        detail = escalating.detail(first.verdict, verdict, more)
+        said = f"{verdict.found}; {detail['asked']} asked of {more.harness.name}"
+        verdict = replace(verdict, detail={**verdict.detail, "escalated": detail}, found=said)
+    return Finished(
+        verdict=verdict,
+        attempts=first.attempts + second.attempts,
+        usage=added(first.usage, second.usage),
+        seconds=first.seconds + second.seconds,
+    )
+
+
+def _fulfil(context: Context, assignment: Assignment) -> Finished:
     started = context.clock.monotonic()
     progress = _Progress()
-    verdict = _attempts(context, stage, started, progress)
+    verdict = _attempts(context, assignment, started, progress)
+    if verdict.accepted and progress.edit is not None:
+        edit = {"digest": progress.edit.digest, "base": context.specs[assignment.stage].digest}
+        verdict = replace(verdict, detail={**verdict.detail, "spec_edit": edit})
     return Finished(verdict, progress.attempts, progress.usage, context.clock.monotonic() - started)
 
 
-def _attempts(context: Context, stage: str, started: float, progress: _Progress) -> Verdict:
-    budget = context.manifest.budget_for(stage)
-    chosen = context.manifest.harness_for(stage)
-    harness = resolve(chosen, context.environ, context.layout.project)
+def _attempts(context: Context, assignment: Assignment, started: float, progress: _Progress) -> Verdict:
+    budget, stage = assignment.budget, assignment.stage
+    harness = resolve(assignment.harness, context.environ, context.layout.project)
     if isinstance(harness, Diagnostic):
         return Verdict((harness,))
     verdict = Verdict(())
     while progress.attempts < budget.attempts:
-        left = budget.stage_seconds - (context.clock.monotonic() - started)
-        if left <= 0:
-            return _spent(verdict, stage, budget.stage_seconds)
+        limits, stopped = _limits(context, assignment, context.clock.monotonic() - started)
+        if stopped is not None:
+            return replace(verdict, diagnostics=(*verdict.diagnostics, stopped))
         progress.attempts += 1
         context.emit(events.AttemptStarted(stage, progress.attempts, budget.attempts, harness.name))
-        outcome, verdict = _attempt(context, stage, harness, min(left, budget.attempt_seconds), progress)
+        outcome, verdict = _attempt(context, assignment, harness, limits, progress)
         if verdict.accepted or outcome is None or outcome.reason is ExitReason.NOT_INSTALLED:
             return verdict
         context.emit(events.AttemptFailed(stage, progress.attempts, verdict.diagnostics, outcome.seconds))
         full = full_disk(context.layout)
         if full is not None:
             return replace(verdict, diagnostics=(full,))
-        if outcome.exit_status not in (0, None):
-            context.clock.sleep(DELAY_SECONDS)
+        if outcome.reason in HOPELESS:
+            return verdict
+        if progress.attempts < budget.attempts:
+            context.clock.sleep(_delay(outcome, progress.attempts))
     return verdict
 
 
-def _spent(verdict: Verdict, stage: str, seconds: float) -> Verdict:
-    spent = error(
+def _limits(context: Context, assignment: Assignment, elapsed: float) -> tuple[TaskLimits, Diagnostic | None]:
+    """What the next attempt may use, or why there may be none."""
+    budget, stage = assignment.budget, assignment.stage
+    left = budget.stage_seconds - elapsed
+    usd = context.purse.left(stage, budget.usd, context.manifest.run_usd)
+    limits = TaskLimits(min(left, budget.attempt_seconds), budget.idle_seconds, budget.turns, usd)
+    if left <= 0:
+        return limits, _spent(stage, budget.stage_seconds)
+    return limits, unaffordable(context, assignment, usd)
+
+
+def _delay(outcome: Outcome, attempts: int) -> float:
+    if outcome.reason in FARAWAY:
+        return FARAWAY_SECONDS * attempts
+    return DELAY_SECONDS if outcome.reason is not ExitReason.FINISHED else 0.0
+
+
+def _spent(stage: str, seconds: float) -> Diagnostic:
+    return error(
         "APPLY-BUDGET-SPENT",
         f"the stage budget of {stage} ({seconds:.0f} s) is spent",
         hint="raise budget.stage_timeout in octopus.yaml, or look at the attempts to see what took so long",
     )
-    return replace(verdict, diagnostics=(*verdict.diagnostics, spent))
 
 
 def _attempt(
-    context: Context, stage: str, harness: Harness, wall_seconds: float, progress: _Progress
+    context: Context, assignment: Assignment, harness: Harness, limits: TaskLimits, progress: _Progress
 ) -> tuple[Outcome | None, Verdict]:
     """The agent's end and the gate's word; no outcome when no agent could be started and none should be again."""
     try:
-        task = prepare(context, stage, progress.attempts, wall_seconds, progress.failed)
+        prepared = prepare(context, assignment, progress.attempts, limits, progress.failed)
     except PromptTooLarge as problem:
         return None, Verdict((error("APPLY-PROMPT-TOO-LARGE", str(problem), hint="shorten the spec or the profiles"),))
     except OSError as problem:
         progress.attempts -= 1
         return None, Verdict((refused(problem, context.layout.attempts),))
-    watch = _watch(context)
+    task, watch = prepared.task, _watch(context)
+    edit = None
     try:
         outcome = run(context, harness, task)
-        progress.usage = _add(progress.usage, outcome.usage)
-        verdict = _gate(context, task, outcome, audit.end(watch))
-        _note_edit(context, task)
+        verdict = _gate(context, assignment, task, outcome, audit.end(watch))
+        edit = _note_edit(context, prepared, verdict)
     except OSError as problem:  # a full disk, or an agent that has made away with its own folder
         outcome = Outcome(ExitReason.CRASHED, None, 0.0)
         verdict = Verdict((*audit.end(watch), refused(problem, task.workdir)))
+    progress.usage = added(progress.usage, outcome.usage)
+    context.purse.pay(assignment.stage, outcome.usage)
+    progress.edit = edit if edit is not None and edit.permitted else progress.edit
     if not verdict.accepted:
-        progress.failed = Failed(verdict.diagnostics, task.log, task.workdir / "spec.md")
+        spec = progress.edit.text if progress.edit is not None else prepared.spec
+        progress.failed = Failed(verdict.diagnostics, task.log, spec)
+    # The agent may have removed its own folder or filled the disk; both are told by the verdict already.
+    record(context, assignment, prepared, (outcome, verdict), edit)
     return outcome, verdict
 
 
-def _gate(context: Context, task: Task, outcome: Outcome, touched: list[Diagnostic]) -> Verdict:
+def _gate(context: Context, assignment: Assignment, task: Task, outcome: Outcome, touched: list[Diagnostic]) -> Verdict:
     ended = ended_well(outcome, task)
     if ended or has_errors(touched):
         return Verdict((*touched, *ended))
@@ -110,14 +167,14 @@ def _gate(context: Context, task: Task, outcome: Outcome, touched: list[Diagnost
         task.output.unlink()
     if found or secret:
         return Verdict((*touched, *found, *secret))
-    value, found = judge(context, task, data)
+    value, found = assignment.judge(context, task, data)
     found = [*touched, *found]
     if has_errors(found):
         return Verdict(tuple(found))
-    return _prove(context, task, value, found)
+    return prove(context, task, value, found)
 
 
-def _prove(context: Context, task: Task, value: Any, found: list[Diagnostic]) -> Verdict:
+def prove(context: Context, task: Task, value: Any, found: list[Diagnostic]) -> Verdict:
     """SERVE and DEPLOY are also proved by running them; the other stages are values only."""
     proof = serving.PROOFS.get(task.stage)
     if proof is None:
@@ -127,10 +184,10 @@ def _prove(context: Context, task: Task, value: Any, found: list[Diagnostic]) ->
     if has_errors(found):
         return Verdict(tuple(found))
     verdict = settle(context, task.stage, value, found, files)
-    return replace(verdict, detail={**verdict.detail, **detail}, found=_joined(verdict.found, detail))
+    return replace(verdict, detail={**verdict.detail, **detail}, found=_with(verdict.found, detail))
 
 
-def _joined(found: str, detail: Mapping[str, object]) -> str:
+def _with(found: str, detail: Mapping[str, object]) -> str:
     said = detail.get("said")
     return f"{found}, {said}" if said else found
 
@@ -141,17 +198,24 @@ def _watch(context: Context) -> audit.Watch:
     return audit.begin(layout.project, files, [layout.committed])
 
 
-def _note_edit(context: Context, task: Task) -> None:
-    copy = task.workdir / "spec.md"
-    if edited(copy) not in (None, context.specs[task.stage].text):
-        context.emit(
-            events.Notice(task.stage, f"the agent edited its copy of the spec: {copy.name} in {task.workdir.name}")
+def _note_edit(context: Context, prepared: Prepared, verdict: Verdict) -> Edit | None:
+    """What the agent made of its copy of the spec: shown, and kept for a person if it was asked to correct it."""
+    task = prepared.task
+    edit = spec_copy.look(task.workdir, prepared.spec, permitted=prepared.editable)
+    if edit is None:
+        return None
+    context.emit(events.SpecEdited(task.stage, task.attempt, edit.permitted, edit.diff))
+    if edit.permitted:
+        base = context.specs[task.stage]
+        spec_edits.keep(
+            context.layout,
+            spec_edits.PendingEdit(
+                stage=task.stage,
+                base=base.digest,
+                digest=edit.digest,
+                text=edit.text,
+                attempt=task.workdir.name,
+                accepted=verdict.accepted,
+            ),
         )
-
-
-def _add(before: Usage, after: Usage) -> Usage:
-    def total(name: str) -> Any:
-        values = [value for value in (getattr(before, name), getattr(after, name)) if value is not None]
-        return sum(values) if values else None
-
-    return Usage(*(total(name) for name in ("input_tokens", "cached_tokens", "output_tokens", "cost_usd")))
+    return edit

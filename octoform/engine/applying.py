@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 from contextlib import nullcontext
-from dataclasses import dataclass, field, replace
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +18,7 @@ from octoform.engine.execution_log import logging_to
 from octoform.engine.observing import read_artifacts
 from octoform.engine.planning import Outlook, Request, prepare
 from octoform.engine.ports import RunView
-from octoform.engine.results import RunResult
+from octoform.engine.results import RunResult, RunUsage
 from octoform.engine.saved import SavedRun, read_saved
 from octoform.engine.sources import source_files
 from octoform.events import Event, Notice
@@ -172,6 +172,7 @@ class _Run:
             changed=tally.changed,
             destroyed=tally.destroyed,
             agent_runs=tally.agent_runs,
+            usage=RunUsage(**asdict(tally.usage)),
             seconds=seconds,
             failed=failed,
             diagnostics=tuple(found),

@@ -1,6 +1,6 @@
 """What the engine's operations return, for views to show. Light: no heavy import."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from octoform.diagnostics import Diagnostic
 from octoform.plan.model import Plan
@@ -30,6 +30,17 @@ class EndpointSummary:
 
 
 @dataclass(frozen=True, slots=True)
+class RunUsage:
+    """What the agents of a run used: tokens as counts, US dollars and who priced them; None is unknown."""
+
+    input_tokens: int | None = None
+    cached_tokens: int | None = None
+    output_tokens: int | None = None
+    cost_usd: float | None = None
+    cost_source: str | None = None
+
+
+@dataclass(frozen=True, slots=True)
 class RunResult:
     """How an apply or a destroy ended; ``failed`` names the node that stopped it."""
 
@@ -39,6 +50,7 @@ class RunResult:
     changed: int = 0
     destroyed: int = 0
     agent_runs: int = 0
+    usage: RunUsage = field(default_factory=RunUsage)
     seconds: float = 0.0
     failed: str | None = None
     refused: tuple[str, ...] = ()

@@ -29,8 +29,8 @@ class PromptTooLarge(ValueError):
 class Prompt:
     """What a prompt is made of.
 
-    ``own_spec`` is the attempt's editable copy of the spec; ``profiles`` are whole texts. ``diagnostics`` and
-    ``failed_log`` are those of the attempt before, and one of them makes it a retry.
+    ``own_spec`` is the attempt's copy of the spec, which a retry may correct if ``editable``; ``profiles`` are whole
+    texts. ``diagnostics`` and ``failed_log`` are those of the attempt before, and one of them makes it a retry.
     """
 
     spec: Spec
@@ -41,6 +41,7 @@ class Prompt:
     tools: int
     wall_seconds: float
     profiles: tuple[str, ...] = ()
+    editable: bool = True
     failed_log: Path | None = None
     diagnostics: tuple[Diagnostic, ...] = ()
 
@@ -86,6 +87,7 @@ def _render(prompt: Prompt, log: str) -> str:
         stage=prompt.spec.stage.upper(),
         body=prompt.spec.body.rstrip(),
         own_spec=prompt.own_spec,
+        editable=prompt.editable,
         schema=schema.read_text(encoding="utf-8").rstrip() if schema and not prompt.is_retry else "",
         schema_path=schema,
         input=prompt.input,

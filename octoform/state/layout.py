@@ -58,6 +58,10 @@ class Layout:
         """One folder for each attempt of an agent."""
         return self.local / "attempts"
 
+    def spec_edit(self, stage: str) -> Path:
+        """What an agent made of a stage's spec in the last run that edited it."""
+        return self.local / "specs" / f"{stage}.json"
+
     @property
     def environments(self) -> Path:
         """Serving environments, one for each lock digest."""

@@ -32,12 +32,13 @@ class Persisted(BaseModel):
 
 
 class Usage(Persisted):
-    """What the accepted run's agents cost: tokens as counts, cost in US dollars; None is unknown."""
+    """What the accepted run's agents cost: tokens as counts, cost in US dollars and who priced it; None is unknown."""
 
     input_tokens: int | None = None
     cached_tokens: int | None = None
     output_tokens: int | None = None
     cost_usd: float | None = None
+    cost_source: str | None = None
 
 
 class NodeState(Persisted):

@@ -20,12 +20,14 @@ from octoform.views.console import Console
 from octoform.views.diagnostics import render
 from octoform.views.plan import PlanHuman
 from octoform.views.problems import near
+from octoform.views.spending import spent
 from octoform.views.text import one_line
 
 if TYPE_CHECKING:
     from octoform.views.moving import MovingLine
 
 PULSE_SECONDS = 9.0
+LINE = 150
 
 
 @dataclass(slots=True)
@@ -34,6 +36,7 @@ class _Running:
 
     node: str = ""
     attempt: str = ""
+    spent: str = ""
     last_pulse: float = 0.0
 
 
@@ -89,6 +92,11 @@ class RunHuman:
                 self._work(event.node, self._running.attempt)
             case events.AttemptProgress():
                 self._progress(event)
+            case events.AgentActed():
+                self._acted(event)
+            case events.AgentSpent():
+                self._running.spent = spent(event.input_tokens, event.output_tokens, event.cost_usd)
+                self._move("")
             case events.Checking():
                 self._work(event.node, event.what)
             case events.AttemptFailed():
@@ -101,25 +109,52 @@ class RunHuman:
         match event:
             case events.NodeAccepted():
                 tail = "" if event.changed else paint("  same output as before", "dim")
-                tries = "" if event.attempts <= 1 else f", {event.attempts} attempts"
-                self._say(f"{paint('✓', 'green')} {event.node:<10} {event.found}  ({event.seconds:.1f} s{tries}){tail}")
+                facts = [f"{event.seconds:.1f} s"]
+                facts += [f"{event.attempts} attempts"] if event.attempts > 1 else []
+                facts += [self._running.spent] if self._running.spent else []
+                self._say(f"{paint('✓', 'green')} {event.node:<10} {event.found}  ({', '.join(facts)}){tail}")
             case events.NodeUnchanged():
                 self._say(paint(f"= {event.node:<10} {event.reason}", "dim"))
             case events.NodeFailed():
                 self._say(f"{paint('✗', 'red')} {event.node:<10} failed after {event.seconds:.1f} s")
             case events.NodeDestroyed():
                 self._say(f"{paint('-', 'red')} {event.node:<10} destroyed")
+            case events.SpecEdited():
+                self._edited(event)
             case events.Notice():
                 self._say(paint(f"  {event.text}", "dim"))
 
     def _progress(self, event: events.AttemptProgress) -> None:
         if self._moving is not None:
-            if event.text:
-                self._moving.update(event.node, f"{self._running.attempt}  {event.text}")
+            self._move(event.text)
         elif event.elapsed - self._running.last_pulse >= PULSE_SECONDS:
             self._running.last_pulse = event.elapsed
-            said = f": {event.text}" if event.text else ""
-            self._say(f"  {event.node:<10} still running, {event.elapsed:.0f} s elapsed{said}")
+            used = f", {self._running.spent}" if self._running.spent else ""
+            said = f": {one_line(event.text, LINE)}" if event.text else ""
+            self._say(f"  {event.node:<10} still running, {event.elapsed:.0f} s elapsed{used}{said}")
+
+    def _acted(self, event: events.AgentActed) -> None:
+        """One line for each use of a tool, as it happens."""
+        self._running.last_pulse = event.elapsed
+        said = one_line(f"{event.tool}  {event.text}", LINE)
+        self._say(self._console.paint(f"    {event.node:<9} {event.elapsed:6.1f} s  {said}", "dim"))
+        self._move(f"{event.tool} {event.text}")
+
+    def _move(self, said: str) -> None:
+        if self._moving is not None:
+            parts = (self._running.attempt, self._running.spent, said)
+            self._moving.update(self._running.node, "  ".join(part for part in parts if part))
+
+    def _edited(self, event: events.SpecEdited) -> None:
+        """What the agent made of its own copy of the spec, as a diff."""
+        paint = self._console.paint
+        what = "corrected its copy of the spec" if event.permitted else "changed its copy of the spec unasked"
+        self._say(f"{paint('~', 'yellow')} {event.node:<10} the agent {what} (attempt {event.number})")
+        styles = {"+": "green", "-": "red", "@": "cyan"}
+        for line in event.diff[2:]:
+            self._say("             " + paint(one_line(line, LINE), styles.get(line[:1], "dim")))
+        if event.permitted:
+            self._say(f"             it holds for this run only; `octoform spec diff {event.node}` shows it again")
 
     def _work(self, node: str, what: str) -> None:
         if self._moving is not None:
@@ -148,6 +183,10 @@ class RunHuman:
         say(paint(closing(result), "bold", "red" if result.failed else "green"))
         if result.failed in STAGES and result.operation == "apply":
             say("What was accepted stays accepted; the next apply goes on from there.")
+        used = spent(result.usage.input_tokens, result.usage.output_tokens, result.usage.cost_usd)
+        if used:
+            source = f" (priced by {result.usage.cost_source})" if result.usage.cost_source else ""
+            say(f"{sentences.counted(result.agent_runs, 'agent run')}: {used}{source}")
         if result.funnel is not None:
             say()
             self._funnel(result)

@@ -1,0 +1,87 @@
+"""What an attempt leaves as its record: everything that octoform knows of it, in ``attempt.json``."""
+
+from datetime import timedelta
+from pathlib import Path
+
+from octoform.apply.assignment import Assignment
+from octoform.apply.attempt import Prepared
+from octoform.apply.context import Context
+from octoform.apply.gate import Verdict
+from octoform.apply.spec_copy import Edit
+from octoform.diagnostics import Diagnostic, to_json
+from octoform.harness.port import Outcome, Usage
+from octoform.state import attempts, model
+from octoform.state.attempts import AttemptRecord, SpecEdit
+
+MOST_FILES = 200
+OURS = frozenset(
+    {"agent.log", "attempt.json", "input.json", "process.json", "prompt.md", "spec.md", "task.json", "transcript.jsonl"}
+)
+"""What octoform itself puts into an attempt's folder."""
+
+
+def record(
+    context: Context, assignment: Assignment, prepared: Prepared, ended: tuple[Outcome, Verdict], edit: Edit | None
+) -> Diagnostic | None:
+    """Write the record of an attempt that has just ended; None when it stands."""
+    task, (outcome, verdict) = prepared.task, ended
+    written = AttemptRecord(
+        number=int(task.workdir.name.partition("-")[0]),
+        stage=task.stage,
+        attempt=task.attempt,
+        role=assignment.role,
+        harness=assignment.harness.name,
+        model=assignment.model,
+        program=outcome.program,
+        started_at=_started(context, outcome),
+        seconds=round(outcome.seconds, 3),
+        reason=outcome.reason.value,
+        exit_status=outcome.exit_status,
+        detail=outcome.detail,
+        turns=outcome.turns,
+        usage=state_usage(outcome.usage),
+        prompt_bytes=task.prompt.stat().st_size if task.prompt.is_file() else 0,
+        accepted=verdict.accepted,
+        diagnostics=[to_json(item) for item in verdict.diagnostics],
+        files=written_files(task.workdir),
+        spec_edit=spec_edit(edit),
+        survivors_killed=outcome.survivors_killed,
+    )
+    return attempts.write(task.workdir, written)
+
+
+def spec_edit(edit: Edit | None) -> SpecEdit | None:
+    """An edit in the words of the record."""
+    if edit is None:
+        return None
+    return SpecEdit(digest=edit.digest, permitted=edit.permitted, added=edit.added, removed=edit.removed)
+
+
+def state_usage(usage: Usage) -> model.Usage:
+    """A usage as the state keeps it."""
+    return model.Usage(
+        input_tokens=usage.input_tokens,
+        cached_tokens=usage.cached_tokens,
+        output_tokens=usage.output_tokens,
+        cost_usd=usage.cost_usd,
+        cost_source=usage.cost_source,
+    )
+
+
+def written_files(workdir: Path) -> list[str]:
+    """The files that the agent left in its folder, relative, sorted, bounded; links are named and not followed."""
+    found: list[str] = []
+    pending = [workdir]
+    while pending and len(found) < MOST_FILES:
+        folder = pending.pop()
+        for path in sorted(folder.iterdir()) if folder.is_dir() else ():
+            if path.is_dir() and not path.is_symlink():
+                pending.append(path)
+            elif folder != workdir or path.name not in OURS:
+                found.append(path.relative_to(workdir).as_posix())
+    return sorted(found[:MOST_FILES])
+
+
+def _started(context: Context, outcome: Outcome) -> str:
+    began = context.clock.now() - timedelta(seconds=outcome.seconds)
+    return began.isoformat(timespec="seconds").replace("+00:00", "Z")

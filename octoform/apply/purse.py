@@ -1,0 +1,25 @@
+"""Money: what a run and its stages have cost so far, and what is left of their budgets."""
+
+from dataclasses import dataclass, field
+
+from octoform.harness.port import Usage
+
+
+@dataclass(slots=True)
+class Purse:
+    """What was spent in this run, in US dollars, by stage."""
+
+    spent: dict[str, float] = field(default_factory=dict)
+
+    def pay(self, stage: str, usage: Usage) -> None:
+        """Add what an attempt has cost; an unknown cost adds nothing."""
+        self.spent[stage] = self.spent.get(stage, 0.0) + (usage.cost_usd or 0.0)
+
+    def left(self, stage: str, stage_usd: float | None, run_usd: float | None) -> float | None:
+        """What the next attempt of a stage may cost; None without a limit."""
+        limits = []
+        if stage_usd is not None:
+            limits.append(stage_usd - self.spent.get(stage, 0.0))
+        if run_usd is not None:
+            limits.append(run_usd - sum(self.spent.values()))
+        return min(limits) if limits else None

@@ -1,0 +1,64 @@
+"""The attempt's own copy of its spec: given, looked at afterwards, and kept where a person can promote it.
+
+A retry may find that the fault lies in its instructions and correct them. The correction is the run's alone: the next
+attempt of the same stage reads it, `protocol/` does not change, and only a person makes it permanent.
+"""
+
+import difflib
+from dataclasses import dataclass
+from pathlib import Path
+
+from octoform import digest
+from octoform.harness.plainfile import read_plain
+
+FILE_NAME = "spec.md"
+MOST_SPEC_BYTES = 256 * 1024
+MOST_DIFF_LINES = 200
+
+
+@dataclass(frozen=True, slots=True)
+class Edit:
+    """What an agent made of its copy: the text, and the lines of a unified diff against what it was given."""
+
+    text: str
+    diff: tuple[str, ...]
+    permitted: bool
+
+    @property
+    def digest(self) -> str:
+        """The digest that a spec of this text has."""
+        return digest.of_bytes(self.text.encode("utf-8"))
+
+    @property
+    def added(self) -> int:
+        """Lines that are new."""
+        return sum(1 for line in self.diff if line.startswith("+") and not line.startswith("+++"))
+
+    @property
+    def removed(self) -> int:
+        """Lines that are gone."""
+        return sum(1 for line in self.diff if line.startswith("-") and not line.startswith("---"))
+
+
+def give(workdir: Path, text: str, *, editable: bool) -> Path:
+    """Put the copy into an attempt's folder; one that may not be edited is read-only."""
+    copy = workdir / FILE_NAME
+    copy.write_text(text, encoding="utf-8")
+    copy.chmod(0o644 if editable else 0o444)
+    return copy
+
+
+def look(workdir: Path, given: str, *, permitted: bool) -> Edit | None:
+    """What became of the copy; None when it is as it was, or no plain file of a sane size lies in its place."""
+    data = read_plain(workdir / FILE_NAME, MOST_SPEC_BYTES + 1)
+    if data is None or len(data) > MOST_SPEC_BYTES:
+        return None
+    text = data.decode("utf-8", "replace")
+    return Edit(text, unified(given, text), permitted) if text != given else None
+
+
+def unified(before: str, after: str) -> tuple[str, ...]:
+    """The lines of a unified diff between two texts of a spec, bounded."""
+    lines = list(difflib.unified_diff(before.splitlines(), after.splitlines(), "spec.md", "edited", lineterm="", n=2))
+    more = len(lines) - MOST_DIFF_LINES
+    return (*lines[:MOST_DIFF_LINES], f"({more} more lines)") if more > 0 else tuple(lines)
