@@ -141,6 +141,11 @@ class ToolReturned:
 
 
 @dataclass(frozen=True, slots=True)
+class Replying:
+    """A piece of a reply came in: nothing to show or to record, but the run is not idle."""
+
+
+@dataclass(frozen=True, slots=True)
 class Turn:
     """The model has replied once; ``usage`` is that of this reply alone (nothing known: all None)."""
 
@@ -174,7 +179,7 @@ class Closed:
     text: str = ""
 
 
-AgentEvent = Said | ToolCalled | ToolReturned | Turn | Totals | Trouble | Closed
+AgentEvent = Said | ToolCalled | ToolReturned | Replying | Turn | Totals | Trouble | Closed
 
 ProgressSink = Callable[[AgentEvent, float, Usage], None]
 """Called with what happened, the seconds since the start, and what was used so far."""

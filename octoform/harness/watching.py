@@ -20,6 +20,7 @@ from octoform.harness.port import (
     ExitReason,
     Price,
     ProgressSink,
+    Replying,
     Said,
     TaskLimits,
     ToolCalled,
@@ -154,6 +155,8 @@ class Watcher:
 
     def _take(self, event: AgentEvent) -> None:
         self._note(event)
+        if isinstance(event, Replying):
+            return
         if self._transcript is not None:
             self._transcript.write(event, self._clock() - self._began)
         if isinstance(event, Said):
@@ -174,6 +177,9 @@ class Watcher:
                 seen.trouble = None
             case ToolCalled() | ToolReturned():
                 seen.trouble = None
+            case Replying():
+                # It may yet be cut off, so the trouble stands; but a long reply is no trying again.
+                seen.trouble_since = self._clock()
             case Totals():
                 seen.totals = event.usage
             case Closed():
