@@ -1,0 +1,49 @@
+"""The agent programs under test, and what each is known to do differently: the data of the tests in this folder.
+
+A program is added by one `Subject`. What stands in no `differs` is what the case itself asks for.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import pytest
+
+from octoform.harness.port import ExitReason
+
+
+@dataclass(frozen=True)
+class Expected:
+    """How a run ends and whether it leaves an output; None: either is right, since the program decides by chance."""
+
+    reason: ExitReason
+    output: bool | None = False
+
+
+@dataclass(frozen=True)
+class Subject:
+    """One program: its harness, the model's name in a manifest, the API it is asked to speak (None: its first).
+
+    ``start_seconds`` is how long it may take on a busy machine until its first request. ``differs`` are the cells of
+    the failure matrix that its own doing makes different, by the case's name. ``counts_cached``: its output tells of
+    input that came from a cache.
+    """
+
+    name: str
+    model: str = "openai/scripted"
+    api: str | None = None
+    start_seconds: float = 10.0
+    differs: Mapping[str, Expected] = field(default_factory=dict)
+    counts_cached: bool = True
+
+
+SUBJECTS: Mapping[str, Subject] = {
+    item.name: item
+    for item in (
+        Subject("pi", start_seconds=6.0),
+    )
+}  # fmt: skip
+PROGRAMS = [
+    pytest.param(item, id=name, marks=[pytest.mark.harness, getattr(pytest.mark, f"harness_{name.replace('-', '_')}")])
+    for name, item in SUBJECTS.items()
+]
+"""For ``pytest.mark.parametrize("subject", PROGRAMS)``."""
