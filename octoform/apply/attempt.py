@@ -59,14 +59,23 @@ def prepare(
     context: Context, assignment: Assignment, number: int, limits: TaskLimits, failed: Failed | None
 ) -> Prepared:
     """Make the folder of attempt ``number`` and everything in it."""
+    task = new_task(context, assignment, number, limits)
+    spec = failed.spec if failed else context.specs[task.stage].text
+    editable = failed is not None and assignment.budget.edit_specs
+    spec_copy.give(task.workdir, spec, editable=editable)
+    if assignment.given is not None:
+        (task.workdir / "input.json").write_bytes(assignment.given)
+    document = _document(context, assignment, task, failed)
+    task.document.write_text(json.dumps(document, indent=2, ensure_ascii=False) + "\n", encoding="utf-8")
+    task.prompt.write_text(_prompt(context, assignment, task, failed), encoding="utf-8")
+    return Prepared(task, spec, editable)
+
+
+def new_task(context: Context, assignment: Assignment, number: int, limits: TaskLimits) -> Task:
+    """The task of an attempt, with its new and empty folder."""
     stage = assignment.stage
     workdir = _folder(context, stage, number)
-    spec = failed.spec if failed else context.specs[stage].text
-    editable = failed is not None and assignment.budget.edit_specs
-    spec_copy.give(workdir, spec, editable=editable)
-    if assignment.given is not None:
-        (workdir / "input.json").write_bytes(assignment.given)
-    task = Task(
+    return Task(
         stage=stage,
         attempt=number,
         workdir=workdir,
@@ -80,10 +89,6 @@ def prepare(
         secrets=context.manifest.variables,
         price=assignment.price(context),
     )
-    document = _document(context, assignment, task, failed)
-    task.document.write_text(json.dumps(document, indent=2, ensure_ascii=False) + "\n", encoding="utf-8")
-    task.prompt.write_text(_prompt(context, assignment, task, failed), encoding="utf-8")
-    return Prepared(task, spec, editable)
 
 
 def run(context: Context, harness: Harness, task: Task) -> Outcome:

@@ -9,9 +9,10 @@ from octoform.apply.context import Context
 from octoform.apply.gate import Verdict
 from octoform.apply.spec_copy import Edit
 from octoform.diagnostics import Diagnostic, to_json
-from octoform.harness.port import Outcome, Usage
+from octoform.harness.port import Outcome, Task, Usage
 from octoform.state import attempts, model
 from octoform.state.attempts import AttemptRecord, SpecEdit
+from octoform.state.donors import Donor
 
 MOST_FILES = 200
 OURS = frozenset(
@@ -46,6 +47,26 @@ def record(
         files=written_files(task.workdir),
         spec_edit=spec_edit(edit),
         survivors_killed=outcome.survivors_killed,
+    )
+    return attempts.write(task.workdir, written)
+
+
+def reused(context: Context, assignment: Assignment, task: Task, verdict: Verdict, donor: Donor) -> Diagnostic | None:
+    """The record of an output that was taken over: no agent ran."""
+    written = AttemptRecord(
+        number=int(task.workdir.name.partition("-")[0]),
+        stage=task.stage,
+        attempt=task.attempt,
+        role="reuse",
+        harness=assignment.harness.name,
+        model=assignment.model,
+        started_at=context.clock.stamp(),
+        seconds=0.0,
+        reason="reused",
+        detail=f"the accepted output of host {donor.host}",
+        accepted=verdict.accepted,
+        diagnostics=[to_json(item) for item in verdict.diagnostics],
+        files=[task.output.name],
     )
     return attempts.write(task.workdir, written)
 

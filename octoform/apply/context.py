@@ -12,6 +12,7 @@ from octoform.graph.model import Graph
 from octoform.manifest.model import Manifest
 from octoform.profiles import Profile
 from octoform.protocol import Spec
+from octoform.state.donors import Donors
 from octoform.state.files import Checkpoint, pass_by
 from octoform.state.layout import Layout
 from octoform.state.store import StateStore
@@ -35,7 +36,8 @@ class Context:
     """One run on one host.
 
     ``fingerprint`` and ``hardware`` are the host's digest and entries as they were when the run began; ``contract`` is
-    the digest of the schemas and rules that accepted artifacts are held to. ``purse`` counts what the run has cost.
+    the digest of the schemas and rules that accepted artifacts are held to. ``purse`` counts what the run has cost,
+    ``donors`` gives what other hosts can lend (nothing, where reuse is off).
     """
 
     layout: Layout
@@ -52,4 +54,5 @@ class Context:
     emit: EventSink
     clock: Clock
     checkpoint: Checkpoint = pass_by
+    donors: Callable[[], Donors] = dict
     purse: Purse = field(default_factory=Purse)

@@ -4,6 +4,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 
 from octoform import events
+from octoform.apply import reusing
 from octoform.apply.attempt_record import state_usage
 from octoform.apply.context import Context
 from octoform.apply.endpoint_node import run_endpoint
@@ -15,6 +16,7 @@ from octoform.diagnostics import Diagnostic, has_errors
 from octoform.graph.model import Node, NodeKind, key_of, key_parts
 from octoform.harness.port import Usage
 from octoform.harness.watching import added
+from octoform.plan.lending import WANTED_ANEW
 from octoform.plan.model import Action, Plan, PlannedAction
 from octoform.state.artifacts import accept, file_digest
 from octoform.state.model import NodeState, Status
@@ -88,7 +90,12 @@ def _carry_out(context: Context, node: Node, action: PlannedAction, tally: Tally
 def _run(context: Context, node: Node, action: PlannedAction) -> Finished:
     if node.kind is NodeKind.ENDPOINT:
         return run_endpoint(context, anew=action.action is Action.REPLACE)
-    return run_stage(context, node.name)
+    lent = reusing.take(context, node.name, key_of(_parts(context, node))) if _may_borrow(action) else None
+    return lent or run_stage(context, node.name)
+
+
+def _may_borrow(action: PlannedAction) -> bool:
+    return not any(reason.cause in WANTED_ANEW for reason in action.reasons)
 
 
 def _end(context: Context, node: Node, finished: Finished) -> list[Diagnostic]:

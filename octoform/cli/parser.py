@@ -51,6 +51,7 @@ def build() -> argparse.ArgumentParser:
     _working(commands)
     _state(commands)
     _endpoint(commands)
+    _agents(commands)
     return parser
 
 
@@ -95,11 +96,13 @@ def _working(commands: "argparse._SubParsersAction[_Parser]") -> None:
     _scope(plan)
     _value(plan, "out", "FILE", "save the plan, to be applied later as it is")
     _flag(plan, "detailed-exitcode", "leave with 2 when there are changes")
+    _flag(plan, "no-reuse", "plan to run every agent, also where another host has the same accepted output")
     _flag(plan, "destroy", "plan the removal of everything")
     apply = _add(commands, "apply", "do what the plan says")
     apply.add_argument("planfile", metavar="PLANFILE", nargs="?", help="a plan saved with `plan -out`")
     _scope(apply)
     _flag(apply, "auto-approve", "do not ask")
+    _flag(apply, "no-reuse", "run every agent, also where another host has the same accepted output")
     _value(apply, "lock-timeout", "DURATION", "wait so long for the state's lock, such as 30s", default="0s")
     destroy = _add(commands, "destroy", "remove the endpoint, the artifacts and the state of this host")
     _flag(destroy, "auto-approve", "do not ask")
@@ -118,8 +121,20 @@ def _state(commands: "argparse._SubParsersAction[_Parser]") -> None:
     forget.add_argument("node", metavar="NODE")
     accept = _add(commands, "accept", "take a node's artifact as it is, under the key of today's specs and settings")
     accept.add_argument("node", metavar="NODE")
+    _specs(commands)
     unlock = _add(commands, "force-unlock", "remove the lock of a run that is known to be gone", json=False)
     unlock.add_argument("lock_id", metavar="LOCK-ID")
+
+
+def _specs(commands: "argparse._SubParsersAction[_Parser]") -> None:
+    spec = _add(commands, "spec", "what agents corrected in their own specs", json=False)
+    verbs = spec.add_subparsers(dest="verb", metavar="VERB", required=True, parser_class=_Parser)
+    one = _add(verbs, "diff", "show the edits that wait for a decision")
+    one.add_argument("stage", metavar="STAGE", nargs="?")
+    one = _add(verbs, "promote", "write an edit into protocol/; an output that was made with it stays accepted")
+    one.add_argument("stage", metavar="STAGE")
+    one = _add(verbs, "reset", "drop the edit of a stage, or of all")
+    one.add_argument("stage", metavar="STAGE", nargs="?")
 
 
 def _endpoint(commands: "argparse._SubParsersAction[_Parser]") -> None:
@@ -132,6 +147,12 @@ def _endpoint(commands: "argparse._SubParsersAction[_Parser]") -> None:
     )
     call.add_argument("-json", "--json", metavar="OBJECT", nargs="?", const="", dest="json_arguments", help=_CALL_JSON)
     call.add_argument("-timeout", "--timeout", metavar="DURATION", default="60s", help="give up after so long")
+
+
+def _agents(commands: "argparse._SubParsersAction[_Parser]") -> None:
+    install = _add(commands, "install", "install the programs of harnesses, in versions that octoform was tried with")
+    install.add_argument("harness", metavar="HARNESS", nargs="+", help="a harness of octopus.yaml, such as pi or codex")
+    _add(commands, "doctor", "check what the chosen harnesses need: programs, keys, models; change nothing")
 
 
 _CALL_JSON = "all arguments as one JSON object; also makes the output JSON"

@@ -3,6 +3,7 @@
 from collections.abc import Callable
 from contextlib import nullcontext
 from dataclasses import asdict, dataclass, field, replace
+from functools import cache, partial
 from pathlib import Path
 from typing import Any
 
@@ -24,6 +25,7 @@ from octoform.engine.sources import source_files
 from octoform.events import Event, Notice
 from octoform.harness.orphans import sweep
 from octoform.plan.model import Plan
+from octoform.state import donors
 from octoform.state.artifacts import observe
 from octoform.state.files import check_writable, write_atomic
 from octoform.state.history import repository_facts
@@ -145,6 +147,7 @@ class _Run:
             emit=emit,
             clock=self.options.clock,
             checkpoint=self.options.ports.checkpoint,
+            donors=cache(partial(donors.find, compiled.layout)) if self.request.reuse else dict,
         )
 
     def record(self, plan: Plan, tally: Tally, seconds: float) -> RunResult:

@@ -69,7 +69,7 @@ def node_of(snapshot: Snapshot, name: str) -> tuple[NodeState | None, list[Diagn
 Step = Callable[[Found], list[Diagnostic]]
 
 
-def _change(project: Path, environ: Mapping[str, str], operation: str, step: Step) -> list[Diagnostic]:
+def change(project: Path, environ: Mapping[str, str], operation: str, step: Step) -> list[Diagnostic]:
     """One small change of the state, under the lock, in the journal, in the snapshot."""
     compiled, found = compile_project(project, environ)
     if compiled is None:
@@ -92,7 +92,7 @@ def forget(project: Path, environ: Mapping[str, str], name: str) -> list[Diagnos
         state, found = node_of(opened.snapshot, name)
         return found if state is None else opened.store.remove(name)
 
-    return _change(project, environ, "state rm", step)
+    return change(project, environ, "state rm", step)
 
 
 def accept(project: Path, environ: Mapping[str, str], name: str) -> list[Diagnostic]:
@@ -111,7 +111,7 @@ def accept(project: Path, environ: Mapping[str, str], name: str) -> list[Diagnos
             return found
         return found + opened.store.success(name, _adopted(opened, state, situation, name))
 
-    return _change(project, environ, "accept", step)
+    return change(project, environ, "accept", step)
 
 
 def _not_to_be_accepted(opened: Found, name: str) -> list[Diagnostic]:

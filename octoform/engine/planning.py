@@ -13,7 +13,9 @@ from octoform.engine.sources import source_files
 from octoform.graph.model import Graph
 from octoform.plan import encode, planfile
 from octoform.plan.diff import Wishes, diff
+from octoform.plan.lending import Offer, Offers, with_loans
 from octoform.plan.model import Action, Cause, Change, OpenQuestion, Plan, PlannedAction, Reason
+from octoform.state import donors
 from octoform.state.files import write_atomic
 from octoform.state.history import repository_facts
 from octoform.state.holder import Liveness, liveness, myself
@@ -25,13 +27,14 @@ from octoform.state.store import StateStore
 
 @dataclass(frozen=True, slots=True)
 class Request:
-    """What a person asked of plan or apply; ``project`` is absolute."""
+    """What a person asked of plan or apply; ``project`` is absolute, ``reuse`` lets other hosts' outputs stand in."""
 
     project: Path
     environ: Mapping[str, str]
     targets: tuple[str, ...] = ()
     replace: tuple[str, ...] = ()
     destroy: bool = False
+    reuse: bool = True
 
 
 @dataclass(frozen=True, slots=True)
@@ -136,7 +139,18 @@ def _construction(request: Request, compiled: Compiled, situation: Situation) ->
         targets=compiled.graph.upstream(request.targets) if request.targets else None,
         ignore=frozenset(compiled.manifest.lifecycle.ignore),
     )
-    return diff(compiled.graph, situation.prior, situation.observed, wishes)
+    actions = diff(compiled.graph, situation.prior, situation.observed, wishes)
+    if not request.reuse or not any(action.calls_agent for action in actions):
+        return actions
+    return with_loans(compiled.graph, actions, situation.prior, offers(compiled.layout))
+
+
+def offers(layout: Layout) -> Offers:
+    """What other hosts of the repository have accepted, as the plan compares it."""
+    return {
+        stage: tuple(Offer(one.host, one.state.key_parts, one.state.output_digest) for one in by_key.values())
+        for stage, by_key in donors.find(layout).items()
+    }
 
 
 def _destruction(graph: Graph, snapshot: Snapshot) -> tuple[PlannedAction, ...]:
@@ -176,6 +190,7 @@ def save(request: Request, outlook: Outlook) -> bytes:
         lineage=plan.lineage if outlook.snapshot.nodes else None,
         targets=list(request.targets) or None,
         replace=list(request.replace),
+        reuse=request.reuse,
         units=planfile.units(outlook.compiled.graph, plan, situation.prior, situation.observed),
         plan=encode.to_json(plan),
     )

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from dataclasses import asdict
 from typing import Any
 
-from octoform.plan.model import Action, Cause, Change, OpenQuestion, Plan, PlannedAction, Reason
+from octoform.plan.model import Action, Cause, Change, Loan, OpenQuestion, Plan, PlannedAction, Reason
 
 FORMAT = 1
 
@@ -23,6 +23,8 @@ def _action(item: PlannedAction) -> dict[str, Any]:
     out["reasons"] = [
         {key: value for key, value in asdict(reason).items() if value is not None} for reason in item.reasons
     ]
+    if item.loan is None:
+        del out["loan"]
     return out
 
 
@@ -39,4 +41,5 @@ def from_json(data: Mapping[str, Any]) -> Plan:
 
 def _read_action(item: Mapping[str, Any]) -> PlannedAction:
     reasons = tuple(Reason(**{**reason, "cause": Cause(reason["cause"])}) for reason in item["reasons"])
-    return PlannedAction(**{**item, "action": Action(item["action"]), "reasons": reasons})
+    loan = {"loan": Loan(**item["loan"])} if "loan" in item else {}
+    return PlannedAction(**{**item, "action": Action(item["action"]), "reasons": reasons, **loan})

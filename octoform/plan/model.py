@@ -49,6 +49,18 @@ class Reason:
 
 
 @dataclass(frozen=True, slots=True)
+class Loan:
+    """An accepted output of another host that stands for a run of this stage's agent.
+
+    ``certain``: the key is known to be the same. Else it fits as far as is known before the inputs are.
+    """
+
+    host: str
+    output_digest: str
+    certain: bool
+
+
+@dataclass(frozen=True, slots=True)
 class PlannedAction:
     """What the plan says of one node.
 
@@ -66,6 +78,7 @@ class PlannedAction:
     calls_agent: bool = False
     calls_model: bool = False
     last: Mapping[str, object] = field(default_factory=dict)
+    loan: Loan | None = None
 
 
 @dataclass(frozen=True, slots=True)

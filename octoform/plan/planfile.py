@@ -40,6 +40,7 @@ class PlanFile(BaseModel):
     lineage: str | None
     targets: list[str] | None
     replace: list[str]
+    reuse: bool = True
     units: dict[str, Unit]
     plan: dict[str, Any]
 

@@ -29,14 +29,15 @@ def load(folder: Path | None) -> tuple[dict[str, Spec], list[Diagnostic]]:
     specs: dict[str, Spec] = {}
     found = _strangers(folder)
     for stage, path in spec_paths(folder).items():
-        spec, problems = _load_one(stage, path, schema_dir(folder))
+        spec, problems = load_one(stage, path, schema_dir(folder))
         found += problems
         if spec is not None:
             specs[stage] = spec
     return specs, found
 
 
-def _load_one(stage: str, path: Path, schemas: Path) -> tuple[Spec | None, list[Diagnostic]]:
+def load_one(stage: str, path: Path, schemas: Path) -> tuple[Spec | None, list[Diagnostic]]:
+    """The spec of one stage from any file, or what is wrong with it."""
     document, found = frontmatter.read(path, "PROTOCOL-FRONT-MATTER")
     if document is None:
         return None, found

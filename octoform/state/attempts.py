@@ -30,7 +30,8 @@ class SpecEdit(Persisted):
 class AttemptRecord(Persisted):
     """``number`` counts all attempts of a host, ``attempt`` those of a stage in one run; ``seconds`` are wall time.
 
-    ``role`` is ``stage``, or ``escalate`` for the agent that got what the first left unknown. ``diagnostics`` are as
+    ``role`` is ``stage``, ``escalate`` for the agent that got what the first left unknown, or ``reuse`` for an output
+    that was taken over from another host (no agent ran; ``attempt`` is 0). ``diagnostics`` are as
     `octoform.diagnostics.to_json` gives them; ``files`` are what the agent left in its folder.
     """
 

@@ -4,6 +4,7 @@ from octoform.plan.encode import to_json
 from octoform.plan.model import Action, Plan, PlannedAction
 from octoform.views import hardware, sentences
 from octoform.views.console import Console
+from octoform.views.spending import money
 from octoform.views.stream import JsonStream
 from octoform.views.text import one_line
 
@@ -61,6 +62,8 @@ class PlanHuman:
         say(f"{self._symbol(item.action)} {name} {sentences.phrase(item)}{self._console.paint(maker, 'dim')}")
         for reason in sentences.reasons(plan, item):
             say(f"        {reason}")
+        if item.loan is not None:
+            say(self._console.paint(f"        {sentences.loan(item.loan)}", "cyan"))
         if item.calls_agent and item.last.get("attempts"):
             say(self._console.paint(f"        the accepted run took {_last(item)}", "dim"))
 
@@ -98,8 +101,9 @@ def _last(item: PlannedAction) -> str:
     for key, word in (("input_tokens", "tokens in"), ("output_tokens", "tokens out")):
         if item.last.get(key) is not None:
             parts.append(f"{item.last[key]} {word}")
-    if item.last.get("cost_usd") is not None:
-        parts.append(f"{item.last['cost_usd']:.4f} USD")
+    cost = item.last.get("cost_usd")
+    if isinstance(cost, int | float):
+        parts.append(money(cost))
     return ", ".join(parts)
 
 
@@ -130,7 +134,7 @@ class PlanJson:
             changes={"add": add, "change": update, "remove": remove, "maybe": maybe, "operation": plan.operation},
             agent_runs={
                 "at_most": sum(1 for item in plan.work if item.calls_agent),
-                "maybe": sum(1 for item in plan.work if item.calls_agent and item.certain),
+                "maybe": sum(1 for item in plan.work if sentences.surely_runs(item)),
                 "model": sum(1 for item in plan.work if item.calls_model),
             },
             host=plan.host,

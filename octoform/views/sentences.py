@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 
 from octoform import digest
-from octoform.plan.model import Action, Cause, Plan, PlannedAction, Reason
+from octoform.plan.model import Action, Cause, Loan, Plan, PlannedAction, Reason
 from octoform.views import hardware
 
 SYMBOLS = {
@@ -132,13 +132,27 @@ def summary(plan: Plan) -> str:
 
 def _agents(plan: Plan) -> str:
     runs = [item for item in plan.work if item.calls_agent]
-    certain = sum(1 for item in runs if item.certain)
+    certain = sum(1 for item in runs if surely_runs(item))
     models = sum(1 for item in runs if item.calls_model)
     if not runs:
-        return "Agent runs: none."
+        return (
+            "Agent runs: none." if not any(item.loan for item in plan.work) else "Agent runs: none; all is taken over."
+        )
     count = f"{certain}" if certain == len(runs) else f"at most {len(runs)}, maybe {certain}"
     who = f"{models} of them" if models < len(runs) else "each" if len(runs) > 1 else "it"
     return f"Agent runs: {count}; {f'{who} may call a model' if models else 'no model is called'}."
+
+
+def surely_runs(item: PlannedAction) -> bool:
+    """True when the node's agent will run whatever comes out of the nodes before."""
+    return item.calls_agent and item.certain and item.loan is None
+
+
+def loan(lent: Loan) -> str:
+    """What another host's output means for a node."""
+    if lent.certain:
+        return f"taken over from host {lent.host}, verified here; no agent runs"
+    return f"taken over from host {lent.host} if its inputs come out the same"
 
 
 def counts(plan: Plan) -> tuple[int, int, int]:

@@ -16,10 +16,11 @@ from octoform.views.stream import JsonStream
 
 def run(arguments: Namespace, project: Path, screen: Console) -> int:
     """Apply the host of this folder."""
-    if arguments.planfile and (arguments.target or arguments.replace):
-        text = "a saved plan has its own -target and -replace; make a new plan to change them"
+    if arguments.planfile and (arguments.target or arguments.replace or arguments.no_reuse):
+        text = "a saved plan has its own -target, -replace and -no-reuse; make a new plan to change them"
         raise UsageError(text, "usage: octoform apply [-json] [-lock-timeout DURATION] PLANFILE")
-    request = Request(project, os.environ, tuple(arguments.target), tuple(arguments.replace))
+    chosen = tuple(arguments.target), tuple(arguments.replace)
+    request = Request(project, os.environ, *chosen, reuse=not arguments.no_reuse)
     return execute(arguments, screen, request, arguments.planfile)
 
 

@@ -1,0 +1,80 @@
+"""Reuse: an output that was accepted for another host under the same key, taken over without running an agent.
+
+It passes the same gate as an agent's output, on this host: schema, rules against this host's own artifacts, and for
+SERVE and DEPLOY the proof by running. What does not pass is left, and the stage's agent runs.
+"""
+
+import os
+from dataclasses import replace
+from typing import Any
+
+from octoform import events
+from octoform.apply.assignment import of_stage
+from octoform.apply.attempt import new_task
+from octoform.apply.attempt_record import reused
+from octoform.apply.context import Context
+from octoform.apply.gate import Verdict, judge
+from octoform.apply.result import Finished
+from octoform.apply.stage import prove
+from octoform.diagnostics import has_errors
+from octoform.harness.port import Task, TaskLimits, Usage
+from octoform.state.artifacts import file_digest
+from octoform.state.donors import Donor
+from octoform.state.files import read_regular
+
+
+def take(context: Context, stage: str, key: str) -> Finished | None:
+    """The stage done with another host's output; None when there is none that is accepted here."""
+    donor = context.donors().get(stage, {}).get(key)
+    if donor is None:
+        return None
+    started = context.clock.monotonic()
+    data, _ = read_regular(donor.layout.output(stage))
+    if data is None or file_digest(donor.layout, stage) != donor.state.file_digest:
+        context.emit(events.Notice(stage, f"the output of host {donor.host} is not as it was accepted; not taken over"))
+        return None
+    context.emit(events.Checking(stage, f"taking over the output of host {donor.host}"))
+    verdict = _verdict(context, stage, donor, data)
+    if not verdict.accepted:
+        reason = next(item for item in verdict.diagnostics if item.severity == "error")
+        text = f"the output of host {donor.host} does not hold here ({reason.code}: {reason.summary})"
+        context.emit(events.Notice(stage, text))
+        return None
+    return Finished(verdict, 0, Usage(), context.clock.monotonic() - started)
+
+
+def _verdict(context: Context, stage: str, donor: Donor, data: bytes) -> Verdict:
+    assignment = of_stage(context, stage)
+    task = new_task(context, assignment, 0, TaskLimits(assignment.budget.attempt_seconds))
+    task.output.write_bytes(data)
+    verdict = _gate(context, task, data)
+    reused(context, assignment, task, verdict, donor)
+    if not verdict.accepted:
+        return verdict
+    detail = {**verdict.detail, "reused": provenance(context, donor)}
+    return replace(verdict, detail=detail, found=f"{verdict.found}; taken over from host {donor.host}")
+
+
+def _gate(context: Context, task: Task, data: bytes) -> Verdict:
+    value: Any
+    value, found = judge(context, task, data)
+    return Verdict(tuple(found)) if value is None or has_errors(found) else prove(context, task, value, found)
+
+
+def provenance(context: Context, donor: Donor) -> dict[str, object]:
+    """Where an output comes from, for the state: host, project folder relative to this one's, state, who made it."""
+    state = donor.state
+    made = state.detail.get("reused")
+    origin = made if isinstance(made, dict) else {}
+    return {
+        "host": donor.host,
+        "project": _relative(donor, context),
+        "serial": donor.serial,
+        "accepted_at": state.accepted_at,
+        "made_for": origin.get("made_for", donor.host),
+        "attempts": state.attempts,
+    }
+
+
+def _relative(donor: Donor, context: Context) -> str:
+    return os.path.relpath(donor.layout.project, context.layout.project)
