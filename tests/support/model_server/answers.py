@@ -9,6 +9,15 @@ from model_server.asked import CHAT, GEMINI, MESSAGES, OLLAMA, RESPONSES, Asked
 from model_server.turns import Call, Reply
 
 PIECE = 40
+WORDS = {
+    401: "This API key is not valid.",
+    403: "This key may not use this model.",
+    429: "Too many requests: the limit of this minute is reached.",
+    500: "The server had an error while it processed your request.",
+    503: "The model is overloaded.",
+    529: "Overloaded",
+}
+"""What services write beside a status; the number itself stands nowhere in it."""
 Event = tuple[str | None, Any]
 """The name of an event of a stream (None: it has none) and its data."""
 
@@ -27,7 +36,7 @@ def streamed(reply: Reply, asked: Asked) -> list[bytes]:
 
 def failure(api: str | None, status: int) -> dict[str, Any]:
     """The body of an HTTP error."""
-    text = f"scripted {status}"
+    text = WORDS.get(status, "something went wrong")
     if api == MESSAGES:
         kinds = {401: "authentication_error", 429: "rate_limit_error", 529: "overloaded_error"}
         return {"type": "error", "error": {"type": kinds.get(status, "api_error"), "message": text}}

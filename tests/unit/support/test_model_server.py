@@ -171,7 +171,7 @@ def test_a_status_is_answered_in_the_words_of_the_service(api: str) -> None:
     with serve([{"status": 401}]) as server:
         status, text = ask(server, api, stream=True)
     assert status == 401
-    assert "scripted 401" in json.dumps(json.loads(text)["error"])
+    assert "This API key is not valid." in json.dumps(json.loads(text)["error"])
 
 
 @pytest.mark.parametrize("stream", [False, True])
