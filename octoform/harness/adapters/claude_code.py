@@ -1,0 +1,226 @@
+"""Harness ``claude-code``: Claude Code (@anthropic-ai/claude-code), its streamed JSON.
+
+Asked for, it prints the pieces of each reply too. They tell that a long reply has not stalled, and only they hold what
+a reply cost: the message itself is printed once for each of its parts, with the count of tokens that it began with. A
+request that failed for good is a ``result`` of subtype ``success`` with ``is_error``.
+"""
+
+import os
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import Any, ClassVar
+
+from octoform.harness.adapters.program import Launch, ProgramHarness
+from octoform.harness.attempt import Invocation
+from octoform.harness.dialect import count, field, json_object, one_line, trouble
+from octoform.harness.installed import Pin
+from octoform.harness.port import (
+    AgentEvent,
+    Closed,
+    ExitReason,
+    Replying,
+    Said,
+    ToolCalled,
+    ToolReturned,
+    Totals,
+    Trouble,
+    Turn,
+    Usage,
+)
+from octoform.manifest.model import HarnessSpec
+from octoform.manifest.providers import ANTHROPIC
+
+RETRIES = 4
+SPARE_TURNS = 5
+"""octoform counts replies itself; the program's own limit only has to hold where nobody reads along."""
+TOOLS = ("Bash", "Read", "Write", "Edit", "Glob", "Grep")
+WEB_TOOLS = ("WebSearch", "WebFetch")
+OPTIONS = (
+    "-p",
+    *("--output-format", "stream-json", "--include-partial-messages", "--verbose"),
+    *("--no-session-persistence", "--dangerously-skip-permissions", "--disable-slash-commands"),
+    *("--strict-mcp-config", "--setting-sources", ""),
+)
+QUIET = (
+    "CLAUDE_CODE_DISABLE_NONESSENTIAL_TRAFFIC",
+    "DISABLE_AUTOUPDATER",
+    "DISABLE_TELEMETRY",
+    "DISABLE_ERROR_REPORTING",
+)
+BEARER, KEY = "ANTHROPIC_AUTH_TOKEN", "ANTHROPIC_API_KEY"
+PIECE = b'{"type":"stream_event","event":{"type":"content_block_'
+"""Most of the stream: what a reply is made of, which says nothing that its message does not say again."""
+INPUT = ("input_tokens", "cache_read_input_tokens", "cache_creation_input_tokens")
+COUNTS = (*INPUT, "output_tokens")
+
+
+class ClaudeCode:
+    """The adapter."""
+
+    name: ClassVar[str] = "claude-code"
+    pin: ClassVar[Pin] = Pin("@anthropic-ai/claude-code", "2.1.330", "claude", None, scripts=True)
+    apis: ClassVar[tuple[str, ...]] = (ANTHROPIC,)
+
+    def invocation(self, launch: Launch) -> Invocation:
+        """See `Adapter.invocation`."""
+        tools = (*TOOLS, *WEB_TOOLS) if launch.spec.web_search else TOOLS
+        turns = launch.task.limits.turns
+        bound = ("--max-turns", str(turns + SPARE_TURNS)) if turns is not None else ()
+        return Invocation(
+            argv=(
+                *launch.program.argv,
+                *OPTIONS,
+                *("--tools", ",".join(tools)),
+                *("--model", launch.access.model),
+                *bound,
+            ),
+            stdin=launch.task.prompt,
+            named=tuple(name for name in (*launch.spec.env, launch.access.key) if name),
+            settings=_settings(launch),
+            path=launch.program.path,
+            dialect=ClaudeCodeDialect(),
+            program=f"claude {launch.program.version}" if launch.program.version else None,
+        )
+
+
+def _settings(launch: Launch) -> dict[str, str]:
+    """The variables of its own. Only its maker's own service takes the key as such, everybody else as a bearer."""
+    native = launch.access.provider == "anthropic"
+    settings = {
+        **dict.fromkeys(QUIET, "1"),
+        "ANTHROPIC_BASE_URL": launch.access.base_url,
+        # What it uses a smaller model for, the same one does: another may not be there, and has another price.
+        "ANTHROPIC_DEFAULT_HAIKU_MODEL": launch.access.model,
+        "CLAUDE_CODE_MAX_RETRIES": str(RETRIES),
+        "CLAUDE_CONFIG_DIR": str(launch.home / ".claude"),
+        # Empty and not left out, so that no other key of the caller's is taken for it.
+        KEY: launch.key if native else "",
+        BEARER: "" if native else launch.key,
+    }
+    if launch.access.key is None:
+        settings[BEARER] = "none"
+    if os.geteuid() == 0:
+        # It refuses to run without questions as root anywhere else.
+        settings["IS_SANDBOX"] = "1"
+    return settings
+
+
+class ClaudeCodeDialect:
+    """One run of ``claude -p --output-format stream-json --include-partial-messages``."""
+
+    def __init__(self) -> None:
+        self._counted: set[str] = set()
+        self._reply: dict[str, int] = {}
+        self._whole = False
+
+    def read(self, stream: str, line: bytes) -> Iterable[AgentEvent]:
+        """See `Dialect.read`."""
+        if stream != "stdout":
+            return ()
+        if line.startswith(PIECE):
+            return (Replying(),)
+        value = json_object(line)
+        match field(value, "type"):
+            case "stream_event":
+                return self._streamed(field(value, "event"))
+            case "assistant":
+                return self._message(field(value, "message"))
+            case "user":
+                return _returned(field(value, "message"))
+            case "system" if field(value, "subtype") == "api_retry":
+                return (_retry(value),)
+            case "result":
+                return _result(value)
+        return ()
+
+    def _streamed(self, event: object) -> Iterable[AgentEvent]:
+        """The frame of a reply: its start and its end each tell a part of the tokens, whichever the service knows."""
+        match field(event, "type"):
+            case "message_start":
+                self._counted.add(str(field(event, "message", "id")))
+                self._reply, self._whole = {}, False
+                self._add(field(event, "message", "usage"))
+            case "message_delta":
+                self._whole = True
+                self._add(field(event, "usage"))
+            case "message_stop" if self._whole:
+                self._whole = False
+                yield Turn(_usage(self._reply))
+                return
+        yield Replying()
+
+    def _add(self, usage: object) -> None:
+        for name in COUNTS:
+            found = count(usage, name)
+            if found is not None:
+                self._reply[name] = max(found, self._reply.get(name, 0))
+
+    def _message(self, message: object) -> Iterable[AgentEvent]:
+        """One part of a reply; what the program itself says in place of a model is told again by the result."""
+        if field(message, "model") == "<synthetic>":
+            return
+        for part in _parts(message):
+            if field(part, "type") == "text" and field(part, "text"):
+                yield Said(one_line(field(part, "text")))
+            elif field(part, "type") == "tool_use":
+                yield ToolCalled(one_line(field(part, "name") or "?"), _argument(field(part, "input")))
+        identity = str(field(message, "id"))
+        if identity not in self._counted:
+            # A reply that came in one piece.
+            self._counted.add(identity)
+            yield Turn(_usage(field(message, "usage")))
+
+
+def _parts(message: object) -> list[Any]:
+    content = field(message, "content")
+    return content if isinstance(content, list) else []
+
+
+def _returned(message: object) -> Iterable[AgentEvent]:
+    for part in _parts(message):
+        if field(part, "type") == "tool_result":
+            yield ToolReturned(field(part, "is_error") is True)
+
+
+def _retry(value: object) -> Trouble:
+    """Without a status there was no answer at all."""
+    status = count(value, "error_status")
+    if status is None:
+        return Trouble(ExitReason.UNREACHABLE, "the request to the model came to nothing")
+    return trouble(f"{field(value, 'error')}: HTTP status {status}", status)
+
+
+def _result(value: object) -> Iterable[AgentEvent]:
+    yield Totals(_usage(field(value, "usage")))
+    subtype = field(value, "subtype")
+    text = one_line(field(value, "result") or field(value, "errors") or subtype or "")
+    if subtype == "error_max_turns":
+        yield Trouble(ExitReason.TURN_LIMIT, "the program's own limit of turns was reached", final=True)
+    elif field(value, "is_error") is False:
+        yield Closed(ok=True, text=text)
+    elif field(value, "api_error") == "connection_failed":
+        yield Trouble(ExitReason.UNREACHABLE, text, final=True)
+    elif "/login" in text:
+        yield Trouble(ExitReason.AUTH, text, final=True)
+    else:
+        yield trouble(text, count(value, "api_error_status"), final=True)
+
+
+def _usage(value: object) -> Usage:
+    """Fresh input, input read from the cache and input written to it are counted apart."""
+    parts = [count(value, name) for name in INPUT]
+    total = None if parts[0] is None else sum(part or 0 for part in parts)
+    return Usage(total, parts[1], count(value, "output_tokens"))
+
+
+def _argument(arguments: object) -> str:
+    """The one argument that tells what a tool does."""
+    for name in ("command", "file_path", "pattern", "query", "url"):
+        if field(arguments, name):
+            return one_line(field(arguments, name))
+    return one_line(arguments)
+
+
+def create(spec: HarnessSpec, _environ: Mapping[str, str], _folder: Path | None) -> ProgramHarness:
+    """The harness."""
+    return ProgramHarness(ClaudeCode(), spec)
