@@ -1,45 +1,144 @@
 """From the checked document to the frozen `Manifest`: defaults filled in, stages resolved. (Heavy: the document.)"""
 
+import os
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from types import MappingProxyType
 
 from octoform import digest
-from octoform.manifest import document
-from octoform.manifest.document import CommandHarness, Document
+from octoform.manifest import agents, document
+from octoform.manifest.agents import Agent
+from octoform.manifest.document import Document
 from octoform.manifest.durations import seconds
-from octoform.manifest.model import STAGES, Budget, Git, HarnessSpec, Lifecycle, Manifest, StageSettings
+from octoform.manifest.harness_document import CommandHarness, Confinement, ModelHarness, ProgramHarness, ReplayHarness
+from octoform.manifest.model import (
+    STAGES,
+    Budget,
+    Escalation,
+    Git,
+    HarnessSpec,
+    Housekeeping,
+    Lifecycle,
+    Manifest,
+    Price,
+    Sandbox,
+    StageSettings,
+)
 
 
-def build(source: Document, path: Path, profiles: tuple[Path, ...], variables: tuple[str, ...]) -> Manifest:
-    """The manifest of a document without errors."""
+def build(
+    source: Document, path: Path, profiles: tuple[Path, ...], variables: tuple[str, ...], environ: Mapping[str, str]
+) -> Manifest:
+    """The manifest of a document without errors; ``environ`` tells whose models are meant by a reference."""
+    builder = _Builder(source, path.parent, environ)
+    stages = {name: builder.stage(name) for name in STAGES}
+    housekeeping = builder.housekeeping()
     return Manifest(
         path=path,
         digest=digest.of_value(source.model_dump(mode="json")),
         host=source.host,
         scope=source.scope,
         profiles=profiles,
-        stages=MappingProxyType({name: _stage(source, getattr(source.stages, name)) for name in STAGES}),
+        stages=MappingProxyType(stages),
         lifecycle=Lifecycle(source.lifecycle.prevent_destroy, tuple(source.lifecycle.ignore)),
         git=Git(source.git.commit),
-        variables=variables,
+        variables=tuple(sorted({*variables, *_keys(stages, housekeeping)})),
+        prices=MappingProxyType({name: _price(price) for name, price in source.prices.items()}),
+        run_usd=source.budget.usd,
+        housekeeping=housekeeping,
     )
 
 
-def _stage(source: Document, own: document.Stage) -> StageSettings:
-    harness = _harness(own.harness or source.harness)
-    model = own.model or source.model
-    return StageSettings(harness, model if harness.name != "builtin" else None, _budget(source.budget, own.budget))
+def _keys(stages: Mapping[str, StageSettings], housekeeping: Housekeeping | None) -> Iterator[str]:
+    """The variables with the keys of all agents, also of those that the file does not name."""
+    specs = [stage.harness for stage in stages.values()]
+    specs += [stage.escalate.harness for stage in stages.values() if stage.escalate is not None]
+    for key in (*(spec.key for spec in specs), housekeeping.key if housekeeping is not None else None):
+        if key is not None:
+            yield key
 
 
-def _harness(chosen: document.Harness) -> HarnessSpec:
-    if isinstance(chosen, CommandHarness):
-        return HarnessSpec(chosen.name, tuple(chosen.command), tuple(chosen.env), chosen.prompt)
-    return HarnessSpec("builtin")
+class _Builder:
+    """Makes the parts that need the variables or the folder."""
+
+    def __init__(self, source: Document, project: Path, environ: Mapping[str, str]) -> None:
+        self._source = source
+        self._project = project
+        self._environ = environ
+
+    def stage(self, name: str) -> StageSettings:
+        agent = agents.of_stage(self._source, name)
+        own: document.Stage = getattr(self._source.stages, name)
+        escalation = agents.of_escalation(self._source) if name == "identify" else None
+        return StageSettings(
+            self._harness(agent),
+            _model(agent),
+            _budget(self._source.budget, own.budget),
+            Escalation(self._harness(escalation), _model(escalation)) if escalation is not None else None,
+        )
+
+    def _harness(self, agent: Agent) -> HarnessSpec:
+        chosen = agent.harness
+        if isinstance(chosen, CommandHarness):
+            sandbox = _sandbox(chosen.sandbox)
+            return HarnessSpec(chosen.name, tuple(chosen.command), tuple(chosen.env), chosen.prompt, sandbox=sandbox)
+        if isinstance(chosen, ReplayHarness):
+            recording = Path(os.path.normpath(self._project / chosen.recording))
+            return HarnessSpec(chosen.name, recording=recording)
+        key = self._key(agent) if agent.needs_model else None
+        if not isinstance(chosen, ModelHarness):
+            return HarnessSpec(agent.name, key=key)
+        program = chosen if isinstance(chosen, ProgramHarness) else None
+        return HarnessSpec(
+            name=agent.name,
+            command=tuple(program.command or ()) if program is not None else (),
+            env=tuple(chosen.env),
+            key=key,
+            base_url=chosen.base_url,
+            api=chosen.api,
+            web_search=program is not None and program.web_search,
+            sandbox=_sandbox(chosen.sandbox),
+        )
+
+    def _key(self, agent: Agent) -> str | None:
+        provider = agents.provider_of(agent.model or "", agent.name, self._environ)
+        return agents.key_of(agent.settings, provider, self._environ)
+
+    def housekeeping(self) -> Housekeeping | None:
+        settings = self._source.housekeeping
+        if settings is None:
+            return None
+        provider = agents.provider_of(settings.model, agents.HOUSEKEEPER, self._environ)
+        key = agents.key_of(settings, provider, self._environ)
+        return Housekeeping(settings.model, settings.max_tokens, key, settings.base_url)
+
+
+def _model(agent: Agent) -> str | None:
+    return agent.model if agent.takes_model else None
+
+
+def _sandbox(chosen: bool | Confinement | None) -> Sandbox | None:
+    if isinstance(chosen, Confinement):
+        return Sandbox(chosen.network)
+    return Sandbox() if chosen else None
+
+
+def _price(chosen: document.Price) -> Price:
+    return Price(chosen.input, chosen.input if chosen.cached is None else chosen.cached, chosen.output)
 
 
 def _budget(general: document.Budget, own: document.StageBudget) -> Budget:
     attempt, stage = timeouts(general, own)
-    return Budget(own.attempts or general.attempts, attempt, stage, general.tools)
+    return Budget(
+        attempts=own.attempts or general.attempts,
+        attempt_seconds=attempt,
+        stage_seconds=stage,
+        tools=general.tools,
+        idle_seconds=idle(general, own),
+        turns=own.turns or general.turns,
+        usd=own.usd,
+        edit_specs=general.edit_specs,
+    )
 
 
 def timeouts(general: document.Budget, own: document.StageBudget) -> tuple[float, float]:
@@ -47,3 +146,8 @@ def timeouts(general: document.Budget, own: document.StageBudget) -> tuple[float
     attempt = seconds(own.attempt_timeout or general.attempt_timeout)
     stage = seconds(own.stage_timeout or general.stage_timeout)
     return float(attempt or 0), float(stage or 0)
+
+
+def idle(general: document.Budget, own: document.StageBudget) -> float:
+    """Seconds without a sign of progress, the stage's own setting first."""
+    return float(seconds(own.idle_timeout or general.idle_timeout) or 0)

@@ -7,21 +7,21 @@ from typing import Any
 from pydantic import BaseModel, ValidationError
 
 from octoform.diagnostics import Span, did_you_mean
-from octoform.manifest import later, tree, wording
+from octoform.manifest import later, places, tree, wording
 from octoform.manifest.document import (
-    BUILTIN,
-    COMMAND,
-    NAMED,
     Budget,
-    BuiltinHarness,
-    CommandHarness,
     Document,
+    Escalation,
     Git,
+    Housekeeping,
+    IdentifyStage,
     Lifecycle,
+    Price,
     Stage,
     StageBudget,
     Stages,
 )
+from octoform.manifest.harness_document import NAMES, TAGS, CommandHarness, Confinement, ProgramHarness, table_of
 from octoform.manifest.report import Report
 from octoform.manifest.tree import Items, Loc, Scalar, Table
 
@@ -33,7 +33,7 @@ def check(root: Table, report: Report) -> Document | None:
         return Document.model_validate(_filled(root))
     except ValidationError as failure:
         for item in failure.errors(include_url=False, include_input=False):
-            loc = tuple(part for part in item["loc"] if part not in (NAMED, BUILTIN, COMMAND))
+            loc = tuple(part for part in item["loc"] if part not in TAGS)
             if not report.is_settled(loc):
                 _Problem(root, report, loc, item["type"], item.get("ctx", {})).tell()
     return None
@@ -68,6 +68,9 @@ class _Problem:
         self._report = report
         self._loc = loc
         self._kind = kind
+        self._is_key = loc[-1:] == ("[key]",)
+        if self._is_key:
+            self._loc = loc[:-1]
         self._context = context
 
     def tell(self) -> None:
@@ -77,7 +80,7 @@ class _Problem:
             "extra_forbidden": self._unknown_key,
             "literal_error": self._unknown_value,
             "manifest": self._own_words,
-            "union_tag_not_found": self._no_harness,
+            "union_tag_not_found": self._no_branch,
             "too_long": self._too_long,
         }
         if self._kind in telling:
@@ -95,7 +98,12 @@ class _Problem:
         hint = {
             "version": "write `version: 1` as the first line",
             "command": wording.COMMAND_HINT,
-            "name": "write `name: command`",
+            "name": "write `name: command`, or the name of a coding-agent program",
+            "harness": "name the agent, such as `harness: claude-code`",
+            "model": "name it as the provider does, such as anthropic/claude-sonnet-4-5",
+            "recording": wording.RECORDING_HINT,
+            "input": wording.RANGES["input"],
+            "output": wording.RANGES["output"],
         }
         self._report.error(
             "MANIFEST-MISSING-KEY",
@@ -117,11 +125,12 @@ class _Problem:
             self._later(f"`{wording.dotted(self._loc)}`", span)
             return
         siblings = _keys_at(self._root, self._loc[:-1])
+        hint = wording.NO_KEYS.get(name) if len(self._loc) == 1 else None
         self._report.error(
             "MANIFEST-UNKNOWN-KEY",
             f"unknown key `{self._report.shown(name)}`",
             span,
-            hint=self._where_key_belongs(name, siblings),
+            hint=hint or self._where_key_belongs(name, siblings),
         )
 
     def _where_key_belongs(self, name: str, siblings: tuple[str, ...]) -> str:
@@ -130,7 +139,8 @@ class _Problem:
         near = did_you_mean(name[: wording.LONGEST_WORD], siblings)
         if near:
             return f"did you mean `{near}`?"
-        elsewhere = next((loc for loc, table in _TABLES.items() if name in table.model_fields), None)
+        here = ("harness",) if self._loc[-2:-1] == ("harness",) else None
+        elsewhere = next((loc for loc, table in _PLACES if name in table.model_fields and loc != here), None)
         if elsewhere is not None:
             return (
                 f"`{name}` belongs under `{wording.dotted(elsewhere)}`" if elsewhere else f"`{name}` belongs at the top"
@@ -151,15 +161,31 @@ class _Problem:
             self._not_one_of(value, allowed)
 
     def _harness_name(self, value: Scalar) -> None:
-        if value.text == "command":
+        needs = {
+            "command": ("command", "{name: command, command: [my-agent, '{task}']}"),
+            "replay": ("recording", "{name: replay, recording: recordings/bench}"),
+        }
+        if value.text in needs:
+            what, form = needs[value.text]
             self._report.error(
                 "MANIFEST-MISSING-KEY",
-                "the harness `command` needs its command",
+                f"the harness `{value.text}` needs its {what}",
                 value.span,
-                hint="write `harness: {name: command, command: [my-agent, '{task}']}`",
+                hint=f"write `harness: {form}`",
+            )
+        elif value.text == "builtin":
+            self._report.error(
+                "MANIFEST-ESCALATION",
+                "the embedded agent cannot escalate to itself",
+                value.span,
+                hint="choose another harness, such as claude-code, or remove `escalate`",
             )
         else:
-            self._not_one_of(value, wording.HARNESSES)
+            self._not_one_of(value, self._harnesses())
+
+    def _harnesses(self) -> tuple[str, ...]:
+        """The harnesses that may stand here."""
+        return tuple(name for name in NAMES if name != "builtin" or "escalate" not in self._loc)
 
     def _not_one_of(self, value: Scalar, allowed: tuple[str, ...]) -> None:
         near = did_you_mean(value.text[: wording.LONGEST_WORD], allowed)
@@ -170,11 +196,13 @@ class _Problem:
             hint=f"did you mean `{near}`?" if near else f"allowed: {', '.join(allowed)}",
         )
 
-    def _no_harness(self) -> None:
-        """A harness that is neither a name nor a table with a known name."""
+    def _no_branch(self) -> None:
+        """A harness that is neither a name nor a table with a known name, or a sandbox that is neither."""
         node = tree.at(self._root, self._loc)
         entry = node.get("name") if isinstance(node, Table) else None
-        if not isinstance(node, Table):
+        if self._loc[-1] == "sandbox":
+            self._wrong_type("true, false or a mapping")
+        elif not isinstance(node, Table):
             self._wrong_type()
         elif entry is None:
             self._loc = (*self._loc, "name")
@@ -182,11 +210,9 @@ class _Problem:
         elif not isinstance(entry[1], Scalar):
             self._loc = (*self._loc, "name")
             self._wrong_type("a text")
-        elif later.is_value(self._loc, entry[1].text):
-            self._later(f"harness `{entry[1].text}`", entry[1].span)
         else:
             self._loc = (*self._loc, "name")
-            self._not_one_of(entry[1], wording.HARNESSES)
+            self._harness_name(entry[1])
 
     def _own_words(self) -> None:
         index = self._context.get("index")
@@ -225,7 +251,7 @@ class _Problem:
     def _how_to_write(self, node: Scalar) -> str | None:
         """The value in the form that was expected, where it is plain what was meant."""
         shown = self._report.shown(node.text)
-        if self._kind == "bool_type" and node.text.lower() in wording.SWITCHES:
+        if (self._kind == "bool_type" or self._loc[-1] == "sandbox") and node.text.lower() in wording.SWITCHES:
             return f"write `{wording.SWITCHES[node.text.lower()]}`"
         if self._kind == "string_type":
             return f'quote it: "{shown}"'
@@ -233,13 +259,17 @@ class _Problem:
             return f"write a list: [{shown}]"
         if self._kind == "int_type" and re.fullmatch("[0-9]+", node.text):
             return f"remove the quotes: {shown}"
+        if self._kind == "float_type" and isinstance(tree.plain_value(node.text), int | float) and not node.plain:
+            return f"remove the quotes: {shown}"
         return None
 
     def _limits(self) -> str:
         context = self._context
         words = {
-            "greater_than_equal": f"must be at least {context.get('ge')}",
-            "less_than_equal": f"must be at most {context.get('le')}",
+            "greater_than": f"must be more than {_shortest(context.get('gt'))}",
+            "greater_than_equal": f"must be at least {_shortest(context.get('ge'))}",
+            "less_than_equal": f"must be at most {_shortest(context.get('le'))}",
+            "finite_number": "is too large a number",
             "too_short": f"must have at least {context.get('min_length')} item",
             "too_long": f"may have at most {context.get('max_length')} items",
             "string_too_short": "may not be empty",
@@ -249,29 +279,39 @@ class _Problem:
 
     def _wrong_value(self, summary: str, hint: str | None = None) -> None:
         if self._kind == "string_pattern_mismatch":
-            is_name = "env" in self._loc
-            summary = "is no name of an environment variable" if is_name else "must be one word"
-            hint = (
-                "list names only, such as MY_API_KEY; values stay in the environment" if is_name else wording.MODEL_HINT
-            )
+            hints = {"env": wording.VARIABLE_HINT, "key": wording.KEY_HINT}
+            hint = next((hints[str(part)] for part in self._loc[-2:] if part in hints), wording.MODEL_HINT)
+            summary = "must be one word" if hint == wording.MODEL_HINT else "is no name of an environment variable"
         elif self._kind != "manifest":
             hint = wording.RANGES.get(str(self._loc[-1]))
         lead = f"`{wording.dotted(self._loc)}` " if self._kind != "manifest" else f"`{wording.dotted(self._loc)}`: "
         self._report.error("MANIFEST-WRONG-VALUE", lead + summary, self._span(), hint=hint)
 
     def _span(self) -> Span:
-        node = tree.at(self._root, self._loc) or tree.at(self._root, self._loc[:-1]) or self._root
+        key = tree.key_at(self._root, self._loc) if self._is_key else None
+        node = key or tree.at(self._root, self._loc) or tree.at(self._root, self._loc[:-1]) or self._root
         return node.span
 
 
-_TABLES: dict[Loc, type[BaseModel]] = {
-    (): Document,
-    ("budget",): Budget,
-    ("lifecycle",): Lifecycle,
-    ("git",): Git,
-    ("stages",): Stages,
-    ("harness",): CommandHarness,
-}
+def _shortest(limit: object) -> object:
+    """A limit as a person would write it: 0 and not 0.0."""
+    return int(limit) if isinstance(limit, float) and limit.is_integer() else limit
+
+
+# Also where a key belongs that stands elsewhere; the first place counts.
+_PLACES: tuple[tuple[Loc, type[BaseModel]], ...] = (
+    ((), Document),
+    (("budget",), Budget),
+    (("lifecycle",), Lifecycle),
+    (("git",), Git),
+    (("stages",), Stages),
+    (("harness",), CommandHarness),
+    (("harness",), ProgramHarness),
+    (("housekeeping",), Housekeeping),
+    (("stages", "identify"), IdentifyStage),
+    (places.ESCALATION, Escalation),
+)
+_TABLES = dict(reversed(_PLACES))
 
 
 def _keys_at(root: Table, loc: Loc) -> tuple[str, ...]:
@@ -279,7 +319,11 @@ def _keys_at(root: Table, loc: Loc) -> tuple[str, ...]:
     table = _TABLES.get(loc)
     if loc[-1:] == ("harness",):
         entry = tree.at(root, (*loc, "name"))
-        table = BuiltinHarness if isinstance(entry, Scalar) and entry.text == "builtin" else CommandHarness
+        table = table_of(entry.text if isinstance(entry, Scalar) else "")
+    elif loc[-1:] == ("sandbox",):
+        table = Confinement
+    elif loc[:1] == ("prices",):
+        table = Price
     elif table is None:
         table = StageBudget if loc[-1] == "budget" else Stage
     return tuple(table.model_fields)

@@ -6,9 +6,10 @@
 import re
 
 from octoform.diagnostics import Span, did_you_mean
-from octoform.manifest import tree
-from octoform.manifest.building import timeouts
-from octoform.manifest.document import CommandHarness, Document, Stage
+from octoform.manifest import agents, places, tree
+from octoform.manifest.building import idle, timeouts
+from octoform.manifest.document import Document, Stage
+from octoform.manifest.harness_document import PROGRAMS
 from octoform.manifest.model import PLACEHOLDERS, STAGES
 from octoform.manifest.report import Report
 from octoform.manifest.tree import Items, Loc, Scalar, Table
@@ -19,7 +20,9 @@ _PLACEHOLDER = re.compile(r"\{\{|\}\}|(?<!\$)\{([A-Za-z_][A-Za-z0-9_]*)\}")
 def check(document: Document, root: Table, report: Report) -> None:
     """Report what does not fit together in a document that fits the schema."""
     _timeouts(document, root, report)
-    _unused_models(document, root, report)
+    _idle_timeouts(document, root, report)
+    _unused_prices(document, root, report)
+    _unused_money(document, root, report)
 
 
 def _stage(document: Document, name: str) -> Stage:
@@ -33,8 +36,7 @@ def _timeouts(document: Document, root: Table, report: Report) -> None:
         attempt, stage = timeouts(document.budget, _stage(document, name).budget)
         if attempt <= stage:
             continue
-        places = [(*where, key) for where in (("stages", name, "budget"), ("budget",)) for key in _TIMEOUTS]
-        span = next((node.span for node in (tree.at(root, loc) for loc in places) if node is not None), root.span)
+        span = _written(root, name, _TIMEOUTS) or root.span
         if span not in told:
             told.add(span)
             report.warning(
@@ -48,18 +50,59 @@ def _timeouts(document: Document, root: Table, report: Report) -> None:
 _TIMEOUTS = ("attempt_timeout", "stage_timeout")
 
 
-def _unused_models(document: Document, root: Table, report: Report) -> None:
-    """A model that no agent asks for would look as if it were in force."""
-    users = {name: isinstance(_stage(document, name).harness or document.harness, CommandHarness) for name in STAGES}
-    places: list[Loc] = [("stages", name, "model") for name in STAGES if not users[name]]
-    if not any(users.values()):
-        places.append(("model",))
-    for loc in places:
+def _written(root: Table, stage: str, names: tuple[str, ...]) -> Span | None:
+    """Where one of the settings of a budget is given, the stage's own first."""
+    found = (tree.at(root, (*at, name)) for at in (("stages", stage, "budget"), ("budget",)) for name in names)
+    return next((node.span for node in found if node is not None), None)
+
+
+def _idle_timeouts(document: Document, root: Table, report: Report) -> None:
+    """A silence longer than the attempt itself never ends it; the default is left alone where nobody chose it."""
+    told: set[Span] = set()
+    for name in STAGES:
+        own = _stage(document, name).budget
+        (attempt, _), silence = timeouts(document.budget, own), idle(document.budget, own)
+        span = _written(root, name, ("idle_timeout",))
+        if silence > attempt and span is not None and span not in told:
+            told.add(span)
+            report.warning(
+                "MANIFEST-TIMEOUTS",
+                f"an attempt may be silent for longer ({silence:.0f} s) than it may take ({attempt:.0f} s)",
+                span,
+                hint="it has no effect; lower idle_timeout or raise attempt_timeout",
+            )
+
+
+def _unused_prices(document: Document, root: Table, report: Report) -> None:
+    """A price under a name that no agent's model has is most likely a slip."""
+    used = [agent.model for agent in agents.in_force(document) if agent.takes_model and agent.model is not None]
+    used += [document.housekeeping.model] if document.housekeeping is not None else []
+    for name in document.prices:
+        key = tree.key_at(root, ("prices", name))
+        if name not in used and key is not None:
+            near = did_you_mean(name, used)
+            report.warning(
+                "MANIFEST-UNUSED",
+                "this price has no effect: no agent uses that model",
+                key.span,
+                hint=f"did you mean `{report.shown(near)}`?" if near else "write the name as it stands under `model`",
+            )
+
+
+def _unused_money(document: Document, root: Table, report: Report) -> None:
+    """A limit in dollars where no model is paid would look as if it were in force."""
+    paid = {name: agents.of_stage(document, name).takes_model for name in STAGES}
+    escalation = agents.of_escalation(document)
+    paid["identify"] |= escalation is not None and escalation.takes_model
+    unpaid: list[Loc] = [("stages", name, "budget", "usd") for name in STAGES if not paid[name]]
+    if not any(paid.values()) and document.housekeeping is None:
+        unpaid.append(("budget", "usd"))
+    for loc in unpaid:
         key = tree.key_at(root, loc)
         if key is not None:
             report.warning(
                 "MANIFEST-UNUSED",
-                "this model has no effect: the embedded agent uses none",
+                "this limit has no effect: no agent here uses a model",
                 key.span,
                 hint="remove it, or choose another harness",
             )
@@ -67,20 +110,33 @@ def _unused_models(document: Document, root: Table, report: Report) -> None:
 
 def check_commands(root: Table, report: Report) -> None:
     """Report what is wrong in the arguments of a command; looks at the tree, so it needs no document."""
-    for loc in (("harness",), *(("stages", name, "harness") for name in STAGES)):
+    for loc in places.HARNESSES:
         command = tree.at(root, (*loc, "command"))
-        way = tree.at(root, (*loc, "prompt"))
+        items = command.items if isinstance(command, Items) else ()
+        name, way = tree.at(root, (*loc, "name")), tree.at(root, (*loc, "prompt"))
         prompt = way.text if isinstance(way, Scalar) else "stdin"
-        for index, item in enumerate(command.items if isinstance(command, Items) else ()):
-            if isinstance(item, Scalar):
-                _argument(item, index, prompt, report)
+        for item in (item for item in items if isinstance(item, Scalar)):
+            if item is items[0] and isinstance(item.value, str) and not item.text.strip():
+                what = "the first item of a command is a program"
+                report.error("MANIFEST-WRONG-VALUE", what, item.span, hint="name the program")
+            if isinstance(name, Scalar) and name.text in PROGRAMS:
+                _own_argument(item, name.text, report)
+            else:
+                _argument(item, prompt, report)
 
 
-def _argument(item: Scalar, index: int, prompt: str, report: Report) -> None:
-    if index == 0 and isinstance(item.value, str) and not item.text.strip():
+def _own_argument(item: Scalar, harness: str, report: Report) -> None:
+    """The command of a known program names the program; octoform adds what it needs to know."""
+    for name in dict.fromkeys(found for found in _PLACEHOLDER.findall(item.text) if found in PLACEHOLDERS):
         report.error(
-            "MANIFEST-WRONG-VALUE", "the first item of a command is a program", item.span, hint="name the program"
+            "MANIFEST-WRONG-VALUE",
+            f"{{{name}}} is not filled in here: `{harness}` is given its task by octoform",
+            item.span,
+            hint="name the program alone",
         )
+
+
+def _argument(item: Scalar, prompt: str, report: Report) -> None:
     for name in dict.fromkeys(found for found in _PLACEHOLDER.findall(item.text) if found):
         if name not in PLACEHOLDERS:
             near = did_you_mean(name[:80], PLACEHOLDERS)

@@ -6,14 +6,12 @@ change the meaning of a file on the day it starts to work.
 
 from octoform.manifest.tree import Loc
 
-HARNESSES = ("pi", "opencode", "claude-code", "codex", "gemini-cli", "qwen-code", "litellm", "replay")
 SCOPES = ("intranet", "internet")
 _KEYS = {
     ("answers",),
     ("policy",),
     ("perception",),
     ("daemon",),
-    ("budget", "usd"),
     ("stages", "watch"),
     ("stages", "heal"),
 }
@@ -21,13 +19,9 @@ _KEYS = {
 
 def is_key(loc: Loc) -> bool:
     """True for the path of a key that comes later."""
-    if len(loc) == 4 and loc[0] == "stages":
-        return loc[2:] == ("budget", "usd")
     return loc in _KEYS
 
 
 def is_value(loc: Loc, value: str) -> bool:
     """True for a value that comes later, of the setting at ``loc``."""
-    if loc == ("scope",):
-        return value in SCOPES
-    return "harness" in loc[-2:] and value in HARNESSES
+    return loc == ("scope",) and value in SCOPES

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from octoform.diagnostics import Diagnostic
-from octoform.manifest import checking, crosschecks, profile_paths, values
+from octoform.manifest import agent_rules, checking, crosschecks, profile_paths, recordings, values
 from octoform.manifest.building import build
 from octoform.manifest.decoding import read, text_of
 from octoform.manifest.model import Manifest
@@ -36,13 +36,15 @@ def parse(content: bytes, path: Path, environ: Mapping[str, str]) -> tuple[Manif
     variables = values.check_references(root, environ, report)
     absolute = path.absolute()
     profiles = profile_paths.check(root, absolute.parent, report)
+    recordings.check(root, absolute.parent, report)
     crosschecks.check_commands(root, report)
     document = checking.check(root, report)
     if document is not None:
         crosschecks.check(document, root, report)
+        agent_rules.check(document, root, environ, report)
     if document is None or report.failed:
         return None, report.diagnostics()
-    return build(document, absolute, profiles, variables), report.diagnostics()
+    return build(document, absolute, profiles, variables, environ), report.diagnostics()
 
 
 def named_profiles(path: Path) -> tuple[Path, ...]:

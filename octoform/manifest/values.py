@@ -4,11 +4,12 @@ import re
 from collections.abc import Mapping
 
 from octoform.diagnostics import Span
-from octoform.manifest import references, secrets, tree
+from octoform.manifest import places, references, secrets, tree
 from octoform.manifest.report import Report
 from octoform.manifest.tree import Loc, Node, Scalar, Table
 
-_WHERE = "variables may stand in `model` and in `command` only"
+_WHERE = "variables may stand in `model`, `command` and `base_url` only"
+_KEY_NAME = re.compile("[A-Z_][A-Z0-9_]*")
 _REFERENCE = re.compile(r"(?<!\$)\$\{[^{}]*\}?")
 
 
@@ -20,6 +21,8 @@ def check_secrets(root: Node, report: Report) -> None:
             told.add(line[start:end])
             _refuse(Span(number, start + 1, end + 1), report)
     for loc, scalar in tree.scalars(root):
+        if _may_hide_one(loc, scalar):
+            _mask(scalar, report)
         found = _secrets_of(root, loc, scalar)
         if found:
             report.settle(loc)
@@ -35,6 +38,16 @@ def _secrets_of(root: Node, loc: Loc, scalar: Scalar) -> set[str]:
     found = {text[start:end] for start, end in (*secrets.found_in(text), *secrets.assigned_in(text))}
     is_named = not found and not references.contains(text) and _is_named_secret(root, loc)
     return {text} if is_named else found
+
+
+def _may_hide_one(loc: Loc, scalar: Scalar) -> bool:
+    """True for what is no name where the name of a variable belongs, and for a URL with more than a path.
+
+    It is refused by another rule; its text may be the secret itself and is not shown.
+    """
+    if loc in places.KEYS:
+        return _KEY_NAME.fullmatch(scalar.text) is None and not references.contains(scalar.text)
+    return loc in places.BASE_URLS and any(sign in scalar.text for sign in "@?#")
 
 
 def _is_named_secret(root: Node, loc: Loc) -> bool:
@@ -67,14 +80,15 @@ def check_references(root: Table, environ: Mapping[str, str], report: Report) ->
     """Check every ``${NAME}``, and give the names of all variables that the manifest refers to or passes on."""
     found: set[str] = set()
     for loc, scalar in tree.scalars(root):
-        if _is_variable_name(loc) and references.NAME.fullmatch(scalar.text):
+        pattern = _KEY_NAME if loc in places.KEYS else references.NAME
+        if _names_only(loc) and pattern.fullmatch(scalar.text) and not report.is_settled(loc):
             found.add(scalar.text)
             if scalar.text not in environ:
                 report.warning(
                     "MANIFEST-ENV-UNSET",
                     f"the variable {scalar.text} is not set; the agent will run without it",
                     scalar.span,
-                    hint=f"export {scalar.text}, or take it out of `env`",
+                    hint=f"export {scalar.text}, or take it out of `{'key' if loc in places.KEYS else 'env'}`",
                 )
         elif references.contains(scalar.text):
             found |= _check_one(loc, scalar, environ, report)
@@ -88,9 +102,7 @@ def _check_one(loc: Loc, scalar: Scalar, environ: Mapping[str, str], report: Rep
             "MANIFEST-ENV-NOT-ALLOWED",
             "a variable may not stand here",
             span,
-            hint="list names only, without ${}"
-            if _is_variable_name(loc)
-            else "variables may stand in `model` and in `command` only",
+            hint=_names_only(loc) or _WHERE,
         )
         return set()
     for text in references.malformed(scalar.text):
@@ -109,11 +121,17 @@ def _check_one(loc: Loc, scalar: Scalar, environ: Mapping[str, str], report: Rep
 
 
 def _may_refer(loc: Loc) -> bool:
-    return loc[-1:] == ("model",) or (len(loc) > 1 and loc[-2] == "command" and "harness" in loc)
+    if loc[-1:] == ("model",) or loc in places.BASE_URLS:
+        return True
+    return len(loc) > 1 and loc[-2] == "command" and "harness" in loc
 
 
-def _is_variable_name(loc: Loc) -> bool:
-    return len(loc) > 2 and loc[-3:-1] == ("harness", "env") and isinstance(loc[-1], int)
+def _names_only(loc: Loc) -> str | None:
+    """What to write where a value is the name of a variable; None for all other places."""
+    if loc in places.KEYS:
+        return "write the name only, without ${}"
+    is_of_a_list = len(loc) > 2 and loc[-3:-1] == ("harness", "env") and isinstance(loc[-1], int)
+    return "list names only, without ${}" if is_of_a_list else None
 
 
 def _reference_span(scalar: Scalar, report: Report) -> Span:

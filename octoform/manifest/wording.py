@@ -1,6 +1,6 @@
 """The words of the manifest's messages, apart from the rules: a text can be improved without reading the logic."""
 
-from octoform.manifest import tree
+from octoform.manifest import base_url, tree
 from octoform.manifest.tree import Items, Loc, Scalar, Table
 
 TYPES = {
@@ -12,18 +12,23 @@ TYPES = {
     "model_type": "a mapping",
     "model_attributes_type": "a mapping",
     "dict_type": "a mapping",
+    "float_type": "a number",
     "union_tag_not_found": "a name or a mapping",
 }
 FORMS = {
     "a text": "one word or quoted text",
     "a name": "one word",
+    "a number": "a number without quotes, such as 2.5",
+    "true, false or a mapping": "`sandbox: true`, or `sandbox: {network: false}`",
     "a whole number": "a number without quotes and point, such as 3",
     "true or false": "`true` or `false`, without quotes",
     "a list": "a list: [first, second]",
     "a mapping": "a mapping: {key: value}",
     "a name or a mapping": "`harness: builtin`, or `harness: {name: command, command: [...]}`",
 }
+RECORDING_HINT = "name the folder of a recording, such as recordings/bench"
 COMMAND_HINT = "write `command: [my-agent, '{task}']`"
+KEY_HINT = "write the name of a variable in capitals, such as MY_API_KEY; its value stays in the environment"
 VARIABLE_HINT = "list names only, such as MY_API_KEY; values stay in the environment"
 MODEL_HINT = "write it as the agent expects it, such as vendor/model-name"
 RANGES = {
@@ -32,8 +37,16 @@ RANGES = {
     "command": COMMAND_HINT,
     "profiles": "allowed: up to 100 profiles",
     "model": MODEL_HINT,
+    "key": KEY_HINT,
+    "turns": "allowed: 1 to 10000",
+    "usd": "write US dollars, such as 2.50",
+    **dict.fromkeys(("input", "cached", "output"), "write US dollars for a million tokens, such as 0.5"),
+    "max_tokens": "allowed: 64 to 8000",
+    "base_url": base_url.HINT,
+    "recording": RECORDING_HINT,
 }
-HARNESSES = ("builtin", "command")
+# What people look for at the top, and why it is not there.
+NO_KEYS = {"devices": "devices are found, not listed; what cannot be seen of them belongs in a profile"}
 LONGEST_WORD = 80
 # Words for true and false that YAML 1.2 takes as text, as it takes a quoted true.
 SWITCHES = {"yes": "true", "on": "true", "true": "true", "no": "false", "off": "false", "false": "false"}

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from octoform.harness import command as command_harness
+from octoform.harness.adapters import command as command_harness
 from octoform.manifest import model
 from octoform.manifest.durations import seconds
 from octoform.manifest.loading import load

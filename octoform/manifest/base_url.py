@@ -1,0 +1,55 @@
+"""The URL of a model's API as a manifest gives it: what is one, and which are on this machine. Light.
+
+References to variables may stand in it, so it is looked at twice: as it is written, and with its values. What is said
+about it never repeats it: a URL may hold what its author did not want to be seen.
+"""
+
+import ipaddress
+import re
+from urllib.parse import urlsplit
+
+from octoform.manifest.references import contains
+
+PATTERN = r"^(https?://[^\s/?#@]+(/[^\s?#@]*)?|\$\{[A-Za-z_][A-Za-z0-9_]*\}[^\s?#@]*)$"
+HINT = "write where the API is, such as http://127.0.0.1:8080 or https://models.example.org/v1"
+_REFERENCE = re.compile(r"\$\{[^{}]*\}?")
+_LOCAL_NAMES = ("localhost", "localhost.localdomain")
+
+
+def complaint(url: str) -> tuple[str, str] | None:
+    """What keeps a URL without references from being a base URL, and what to do; None when it is one."""
+    try:
+        parts = urlsplit(url)
+        port, host = parts.port, parts.hostname
+    except ValueError:
+        return "this is no URL", HINT
+    if parts.scheme not in ("http", "https") or not host or port == 0 or re.search(r"\s", url):
+        return "this is no URL of http or https", HINT
+    if "@" in url:
+        return "a base URL holds no user and no password", "name the variable of the key in `key`"
+    if "?" in url or "#" in url:
+        return "a base URL ends with its path", "remove what begins with ? or #; name the variable of the key in `key`"
+    return None
+
+
+def complaint_as_written(text: str) -> tuple[str, str] | None:
+    """As `complaint`, of a text that may hold references; what they stand for is not known here."""
+    if not contains(text):
+        return complaint(text)
+    # A digit may stand in a host, a port and a path; what begins with a reference may begin with any scheme.
+    filled = _REFERENCE.sub("1", text)
+    return complaint(f"http://{filled}" if text.startswith("${") else filled)
+
+
+def is_loopback(url: str) -> bool:
+    """True for a URL, without references, of a server on this machine."""
+    try:
+        host = urlsplit(url).hostname or ""
+    except ValueError:
+        return False
+    if host in _LOCAL_NAMES or host.endswith(".localhost"):
+        return True
+    try:
+        return ipaddress.ip_address(host).is_loopback
+    except ValueError:
+        return False

@@ -1,0 +1,100 @@
+"""The kinds of values that a manifest has, each with its rule and its words, for the models of `document`.
+
+(Heavy: pydantic.)
+"""
+
+from typing import Annotated, Any, Literal
+
+from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field
+from pydantic_core import PydanticCustomError
+
+from octoform.manifest import base_url, host_name
+from octoform.manifest.durations import LONGEST_SECONDS, PATTERN, seconds
+from octoform.manifest.references import NAME
+
+
+def problem(summary: str, hint: str | None = None, index: int | None = None) -> PydanticCustomError:
+    """A validation error whose words are ours; ``index`` points into the list that is checked."""
+    return PydanticCustomError("manifest", "{summary}", {"summary": summary, "hint": hint, "index": index})
+
+
+def added(default: object) -> Any:
+    """The default of a setting that came after manifests were in use: it counts in their digest where it differs.
+
+    So a manifest that does not know of the setting keeps the digest that it had.
+    """
+    return Field(default=default, exclude_if=lambda value: value == default)
+
+
+def _host(value: str) -> str:
+    if host_name.is_legal(value):
+        return value
+    fitting = host_name.nearest(value)
+    raise problem(
+        "a host name has lower-case letters, digits and inner hyphens, at most 63",
+        f"did you mean `{fitting}`?" if fitting else "it becomes the name of a folder: state/<host>",
+    )
+
+
+def _version(value: object) -> object:
+    """True and 1.0 equal 1 in Python, and are no version."""
+    if isinstance(value, bool | float | str) or value != 1:
+        raise problem(
+            "this octoform reads version 1 of the manifest",
+            "write `version: 1`; a higher version needs a newer octoform",
+        )
+    return value
+
+
+def _duration(value: object) -> object:
+    if isinstance(value, int | float) and not isinstance(value, bool):
+        raise problem("a duration needs a unit", f"write `{value}s` for seconds, or use m and h: `5m`, `1h30m`")
+    length = seconds(value) if isinstance(value, str) else None
+    if length is None:
+        raise problem("this is no duration", "write whole numbers with h, m and s, in this order: `200s`, `1h30m`")
+    if not 1 <= length <= LONGEST_SECONDS:
+        raise problem("this is out of range", "a duration is between 1s and 24h")
+    return value
+
+
+def _base_url(value: str) -> str:
+    complaint = base_url.complaint_as_written(value)
+    if complaint is not None:
+        raise problem(*complaint)
+    return value
+
+
+def distinct(values: list[str]) -> list[str]:
+    """The list, if nothing stands twice in it."""
+    for index, value in enumerate(values):
+        if value in values[:index]:
+            raise problem("this stands twice in the list", "keep one of the two", index)
+    return values
+
+
+UNIQUE = {"uniqueItems": True}
+MOST_DOLLARS = 1_000_000
+
+Version = Annotated[Literal[1], BeforeValidator(_version)]
+Host = Annotated[str, AfterValidator(_host), Field(json_schema_extra={"pattern": host_name.PATTERN})]
+Duration = Annotated[str, BeforeValidator(_duration), Field(json_schema_extra={"pattern": PATTERN})]
+Model = Annotated[str, Field(pattern=r"^\S+$", max_length=200)]
+Argument = Annotated[str, Field(max_length=4000)]
+VariableName = Annotated[str, Field(pattern=f"^{NAME.pattern}$", max_length=100)]
+# Upper case only: a literal key that is taken for a name would be shown.
+KeyName = Annotated[str, Field(pattern="^[A-Z_][A-Z0-9_]*$", max_length=100)]
+Variables = Annotated[list[VariableName], AfterValidator(distinct), Field(json_schema_extra=UNIQUE)]
+BaseUrl = Annotated[
+    str, AfterValidator(_base_url), Field(max_length=400, json_schema_extra={"pattern": base_url.PATTERN})
+]
+ProfilePath = Annotated[str, Field(min_length=1, max_length=400)]
+Attempts = Annotated[int, Field(ge=1, le=20)]
+Turns = Annotated[int, Field(ge=1, le=10_000)]
+Dollars = Annotated[float, Field(gt=0, le=MOST_DOLLARS, allow_inf_nan=False)]
+Rate = Annotated[float, Field(ge=0, le=MOST_DOLLARS, allow_inf_nan=False)]
+
+
+class Table(BaseModel):
+    """Base of all tables: nothing unknown, nothing converted."""
+
+    model_config = ConfigDict(extra="forbid", strict=True, frozen=True, use_attribute_docstrings=True)

@@ -1,0 +1,13 @@
+"""Where in a manifest an agent may be described, for the rules that look at the tree and need no document. Light."""
+
+from octoform.manifest.model import STAGES
+from octoform.manifest.tree import Loc
+
+ESCALATION: Loc = ("stages", "identify", "escalate")
+HARNESSES: tuple[Loc, ...] = (
+    ("harness",),
+    *(("stages", name, "harness") for name in STAGES),
+    (*ESCALATION, "harness"),
+)
+KEYS: tuple[Loc, ...] = (*((*loc, "key") for loc in HARNESSES), ("housekeeping", "key"))
+BASE_URLS: tuple[Loc, ...] = (*((*loc, "base_url") for loc in HARNESSES), ("housekeeping", "base_url"))
