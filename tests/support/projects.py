@@ -47,7 +47,7 @@ class Project:
     """A folder with octopus.yaml whose agent follows a script; the script lies outside of it.
 
     ``environ`` is added to the environment of octoform, ``env`` names the variables that the agent is given,
-    ``prefix`` is a command that runs octoform.
+    ``prefix`` is a command that runs octoform, ``host`` the name of the host.
     """
 
     folder: Path
@@ -57,14 +57,15 @@ class Project:
     environ: dict[str, str] = field(default_factory=dict)
     env: list[str] = field(default_factory=list)
     prefix: list[str] = field(default_factory=list)
+    host: str = "bench"
 
     @property
     def state(self) -> Path:
-        return self.folder / "state" / "bench"
+        return self.folder / "state" / self.host
 
     @property
     def local(self) -> Path:
-        return self.folder / ".octoform" / "bench"
+        return self.folder / ".octoform" / self.host
 
     def write(self) -> None:
         """Write manifest and script as they are now."""
@@ -73,7 +74,7 @@ class Project:
         (self.outside / "script.json").write_text(json.dumps(self.script))
         command = json.dumps([sys.executable, str(AGENT), str(self.outside / "script.json")])
         passed = f", env: {json.dumps(self.env)}" if self.env else ""
-        lines = ["version: 1", "host: bench", f"harness: {{name: command, command: {command}{passed}}}"]
+        lines = ["version: 1", f"host: {self.host}", f"harness: {{name: command, command: {command}{passed}}}"]
         lines += [f"{key}: {value}" for key, value in self.manifest.items()]
         (self.folder / "octopus.yaml").write_text("\n".join(lines) + "\n")
 
