@@ -92,14 +92,16 @@ def whole(pin: Pin, environ: Mapping[str, str]) -> bool:
     located = locate(pin, (), environ)
     if located is None or located.source != "installed" or not Path(located.argv[0]).is_file():
         return False
-    return pin.node is None or node_of(located, environ, pin.node) is not None
+    if pin.node is None:
+        return True
+    node = node_version(located, environ)
+    return node is not None and at_least(node, pin.node)
 
 
-def node_of(located: Located, environ: Mapping[str, str], oldest: tuple[int, int]) -> str | None:
-    """The version of the node that a located program would run on; None when there is none new enough."""
+def node_version(located: Located, environ: Mapping[str, str]) -> str | None:
+    """The version of the node that a located program would run on; None when there is none."""
     own = located.path[0] if located.path else None
-    version = machine_version(environ) if own is None else version_of(str(Path(own) / "node"), environ)
-    return version if version is not None and at_least(version, oldest) else None
+    return machine_version(environ) if own is None else version_of(str(Path(own) / "node"), environ)
 
 
 def _npm(pin: Pin, node: Node, staging: Path, setup: Setup) -> Diagnostic | None:

@@ -13,6 +13,7 @@ Script
                    do not move the script on; "counter": each good reply moves it on
     side           False: a request without tools is a turn too; else it gets a short text and counts for nothing
     models_status  the status of a request for the list of models (default 200)
+    models_key     the key without which that list is refused with 401
 
 Turn, one of
     {"shell": COMMAND}            one call of whichever shell tool the client has; "{turn}" in it is the turn's number

@@ -119,7 +119,10 @@ class _Handler(BaseHTTPRequestHandler):
     def do_GET(self) -> None:
         path = urlsplit(self.path).path.rstrip("/")
         if path.endswith(("/models", "/tags")):
-            status = self.server.script.settings.get("models_status", 200)
+            settings = self.server.script.settings
+            status = settings.get("models_status", 200)
+            if "models_key" in settings and self._key() != settings["models_key"]:
+                status = 401
             listed = {"object": "list", "data": [MODEL], "models": [MODEL], "has_more": False}
             self._other(listed if status == 200 else answers.failure(None, status), status)
         elif "/models/" in path:
@@ -230,12 +233,14 @@ class _Handler(BaseHTTPRequestHandler):
             self.wfile.write(data)
 
     def _note(self, status: int, **told: Any) -> None:
-        asked = urlsplit(self.path)
-        sent = [value for name in KEY_HEADERS if (value := self.headers.get(name))] + parse_qs(asked.query).get(
-            "key", []
-        )
-        key = sent[0].removeprefix("Bearer ") if sent else None
-        self.server.note(method=self.command, path=asked.path, key=key, status=status, **told)
+        path = urlsplit(self.path).path
+        self.server.note(method=self.command, path=path, key=self._key(), status=status, **told)
+
+    def _key(self) -> str | None:
+        """The key as the client sent it."""
+        sent = [value for name in KEY_HEADERS if (value := self.headers.get(name))]
+        sent += parse_qs(urlsplit(self.path).query).get("key", [])
+        return sent[0].removeprefix("Bearer ") if sent else None
 
     def _body(self) -> bytes:
         if "chunked" not in (self.headers.get("transfer-encoding") or "").lower():
