@@ -1,0 +1,173 @@
+"""``doctor``: is everything there that the agents of the manifest need? It looks, asks and starts, and changes nothing.
+
+Agents that are the same in program, settings and model are looked at once, whatever the number of their stages.
+"""
+
+import importlib.metadata
+import shutil
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from octoform.diagnostics import Diagnostic
+from octoform.engine.compiling import MANIFEST
+from octoform.harness import port, registry
+from octoform.harness.access import access
+from octoform.harness.adapters.command import CommandHarness
+from octoform.harness.adapters.program import ProgramHarness
+from octoform.harness.health import Check, Status, command_check, failed, passed, program_checks, unknown
+from octoform.harness.pricing import price_of
+from octoform.harness.reaching import model_checks
+from octoform.manifest.loading import load
+from octoform.manifest.model import HarnessSpec, Manifest
+from octoform.manifest.providers import APIS
+from octoform.manifest.references import resolve
+
+LITELLM = "litellm"
+
+
+@dataclass(frozen=True, slots=True)
+class Agent:
+    """One agent of the manifest: its harness, its model (reference unresolved), and whether dollars are counted."""
+
+    harness: HarnessSpec
+    model: str | None
+    money: bool
+
+
+@dataclass(frozen=True, slots=True)
+class Group:
+    """The checks of one agent and what it is used for (``probe``, ``identify escalation``, ``housekeeping``)."""
+
+    harness: str
+    model: str | None
+    used_for: tuple[str, ...]
+    checks: tuple[Check, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Diagnosis:
+    """All groups, the checks of the machine, and what is wrong with the manifest, in which case there are no checks."""
+
+    host: str
+    groups: tuple[Group, ...] = ()
+    machine: tuple[Check, ...] = ()
+    diagnostics: tuple[Diagnostic, ...] = ()
+
+    @property
+    def checks(self) -> tuple[Check, ...]:
+        """Every check."""
+        return (*self.machine, *(check for group in self.groups for check in group.checks))
+
+    @property
+    def ok(self) -> bool:
+        """True when nothing that is needed failed; an unknown is not a failure."""
+        return all(check.status is not Status.FAIL for check in self.checks)
+
+
+def diagnose(project: Path, environ: Mapping[str, str]) -> Diagnosis:
+    """Look at all that the project's manifest needs; at most some ten seconds for each of its agents."""
+    manifest, found = load(project / MANIFEST, environ)
+    if manifest is None:
+        return Diagnosis("", diagnostics=tuple(found))
+    rounds = _Rounds(manifest, environ)
+    groups = tuple(
+        Group(agent.harness.name, agent.model, tuple(uses), tuple(rounds.checks(agent)))
+        for agent, uses in _agents(manifest).items()
+    )
+    return Diagnosis(manifest.host, groups, (_git(manifest, environ),), tuple(found))
+
+
+def _agents(manifest: Manifest) -> dict[Agent, list[str]]:
+    """Every agent of the manifest with its uses, in the order of the stages."""
+    found: dict[Agent, list[str]] = {}
+    for stage, settings in manifest.stages.items():
+        money = settings.budget.usd is not None or manifest.run_usd is not None
+        found.setdefault(Agent(settings.harness, settings.model, money), []).append(stage)
+        if settings.escalate is not None:
+            agent = Agent(settings.escalate.harness, settings.escalate.model, money)
+            found.setdefault(agent, []).append(f"{stage} escalation")
+    keeper = manifest.housekeeping
+    if keeper is not None:
+        spec = HarnessSpec(LITELLM, key=keeper.key, base_url=keeper.base_url)
+        found.setdefault(Agent(spec, keeper.model, manifest.run_usd is not None), []).append("housekeeping")
+    return found
+
+
+@dataclass(slots=True)
+class _Rounds:
+    """The checks over all agents; a program and an API that several of them share are looked at once."""
+
+    manifest: Manifest
+    environ: Mapping[str, str]
+    seen: dict[object, tuple[Check, ...]] = field(default_factory=dict)
+
+    def checks(self, agent: Agent) -> Iterable[Check]:
+        spec = agent.harness
+        harness = registry.resolve(spec, self.environ, self.manifest.project)
+        if isinstance(harness, Diagnostic):
+            yield failed("harness", harness.summary, harness.hint)
+            return
+        yield from self._program(spec, harness)
+        if spec.sandbox is not None:
+            yield _sandbox(spec)
+        if isinstance(harness, ProgramHarness):
+            yield from self._model(agent, harness.adapter.apis)
+        elif spec.name == LITELLM:
+            yield from self._model(agent, APIS)
+
+    def _program(self, spec: HarnessSpec, harness: port.Harness) -> tuple[Check, ...]:
+        if isinstance(harness, ProgramHarness):
+            key = (spec.name, spec.command)
+            if key not in self.seen:
+                self.seen[key] = program_checks(harness, self.environ)
+            return self.seen[key]
+        if isinstance(harness, CommandHarness):
+            return (command_check(harness.argv[0], self.environ),)
+        if spec.name == LITELLM:
+            return (_litellm(),)
+        # What was resolved and needs no program: the embedded agent, or a recording that has been read.
+        detail = f"{spec.recording} can be read" if spec.recording is not None else "comes with octoform"
+        return (passed("harness", detail),)
+
+    def _model(self, agent: Agent, apis: tuple[str, ...]) -> Iterable[Check]:
+        name = resolve(agent.model, self.environ) if agent.model is not None else None
+        way = access(agent.harness, name, apis, self.environ)
+        if isinstance(way, Diagnostic):
+            yield failed("model", way.summary, way.hint)
+            return
+        key = (way, agent.harness.key, agent.harness.env)
+        if key not in self.seen:
+            self.seen[key] = tuple(model_checks(way, agent.harness.key, self.environ, agent.harness.env))
+        yield from self.seen[key]
+        if agent.money and name is not None:
+            yield self._price(agent.model or "", name)
+
+    def _price(self, written: str, name: str) -> Check:
+        listed = self.manifest.prices.get(written)
+        known = {name: port.Price(listed.input, listed.cached, listed.output, "manifest")} if listed else {}
+        price = price_of(name, known)
+        if price is None:
+            hint = f"prices: {{{written}: {{input: ..., output: ...}}}} in octopus.yaml, dollars for a million tokens"
+            return failed("price", f"budget.usd is set, and nobody knows what {written} costs", hint)
+        whose = "octopus.yaml" if price.source == "manifest" else f"the table of {price.source}"
+        return passed("price", f"{price.input:g} and {price.output:g} dollars for a million tokens, by {whose}")
+
+
+def _litellm() -> Check:
+    try:
+        return passed("program", f"litellm {importlib.metadata.version(LITELLM)} beside octoform")
+    except importlib.metadata.PackageNotFoundError:
+        return failed("program", "the Python package litellm is not installed", "octoform install litellm")
+
+
+def _sandbox(spec: HarnessSpec) -> Check:
+    return unknown("sandbox", spec.name)
+
+
+def _git(manifest: Manifest, environ: Mapping[str, str]) -> Check:
+    path = shutil.which("git", path=environ.get("PATH"))
+    if path is not None:
+        return passed("git", path)
+    hint = "install git; without it no revision is recorded and nothing is committed"
+    return (failed if manifest.git.commit else unknown)("git", "there is no git on PATH", hint)

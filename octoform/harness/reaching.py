@@ -1,0 +1,188 @@
+"""Is the API of a model there, does it take the key, does it know the model: asked by its list of models.
+
+That list costs nothing and changes nothing. The question goes the way that the agent's own would: through a proxy only
+when the harness passes the proxy's variables on. A redirect is not followed, since the key would go along.
+"""
+
+import http.client
+import json
+import threading
+import urllib.error
+import urllib.request
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+from urllib.parse import urlsplit
+
+import octoform
+from octoform.diagnostics import did_you_mean
+from octoform.harness.access import Access
+from octoform.harness.health import Check, failed, passed, unknown
+from octoform.manifest.base_url import is_loopback
+from octoform.manifest.providers import ANTHROPIC, GEMINI
+
+SECONDS = 5.0
+LIST_BYTES = 16 << 20
+PATHS = {ANTHROPIC: "/v1/models?limit=1000", GEMINI: "/v1beta/models?pageSize=1000"}
+PATH = "/models"
+
+
+@dataclass(frozen=True, slots=True)
+class Answer:
+    """What the API answered: the HTTP status, or in ``problem`` why there is none; ``names`` are the listed models.
+
+    ``names`` is None when the list is not complete or cannot be read.
+    """
+
+    status: int | None
+    problem: str = ""
+    names: frozenset[str] | None = None
+
+    def refuses(self, api: str) -> bool:
+        """True when the request was refused for its key; Google's API calls a wrong key a bad request."""
+        return self.status in (401, 403) or (api == GEMINI and self.status == 400)
+
+
+def model_checks(
+    way: Access, key_name: str | None, environ: Mapping[str, str], passed_on: Sequence[str]
+) -> list[Check]:
+    """The key's variable, the API and the model; at most two requests of five seconds each.
+
+    ``key_name`` is the variable with the key, None where none is needed; ``passed_on`` names the variables that the
+    agent may see.
+    """
+    key = environ.get(key_name, "") if key_name else ""
+    if key_name and not key:
+        first = failed("key", f"{key_name} is not set", f"export {key_name}, or name another variable in `key`")
+    elif not _sendable(key):
+        first = failed(
+            "key", f"{key_name} holds blanks or characters that no request can carry", f"set {key_name} anew"
+        )
+    else:
+        proxies = _proxies(environ, passed_on)
+        answer = ask(way, key, proxies)
+        return [_key(way, key_name, proxies, answer), _api(way, answer, environ, passed_on), *_model(way, answer)]
+    return [first, unknown("model API", f"{place(way)} was not asked without the key")]
+
+
+def place(way: Access) -> str:
+    """Where the API is, without anything secret that a URL can hold."""
+    parts = urlsplit(way.base_url)
+    return f"{parts.scheme}://{parts.netloc.rpartition('@')[2]}"
+
+
+def ask(way: Access, key: str, proxies: Mapping[str, str]) -> Answer:
+    """The list of models, within five seconds in all; never raises for what the other side does."""
+    found: list[Answer] = []
+    worker = threading.Thread(target=lambda: found.append(_get(way, key, proxies)), daemon=True)
+    worker.start()
+    worker.join(SECONDS)
+    return found[0] if found else Answer(None, f"no answer within {SECONDS:g} s")
+
+
+def _get(way: Access, key: str, proxies: Mapping[str, str]) -> Answer:
+    if urlsplit(way.base_url).scheme not in ("http", "https"):
+        return Answer(None, "this is no address of the web")  # the library would open a file just as well
+    opener = urllib.request.build_opener(urllib.request.ProxyHandler(dict(proxies)), _NoRedirect)
+    try:
+        request = urllib.request.Request(f"{way.base_url}{PATHS.get(way.api, PATH)}", headers=_headers(way.api, key))
+        with opener.open(request, timeout=SECONDS) as reply:
+            return Answer(reply.status, names=_names(reply.read(LIST_BYTES)))
+    except urllib.error.HTTPError as refusal:
+        refusal.close()
+        return Answer(refusal.code)
+    except urllib.error.URLError as failure:
+        return Answer(None, str(getattr(failure.reason, "strerror", None) or failure.reason))
+    except (OSError, ValueError, http.client.HTTPException) as failure:
+        return Answer(None, str(failure) or type(failure).__name__)
+
+
+class _NoRedirect(urllib.request.HTTPRedirectHandler):
+    def redirect_request(self, *_arguments: Any, **_keywords: Any) -> None:
+        """Never: the answer is then the redirect itself."""
+
+
+def _headers(api: str, key: str) -> dict[str, str]:
+    headers = {"User-Agent": f"octoform/{octoform.__version__}", "Accept": "application/json"}
+    if api == ANTHROPIC:
+        headers["anthropic-version"] = "2023-06-01"
+    if key:
+        name = {ANTHROPIC: "x-api-key", GEMINI: "x-goog-api-key"}.get(api, "Authorization")
+        headers[name] = key if api in PATHS else f"Bearer {key}"
+    return headers
+
+
+def _names(data: bytes) -> frozenset[str] | None:
+    try:
+        value = json.loads(data)
+    except (ValueError, RecursionError):
+        return None
+    if not isinstance(value, dict) or value.get("has_more") or value.get("nextPageToken"):
+        return None
+    return frozenset(_listed(value)) or None
+
+
+def _listed(value: Mapping[str, Any]) -> Iterator[str]:
+    for field, name in (("data", "id"), ("models", "name")):
+        items = value.get(field)
+        for item in items if isinstance(items, list) else ():
+            if isinstance(item, dict) and isinstance(item.get(name), str):
+                yield item[name].removeprefix("models/")
+
+
+def _sendable(key: str) -> bool:
+    return all("!" <= character <= "~" for character in key)
+
+
+def _proxies(environ: Mapping[str, str], names: Sequence[str]) -> dict[str, str]:
+    """The proxies that the agent would use, by scheme."""
+    wanted = {"http_proxy": "http", "https_proxy": "https"}
+    return {wanted[name.lower()]: environ[name] for name in names if name.lower() in wanted and environ.get(name)}
+
+
+def _key(way: Access, name: str | None, proxies: Mapping[str, str], answer: Answer) -> Check:
+    if answer.refuses(way.api):
+        hint = f"check what {name} holds" if name else "name the variable with the key in `key`"
+        return failed("key", f"{name or 'a request without a key'} was refused ({answer.status})", hint)
+    if name is None:
+        return passed("key", "none is needed")
+    if answer.status != 200:
+        return unknown("key", f"{name} is set; whether it is accepted could not be tried")
+    without = ask(way, "", proxies)
+    if without.refuses(way.api):
+        return passed("key", f"{name} is set and accepted")
+    return unknown("key", f"{name} is set; this API lists its models for anybody, so the key was not tried")
+
+
+def _api(way: Access, answer: Answer, environ: Mapping[str, str], passed_on: Sequence[str]) -> Check:
+    where = f"{place(way)} ({way.api})"
+    if answer.status is None:
+        unseen = _unseen_proxy(way, environ, passed_on)
+        hint = f"{unseen} is set, but the agent does not see it: add it to `env` of the harness"
+        return failed("model API", f"{where}: {answer.problem}", hint if unseen else "check `base_url` and the network")
+    if answer.status == 200 or answer.refuses(way.api):
+        return passed("model API", f"{where} answers")
+    hint = "check `base_url` and `api`" if answer.status < 500 else "try again later"
+    return unknown("model API", f"{where} answered its list of models with status {answer.status}", hint)
+
+
+def _unseen_proxy(way: Access, environ: Mapping[str, str], passed_on: Sequence[str]) -> str | None:
+    """A variable with a proxy for this API that octoform has and the agent does not get."""
+    parts = urlsplit(way.base_url)
+    if is_loopback(way.base_url):
+        return None
+    names = [name for name in environ if name.lower() == f"{parts.scheme}_proxy"]
+    return next((name for name in names if name not in passed_on), None)
+
+
+def _model(way: Access, answer: Answer) -> list[Check]:
+    """Whether the model is in the list; nothing when there is no list."""
+    if answer.names is None:
+        return []
+    if way.model in answer.names:
+        return [passed("model", f"{way.model} is listed")]
+    near = did_you_mean(way.model, sorted(answer.names))
+    hint = (
+        f"did you mean {near!r}?" if near else "check `model` in octopus.yaml; some names are aliases that no list has"
+    )
+    return [unknown("model", f"{way.model} is not among the {len(answer.names)} models that the API lists", hint)]
