@@ -1,10 +1,11 @@
 """From manifest, specs and profiles to the desired graph; the same on every machine. (Heavy through its inputs.)"""
 
 from collections.abc import Mapping
+from pathlib import Path
 
 from octoform import digest
 from octoform.graph.model import Graph, Node, NodeKind
-from octoform.manifest.model import HarnessSpec, Manifest
+from octoform.manifest.model import MODEL_FREE, HarnessSpec, Manifest
 from octoform.profiles import Profile
 from octoform.protocol import STAGES, Spec
 
@@ -22,7 +23,11 @@ def compile_graph(manifest: Manifest, specs: Mapping[str, Spec], profiles: tuple
 def _stage(name: str, manifest: Manifest, spec: Spec, profiles: tuple[Profile, ...]) -> Node:
     harness = manifest.harness_for(name)
     model = manifest.model_for(name)
-    parts = {"spec": spec.digest, "harness": _maker(harness), "model": model or ""}
+    second = manifest.stages[name].escalate
+    parts = {"spec": spec.digest, "harness": _maker(harness, manifest.project), "model": model or ""}
+    if second is not None:
+        # Only where there is one, so that all other keys are as they were.
+        parts |= {"escalate.harness": _maker(second.harness, manifest.project), "escalate.model": second.model or ""}
     parts |= {f"setting.{key}": _plain(value) for key, value in manifest.settings_for(name).items()}
     if name != "probe":
         parts |= {f"profile.{profile.name}": profile.digest for profile in profiles}
@@ -34,14 +39,26 @@ def _stage(name: str, manifest: Manifest, spec: Spec, profiles: tuple[Profile, .
         observes_host=name == STAGES[0],
         harness=harness.name,
         model=model,
+        calls_model=any(_calls_model(one) for one in (harness, second.harness if second is not None else None)),
     )
 
 
-def _maker(harness: HarnessSpec) -> str:
-    """The harness as a key part: its name, and what it runs where the manifest says that."""
-    if not harness.command:
-        return harness.name
-    return f"{harness.name} {digest.short(digest.of_value([*harness.command, harness.prompt_via]))}"
+def _maker(harness: HarnessSpec, project: Path) -> str:
+    """The harness as a key part: its name, and what else decides what it makes.
+
+    That is the command line of any program, the recording that is given again (by its path in the project, which is
+    the same on every machine) and a search of the web. Where a known program stands, how it reaches its model, what it
+    may see and what it may use are no part: they decide whether an output comes, never what it says.
+    """
+    if harness.name == "command":
+        return f"{harness.name} {digest.short(digest.of_value([*harness.command, harness.prompt_via]))}"
+    if harness.recording is not None:
+        return f"{harness.name} {harness.recording.relative_to(project).as_posix()}"
+    return f"{harness.name} web_search" if harness.web_search else harness.name
+
+
+def _calls_model(harness: HarnessSpec | None) -> bool:
+    return harness is not None and harness.name not in MODEL_FREE
 
 
 def _plain(value: object) -> str:

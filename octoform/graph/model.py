@@ -24,7 +24,8 @@ class Node:
     """One unit of the plan.
 
     ``parts`` are the key parts that are known before anything runs; ``consumes`` names the nodes whose output
-    digests join them. ``observes_host`` adds the host fingerprint (PROBE alone).
+    digests join them. ``observes_host`` adds the host fingerprint (PROBE alone). ``calls_model``: an agent that
+    may work for it uses a model.
     """
 
     name: str
@@ -34,6 +35,7 @@ class Node:
     observes_host: bool = False
     harness: str | None = None
     model: str | None = None
+    calls_model: bool = False
 
 
 @dataclass(frozen=True, slots=True)

@@ -54,7 +54,9 @@ def access(
         )
     api = spoken[0]
     base_url = normalised(resolve(spec.base_url, environ), api) if spec.base_url is not None else provider.urls[api]
-    return Access(provider.name, name, model, api, base_url, spec.key or provider.key)
+    # With a base URL the manifest has settled the key: a server on this machine is not sent a provider's key unasked.
+    key = spec.key if spec.base_url is not None else spec.key or provider.key
+    return Access(provider.name, name, model, api, base_url, key)
 
 
 def normalised(url: str, api: str) -> str:

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from octoform.manifest import base_url, references
 from octoform.manifest.document import Document, Housekeeping, Stage
 from octoform.manifest.harness_document import CommandHarness, Harness, ModelHarness
-from octoform.manifest.model import STAGES
+from octoform.manifest.model import MODEL_FREE, STAGES
 from octoform.manifest.providers import Provider, split
 from octoform.manifest.tree import Loc
 
@@ -39,12 +39,12 @@ class Agent:
     @property
     def needs_model(self) -> bool:
         """True for one that cannot work without a model."""
-        return isinstance(self.harness, ModelHarness) or self.name not in ("builtin", "command", "replay")
+        return self.takes_model and not isinstance(self.harness, CommandHarness)
 
     @property
     def takes_model(self) -> bool:
         """True for one that does something with a model's name: a command finds it in its task."""
-        return self.needs_model or isinstance(self.harness, CommandHarness)
+        return self.name not in MODEL_FREE
 
 
 def of_stage(document: Document, name: str) -> Agent:

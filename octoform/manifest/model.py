@@ -11,6 +11,8 @@ from pathlib import Path
 
 FILE_NAME = "octopus.yaml"
 STAGES = ("probe", "identify", "interface", "serve", "deploy")
+MODEL_FREE = ("builtin", "replay")
+"""The harnesses that use no model."""
 # What may stand in braces in the arguments of a command, and is filled in for each attempt.
 PLACEHOLDERS = ("prompt_file", "task", "output", "workdir", "model", "stage", "prompt")
 
@@ -28,10 +30,10 @@ class HarnessSpec:
 
     ``command`` is the list of arguments with references and placeholders as written: the whole command of the
     ``command`` harness, the program of a named one where it is not the installed one; else empty. ``env`` are the
-    names of the variables that the agent may see, ``key`` the one with the API key (None: the usual one of the
-    model's provider). ``base_url`` is where the model's API is, reference unresolved, and ``api`` which one it
-    speaks; None: the provider's own. ``prompt_via`` is ``stdin``, ``file`` or ``argument``. ``recording`` is the
-    absolute folder of a recorded run.
+    names of the variables that the agent may see. ``key`` is the one with the API key; in a manifest it is final: the
+    usual one of the model's provider where none is named, None where none is needed. ``base_url`` is where the model's
+    API is, reference unresolved, and ``api`` which one it speaks; None: the provider's own. ``prompt_via`` is
+    ``stdin``, ``file`` or ``argument``. ``recording`` is the absolute folder of a recorded run.
     """
 
     name: str
@@ -83,7 +85,10 @@ class Escalation:
 
 @dataclass(frozen=True, slots=True)
 class Housekeeping:
-    """The bare completion that condenses long logs: its model, and the most tokens that it may answer with."""
+    """The bare completion that condenses long logs: its model, and the most tokens that it may answer with.
+
+    ``key`` is final, as in `HarnessSpec`.
+    """
 
     model: str
     max_tokens: int
@@ -121,9 +126,10 @@ class Manifest:
     """One octopus.yaml that has no errors.
 
     ``path`` is absolute, and so are ``profiles`` (in the order of the file). ``digest`` is of the content with every
-    default filled in: comments, order and layout do not move it. ``variables`` are the names of all environment
-    variables that the manifest refers to or passes on, sorted. ``prices`` are by the model's name; ``run_usd`` is what
-    one run may cost in all, in US dollars.
+    default filled in: comments, order and layout do not move it, and neither does a default that a newer version adds.
+    ``variables`` are the names of all environment variables that the manifest refers to, passes on or takes a key from,
+    sorted. ``prices`` are by the model's name as `StageSettings.model` has it; ``run_usd`` is what one run may cost in
+    all, in US dollars.
     """
 
     path: Path

@@ -1,39 +1,23 @@
 """What looks like a secret, and how it is kept out of every message.
 
 A manifest stands in git, so a literal credential in it is already a leak; the message about it must not be a second
-one. The patterns are the public prefixes of well-known token formats, the header of a private key, credentials in a
-URL, and any literal under a key or behind an option whose name says that it is a secret.
+one. Beside what shows by its form that it is a secret (`octoform.redaction`) it is any literal under a key or behind an
+option whose name says that it is one.
 """
 
 import re
 from collections.abc import Iterator
 
-_TOKENS = (
-    r"(?<![A-Za-z0-9])sk-[A-Za-z0-9_-]{12,}",
-    r"(?<![A-Za-z0-9])[rsp]k_(?:live|test)_[A-Za-z0-9]{12,}",
-    r"(?<![A-Za-z0-9])gh[pousr]_[A-Za-z0-9]{16,}",
-    r"(?<![A-Za-z0-9])github_pat_[A-Za-z0-9_]{16,}",
-    r"(?<![A-Za-z0-9])glpat-[A-Za-z0-9_-]{16,}",
-    r"(?<![A-Za-z0-9])(?:AKIA|ASIA)[A-Z0-9]{16}(?![A-Z0-9])",
-    r"(?<![A-Za-z0-9])AIza[A-Za-z0-9_-]{30,}",
-    r"(?<![A-Za-z0-9])xox[abeoprs]-[A-Za-z0-9-]{10,}",
-    r"(?<![A-Za-z0-9])hf_[A-Za-z0-9]{20,}",
-    r"(?<![A-Za-z0-9])npm_[A-Za-z0-9]{30,}",
-    r"(?<![A-Za-z0-9])eyJ[A-Za-z0-9_-]{8,}\.[A-Za-z0-9_-]{8,}\.[A-Za-z0-9_-]*",
-    r"(?i:bearer)\s+(?!\$)[A-Za-z0-9._~+/-]{12,}=*",
-    r"(?<=://)[^/\s:@'\"]+:(?!\$)[^/\s@'\"]+(?=@)",
-)
-_TOKEN = re.compile("|".join(f"(?:{pattern})" for pattern in _TOKENS))
+from octoform.redaction import found_in
+from octoform.redaction.rules import KEY_BEGIN, KEY_END
+
+__all__ = ["assigned_in", "found_in", "is_secret_name", "key_blocks", "masked"]
+
 _WORD = r"(?:(?:api|access|secret|private)[-_]?keys?|(?:auth[-_]?)?token|secrets?|pass(?:word|wd|phrase)|credentials?)"
 _SECRET_NAME = re.compile(rf"(?i)(?:^|.*[-_.]|-*){_WORD}")
 _ASSIGNMENT = re.compile(rf"(?i)(?<![A-Za-z]){_WORD}['\"]?\s*[=:]\s*['\"]?(?!\$)([^\s'\",}}\]]{{6,}})")
-_KEY_BEGINS = re.compile(r"-----BEGIN [A-Z0-9 ]*PRIVATE KEY(?: BLOCK)?-----")
-_KEY_ENDS = re.compile(r"-----END [A-Z0-9 ]*PRIVATE KEY(?: BLOCK)?-----")
-
-
-def found_in(text: str) -> list[tuple[int, int]]:
-    """Where well-known secrets stand in a text: (start, end) offsets, in order."""
-    return [found.span() for found in _TOKEN.finditer(text)] + [found.span() for found in _KEY_BEGINS.finditer(text)]
+_KEY_BEGINS = re.compile(KEY_BEGIN.source())
+_KEY_ENDS = re.compile(KEY_END.source())
 
 
 def assigned_in(text: str) -> list[tuple[int, int]]:

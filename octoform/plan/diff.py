@@ -128,7 +128,7 @@ def _changed(
     now = key_parts(node, outputs, observed.fingerprint)
     reasons = []
     for part in sorted(set(now) | set(known.key_parts)):
-        if part in wishes.ignore or part.removeprefix("input.") in unknown_inputs:
+        if part.removeprefix("escalate.") in wishes.ignore or part.removeprefix("input.") in unknown_inputs:
             continue
         before, after = known.key_parts.get(part), now.get(part)
         if before != after:
@@ -159,6 +159,6 @@ def _action(
         harness=node.harness,
         model=node.model,
         calls_agent=runs_agent,
-        calls_model=runs_agent and node.harness != "builtin",
+        calls_model=runs_agent and node.calls_model,
         last=known.last if known is not None else {},
     )
