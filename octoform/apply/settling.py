@@ -53,10 +53,10 @@ def remember(context: Context, stage: str, value: Any) -> list[Diagnostic]:
 
 
 def _probe(context: Context, value: Any) -> dict[str, bytes]:
-    return {"output.json": text_of(pseudonymise(value, _pseudonym_key(context.layout)))}
+    return {"output.json": text_of(pseudonymise(value, pseudonym_key(context.layout)))}
 
 
-def _pseudonym_key(layout: Layout) -> bytes:
+def pseudonym_key(layout: Layout) -> bytes:
     """32 random bytes of this host, made once and never committed: a serial number could be guessed otherwise.
 
     OSError when they cannot be kept.

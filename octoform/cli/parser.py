@@ -58,8 +58,11 @@ def build() -> argparse.ArgumentParser:
 def _add(commands: "argparse._SubParsersAction[_Parser]", name: str, text: str, *, json: bool = True) -> _Parser:
     command: _Parser = commands.add_parser(name, help=text, description=text, allow_abbrev=False)
     if json:
-        command.add_argument("-json", "--json", action="store_true", help="machine-readable output on standard output")
+        command.add_argument("-json", "--json", action="store_true", help=_JSON)
     return command
+
+
+_JSON = "machine-readable output on standard output"
 
 
 def _flag(command: _Parser, name: str, text: str) -> None:
@@ -122,6 +125,7 @@ def _state(commands: "argparse._SubParsersAction[_Parser]") -> None:
     accept = _add(commands, "accept", "take a node's artifact as it is, under the key of today's specs and settings")
     accept.add_argument("node", metavar="NODE")
     _specs(commands)
+    _attempts(commands)
     unlock = _add(commands, "force-unlock", "remove the lock of a run that is known to be gone", json=False)
     unlock.add_argument("lock_id", metavar="LOCK-ID")
 
@@ -135,6 +139,22 @@ def _specs(commands: "argparse._SubParsersAction[_Parser]") -> None:
     one.add_argument("stage", metavar="STAGE")
     one = _add(verbs, "reset", "drop the edit of a stage, or of all")
     one.add_argument("stage", metavar="STAGE", nargs="?")
+
+
+def _attempts(commands: "argparse._SubParsersAction[_Parser]") -> None:
+    attempts = _add(commands, "attempts", "list what the agents did, the latest last")
+    _value(attempts, "stage", "STAGE", "only the attempts of this stage")
+    _flag(attempts, "all", "all that are kept, not only the latest")
+    verbs = attempts.add_subparsers(dest="verb", metavar="VERB", parser_class=_Parser)
+    one = _add(verbs, "show", "show everything that is known of one attempt", json=False)
+    one.add_argument("number", metavar="N", type=int)
+    record = _add(verbs, "record", "write the last run as a recording, to be played by harness replay", json=False)
+    record.add_argument("folder", metavar="DIR")
+    text = "only runs that began with attempt N or later"
+    record.add_argument("-from", "--from", metavar="N", type=int, default=1, dest="first", help=text)
+    for verb in (one, record):
+        # The verb's own default would undo a -json that stands before it.
+        verb.add_argument("-json", "--json", action="store_true", default=argparse.SUPPRESS, help=_JSON)
 
 
 def _endpoint(commands: "argparse._SubParsersAction[_Parser]") -> None:

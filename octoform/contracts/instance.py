@@ -14,7 +14,7 @@ from octoform.contracts.model import JsonObject
 
 MINIMUM_IN_TEXT = 6
 _PSEUDONYM = re.compile(r"redacted-[0-9a-f]{10}")
-_ADDRESS = re.compile(r"(?<![0-9A-Fa-f:])(?:[0-9A-Fa-f]{2}:){5,19}[0-9A-Fa-f]{2}(?![0-9A-Fa-f:])")
+ADDRESS = re.compile(r"(?<![0-9A-Fa-f:])(?:[0-9A-Fa-f]{2}:){5,19}[0-9A-Fa-f]{2}(?![0-9A-Fa-f:])")
 _IDENTIFYING = re.compile(r"serial|address|\bmac\b|uuid|guid|wwid|wwn|ssid|imei|eui|host", re.IGNORECASE)
 # Members that name a kind; a serial number that leaked into one is refused by a rule, not rewritten.
 _KIND_MEMBERS = frozenset({"id", "interface", "classes", "drivers", "vid", "pid", "class", "strength", "port"})
@@ -32,7 +32,7 @@ def pseudonymise(probe: JsonObject, key: bytes) -> JsonObject:
     under ``key``: in its own member always, elsewhere in the document where it is at least six characters long.
     Any text in the form of a hardware address is hidden too. A second pass changes nothing.
     """
-    replace = _replacement(probe, key)
+    replace = hider(probe, key)
     out: JsonObject = {}
     for name, value in probe.items():
         if name == "hostname":
@@ -53,8 +53,13 @@ def pseudonym(secret: str, key: bytes) -> str:
 def secrets_of(instance: JsonObject) -> Iterator[tuple[str, str]]:
     """(member, value) of what identifies one specimen: not blank and not yet hidden."""
     for name, value in instance.items():
-        if isinstance(value, str) and _IDENTIFYING.search(name) and value.strip() and not _hidden(value):
+        if isinstance(value, str) and identifies(name) and value.strip() and not hidden(value):
             yield name, value.strip()
+
+
+def identifies(member: str) -> bool:
+    """True for the name of a member that tells one specimen from another."""
+    return _IDENTIFYING.search(member) is not None
 
 
 def _device(device: JsonObject, key: bytes, replace: Callable[[str], str]) -> JsonObject:
@@ -82,9 +87,9 @@ def _rewrite(value: Any, replace: Callable[[str], str]) -> Any:
     return value
 
 
-def _replacement(probe: JsonObject, key: bytes) -> Callable[[str], str]:
+def hider(probe: JsonObject, key: bytes) -> Callable[[str], str]:
     """A function that hides every secret of the document inside one string, in a single pass."""
-    patterns = {_in_text(secret): secret for secret in _secrets_in_text(probe)}
+    patterns = {spelt(secret): secret for secret in secrets_in_text(probe)}
     longest = sorted(patterns, key=lambda item: (-len(patterns[item]), item))
     found = re.compile("|".join(longest), re.IGNORECASE) if longest else None
     spellings = {_bare(secret): secret for secret in patterns.values()}
@@ -92,15 +97,16 @@ def _replacement(probe: JsonObject, key: bytes) -> Callable[[str], str]:
     def replace(text: str) -> str:
         if found is not None:
             text = found.sub(lambda hit: pseudonym(spellings.get(_bare(hit.group()), hit.group()), key), text)
-        return _ADDRESS.sub(lambda hit: pseudonym(hit.group(), key), text)
+        return ADDRESS.sub(lambda hit: pseudonym(hit.group(), key), text)
 
     return replace
 
 
-def _secrets_in_text(probe: JsonObject) -> list[str]:
+def secrets_in_text(probe: JsonObject) -> list[str]:
+    """What of this PROBE artifact is hidden wherever it is spelt, since nothing else is spelt so."""
     out = []
     hostname = probe.get("hostname")
-    if isinstance(hostname, str) and not _hidden(hostname) and not _names_a_kind(hostname.strip(), probe):
+    if isinstance(hostname, str) and not hidden(hostname) and not _names_a_kind(hostname.strip(), probe):
         out.append(hostname.strip())
     for instance in instances(probe).values():
         # A "serial number" without a digit is a product name that the maker put in the wrong place.
@@ -117,9 +123,9 @@ def _names_a_kind(word: str, probe: JsonObject) -> bool:
     return word.casefold() in known
 
 
-def _in_text(secret: str) -> str:
-    """A pattern for a secret in running text; a hardware address in any of its three spellings."""
-    if _ADDRESS.fullmatch(secret):
+def spelt(secret: str) -> str:
+    """A pattern for a secret in running text, letter case aside; a hardware address in any of its three spellings."""
+    if ADDRESS.fullmatch(secret):
         return "[:_-]?".join(re.escape(pair) for pair in secret.split(":"))
     escaped = re.escape(secret)
     if len(set(secret)) < 3 or not any(item.isdigit() for item in secret):
@@ -133,8 +139,9 @@ def _bare(text: str) -> str:
 
 
 def _whole(value: Any, key: bytes) -> Any:
-    return pseudonym(value, key) if isinstance(value, str) and value.strip() and not _hidden(value) else value
+    return pseudonym(value, key) if isinstance(value, str) and value.strip() and not hidden(value) else value
 
 
-def _hidden(value: str) -> bool:
+def hidden(value: str) -> bool:
+    """True for what is a pseudonym already."""
     return _PSEUDONYM.fullmatch(value.strip()) is not None

@@ -10,9 +10,10 @@ from octoform.diagnostics.model import (
     Span,
     did_you_mean,
     error,
+    from_json,
     has_errors,
     to_json,
     warning,
 )
 
-__all__ = ["Diagnostic", "Severity", "Span", "did_you_mean", "error", "has_errors", "to_json", "warning"]
+__all__ = ["Diagnostic", "Severity", "Span", "did_you_mean", "error", "from_json", "has_errors", "to_json", "warning"]

@@ -1,6 +1,6 @@
 """The diagnostic value and the few ways to make one."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 
@@ -69,6 +69,23 @@ def to_json(item: Diagnostic) -> dict[str, object]:
         if value is not None:
             out[name] = value
     return out
+
+
+def from_json(value: Mapping[str, object]) -> Diagnostic:
+    """The diagnostic of a JSON form; what is missing or of another kind is left out, so any object gives one."""
+    place = value.get("range")
+    span = None
+    if isinstance(place, dict) and isinstance(place.get("line"), int) and isinstance(place.get("column"), int):
+        end = place.get("end_column")
+        span = Span(place["line"], place["column"], end if isinstance(end, int) else None)
+    words = {name: value[name] for name in ("path", "source", "pointer", "detail", "hint") if name in value}
+    return Diagnostic(
+        Severity.WARNING if value.get("severity") == Severity.WARNING.value else Severity.ERROR,
+        str(value.get("code", "")),
+        str(value.get("summary", "")),
+        span=span,
+        **{name: word for name, word in words.items() if isinstance(word, str)},
+    )
 
 
 def did_you_mean(word: str, candidates: Sequence[str]) -> str | None:

@@ -1,0 +1,116 @@
+"""A transcript as events again: what an agent did in an attempt that is over, for a person and for a replay.
+
+The file lies in a folder that the agent could write to, so it is data: a line that is no event is passed over, and a
+value of the wrong kind is as good as none.
+"""
+
+import json
+import math
+from collections.abc import Iterable
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from octoform.harness.dialect import count, field, json_object
+from octoform.harness.plainfile import read_plain
+from octoform.harness.port import (
+    AgentEvent,
+    Closed,
+    ExitReason,
+    Said,
+    ToolCalled,
+    ToolReturned,
+    Totals,
+    Trouble,
+    Turn,
+    Usage,
+)
+from octoform.harness.watching import KINDS, TRANSCRIPT_BYTES
+
+REASONS = {reason.value: reason for reason in ExitReason}
+
+
+@dataclass(frozen=True, slots=True)
+class Moment:
+    """One event, and how many seconds after the start of the run it came."""
+
+    at: float
+    event: AgentEvent
+
+
+def read(path: Path) -> list[Moment]:
+    """The events of a transcript in their order; none when there is no plain file."""
+    return decode(read_plain(path, TRANSCRIPT_BYTES) or b"")
+
+
+def decode(data: bytes) -> list[Moment]:
+    """The events that the lines hold; what is no event is left out."""
+    found = []
+    for line in data.split(b"\n"):
+        value = json_object(line)
+        event = _event(value) if value is not None else None
+        if event is not None:
+            found.append(Moment(_number(field(value, "at")) or 0.0, event))
+    return found
+
+
+def encode(moments: Iterable[Moment]) -> bytes:
+    """The lines of a transcript."""
+    return b"".join(_line(moment) for moment in moments)
+
+
+def text_of(event: AgentEvent) -> str:
+    """The words of an event; empty where it has none."""
+    return event.text if isinstance(event, Said | ToolCalled | Trouble | Closed) else ""
+
+
+def with_text(event: AgentEvent, text: str) -> AgentEvent:
+    """The event with another text, where it has one."""
+    return replace(event, text=text) if isinstance(event, Said | ToolCalled | Trouble | Closed) else event
+
+
+def _line(moment: Moment) -> bytes:
+    fields = {name: value for name, value in asdict(moment.event).items() if value is not None}
+    value = {"at": moment.at, "event": KINDS[type(moment.event)], **fields}
+    return json.dumps(value, ensure_ascii=False).encode("utf-8", "replace") + b"\n"
+
+
+def _event(value: dict[str, Any]) -> AgentEvent | None:
+    text = _text(value.get("text"))
+    match value.get("event"):
+        case "said":
+            return Said(text)
+        case "tool_called":
+            return ToolCalled(_text(value.get("tool")), text)
+        case "tool_returned":
+            return ToolReturned(value.get("failed") is True)
+        case "turn":
+            return Turn(_usage(value))
+        case "totals":
+            return Totals(_usage(value))
+        case "trouble":
+            reason = REASONS.get(_text(value.get("reason")), ExitReason.CRASHED)
+            return Trouble(reason, text, value.get("final") is True)
+        case "closed":
+            return Closed(value.get("ok") is True, text)
+    return None
+
+
+def _usage(value: dict[str, Any]) -> Usage:
+    return Usage(
+        input_tokens=count(value, "usage", "input_tokens"),
+        cached_tokens=count(value, "usage", "cached_tokens"),
+        output_tokens=count(value, "usage", "output_tokens"),
+        cost_usd=_number(field(value, "usage", "cost_usd")),
+        cost_source=_text(field(value, "usage", "cost_source")) or None,
+    )
+
+
+def _text(value: object) -> str:
+    return value if isinstance(value, str) else ""
+
+
+def _number(value: object) -> float | None:
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        return None
+    return float(value) if math.isfinite(value) and 0 <= value < 1e9 else None

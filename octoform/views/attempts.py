@@ -1,0 +1,244 @@
+"""Attempts for a person and for a program: a list with one line each, and everything about one."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from octoform.engine.attempts import ACCEPTED, INTERRUPTED, RUNNING, Attempt, Detail
+from octoform.engine.recording import Recorded
+from octoform.harness.port import Closed
+from octoform.views.console import Console
+from octoform.views.diagnostics import render
+from octoform.views.problems import near
+from octoform.views.spending import money, spent, tokens
+from octoform.views.text import escape, one_line
+from octoform.views.texts import document
+
+LATEST = 20
+MOST_CALLS = 200
+MOST_TROUBLES = 20
+WIDTH = 160
+STYLES = {"+": "green", "-": "red", "@": "cyan"}
+HEADS = ("no", "stage", "try", "agent", "ended", "time", "turns", "tokens in/out", "cost", "when")
+RIGHT = frozenset({"no", "try", "time", "turns", "tokens in/out", "cost"})
+UNKNOWN = "-"
+
+
+def listing(console: Console, attempts: Sequence[Attempt], *, everything: bool, as_json: bool) -> int:
+    """The attempts, newest last; the latest only, unless everything is asked for."""
+    chosen = attempts if everything else attempts[-LATEST:]
+    if as_json:
+        items = [_document(item) for item in chosen]
+        return document(console, {"format": 1, "attempts": items, "older": len(attempts) - len(chosen)})
+    if not attempts:
+        console.line("No agent has been started yet. Next:  octoform apply")
+        return 0
+    rows = [_row(item) for item in chosen]
+    widths = [max(len(head), *(len(row[index]) for row in rows)) for index, head in enumerate(HEADS)]
+    console.line(console.paint(_line(HEADS, widths), "dim"))
+    for item, row in zip(chosen, rows, strict=True):
+        console.line(_painted(console, item, _line(row, widths)))
+    older = len(attempts) - len(chosen)
+    if older:
+        console.line(console.paint(f"{older} older; -all shows them", "dim"))
+    return 0
+
+
+def one(console: Console, detail: Detail, *, as_json: bool) -> int:
+    """Everything about one attempt."""
+    if as_json:
+        return document(console, {"format": 1, **_document(detail.attempt), **_more(detail)})
+    for line in _told(console, detail):
+        console.line(line)
+    return 0
+
+
+def recorded(console: Console, made: Recorded, *, as_json: bool) -> int:
+    """A recording was written."""
+    if as_json:
+        counts = {"stages": dict(made.stages), "files": made.files, "bytes": made.size}
+        return document(console, {"format": 1, "recording": str(made.folder), **counts})
+    stages = ", ".join(f"{stage} ({_counted(count, 'attempt')})" for stage, count in made.stages.items())
+    console.line(f"Recorded {stages}: {_counted(made.files, 'file')}, {made.size} bytes in {_near(made.folder)}.")
+    console.line("To play it, copy it beside an octopus.yaml that says:")
+    console.line(f"  harness: {{name: replay, recording: {one_line(made.folder.name, WIDTH)}}}")
+    return 0
+
+
+def _row(item: Attempt) -> tuple[str, ...]:
+    record = item.record
+    stage = item.stage if record is None or record.role == "stage" else f"{item.stage} ({record.role})"
+    if record is None:
+        figures = (UNKNOWN,) * 4
+    else:
+        usage = record.usage
+        turns = UNKNOWN if record.turns is None else str(record.turns)
+        cost = UNKNOWN if usage.cost_usd is None else money(usage.cost_usd)
+        figures = (f"{record.seconds:.1f}s", turns, _tokens(usage.input_tokens, usage.output_tokens), cost)
+    cells = (str(item.number), stage, str(item.attempt), _agent(item), _ended(item), *figures, _when(item))
+    return tuple(one_line(cell, 48) for cell in cells)
+
+
+def _line(cells: Sequence[str], widths: Sequence[int]) -> str:
+    padded = (
+        cell.rjust(width) if head in RIGHT else cell.ljust(width)
+        for cell, width, head in zip(cells, widths, HEADS, strict=True)
+    )
+    return "  ".join(padded).rstrip()
+
+
+def _painted(console: Console, item: Attempt, line: str) -> str:
+    style = {ACCEPTED: "green", RUNNING: "cyan", INTERRUPTED: "yellow"}.get(item.state, "red")
+    word = _ended(item)
+    return line.replace(f"  {word}", f"  {console.paint(word, style)}", 1) if console.colour else line
+
+
+def _agent(item: Attempt) -> str:
+    if item.record is None:
+        return UNKNOWN
+    return f"{item.record.harness}, {item.record.model}" if item.record.model else item.record.harness
+
+
+def _ended(item: Attempt) -> str:
+    """``accepted``, ``refused PROBE-DUPLICATE-ID (+2)``, ``timeout``, ``running``."""
+    codes = item.codes if item.state not in (ACCEPTED, RUNNING, INTERRUPTED) else []
+    shown = [code for code in codes if item.state == "refused"]
+    more = f" (+{len(shown) - 1})" if len(shown) > 1 else ""
+    return one_line(f"{item.state} {shown[0]}{more}" if shown else item.state, 48)
+
+
+def _when(item: Attempt) -> str:
+    return item.began.replace("T", " ")
+
+
+def _tokens(given: int | None, made: int | None) -> str:
+    if given is None and made is None:
+        return UNKNOWN
+    return "/".join(UNKNOWN if count is None else tokens(count) for count in (given, made))
+
+
+def _told(console: Console, detail: Detail) -> Iterator[str]:
+    item, record = detail.attempt, detail.attempt.record
+    head = f"attempt {item.number}  {item.stage}, try {item.attempt}  {_ended(item)}"
+    yield console.paint(one_line(head, WIDTH), "bold")
+    yield f"  began      {one_line(_when(item), WIDTH)}"
+    if record is not None:
+        yield f"  agent      {one_line(_agent(item), WIDTH)}{_program(record.program)}"
+        yield f"  run        {one_line(_run(item), WIDTH)}"
+        if record.detail:
+            yield f"             {one_line(record.detail, WIDTH)}"
+        yield f"  used       {_used(item)}"
+    size = detail.sizes.get("prompt.md")
+    yield f"  prompt     {_file(item, 'prompt.md', record.prompt_bytes if record is not None else size)}"
+    yield f"  log        {_file(item, 'agent.log', detail.sizes.get('agent.log'))}"
+    yield f"  transcript {_file(item, 'transcript.jsonl', detail.sizes.get('transcript.jsonl'))}"
+    yield from _calls(detail)
+    yield from _troubles(detail)
+    yield from _spec(console, detail)
+    if record is not None and record.files:
+        yield "  files it left"
+        yield from (f"    {one_line(name, WIDTH)}" for name in record.files)
+    for problem in item.diagnostics:
+        yield ""
+        yield render(near(problem), colour=console.colour)
+
+
+def _run(item: Attempt) -> str:
+    record = item.record
+    if record is None:
+        return UNKNOWN
+    turns = "" if record.turns is None else f", {_counted(record.turns, 'turn')}"
+    status = "" if record.exit_status is None else f", exit status {record.exit_status}"
+    return f"{record.reason} after {record.seconds:.1f} s{status}{turns}"
+
+
+def _used(item: Attempt) -> str:
+    usage = item.record.usage if item.record is not None else None
+    if usage is None:
+        return UNKNOWN
+    source = f", priced by {usage.cost_source}" if usage.cost_usd is not None and usage.cost_source else ""
+    cached = f", {tokens(usage.cached_tokens)} of them cached" if usage.cached_tokens else ""
+    return (
+        one_line(spent(usage.input_tokens, usage.output_tokens, usage.cost_usd) + source + cached, WIDTH) or "unknown"
+    )
+
+
+def _program(program: str | None) -> str:
+    return f" ({one_line(program, WIDTH)})" if program else ""
+
+
+def _file(item: Attempt, name: str, size: int | None) -> str:
+    return f"{_near(item.folder / name)}{'' if size is None else f', {size} bytes'}"
+
+
+def _near(path: Path) -> str:
+    shown = path.relative_to(Path.cwd()) if path.is_relative_to(Path.cwd()) else path
+    return escape(" ".join(str(shown).split("\n")))
+
+
+def _calls(detail: Detail) -> Iterator[str]:
+    calls = detail.calls
+    if not calls:
+        return
+    failed = f", {detail.calls_failed} failed" if detail.calls_failed else ""
+    yield f"  {_counted(len(calls), 'tool call')}{failed}"
+    for at, call in calls[:MOST_CALLS]:
+        yield f"    {at:7.1f}s  {one_line(call.tool, 24)}  {one_line(call.text, WIDTH)}".rstrip()
+    if len(calls) > MOST_CALLS:
+        yield f"    and {len(calls) - MOST_CALLS} more, in the transcript"
+
+
+def _troubles(detail: Detail) -> Iterator[str]:
+    troubles = detail.troubles
+    if not troubles:
+        return
+    yield "  troubles"
+    for at, trouble in troubles[:MOST_TROUBLES]:
+        kind = "closed" if isinstance(trouble, Closed) else trouble.reason.value
+        yield f"    {at:7.1f}s  {kind}  {one_line(trouble.text, WIDTH)}".rstrip()
+    if len(troubles) > MOST_TROUBLES:
+        yield f"    and {len(troubles) - MOST_TROUBLES} more, in the transcript"
+
+
+def _spec(console: Console, detail: Detail) -> Iterator[str]:
+    edit = detail.spec
+    if edit is None:
+        return
+    asked = "" if edit.permitted else ", though it was not asked to"
+    yield f"  spec       edited: {_counted(edit.added, 'line')} added, {edit.removed} removed{asked}"
+    if not edit.certain:
+        yield console.paint("    against the spec of today; the one it was given is no more", "yellow")
+    for line in edit.lines[2:]:
+        style = STYLES.get(line[:1])
+        yield "    " + (console.paint(escape(line), style) if style else escape(line))
+
+
+def _document(item: Attempt) -> dict[str, Any]:
+    record: Mapping[str, Any] = item.record.model_dump(mode="json") if item.record is not None else {}
+    known = {"number": item.number, "stage": item.stage, "attempt": item.attempt, "state": item.state}
+    return {**record, **known, "started_at": item.began, "folder": str(item.folder)}
+
+
+def _more(detail: Detail) -> dict[str, Any]:
+    edit, calls, troubles = detail.spec, detail.calls, detail.troubles
+    lines = None
+    if edit is not None:
+        counts = {"added": edit.added, "removed": edit.removed, "permitted": edit.permitted}
+        lines = {**counts, "certain": edit.certain, "diff": list(edit.lines)}
+    return {
+        "prompt": {"path": str(detail.attempt.folder / "prompt.md"), "bytes": detail.sizes.get("prompt.md")},
+        "log": {"path": str(detail.attempt.folder / "agent.log"), "bytes": detail.sizes.get("agent.log")},
+        "spec": lines,
+        "tool_calls": [{"at": at, "tool": call.tool, "text": call.text} for at, call in calls[:MOST_CALLS]],
+        "tool_calls_in_all": len(calls),
+        "tool_calls_failed": detail.calls_failed,
+        "troubles": [
+            {"at": at, "reason": None if isinstance(item, Closed) else item.reason.value, "text": item.text}
+            for at, item in troubles[:MOST_TROUBLES]
+        ],
+        "troubles_in_all": len(troubles),
+    }
+
+
+def _counted(count: int, word: str) -> str:
+    return f"{count} {word}" if count == 1 else f"{count} {word}s"
