@@ -164,8 +164,8 @@ class ClaudeCodeDialect:
                 yield Said(one_line(field(part, "text")))
             elif field(part, "type") == "tool_use":
                 yield ToolCalled(one_line(field(part, "name") or "?"), _argument(field(part, "input")))
-        identity = str(field(message, "id"))
-        if identity not in self._counted:
+        identity = field(message, "id")
+        if isinstance(identity, str) and identity not in self._counted:
             # A reply that came in one piece.
             self._counted.add(identity)
             yield Turn(_usage(field(message, "usage")))

@@ -49,8 +49,8 @@ OPTIONS = (
     "--dangerously-bypass-approvals-and-sandbox",
 )
 PIECE = re.compile(
-    rb"\S+ +INFO codex_otel\S*: event\.name=\"codex\.sse_event\" event\.kind=(\S+)"
-    rb"(?: input_token_count=(\d{1,15}) output_token_count=(\d{1,15}) cached_token_count=(\d{1,15}))?"
+    rb"\S+ +INFO codex_otel\S*: event\.name=\"codex\.sse_event\" event\.kind=(\S+) (?:duration_ms="
+    rb"|input_token_count=(\d{1,15}) output_token_count=(\d{1,15})(?: cached_token_count=(\d{1,15}))?)"
 )
 COMPLETED = b"response.completed"
 TOOLS = ("command_execution", "file_change", "mcp_tool_call", "web_search")
@@ -156,11 +156,10 @@ class CodexDialect:
         found = PIECE.match(line)
         if found is None:
             return
-        kind, *counts = found.groups()
-        if kind == COMPLETED and counts[0] is not None:
+        kind, taken, given, cached = found.groups()
+        if kind == COMPLETED and taken is not None:
             self._owed = False
-            fresh_and_cached, out, cached = map(int, counts)
-            yield Turn(Usage(fresh_and_cached, cached, out))
+            yield Turn(Usage(int(taken), None if cached is None else int(cached), int(given)))
             return
         if self._owed:
             yield Turn()
