@@ -142,7 +142,7 @@ def _attempt(
     try:
         outcome = run(context, harness, task)
         verdict = _gate(context, assignment, task, outcome, audit.end(watch))
-        edit = _note_edit(context, prepared, verdict)
+        edit = _note_edit(context, prepared)
     except OSError as problem:  # a full disk, or an agent that has made away with its own folder
         outcome = Outcome(ExitReason.CRASHED, None, 0.0)
         verdict = Verdict((*audit.end(watch), refused(problem, task.workdir)))
@@ -198,7 +198,7 @@ def _watch(context: Context) -> audit.Watch:
     return audit.begin(layout.project, files, [layout.committed])
 
 
-def _note_edit(context: Context, prepared: Prepared, verdict: Verdict) -> Edit | None:
+def _note_edit(context: Context, prepared: Prepared) -> Edit | None:
     """What the agent made of its copy of the spec: shown, and kept for a person if it was asked to correct it."""
     task = prepared.task
     edit = spec_copy.look(task.workdir, prepared.spec, permitted=prepared.editable)
@@ -215,7 +215,6 @@ def _note_edit(context: Context, prepared: Prepared, verdict: Verdict) -> Edit |
                 digest=edit.digest,
                 text=edit.text,
                 attempt=task.workdir.name,
-                accepted=verdict.accepted,
             ),
         )
     return edit

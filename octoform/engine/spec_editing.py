@@ -11,8 +11,8 @@ from tempfile import TemporaryDirectory
 
 from octoform.apply.spec_copy import unified
 from octoform.diagnostics import Diagnostic, did_you_mean, error, has_errors
-from octoform.engine.compiling import Compiled, compile_project
-from octoform.engine.inspecting import Found, change
+from octoform.engine.compiling import Compiled
+from octoform.engine.inspecting import Found, change, open_project
 from octoform.graph.model import key_of
 from octoform.protocol import STAGES, Spec
 from octoform.protocol.loading import load_one
@@ -42,12 +42,12 @@ def waiting(
     project: Path, environ: Mapping[str, str], stage: str | None
 ) -> tuple[tuple[Shown, ...] | None, list[Diagnostic]]:
     """Every waiting edit, or that of one stage; None with the reason when the project or the name is wrong."""
-    compiled, found = compile_project(project, environ)
+    opened, found = open_project(project, environ)
     found += _unknown(stage)
-    if compiled is None or has_errors(found):
+    if opened is None or has_errors(found):
         return None, found
-    edits = [edit for edit in spec_edits.waiting(compiled.layout) if stage in (None, edit.stage)]
-    return tuple(_shown(compiled, edit) for edit in edits), found
+    edits = [edit for edit in spec_edits.waiting(opened.compiled.layout) if stage in (None, edit.stage)]
+    return tuple(_shown(opened, edit) for edit in edits), found
 
 
 def promote(project: Path, environ: Mapping[str, str], stage: str) -> list[Diagnostic]:
@@ -106,14 +106,14 @@ def _nothing(stage: str) -> Diagnostic:
     return error("SPEC-NO-EDIT", f"no agent's edit of the spec of {stage} waits here", hint=hint)
 
 
-def _shown(compiled: Compiled, edit: PendingEdit) -> Shown:
-    spec = compiled.specs[edit.stage]
+def _shown(opened: Found, edit: PendingEdit) -> Shown:
+    spec, known = opened.compiled.specs[edit.stage], opened.snapshot.nodes.get(edit.stage)
     return Shown(
         stage=edit.stage,
         path=f"protocol/{edit.stage}.md",
         diff=unified(spec.text, edit.text),
         attempt=edit.attempt,
-        accepted=edit.accepted,
+        accepted=known is not None and _made_with(known, edit),
         moved=spec.digest != edit.base,
     )
 

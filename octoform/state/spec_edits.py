@@ -19,7 +19,7 @@ MOST_BYTES = 512 * 1024
 class PendingEdit(Persisted):
     """``base`` is the digest of the spec that was edited, ``digest`` that of ``text``, which is the whole edited spec.
 
-    ``attempt`` names the attempt's folder. ``accepted``: the stage's accepted output was made with this text.
+    ``attempt`` names the attempt's folder.
     """
 
     format: Literal[1] = 1
@@ -28,7 +28,6 @@ class PendingEdit(Persisted):
     digest: str
     text: str
     attempt: str
-    accepted: bool = False
 
 
 def keep(layout: Layout, edit: PendingEdit) -> Diagnostic | None:

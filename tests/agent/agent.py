@@ -15,6 +15,10 @@ one repeats). A behaviour is ``good`` (write the good artifact beside this file)
     {"remove": true}         remove the attempt's whole folder
     {"replace_spec": [KIND, TARGET]}  put a pipe, a folder or a link to TARGET in the place of the spec's copy
     {"leak": NAME}           the good JSON with the value in it; with "escaped": true spelt in \\uXXXX
+    {"edit_spec": TEXT}      add a line to the own copy of the spec, before anything else is done
+    {"new_spec": TEXT}       make this the whole copy of the spec
+    {"needs_in_spec": TEXT}  the good artifact if the own copy of the spec holds the text, else none
+    {"name_all": TEXT}       IDENTIFY: every device of the input by that name, on its own name as evidence
 
 Every call is one line in SCRIPT.log, so that a test can count them.
 """
@@ -119,25 +123,74 @@ def replace_spec(kind: str, target: str) -> None:
     {"pipe": lambda: os.mkfifo(copy), "folder": copy.mkdir, "link": lambda: copy.symlink_to(target)}[kind]()
 
 
+def name_all(name: str, output: Path) -> None:
+    task = json.loads(Path(os.environ["OCTOFORM_TASK"]).read_text())
+    devices = json.loads(Path(task["input"]).read_text())["devices"]
+    answers = [
+        {
+            "id": device["id"],
+            "identified_as": name,
+            "category": "infrastructure",
+            "confidence": 0.8,
+            "method": "descriptor_strings",
+            "evidence": [{"quote": device["name"]}],
+            "capabilities": [],
+        }
+        for device in devices
+    ]
+    output.write_text(json.dumps({"format": 1, "devices": answers, "left_out": []}))
+
+
 def leave_children(count: int) -> None:
     pids = [subprocess.Popen([sys.executable, "-c", "import time; time.sleep(300)"]).pid for _ in range(count)]
     Path("children.json").write_text(json.dumps(pids))
 
 
-def write_odd(behaviour: dict[str, object], stage: str, output: Path) -> bool:
-    """Outputs that are no text of ours; False when the behaviour asks for none."""
-    if "remove" in behaviour:
-        shutil.rmtree(output.parent)
-    elif "sparse" in behaviour:
-        with output.open("wb") as file:
-            file.truncate(behaviour["sparse"])
-    elif "bytes" in behaviour:
-        output.write_bytes(bytes.fromhex(behaviour["bytes"]))
-    elif "leak" in behaviour:
+def remove(_: object, stage: str, output: Path) -> None:
+    shutil.rmtree(output.parent)
+
+
+def write_sparse(size: int, stage: str, output: Path) -> None:
+    with output.open("wb") as file:
+        file.truncate(size)
+
+
+def write_if_spec_holds(text: str, stage: str, output: Path) -> None:
+    if text in Path("spec.md").read_text():
+        output.write_text(good(stage))
+
+
+# What may stand in the place of the good output; the first that a behaviour names is done.
+OUTPUTS = {
+    "remove": remove,
+    "sparse": write_sparse,
+    "bytes": lambda text, stage, output: output.write_bytes(bytes.fromhex(text)),
+    "name_all": lambda name, stage, output: name_all(name, output),
+    "needs_in_spec": write_if_spec_holds,
+    "link": lambda target, stage, output: output.symlink_to(target),
+    "mutate": lambda changes, stage, output: output.write_text(mutate(stage, changes)),
+    "copy": lambda source, stage, output: output.write_bytes(Path(source).read_bytes()),
+    "write": lambda text, stage, output: output.write_text(text),
+}
+
+
+def write_output(behaviour: dict[str, object], stage: str, output: Path) -> None:
+    chosen = next((name for name in OUTPUTS if name in behaviour), None)
+    if "leak" in behaviour:
         output.write_text(leak(stage, behaviour))
-    else:
-        return False
-    return True
+    elif chosen is not None:
+        OUTPUTS[chosen](behaviour[chosen], stage, output)
+    elif not {"exit", "sleep"} & set(behaviour):
+        output.write_text(good(stage))
+
+
+def edit_spec(behaviour: dict[str, object]) -> None:
+    spec = Path("spec.md")
+    if "edit_spec" in behaviour:
+        spec.chmod(0o644)
+        spec.write_text(spec.read_text() + behaviour["edit_spec"] + "\n")
+    if "new_spec" in behaviour:
+        spec.write_text(behaviour["new_spec"])
 
 
 def act(behaviour: dict[str, object], stage: str, output: Path) -> None:
@@ -148,18 +201,8 @@ def act(behaviour: dict[str, object], stage: str, output: Path) -> None:
     for name in behaviour.get("touch", []):
         with Path(name).open("a") as file:
             file.write("touched by the agent\n")
-    if write_odd(behaviour, stage, output):
-        pass
-    elif "link" in behaviour:
-        output.symlink_to(behaviour["link"])
-    elif "mutate" in behaviour:
-        output.write_text(mutate(stage, behaviour["mutate"]))
-    elif "copy" in behaviour:
-        output.write_bytes(Path(behaviour["copy"]).read_bytes())
-    elif "write" in behaviour:
-        output.write_text(behaviour["write"])
-    elif not {"exit", "sleep"} & set(behaviour):
-        output.write_text(good(stage))
+    edit_spec(behaviour)
+    write_output(behaviour, stage, output)
     if "fill" in behaviour:
         fill_disk(Path(behaviour["fill"]))
     time.sleep(behaviour.get("sleep", 0))

@@ -47,7 +47,8 @@ class Project:
     """A folder with octopus.yaml whose agent follows a script; the script lies outside of it.
 
     ``environ`` is added to the environment of octoform, ``env`` names the variables that the agent is given,
-    ``prefix`` is a command that runs octoform, ``host`` the name of the host.
+    ``prefix`` is a command that runs octoform, ``host`` the name of the host,
+    ``harness`` the manifest's harness in place of the scripted agent.
     """
 
     folder: Path
@@ -58,6 +59,7 @@ class Project:
     env: list[str] = field(default_factory=list)
     prefix: list[str] = field(default_factory=list)
     host: str = "bench"
+    harness: str | None = None
 
     @property
     def state(self) -> Path:
@@ -72,11 +74,15 @@ class Project:
         self.folder.mkdir(parents=True, exist_ok=True)
         self.outside.mkdir(parents=True, exist_ok=True)
         (self.outside / "script.json").write_text(json.dumps(self.script))
-        command = json.dumps([sys.executable, str(AGENT), str(self.outside / "script.json")])
-        passed = f", env: {json.dumps(self.env)}" if self.env else ""
-        lines = ["version: 1", f"host: {self.host}", f"harness: {{name: command, command: {command}{passed}}}"]
+        lines = ["version: 1", f"host: {self.host}", f"harness: {self.harness or self.scripted()}"]
         lines += [f"{key}: {value}" for key, value in self.manifest.items()]
         (self.folder / "octopus.yaml").write_text("\n".join(lines) + "\n")
+
+    def scripted(self) -> str:
+        """The scripted agent as a harness of the manifest."""
+        command = json.dumps([sys.executable, str(AGENT), str(self.outside / "script.json")])
+        passed = f", env: {json.dumps(self.env)}" if self.env else ""
+        return f"{{name: command, command: {command}{passed}}}"
 
     def environment(self) -> dict[str, str]:
         kept = ("PATH", "HOME", "LANG", "UV_CACHE_DIR", "SSL_CERT_FILE", "PIP_CERT", "PIP_CONFIG_FILE")
