@@ -104,6 +104,10 @@ class _Rounds:
 
     def checks(self, agent: Agent) -> Iterable[Check]:
         spec = agent.harness
+        if spec.name == LITELLM:
+            yield _litellm()
+            yield from self._model(agent, APIS)
+            return
         harness = registry.resolve(spec, self.environ, self.manifest.project)
         if isinstance(harness, Diagnostic):
             yield failed("harness", harness.summary, harness.hint)
@@ -113,8 +117,6 @@ class _Rounds:
             yield _sandbox(spec)
         if isinstance(harness, ProgramHarness):
             yield from self._model(agent, harness.adapter.apis)
-        elif spec.name == LITELLM:
-            yield from self._model(agent, APIS)
 
     def _program(self, spec: HarnessSpec, harness: port.Harness) -> tuple[Check, ...]:
         if isinstance(harness, ProgramHarness):
@@ -124,8 +126,6 @@ class _Rounds:
             return self.seen[key]
         if isinstance(harness, CommandHarness):
             return (command_check(harness.argv[0], self.environ),)
-        if spec.name == LITELLM:
-            return (_litellm(),)
         # What was resolved and needs no program: the embedded agent, or a recording that has been read.
         detail = f"{spec.recording} can be read" if spec.recording is not None else "comes with octoform"
         return (passed("harness", detail),)

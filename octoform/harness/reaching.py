@@ -77,7 +77,11 @@ def ask(way: Access, key: str, proxies: Mapping[str, str]) -> Answer:
     worker = threading.Thread(target=lambda: found.append(_get(way, key, proxies)), daemon=True)
     worker.start()
     worker.join(SECONDS)
-    return found[0] if found else Answer(None, f"no answer within {SECONDS:g} s")
+    return found[0] if found else _late()
+
+
+def _late() -> Answer:
+    return Answer(None, f"no answer within {SECONDS:g} s")
 
 
 def _get(way: Access, key: str, proxies: Mapping[str, str]) -> Answer:
@@ -91,7 +95,11 @@ def _get(way: Access, key: str, proxies: Mapping[str, str]) -> Answer:
     except urllib.error.HTTPError as refusal:
         refusal.close()
         return Answer(refusal.code)
+    except TimeoutError:
+        return _late()
     except urllib.error.URLError as failure:
+        if isinstance(failure.reason, TimeoutError):
+            return _late()
         return Answer(None, str(getattr(failure.reason, "strerror", None) or failure.reason))
     except (OSError, ValueError, http.client.HTTPException) as failure:
         return Answer(None, str(failure) or type(failure).__name__)
