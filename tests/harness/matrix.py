@@ -40,6 +40,9 @@ SUBJECTS: Mapping[str, Subject] = {
     item.name: item
     for item in (
         Subject("pi", start_seconds=6.0),
+        Subject("claude-code", model="anthropic/scripted", start_seconds=8.0),
+        # It tries again after a 500, and never after a 429.
+        Subject("codex", start_seconds=6.0, differs={"500, 429, ok": Expected(ExitReason.RATE_LIMIT)}),
     )
 }  # fmt: skip
 PROGRAMS = [
