@@ -82,14 +82,12 @@ def _render(prompt: Prompt, log: str) -> str:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    schema = prompt.spec.schema
     return environment.get_template("retry.md.j2" if prompt.is_retry else "first.md.j2").render(
         stage=prompt.spec.stage.upper(),
         body=prompt.spec.body.rstrip(),
         own_spec=prompt.own_spec,
         editable=prompt.editable,
-        schema=schema.read_text(encoding="utf-8").rstrip() if schema and not prompt.is_retry else "",
-        schema_path=schema,
+        schema_path=prompt.spec.schema,
         input=prompt.input,
         output=prompt.output,
         workdir=prompt.workdir,
