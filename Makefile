@@ -1,11 +1,16 @@
-# make test        set up and pass all tests
+# make test        set up and pass all tests; HARNESSES="pi codex" says which agent programs are tested (default: pi)
+# make test-harnesses  install all agent programs and pass the tests that run them
 # make recordings  score the embedded agent over a folder of recorded hosts: make recordings DIR=...
 # make bench       print the measurements of bench/
 # make lock        renew the lock files of .ci/ from pyproject.toml
 
 PYTHON := .venv/bin/python
+HARNESSES := pi
+ALL_HARNESSES := pi opencode claude-code codex gemini-cli qwen-code
+# Programs go into a folder of the user that all checkouts share: OCTOFORM_AGENTS, else below the cache folder.
+MARKED := not harness$(foreach name,$(HARNESSES), or harness_$(subst -,_,$(name)))
 
-.PHONY: setup test lint recordings bench lock
+.PHONY: setup test test-harnesses lint recordings bench lock
 
 setup:
 	@.ci/setup dev
@@ -17,7 +22,12 @@ lint: setup
 	@.venv/bin/lint-imports
 
 test: lint
-	@$(PYTHON) -m pytest -n auto --dist worksteal
+	@.venv/bin/octoform install $(HARNESSES)
+	@$(PYTHON) -m pytest -n auto --dist worksteal -m "$(MARKED)"
+
+test-harnesses: setup
+	@.venv/bin/octoform install $(ALL_HARNESSES)
+	@$(PYTHON) -m pytest -n auto --dist worksteal -m harness
 
 recordings: setup
 	@$(PYTHON) tests/recordings/run.py $(DIR)
