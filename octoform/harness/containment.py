@@ -26,6 +26,7 @@ REAPER = Path(__file__).with_name("reaper.py")
 CHUNK = 64 << 10
 MARGIN_SECONDS = 15.0
 FLOOD_PAUSE_SECONDS = 0.01
+STREAMS = ("stdout", "stderr")
 
 
 @dataclass(frozen=True, slots=True)
@@ -157,7 +158,7 @@ class _Session:
             os.write(self._control, b"g")
         give_up = time.monotonic() + self._limits.wall_seconds + self._limits.grace_seconds + MARGIN_SECONDS
         with selectors.DefaultSelector() as selector:
-            for name, stream in (("stdout", self._process.stdout), ("stderr", self._process.stderr)):
+            for name, stream in zip(STREAMS, (self._process.stdout, self._process.stderr), strict=True):
                 if stream is not None:
                     os.set_blocking(stream.fileno(), False)
                     selector.register(stream.fileno(), selectors.EVENT_READ, name)
@@ -170,6 +171,8 @@ class _Session:
                 if log.full:
                     time.sleep(FLOOD_PAUSE_SECONDS)
             self._drain(selector, log, observer)
+        for name in STREAMS:
+            observer.feed(name, log.rest(name))
         observer.finish()
         return self._told
 

@@ -11,45 +11,13 @@ from pathlib import Path
 from types import TracebackType
 from typing import Self
 
+from octoform.redaction import Redactor
+
 DEFAULT_LIMIT = 16 << 20
-SHORTEST_SECRET = 6
 LINE_LIMIT = 200
 LINES_LOOKED_AT = 8
 PROGRESS_INTERVAL = 0.2
 SILENCE_INTERVAL = 10.0
-
-
-class Redactor:
-    """Replaces secret values in one byte stream, also where a value is split between two pieces."""
-
-    def __init__(self, secrets: Mapping[str, str]) -> None:
-        found = [(os.fsencode(value), f"[{name} redacted]".encode()) for name, value in secrets.items()]
-        # Shorter values would blank out ordinary words and protect nothing.
-        self._secrets = sorted((pair for pair in found if len(pair[0]) >= SHORTEST_SECRET), key=lambda p: -len(p[0]))
-        self._held = b""
-
-    def feed(self, data: bytes) -> bytes:
-        """The piece as it may be written; what could be the beginning of a secret is held back."""
-        if not self._secrets:
-            return data
-        text = self._held + data
-        for value, shown in self._secrets:
-            text = text.replace(value, shown)
-        hold = self._unfinished(text)
-        self._held = text[len(text) - hold :]
-        return text[: len(text) - hold]
-
-    def flush(self) -> bytes:
-        """What was held back, at the end of the stream."""
-        held, self._held = self._held, b""
-        return held
-
-    def _unfinished(self, text: bytes) -> int:
-        longest = min(len(text), max(len(value) for value, _ in self._secrets) - 1)
-        for size in range(longest, 0, -1):
-            if any(value.startswith(text[-size:]) for value, _ in self._secrets):
-                return size
-        return 0
 
 
 class Progress:
@@ -124,8 +92,8 @@ class TaskLog:
     def __exit__(
         self, kind: type[BaseException] | None, value: BaseException | None, trace: TracebackType | None
     ) -> None:
-        for redactor in self._redactors.values():
-            self._write(redactor.flush())
+        for stream in self._redactors:
+            self.rest(stream)
         if self.dropped:
             note = f"\n[octoform: the log is limited to {self._limit} bytes; {self.dropped} more were dropped]\n"
             os.write(self._descriptor, note.encode())
@@ -139,6 +107,12 @@ class TaskLog:
     def feed(self, stream: str, data: bytes) -> bytes:
         """Write a piece of ``stdout`` or ``stderr``; the redacted bytes."""
         shown = self._redactors[stream].feed(data)
+        self._write(shown)
+        return shown
+
+    def rest(self, stream: str) -> bytes:
+        """Write what was held back of a stream that has ended; the redacted bytes."""
+        shown = self._redactors[stream].flush()
         self._write(shown)
         return shown
 
