@@ -139,6 +139,7 @@ def _ending(ended: Ended, task: Task, name: str, watcher: Watcher) -> str:
     limits = task.limits
     if ended.reason == "ordered":
         return {
+            ExitReason.FINISHED: "it said that it was done, did not leave, and was ended",
             ExitReason.IDLE: f"stopped after {limits.idle_seconds or 0:g} s without a sign of progress",
             ExitReason.TURN_LIMIT: f"stopped after {watcher.turns} replies of the model, {limits.turns} are allowed",
             ExitReason.BUDGET: f"stopped when its cost passed {limits.usd or 0:.2f} US dollars",

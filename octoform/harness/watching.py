@@ -33,6 +33,8 @@ from octoform.harness.port import (
 from octoform.harness.pricing import cost_of
 from octoform.harness.tasklog import Progress
 
+CLOSING_SECONDS = 10.0
+"""How long a program may take to leave after it has said that its run is over."""
 LONGEST_LINE = 8 << 20
 TRANSCRIPT_BYTES = 4 << 20
 KINDS = {
@@ -57,6 +59,7 @@ class _Seen:
     trouble: Trouble | None = None
     trouble_since: float = 0.0
     closed: Closed | None = None
+    closed_at: float = 0.0
 
 
 class Watcher:
@@ -142,6 +145,9 @@ class Watcher:
 
     def _verdict(self) -> ExitReason | None:
         now, seen, limits = self._clock(), self._seen, self._limits
+        if seen.closed is not None and seen.closed.ok and seen.trouble is None:
+            # Done by its own word: what keeps it from leaving is no part of its work.
+            return ExitReason.FINISHED if now - seen.closed_at > CLOSING_SECONDS else None
         if seen.trouble is not None and (seen.trouble.final or now - seen.trouble_since > limits.patience_seconds):
             return seen.trouble.reason
         if limits.turns is not None and seen.turns > limits.turns:
@@ -183,7 +189,7 @@ class Watcher:
             case Totals():
                 seen.totals = event.usage
             case Closed():
-                seen.closed = event
+                seen.closed, seen.closed_at = event, self._clock()
         seen.active = self._clock()
 
     def _say(self, text: str, _: float) -> None:
