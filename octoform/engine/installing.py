@@ -103,7 +103,7 @@ def _litellm(say: Callable[[str], None]) -> Installed | Diagnostic:
         return Installed(LITELLM, "present", sys.prefix, version)
     requirement = _requirement()
     command = ["uv", "pip", "install", "--python", sys.executable, requirement]
-    foreign = _foreign(Path(sys.prefix), requirement)
+    foreign = elsewhere(Path(sys.prefix), requirement)
     if foreign is not None:
         summary = f"litellm belongs into octoform's own environment, {sys.prefix}, which is not octoform's to change"
         return error("HARNESS-INSTALL-FOREIGN", summary, hint=f"run: {foreign}")
@@ -117,7 +117,7 @@ def _litellm(say: Callable[[str], None]) -> Installed | Diagnostic:
     return Installed(LITELLM, "installed", sys.prefix, _version(LITELLM))
 
 
-def _foreign(prefix: Path, requirement: str) -> str | None:
+def elsewhere(prefix: Path, requirement: str) -> str | None:
     """The command for a person where this environment belongs to another tool or user; None when it may be changed."""
     quoted = shlex.quote(requirement)
     if (prefix / "uv-receipt.toml").exists():

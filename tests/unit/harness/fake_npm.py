@@ -25,14 +25,14 @@ with open(LOG, "a") as stream:
     stream.write(json.dumps({"argv": sys.argv[1:], "env": dict(os.environ)}) + "\\n")
 prefix = pathlib.Path(sys.argv[sys.argv.index("--prefix") + 1])
 name, _, version = sys.argv[-1].rpartition("@")
-def put(version=version, program=PROGRAM):
+def put(version=version, program=PROGRAM, binary="agent"):
     package = prefix / "node_modules" / name
     package.mkdir(parents=True)
     (package / "package.json").write_text(json.dumps({"version": version}))
     (package / "cli").write_text("#!" + sys.executable + " -IS\\n" + program)
     (package / "cli").chmod(0o755)
     (prefix / "node_modules" / ".bin").mkdir()
-    (prefix / "node_modules" / ".bin" / "agent").symlink_to("../" + name + "/cli")
+    (prefix / "node_modules" / ".bin" / binary).symlink_to("../" + name + "/cli")
 """
 
 PROGRAM = """
