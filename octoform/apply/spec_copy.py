@@ -5,11 +5,13 @@ attempt of the same stage reads it, `protocol/` does not change, and only a pers
 """
 
 import difflib
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
 from octoform import digest
 from octoform.harness.plainfile import read_plain
+from octoform.redaction import redacted
 
 FILE_NAME = "spec.md"
 MOST_SPEC_BYTES = 256 * 1024
@@ -48,13 +50,19 @@ def give(workdir: Path, text: str, *, editable: bool) -> Path:
     return copy
 
 
-def look(workdir: Path, given: str, *, permitted: bool) -> Edit | None:
-    """What became of the copy; None when it is as it was, or no plain file of a sane size lies in its place."""
+def look(workdir: Path, given: str, secrets: Mapping[str, str], *, permitted: bool) -> Edit | None:
+    """What became of the copy; None when it is as it was, or no plain file of a sane size lies in its place.
+
+    An edit is shown, kept and perhaps committed: the ``secrets``, by name, and what looks like one are redacted in it.
+    """
     data = read_plain(workdir / FILE_NAME, MOST_SPEC_BYTES + 1)
     if data is None or len(data) > MOST_SPEC_BYTES:
         return None
     text = data.decode("utf-8", "replace")
-    return Edit(text, unified(given, text), permitted) if text != given else None
+    if text == given:
+        return None
+    text = redacted(text, secrets)
+    return Edit(text, unified(given, text), permitted)
 
 
 def unified(before: str, after: str) -> tuple[str, ...]:

@@ -14,11 +14,12 @@ from octoform.apply.attempt import Failed, Prepared, prepare, run
 from octoform.apply.attempt_record import record
 from octoform.apply.context import Context
 from octoform.apply.gate import Verdict, ended_well, read_output
-from octoform.apply.leaks import leaked
+from octoform.apply.leaks import leaked, without_secrets
 from octoform.apply.result import Finished
 from octoform.apply.settling import settle
 from octoform.apply.spec_copy import Edit
 from octoform.diagnostics import Diagnostic, error, has_errors
+from octoform.harness import environment
 from octoform.harness.port import ExitReason, Harness, Outcome, Task, TaskLimits, Usage
 from octoform.harness.registry import resolve
 from octoform.harness.watching import added
@@ -146,6 +147,7 @@ def _attempt(
     except OSError as problem:  # a full disk, or an agent that has made away with its own folder
         outcome = Outcome(ExitReason.CRASHED, None, 0.0)
         verdict = Verdict((*audit.end(watch), refused(problem, task.workdir)))
+    verdict = replace(verdict, diagnostics=without_secrets(task, verdict.diagnostics))
     progress.usage = added(progress.usage, outcome.usage)
     context.purse.pay(assignment.stage, outcome.usage)
     progress.edit = edit if edit is not None and edit.permitted else progress.edit
@@ -201,7 +203,8 @@ def _watch(context: Context) -> audit.Watch:
 def _note_edit(context: Context, prepared: Prepared) -> Edit | None:
     """What the agent made of its copy of the spec: shown, and kept for a person if it was asked to correct it."""
     task = prepared.task
-    edit = spec_copy.look(task.workdir, prepared.spec, permitted=prepared.editable)
+    secrets = environment.secrets(task.environment, task.secrets)
+    edit = spec_copy.look(task.workdir, prepared.spec, secrets, permitted=prepared.editable)
     if edit is None:
         return None
     context.emit(events.SpecEdited(task.stage, task.attempt, edit.permitted, edit.diff))
