@@ -110,7 +110,7 @@ class _Rounds:
             return
         harness = registry.resolve(spec, self.environ, self.manifest.project)
         if isinstance(harness, Diagnostic):
-            yield failed("harness", harness.summary, harness.hint)
+            yield failed(_subject(spec), harness.summary, harness.hint)
             return
         yield from self._program(spec, harness)
         if spec.sandbox is not None:
@@ -127,8 +127,8 @@ class _Rounds:
         if isinstance(harness, CommandHarness):
             return (command_check(harness.argv[0], self.environ),)
         # What was resolved and needs no program: the embedded agent, or a recording that has been read.
-        detail = f"{spec.recording} can be read" if spec.recording is not None else "comes with octoform"
-        return (passed("harness", detail),)
+        detail = f"{spec.recording} can be played" if spec.recording is not None else "comes with octoform"
+        return (passed(_subject(spec), detail),)
 
     def _model(self, agent: Agent, apis: tuple[str, ...]) -> Iterable[Check]:
         name = resolve(agent.model, self.environ) if agent.model is not None else None
@@ -152,6 +152,10 @@ class _Rounds:
             return failed("price", f"budget.usd is set, and nobody knows what {written} costs", hint)
         whose = "octopus.yaml" if price.source == "manifest" else f"the table of {price.source}"
         return passed("price", f"{price.input:g} and {price.output:g} dollars for a million tokens, by {whose}")
+
+
+def _subject(spec: HarnessSpec) -> str:
+    return "recording" if spec.recording is not None else "harness"
 
 
 def _litellm() -> Check:

@@ -288,6 +288,15 @@ def test_the_embedded_agent_needs_nothing(bench: Bench) -> None:
     assert not bench.diagnose().ok
 
 
+def test_a_recording_has_to_be_one(bench: Bench) -> None:
+    folder = bench.folder / "recordings" / "bench"
+    folder.mkdir(parents=True)
+    bench.manifest("harness: {name: replay, recording: recordings/bench}")
+    assert bench.statuses()["recording"] == "fail"
+    (folder / "recording.json").write_text('{"format": 1, "octoform": "0.1.0", "stages": {}}')
+    assert bench.statuses()["recording"] == "pass"
+
+
 def test_the_command_line(bench: Bench, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     for name, value in bench.environ.items():
         monkeypatch.setenv(name, value)
