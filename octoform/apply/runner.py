@@ -16,6 +16,7 @@ from octoform.diagnostics import Diagnostic, has_errors
 from octoform.graph.model import Node, NodeKind, key_of, key_parts
 from octoform.harness.port import Usage
 from octoform.harness.watching import added
+from octoform.plan.diff import is_ignored
 from octoform.plan.lending import WANTED_ANEW
 from octoform.plan.model import Action, Plan, PlannedAction
 from octoform.state.artifacts import accept, file_digest
@@ -59,9 +60,9 @@ def settled(context: Context, node: Node) -> bool:
 
 def _moved(context: Context, node: Node, known: NodeState) -> list[str]:
     now = _parts(context, node)
-    ignored = context.manifest.lifecycle.ignore
+    ignored = frozenset(context.manifest.lifecycle.ignore)
     names = sorted(set(now) | set(known.key_parts))
-    return [name for name in names if name not in ignored and now.get(name) != known.key_parts.get(name)]
+    return [name for name in names if not is_ignored(name, ignored) and now.get(name) != known.key_parts.get(name)]
 
 
 def _parts(context: Context, node: Node) -> dict[str, str]:

@@ -128,13 +128,18 @@ def _changed(
     now = key_parts(node, outputs, observed.fingerprint)
     reasons = []
     for part in sorted(set(now) | set(known.key_parts)):
-        if part.removeprefix("escalate.") in wishes.ignore or part.removeprefix("input.") in unknown_inputs:
+        if is_ignored(part, wishes.ignore) or part.removeprefix("input.") in unknown_inputs:
             continue
         before, after = known.key_parts.get(part), now.get(part)
         if before != after:
             text = "; ".join(observed.hardware) if part == "hardware" and observed.hardware else None
             reasons.append(Reason(Cause.CHANGED, part=part, before=before, after=after, text=text))
     return reasons
+
+
+def is_ignored(part: str, ignore: frozenset[str]) -> bool:
+    """True for a key part that may change without making anything again; the second agent's parts go with the first's."""
+    return part.removeprefix("escalate.") in ignore
 
 
 def _word(reasons: list[Reason], known: Prior) -> Action:

@@ -80,6 +80,14 @@ def test_the_plan_says_that_a_model_may_be_called(hybrid: Project) -> None:
     assert calls["probe"] is False
 
 
+def test_whom_to_ask_is_ignored_where_makers_are(hybrid: Project) -> None:
+    hybrid.apply("-target", "identify", status=0)
+    hybrid.manifest["lifecycle"] = "{ignore: [harness, model]}"
+    hybrid.manifest["stages"] = hybrid.manifest["stages"].replace("agent.py", "./agent.py")
+    hybrid.write()
+    assert hybrid.run("plan", "-target", "identify", "-detailed-exitcode").status == 0
+
+
 def test_another_agent_to_ask_is_another_key(hybrid: Project) -> None:
     hybrid.apply("-target", "identify", status=0)
     before = len(hybrid.agent_runs())
