@@ -47,7 +47,7 @@ class Asked:
             return max(found) + 1
         results = sum(item.get("role") == "tool" for item in self.body.get("messages") or [])
         for item in self.body.get("contents") or []:
-            results += any("functionResponse" in part for part in item.get("parts") or [])
+            results += any({"functionResponse", "function_response"} & set(part) for part in item.get("parts") or [])
         return results
 
 

@@ -1,0 +1,34 @@
+"""One bare question: ``python -I -m octoform.harness.asking.bare``, no tools, no conversation, one reply.
+
+Standard input holds the question as JSON, {route, text, instruction, max_tokens, seconds, backoff_seconds}; standard
+output gets one JSON line, {text, end, usage} or {failed, status}.
+"""
+
+import json
+import os
+import sys
+from typing import Any
+
+from octoform.harness.asking.client import LiteLLM, Patient, Refusal, Request
+from octoform.harness.asking.route import Route
+
+
+def main(question: dict[str, Any]) -> dict[str, Any]:
+    """Ask it."""
+    route = Route(**question["route"])
+    key = os.environ.get(route.key) if route.key else None
+    model = LiteLLM(Request(route, key or "none", question["seconds"], max_tokens=question["max_tokens"]))
+    messages = [
+        {"role": "system", "content": question["instruction"]},
+        {"role": "user", "content": question["text"]},
+    ]
+    answer = Patient(model, question["backoff_seconds"]).ask(messages, ())
+    if isinstance(answer, Refusal):
+        return {"failed": answer.text, "status": answer.status}
+    return {"text": answer.text, "end": answer.end, "usage": dict(answer.usage)}
+
+
+if __name__ == "__main__":
+    print(json.dumps(main(json.load(sys.stdin))), flush=True)
+    # The libraries' own threads and exit handlers have nothing left to do, and some of them take their time.
+    os._exit(0)

@@ -1,0 +1,153 @@
+"""The second port to a model: one bare completion with a cap, for housekeeping between the attempts of agents.
+
+It has no tools and decides nothing; where it fails, its caller does without. Like every use of a model it runs as a
+process of its own below containment, so it is bounded in time whatever the library does.
+"""
+
+import json
+import sys
+import tempfile
+import time
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Any, Protocol
+
+from octoform.diagnostics import Diagnostic, warning
+from octoform.harness import environment
+from octoform.harness.asking.client import BACKOFF_SECONDS, SETTINGS
+from octoform.harness.asking.route import HARNESS, Route, route
+from octoform.harness.containment import Ended, Limits, Program, run
+from octoform.harness.dialect import count, json_object, one_line, trouble
+from octoform.harness.dialect import field as at
+from octoform.harness.port import ExitReason, Usage
+from octoform.manifest.model import HarnessSpec, Housekeeping
+from octoform.manifest.references import resolve
+
+MODULE = "octoform.harness.asking.bare"
+SECONDS = 60.0
+BYTES_PER_TOKEN = 4
+ANSWER_BYTES = 1 << 20
+CODE = "HOUSEKEEPING-FAILED"
+
+
+@dataclass(frozen=True, slots=True)
+class Condensed:
+    """What the model answered, at most its cap long; ``cut`` when it wanted to say more."""
+
+    text: str
+    usage: Usage = field(default_factory=Usage)
+    cut: bool = False
+
+
+class Completion(Protocol):
+    """Answers one text after one instruction."""
+
+    def complete(self, text: str, instruction: str) -> Condensed | Diagnostic:
+        """The answer, or why there is none; blocking and bounded. ``text`` is data, already bounded and redacted."""
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class LiteLLMCompletion:
+    """A completion by litellm with the manifest's ``housekeeping``; ``environ`` is what the caller has.
+
+    ``seconds`` bound all of it: the start of the process, the retries, the answer.
+    """
+
+    settings: Housekeeping
+    environ: Mapping[str, str]
+    seconds: float = SECONDS
+    backoff_seconds: float = BACKOFF_SECONDS
+
+    def complete(self, text: str, instruction: str) -> Condensed | Diagnostic:
+        """See `Completion.complete`."""
+        spec = HarnessSpec(HARNESS, key=self.settings.key, base_url=self.settings.base_url)
+        way = route(spec, resolve(self.settings.model, self.environ), self.environ)
+        if isinstance(way, Diagnostic):
+            return way
+        if way.key and not self.environ.get(way.key) and self.settings.base_url is None:
+            return _failed(f"the variable {way.key} with its key is not set")
+        question = {
+            "route": asdict(way),
+            "text": text,
+            "instruction": instruction,
+            "max_tokens": self.settings.max_tokens,
+            "seconds": self.seconds,
+            "backoff_seconds": self.backoff_seconds,
+        }
+        began = time.monotonic()
+        try:
+            with tempfile.TemporaryDirectory(prefix="octoform-") as folder:
+                ended, said = self._ask(Path(folder), way, json.dumps(question))
+        except OSError as problem:
+            return _failed(f"its process could not be run: {problem.strerror}")
+        return self._answer(ended, said, time.monotonic() - began)
+
+    def _ask(self, folder: Path, way: Route, question: str) -> tuple[Ended, bytes]:
+        asked, said = folder / "question.json", _Kept()
+        asked.write_text(question, encoding="utf-8")
+        named = (way.key,) if way.key else ()
+        program = Program(
+            argv=(sys.executable, "-I", "-m", MODULE),
+            workdir=folder,
+            environment={**environment.minimal(folder, self.environ, named), **SETTINGS},
+            log=folder / "completion.log",
+            stdin=asked,
+            secrets=environment.secrets(self.environ, named),
+        )
+        return run(program, Limits(wall_seconds=self.seconds), said), bytes(said.data)
+
+    def _answer(self, ended: Ended, said: bytes, seconds: float) -> Condensed | Diagnostic:
+        if ended.reason == "wall":
+            return _failed(f"no answer within {self.seconds:g} s")
+        lines = said.splitlines()
+        value = json_object(lines[-1]) if lines else None
+        if value is None:
+            return _failed(f"its process ended without an answer after {seconds:.0f} s (status {ended.status})")
+        if at(value, "failed") is not None:
+            told = trouble(one_line(at(value, "failed")), count(value, "status"))
+            return _failed(f"{_WORDS.get(told.reason, 'the request failed')}: {told.text}")
+        text = str(at(value, "text") or "").strip()
+        if not text:
+            return _failed(f"the model answered nothing (it ended with {one_line(at(value, 'end'))})")
+        return self._capped(text, value)
+
+    def _capped(self, text: str, value: Mapping[str, Any]) -> Condensed:
+        limit = self.settings.max_tokens * BYTES_PER_TOKEN
+        data = text.encode("utf-8", "replace")
+        used = [count(value, "usage", name) for name in ("input", "cached", "output")]
+        cut = len(data) > limit or at(value, "end") == "length"
+        return Condensed(data[:limit].decode("utf-8", "ignore"), Usage(used[0], used[1], used[2]), cut)
+
+
+_WORDS = {
+    ExitReason.AUTH: "the key was refused",
+    ExitReason.RATE_LIMIT: "the model's rate limit is reached",
+    ExitReason.UNREACHABLE: "the model cannot be reached",
+}
+
+
+def _failed(why: str) -> Diagnostic:
+    return warning(
+        CODE, f"the housekeeping model gave no answer: {why}", hint="the end of the log is used as it is instead"
+    )
+
+
+class _Kept:
+    """Keeps what the process says, within a bound."""
+
+    def __init__(self) -> None:
+        self.data = bytearray()
+
+    def feed(self, stream: str, data: bytes) -> None:
+        """See `Observer.feed`."""
+        if stream == "stdout":
+            self.data += data[: max(0, ANSWER_BYTES - len(self.data))]
+
+    def tick(self) -> bool:
+        """See `Observer.tick`."""
+        return False
+
+    def finish(self) -> None:
+        """See `Observer.finish`."""

@@ -1,0 +1,39 @@
+"""What the agent's process is told: one JSON file, written by the adapter, that holds no secret."""
+
+import json
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+from octoform.harness.asking.route import Route
+
+
+@dataclass(frozen=True, slots=True)
+class Config:
+    """Paths are absolute; ``output`` lies in ``workdir``. ``hidden`` are variables that no command gets.
+
+    ``request_seconds`` is how long a request may be silent, ``shell_seconds`` and ``most_shell_seconds`` what a
+    command may take when the model says nothing, and at most. ``needs_key``: without the key nothing need be tried.
+    """
+
+    route: Route
+    prompt: str
+    output: str
+    workdir: str
+    request_seconds: float
+    shell_seconds: int
+    most_shell_seconds: int
+    backoff_seconds: float
+    hidden: Sequence[str] = ()
+    needs_key: bool = True
+    web_search: bool = False
+
+    def write(self, path: Path) -> None:
+        """Write it; OSError when the disk says no."""
+        path.write_text(json.dumps(asdict(self)), encoding="utf-8")
+
+
+def read(path: Path) -> Config:
+    """Read what the adapter of this version wrote."""
+    value = json.loads(path.read_text(encoding="utf-8"))
+    return Config(**{**value, "route": Route(**value["route"])})

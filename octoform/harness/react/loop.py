@@ -1,0 +1,114 @@
+"""The loop: ask, use the tools that the model calls, append what they say, until it is done.
+
+Turns, money and time are the orchestrator's: it reads along and ends the process. What ends here is a conversation
+that is over, a model's side that has failed for good, and a model that calls nothing that can be run.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from string import Template
+
+from octoform.harness.asking.client import Call, Model, Refusal, Reply
+from octoform.harness.react.config import Config
+from octoform.harness.react.conversation import Conversation
+from octoform.harness.react.reporting import Reporter
+from octoform.harness.react.shell import Said
+from octoform.harness.react.tools import Ready, Toolbox, checked, declared
+
+INSTRUCTIONS = Path(__file__).with_name("system.md")
+MOST_WRONG = 5
+MOST_CALLS = 16
+
+
+def instructions(config: Config) -> str:
+    """The system prompt of one run."""
+    return Template(INSTRUCTIONS.read_text(encoding="utf-8")).substitute(
+        workdir=config.workdir,
+        output=config.output,
+        shell_seconds=config.shell_seconds,
+        most_shell_seconds=config.most_shell_seconds,
+    )
+
+
+@dataclass(slots=True)
+class Loop:
+    """One run over a conversation; ``done`` says whether the declared output stands."""
+
+    model: Model
+    toolbox: Toolbox
+    conversation: Conversation
+    reporter: Reporter
+    done: Callable[[], bool]
+    output: str
+    _wrong: int = field(default=0, init=False)
+    _told: bool = field(default=False, init=False)
+
+    def run(self) -> bool:
+        """Run to the end; True when it is a good one. Everything is told to the reporter."""
+        while True:
+            answer = self._ask()
+            if isinstance(answer, Refusal):
+                self.reporter.closed(False, answer.text)
+                return False
+            self.reporter.reply(answer.text, answer.usage)
+            answer = _bounded(answer)
+            self.conversation.replied(answer)
+            if answer.calls:
+                self._use(answer.calls)
+            elif self._is_over(answer):
+                self.reporter.closed(True)
+                return True
+            if self._wrong >= MOST_WRONG:
+                self.reporter.closed(False, f"{self._wrong} replies or calls in a row with which nothing could be done")
+                return False
+
+    def _ask(self) -> Reply | Refusal:
+        while True:
+            answer = self.model.ask(self.conversation.messages(), declared())
+            if isinstance(answer, Reply) or not answer.too_long:
+                return answer
+            if not self.conversation.shrink():
+                self.reporter.trouble(answer, True)
+                return answer
+
+    def _is_over(self, reply: Reply) -> bool:
+        """Whether a reply that calls no tool is the end; else the model has been told to go on."""
+        if self.done():
+            return True
+        if not reply.text.strip():
+            self._wrong += 1
+            self.conversation.told("Your reply was empty or could not be read. Call one tool, with valid arguments.")
+            return False
+        if self._told:
+            return True
+        self._told = True
+        self.conversation.told(
+            f"The output file {self.output} is not there, or is empty. Write it now; "
+            "if that cannot be done, say so in one sentence."
+        )
+        return False
+
+    def _use(self, calls: Sequence[Call]) -> None:
+        for call in calls:
+            said = self._one(call)
+            self.reporter.result(said.text, said.failed)
+            self.conversation.returned(call.id, call.name, said.text, len(calls))
+
+    def _one(self, call: Call) -> Said:
+        ready = checked(call)
+        if isinstance(ready, Ready):
+            self._wrong = 0
+            self.reporter.call(ready.tool, ready.text)
+            return self.toolbox.use(ready)
+        self._wrong += 1
+        self.reporter.call(call.name or "?", call.arguments)
+        return Said(ready, failed=True)
+
+
+def _bounded(reply: Reply) -> Reply:
+    """A reply with no more calls than are made for one."""
+    if len(reply.calls) <= MOST_CALLS:
+        return reply
+    message = {**reply.message, "tool_calls": list(reply.message.get("tool_calls") or ())[:MOST_CALLS]}
+    return Reply(reply.text, reply.calls[:MOST_CALLS], message, reply.usage, reply.end)
