@@ -7,7 +7,7 @@ import pytest
 from agent_runs import KEY, SECRET, WRITE, Ran, spec_for
 from model_server import serve
 
-from octoform.harness.port import Closed, ExitReason, Price, Task, ToolCalled, Usage
+from octoform.harness.port import Closed, ExitReason, Price, Task, ToolCalled, Turn, Usage
 
 pytestmark = [pytest.mark.harness, pytest.mark.harness_codex]
 NAME, MODEL = "codex", "openai/scripted"
@@ -25,6 +25,7 @@ def test_work_is_counted_and_the_key_shows_nowhere(task_for: Callable[..., Task]
     assert ran.task.output.read_text() == '{"made": true}'
     assert [call.text for call in ran.of(ToolCalled)] == [(say + WRITE).strip()]
     assert ran.of(Closed) == [Closed(ok=True)]
+    assert ran.of(Turn) == [Turn(Usage(1000, 400, 50))] * 2
     assert (ran.outcome.turns, ran.outcome.usage) == (2, Usage(2000, 800, 100))
     assert (ran.task.workdir / "seen").read_text() == "<>\n"
     assert ran.task.environment["PATH"] in (ran.task.workdir / "path").read_text(), "no login shell sets another"
