@@ -15,12 +15,12 @@ from octoform.harness import port, registry
 from octoform.harness.access import access
 from octoform.harness.adapters.command import CommandHarness
 from octoform.harness.adapters.program import ProgramHarness
-from octoform.harness.health import Check, Status, command_check, failed, passed, program_checks, unknown
+from octoform.harness.asking.route import Route, apis_for, route
+from octoform.harness.health import Check, Status, command_check, failed, passed, program_checks, sandbox_check, unknown
 from octoform.harness.pricing import price_of
 from octoform.harness.reaching import model_checks
 from octoform.manifest.loading import load
 from octoform.manifest.model import HarnessSpec, Manifest
-from octoform.manifest.providers import APIS
 from octoform.manifest.references import resolve
 
 LITELLM = "litellm"
@@ -106,15 +106,15 @@ class _Rounds:
         spec = agent.harness
         if spec.name == LITELLM:
             yield _litellm()
-            yield from self._model(agent, APIS)
+            yield from self._sandbox(spec)
+            yield from self._litellm_model(agent)
             return
         harness = registry.resolve(spec, self.environ, self.manifest.project)
         if isinstance(harness, Diagnostic):
             yield failed(_subject(spec), harness.summary, harness.hint)
             return
         yield from self._program(spec, harness)
-        if spec.sandbox is not None:
-            yield _sandbox(spec)
+        yield from self._sandbox(spec)
         if isinstance(harness, ProgramHarness):
             yield from self._model(agent, harness.adapter.apis)
 
@@ -130,8 +130,28 @@ class _Rounds:
         detail = f"{spec.recording} can be played" if spec.recording is not None else "comes with octoform"
         return (passed(_subject(spec), detail),)
 
+    def _sandbox(self, spec: HarnessSpec) -> tuple[Check, ...]:
+        if spec.sandbox is None:
+            return ()
+        if "sandbox" not in self.seen:
+            self.seen["sandbox"] = (sandbox_check(self.environ),)
+        return self.seen["sandbox"]
+
+    def _litellm_model(self, agent: Agent) -> Iterable[Check]:
+        name = self._name(agent)
+        way = route(agent.harness, name, self.environ)
+        if isinstance(way, Route) and way.base_url is None:
+            yield unknown("model API", f"{agent.model} is of a provider that litellm may know; octoform does not")
+            yield from self._price(agent, name)
+        else:
+            yield from self._model(agent, apis_for(name))
+
+    def _name(self, agent: Agent) -> str | None:
+        """The model with its references replaced."""
+        return resolve(agent.model, self.environ) if agent.model is not None else None
+
     def _model(self, agent: Agent, apis: tuple[str, ...]) -> Iterable[Check]:
-        name = resolve(agent.model, self.environ) if agent.model is not None else None
+        name = self._name(agent)
         way = access(agent.harness, name, apis, self.environ)
         if isinstance(way, Diagnostic):
             yield failed("model", way.summary, way.hint)
@@ -140,18 +160,22 @@ class _Rounds:
         if key not in self.seen:
             self.seen[key] = tuple(model_checks(way, agent.harness.key, self.environ, agent.harness.env))
         yield from self.seen[key]
-        if agent.money and name is not None:
-            yield self._price(agent.model or "", name)
+        yield from self._price(agent, name)
 
-    def _price(self, written: str, name: str) -> Check:
-        listed = self.manifest.prices.get(written)
+    def _price(self, agent: Agent, name: str | None) -> tuple[Check, ...]:
+        """Whether its price is known, where dollars are counted."""
+        if not agent.money or name is None:
+            return ()
+        listed = self.manifest.prices.get(agent.model or "")
         known = {name: port.Price(listed.input, listed.cached, listed.output, "manifest")} if listed else {}
         price = price_of(name, known)
         if price is None:
-            hint = f"prices: {{{written}: {{input: ..., output: ...}}}} in octopus.yaml, dollars for a million tokens"
-            return failed("price", f"budget.usd is set, and nobody knows what {written} costs", hint)
+            hint = (
+                f"prices: {{{agent.model}: {{input: ..., output: ...}}}} in octopus.yaml, dollars for a million tokens"
+            )
+            return (failed("price", f"budget.usd is set, and nobody knows what {agent.model} costs", hint),)
         whose = "octopus.yaml" if price.source == "manifest" else f"the table of {price.source}"
-        return passed("price", f"{price.input:g} and {price.output:g} dollars for a million tokens, by {whose}")
+        return (passed("price", f"{price.input:g} and {price.output:g} dollars for a million tokens, by {whose}"),)
 
 
 def _subject(spec: HarnessSpec) -> str:
@@ -163,10 +187,6 @@ def _litellm() -> Check:
         return passed("program", f"litellm {importlib.metadata.version(LITELLM)} beside octoform")
     except importlib.metadata.PackageNotFoundError:
         return failed("program", "the Python package litellm is not installed", "octoform install litellm")
-
-
-def _sandbox(spec: HarnessSpec) -> Check:
-    return unknown("sandbox", spec.name)
 
 
 def _git(manifest: Manifest, environ: Mapping[str, str]) -> Check:

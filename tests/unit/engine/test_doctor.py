@@ -288,6 +288,16 @@ def test_the_embedded_agent_needs_nothing(bench: Bench) -> None:
     assert not bench.diagnose().ok
 
 
+@pytest.mark.parametrize(("code", "status"), [("", "pass"), ("sys.exit('bwrap: not permitted')", "fail")])
+def test_a_sandbox_has_to_work(bench: Bench, server: ModelServer, code: str, status: str) -> None:
+    bench.pi(server.url, more=", sandbox: true")
+    assert "bubblewrap" in (bench.checks()["sandbox"].hint or "")
+    bench.program("bwrap", f"import sys\n{code}")
+    assert bench.statuses()["sandbox"] == status
+    bench.pi(server.url)
+    assert "sandbox" not in bench.statuses()
+
+
 def test_a_recording_has_to_be_one(bench: Bench) -> None:
     folder = bench.folder / "recordings" / "bench"
     folder.mkdir(parents=True)

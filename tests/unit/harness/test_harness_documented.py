@@ -1,0 +1,34 @@
+"""The table of docs/agents.md says of each program what its adapter says."""
+
+import re
+from pathlib import Path
+
+import pytest
+
+from octoform.harness import registry
+from octoform.harness.adapters.program import ProgramHarness
+from octoform.harness.node import dotted
+from octoform.manifest.model import HarnessSpec
+from octoform.manifest.providers import PROVIDERS
+
+TEXT = (Path(__file__).parents[3] / "docs" / "agents.md").read_text()
+ROWS = {
+    cells[0].strip("`"): cells[1:]
+    for cells in ([cell.strip() for cell in line.strip("|").split("|")] for line in TEXT.splitlines())
+    if len(cells) == 5 and re.fullmatch(r"`[a-z-]+`", cells[0])
+}
+
+
+def test_every_harness_has_a_row() -> None:
+    assert sorted(ROWS) == list(registry.NAMES)
+
+
+@pytest.mark.parametrize("name", registry.NAMES)
+def test_a_program_is_what_its_adapter_pins(name: str) -> None:
+    harness = registry.resolve(HarnessSpec(name, command=("agent",) if name == "command" else ()), {})
+    if isinstance(harness, ProgramHarness):
+        adapter = harness.adapter
+        wanted = "native" if adapter.pin.node is None else f"node {dotted(adapter.pin.node).removesuffix('.0')}"
+        served = [provider.name for provider in PROVIDERS.values() if set(provider.urls) & set(adapter.apis)]
+        models = "all" if len(served) == len(PROVIDERS) else ", ".join(f"`{provider}`" for provider in served)
+        assert ROWS[name] == [adapter.pin.binary, adapter.pin.version, wanted, models]
