@@ -1,0 +1,39 @@
+"""Endpoint of a bench with one temperature sensor."""
+
+# /// script
+# requires-python = ">=3.11"
+# dependencies = ["fastmcp>=4.1,<4.2", "pydantic>=2.12,<3"]
+# ///
+
+from typing import Annotated
+
+from fastmcp import FastMCP
+from pydantic import BaseModel, Field
+from runtime import bus, logged
+
+mcp = FastMCP("bench")
+
+
+class Temperature(BaseModel):
+    """A reading; celsius is in degrees Celsius."""
+
+    celsius: float
+
+
+@mcp.tool(
+    annotations={
+        "readOnlyHint": True,
+        "destructiveHint": False,
+        "idempotentHint": True,
+        "openWorldHint": False,
+    }
+)
+@logged
+def read_temperature(digits: Annotated[int, Field(ge=0, le=3)] = 1) -> Temperature:
+    """Read the board temperature in degrees Celsius."""
+    with bus("hwmon-benchtemp"):
+        return Temperature(celsius=round(21.5, digits))
+
+
+if __name__ == "__main__":
+    mcp.run(show_banner=False)

@@ -1,0 +1,151 @@
+"""A run is recorded, and the recording played elsewhere: the same failures, the same artifacts, and no agent.
+
+Every folder below tests/cases/recordings is a recording that is played here.
+"""
+
+import importlib.metadata
+import json
+import shutil
+from pathlib import Path
+from typing import Any
+
+import pytest
+from projects import Done, Project
+
+from octoform.harness.recording import Recording, load
+
+CASES = Path(__file__).parents[1] / "cases" / "recordings"
+STAGES = ("probe", "identify", "interface", "serve", "deploy")
+SERIAL = "BT-00017-X"
+SCRIPT: dict[str, list[object]] = {
+    "probe": [{"mutate": [[["devices", 0, "id"], "hwmon-bt-00017-x"]], "say": f"I see {SERIAL}"}, "good"],
+    "identify": [{"write": "{"}, {"exit": 3}, {"edit_spec": "Mind the braces.", "say": "a spec was wrong"}],
+    "serve": [{"link": "/etc/passwd"}, "good"],
+}
+
+
+@pytest.fixture(scope="module")
+def original(tmp_path_factory: pytest.TempPathFactory) -> tuple[Project, Done]:
+    """A project whose agent failed in several ways before each stage was accepted."""
+    folder = tmp_path_factory.mktemp("original")
+    project = Project(folder / "project", folder / "outside", script=SCRIPT)
+    done = project.apply(status=0)
+    project.run("attempts", "record", str(folder / "recording"), status=0)
+    return project, done
+
+
+@pytest.fixture(scope="module")
+def recording(original: tuple[Project, Done]) -> Path:
+    return original[0].folder.parent / "recording"
+
+
+def replaying(tmp_path: Path, recording: Path) -> Project:
+    """A new project that plays a recording; no program can be found on its PATH."""
+    folder = tmp_path / "elsewhere"
+    shutil.copytree(recording, folder / "recordings" / "run")
+    (tmp_path / "empty").mkdir()
+    return Project(
+        folder,
+        tmp_path / "outside",
+        harness="{name: replay, recording: recordings/run}",
+        environ={"PATH": str(tmp_path / "empty")},
+    )
+
+
+def artifact(project: Project, stage: str) -> bytes:
+    return (project.state / stage / ("server.py" if stage == "serve" else "output.json")).read_bytes()
+
+
+def attempts(project: Project) -> list[dict[str, Any]]:
+    found: list[dict[str, Any]] = json.loads(project.run("attempts", "-all", "-json", status=0).out)["attempts"]
+    return found
+
+
+@pytest.mark.slow
+def test_a_replay_fails_where_the_run_failed_and_ends_where_it_ended(
+    original: tuple[Project, Done], recording: Path, tmp_path: Path
+) -> None:
+    project, done = original
+    agents = len(project.agent_runs())
+    replay = replaying(tmp_path, recording)
+    again = replay.apply(status=0)
+    assert again.codes() == done.codes()
+    assert {"PROBE-SERIAL-IN-ID", "ARTIFACT-NOT-JSON", "APPLY-AGENT-FAILED", "ARTIFACT-LINK"} <= set(done.codes())
+    for stage in STAGES:
+        assert artifact(replay, stage) == artifact(project, stage), stage
+    ended = [(item["stage"], item["attempt"], item["state"]) for item in attempts(replay)]
+    assert ended == [(item["stage"], item["attempt"], item["state"]) for item in attempts(project)]
+    edits = [item["spec_edit"] for item in attempts(replay) if item["spec_edit"] is not None]
+    assert [(item["permitted"], item["added"]) for item in edits] == [(True, 1)]
+    assert len(project.agent_runs()) == agents, "the recorded agent was started"
+    assert list(replay.local.glob("attempts/*/process.json")) == [], "a program was started for an attempt"
+    assert "0 added, 0 changed, 0 destroyed" in replay.run("apply", "-auto-approve", status=0).out
+    assert replay.run("plan", "-detailed-exitcode").status == 0
+
+
+def test_a_recording_holds_nothing_of_its_host_and_is_the_same_twice(
+    original: tuple[Project, Done], recording: Path, tmp_path: Path
+) -> None:
+    project, _ = original
+    files = {path.relative_to(recording): path.read_bytes() for path in recording.rglob("*") if path.is_file()}
+    for name, data in files.items():
+        for secret in (SERIAL, SERIAL.lower(), str(project.folder), '"bench"'):
+            assert secret.encode() not in data or (name.parts[0], secret) == ("serve-2", '"bench"'), (name, secret)
+    project.run("attempts", "record", str(tmp_path / "again"), status=0)
+    assert {path: (tmp_path / "again" / path).read_bytes() for path in files} == files
+
+
+def test_the_command_line_refuses_and_explains(original: tuple[Project, Done], recording: Path, tmp_path: Path) -> None:
+    project, _ = original
+    refused = project.run("attempts", "record", str(project.folder), status=1)
+    assert "RECORD-FOLDER" in refused.err
+    document = json.loads(project.run("attempts", "record", "-json", str(tmp_path / "x"), status=0).out)
+    assert document["stages"] == {"probe": 2, "identify": 3, "interface": 1, "serve": 2, "deploy": 1}
+    assert "RECORD-NOTHING" in project.run("attempts", "record", str(tmp_path / "y"), "-from", "99", status=1).err
+    shown = project.run("attempts", "show", "1", status=0).out
+    assert "error[PROBE-SERIAL-IN-ID]" in shown
+    assert json.loads(project.run("attempts", "-json", "show", "2", status=0).out)["state"] == "accepted"
+    assert "ATTEMPT-UNKNOWN" in project.run("attempts", "show", "99", status=1).err
+    assert "did you mean serve?" in project.run("attempts", "-stage", "serv", status=1).err
+    assert project.run("attempts", "-stage", "serve", status=0).out.count("serve") == 2
+
+
+def test_a_recording_without_a_stage_stops_there_and_says_why(recording: Path, tmp_path: Path) -> None:
+    replay = replaying(tmp_path, recording)
+    path = replay.folder / "recordings" / "run" / "recording.json"
+    document = json.loads(path.read_text())
+    del document["stages"]["identify"]
+    path.write_text(json.dumps(document))
+    done = replay.apply(status=1)
+    assert "the recording has no attempt of identify" in done.text
+    assert len(replay.attempts("identify")) == 1
+    path.write_text("{}")
+    assert "HARNESS-RECORDING-BROKEN" in replay.apply(status=1).text
+
+
+def fitted(recording: Path, folder: Path) -> Path:
+    """A copy whose DEPLOY names the versions that are installed here: packages of a test come from a cache."""
+    shutil.copytree(recording, folder)
+    for path in folder.glob("deploy-*/output.json"):
+        document = json.loads(path.read_text())
+        for item in document["requirements"]:
+            item["version"] = importlib.metadata.version(item["name"])
+        path.write_text(json.dumps(document, indent=2, ensure_ascii=False) + "\n")
+    return folder
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("case", sorted(path for path in CASES.iterdir() if path.is_dir()), ids=lambda path: path.name)
+def test_every_recording_leads_to_its_own_artifacts(case: Path, tmp_path: Path) -> None:
+    found = load(case)
+    assert isinstance(found, Recording), found
+    recording = fitted(case, tmp_path / "fitted")
+    replay = replaying(tmp_path, recording)
+    replay.apply(status=0)
+    for stage in STAGES:
+        last = found.stages[stage][-1].output
+        assert last is not None and last.file is not None
+        assert artifact(replay, stage) == (recording / last.file).read_bytes(), stage
+    assert [item["state"] for item in attempts(replay)].count("accepted") == len(STAGES)
+    assert len(attempts(replay)) == sum(map(len, found.stages.values()))
+    assert "0 added, 0 changed, 0 destroyed" in replay.run("apply", "-auto-approve", status=0).out
