@@ -95,4 +95,5 @@ def key_of(
 
 def resolved(text: str, environ: Mapping[str, str]) -> str | None:
     """A text with its references replaced, None as long as one of them has no value. Never to be kept or shown."""
-    return references.resolve(text, environ) if all(environ.get(name) for name in references.names(text)) else None
+    is_whole = not references.malformed(text) and all(environ.get(name) for name in references.names(text))
+    return references.resolve(text, environ) if is_whole else None

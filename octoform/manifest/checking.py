@@ -139,8 +139,11 @@ class _Problem:
         near = did_you_mean(name[: wording.LONGEST_WORD], siblings)
         if near:
             return f"did you mean `{near}`?"
-        here = ("harness",) if self._loc[-2:-1] == ("harness",) else None
-        elsewhere = next((loc for loc, table in _PLACES if name in table.model_fields and loc != here), None)
+        is_of_others = (
+            self._loc[-2:-1] == ("harness",) and name in ProgramHarness.model_fields | CommandHarness.model_fields
+        )
+        known = () if is_of_others else (loc for loc, table in _PLACES if name in table.model_fields)
+        elsewhere = next(iter(known), None)
         if elsewhere is not None:
             return (
                 f"`{name}` belongs under `{wording.dotted(elsewhere)}`" if elsewhere else f"`{name}` belongs at the top"
@@ -326,4 +329,4 @@ def _keys_at(root: Table, loc: Loc) -> tuple[str, ...]:
         table = Price
     elif table is None:
         table = StageBudget if loc[-1] == "budget" else Stage
-    return tuple(table.model_fields)
+    return tuple(sorted(table.model_fields, key=lambda name: name != "name"))

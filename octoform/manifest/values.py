@@ -9,7 +9,7 @@ from octoform.manifest.report import Report
 from octoform.manifest.tree import Loc, Node, Scalar, Table
 
 _WHERE = "variables may stand in `model`, `command` and `base_url` only"
-_KEY_NAME = re.compile("[A-Z_][A-Z0-9_]*")
+_KEY_NAME = re.compile("[A-Z_][A-Z0-9_]{0,99}")
 _REFERENCE = re.compile(r"(?<!\$)\$\{[^{}]*\}?")
 
 
@@ -45,6 +45,8 @@ def _may_hide_one(loc: Loc, scalar: Scalar) -> bool:
 
     It is refused by another rule; its text may be the secret itself and is not shown.
     """
+    if scalar.value is None:
+        return False
     if loc in places.KEYS:
         return _KEY_NAME.fullmatch(scalar.text) is None and not references.contains(scalar.text)
     return loc in places.BASE_URLS and any(sign in scalar.text for sign in "@?#")
@@ -84,11 +86,12 @@ def check_references(root: Table, environ: Mapping[str, str], report: Report) ->
         if _names_only(loc) and pattern.fullmatch(scalar.text) and not report.is_settled(loc):
             found.add(scalar.text)
             if scalar.text not in environ:
+                otherwise = "name another variable" if loc in places.KEYS else "take it out of `env`"
                 report.warning(
                     "MANIFEST-ENV-UNSET",
                     f"the variable {scalar.text} is not set; the agent will run without it",
                     scalar.span,
-                    hint=f"export {scalar.text}, or take it out of `{'key' if loc in places.KEYS else 'env'}`",
+                    hint=f"export {scalar.text}, or {otherwise}",
                 )
         elif references.contains(scalar.text):
             found |= _check_one(loc, scalar, environ, report)

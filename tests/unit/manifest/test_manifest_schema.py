@@ -34,7 +34,19 @@ BEYOND_A_SCHEMA = {
     "MANIFEST-MORE",
     "MANIFEST-BAD-KEY",
 }
-IN_THE_WORDS = {"durations", "harness-placeholders", "version-with-point", "variable-not-well-formed"}
+IN_THE_WORDS = {
+    "durations",
+    "harness-placeholders",
+    "version-with-point",
+    "variable-not-well-formed",
+    "agent-placeholder-in-command",
+    "api-not-of-the-provider",
+    "base-url-variable-not-well-formed",
+    "base-url-variable-with-another-value",
+    "base-url-with-a-bad-port",
+    "escalate-from-another-agent",
+    "web-search-of-one-that-has-none",
+}
 
 
 def test_the_published_schema_is_current(update: bool) -> None:
