@@ -10,7 +10,7 @@ ALL_HARNESSES := pi opencode claude-code codex gemini-cli qwen-code
 # Programs go into a folder of the user that all checkouts share: OCTOFORM_AGENTS, else below the cache folder.
 MARKED := not harness$(foreach name,$(HARNESSES), or harness_$(subst -,_,$(name)))
 
-.PHONY: setup test test-harnesses lint recordings bench lock
+.PHONY: setup test test-harnesses programs lint recordings bench lock
 
 setup:
 	@.ci/setup dev
@@ -21,12 +21,15 @@ lint: setup
 	@.venv/bin/mypy
 	@.venv/bin/lint-imports
 
-test: lint
+# Beside lint, so that `make -j2 test` does both at a time: one waits for the network, the other computes.
+programs: setup
 	@.venv/bin/octoform install $(HARNESSES)
+
+test: lint programs
 	@$(PYTHON) -m pytest -n auto --dist worksteal -m "$(MARKED)"
 
-test-harnesses: setup
-	@.venv/bin/octoform install $(ALL_HARNESSES)
+test-harnesses: HARNESSES := $(ALL_HARNESSES)
+test-harnesses: programs
 	@$(PYTHON) -m pytest -n auto --dist worksteal -m harness
 
 recordings: setup
