@@ -138,7 +138,7 @@ def _changed(
 
 
 def is_ignored(part: str, ignore: frozenset[str]) -> bool:
-    """True for a key part that may change without making anything again; the second agent's parts go with the first's."""
+    """True for a key part that may change without making anything again; a second agent's go with the first's."""
     return part.removeprefix("escalate.") in ignore
 
 
