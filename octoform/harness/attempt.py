@@ -10,11 +10,13 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from octoform.harness import environment, usage
+from octoform.diagnostics import Diagnostic
+from octoform.harness import environment, sandbox, usage
 from octoform.harness.containment import Ended, Limits, Program, run
 from octoform.harness.dialect import Dialect
 from octoform.harness.port import ExitReason, Outcome, ProgressSink, Task, Usage
 from octoform.harness.watching import Watcher
+from octoform.manifest.model import Sandbox
 
 REASONS = {"wall": ExitReason.TIMEOUT, "not_started": ExitReason.NOT_INSTALLED, "ended": ExitReason.FINISHED}
 PRIVATE = ("home", "tmp")
@@ -27,6 +29,7 @@ class Invocation:
 
     ``settings`` are variables that the harness itself sets; ``path`` are folders to put before PATH. ``dialect`` reads
     its output; without one each line is something that it said. ``program`` names it with its version, for the record.
+    ``sandbox`` confines it; None: it may write wherever the user may.
     """
 
     argv: tuple[str, ...]
@@ -36,6 +39,7 @@ class Invocation:
     path: tuple[str, ...] = ()
     dialect: Dialect | None = None
     program: str | None = None
+    sandbox: Sandbox | None = None
 
 
 def run_contained(task: Task, invocation: Invocation, progress: ProgressSink) -> Outcome:
@@ -45,10 +49,13 @@ def run_contained(task: Task, invocation: Invocation, progress: ProgressSink) ->
     program = shutil.which(name, path=variables["PATH"])
     if program is None:
         return Outcome(ExitReason.NOT_INSTALLED, None, 0.0, not_installed(name))
+    argv = _confined((program, *invocation.argv[1:]), task, invocation, variables)
+    if isinstance(argv, Diagnostic):
+        return Outcome(ExitReason.NOT_INSTALLED, None, 0.0, f"{argv.summary} ({argv.hint})")
     watcher = Watcher(invocation.dialect, task.limits, progress, task.price).recording(task.transcript)
     ended = run(
         Program(
-            argv=(program, *invocation.argv[1:]),
+            argv=argv,
             workdir=task.workdir,
             environment=variables,
             log=task.log,
@@ -74,6 +81,15 @@ def _environment(task: Task, invocation: Invocation) -> dict[str, str]:
         "PATH": os.pathsep.join((*invocation.path, variables["PATH"])),
     }
     return variables
+
+
+def _confined(
+    argv: tuple[str, ...], task: Task, invocation: Invocation, variables: Mapping[str, str]
+) -> tuple[str, ...] | Diagnostic:
+    if invocation.sandbox is None:
+        return argv
+    around = sandbox.Confinement(task.workdir, task.document, variables, task.environment)
+    return sandbox.wrap(argv, invocation.sandbox, around)
 
 
 def not_installed(name: str) -> str:

@@ -13,7 +13,7 @@ from pathlib import Path
 from octoform.diagnostics import Diagnostic, did_you_mean, error
 from octoform.harness.attempt import Invocation, run_contained
 from octoform.harness.port import Outcome, ProgressSink, Task
-from octoform.manifest.model import PLACEHOLDERS, HarnessSpec
+from octoform.manifest.model import PLACEHOLDERS, HarnessSpec, Sandbox
 from octoform.manifest.references import resolve_argument
 
 PROMPT_WAYS = ("stdin", "file", "argument")
@@ -32,11 +32,13 @@ class CommandHarness:
     env: tuple[str, ...] = ()
     prompt_via: str = "stdin"
     name: str = "command"
+    sandbox: Sandbox | None = None
 
     def run(self, task: Task, progress: ProgressSink) -> Outcome:
         """See `Harness.run`."""
         stdin = task.prompt if self.prompt_via == "stdin" else None
-        return run_contained(task, Invocation(self.arguments(task), stdin, self.env), progress)
+        invocation = Invocation(self.arguments(task), stdin, self.env, sandbox=self.sandbox)
+        return run_contained(task, invocation, progress)
 
     def arguments(self, task: Task) -> tuple[str, ...]:
         """The arguments for one task; OSError when the prompt is needed and cannot be read."""
@@ -91,7 +93,7 @@ def create(spec: HarnessSpec, environ: Mapping[str, str], folder: Path | None) -
     program = command[0]
     if folder is not None and "/" in program and not Path(program).is_absolute():
         program = str(folder / program)
-    return CommandHarness((program, *command[1:]), tuple(spec.env), spec.prompt_via)
+    return CommandHarness((program, *command[1:]), tuple(spec.env), spec.prompt_via, sandbox=spec.sandbox)
 
 
 def _placeholders(command: list[str], prompt_via: str) -> Diagnostic | None:

@@ -5,7 +5,7 @@ configuration lies in the attempt's own home folder, so nothing of the user's ow
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import ClassVar, Protocol
 
@@ -79,7 +79,8 @@ class ProgramHarness:
         if program is None:
             return Outcome(ExitReason.NOT_INSTALLED, None, 0.0, missing(self.adapter))
         (task.workdir / "home").mkdir(mode=0o700, exist_ok=True)
-        return run_contained(task, self.adapter.invocation(Launch(task, way, program, self.spec)), progress)
+        invocation = self.adapter.invocation(Launch(task, way, program, self.spec))
+        return run_contained(task, replace(invocation, sandbox=self.spec.sandbox), progress)
 
     def locate(self, environ: Mapping[str, str]) -> Located | None:
         """The program that would run."""

@@ -1,0 +1,218 @@
+"""Confinement of an agent by bubblewrap: it sees the machine read-only and writes only in its attempt's folder.
+
+What it sees is decided in one order: the whole file system read-only; then the places hidden where people and other
+programs keep what is theirs (homes, temporary folders, sessions); then, read-only, what the agent's program itself
+needs of those; the project without its private parts; last the attempt's folder, to write in. Devices stay as the
+user may use them, since hardware is what the agent is asked about. Disks as a whole do not, nor the sockets of
+services that write wherever they are told to: each of them would be a way around.
+
+There is no falling back: an agent that was to be confined and cannot be does not run.
+"""
+
+import json
+import os
+import shutil
+import stat
+import subprocess
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from octoform.diagnostics import Diagnostic, error
+from octoform.harness.exposed import belongings
+from octoform.harness.plainfile import read_plain
+from octoform.manifest.model import Sandbox
+
+PROGRAM = "bwrap"
+TRIAL_SECONDS = 20.0
+LOCAL = ".octoform"
+"""The project's folder of attempts, instances, logs and tokens."""
+PRIVATE = (LOCAL, ".git", ".env", ".envrc")
+"""What of a project an agent has no business with: other attempts, and where passwords of remotes and services lie."""
+PARTS = ("octopus.yaml", "protocol", "profiles", "state")
+"""What of a project is shown where the project is a home itself."""
+PLACES = ("/home", "/root", "/tmp", "/var/tmp", "/run/user")
+DOORS = ("/run/docker.sock", "/run/podman", "/run/containerd", "/run/libvirt", "/run/snapd.socket", "/run/lxd")
+ROOT_DOORS = ("/run/dbus/system_bus_socket", "/run/systemd/private", "/run/systemd/io.systemd.Manager")
+SYSTEM = frozenset({"usr", "bin", "sbin", "lib", "lib64", "etc", "dev", "proc", "sys", "boot", "nix", "snap"})
+SHALLOW = frozenset({"run", "var", "opt", "srv", "mnt", "media", "tmp"})
+TASK_BYTES = 8 << 20
+
+
+@dataclass(frozen=True, slots=True)
+class Confinement:
+    """What one agent's sandbox is made for: its attempt's folder and task, its variables, those of octoform."""
+
+    workdir: Path
+    document: Path
+    variables: Mapping[str, str]
+    caller: Mapping[str, str]
+
+
+def wrap(argv: Sequence[str], sandbox: Sandbox, around: Confinement) -> tuple[str, ...] | Diagnostic:
+    """The command that runs ``argv`` (its program an absolute path) confined; what is wrong where that cannot be.
+
+    Tried out first with a program that does nothing, so that a refusal is told before the agent's time runs.
+    """
+    program = shutil.which(PROGRAM, path=around.caller.get("PATH"))
+    if program is None:
+        return _none("bubblewrap (bwrap) is not installed")
+    prefix = (program, *_options(sandbox), *_views(argv, around), "--chdir", str(around.workdir), "--")
+    problem = _tried(prefix)
+    return problem if problem is not None else (*prefix, *argv)
+
+
+def available(caller: Mapping[str, str], sandbox: Sandbox) -> Diagnostic | None:
+    """Why no agent can be confined on this machine by this user; None when one can."""
+    program = shutil.which(PROGRAM, path=caller.get("PATH"))
+    if program is None:
+        return _none("bubblewrap (bwrap) is not installed")
+    return _tried((program, *_options(sandbox), "--"))
+
+
+def _none(why: str) -> Diagnostic:
+    return error(
+        "HARNESS-NO-SANDBOX",
+        f"the agent cannot be confined: {why}",
+        hint="install it (Debian: apt-get install bubblewrap) and allow user namespaces, or set sandbox: false",
+    )
+
+
+def _tried(prefix: Sequence[str]) -> Diagnostic | None:
+    nothing = shutil.which("true") or "/bin/true"
+    try:
+        done = subprocess.run(
+            [*prefix, nothing], stdin=subprocess.DEVNULL, capture_output=True, timeout=TRIAL_SECONDS, check=False
+        )
+    except (OSError, subprocess.TimeoutExpired) as problem:
+        return _none(f"{PROGRAM}: {problem}")
+    if done.returncode == 0:
+        return None
+    said = done.stderr.decode("utf-8", "replace").strip().splitlines()
+    return _none(said[-1] if said else f"{PROGRAM} left with status {done.returncode}")
+
+
+def _options(sandbox: Sandbox) -> list[str]:
+    """What holds for each agent: its own process ids, a file system to read, devices, and an end with its parent."""
+    out = ["--die-with-parent", "--unshare-pid", "--unshare-ipc"]
+    out += [] if sandbox.network else ["--unshare-net"]
+    # root would keep what it needs to mount everything writable again
+    out += ["--cap-drop", "ALL"] if os.geteuid() == 0 else []
+    out += ["--ro-bind", "/", "/", "--dev-bind", "/dev", "/dev", "--tmpfs", "/dev/shm", "--proc", "/proc"]
+    for path in _disks():
+        out += ["--dev-bind", "/dev/null", str(path)]
+    for path in map(Path, (*DOORS, *(ROOT_DOORS if os.geteuid() == 0 else ()))):
+        out += _covered(path)
+    return out
+
+
+def _disks() -> Iterator[Path]:
+    """The devices that are whole disks, as far as the user may write them: whoever may do that may write any file."""
+    for entry in os.scandir("/dev"):
+        try:
+            mode = entry.stat(follow_symlinks=False).st_mode
+        except OSError:
+            continue  # gone since the folder was read
+        is_raw = stat.S_ISCHR(mode) and entry.name.startswith("sg") and entry.name[2:].isdigit()
+        if (stat.S_ISBLK(mode) or is_raw) and os.access(entry.path, os.W_OK):
+            yield Path(entry.path)
+
+
+def _covered(path: Path) -> list[str]:
+    """Hide what lies there; nothing to do where nothing does."""
+    if path.is_symlink() or not path.exists():
+        return []
+    if path.is_dir():
+        return ["--tmpfs", str(path), "--remount-ro", str(path)]
+    return ["--ro-bind", "/dev/null", str(path)]
+
+
+def _views(argv: Sequence[str], around: Confinement) -> list[str]:
+    """What this agent sees besides: places hidden, what it needs of them, its project, its own folder."""
+    hidden = _hidden(around.caller)
+    project = _project(around.workdir)
+    wanted = [*belongings(argv, around.variables), *_named_in_task(around.document)]
+    wanted += _of_project(project, hidden) if project is not None else []
+    outermost = [path for path in hidden if not any(path != other and path.is_relative_to(other) for other in hidden)]
+    out = [option for path in outermost for option in ("--tmpfs", str(path))]
+    for path in _shown(wanted, hidden):
+        out += ["--ro-bind", str(path), str(path)]
+    for place in _forms(project) if project is not None else ():
+        # A project that is a home itself is hidden already but for the parts that are shown.
+        if place not in hidden:
+            out += [option for name in PRIVATE if name != LOCAL for option in _covered(place / name)]
+            out += ["--tmpfs", str(place / LOCAL)]
+    for place in _forms(around.workdir):
+        out += ["--bind", str(place), str(place)]
+    masks = [path for path in outermost if not _is_scratch(path)]
+    masks += [place / LOCAL for place in (_forms(project) if project is not None else ()) if place not in hidden]
+    return out + [option for path in masks for option in ("--remount-ro", str(path))]
+
+
+def _hidden(caller: Mapping[str, str]) -> list[Path]:
+    """The folders to hide; one may lie inside another."""
+    homes = [caller.get("HOME") or "", _own_home()]
+    found = {Path(path).resolve() for path in (*PLACES, *homes) if Path(path).is_absolute() and Path(path).is_dir()}
+    return sorted(path for path in found if _may_be_hidden(path))
+
+
+def _own_home() -> str:
+    """The home that the system knows for this user, whatever HOME says."""
+    import pwd  # there is none on some systems
+
+    try:
+        return pwd.getpwuid(os.getuid()).pw_dir
+    except KeyError:
+        return ""  # a user without an entry has no home but HOME
+
+
+def _may_be_hidden(path: Path) -> bool:
+    """Homes of services lie in the system itself; hiding those would take its programs away."""
+    parts = path.parts[1:]
+    return bool(parts) and parts[0] not in SYSTEM and not (len(parts) == 1 and parts[0] in SHALLOW - {"tmp"})
+
+
+def _is_scratch(path: Path) -> bool:
+    """Temporary folders stay writable: they are the agent's own and empty, and go with it."""
+    return path in (Path("/tmp"), Path("/var/tmp"))
+
+
+def _project(workdir: Path) -> Path | None:
+    parts = workdir.parts
+    return Path(*parts[: parts.index(LOCAL)]) if LOCAL in parts else None
+
+
+def _of_project(project: Path, hidden: Sequence[Path]) -> list[Path]:
+    if any(home.is_relative_to(place) for home in hidden for place in _forms(project)):
+        return [project / name for name in PARTS]
+    return [project]
+
+
+def _named_in_task(document: Path) -> Iterator[Path]:
+    """The files that the task tells the agent to read."""
+    try:
+        task = json.loads(read_plain(document, TASK_BYTES) or b"")
+    except ValueError:
+        return
+    for name in ("input", "schema"):
+        value = task.get(name) if isinstance(task, dict) else None
+        if isinstance(value, str) and Path(value).is_file():
+            yield Path(value)
+
+
+def _forms(path: Path) -> list[Path]:
+    """The path as it is written and as it is without links."""
+    return list(dict.fromkeys((path.absolute(), path.resolve())))
+
+
+def _shown(wanted: Iterable[Path], hidden: Sequence[Path]) -> list[Path]:
+    """What has to be put back: what lies below a hidden folder and would not show one again."""
+    found = {
+        place
+        for path in wanted
+        for place in _forms(path)
+        if any(place.is_relative_to(home) for home in hidden)
+        and not any(home.is_relative_to(place) for home in hidden)
+        and place.exists()
+    }
+    return sorted(path for path in found if not any(path != other and path.is_relative_to(other) for other in found))

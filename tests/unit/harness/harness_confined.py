@@ -1,0 +1,92 @@
+"""A driver that runs one agent through the harness port, as this user or another: ``driver.py CONFIG`` prints JSON."""
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import octoform
+
+DRIVER = """
+import dataclasses, json, sys
+from pathlib import Path
+from octoform.harness.attempt import Invocation, run_contained
+from octoform.harness.port import Task, TaskLimits
+from octoform.manifest.model import Sandbox
+config = json.load(open(sys.argv[1]))
+work = Path(config["workdir"])
+names = ("prompt.md", "output.json", "agent.log", "task.json")
+prompt, output, log, document = (work / name for name in names)
+task = Task("probe", 1, work, prompt, output, log, document, None, config["environ"], TaskLimits(config["seconds"]))
+sandbox = Sandbox(**config["sandbox"]) if config["sandbox"] is not None else None
+outcome = run_contained(task, Invocation(tuple(config["argv"]), sandbox=sandbox), lambda *event: None)
+print(json.dumps({"outcome": dataclasses.asdict(outcome), "log": log.read_text() if log.exists() else ""}))
+"""
+
+
+class Host:
+    """A user's home and project below ``root``, with octoform in it; all of it belongs to ``uid``."""
+
+    def __init__(self, root: Path, uid: int) -> None:
+        self.uid = uid
+        self.home = root / "home"
+        self.project = self.home / "project"
+        self.workdir = self.project / ".octoform" / "bench" / "attempts" / "000002-probe-1"
+        self.code = root / "code"
+        self.python = str(Path(sys.executable).resolve())
+        self.workdir.mkdir(parents=True)
+        (root / "driver.py").write_text(DRIVER)
+        shutil.copytree(
+            Path(octoform.__file__).parent, self.code / "octoform", ignore=shutil.ignore_patterns("__pycache__")
+        )
+        self.root = root
+
+    def write(self, path: Path, text: str = "x") -> Path:
+        """A file with its folders."""
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(text)
+        return path
+
+    def start(
+        self, argv: list[str], sandbox: Mapping[str, bool] | None, seconds: float = 60, **environ: str
+    ) -> "subprocess.Popen[str]":
+        """Start the driver as the user."""
+        variables = {"PATH": "/usr/local/bin:/usr/bin:/bin", "HOME": str(self.home), **environ}
+        config = {
+            "workdir": str(self.workdir),
+            "argv": argv,
+            "sandbox": sandbox,
+            "seconds": seconds,
+            "environ": variables,
+        }
+        self.write(self.workdir / "task.json", "{}")
+        (self.root / "config.json").write_text(json.dumps(config))
+        for path in (self.root, *self.root.rglob("*")):
+            os.chown(path, self.uid, self.uid, follow_symlinks=False)
+        become = []
+        if self.uid != os.getuid():
+            become = ["setpriv", f"--reuid={self.uid}", f"--regid={self.uid}", "--clear-groups", "--"]
+        return subprocess.Popen(
+            [*become, self.python, str(self.root / "driver.py"), str(self.root / "config.json")],
+            env={**variables, "PYTHONPATH": str(self.code)},
+            cwd=self.root,
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+        )
+
+    def run(self, argv: list[str], sandbox: Mapping[str, bool] | None, seconds: float = 60, **environ: str) -> Any:
+        """Run an agent to its end: ``outcome`` and ``log``."""
+        process = self.start(argv, sandbox, seconds, **environ)
+        try:
+            out, err = process.communicate(timeout=90)
+        finally:
+            process.kill()
+            process.wait()
+        assert process.returncode == 0, err
+        return json.loads(out)
