@@ -9,7 +9,6 @@ from octoform.diagnostics import Span
 from octoform.manifest import agents, base_url, references, tree
 from octoform.manifest.agents import Agent
 from octoform.manifest.document import Document
-from octoform.manifest.harness_document import ProgramHarness
 from octoform.manifest.providers import SEARCHERS
 from octoform.manifest.report import Report
 from octoform.manifest.tree import Loc, Table
@@ -80,7 +79,7 @@ class _Rules:
         if settings is None or not self._is_new("settings", agent.at):
             return
         self._base_url(settings.base_url, (*agent.at, "base_url"))
-        if isinstance(settings, ProgramHarness) and settings.web_search and agent.name not in SEARCHERS:
+        if settings.web_search and agent.name not in SEARCHERS:
             self._report.error(
                 "MANIFEST-WRONG-VALUE",
                 f"`{agent.name}` has no search of the web",

@@ -88,15 +88,15 @@ class _Builder:
         key = self._key(agent) if agent.needs_model else None
         if not isinstance(chosen, ModelHarness):
             return HarnessSpec(agent.name, key=key)
-        program = chosen if isinstance(chosen, ProgramHarness) else None
+        command = chosen.command if isinstance(chosen, ProgramHarness) else None
         return HarnessSpec(
             name=agent.name,
-            command=tuple(program.command or ()) if program is not None else (),
+            command=tuple(command or ()),
             env=tuple(chosen.env),
             key=key,
             base_url=chosen.base_url,
             api=chosen.api,
-            web_search=program is not None and program.web_search,
+            web_search=chosen.web_search,
             sandbox=_sandbox(chosen.sandbox),
         )
 

@@ -98,6 +98,8 @@ class ModelHarness(Table):
     """Where the model's API is, if not at its provider's; ${NAME} stands for an environment variable."""
     api: Literal["openai-completions", "openai-responses", "anthropic-messages", "gemini"] | None = None
     """The API that is spoken there, where the agent and the provider know more than one."""
+    web_search: bool = False
+    """Let the agent search the web; all can but pi."""
     sandbox: Sandbox | None = None
     """Let the agent write only in its attempt's folder; {network: false} takes its network away, too."""
 
@@ -109,8 +111,6 @@ class ProgramHarness(ModelHarness):
     """Which coding-agent program."""
     command: Annotated[list[Argument], Field(min_length=1, max_length=200)] | None = None
     """The program, where it is not the installed one; ${NAME} stands for an environment variable."""
-    web_search: bool = False
-    """Let the agent search the web, if it can."""
 
 
 class LitellmHarness(ModelHarness):

@@ -50,8 +50,8 @@ PROVIDERS: Mapping[str, Provider] = {
 ALIASES = {"google": "gemini", "ollama_chat": "ollama"}
 NATIVE = {"claude-code": "anthropic", "gemini-cli": "gemini"}
 """Whose models a bare name means, by harness; for all others OpenAI's."""
-SEARCHERS = ("claude-code", "codex", "gemini-cli", "opencode")
-"""The harnesses whose programs can search the web by themselves."""
+SEARCHERS = ("claude-code", "codex", "gemini-cli", "litellm", "opencode", "qwen-code")
+"""The harnesses whose agents can search the web, by themselves or through their model."""
 
 
 def split(model: str, harness: str) -> tuple[Provider, str]:
