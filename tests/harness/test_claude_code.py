@@ -7,7 +7,7 @@ import pytest
 from agent_runs import KEY, SECRET, WRITE, Ran, spec_for
 from model_server import serve
 
-from octoform.harness.port import Closed, ExitReason, Price, Task, ToolCalled, Turn, Usage
+from octoform.harness.port import Closed, ExitReason, Price, Task, ToolCalled, ToolReturned, Turn, Usage
 
 pytestmark = [pytest.mark.harness, pytest.mark.harness_claude_code]
 NAME, MODEL = "claude-code", "anthropic/scripted"
@@ -70,3 +70,13 @@ def test_no_key_is_a_matter_of_the_key(task_for: Callable[..., Task], run: Calla
         ran = run(spec_for(NAME, server), replace(task, environment=bare))
     assert ran.outcome.reason is ExitReason.AUTH
     assert not server.replies
+
+
+def test_a_slow_command_is_told_of_before_the_run_counts_as_idle(
+    task_for: Callable[..., Task], run: Callable[..., Ran]
+) -> None:
+    with serve([{"shell": "sleep 300"}, {"shell": WRITE}, DONE]) as server:
+        ran = run(spec_for(NAME, server), task_for(MODEL, idle_seconds=8.0))
+    assert ran.outcome.reason is ExitReason.FINISHED
+    assert [event.failed for event in ran.of(ToolReturned)] == [True, False]
+    assert ran.task.output.exists()

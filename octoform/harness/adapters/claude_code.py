@@ -41,17 +41,27 @@ OPTIONS = (
     *("--no-session-persistence", "--dangerously-skip-permissions", "--disable-slash-commands"),
     *("--strict-mcp-config", "--setting-sources", ""),
 )
-QUIET = (
+SWITCHES = (
     "CLAUDE_CODE_DISABLE_NONESSENTIAL_TRAFFIC",
     "DISABLE_AUTOUPDATER",
     "DISABLE_TELEMETRY",
     "DISABLE_ERROR_REPORTING",
+    # It would wait for what it has moved there long after its last word; a shell can start things all the same.
+    "CLAUDE_CODE_DISABLE_BACKGROUND_TASKS",
 )
+COMMAND_LIMITS = ("BASH_DEFAULT_TIMEOUT_MS", "BASH_MAX_TIMEOUT_MS")
+COMMAND_SHARE = 0.75
 BEARER, KEY = "ANTHROPIC_AUTH_TOKEN", "ANTHROPIC_API_KEY"
 PIECE = b'{"type":"stream_event","event":{"type":"content_block_'
 """Most of the stream: what a reply is made of, which says nothing that its message does not say again."""
 INPUT = ("input_tokens", "cache_read_input_tokens", "cache_creation_input_tokens")
 COUNTS = (*INPUT, "output_tokens")
+IN_TOTALS = {
+    "input_tokens": "inputTokens",
+    "cache_read_input_tokens": "cacheReadInputTokens",
+    "cache_creation_input_tokens": "cacheCreationInputTokens",
+    "output_tokens": "outputTokens",
+}
 
 
 class ClaudeCode:
@@ -87,7 +97,7 @@ def _settings(launch: Launch) -> dict[str, str]:
     """The variables of its own. Only its maker's own service takes the key as such, everybody else as a bearer."""
     native = launch.access.provider == "anthropic"
     settings = {
-        **dict.fromkeys(QUIET, "1"),
+        **dict.fromkeys(SWITCHES, "1"),
         "ANTHROPIC_BASE_URL": launch.access.base_url,
         # What it uses a smaller model for, the same one does: another may not be there, and has another price.
         "ANTHROPIC_DEFAULT_HAIKU_MODEL": launch.access.model,
@@ -99,6 +109,10 @@ def _settings(launch: Launch) -> dict[str, str]:
     }
     if launch.access.key is None:
         settings[BEARER] = "none"
+    idle = launch.task.limits.idle_seconds
+    if idle is not None:
+        # While a command runs there is no sign of progress, so the agent has to hear of a slow one before the limit.
+        settings |= dict.fromkeys(COMMAND_LIMITS, str(int(idle * COMMAND_SHARE * 1000)))
     if os.geteuid() == 0:
         # It refuses to run without questions as root anywhere else.
         settings["IS_SANDBOX"] = "1"
@@ -191,7 +205,7 @@ def _retry(value: object) -> Trouble:
 
 
 def _result(value: object) -> Iterable[AgentEvent]:
-    yield Totals(_usage(field(value, "usage")))
+    yield from _totals(field(value, "modelUsage"))
     subtype = field(value, "subtype")
     text = one_line(field(value, "result") or field(value, "errors") or subtype or "")
     if subtype == "error_max_turns":
@@ -204,6 +218,17 @@ def _result(value: object) -> Iterable[AgentEvent]:
         yield Trouble(ExitReason.AUTH, text, final=True)
     else:
         yield trouble(text, count(value, "api_error_status"), final=True)
+
+
+def _totals(models: object) -> Iterable[Totals]:
+    """What stands beside it as the usage is that since the last result; this is that of the whole run, by model."""
+    if not isinstance(models, dict) or not models:
+        return
+    counts = dict.fromkeys(COUNTS, 0)
+    for used in models.values():
+        for name in COUNTS:
+            counts[name] += count(used, IN_TOTALS[name]) or 0
+    yield Totals(_usage(counts))
 
 
 def _usage(value: object) -> Usage:

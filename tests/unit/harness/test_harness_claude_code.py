@@ -73,6 +73,16 @@ def test_how_it_gives_up(name: str, reason: ExitReason, told: str) -> None:
     assert all(isinstance(event, Trouble | Totals) for event in events[-5:]), "what it says for the model is no reply"
 
 
+def test_a_second_result_tells_of_the_whole_run_again() -> None:
+    def result(fresh: int, models: dict[str, object]) -> dict[str, object]:
+        return {"type": "result", "is_error": False, "usage": {"input_tokens": fresh}, "modelUsage": models}
+
+    one = {"inputTokens": 100, "cacheReadInputTokens": 30, "cacheCreationInputTokens": 2, "outputTokens": 7}
+    first, second = result(100, {"a": one}), result(1, {"a": one, "b": {"inputTokens": 1, "outputTokens": 1}})
+    events = lines(ClaudeCodeDialect(), "stdout", first, second)
+    assert of(events, Totals) == [Totals(Usage(132, 30, 7)), Totals(Usage(133, 30, 8))]
+
+
 def test_a_refused_key_is_final_at_once_and_a_limit_of_the_rate_is_not() -> None:
     retry = {"type": "system", "subtype": "api_retry", "attempt": 1, "max_retries": 4}
     dialect = ClaudeCodeDialect()
@@ -92,7 +102,7 @@ def test_no_key_at_all() -> None:
         "result": "Not logged in · Please run /login",
     }
     events = lines(ClaudeCodeDialect(), "stdout", {**told, "type": "result"})
-    assert events[-1] == Trouble(ExitReason.AUTH, told["result"], final=True)
+    assert events == [Trouble(ExitReason.AUTH, told["result"], final=True)]
 
 
 def test_a_reply_in_one_piece_counts_once_however_many_parts_it_has() -> None:
@@ -136,7 +146,7 @@ def test_pieces_keep_the_run_alive_and_nothing_strange_is_an_event() -> None:
 
 def test_how_it_is_started(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(os, "geteuid", lambda: 0)
-    found = invoked(ClaudeCode(), SPEC, "anthropic/claude-sonnet-4-5", tmp_path, turns=20)
+    found = invoked(ClaudeCode(), SPEC, "anthropic/claude-sonnet-4-5", tmp_path, turns=20, idle_seconds=120.0)
     assert found.argv[:2] == ("/opt/it", "-p")
     assert found.argv[-2:] == ("--max-turns", "25")
     assert found.argv[found.argv.index("--model") + 1] == "claude-sonnet-4-5"
@@ -146,6 +156,7 @@ def test_how_it_is_started(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> N
     assert found.settings["ANTHROPIC_BASE_URL"] == "http://127.0.0.1:8080"
     assert found.settings["CLAUDE_CONFIG_DIR"] == str(tmp_path / "home" / ".claude")
     assert found.settings["IS_SANDBOX"] == "1"
+    assert found.settings["BASH_MAX_TIMEOUT_MS"] == found.settings["BASH_DEFAULT_TIMEOUT_MS"] == "90000"
     assert (found.settings["ANTHROPIC_API_KEY"], found.settings["ANTHROPIC_AUTH_TOKEN"]) == (SECRET, "")
     assert found.named == ("LOOP_KEY",), "the value is redacted under whatever name the program gets it"
     assert SECRET not in " ".join(found.argv)
@@ -167,3 +178,4 @@ def test_a_model_that_needs_no_key(tmp_path: Path) -> None:
     found = invoked(ClaudeCode(), spec, "ollama/qwen3", tmp_path)
     assert found.settings["ANTHROPIC_AUTH_TOKEN"] == "none", "without any it does not start"
     assert found.named == ()
+    assert "BASH_MAX_TIMEOUT_MS" not in found.settings
