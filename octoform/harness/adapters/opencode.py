@@ -49,6 +49,9 @@ OFF = (
     "PROJECT_CONFIG",
     "SHARE",
 )
+INVALID = "invalid"
+"""Its tool for a call of no tool, or with arguments that cannot be read."""
+WITHHELD = "OPENCODE_WATCH_WITHHELD"
 NPM = "registry=http://127.0.0.1:9/\nfetch-retries=0\n"
 """It looks a package of its own up in the registry of npm whenever it starts; here that fails at once."""
 
@@ -73,20 +76,23 @@ class OpenCode:
             argv=(*launch.program.argv, "run", "--format", "json", "--model", model, "--auto", "--title", "octoform"),
             stdin=launch.task.prompt,
             named=tuple(name for name in (*launch.spec.env, launch.access.key) if name),
-            settings=_settings(launch.home, web),
+            settings=_settings(launch),
             path=launch.program.path,
             dialect=OpenCodeDialect(),
             program=f"opencode {launch.program.version}" if launch.program.version else None,
         )
 
 
-def _settings(home: Path, web: bool) -> dict[str, str]:
+def _settings(launch: Launch) -> dict[str, str]:
+    """Its variables; the plugin takes the key away again, once it is read, unless the manifest shows it the agent."""
+    key = launch.access.key
     folders = {"CONFIG": ".config", "DATA": ".local/share", "STATE": ".local/state", "CACHE": ".cache"}
     return {
         **{f"OPENCODE_DISABLE_{name}": "1" for name in OFF},
-        **{f"XDG_{name}_HOME": str(home / folder) for name, folder in folders.items()},
+        **{f"XDG_{name}_HOME": str(launch.home / folder) for name, folder in folders.items()},
         "OPENCODE_EXPERIMENTAL_DISABLE_FILEWATCHER": "1",
-        **({"OPENCODE_ENABLE_EXA": "1"} if web else {}),
+        **({"OPENCODE_ENABLE_EXA": "1"} if launch.spec.web_search else {}),
+        **({WITHHELD: key} if key and key not in launch.spec.env else {}),
     }
 
 
@@ -132,7 +138,7 @@ class OpenCodeDialect:
         kind = field(value, "type")
         if kind == "tool_use":
             yield from self._call(field(part, "callID"), field(part, "tool"), field(part, "state", "input"))
-            yield ToolReturned(field(part, "state", "status") == "error")
+            yield ToolReturned(field(part, "state", "status") == "error" or field(part, "tool") == INVALID)
         elif kind == "text" and field(part, "text"):
             yield Said(one_line(field(part, "text")))
         elif kind == "step_finish":
@@ -181,7 +187,7 @@ def _usage(tokens: object) -> Usage:
 
 def _argument(given: object) -> str:
     """The one argument that tells what a tool does."""
-    for name in ("command", "filePath", "pattern", "query", "url"):
+    for name in ("command", "filePath", "pattern", "query", "url", "error"):
         if field(given, name):
             return one_line(field(given, name))
     return one_line(given)

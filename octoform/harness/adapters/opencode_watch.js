@@ -36,6 +36,8 @@ function tool({ callID, tool, state }) {
 }
 
 export const Watch = async () => {
+  // By now the key is read, and what the agent runs has no use for it.
+  delete process.env[process.env.OPENCODE_WATCH_WITHHELD]
   const fetch = globalThis.fetch
   const asked = async (...given) => {
     status = null

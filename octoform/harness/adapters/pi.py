@@ -14,7 +14,7 @@ from octoform.harness.adapters.program import Launch, ProgramHarness
 from octoform.harness.attempt import Invocation
 from octoform.harness.dialect import count, field, json_object, one_line, trouble
 from octoform.harness.installed import Pin
-from octoform.harness.port import AgentEvent, Closed, Said, ToolCalled, ToolReturned, Turn, Usage
+from octoform.harness.port import AgentEvent, Closed, Replying, Said, ToolCalled, ToolReturned, Turn, Usage
 from octoform.manifest.model import HarnessSpec
 from octoform.manifest.providers import ANTHROPIC, CHAT, GEMINI, RESPONSES
 
@@ -39,7 +39,7 @@ class Pi:
         agent = launch.home / ".pi" / "agent"
         agent.mkdir(parents=True)
         (agent / "models.json").write_text(json.dumps(_models(launch.access)), encoding="utf-8")
-        (agent / "settings.json").write_text(json.dumps({"retry": {"maxRetries": RETRIES}}), encoding="utf-8")
+        (agent / "settings.json").write_text(json.dumps(_settings(launch)), encoding="utf-8")
         model = f"{PROVIDER}/{launch.access.model}"
         options = ("--offline", "--no-extensions", "--no-skills", "--no-prompt-templates", "--no-context-files")
         return Invocation(
@@ -51,6 +51,13 @@ class Pi:
             dialect=PiDialect(),
             program=f"pi {launch.program.version}" if launch.program.version else None,
         )
+
+
+def _settings(launch: Launch) -> dict[str, Any]:
+    """pi's settings.json; what it runs for the model does not get the key, unless the manifest shows it the agent."""
+    key = launch.access.key
+    withheld = {"shellCommandPrefix": f"unset {key}"} if key and key not in launch.spec.env else {}
+    return {"retry": {"maxRetries": RETRIES}, **withheld}
 
 
 def _models(access: Access) -> dict[str, Any]:
@@ -67,7 +74,10 @@ class PiDialect:
 
     def read(self, stream: str, line: bytes) -> Iterable[AgentEvent]:
         """See `Dialect.read`."""
-        if stream != "stdout" or line.startswith(UPDATE):
+        if stream != "stdout":
+            return
+        if line.startswith(UPDATE):
+            yield Replying()
             return
         value = json_object(line)
         kind = field(value, "type")

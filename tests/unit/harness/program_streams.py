@@ -26,8 +26,9 @@ def lines(dialect: Dialect, stream: str, *read: bytes | dict[str, Any]) -> list[
 def recorded(dialect: Dialect, name: str) -> list[AgentEvent]:
     """The events of a recorded run, pieces of replies left out: first of standard error, then of standard output."""
     errors, output = STREAMS / f"{name}.stderr", STREAMS / f"{name}.jsonl"
+    assert errors.exists() or output.exists(), name
     told = lines(dialect, "stderr", *errors.read_bytes().splitlines()) if errors.exists() else []
-    told += lines(dialect, "stdout", *output.read_bytes().splitlines())
+    told += lines(dialect, "stdout", *output.read_bytes().splitlines()) if output.exists() else []
     return [event for event in told if not isinstance(event, Replying)]
 
 
