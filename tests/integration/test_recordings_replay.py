@@ -3,6 +3,7 @@
 Every folder below tests/cases/recordings is a recording that is played here.
 """
 
+import contextlib
 import importlib.metadata
 import json
 import shutil
@@ -129,7 +130,8 @@ def fitted(recording: Path, folder: Path) -> Path:
     for path in folder.glob("deploy-*/output.json"):
         document = json.loads(path.read_text())
         for item in document["requirements"]:
-            item["version"] = importlib.metadata.version(item["name"])
+            with contextlib.suppress(importlib.metadata.PackageNotFoundError):
+                item["version"] = importlib.metadata.version(item["name"])
         path.write_text(json.dumps(document, indent=2, ensure_ascii=False) + "\n")
     return folder
 

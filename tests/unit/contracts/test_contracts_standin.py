@@ -68,7 +68,9 @@ def test_every_place_of_a_refused_output_is_exchanged_once() -> None:
     serial = found["devices"][0]["instance"]["serial"]
     assert serial == stand_in("AC00451177", KEY)
     assert found["devices"][0]["id"] == f"usb-1234-{serial.casefold()}"
-    assert found["devices"][3]["instance"]["address"] == stand_in("02:00:5e:10:00:01", KEY)
+    address = stand_in("02:00:5e:10:00:01", KEY)
+    assert found["devices"][3]["instance"]["address"] == address
+    assert f"serial {serial}, mac {address}, again" in found["devices"][0]["raw_descriptor"]
 
 
 def test_the_rule_about_serial_numbers_still_refuses_it() -> None:
