@@ -133,9 +133,11 @@ class _Rounds:
     def _sandbox(self, spec: HarnessSpec) -> tuple[Check, ...]:
         if spec.sandbox is None:
             return ()
-        if "sandbox" not in self.seen:
-            self.seen["sandbox"] = (sandbox_check(self.environ),)
-        return self.seen["sandbox"]
+        asks_model = spec.name != "command"
+        key = (spec.sandbox, asks_model)
+        if key not in self.seen:
+            self.seen[key] = (sandbox_check(spec.sandbox, self.environ, asks_model=asks_model),)
+        return self.seen[key]
 
     def _litellm_model(self, agent: Agent) -> Iterable[Check]:
         name = self._name(agent)

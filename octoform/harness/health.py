@@ -9,14 +9,14 @@ from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path
 
+from octoform.harness import sandbox
 from octoform.harness.adapters.program import ProgramHarness
 from octoform.harness.installed import Located, Pin
 from octoform.harness.installing import node_version
 from octoform.harness.node import at_least, dotted
-from octoform.harness.shortrun import short_run
 from octoform.harness.starting import stated_version
+from octoform.manifest.model import Sandbox
 
-SANDBOX_SECONDS = 20.0
 SOURCES = {"manifest": "named in octopus.yaml", "installed": "installed by octoform", "path": "found on PATH"}
 
 
@@ -93,17 +93,13 @@ def _node(pin: Pin, located: Located, environ: Mapping[str, str], install: str) 
     return unknown("node", detail, f"if it does not start: {install} brings one")
 
 
-def sandbox_check(environ: Mapping[str, str]) -> Check:
-    """Whether an agent can be confined here: bubblewrap is there and this kernel lets it work."""
-    path = shutil.which("bwrap", path=environ.get("PATH"))
-    if path is None:
-        return failed("sandbox", "bubblewrap (bwrap) is not on PATH", "install the package bubblewrap")
-    done = short_run((path, "--unshare-pid", "--ro-bind", "/", "/", path, "--version"), {}, SANDBOX_SECONDS)
-    if not done.ok:
-        said = " ".join(done.stderr.split())
-        hint = "allow unprivileged user namespaces on this machine, or take `sandbox` out"
-        return failed("sandbox", f"{path}: {done.ending}{f': {said}' if said else ''}", hint)
-    return passed("sandbox", f"{path} works")
+def sandbox_check(wanted: Sandbox, environ: Mapping[str, str], *, asks_model: bool) -> Check:
+    """Whether an agent can be confined here as it is wanted; tried out with a program that does nothing."""
+    if asks_model and not wanted.network:
+        detail = "without a network the agent cannot reach its model, not even on this machine"
+        return failed("sandbox", detail, "write `sandbox: true`")
+    problem = sandbox.available(environ, wanted)
+    return failed("sandbox", problem.summary, problem.hint) if problem is not None else passed("sandbox", "can be made")
 
 
 def command_check(program: str, environ: Mapping[str, str]) -> Check:
