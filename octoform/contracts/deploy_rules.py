@@ -9,6 +9,7 @@ from octoform.contracts.model import Artifacts, JsonObject, Rule
 from octoform.contracts.serve_code_rules import is_standard
 from octoform.contracts.source import Source, imported_modules, read_source
 from octoform.contracts.text import pointer, shown
+from octoform.contracts.text_rules import in_values
 from octoform.diagnostics import Diagnostic, error, warning
 from octoform.escaping import escaped
 
@@ -132,6 +133,7 @@ RULES = (
     Rule("DEPLOY-FAILED-AND-REQUIRED", failed_and_required),
     Rule("DEPLOY-DECLARED-NOT-REQUIRED", declared_not_required),
     Rule("DEPLOY-REQUIREMENT-UNUSED", requirement_unused),
+    Rule("DEPLOY-UNESCAPED-TEXT", in_values("DEPLOY-UNESCAPED-TEXT")),
 )
 
 

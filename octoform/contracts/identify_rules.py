@@ -9,6 +9,7 @@ import re
 from octoform.contracts.model import Artifacts, JsonObject, Rule
 from octoform.contracts.naming import is_chip_name, is_passthrough
 from octoform.contracts.text import listed, pointer, shown
+from octoform.contracts.text_rules import in_values
 from octoform.diagnostics import Diagnostic, did_you_mean, error, warning
 
 MANY_DEVICES = 40
@@ -270,6 +271,7 @@ RULES = (
     Rule("IDENTIFY-DUPLICATE-CAPABILITY", duplicate_capability),
     Rule("IDENTIFY-EFFECT-CONFLICT", effect_conflict),
     Rule("IDENTIFY-MANY-DEVICES", many_devices),
+    Rule("IDENTIFY-UNESCAPED-TEXT", in_values("IDENTIFY-UNESCAPED-TEXT")),
 )
 
 

@@ -9,6 +9,7 @@ from collections import defaultdict
 from octoform.contracts.model import Artifacts, JsonObject, Rule
 from octoform.contracts.naming import is_passthrough, raw_parameter, same_action
 from octoform.contracts.text import listed, pointer, shown
+from octoform.contracts.text_rules import in_values
 from octoform.diagnostics import Diagnostic, did_you_mean, error
 
 _BUDGET = "tool_budget"
@@ -234,6 +235,7 @@ RULES = (
     Rule("INTERFACE-LEFT-OUT-TWICE", left_out_twice),
     Rule("INTERFACE-DUPLICATE-PATH", duplicate_path),
     Rule("INTERFACE-PASSTHROUGH", passthrough),
+    Rule("INTERFACE-UNESCAPED-TEXT", in_values("INTERFACE-UNESCAPED-TEXT")),
 )
 
 

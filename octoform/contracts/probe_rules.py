@@ -5,14 +5,12 @@ here may reset a board or move an arm.
 """
 
 import re
-from collections.abc import Iterator
-from typing import Any
 
 from octoform.contracts.instance import secrets_of
 from octoform.contracts.model import Artifacts, JsonObject, Rule
 from octoform.contracts.text import pointer, shown
+from octoform.contracts.text_rules import in_values
 from octoform.diagnostics import Diagnostic, error
-from octoform.escaping import escaped, is_hidden
 
 _NEIGHBOURHOODS = frozenset(
     {"network", "neighbour", "neighbor", "arp", "ndp", "mdns", "dnssd", "bonjour", "ssdp", "upnp", "lan", "wlan"}
@@ -82,19 +80,6 @@ def tty_opened(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
     return out
 
 
-def unescaped_text(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
-    """Control, bidirectional and invisible characters stand as escapes."""
-    out = []
-    for where, text in _strings(value, ()):
-        allowed = "\n\t" if where[-1] in _MULTILINE else ""
-        bad = next((item for item in text if is_hidden(item) and item not in allowed), None)
-        if bad is not None:
-            summary = f"the text holds the character {escaped(bad)} unescaped"
-            hint = f"write it as the six characters \\u{ord(bad):04x}" if ord(bad) < 0x10000 else "leave it out"
-            out.append(error("PROBE-UNESCAPED-TEXT", summary, pointer=pointer(*where), hint=hint))
-    return out
-
-
 def serial_in_id(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
     """An id is a kind with an ordinal, never made of a serial number or an address."""
     out = []
@@ -129,7 +114,7 @@ RULES = (
     Rule("PROBE-NO-WORKING-SCAN", no_working_scan),
     Rule("PROBE-NEIGHBOUR-NOT-CONTEXT", neighbour_not_context),
     Rule("PROBE-TTY-OPENED", tty_opened),
-    Rule("PROBE-UNESCAPED-TEXT", unescaped_text),
+    Rule("PROBE-UNESCAPED-TEXT", in_values("PROBE-UNESCAPED-TEXT", _MULTILINE)),
     Rule("PROBE-SERIAL-IN-ID", serial_in_id),
     Rule("PROBE-PORT-IN-ID", port_in_id),
 )
@@ -157,17 +142,6 @@ def _touched(text: str, where: str) -> Diagnostic:
     summary = f"PROBE may not open a terminal line: {shown(text)}"
     hint = "read what the kernel already says about the line and leave the line itself closed"
     return error("PROBE-TTY-OPENED", summary, pointer=where, hint=hint)
-
-
-def _strings(value: Any, where: tuple[str | int, ...]) -> Iterator[tuple[tuple[str | int, ...], str]]:
-    if isinstance(value, str):
-        yield where, value
-    elif isinstance(value, dict):
-        for name, item in value.items():
-            yield from _strings(item, (*where, name))
-    elif isinstance(value, list):
-        for index, item in enumerate(value):
-            yield from _strings(item, (*where, index))
 
 
 def _bare(text: str) -> str:

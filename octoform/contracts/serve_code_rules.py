@@ -11,6 +11,7 @@ from octoform.contracts.header import declared_names, header, normalised
 from octoform.contracts.model import Artifacts, Rule
 from octoform.contracts.source import Source, imported_modules, needed_source
 from octoform.contracts.text import shown
+from octoform.contracts.text_rules import in_source
 from octoform.diagnostics import Diagnostic, Span, error
 
 MAX_LINES = 500
@@ -183,6 +184,7 @@ RULES = (
     Rule("SERVE-UNSAFE-LOADS", unsafe_loads),
     Rule("SERVE-LISTENS", listens),
     Rule("SERVE-PRINTS", prints),
+    Rule("SERVE-UNESCAPED-TEXT", in_source("SERVE-UNESCAPED-TEXT")),
 )
 
 

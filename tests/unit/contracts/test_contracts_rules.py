@@ -125,6 +125,8 @@ IDENTIFY_CASES: list[tuple[str, Change]] = [
     ("IDENTIFY-PROFILE-EVIDENCE", _drop("devices.2.profile")),
     ("IDENTIFY-INFRASTRUCTURE-ACTUATES", _put("devices.2.category", "infrastructure")),
     ("IDENTIFY-DUPLICATE-CAPABILITY", _copy_capability),
+    ("IDENTIFY-UNESCAPED-TEXT", _put("devices.0.identified_as", "Acme Desk\u200bcam")),
+    ("IDENTIFY-UNESCAPED-TEXT", _put("devices.0.capabilities.0.description", "see \x1b[2J")),
     (
         "IDENTIFY-EFFECT-CONFLICT",
         _add(
@@ -147,6 +149,7 @@ INTERFACE_CASES: list[tuple[str, Change]] = [
     ("INTERFACE-ANNOTATIONS", _put("tools.2.annotations", READ)),
     ("INTERFACE-UNKNOWN-DEVICE", _add("left_out", {"id": "usb-arm", "reason": "no_function"})),
     ("INTERFACE-DEVICE-UNACCOUNTED", _drop("left_out.2")),
+    ("INTERFACE-UNESCAPED-TEXT", _put("tools.0.description", "A picture.\U000e0069\U000e0067")),
     ("INTERFACE-LEFT-OUT-TWICE", _add("left_out", {"id": "pci-bridge", "reason": "virtual"})),
     ("INTERFACE-LEFT-OUT-TWICE", _add("left_out", {"id": "hwmon-fanboard", "reason": "virtual"})),
     ("INTERFACE-DUPLICATE-PATH", _put("tools.1.name", "adjust_fan_speed")),
@@ -173,6 +176,7 @@ INTERFACE_CASES: list[tuple[str, Change]] = [
 ]
 
 DEPLOY_CASES: list[tuple[str, Change]] = [
+    ("DEPLOY-UNESCAPED-TEXT", _put("requirements.0.why", "the \u200bserver")),
     ("DEPLOY-SCHEMA", _put("requirements.0.version", ">=4")),
     ("DEPLOY-STATUS-ERROR", _all(_put("status", "error"), _put("error", "no wheel"))),
     ("DEPLOY-IMPORT-UNRESOLVED", _drop("imports.0")),
@@ -322,7 +326,8 @@ def test_a_schema_breach_names_field_pointer_and_a_guess() -> None:
 def test_hostile_text_is_escaped_and_bounded_in_messages() -> None:
     value = good("identify")
     value["devices"][0]["evidence"][0]["quote"] = "\x1b[31m\u202e" + "x" * 400
-    [found] = check("identify", value, artifacts(), SCHEMAS)
+    found, hidden = check("identify", value, artifacts(), SCHEMAS)
+    assert hidden.code == "IDENTIFY-UNESCAPED-TEXT"
     assert "\x1b" not in found.summary and "\u202e" not in found.summary and len(found.summary) < 250
 
 

@@ -18,6 +18,8 @@ CASES = [
     ("SERVE-SYNTAX", "def _fan() -> int:\n", "def _fan() -> int:\n    return = 1\n"),
     ("SERVE-SYNTAX", '"""The bench."""', '"""The bench.\0"""'),
     ("SERVE-TOO-LONG", END, "\n# more" * 500 + END),
+    ("SERVE-UNESCAPED-TEXT", '"""The bench."""', '"""The \u202ebench."""'),
+    ("SERVE-UNESCAPED-TEXT", "import subprocess\n", "import subprocess  # \u2066 see\n"),
     ("SERVE-HEADER", "# ///\n", "# //\n"),
     ("SERVE-HEADER", '# requires-python = ">=3.11"\n', ""),
     ("SERVE-HEADER", '"fastmcp>=4.1,<4.2"', '"fastmcp @ https://example.org/x.whl"'),
