@@ -51,7 +51,9 @@ OFF = (
 )
 INVALID = "invalid"
 """Its tool for a call of no tool, or with arguments that cannot be read."""
-WITHHELD = "OPENCODE_WATCH_WITHHELD"
+WITHHELD, COMMAND_MS = "OPENCODE_WATCH_WITHHELD", "OPENCODE_WATCH_COMMAND_MS"
+COMMAND_SHARE = 0.75
+"""How much of the time without a sign of progress a command may use up."""
 NPM = "registry=http://127.0.0.1:9/\nfetch-retries=0\n"
 """It looks a package of its own up in the registry of npm whenever it starts; here that fails at once."""
 
@@ -84,8 +86,12 @@ class OpenCode:
 
 
 def _settings(launch: Launch) -> dict[str, str]:
-    """Its variables; the plugin takes the key away again, once it is read, unless the manifest shows it the agent."""
-    key = launch.access.key
+    """Its variables and those of the plugin.
+
+    That takes the key away again, once it is read, unless the manifest shows it the agent; and no command may run for
+    so long that the run would seem to stand still.
+    """
+    key, idle = launch.access.key, launch.task.limits.idle_seconds
     folders = {"CONFIG": ".config", "DATA": ".local/share", "STATE": ".local/state", "CACHE": ".cache"}
     return {
         **{f"OPENCODE_DISABLE_{name}": "1" for name in OFF},
@@ -93,6 +99,7 @@ def _settings(launch: Launch) -> dict[str, str]:
         "OPENCODE_EXPERIMENTAL_DISABLE_FILEWATCHER": "1",
         **({"OPENCODE_ENABLE_EXA": "1"} if launch.spec.web_search else {}),
         **({WITHHELD: key} if key and key not in launch.spec.env else {}),
+        **({COMMAND_MS: str(int(idle * COMMAND_SHARE * 1000))} if idle else {}),
     }
 
 

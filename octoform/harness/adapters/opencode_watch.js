@@ -45,6 +45,11 @@ export const Watch = async () => {
   }
   globalThis.fetch = Object.assign(asked, fetch)
   return {
+    "tool.execute.before": async ({ tool }, { args }) => {
+      // A command without an end would be a run without a sign of progress; the agent has to hear of it before.
+      const most = Number(process.env.OPENCODE_WATCH_COMMAND_MS)
+      if (tool === "bash" && most) args.timeout = Math.min(args.timeout ?? most, most)
+    },
     event: async ({ event }) => {
       const { part, status: state } = event.properties ?? {}
       if (event.type === "session.status" && state.type === "retry") {

@@ -5,6 +5,7 @@ It leaves with status 0 whatever happened, so only its stream is read: an assist
 """
 
 import json
+import shutil
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any, ClassVar
@@ -14,7 +15,18 @@ from octoform.harness.adapters.program import Launch, ProgramHarness
 from octoform.harness.attempt import Invocation
 from octoform.harness.dialect import count, field, json_object, one_line, trouble
 from octoform.harness.installed import Pin
-from octoform.harness.port import AgentEvent, Closed, Replying, Said, ToolCalled, ToolReturned, Turn, Usage
+from octoform.harness.port import (
+    AgentEvent,
+    Closed,
+    ExitReason,
+    Replying,
+    Said,
+    ToolCalled,
+    ToolReturned,
+    Trouble,
+    Turn,
+    Usage,
+)
 from octoform.manifest.model import HarnessSpec
 from octoform.manifest.providers import ANTHROPIC, CHAT, GEMINI, RESPONSES
 
@@ -22,8 +34,11 @@ CONTEXT_TOKENS = 128_000
 OUTPUT_TOKENS = 16_000
 RETRIES = 2
 PROVIDER = "octoform"
-UPDATE = b'{"type":"message_update"'
-"""Most of the stream: each piece of a reply, which says nothing that its end does not say again."""
+PIECES = (b'{"type":"message_update"', b'{"type":"tool_execution_update"')
+"""Most of the stream: each piece of a reply or of what a tool prints, of which the end tells all that is needed."""
+NO_KEY = b"No API key"
+COMMAND_SHARE = 0.75
+"""How much of the time without a sign of progress a command may use up."""
 NAMES = {CHAT: CHAT, RESPONSES: RESPONSES, ANTHROPIC: ANTHROPIC, GEMINI: "google-generative-ai"}
 
 
@@ -39,7 +54,11 @@ class Pi:
         agent = launch.home / ".pi" / "agent"
         agent.mkdir(parents=True)
         (agent / "models.json").write_text(json.dumps(_models(launch.access)), encoding="utf-8")
-        (agent / "settings.json").write_text(json.dumps(_settings(launch)), encoding="utf-8")
+        shell = agent / "shell"
+        shell.write_text(_shell(launch), encoding="utf-8")
+        shell.chmod(0o700)
+        settings = {"retry": {"maxRetries": RETRIES}, "shellPath": str(shell)}
+        (agent / "settings.json").write_text(json.dumps(settings), encoding="utf-8")
         model = f"{PROVIDER}/{launch.access.model}"
         options = ("--offline", "--no-extensions", "--no-skills", "--no-prompt-templates", "--no-context-files")
         return Invocation(
@@ -53,11 +72,20 @@ class Pi:
         )
 
 
-def _settings(launch: Launch) -> dict[str, Any]:
-    """pi's settings.json; what it runs for the model does not get the key, unless the manifest shows it the agent."""
-    key = launch.access.key
-    withheld = {"shellCommandPrefix": f"unset {key}"} if key and key not in launch.spec.env else {}
-    return {"retry": {"maxRetries": RETRIES}, **withheld}
+def _shell(launch: Launch) -> str:
+    """The shell that it runs commands with, as a script of one.
+
+    A command without an end would be a run without a sign of progress: it has to end before, so that the agent hears
+    of it. And it does not get the key, unless the manifest shows it the agent.
+    """
+    key, idle = launch.access.key, launch.task.limits.idle_seconds
+    path = launch.task.environment.get("PATH")
+    lines = ["#!/bin/sh"]
+    if key and key not in launch.spec.env:
+        lines.append(f"unset {key}")
+    bound = f"timeout --kill-after=2 {idle * COMMAND_SHARE:g} " if idle and shutil.which("timeout", path=path) else ""
+    lines.append(f'exec {bound}{"bash" if shutil.which("bash", path=path) else "sh"} "$@"')
+    return "\n".join(lines) + "\n"
 
 
 def _models(access: Access) -> dict[str, Any]:
@@ -75,8 +103,10 @@ class PiDialect:
     def read(self, stream: str, line: bytes) -> Iterable[AgentEvent]:
         """See `Dialect.read`."""
         if stream != "stdout":
+            if line.startswith(NO_KEY):
+                yield Trouble(ExitReason.AUTH, one_line(line.decode("utf-8", "replace")), final=True)
             return
-        if line.startswith(UPDATE):
+        if line.startswith(PIECES):
             yield Replying()
             return
         value = json_object(line)

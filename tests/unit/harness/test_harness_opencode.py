@@ -97,7 +97,7 @@ def test_nothing_strange_is_an_event() -> None:
 
 
 def test_how_it_is_started(tmp_path: Path) -> None:
-    found = invoked(OpenCode(), SPEC, "openrouter/google/gemini-3", tmp_path)
+    found = invoked(OpenCode(), SPEC, "openrouter/google/gemini-3", tmp_path, idle_seconds=120.0)
     assert found.argv[:4] == ("/opt/it", "run", "--format", "json")
     assert found.argv[found.argv.index("--model") + 1] == "octoform/google/gemini-3"
     assert found.stdin == tmp_path / "prompt.md"
@@ -105,6 +105,7 @@ def test_how_it_is_started(tmp_path: Path) -> None:
     assert found.named == ("LOOP_KEY",)
     assert found.settings["OPENCODE_DISABLE_PROJECT_CONFIG"] == "1"
     assert found.settings["OPENCODE_WATCH_WITHHELD"] == "LOOP_KEY"
+    assert found.settings["OPENCODE_WATCH_COMMAND_MS"] == "90000"
     assert found.settings["XDG_DATA_HOME"] == str(tmp_path / "home" / ".local" / "share")
     assert "OPENCODE_ENABLE_EXA" not in found.settings
     config = configured(tmp_path)
@@ -143,7 +144,7 @@ def test_what_the_manifest_chooses(tmp_path: Path) -> None:
 def test_a_model_that_needs_no_key(tmp_path: Path) -> None:
     found = invoked(OpenCode(), HarnessSpec("opencode"), "ollama/qwen3", tmp_path)
     assert found.named == ()
-    assert "OPENCODE_WATCH_WITHHELD" not in found.settings
+    assert not any(name.startswith("OPENCODE_WATCH") for name in found.settings)
     assert configured(tmp_path)["provider"]["octoform"]["options"]["apiKey"] == "none"
 
 

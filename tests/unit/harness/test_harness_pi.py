@@ -69,6 +69,12 @@ def test_how_it_gives_up(name: str, reasons: list[ExitReason], told: str) -> Non
 def test_a_piece_of_a_reply_is_a_sign_of_life() -> None:
     piece = b'{"type":"message_update","usage":{},"assistantMessageEvent":{"type":"text_delta","delta":"x"}}'
     assert lines(PiDialect(), "stdout", piece) == [Replying()]
+    assert lines(PiDialect(), "stdout", b'{"type":"tool_execution_update","toolCallId":"1"}') == [Replying()]
+
+
+def test_a_key_that_is_not_set() -> None:
+    told = b"No API key found for octoform."
+    assert lines(PiDialect(), "stderr", told) == [Trouble(ExitReason.AUTH, told.decode(), final=True)]
 
 
 def test_nothing_strange_is_an_event() -> None:
@@ -81,14 +87,15 @@ def test_nothing_strange_is_an_event() -> None:
 
 
 def test_how_it_is_started(tmp_path: Path) -> None:
-    found = invoked(Pi(), SPEC, "openrouter/google/gemini-3", tmp_path)
+    found = invoked(Pi(), SPEC, "openrouter/google/gemini-3", tmp_path, idle_seconds=120.0)
     assert found.argv[:4] == ("/opt/it", "-p", "--mode", "json")
     assert found.argv[found.argv.index("--model") + 1] == "octoform/google/gemini-3"
     assert {"--no-session", "--offline", "--no-extensions", "--no-skills", "--no-context-files"} < {*found.argv}
     assert found.stdin == tmp_path / "prompt.md"
     assert (found.path, found.program) == (("/opt/node",), "pi 1.2.3")
     assert found.named == ("LOOP_KEY",)
-    assert configured(tmp_path, "settings") == {"retry": {"maxRetries": 2}, "shellCommandPrefix": "unset LOOP_KEY"}
+    assert configured(tmp_path, "settings")["retry"] == {"maxRetries": 2}
+    assert shell(tmp_path) == ["#!/bin/sh", "unset LOOP_KEY", 'exec timeout --kill-after=2 90 bash "$@"']
     provider = configured(tmp_path, "models")["providers"]["octoform"]
     assert (provider["baseUrl"], provider["apiKey"]) == ("http://127.0.0.1:8080/v1", "$LOOP_KEY")
     assert provider["models"][0]["id"] == "google/gemini-3"
@@ -113,7 +120,7 @@ def test_each_api_has_its_name_and_its_base_url(api: str, named: str, url: str, 
 
 def test_the_manifest_may_show_the_agent_the_key(tmp_path: Path) -> None:
     found = invoked(Pi(), replace(SPEC, env=("LOOP_KEY", "HTTPS_PROXY")), "openai/scripted", tmp_path)
-    assert "shellCommandPrefix" not in configured(tmp_path, "settings")
+    assert shell(tmp_path) == ["#!/bin/sh", 'exec bash "$@"'], "without a limit of the run there is none of commands"
     assert set(found.named) == {"LOOP_KEY", "HTTPS_PROXY"}
 
 
@@ -121,6 +128,13 @@ def test_a_model_that_needs_no_key(tmp_path: Path) -> None:
     found = invoked(Pi(), HarnessSpec("pi"), "ollama/qwen3", tmp_path)
     assert found.named == ()
     assert configured(tmp_path, "models")["providers"]["octoform"]["apiKey"] == "none"
+
+
+def shell(folder: Path) -> list[str]:
+    """The lines of the shell that it uses, where its settings say."""
+    path = Path(configured(folder, "settings")["shellPath"])
+    assert path.stat().st_mode & 0o100
+    return path.read_text(encoding="utf-8").splitlines()
 
 
 def configured(folder: Path, name: str) -> Any:
