@@ -16,7 +16,8 @@ COSTS = {"input": 1000, "cached": 400, "output": 50}
 
 
 def test_work_is_counted_and_the_key_shows_nowhere(task_for: Callable[..., Task], run: Callable[..., Ran]) -> None:
-    say = 'echo "$ANTHROPIC_API_KEY"; '
+    # A program as root could look into its parent; what it runs does not get the key by itself.
+    say = f'echo "<$ANTHROPIC_API_KEY${KEY}>" > seen; '
     with serve({"turns": [{"shell": say + WRITE}, DONE], "usage": COSTS}) as server:
         ran = run(spec_for(NAME, server), task_for(MODEL))
         assert {request["key"] for request in server.replies} == {SECRET}
@@ -26,9 +27,19 @@ def test_work_is_counted_and_the_key_shows_nowhere(task_for: Callable[..., Task]
     assert ran.of(Closed) == [Closed(ok=True, text="done")]
     assert ran.of(Turn) == [Turn(Usage(1000, 400, 50))] * 2
     assert (ran.outcome.turns, ran.outcome.usage) == (2, Usage(2000, 800, 100))
-    assert f"[{KEY} redacted]" in ran.task.log.read_text(), "the value is known under whatever name it was given"
+    assert (ran.task.workdir / "seen").read_text() == "<>\n"
     holding = [path for path in ran.task.workdir.rglob("*") if path.is_file() and SECRET.encode() in path.read_bytes()]
     assert holding == []
+
+
+def test_a_key_that_the_manifest_shows_the_agent_is_redacted(
+    task_for: Callable[..., Task], run: Callable[..., Ran]
+) -> None:
+    with serve([{"shell": 'echo "<$ANTHROPIC_API_KEY>"'}, DONE]) as server:
+        ran = run(spec_for(NAME, server, env=(KEY, "ANTHROPIC_API_KEY")), task_for(MODEL))
+    log = ran.task.log.read_text()
+    assert f"<[{KEY} redacted]>" in log, "the value is known under whatever name it was given"
+    assert SECRET not in log
 
 
 def test_money_is_counted_while_it_works(task_for: Callable[..., Task], run: Callable[..., Ran]) -> None:

@@ -49,6 +49,7 @@ SWITCHES = (
     # It would wait for what it has moved there long after its last word; a shell can start things all the same.
     "CLAUDE_CODE_DISABLE_BACKGROUND_TASKS",
 )
+SHELL = "octoform-shell"
 COMMAND_LIMITS = ("BASH_DEFAULT_TIMEOUT_MS", "BASH_MAX_TIMEOUT_MS")
 COMMAND_SHARE = 0.75
 BEARER, KEY = "ANTHROPIC_AUTH_TOKEN", "ANTHROPIC_API_KEY"
@@ -76,6 +77,10 @@ class ClaudeCode:
         tools = (*TOOLS, *WEB_TOOLS) if launch.spec.web_search else TOOLS
         turns = launch.task.limits.turns
         bound = ("--max-turns", str(turns + SPARE_TURNS)) if turns is not None else ()
+        shells = launch.home / "shells"
+        shells.mkdir()
+        (shells / SHELL).write_text(_shell(launch), encoding="utf-8")
+        (shells / SHELL).chmod(0o700)
         return Invocation(
             argv=(
                 *launch.program.argv,
@@ -87,10 +92,16 @@ class ClaudeCode:
             stdin=launch.task.prompt,
             named=tuple(name for name in (*launch.spec.env, launch.access.key) if name),
             settings=_settings(launch),
-            path=launch.program.path,
+            path=(str(shells), *launch.program.path),
             dialect=ClaudeCodeDialect(),
             program=f"claude {launch.program.version}" if launch.program.version else None,
         )
+
+
+def _shell(launch: Launch) -> str:
+    """What each command is given to: a shell that does not get the key, unless the manifest shows it the agent."""
+    keys = {KEY, BEARER, launch.access.key or KEY} - set(launch.spec.env)
+    return f'#!/bin/sh\nunset {" ".join(sorted(keys))}\nexec bash -c "$1"\n'
 
 
 def _settings(launch: Launch) -> dict[str, str]:
@@ -103,6 +114,8 @@ def _settings(launch: Launch) -> dict[str, str]:
         "ANTHROPIC_DEFAULT_HAIKU_MODEL": launch.access.model,
         "CLAUDE_CODE_MAX_RETRIES": str(RETRIES),
         "CLAUDE_CONFIG_DIR": str(launch.home / ".claude"),
+        # A name to be found on PATH: in a path it would take words for arguments.
+        "CLAUDE_CODE_SHELL_PREFIX": SHELL,
         # Empty and not left out, so that no other key of the caller's is taken for it.
         KEY: launch.key if native else "",
         BEARER: "" if native else launch.key,

@@ -152,7 +152,7 @@ def test_how_it_is_started(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> N
     assert found.argv[found.argv.index("--model") + 1] == "claude-sonnet-4-5"
     assert "Web" not in found.argv[found.argv.index("--tools") + 1]
     assert found.stdin == tmp_path / "prompt.md"
-    assert (found.path, found.program) == (("/opt/node",), "claude 1.2.3")
+    assert (found.path, found.program) == ((str(tmp_path / "home" / "shells"), "/opt/node"), "claude 1.2.3")
     assert found.settings["ANTHROPIC_BASE_URL"] == "http://127.0.0.1:8080"
     assert found.settings["CLAUDE_CONFIG_DIR"] == str(tmp_path / "home" / ".claude")
     assert found.settings["IS_SANDBOX"] == "1"
