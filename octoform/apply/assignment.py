@@ -15,12 +15,11 @@ from octoform.apply.reading import predecessor
 from octoform.diagnostics import Diagnostic, error
 from octoform.harness.port import Price, Task
 from octoform.harness.pricing import price_of
-from octoform.manifest.model import Budget, HarnessSpec
+from octoform.manifest.model import MODEL_FREE, Budget, HarnessSpec
 from octoform.manifest.references import resolve
 
-MODEL_FREE = ("builtin", "replay")
 UNMEASURED = (*MODEL_FREE, "command")
-"""Harnesses whose cost is not read while they run: a command reports its own when it has ended."""
+"""Harnesses whose output tells nothing while they run: a command reports what it has used when it has ended."""
 
 Judge = Callable[[Context, Task, bytes], tuple[Any, list[Diagnostic]]]
 """(context, task, bytes of the output) -> (value, diagnostics); the value is None when it cannot be read."""

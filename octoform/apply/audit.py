@@ -1,7 +1,8 @@
 """What an agent may not touch: the manifest, specs, profiles and accepted artifacts are compared after every attempt.
 
 An agent has one folder and one file to write. A change of anything else that octoform answers for is undone and fails
-the attempt, by name; other new or changed files in the project are told, since a person may be at work there too.
+the attempt, by name; other new or changed files in the project are told, since a person may be at work there too. For
+the same reason nothing that is undone is lost: it is kept in the attempt's folder.
 """
 
 import os
@@ -50,28 +51,48 @@ def begin(project: Path, files: Iterable[Path], folders: Iterable[Path]) -> Watc
     return Watch(project, guarded, real, folders, _listing(project))
 
 
-def end(watch: Watch) -> list[Diagnostic]:
-    """Put back what was changed and say so; an empty list when the attempt kept to its folder."""
+def end(watch: Watch, undone: Path) -> list[Diagnostic]:
+    """Put back what was changed and say so; an empty list when the attempt kept to its folder.
+
+    ``undone`` is a folder, made when it is needed, for what the changed files had become.
+    """
     found = []
     for path, before in watch.guarded.items():
         if _look(path) != before:
+            kept = _keep(watch, path, undone)
             _restore(watch, path, before)
-            found.append(_touched(watch, path))
+            found.append(_touched(watch, path, kept))
     for folder in watch.folders:
         for path in _files(folder):
             if path not in watch.guarded:
+                kept = _keep(watch, path, undone)
                 path.unlink()
-                found.append(_touched(watch, path))
+                found.append(_touched(watch, path, kept))
     found += _strangers(watch)
     return found
 
 
-def _touched(watch: Watch, path: Path) -> Diagnostic:
+def _keep(watch: Watch, path: Path, undone: Path) -> Path | None:
+    """A copy of what a file has become; None when no plain file lies there, or the copy cannot be written."""
+    there = _look(path)
+    if there is None or there.kind != "file":
+        return None
+    copy = undone / _name(watch.project, path).lstrip("/")
+    try:
+        copy.parent.mkdir(parents=True, exist_ok=True)
+        copy.write_bytes(there.data)
+    except OSError:
+        return None  # the agent has filled the disk or made away with its folder; both are told elsewhere
+    return copy
+
+
+def _touched(watch: Watch, path: Path, kept: Path | None) -> Diagnostic:
     return error(
         "APPLY-OUTSIDE-WRITE",
-        "the agent changed a file that is not its own; the change was undone",
+        "a file that is not the agent's own was changed while it ran; the change was undone",
         path=_name(watch.project, path),
-        hint="an attempt may write only in its own folder",
+        detail=f"what it had become is kept in {_name(watch.project, kept)}" if kept else None,
+        hint="an attempt may write only in its own folder; do not edit these files while an apply runs",
     )
 
 

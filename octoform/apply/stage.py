@@ -9,7 +9,7 @@ from typing import Any
 
 from octoform import events
 from octoform.apply import audit, escalating, serving, spec_copy
-from octoform.apply.assignment import Assignment, of_stage, unaffordable
+from octoform.apply.assignment import UNMEASURED, Assignment, of_stage, unaffordable
 from octoform.apply.attempt import Failed, Prepared, prepare, run
 from octoform.apply.attempt_record import record
 from octoform.apply.context import Context
@@ -28,6 +28,10 @@ from octoform.state import spec_edits
 from octoform.state.files import full_disk, refused
 
 DELAY_SECONDS = 0.5
+IDLE_SECONDS = 120.0
+"""For agents whose output tells what they do; others may work for minutes and print nothing."""
+UNDONE = "undone"
+"""Folder of an attempt with what files had become that were not the agent's to change."""
 FARAWAY_SECONDS = 5.0
 HOPELESS = frozenset({ExitReason.NOT_INSTALLED, ExitReason.AUTH, ExitReason.BUDGET})
 """Ends after which another attempt can only end the same way."""
@@ -107,7 +111,10 @@ def _limits(context: Context, assignment: Assignment, elapsed: float) -> tuple[T
     budget, stage = assignment.budget, assignment.stage
     left = budget.stage_seconds - elapsed
     usd = context.purse.left(stage, budget.usd, context.manifest.run_usd)
-    limits = TaskLimits(min(left, budget.attempt_seconds), budget.idle_seconds, budget.turns, usd)
+    idle = budget.idle_seconds
+    if idle is None and assignment.harness.name not in UNMEASURED:
+        idle = IDLE_SECONDS
+    limits = TaskLimits(min(left, budget.attempt_seconds), idle, budget.turns, usd)
     if left <= 0:
         return limits, _spent(stage, budget.stage_seconds)
     return limits, unaffordable(context, assignment, usd)
@@ -142,11 +149,11 @@ def _attempt(
     edit = None
     try:
         outcome = run(context, harness, task)
-        verdict = _gate(context, assignment, task, outcome, audit.end(watch))
+        verdict = _gate(context, assignment, task, outcome, audit.end(watch, task.workdir / UNDONE))
         edit = _note_edit(context, prepared)
     except OSError as problem:  # a full disk, or an agent that has made away with its own folder
         outcome = Outcome(ExitReason.CRASHED, None, 0.0)
-        verdict = Verdict((*audit.end(watch), refused(problem, task.workdir)))
+        verdict = Verdict((*audit.end(watch, task.workdir / UNDONE), refused(problem, task.workdir)))
     verdict = replace(verdict, diagnostics=without_secrets(task, verdict.diagnostics))
     progress.usage = added(progress.usage, outcome.usage)
     context.purse.pay(assignment.stage, outcome.usage)

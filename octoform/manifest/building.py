@@ -148,6 +148,7 @@ def timeouts(general: document.Budget, own: document.StageBudget) -> tuple[float
     return float(attempt or 0), float(stage or 0)
 
 
-def idle(general: document.Budget, own: document.StageBudget) -> float:
-    """Seconds without a sign of progress, the stage's own setting first."""
-    return float(seconds(own.idle_timeout or general.idle_timeout) or 0)
+def idle(general: document.Budget, own: document.StageBudget) -> float | None:
+    """Seconds without a sign of progress, the stage's own setting first; None where nobody chose them."""
+    chosen = own.idle_timeout or general.idle_timeout
+    return float(seconds(chosen) or 0) if chosen is not None else None

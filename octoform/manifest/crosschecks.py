@@ -57,13 +57,13 @@ def _written(root: Table, stage: str, names: tuple[str, ...]) -> Span | None:
 
 
 def _idle_timeouts(document: Document, root: Table, report: Report) -> None:
-    """A silence longer than the attempt itself never ends it; the default is left alone where nobody chose it."""
+    """A silence longer than the attempt itself never ends it."""
     told: set[Span] = set()
     for name in STAGES:
         own = _stage(document, name).budget
         (attempt, _), silence = timeouts(document.budget, own), idle(document.budget, own)
         span = _written(root, name, ("idle_timeout",))
-        if silence > attempt and span is not None and span not in told:
+        if silence is not None and silence > attempt and span is not None and span not in told:
             told.add(span)
             report.warning(
                 "MANIFEST-TIMEOUTS",

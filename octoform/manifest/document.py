@@ -56,8 +56,8 @@ class Budget(Table):
     """Wall time of all attempts of a stage together."""
     tools: Annotated[int, Field(ge=1, le=200)] = 30
     """The most tools that the endpoint may offer."""
-    idle_timeout: Duration = added("120s")
-    """Time without a sign of progress after which an attempt is ended."""
+    idle_timeout: Duration | None = added(None)
+    """Time without a sign of progress after which an attempt is ended; 120s for agents whose output tells of it."""
     turns: Turns = added(100)
     """The most replies of the model in one attempt."""
     usd: Dollars | None = added(None)

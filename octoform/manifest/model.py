@@ -52,7 +52,8 @@ class HarnessSpec:
 class Budget:
     """What a stage may use: attempts as a count, times in seconds, ``tools`` as the most tools of the endpoint.
 
-    ``turns`` are replies of the model in one attempt, ``usd`` the US dollars of all attempts of this stage (None: no
+    ``idle_seconds`` without a sign of progress end an attempt (None: as the harness has it by default). ``turns`` are
+    replies of the model in one attempt, ``usd`` the US dollars of all attempts of this stage (None: no
     limit of its own). ``edit_specs``: a retry may correct its own copy of the spec.
     """
 
@@ -60,7 +61,7 @@ class Budget:
     attempt_seconds: float
     stage_seconds: float
     tools: int
-    idle_seconds: float = 120.0
+    idle_seconds: float | None = None
     turns: int = 100
     usd: float | None = None
     edit_specs: bool = True

@@ -22,7 +22,7 @@ def watch(project: Path) -> audit.Watch:
 
 
 def test_nothing_touched_is_nothing_told(project: Path) -> None:
-    assert audit.end(watch(project)) == []
+    assert audit.end(watch(project), project / ".octoform") == []
 
 
 def test_guarded_files_are_put_back(project: Path) -> None:
@@ -31,7 +31,7 @@ def test_guarded_files_are_put_back(project: Path) -> None:
     (project / "absent.md").write_text("new\n")
     (project / "state" / "bench" / "probe" / "output.json").unlink()
     (project / "state" / "stranger.json").write_text("{}")
-    found = audit.end(seen)
+    found = audit.end(seen, project / ".octoform")
     assert sorted(item.path or "" for item in found) == [
         "absent.md",
         "octopus.yaml",
@@ -50,7 +50,7 @@ def test_a_link_in_the_place_of_a_guarded_file_is_taken_away_and_never_written_t
     foreign = project / "notes.md"
     (project / "octopus.yaml").unlink()
     (project / "octopus.yaml").symlink_to(foreign)
-    assert [item.path for item in audit.end(seen)] == ["octopus.yaml"]
+    assert [item.path for item in audit.end(seen, project / ".octoform")] == ["octopus.yaml"]
     assert not (project / "octopus.yaml").is_symlink()
     assert (project / "octopus.yaml").read_text() == "octopus.yaml\n"
     assert foreign.read_text() == "notes.md\n"
@@ -70,7 +70,7 @@ def test_a_folder_or_file_of_the_other_kind_is_put_back_too(project: Path, how: 
         output.unlink()
         output.parent.rmdir()
         output.parent.write_text("in the way\n")
-    assert audit.end(seen)
+    assert audit.end(seen, project / ".octoform")
     assert (project / "octopus.yaml").read_text() == "octopus.yaml\n"
     assert (project / "state" / "bench" / "probe" / "output.json").read_text() == "state/bench/probe/output.json\n"
 
@@ -78,7 +78,7 @@ def test_a_folder_or_file_of_the_other_kind_is_put_back_too(project: Path, how: 
 def test_other_files_are_told_as_warnings_and_left(project: Path) -> None:
     seen = watch(project)
     (project / "notes.md").write_text("a person writes\n")
-    found = audit.end(seen)
+    found = audit.end(seen, project / ".octoform")
     assert [(item.severity.value, item.path) for item in found] == [("warning", "notes.md")]
     assert (project / "notes.md").read_text() == "a person writes\n"
 
@@ -90,7 +90,7 @@ def test_a_link_that_a_person_uses_is_put_back_as_a_link(project: Path) -> None:
     seen = watch(project)
     manifest.unlink()
     manifest.write_text("other\n")
-    assert audit.end(seen)
+    assert audit.end(seen, project / ".octoform")
     assert manifest.is_symlink()
     assert manifest.read_text() == "notes.md\n"
 
@@ -104,7 +104,7 @@ def test_a_folder_of_the_state_that_became_a_link_is_not_written_through(project
     (folder / "output.json").unlink()
     folder.rmdir()
     folder.symlink_to(foreign)
-    assert audit.end(seen)
+    assert audit.end(seen, project / ".octoform")
     assert not folder.is_symlink()
     assert (folder / "output.json").read_text() == "state/bench/probe/output.json\n"
     assert (foreign / "output.json").read_text() == "mine\n"
@@ -116,6 +116,22 @@ def test_a_state_folder_that_a_person_keeps_elsewhere_stays_a_link(project: Path
     (project / "state").symlink_to(elsewhere)
     seen = watch(project)
     (elsewhere / "bench" / "probe" / "output.json").write_text("{}")
-    assert audit.end(seen)
+    assert audit.end(seen, project / ".octoform")
     assert (project / "state").is_symlink()
     assert (elsewhere / "bench" / "probe" / "output.json").read_text() == "state/bench/probe/output.json\n"
+
+
+def test_what_is_undone_is_kept_for_whoever_wrote_it(project: Path, tmp_path_factory: pytest.TempPathFactory) -> None:
+    """A person may have saved a file while an agent ran; nobody can tell who it was, so nothing is lost."""
+    outside = tmp_path_factory.mktemp("installed") / "identify.md"
+    outside.write_text("the spec\n")
+    seen = audit.begin(project, [project / "octopus.yaml", outside], [project / "state"])
+    (project / "octopus.yaml").write_text("an hour of work\n")
+    outside.write_text("another\n")
+    (project / "state" / "stranger.json").write_text("{}")
+    kept = project / ".octoform" / "undone"
+    found = audit.end(seen, kept)
+    assert (kept / "octopus.yaml").read_text() == "an hour of work\n"
+    assert (kept / "state" / "stranger.json").read_text() == "{}"
+    assert (kept / str(outside).lstrip("/")).read_text() == "another\n"
+    assert ".octoform/undone/octopus.yaml" in (found[0].detail or "")
