@@ -86,7 +86,7 @@ def test_no_key_is_a_matter_of_the_key(task_for: Callable[..., Task], run: Calla
 def test_a_slow_command_is_told_of_before_the_run_counts_as_idle(
     task_for: Callable[..., Task], run: Callable[..., Ran]
 ) -> None:
-    with serve([{"shell": "sleep 300"}, {"shell": WRITE}, DONE]) as server:
+    with serve([{"shell": "echo slow; sleep 300"}, {"shell": WRITE}, DONE]) as server:
         ran = run(spec_for(NAME, server), task_for(MODEL, idle_seconds=8.0))
     assert ran.outcome.reason is ExitReason.FINISHED
     assert [event.failed for event in ran.of(ToolReturned)] == [True, False]
