@@ -16,6 +16,8 @@ MINIMUM_IN_TEXT = 6
 _PSEUDONYM = re.compile(r"redacted-[0-9a-f]{10}")
 ADDRESS = re.compile(r"(?<![0-9A-Fa-f:])(?:[0-9A-Fa-f]{2}:){5,19}[0-9A-Fa-f]{2}(?![0-9A-Fa-f:])")
 _IDENTIFYING = re.compile(r"serial|address|\bmac\b|uuid|guid|wwid|wwn|ssid|imei|eui|host", re.IGNORECASE)
+# What the system puts into a serial's place where a device has none: the numbers of maker and product (0424_9514).
+_KIND_NUMBERS = re.compile(r"[0-9A-Fa-f]{4}[_:][0-9A-Fa-f]{4}")
 # Members that name a kind; a serial number that leaked into one is refused by a rule, not rewritten.
 _KIND_MEMBERS = frozenset({"id", "interface", "classes", "drivers", "vid", "pid", "class", "strength", "port"})
 
@@ -51,9 +53,11 @@ def pseudonym(secret: str, key: bytes) -> str:
 
 
 def secrets_of(instance: JsonObject) -> Iterator[tuple[str, str]]:
-    """(member, value) of what identifies one specimen: not blank and not yet hidden."""
+    """(member, value) of what identifies one specimen: not blank, not yet hidden, and not the numbers of its kind."""
     for name, value in instance.items():
-        if isinstance(value, str) and identifies(name) and value.strip() and not hidden(value):
+        if not isinstance(value, str) or not identifies(name):
+            continue
+        if value.strip() and not hidden(value) and not _KIND_NUMBERS.fullmatch(value.strip()):
             yield name, value.strip()
 
 

@@ -355,3 +355,12 @@ def test_every_rule_has_a_code_of_its_stage_and_a_case_here() -> None:
         assert all(code.startswith(f"{stage.upper()}-") for code in codes)
         if stage != "serve":
             assert set(codes) <= cases | own_tests
+
+
+def test_the_numbers_of_a_kind_in_a_serials_place_are_no_serial() -> None:
+    """The device database of a system writes them there for a device that has no serial number."""
+    value = good("probe")
+    value["devices"][0]["id"] = "usb-0424-9514"
+    for serial, codes in (("0424_9514", set()), ("04249514", {"PROBE-SERIAL-IN-ID"})):
+        value["devices"][0]["instance"]["udev.ID_SERIAL"] = serial
+        assert {item.code for item in check("probe", value, artifacts(), SCHEMAS)} == codes
