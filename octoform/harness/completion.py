@@ -66,7 +66,7 @@ class LiteLLMCompletion:
         way = route(spec, resolve(self.settings.model, self.environ), self.environ)
         if isinstance(way, Diagnostic):
             return way
-        if way.key and not self.environ.get(way.key) and self.settings.base_url is None:
+        if way.key and not self.environ.get(way.key):
             return _failed(f"the variable {way.key} with its key is not set")
         question = {
             "route": asdict(way),
@@ -89,7 +89,7 @@ class LiteLLMCompletion:
         asked.write_text(question, encoding="utf-8")
         named = (way.key,) if way.key else ()
         program = Program(
-            argv=(sys.executable, "-I", "-m", MODULE),
+            argv=(sys.executable, "-I", "-W", "ignore", "-m", MODULE),
             workdir=folder,
             environment={**environment.minimal(folder, self.environ, named), **SETTINGS},
             log=folder / "completion.log",

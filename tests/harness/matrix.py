@@ -52,6 +52,8 @@ SUBJECTS: Mapping[str, Subject] = {
             differs={"broken arguments": Expected(ExitReason.FINISHED)},
         ),
         Subject("qwen-code", start_seconds=12.0),
+        # Importing the library alone takes seconds.
+        Subject("litellm", start_seconds=20.0),
     )
 }  # fmt: skip
 PROGRAMS = [

@@ -11,7 +11,7 @@ from octoform.diagnostics import Diagnostic
 from octoform.harness import orphans, processes, registry
 from octoform.harness.adapters.program import ProgramHarness
 from octoform.harness.environment import ATTEMPT
-from octoform.harness.port import AgentEvent, Outcome, Task
+from octoform.harness.port import AgentEvent, Harness, Outcome, Task
 from octoform.manifest.model import HarnessSpec
 
 KEY = "LOOP_KEY"
@@ -44,15 +44,17 @@ def spec_for(name: str, server: ModelServer | str, **settings: Any) -> HarnessSp
 
 def program(name: str) -> ProgramHarness:
     """The installed program's harness, its model nowhere; a test never passes for want of a program."""
-    return harness(spec_for(name, NOWHERE))
+    found = harness(spec_for(name, NOWHERE))
+    assert isinstance(found, ProgramHarness)
+    return found
 
 
-def harness(spec: HarnessSpec) -> ProgramHarness:
+def harness(spec: HarnessSpec) -> Harness:
     """The harness of a spec, whose program is there."""
     found = registry.resolve(spec, os.environ)
     assert not isinstance(found, Diagnostic), found
-    assert isinstance(found, ProgramHarness)
-    assert found.locate(environment()) is not None, f"{spec.name} is not installed: octoform install {spec.name}"
+    if isinstance(found, ProgramHarness):
+        assert found.locate(environment()) is not None, f"{spec.name} is not installed: octoform install {spec.name}"
     return found
 
 

@@ -21,6 +21,7 @@ from octoform.harness.port import (
     ExitReason,
     Outcome,
     ProgressSink,
+    Replying,
     Said,
     Task,
     ToolCalled,
@@ -48,28 +49,33 @@ class LiteLLMHarness:
 
     def run(self, task: Task, progress: ProgressSink) -> Outcome:
         """See `Harness.run`."""
-        way = route(self.spec, task.model, task.environment)
-        if isinstance(way, Diagnostic):
-            return Outcome(ExitReason.NOT_INSTALLED, None, 0.0, f"{way.summary} ({way.hint})")
+        config = self.configuration(task)
+        if isinstance(config, Diagnostic):
+            return Outcome(ExitReason.NOT_INSTALLED, None, 0.0, f"{config.summary} ({config.hint})")
         program = installed()
         if program is None:
             return Outcome(ExitReason.NOT_INSTALLED, None, 0.0, MISSING)
         home = task.workdir / "home"
         home.mkdir(mode=0o700, exist_ok=True)
         file = home / FILE_NAME
-        named = tuple(name for name in (*self.spec.env, way.key) if name)
-        self._config(task, way, named).write(file)
+        config.write(file)
         invocation = Invocation(
             # Isolated: neither the working directory, which the agent writes to, nor the user's site is on its path.
-            argv=(sys.executable, "-I", "-m", MODULE, str(file)),
-            named=named,
+            # Its libraries warn of each other's futures, which is nobody's concern here.
+            argv=(sys.executable, "-I", "-W", "ignore", "-m", MODULE, str(file)),
+            named=self._named(config.route),
             settings=SETTINGS,
             dialect=ReactDialect(),
             program=program,
+            sandbox=self.spec.sandbox,
         )
         return run_contained(task, invocation, progress)
 
-    def _config(self, task: Task, way: Route, named: tuple[str, ...]) -> Config:
+    def configuration(self, task: Task) -> Config | Diagnostic:
+        """What the process is told, or what is missing; nothing is written."""
+        way = route(self.spec, task.model, task.environment)
+        if isinstance(way, Diagnostic):
+            return way
         limits = task.limits
         silence = min(limits.wall_seconds, limits.idle_seconds or LONGEST_SILENCE)
         longest = max(1, int(silence * 0.8))
@@ -83,10 +89,12 @@ class LiteLLMHarness:
             shell_seconds=min(SHELL_SECONDS, longest),
             most_shell_seconds=longest,
             backoff_seconds=self.backoff_seconds,
-            hidden=(*named, *SETTINGS),
-            needs_key=self.spec.base_url is None,
+            hidden=(*self._named(way), *SETTINGS),
             web_search=self.spec.web_search,
         )
+
+    def _named(self, way: Route) -> tuple[str, ...]:
+        return tuple(name for name in (*self.spec.env, way.key) if name)
 
 
 def installed() -> str | None:
@@ -115,7 +123,7 @@ class ReactDialect:
             case "result":
                 yield ToolReturned(field(value, "failed") is True)
             case "alive":
-                yield Said("a long reply is coming in")
+                yield Replying()
             case "trouble":
                 yield trouble(text, count(value, "status"), final=field(value, "final") is True)
             case "closed":

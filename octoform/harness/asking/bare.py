@@ -17,7 +17,7 @@ def main(question: dict[str, Any]) -> dict[str, Any]:
     """Ask it."""
     route = Route(**question["route"])
     key = os.environ.get(route.key) if route.key else None
-    model = LiteLLM(Request(route, key or "none", question["seconds"], max_tokens=question["max_tokens"]))
+    model = LiteLLM(Request(route, key, question["seconds"], max_tokens=question["max_tokens"]))
     messages = [
         {"role": "system", "content": question["instruction"]},
         {"role": "user", "content": question["text"]},

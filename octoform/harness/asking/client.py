@@ -17,7 +17,9 @@ from octoform.harness.asking.route import Route
 RETRIES = 2
 BACKOFF_SECONDS = 1.5
 LONGEST_BACKOFF_SECONDS = 20.0
-ALIVE_SECONDS = 10.0
+ALIVE_SECONDS = 5.0
+BAD_REQUEST = 400
+SEARCH = "web_search_options"
 SETTINGS = {
     # Before the import, or it asks the network for a list of prices.
     "LITELLM_LOCAL_MODEL_COST_MAP": "True",
@@ -84,7 +86,7 @@ class Request:
     web_search: bool = False
     max_tokens: int | None = None
     alive: Callable[[int], None] = lambda _: None
-    """Called every ten seconds while a reply comes in, with its pieces so far."""
+    """Called every five seconds while a reply comes in, with its pieces so far."""
 
 
 class LiteLLM:
@@ -116,6 +118,13 @@ class LiteLLM:
 
     def ask(self, messages: Sequence[Mapping[str, Any]], tools: Sequence[Mapping[str, Any]]) -> Reply | Refusal:
         """See `Model.ask`."""
+        answer = self._once(messages, tools)
+        if isinstance(answer, Refusal) and answer.status == BAD_REQUEST and self._options.pop(SEARCH, None):
+            # Some models search, and call tools, and do not do both.
+            return self._once(messages, tools)
+        return answer
+
+    def _once(self, messages: Sequence[Mapping[str, Any]], tools: Sequence[Mapping[str, Any]]) -> Reply | Refusal:
         options = {**self._options, "tools": list(tools)} if tools else self._options
         try:
             stream = self._library.completion(messages=[dict(item) for item in messages], **options)
@@ -130,7 +139,8 @@ class LiteLLM:
         route = request.route
         options: dict[str, Any] = {
             "model": route.model,
-            "api_key": request.key,
+            # Without any some clients refuse to ask, and a server on this machine often wants none.
+            "api_key": request.key or (None if route.base_url is None else "none"),
             "timeout": request.seconds,
             "num_retries": 0,
             "max_retries": 0,
@@ -142,7 +152,7 @@ class LiteLLM:
         if request.max_tokens is not None:
             options["max_tokens"] = request.max_tokens
         if request.web_search and self._library.supports_web_search(model=route.model):
-            options["web_search_options"] = {"search_context_size": "medium"}
+            options[SEARCH] = {"search_context_size": "medium"}
         if "anthropic/" in route.model:
             # Each request repeats the whole conversation: unmarked, all of it is paid in full every time.
             places = ({"role": "system"}, {"index": -1})

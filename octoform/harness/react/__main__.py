@@ -21,12 +21,12 @@ def main(path: str) -> int:
     config = read(Path(path))
     reporter = Reporter(sys.stdout)
     key = os.environ.get(config.route.key) if config.route.key else None
-    if config.route.key and not key and config.needs_key:
+    if config.route.key and not key:
         reporter.trouble(Refusal(f"the variable {config.route.key} with the API key is not set", UNAUTHORIZED), True)
         return 1
     environment = {name: value for name, value in os.environ.items() if name not in config.hidden}
     shell = Shell(Path(config.workdir), environment, config.shell_seconds, config.most_shell_seconds)
-    request = Request(config.route, key or "none", config.request_seconds, config.web_search, alive=reporter.alive)
+    request = Request(config.route, key, config.request_seconds, config.web_search, alive=reporter.alive)
     model = LiteLLM(request)
     task = Path(config.prompt).read_text("utf-8", "replace")
     loop = Loop(

@@ -13,7 +13,7 @@ class Config:
     """Paths are absolute; ``output`` lies in ``workdir``. ``hidden`` are variables that no command gets.
 
     ``request_seconds`` is how long a request may be silent, ``shell_seconds`` and ``most_shell_seconds`` what a
-    command may take when the model says nothing, and at most. ``needs_key``: without the key nothing need be tried.
+    command may take when the model says nothing, and at most.
     """
 
     route: Route
@@ -25,7 +25,6 @@ class Config:
     most_shell_seconds: int
     backoff_seconds: float
     hidden: Sequence[str] = ()
-    needs_key: bool = True
     web_search: bool = False
 
     def write(self, path: Path) -> None:

@@ -21,6 +21,8 @@ ARGUMENT_BYTES = 64 << 10
 RESULT_BYTES = 48 << 10
 """Bounds of one step: what the model said, the arguments of its calls, and the results of them."""
 SHORTEST_REPLACED = 200
+NOTE_BYTES = 200
+"""For the note on steps that are left out."""
 
 
 def limit_for(tokens: int | None, fixed: int) -> int:
@@ -50,7 +52,7 @@ class Conversation:
 
     def replied(self, reply: Reply) -> None:
         """The model has said something; arguments that are no JSON object are not repeated to it."""
-        message = dict(reply.message) or {"role": "assistant", "content": reply.text}
+        message: dict[str, Any] = {"role": "assistant", **reply.message}
         message["content"] = cut(reply.text, TEXT_BYTES) or (None if reply.calls else "(nothing)")
         if reply.calls:
             share = ARGUMENT_BYTES // len(reply.calls)
@@ -86,26 +88,34 @@ class Conversation:
         return True
 
     def _fit(self) -> None:
-        """Bring it below the bound: old results, then old steps, then results of the last steps but the newest."""
+        """Bring it below the bound: old results, then old steps, then results of the last steps but the newest.
+
+        A good way below, since every change of what was sent before makes a provider's cache of it worthless.
+        """
         size = self._size()
-        old = max(0, len(self._steps) - RECENT)
-        for step in self._steps[:old]:
-            if size <= self._limit:
+        if size <= self._limit:
+            return
+        goal = self._limit * 3 // 4
+        for step in self._steps[: max(0, len(self._steps) - RECENT)]:
+            if size <= goal:
                 return
             size -= _shortened(step)
-        while size > self._limit and len(self._steps) > RECENT:
-            size -= size_of(self._steps.pop(0))
-            self._dropped += 1
+        size = self._drop(size, goal, RECENT)
         for step in self._steps[:-1]:
             if size <= self._limit:
                 return
             size -= _shortened(step)
-        while size > self._limit and len(self._steps) > 1:
+        self._drop(size, self._limit, 1)
+
+    def _drop(self, size: int, goal: int, least: int) -> int:
+        """Leave out whole steps, oldest first, until ``goal`` or until only ``least`` are left; the size then."""
+        while size > goal and len(self._steps) > least:
             size -= size_of(self._steps.pop(0))
             self._dropped += 1
+        return size
 
     def _size(self) -> int:
-        return size_of([*self._opening, *(message for step in self._steps for message in step)])
+        return NOTE_BYTES + size_of([*self._opening, *(message for step in self._steps for message in step)])
 
 
 def _kept(arguments: str, limit: int) -> str:

@@ -68,7 +68,7 @@ def _mismatch(schema: Mapping[str, Any], value: Any, at: str) -> str | None:
     if not isinstance(value, dict):
         return None
     for name in schema["required"]:
-        if name not in value:
+        if value.get(name) is None:
             return f"{at + '.' if at else ''}{name} is missing"
     known = ((name, value[name]) for name in schema["properties"] if value.get(name) is not None)
     found = (_mismatch(schema["properties"][name], item, f"{at + '.' if at else ''}{name}") for name, item in known)
