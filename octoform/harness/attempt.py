@@ -29,7 +29,8 @@ class Invocation:
 
     ``settings`` are variables that the harness itself sets; ``path`` are folders to put before PATH. ``dialect`` reads
     its output; without one each line is something that it said. ``program`` names it with its version, for the record.
-    ``sandbox`` confines it; None: it may write wherever the user may.
+    ``sandbox`` confines it; None: it may write wherever the user may. ``closes``: its output always ends with a word on
+    how the run went, so that a run without one was cut short, whatever its exit status.
     """
 
     argv: tuple[str, ...]
@@ -40,6 +41,7 @@ class Invocation:
     dialect: Dialect | None = None
     program: str | None = None
     sandbox: Sandbox | None = None
+    closes: bool = False
 
 
 def run_contained(task: Task, invocation: Invocation, progress: ProgressSink) -> Outcome:
@@ -100,7 +102,7 @@ def not_installed(name: str) -> str:
 def outcome(ended: Ended, task: Task, invocation: Invocation, watcher: Watcher) -> Outcome:
     """The end of the tree in the words of the port."""
     return Outcome(
-        reason=_reason(ended, watcher),
+        reason=_reason(ended, invocation, watcher),
         exit_status=None if ended.reason == "not_started" else ended.status,
         seconds=ended.seconds,
         detail=_detail(ended, task, invocation, watcher),
@@ -111,7 +113,7 @@ def outcome(ended: Ended, task: Task, invocation: Invocation, watcher: Watcher) 
     )
 
 
-def _reason(ended: Ended, watcher: Watcher) -> ExitReason:
+def _reason(ended: Ended, invocation: Invocation, watcher: Watcher) -> ExitReason:
     """What the stream said stands above the exit status: several programs leave with 0 after a failure."""
     if ended.reason == "ordered" and watcher.reason is not None:
         return watcher.reason
@@ -121,7 +123,12 @@ def _reason(ended: Ended, watcher: Watcher) -> ExitReason:
         return watcher.trouble.reason
     if watcher.closed is not None and watcher.closed.ok:
         return ExitReason.FINISHED
-    return ExitReason.FINISHED if ended.status == 0 else ExitReason.CRASHED
+    return ExitReason.FINISHED if ended.status == 0 and not _silent(invocation, watcher) else ExitReason.CRASHED
+
+
+def _silent(invocation: Invocation, watcher: Watcher) -> bool:
+    """Nothing told how the run went, where something always does."""
+    return invocation.closes and watcher.closed is None and watcher.trouble is None
 
 
 def _usage(task: Task, watcher: Watcher) -> Usage:
@@ -133,6 +140,8 @@ def _usage(task: Task, watcher: Watcher) -> Usage:
 
 def _detail(ended: Ended, task: Task, invocation: Invocation, watcher: Watcher) -> str:
     said = [_ending(ended, task, invocation.argv[0], watcher)]
+    if ended.reason == "ended" and ended.status == 0 and _silent(invocation, watcher):
+        said.append("it ended without a word on how its run went")
     if watcher.trouble is not None:
         said.append(watcher.trouble.text)
     if watcher.closed is not None and not watcher.closed.ok and watcher.closed.text:

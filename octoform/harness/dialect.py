@@ -59,7 +59,13 @@ def one_line(value: object) -> str:
 
 
 _SIGNS = (
-    (ExitReason.AUTH, re.compile(r"(?i)\b40[13]\b|unauthor|forbidden|invalid.{0,12}(?:api.?key|token)|authentication")),
+    (
+        ExitReason.AUTH,
+        re.compile(
+            r"(?i)\b40[13]\b|unauthor|forbidden|authentication|(?:invalid|missing).{0,12}(?:api.?key|token)|"
+            r"api.?key.{0,8}(?:not valid|invalid|expired)"
+        ),
+    ),
     (ExitReason.RATE_LIMIT, re.compile(r"(?i)\b429\b|rate.?limit|too many requests|resource.?exhausted|quota")),
     (
         ExitReason.UNREACHABLE,

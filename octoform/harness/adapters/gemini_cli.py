@@ -1,0 +1,217 @@
+"""Harness ``gemini-cli``: the Gemini CLI (@google/gemini-cli), its streamed JSON.
+
+That stream tells what a reply cost only at the very end. The program can also record each reply, with its tokens, to a
+file; here that file is its own standard error, so that the limits of turns and money hold while it runs. Its exit
+status is an HTTP status modulo 256 and is not read. What it tries again is told on standard error alone.
+"""
+
+import json
+import re
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import Any, ClassVar
+
+from octoform.harness.adapters.program import Launch, ProgramHarness
+from octoform.harness.attempt import Invocation
+from octoform.harness.dialect import count, field, json_object, one_line, trouble
+from octoform.harness.installed import Pin
+from octoform.harness.port import (
+    AgentEvent,
+    Closed,
+    ExitReason,
+    Replying,
+    Said,
+    ToolCalled,
+    ToolReturned,
+    Totals,
+    Trouble,
+    Turn,
+    Usage,
+)
+from octoform.harness.watching import added
+from octoform.manifest.model import HarnessSpec
+from octoform.manifest.providers import GEMINI
+
+ATTEMPTS = 4
+SPARE_TURNS = 5
+"""octoform counts replies itself; the program's own limit only has to hold where nobody reads along."""
+WEB_TOOLS = ("google_web_search", "web_fetch")
+NO_FILE = "instructions-of-nobody.md"
+OPTIONS = (
+    *("--yolo", "--skip-trust"),
+    *("--output-format", "stream-json"),
+    *("--record-responses", "/dev/stderr"),
+)
+RECORD = b'{"method":"generateContent'
+STREAMED = "generateContentStream"
+RETRY = re.compile(rb"Attempt \d+ failed(?: with status (\d{3}))?[.:]")
+NO_KEY = b"When using Gemini API, you must specify"
+CODE = re.compile(r'"code":\s*(\d{3})\b')
+STOPPED = re.compile(r"(?i)loop detected|max session turns")
+
+
+class GeminiCli:
+    """The adapter."""
+
+    name: ClassVar[str] = "gemini-cli"
+    pin: ClassVar[Pin] = Pin("@google/gemini-cli", "0.61.0", "gemini", (20, 0))
+    apis: ClassVar[tuple[str, ...]] = (GEMINI,)
+
+    def invocation(self, launch: Launch) -> Invocation:
+        """See `Adapter.invocation`."""
+        folder = launch.home / ".gemini"
+        folder.mkdir()
+        (folder / "settings.json").write_text(json.dumps(_settings(launch)), encoding="utf-8")
+        return Invocation(
+            argv=(*launch.program.argv, "--model", launch.access.model, *OPTIONS),
+            stdin=launch.task.prompt,
+            named=tuple(name for name in (*launch.spec.env, launch.access.key) if name),
+            settings={
+                "GEMINI_API_KEY": launch.key,
+                "GOOGLE_GEMINI_BASE_URL": launch.access.base_url,
+                # Otherwise it runs as two processes, of which the first ignores that it is to end.
+                "GEMINI_CLI_NO_RELAUNCH": "true",
+            },
+            path=launch.program.path,
+            dialect=GeminiCliDialect(),
+            closes=True,
+            program=f"gemini {launch.program.version}" if launch.program.version else None,
+        )
+
+
+def _settings(launch: Launch) -> dict[str, Any]:
+    """settings.json.
+
+    Nothing that lies around the task is read: no instructions, and no .env file, whose variables its tools would see.
+    Names with an ``@`` in the prompt stay what they are, and are not searched for as files. Its own guard against loops
+    also ends runs that poll for something, and says that they went well; octoform's limit of turns stands in its place.
+    """
+    turns = launch.task.limits.turns
+    return {
+        "security": {"auth": {"selectedType": "gemini-api-key"}},
+        "privacy": {"usageStatisticsEnabled": False},
+        "telemetry": {"enabled": False},
+        "general": {
+            "enableAutoUpdate": False,
+            "enableAutoUpdateNotification": False,
+            "maxAttempts": ATTEMPTS,
+            "plan": {"enabled": False},
+        },
+        "advanced": {"ignoreLocalEnv": True},
+        "context": {"fileName": NO_FILE, "fileFiltering": {"enableRecursiveFileSearch": False}},
+        "model": {"disableLoopDetection": True, "maxSessionTurns": -1 if turns is None else turns + SPARE_TURNS},
+        "tools": {
+            "exclude": [] if launch.spec.web_search else list(WEB_TOOLS),
+            "shell": {"enableInteractiveShell": False},
+        },
+        "skills": {"enabled": False},
+        "experimental": {"enableAgents": False},
+    }
+
+
+class GeminiCliDialect:
+    """One run of ``gemini --output-format stream-json --record-responses /dev/stderr``."""
+
+    def __init__(self) -> None:
+        self._used = Usage()
+        self._failed: ExitReason | None = None
+        self._words = ""
+
+    def read(self, stream: str, line: bytes) -> Iterable[AgentEvent]:
+        """See `Dialect.read`."""
+        if stream == "stderr":
+            return self._recorded(json_object(line)) if line.startswith(RECORD) else self._retried(line)
+        value = json_object(line)
+        match field(value, "type"):
+            case "message" if field(value, "role") == "assistant":
+                return (Replying(),)
+            case "tool_use":
+                return (ToolCalled(one_line(field(value, "tool_name") or "?"), _argument(field(value, "parameters"))),)
+            case "tool_result":
+                return (ToolReturned(field(value, "status") == "error"),)
+            case "error":
+                return self._error(one_line(field(value, "message") or ""))
+            case "result":
+                return self._result(value)
+        return ()
+
+    def _recorded(self, value: object) -> Iterable[AgentEvent]:
+        """One answer of the model, whole: a reply, or something that the program asked beside the conversation."""
+        pieces = field(value, "response")
+        pieces = pieces if isinstance(pieces, list) else [pieces]
+        usage = _usage(next((piece for piece in reversed(pieces) if field(piece, "usageMetadata")), None))
+        self._used = added(self._used, usage)
+        self._failed = None
+        if field(value, "method") == STREAMED:
+            text = "".join(map(_text, pieces))
+            if text.strip():
+                yield Said(one_line(text))
+            yield Turn(usage)
+        yield Totals(self._used)
+
+    def _retried(self, line: bytes) -> Iterable[AgentEvent]:
+        found = RETRY.match(line)
+        if found is not None:
+            yield self._trouble(line.decode("utf-8", "replace"), found.group(1))
+        elif line.startswith(NO_KEY):
+            yield Trouble(ExitReason.AUTH, one_line(line.decode("utf-8", "replace")), final=True)
+
+    def _error(self, message: str) -> Iterable[AgentEvent]:
+        """It tells here why it stops; what a failed request was is told by the result."""
+        self._words = message
+        if STOPPED.search(message):
+            yield Trouble(ExitReason.TURN_LIMIT, message, final=True)
+
+    def _result(self, value: object) -> Iterable[AgentEvent]:
+        message = field(value, "error", "message")
+        if field(value, "status") == "success":
+            yield Closed(ok=True)
+        elif isinstance(message, str):
+            if STOPPED.search(message):
+                yield Trouble(ExitReason.TURN_LIMIT, one_line(message), final=True)
+            else:
+                code = CODE.search(message)
+                yield self._trouble(message, code.group(1) if code else None, final=True)
+        else:
+            yield Closed(ok=False, text=self._words)
+
+    def _trouble(self, text: str, status: bytes | str | None, *, final: bool = False) -> Trouble:
+        """What says nothing by itself is what the attempt before it failed with."""
+        found = trouble(text, int(status) if status else None, final=final)
+        if found.reason is ExitReason.CRASHED and self._failed is not None:
+            return Trouble(self._failed, found.text, final)
+        self._failed = found.reason
+        return found
+
+
+def _text(piece: object) -> str:
+    parts = field(piece, "candidates", 0, "content", "parts")
+    found = (part for part in parts if not field(part, "thought")) if isinstance(parts, list) else ()
+    return "".join(text for text in (field(part, "text") for part in found) if isinstance(text, str))
+
+
+def _usage(piece: object) -> Usage:
+    """The prompt counts what came from the cache; what a tool of the service read and what was thought stand apart."""
+
+    def total(*names: str) -> int | None:
+        found = [count(piece, "usageMetadata", name) for name in names]
+        return None if found[0] is None else sum(item or 0 for item in found)
+
+    return Usage(
+        total("promptTokenCount", "toolUsePromptTokenCount"),
+        count(piece, "usageMetadata", "cachedContentTokenCount"),
+        total("candidatesTokenCount", "thoughtsTokenCount"),
+    )
+
+
+def _argument(parameters: object) -> str:
+    """The one argument that tells what a tool does."""
+    for name in ("command", "file_path", "absolute_path", "dir_path", "pattern", "query", "prompt"):
+        if field(parameters, name):
+            return one_line(field(parameters, name))
+    return one_line(parameters)
+
+
+def create(spec: HarnessSpec, _environ: Mapping[str, str], _folder: Path | None) -> ProgramHarness:
+    """The harness."""
+    return ProgramHarness(GeminiCli(), spec)

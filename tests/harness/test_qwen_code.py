@@ -1,0 +1,85 @@
+"""Qwen Code itself: what it gets of the key and the web, what it costs, what of its surroundings it ignores."""
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import pytest
+from agent_runs import KEY, SECRET, WRITE, Ran, spec_for
+from model_server import serve
+
+from octoform.harness.port import Closed, ExitReason, Price, Task, ToolCalled, Usage
+
+pytestmark = [pytest.mark.harness, pytest.mark.harness_qwen_code]
+NAME, MODEL = "qwen-code", "openai/scripted"
+DONE = {"text": "done"}
+COSTS = {"input": 1000, "cached": 400, "output": 50}
+
+
+def test_work_is_counted_and_the_key_shows_nowhere(task_for: Callable[..., Task], run: Callable[..., Ran]) -> None:
+    say = 'echo "$OPENAI_API_KEY"; '
+    with serve({"turns": [{"shell": say + WRITE}, DONE], "usage": COSTS}) as server:
+        ran = run(spec_for(NAME, server), task_for(MODEL))
+        assert {request["key"] for request in server.replies} == {SECRET}
+        assert len(server.replies) == 2, "nothing is asked beside the conversation"
+    assert ran.outcome.reason is ExitReason.FINISHED
+    assert ran.task.output.read_text() == '{"made": true}'
+    assert [call.text for call in ran.of(ToolCalled)] == [(say + WRITE).strip()]
+    assert ran.of(Closed) == [Closed(ok=True)]
+    assert (ran.outcome.turns, ran.outcome.usage) == (2, Usage(2000, 800, 100))
+    assert f"[{KEY} redacted]" in ran.task.log.read_text(), "the value is known under whatever name it was given"
+    holding = [path for path in ran.task.workdir.rglob("*") if path.is_file() and SECRET.encode() in path.read_bytes()]
+    assert holding == []
+
+
+def test_money_is_counted_while_it_works(task_for: Callable[..., Task], run: Callable[..., Ran]) -> None:
+    price = Price(input=100.0, cached=10.0, output=1000.0, source="manifest")
+    with serve({"turns": [{"shell": "echo {turn}"}], "usage": COSTS}) as server:
+        ran = run(spec_for(NAME, server), replace(task_for(MODEL, usd=0.3), price=price))
+    assert ran.outcome.reason is ExitReason.BUDGET
+    assert ran.outcome.usage.cost_usd is not None
+    # A reply costs 0.114 dollars; a few more may come before the program is ended.
+    assert 0.3 < ran.outcome.usage.cost_usd < 1.5
+
+
+def test_only_a_manifest_that_allows_it_gives_it_the_web(
+    task_for: Callable[..., Task], run: Callable[..., Ran]
+) -> None:
+    """Its tool for web pages is one that it looks up first, so it stands in the request by its name alone."""
+    told = {}
+    for allowed in (False, True):
+        with serve([DONE]) as server:
+            run(spec_for(NAME, server, web_search=allowed), task_for(MODEL))
+            told[allowed] = str(server.replies[0]["body"])
+            assert {"run_shell_command", "read_file", "edit"} <= set(server.replies[0]["tools"])
+    assert "web_fetch" in told[True]
+    assert "web_fetch" not in told[False]
+
+
+def test_nothing_that_lies_beside_the_task_is_read(task_for: Callable[..., Task], run: Callable[..., Ran]) -> None:
+    task = task_for(MODEL)
+    for folder in (task.workdir, task.workdir.parent):
+        (folder / "QWEN.md").write_text("Say walrus.\n")
+        (folder / "AGENTS.md").write_text("Say walrus.\n")
+    (task.workdir.parent / ".env").write_text("SEEN=walrus\n")
+    with serve([{"shell": 'echo "$SEEN" > seen'}, DONE]) as server:
+        run(spec_for(NAME, server), task)
+        assert "walrus" not in str(server.replies[0]["body"])
+    assert (task.workdir / "seen").read_text() == "\n"
+
+
+def test_the_prompt_arrives_but_for_blanks(task_for: Callable[..., Task], run: Callable[..., Ran]) -> None:
+    """What follows an @ is a file to it: it puts a blank before each, and reads one of that name."""
+    prompt = "Grüße an a@b.example.\n\n@mcp.tool(title='x')\n@runtime.logged\ndef f(): ...\n"
+    with serve([DONE]) as server:
+        run(spec_for(NAME, server), task_for(MODEL, prompt))
+        content = server.replies[0]["body"]["messages"][-1]["content"]
+    assert content[-1]["text"].replace(" @", "@") == prompt.replace(" @", "@").strip()
+
+
+def test_no_key_is_a_matter_of_the_key(task_for: Callable[..., Task], run: Callable[..., Ran]) -> None:
+    task = task_for(MODEL)
+    bare = {name: value for name, value in task.environment.items() if name != KEY}
+    with serve([DONE]) as server:
+        ran = run(spec_for(NAME, server), replace(task, environment=bare))
+    assert ran.outcome.reason is ExitReason.AUTH
+    assert not server.replies
