@@ -7,7 +7,7 @@ its log, and its copy of the spec where it was asked to correct that).
 
 import json
 import shutil
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from octoform import events
@@ -16,6 +16,8 @@ from octoform.apply.assignment import Assignment
 from octoform.apply.context import Context
 from octoform.apply.reading import accepted
 from octoform.diagnostics import Diagnostic, to_json
+from octoform.harness.completion import LiteLLMCompletion
+from octoform.harness.condensing import Excerpt, condense
 from octoform.harness.port import (
     AgentEvent,
     Harness,
@@ -31,6 +33,7 @@ from octoform.harness.port import (
 )
 from octoform.profiles import briefing, holds
 from octoform.protocol import Prompt, render_prompt
+from octoform.protocol.prompt import MOST_TAIL_BYTES
 from octoform.state.attempts import folders
 from octoform.state.layout import OUTPUT_NAMES
 
@@ -48,11 +51,15 @@ class Failed:
 
 @dataclass(frozen=True, slots=True)
 class Prepared:
-    """An attempt about to begin: the task, the spec's text that it was given, whether it may correct it."""
+    """An attempt about to begin: the task, the spec's text that it was given, whether it may correct it.
+
+    ``usage`` is what its preparation has cost (a summary of the failed attempt's log).
+    """
 
     task: Task
     spec: str
     editable: bool
+    usage: Usage = field(default_factory=Usage)
 
 
 def prepare(
@@ -67,8 +74,20 @@ def prepare(
         (task.workdir / "input.json").write_bytes(assignment.given)
     document = _document(context, assignment, task, failed)
     task.document.write_text(json.dumps(document, indent=2, ensure_ascii=False) + "\n", encoding="utf-8")
-    task.prompt.write_text(_prompt(context, assignment, task, failed), encoding="utf-8")
-    return Prepared(task, spec, editable)
+    excerpt = _excerpt(context, task, failed)
+    task.prompt.write_text(_prompt(context, assignment, task, failed, excerpt), encoding="utf-8")
+    return Prepared(task, spec, editable, excerpt.usage)
+
+
+def _excerpt(context: Context, task: Task, failed: Failed | None) -> Excerpt:
+    """What a retry is told of the failed log: nothing here, or a summary where the manifest has a model for that."""
+    settings = context.manifest.housekeeping
+    if failed is None or settings is None:
+        return Excerpt("")
+    excerpt = condense(failed.log, MOST_TAIL_BYTES, LiteLLMCompletion(settings, context.environ))
+    if excerpt.reason:
+        context.emit(events.Notice(task.stage, f"the log is not condensed, its end is told: {excerpt.reason}"))
+    return excerpt
 
 
 def new_task(context: Context, assignment: Assignment, number: int, limits: TaskLimits) -> Task:
@@ -142,7 +161,7 @@ def _document(context: Context, assignment: Assignment, task: Task, failed: Fail
     }
 
 
-def _prompt(context: Context, assignment: Assignment, task: Task, failed: Failed | None) -> str:
+def _prompt(context: Context, assignment: Assignment, task: Task, failed: Failed | None, excerpt: Excerpt) -> str:
     return render_prompt(
         Prompt(
             spec=context.specs[task.stage],
@@ -155,6 +174,7 @@ def _prompt(context: Context, assignment: Assignment, task: Task, failed: Failed
             wall_seconds=task.limits.wall_seconds,
             profiles=_briefings(context, task.stage),
             failed_log=failed.log if failed else None,
+            summary=excerpt.text if excerpt.condensed else "",
             diagnostics=failed.diagnostics if failed else (),
         )
     )

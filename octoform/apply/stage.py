@@ -155,8 +155,9 @@ def _attempt(
         outcome = Outcome(ExitReason.CRASHED, None, 0.0)
         verdict = Verdict((*audit.end(watch, task.workdir / UNDONE), refused(problem, task.workdir)))
     verdict = replace(verdict, diagnostics=without_secrets(task, verdict.diagnostics))
-    progress.usage = added(progress.usage, outcome.usage)
-    context.purse.pay(assignment.stage, outcome.usage)
+    used = added(prepared.usage, outcome.usage)
+    progress.usage = added(progress.usage, used)
+    context.purse.pay(assignment.stage, used)
     progress.edit = edit if edit is not None and edit.permitted else progress.edit
     if not verdict.accepted:
         spec = progress.edit.text if progress.edit is not None else prepared.spec

@@ -30,7 +30,8 @@ class Prompt:
     """What a prompt is made of.
 
     ``own_spec`` is the attempt's copy of the spec, which a retry may correct if ``editable``; ``profiles`` are whole
-    texts. ``diagnostics`` and ``failed_log`` are those of the attempt before, and one of them makes it a retry.
+    texts. ``diagnostics`` and ``failed_log`` are those of the attempt before, and one of them makes it a retry;
+    ``summary`` stands in the place of a log's end.
     """
 
     spec: Spec
@@ -43,6 +44,7 @@ class Prompt:
     profiles: tuple[str, ...] = ()
     editable: bool = True
     failed_log: Path | None = None
+    summary: str = ""
     diagnostics: tuple[Diagnostic, ...] = ()
 
     @property
@@ -56,7 +58,9 @@ def render_prompt(prompt: Prompt) -> str:
 
     A retry's log gives way first: it is cut from its beginning as far as the bound asks.
     """
-    log = tail(prompt.failed_log, MOST_TAIL_LINES, MOST_TAIL_BYTES) if prompt.failed_log else ""
+    log = prompt.summary
+    if not log and prompt.failed_log is not None:
+        log = tail(prompt.failed_log, MOST_TAIL_LINES, MOST_TAIL_BYTES)
     while True:
         text = _render(prompt, log)
         excess = len(text.encode()) - MOST_PROMPT_BYTES
@@ -96,6 +100,7 @@ def _render(prompt: Prompt, log: str) -> str:
         profiles=[fenced("profile", text) for text in prompt.profiles],
         findings=fenced("findings", _findings(prompt.diagnostics)) if prompt.diagnostics else "",
         log=fenced("log", log) if log.strip() else "",
+        condensed=bool(prompt.summary),
     )
 
 

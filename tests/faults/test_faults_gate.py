@@ -103,7 +103,7 @@ def good(stage: str) -> Path:
 
 def test_f23_a_spent_stage_budget_is_a_failed_stage_and_stops_the_run(project: Project) -> None:
     project.script = {"probe": [{"sleep": 60}]}
-    project.manifest = {"budget": "{attempts: 5, attempt_timeout: 2s, stage_timeout: 3s}"}
+    project.manifest = {"budget": "{attempts: 5, attempt_timeout: 2s, stage_timeout: 4s}"}
     done = project.apply("-target", "identify", status=1)
     assert "APPLY-BUDGET-SPENT" in done.codes()
     assert {run["stage"] for run in project.agent_runs()} == {"probe"}
