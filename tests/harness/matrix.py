@@ -24,8 +24,7 @@ class Subject:
     """One program: its harness, the model's name in a manifest, the API it is asked to speak (None: its first).
 
     ``start_seconds`` is how long it may take on a busy machine until its first request. ``differs`` are the cells of
-    the failure matrix that its own doing makes different, by the case's name. ``counts_cached``: its output tells of
-    input that came from a cache.
+    the failure matrix that its own doing makes different, by the case's name.
     """
 
     name: str
@@ -33,7 +32,6 @@ class Subject:
     api: str | None = None
     start_seconds: float = 10.0
     differs: Mapping[str, Expected] = field(default_factory=dict)
-    counts_cached: bool = True
 
 
 SUBJECTS: Mapping[str, Subject] = {

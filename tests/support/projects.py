@@ -48,7 +48,7 @@ class Project:
 
     ``environ`` is added to the environment of octoform, ``env`` names the variables that the agent is given,
     ``prefix`` is a command that runs octoform, ``host`` the name of the host,
-    ``harness`` the manifest's harness in place of the scripted agent.
+    ``harness`` the manifest's harness in place of the scripted agent. A command may take ``seconds``.
     """
 
     folder: Path
@@ -60,6 +60,7 @@ class Project:
     prefix: list[str] = field(default_factory=list)
     host: str = "bench"
     harness: str | None = None
+    seconds: float = SECONDS
 
     @property
     def state(self) -> Path:
@@ -105,7 +106,7 @@ class Project:
         """Run octoform to its end; ``status`` is what it must leave with."""
         process = self.start(*arguments)
         try:
-            out, err = process.communicate(timeout=SECONDS)
+            out, err = process.communicate(timeout=self.seconds)
         finally:
             if process.poll() is None:
                 process.kill()

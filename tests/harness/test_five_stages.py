@@ -1,0 +1,70 @@
+"""`octoform apply` with each program, from an empty folder to a live endpoint whose tool is called."""
+
+import asyncio
+import json
+import shlex
+import sys
+from pathlib import Path
+
+import pytest
+from agent_runs import KEY, SECRET, environment, nothing_left
+from fastmcp import Client
+from fastmcp.client.transports import StdioTransport
+from matrix import PROGRAMS, Subject
+from model_server import ModelServer, serve
+from projects import AGENT, Project
+
+STAGES = ("probe", "identify", "interface", "serve", "deploy")
+COSTS = {"input": 1000, "cached": 400, "output": 50}
+
+
+def project_with(subject: Subject, server: ModelServer, folder: Path) -> Project:
+    """A project whose only agent is the program, its model on loopback."""
+    settings = {"name": subject.name, "key": KEY, "base_url": server.url}
+    if subject.api is not None:
+        settings["api"] = subject.api
+    return Project(
+        folder / "project",
+        folder / "outside",
+        harness=json.dumps(settings),
+        manifest={
+            "model": subject.model,
+            "budget": "{attempts: 1, attempt_timeout: 110s, stage_timeout: 120s, idle_timeout: 90s}",
+        },
+        environ=environment(),
+        seconds=600.0,
+    )
+
+
+async def call(launcher: str) -> tuple[list[str], object]:
+    """The tools of the endpoint, and what its tool answers."""
+    async with Client(StdioTransport(launcher, [])) as client:
+        tools = [tool.name for tool in await client.list_tools()]
+        return tools, (await client.call_tool("read_temperature", {"digits": 1})).structured_content
+
+
+@pytest.mark.parametrize("subject", PROGRAMS)
+def test_from_an_empty_folder_to_a_live_endpoint(subject: Subject, tmp_path: Path) -> None:
+    # What a capable model would work out, the scripted agent knows: it is the command that the model asks for.
+    work = shlex.join([sys.executable, str(AGENT), str(tmp_path / "outside" / "script.json")])
+    with serve({"turns": [{"shell": work}, {"text": "done"}], "usage": COSTS}) as server:
+        project = project_with(subject, server, tmp_path)
+        project.own_specs()
+        done = project.apply(status=0)
+        assert {request["key"] for request in server.replies} == {SECRET}
+        assert {request["turn"] for request in server.replies} == {0, 1}
+    assert project.stages_run() == list(STAGES)
+    nodes = project.nodes()
+    for stage in STAGES:
+        assert (nodes[stage]["status"], nodes[stage]["harness"]) == ("accepted", subject.name), nodes[stage]
+        # Some ask their model once more after its last word.
+        assert nodes[stage]["usage"]["input_tokens"] >= 2000
+        assert nodes[stage]["usage"]["output_tokens"] >= 100
+        (attempt,) = project.attempts(stage)
+        nothing_left(attempt)
+        kinds = [json.loads(line)["event"] for line in (attempt / "transcript.jsonl").read_text().splitlines()]
+        assert {"turn", "tool_called", "tool_returned"} <= set(kinds)
+    assert SECRET not in done.text
+    assert [path for path in project.folder.rglob("*") if path.is_file() and SECRET.encode() in path.read_bytes()] == []
+    assert asyncio.run(call(str(project.local / "endpoint" / "launch"))) == (["read_temperature"], {"celsius": 21.5})
+    assert project.run("plan", "-detailed-exitcode").status == 0, "there is nothing left to do"
