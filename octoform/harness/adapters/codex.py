@@ -2,7 +2,8 @@
 
 Its events tell neither when the model has replied nor what a single reply cost, and nothing at all while a long one
 comes in. Its own trace on standard error does, so that is switched on for these lines alone; a version without them
-keeps the limits of time only.
+keeps the limits of time only. Requests that failed and will be tried again are read there too: what is told on the
+other stream has no order with the replies.
 """
 
 import json
@@ -36,7 +37,7 @@ REQUEST_RETRIES = 2
 STREAM_RETRIES = 5
 PROVIDER = "octoform"
 TRACE = "RUST_LOG"
-TRACED = "error,codex_otel.log_only[{event.kind}]=info"
+TRACED = "error,codex_otel.log_only[{event.kind}]=info,codex_otel.log_only[{error.message}]=info"
 OFF = (
     # What looks things up over the network.
     *("apps", "plugins", "remote_plugin"),
@@ -51,6 +52,10 @@ OPTIONS = (
 PIECE = re.compile(
     rb"\S+ +INFO codex_otel\S*: event\.name=\"codex\.sse_event\" event\.kind=(\S+) (?:duration_ms="
     rb"|input_token_count=(\d{1,15}) output_token_count=(\d{1,15})(?: cached_token_count=(\d{1,15}))?)"
+)
+FAILED = re.compile(
+    rb"\S+ +INFO codex_otel\S*: event\.name=\"codex\.(?:sse_event|api_request)\" .*?(?:status_code=(\d{3}) )?"
+    rb"error\.message=(.*?) (?:event\.timestamp=|attempt=\d+ .*endpoint=\"/responses)"
 )
 COMPLETED = b"response.completed"
 TOOLS = ("command_execution", "file_change", "mcp_tool_call", "web_search")
@@ -131,12 +136,14 @@ class CodexDialect:
 
     def __init__(self) -> None:
         self._owed = False
+        self._tracing = False
+        self._over = False
         self._started: set[str] = set()
 
     def read(self, stream: str, line: bytes) -> Iterable[AgentEvent]:
         """See `Dialect.read`."""
         if stream == "stderr":
-            return self._traced(line)
+            return () if self._over else self._traced(line)
         value = json_object(line)
         match field(value, "type"):
             case "item.started":
@@ -146,16 +153,23 @@ class CodexDialect:
             case "turn.completed":
                 return (Totals(_usage(field(value, "usage"))), Closed(ok=True))
             case "turn.failed":
+                self._over = True
                 return (_trouble(field(value, "error", "message"), final=True),)
             case "error":
-                return (_trouble(field(value, "message")),)
+                found = _trouble(field(value, "message"))
+                return (found,) if found.final or not self._tracing else ()
         return ()
 
     def _traced(self, line: bytes) -> Iterable[AgentEvent]:
         """A reply's end is told twice, and the second time with its tokens, if the service has told them."""
+        failed = FAILED.match(line)
+        if failed is not None:
+            self._tracing = True
+            yield _failed(failed[1], failed[2].decode("utf-8", "replace").strip('"'))
         found = PIECE.match(line)
-        if found is None:
+        if failed is not None or found is None:
             return
+        self._tracing = True
         kind, taken, given, cached = found.groups()
         if kind == COMPLETED and taken is not None:
             self._owed = False
@@ -204,6 +218,16 @@ def _command(text: str) -> str:
     except ValueError:
         return text
     return words[2] if len(words) == 3 and words[1] in ("-c", "-lc") else text
+
+
+def _failed(status: bytes | None, message: str) -> Trouble:
+    """A request that may be tried again; without a status there was no answer, or it broke off."""
+    if status is not None:
+        message = f"HTTP status {status.decode()}"
+    reason = trouble(message).reason
+    if status is None and reason is ExitReason.CRASHED:
+        reason = ExitReason.UNREACHABLE
+    return Trouble(reason, one_line(message))
 
 
 def _trouble(message: Any, *, final: bool = False) -> Trouble:

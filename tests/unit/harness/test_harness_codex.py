@@ -52,7 +52,12 @@ def test_calls_that_cannot_be_done_are_replies_too() -> None:
 def test_a_reply_that_is_cut_is_none() -> None:
     events = recorded(CodexDialect(), "codex-flaky")
     assert of(events, Turn) == [Turn(REPLY)] * 2
-    assert [(event.reason, event.final) for event in of(events, Trouble)] == [(ExitReason.UNREACHABLE, False)]
+    assert [event.text for event in of(events, Trouble)] == [
+        "HTTP status 500",
+        "Transport error: network error: error decoding response body",
+        "stream disconnected before completion: Transport error: network error: error decoding response body",
+    ]
+    assert {(event.reason, event.final) for event in of(events, Trouble)} == {(ExitReason.UNREACHABLE, False)}
     assert events[-1] == Closed(ok=True)
 
 
@@ -69,9 +74,37 @@ def test_how_it_gives_up(name: str, reason: ExitReason, told: str) -> None:
     events = recorded(CodexDialect(), f"codex-{name}")
     troubles = of(events, Trouble)
     assert {event.reason for event in troubles} == {reason}
-    assert [event.final for event in troubles] == [name == "auth"] * (len(troubles) - 1) + [True]
+    assert not any(event.final for event in troubles[:-1]) or name == "auth", "it tries again"
+    assert troubles[-1].final
     assert told in troubles[-1].text
     assert events[-1] is troubles[-1]
+
+
+def test_the_streams_have_no_order_so_what_is_tried_again_is_read_where_the_replies_are() -> None:
+    again = {"type": "error", "message": "Reconnecting... 1/5 (Connection failed: error sending request)"}
+    assert len(lines(CodexDialect(), "stdout", again)) == 1, "a version without the trace"
+    dialect = CodexDialect()
+    reply = (TRACED + "response.completed input_token_count=10 output_token_count=2").encode()
+    assert lines(dialect, "stderr", reply) == [Turn(Usage(10, None, 2))]
+    assert lines(dialect, "stdout", again) == [], "it may be older than the reply"
+    refused = {
+        "type": "error",
+        "message": "Reconnecting... 1/5 (unexpected status 401 Unauthorized: no, url: http://x)",
+    }
+    assert [event.final for event in lines(dialect, "stdout", refused)] == [True]
+    failed = {"type": "turn.failed", "error": {"message": "Connection failed: error sending request"}}
+    assert len(lines(dialect, "stdout", failed)) == 1
+    assert lines(dialect, "stderr", reply) == [], "nothing comes after the end"
+
+
+def test_only_requests_for_replies_are_trouble() -> None:
+    request = '2026-11-21T17:24:20Z  INFO codex_otel.log_only: event.name="codex.api_request" duration_ms=17 '
+    told = [
+        f'{request}error.message="no way" attempt=0 endpoint="{path}"'.encode() for path in ("/models", "/responses")
+    ]
+    assert lines(CodexDialect(), "stderr", *told) == [Trouble(ExitReason.UNREACHABLE, "no way")]
+    limited = f'{request}http.response.status_code=429 error.message="http 429" attempt=0 endpoint="/responses"'
+    assert lines(CodexDialect(), "stderr", limited.encode()) == [Trouble(ExitReason.RATE_LIMIT, "HTTP status 429")]
 
 
 @pytest.mark.parametrize(
