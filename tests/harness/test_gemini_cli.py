@@ -53,12 +53,13 @@ def test_only_a_manifest_that_allows_it_gives_it_the_web(
     assert {"run_shell_command", "read_file", "write_file"} <= tools[False]
 
 
-def test_nothing_that_lies_beside_the_task_is_read(task_for: Callable[..., Task], run: Callable[..., Ran]) -> None:
+def test_nothing_that_lies_above_the_task_is_read(task_for: Callable[..., Task], run: Callable[..., Ran]) -> None:
     task = task_for(MODEL)
-    for folder in (task.workdir, task.workdir.parent):
-        (folder / "GEMINI.md").write_text("Say walrus.\n")
-        (folder / "AGENTS.md").write_text("Say walrus.\n")
-    (task.workdir.parent / ".env").write_text("SEEN=walrus\n")
+    above = task.workdir.parent
+    (above / ".git").mkdir()
+    for name in ("GEMINI.md", "AGENTS.md"):
+        (above / name).write_text("Say walrus.\n")
+    (above / ".env").write_text("SEEN=walrus\n")
     with serve([{"shell": 'echo "$SEEN" > seen'}, DONE]) as server:
         run(spec_for(NAME, server), task)
         assert "walrus" not in str(server.replies[0]["body"])
@@ -75,6 +76,13 @@ def test_the_prompt_arrives_as_it_is(task_for: Callable[..., Task], run: Callabl
         run(spec_for(NAME, server), task)
         contents = server.replies[0]["body"]["contents"]
     assert contents[-1]["parts"][-1]["text"] == prompt
+
+
+def test_a_run_that_polls_is_no_loop(task_for: Callable[..., Task], run: Callable[..., Ran]) -> None:
+    with serve([*[{"shell": "true"}] * 8, {"shell": WRITE}, DONE]) as server:
+        ran = run(spec_for(NAME, server), task_for(MODEL))
+    assert (ran.outcome.reason, ran.outcome.turns) == (ExitReason.FINISHED, 10)
+    assert ran.task.output.exists()
 
 
 def test_no_key_is_a_matter_of_the_key(task_for: Callable[..., Task], run: Callable[..., Ran]) -> None:

@@ -36,7 +36,6 @@ ATTEMPTS = 4
 SPARE_TURNS = 5
 """octoform counts replies itself; the program's own limit only has to hold where nobody reads along."""
 WEB_TOOLS = ("google_web_search", "web_fetch")
-NO_FILE = "instructions-of-nobody.md"
 OPTIONS = (
     *("--yolo", "--skip-trust"),
     *("--output-format", "stream-json"),
@@ -82,9 +81,9 @@ class GeminiCli:
 def _settings(launch: Launch) -> dict[str, Any]:
     """settings.json.
 
-    Nothing that lies around the task is read: no instructions, and no .env file, whose variables its tools would see.
-    Names with an ``@`` in the prompt stay what they are, and are not searched for as files. Its own guard against loops
-    also ends runs that poll for something, and says that they went well; octoform's limit of turns stands in its place.
+    Nothing of the folders above is read: no instructions, and no .env file, whose variables its tools would see. Names
+    with an ``@`` in the prompt stay what they are, and are not searched for as files. Its own guard against loops also
+    ends runs that poll for something, and says that they went well; octoform's limit of turns stands in its place.
     """
     turns = launch.task.limits.turns
     return {
@@ -98,7 +97,11 @@ def _settings(launch: Launch) -> dict[str, Any]:
             "plan": {"enabled": False},
         },
         "advanced": {"ignoreLocalEnv": True},
-        "context": {"fileName": NO_FILE, "fileFiltering": {"enableRecursiveFileSearch": False}},
+        "context": {
+            "memoryBoundaryMarkers": [],
+            "includeDirectoryTree": False,
+            "fileFiltering": {"enableRecursiveFileSearch": False},
+        },
         "model": {"disableLoopDetection": True, "maxSessionTurns": -1 if turns is None else turns + SPARE_TURNS},
         "tools": {
             "exclude": [] if launch.spec.web_search else list(WEB_TOOLS),
