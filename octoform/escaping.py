@@ -21,6 +21,18 @@ def escaped(text: str, keep: Collection[str] = "") -> str:
     return "".join(_escape(char) if is_hidden(char) and char not in keep else char for char in text)
 
 
+def escaped_json(text: str) -> str:
+    """A JSON text with every hidden character inside its strings as ``\\uXXXX``: the same value, and nothing acts."""
+    if text.isprintable():
+        return text
+    return "".join(_utf16(char) if is_hidden(char) and char != "\n" else char for char in text)
+
+
+def _utf16(character: str) -> str:
+    units = character.encode("utf-16-be", "surrogatepass").hex()
+    return "".join(f"\\u{units[at : at + 4]}" for at in range(0, len(units), 4))
+
+
 def _escape(character: str) -> str:
     code = ord(character)
     if character in _NAMED:

@@ -8,11 +8,12 @@ command. (Heavy only on a terminal: the moving line is drawn by rich.)
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, replace
 from typing import TYPE_CHECKING
 
 from octoform import events
 from octoform.engine.results import RunResult
+from octoform.escaping import escaped
 from octoform.plan.model import Plan
 from octoform.state.layout import STAGES
 from octoform.views import sentences
@@ -28,6 +29,12 @@ if TYPE_CHECKING:
 
 PULSE_SECONDS = 9.0
 LINE = 150
+
+
+def _visible(event: events.Event) -> events.Event:
+    """The event with each text on one line and nothing hidden in it; `render` does the same for diagnostics."""
+    texts = {item.name: getattr(event, item.name) for item in fields(event)}
+    return replace(event, **{name: escaped(text) for name, text in texts.items() if isinstance(text, str)})
 
 
 @dataclass(slots=True)
@@ -81,7 +88,8 @@ class RunHuman:
                 self._moving = None
 
     def event(self, event: events.Event) -> None:
-        """One event, as a line or as a change of the moving line."""
+        """One event, as a line or as a change of the moving line; words in it may come from anywhere."""
+        event = _visible(event)
         match event:
             case events.NodeStarted():
                 self._running = _Running(node=event.node)

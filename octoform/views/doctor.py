@@ -6,6 +6,7 @@ from dataclasses import asdict
 
 from octoform.diagnostics import to_json
 from octoform.engine.doctor import Diagnosis, Group
+from octoform.escaping import escaped_json
 from octoform.harness.health import Check, Status
 from octoform.views import problems
 from octoform.views.console import Console
@@ -56,4 +57,4 @@ def _document(console: Console, found: Diagnosis) -> None:
         "machine": [asdict(check) for check in found.machine],
         "diagnostics": [to_json(item) for item in found.diagnostics],
     }
-    console.line(json.dumps(document, ensure_ascii=False, indent=2))
+    console.line(escaped_json(json.dumps(document, ensure_ascii=False, indent=2)))

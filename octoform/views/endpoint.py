@@ -4,6 +4,7 @@ import json
 from typing import Any
 
 from octoform.engine.serving import Answer, Status
+from octoform.escaping import escaped_json
 from octoform.views import sentences
 from octoform.views.console import Console
 from octoform.views.text import escape, one_line
@@ -104,4 +105,4 @@ def answer(console: Console, tool: str, found: Answer, *, as_json: bool) -> int:
 
 
 def _json(console: Console, value: dict[str, Any]) -> None:
-    console.line(json.dumps(value, ensure_ascii=False, indent=2))
+    console.line(escaped_json(json.dumps(value, ensure_ascii=False, indent=2)))

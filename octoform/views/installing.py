@@ -6,6 +6,7 @@ from dataclasses import asdict
 
 from octoform.diagnostics import to_json
 from octoform.engine.installing import Installed, InstallResult
+from octoform.escaping import escaped_json
 from octoform.views import problems
 from octoform.views.console import Console
 from octoform.views.text import one_line
@@ -27,7 +28,7 @@ def show(console: Console, result: InstallResult, *, as_json: bool) -> int:
             "installed": [asdict(item) for item in result.installed],
             "diagnostics": [to_json(item) for item in result.diagnostics],
         }
-        console.line(json.dumps(document, ensure_ascii=False, indent=2))
+        console.line(escaped_json(json.dumps(document, ensure_ascii=False, indent=2)))
         return failed
     for item in result.installed:
         console.line(_line(console, item))

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import octoform
 from octoform.diagnostics import Diagnostic, has_errors, to_json
+from octoform.escaping import escaped_json
 from octoform.views.console import Console
 
 
@@ -40,7 +41,8 @@ def show(console: Console, items: Iterable[Diagnostic], *, as_json: bool = False
     """Diagnostics to standard error (or one JSON object to standard output); exit code 1 when one is an error."""
     items = [near(item) for item in items]
     if as_json:
-        console.line(json.dumps({"format": 1, "diagnostics": [to_json(item) for item in items]}, ensure_ascii=False))
+        document = {"format": 1, "diagnostics": [to_json(item) for item in items]}
+        console.line(escaped_json(json.dumps(document, ensure_ascii=False)))
     elif items:
         from octoform.views.diagnostics import render  # only a problem pays for it
 

@@ -3,6 +3,7 @@
 import json
 from typing import Any
 
+from octoform.escaping import escaped_json
 from octoform.state.model import NodeState, Snapshot
 from octoform.views import sentences
 from octoform.views.console import Console
@@ -84,5 +85,5 @@ def _done(console: Console, text: str, name: str, as_json: bool) -> int:
 
 
 def _document(console: Console, value: dict[str, Any]) -> int:
-    console.line(json.dumps(value, ensure_ascii=False, indent=2))
+    console.line(escaped_json(json.dumps(value, ensure_ascii=False, indent=2)))
     return 0

@@ -5,6 +5,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
 from octoform.diagnostics import Diagnostic, has_errors, to_json
+from octoform.escaping import escaped_json
 from octoform.views import problems
 from octoform.views.console import Console
 from octoform.views.diagnostics import summary
@@ -21,7 +22,7 @@ def validation(console: Console, found: Sequence[Diagnostic], *, as_json: bool) 
             "warning_count": len(found) - errors,
             "diagnostics": [to_json(problems.near(item)) for item in found],
         }
-        console.line(json.dumps(document, ensure_ascii=False, indent=2))
+        console.line(escaped_json(json.dumps(document, ensure_ascii=False, indent=2)))
     else:
         problems.show(console, found)
         if errors:
@@ -33,7 +34,7 @@ def validation(console: Console, found: Sequence[Diagnostic], *, as_json: bool) 
 
 def document(console: Console, value: Mapping[str, object]) -> int:
     """A JSON document on standard output."""
-    console.line(json.dumps(value, ensure_ascii=False, indent=2))
+    console.line(escaped_json(json.dumps(value, ensure_ascii=False, indent=2)))
     return 0
 
 

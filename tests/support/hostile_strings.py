@@ -1,0 +1,72 @@
+"""The hostile strings of ``tests/cases/hostile``, and a laptop whose devices call themselves by one of them."""
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+
+FILE = Path(__file__).parents[1] / "cases" / "hostile" / "strings.json"
+
+
+@dataclass(frozen=True)
+class Hostile:
+    """One string as the bytes that a device may answer with."""
+
+    name: str
+    kind: str
+    data: bytes
+
+    @property
+    def text(self) -> str:
+        """The same as text; bytes that are no UTF-8 as surrogates, as the system gives them."""
+        return self.data.decode("utf-8", "surrogateescape")
+
+    @property
+    def planted(self) -> str:
+        """The same in the notation of the invented hosts."""
+        return "".join(f"\\x{byte:02x}" for byte in self.data)
+
+
+def _load() -> tuple[Hostile, ...]:
+    found = []
+    for item in json.loads(FILE.read_text("utf-8")):
+        if "hex" in item:
+            data = bytes.fromhex(item["hex"])
+        else:
+            data = (item["text"] if "text" in item else item["repeat"][0] * item["repeat"][1]).encode()
+        found.append(Hostile(item["name"], item["kind"], data))
+    return tuple(found)
+
+
+STRINGS = _load()
+SLOTS = (
+    "  product=Kestrel HD Camera",
+    "  manufacturer=Kestrel Optics",
+    "  serial=KO-200417",
+    "  interface=Kestrel HD Camera",
+    "  name=Kestrel HD Camera: Kestrel HD C",
+    "  ID_V4L_PRODUCT=Kestrel HD Camera",
+    "HDA-Intel - HDA Marsh PCH",
+    "MR245 Analog : MR245 Analog",
+    "  product_name=Heron 14",
+    "  board_name=HRN14-B",
+    "  manufacturer=Reed Cells",
+    "  model_name=RC-57",
+    "  ID_MODEL_FROM_DATABASE=Heron Graphics",
+    "  vendor_name=Marsh",
+    "  chip_name=MR245",
+    "  | heron",
+    "02:00:5e:10:00:01     *",
+)
+"""Where text of a device stands in the invented laptop; the value is what follows the last of these marks."""
+
+
+def laptop_named(hostile: Hostile) -> dict[str, str]:
+    """What to replace in the laptop's text so that everything in it carries the string."""
+    changed = {}
+    for slot in SLOTS:
+        mark = next(mark for mark in ("=", " - ", " : ", "| ", "     ") if mark in slot)
+        head, _, _ = slot.partition(mark)
+        changed[slot + "\n" if mark in ("=", "| ") else slot] = f"{head}{mark}{hostile.planted}" + (
+            "\n" if mark in ("=", "| ") else ""
+        )
+    return changed
