@@ -7,7 +7,7 @@ import pytest
 from agent_runs import KEY, SECRET, WRITE, Ran, spec_for
 from model_server import serve
 
-from octoform.harness.port import Closed, ExitReason, Price, Task, ToolCalled, Turn, Usage
+from octoform.harness.port import Closed, ExitReason, Price, Task, ToolCalled, Trouble, Turn, Usage
 
 pytestmark = [pytest.mark.harness, pytest.mark.harness_codex]
 NAME, MODEL = "codex", "openai/scripted"
@@ -72,3 +72,12 @@ def test_no_key_is_a_matter_of_the_key(task_for: Callable[..., Task], run: Calla
         ran = run(spec_for(NAME, server), replace(task, environment=bare))
     assert ran.outcome.reason is ExitReason.AUTH
     assert not server.replies
+
+
+def test_a_failed_request_is_told_of_with_its_status_and_at_once(
+    task_for: Callable[..., Task], run: Callable[..., Ran]
+) -> None:
+    with serve([{"shell": "true"}, {**DONE, "fail_first": [{"status": 500}]}]) as server:
+        ran = run(spec_for(NAME, server), task_for(MODEL))
+    assert ran.outcome.reason is ExitReason.FINISHED
+    assert ran.of(Trouble) == [Trouble(ExitReason.UNREACHABLE, "HTTP status 500")]
