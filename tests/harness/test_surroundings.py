@@ -40,9 +40,9 @@ def test_nothing_of_its_surroundings_reaches_the_model_and_nothing_is_looked_up(
     subject: Subject, task_for: Callable[..., Task], run: Callable[..., Ran]
 ) -> None:
     task = task_for(subject.model)
-    for folder in (task.workdir, task.workdir.parent):
-        for name in INSTRUCTIONS:
-            (folder / name).write_text('{"instructions": ["walrus"]}\n')
+    # The attempt's own folder holds what octoform put there; everything above it is the project's, or anybody's.
+    for name in INSTRUCTIONS:
+        (task.workdir.parent / name).write_text('{"instructions": ["walrus"]}\n')
     (task.workdir.parent / ".git").mkdir()
     with serve([{"text": "All is well."}]) as server, proxy() as (url, asked):
         outside = {**dict.fromkeys(PROXIES, url), "NO_PROXY": LOOPBACK, "no_proxy": LOOPBACK}
