@@ -77,6 +77,15 @@ def test_the_prompt_arrives_but_for_blanks(task_for: Callable[..., Task], run: C
     assert content[-1]["text"].replace(" @", "@") == prompt.replace(" @", "@").strip()
 
 
+@pytest.mark.parametrize("api", ["openai-responses", "anthropic-messages", "gemini"])
+def test_it_speaks_other_apis(api: str, task_for: Callable[..., Task], run: Callable[..., Ran]) -> None:
+    with serve({"turns": [{"shell": WRITE}, DONE], "usage": COSTS}) as server:
+        ran = run(spec_for(NAME, server, api=api), task_for(MODEL))
+        assert {request["key"] for request in server.replies} == {SECRET}
+    assert (ran.outcome.reason, ran.outcome.usage) == (ExitReason.FINISHED, Usage(2000, 800, 100))
+    assert ran.task.output.exists()
+
+
 def test_no_key_is_a_matter_of_the_key(task_for: Callable[..., Task], run: Callable[..., Ran]) -> None:
     task = task_for(MODEL)
     bare = {name: value for name, value in task.environment.items() if name != KEY}

@@ -66,7 +66,8 @@ class GeminiCli:
             stdin=launch.task.prompt,
             named=tuple(name for name in (*launch.spec.env, launch.access.key) if name),
             settings={
-                "GEMINI_API_KEY": launch.key,
+                # Without any it does not start, even where none is needed.
+                "GEMINI_API_KEY": launch.key if launch.access.key else "none",
                 "GOOGLE_GEMINI_BASE_URL": launch.access.base_url,
                 # Otherwise it runs as two processes, of which the first ignores that it is to end.
                 "GEMINI_CLI_NO_RELAUNCH": "true",

@@ -189,6 +189,11 @@ def test_what_the_manifest_chooses(tmp_path: Path) -> None:
     assert configured(tmp_path)["model"]["maxSessionTurns"] == -1
 
 
+def test_a_model_that_needs_no_key(tmp_path: Path) -> None:
+    found = invoked(GeminiCli(), replace(SPEC, key=None), "gemini/scripted", tmp_path)
+    assert (found.settings["GEMINI_API_KEY"], found.named) == ("none", ())
+
+
 def configured(folder: Path) -> dict[str, Any]:
     """The program's settings as it reads them."""
     found = json.loads((folder / "home" / ".gemini" / "settings.json").read_text(encoding="utf-8"))
