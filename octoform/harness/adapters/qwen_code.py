@@ -2,8 +2,8 @@
 
 It tries again for minutes without a word of it in the stream. Its debug log tells at once, and that log is a file whose
 place is known as soon as the session's id is: here that file is its own standard error. It is started in its bare
-mode, in which it reads no instructions of its surroundings and asks its model nothing beside the conversation. Its guard
-against loops cannot be switched off: the same call five times over is the end of a run.
+mode, in which it reads no instructions of its surroundings and asks its model nothing beside the conversation. Its
+guard against loops cannot be switched off: the same call five times over is the end of a run.
 """
 
 import json
