@@ -16,7 +16,10 @@ from octoform.state.donors import Donor
 
 MOST_FILES = 200
 OURS = frozenset(
-    {"agent.log", "attempt.json", "input.json", "process.json", "prompt.md", "spec.md", "task.json", "transcript.jsonl"}
+    {
+        *("agent.log", "attempt.json", "input.json", "process.json", "prompt.md", "spec.md", "story.txt", "task.json"),
+        "transcript.jsonl",
+    }
 )
 """What octoform itself puts into an attempt's folder."""
 

@@ -58,10 +58,14 @@ def end(watch: Watch, undone: Path) -> list[Diagnostic]:
     """
     found = []
     for path, before in watch.guarded.items():
-        if _look(path) != before:
-            kept = _keep(watch, path, undone)
-            _restore(watch, path, before)
-            found.append(_touched(watch, path, kept))
+        if _look(path) == before:
+            continue
+        if not path.is_relative_to(watch.project):
+            found.append(_shared(path))
+            continue
+        kept = _keep(watch, path, undone)
+        _restore(watch, path, before)
+        found.append(_touched(watch, path, kept))
     for folder in watch.folders:
         for path in _files(folder):
             if path not in watch.guarded:
@@ -70,6 +74,16 @@ def end(watch: Watch, undone: Path) -> list[Diagnostic]:
                 found.append(_touched(watch, path, kept))
     found += _strangers(watch)
     return found
+
+
+def _shared(path: Path) -> Diagnostic:
+    """The installation serves other projects and may just have been brought up to date, so it is not put back."""
+    return error(
+        "APPLY-OUTSIDE-WRITE",
+        "a file of octoform's installation was changed while the agent ran; it was left as it is",
+        path=str(path),
+        hint="if you have just installed another octoform, apply again; if not, install it anew",
+    )
 
 
 def _keep(watch: Watch, path: Path, undone: Path) -> Path | None:

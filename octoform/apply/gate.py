@@ -91,7 +91,8 @@ def ended_well(outcome: Outcome, task: Task) -> list[Diagnostic]:
     """Why the run itself already failed; whatever it wrote then counts for nothing."""
     if outcome.reason is ExitReason.FINISHED:
         return []
-    said = tail(task.log, LINES_QUOTED, BYTES_QUOTED)
+    # What a program prints for machines is no quotation; its own closing words are in the detail.
+    said = tail(task.log, LINES_QUOTED, BYTES_QUOTED) if outcome.turns is None else ""
     detail = "\n".join(part for part in (outcome.detail, f"it said last: {said}" if said else "") if part) or None
     if outcome.reason in _ENDINGS:
         code, text, hint = _ENDINGS[outcome.reason]

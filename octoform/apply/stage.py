@@ -5,6 +5,7 @@ Fail-stop: a spent budget ends the stage and with it the run. What a failed atte
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 from typing import Any
 
 from octoform import events
@@ -18,6 +19,7 @@ from octoform.apply.leaks import leaked, without_secrets
 from octoform.apply.result import Finished
 from octoform.apply.settling import settle
 from octoform.apply.spec_copy import Edit
+from octoform.apply.story import readable_log
 from octoform.diagnostics import Diagnostic, error, has_errors
 from octoform.harness import environment
 from octoform.harness.port import ExitReason, Harness, Outcome, Task, TaskLimits, Usage
@@ -161,10 +163,17 @@ def _attempt(
     progress.edit = edit if edit is not None and edit.permitted else progress.edit
     if not verdict.accepted:
         spec = progress.edit.text if progress.edit is not None else prepared.spec
-        progress.failed = Failed(verdict.diagnostics, task.log, spec)
+        progress.failed = Failed(verdict.diagnostics, _log(task, outcome), spec)
     # The agent may have removed its own folder or filled the disk; both are told by the verdict already.
     record(context, assignment, prepared, (outcome, verdict), edit)
     return outcome, verdict
+
+
+def _log(task: Task, outcome: Outcome) -> Path:
+    try:
+        return readable_log(task, outcome)
+    except OSError:
+        return task.log  # a full disk, or no folder any more: told by what octoform writes next
 
 
 def _gate(context: Context, assignment: Assignment, task: Task, outcome: Outcome, touched: list[Diagnostic]) -> Verdict:
