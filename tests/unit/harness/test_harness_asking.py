@@ -76,6 +76,7 @@ def client(server: ModelServer | str, model: str = "openai/scripted", **settings
 
 
 @pytest.mark.usefixtures("_imported")
+@pytest.mark.filterwarnings("ignore:Accessing the")
 class TestOverEachApi:
     """With the library itself."""
 
