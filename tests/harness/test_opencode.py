@@ -83,7 +83,7 @@ def test_only_a_manifest_that_allows_it_gives_it_the_web(
             run(spec_for(NAME, server, web_search=allowed), task_for())
             tools[allowed] = set(server.replies[0]["tools"])
     assert tools[True] - tools[False] == {"webfetch", "websearch"}
-    assert {"bash", "edit", "read", "write"} <= tools[False]
+    assert tools[False] == {"bash", "edit", "glob", "grep", "read", "todowrite", "write"}
 
 
 def test_a_refused_list_of_models_is_no_matter(task_for: Callable[..., Task], run: Callable[..., Ran]) -> None:

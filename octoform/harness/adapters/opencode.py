@@ -49,6 +49,9 @@ OFF = (
     "PROJECT_CONFIG",
     "SHARE",
 )
+WEB = ("webfetch", "websearch")
+OTHERS = ("task", "skill")
+"""Tools that it never has: what an agent of its own would use and do is told of nowhere, and there are no skills."""
 INVALID = "invalid"
 """Its tool for a call of no tool, or with arguments that cannot be read."""
 WITHHELD, COMMAND_MS = "OPENCODE_WATCH_WITHHELD", "OPENCODE_WATCH_COMMAND_MS"
@@ -118,7 +121,7 @@ def _config(access: Access, model: str, web: bool) -> dict[str, Any]:
         "provider": {PROVIDER: provider},
         "model": model,
         "small_model": model,
-        "permission": {"*": "allow"} if web else {"*": "allow", "webfetch": "deny", "websearch": "deny"},
+        "permission": {"*": "allow", **dict.fromkeys(OTHERS if web else (*OTHERS, *WEB), "deny")},
         # It would copy the whole of a surrounding repository before each step.
         "snapshot": False,
         "autoupdate": False,

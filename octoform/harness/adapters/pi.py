@@ -32,7 +32,8 @@ from octoform.manifest.providers import ANTHROPIC, CHAT, GEMINI, RESPONSES
 
 CONTEXT_TOKENS = 128_000
 OUTPUT_TOKENS = 16_000
-RETRIES = 2
+RETRIES = 4
+"""With its pauses of 2, 4, 8 and 16 seconds as long as the usual patience of a task."""
 PROVIDER = "octoform"
 PIECES = (b'{"type":"message_update"', b'{"type":"tool_execution_update"')
 """Most of the stream: each piece of a reply or of what a tool prints, of which the end tells all that is needed."""

@@ -109,7 +109,7 @@ def test_how_it_is_started(tmp_path: Path) -> None:
     assert found.settings["XDG_DATA_HOME"] == str(tmp_path / "home" / ".local" / "share")
     assert "OPENCODE_ENABLE_EXA" not in found.settings
     config = configured(tmp_path)
-    assert config["permission"] == {"*": "allow", "webfetch": "deny", "websearch": "deny"}
+    assert config["permission"] == {"*": "allow", **dict.fromkeys(("task", "skill", "webfetch", "websearch"), "deny")}
     assert config["small_model"] == config["model"] == "octoform/google/gemini-3"
     provider = config["provider"]["octoform"]
     assert provider["options"] == {"baseURL": "http://127.0.0.1:8080/v1", "apiKey": "{env:LOOP_KEY}"}
@@ -138,7 +138,7 @@ def test_what_the_manifest_chooses(tmp_path: Path) -> None:
     found = invoked(OpenCode(), replace(SPEC, web_search=True, env=("LOOP_KEY",)), "openai/scripted", tmp_path)
     assert found.settings["OPENCODE_ENABLE_EXA"] == "1"
     assert "OPENCODE_WATCH_WITHHELD" not in found.settings, "the agent may see it, as the manifest says"
-    assert configured(tmp_path)["permission"] == {"*": "allow"}
+    assert configured(tmp_path)["permission"] == {"*": "allow", "task": "deny", "skill": "deny"}
 
 
 def test_a_model_that_needs_no_key(tmp_path: Path) -> None:
