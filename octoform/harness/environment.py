@@ -22,11 +22,7 @@ def minimal(workdir: Path, caller: Mapping[str, str], named: Sequence[str] = ())
     ``caller`` is where PATH, OCTOFORM_* settings and the ``named`` variables come from; a named one that the caller
     lacks is left out. An OCTOFORM_ variable whose name says that it is a secret is passed only when it is named.
     """
-    out = {
-        name: value
-        for name, value in caller.items()
-        if name.startswith(PREFIX) and not any(word in name for word in SECRET_WORDS)
-    }
+    out = {name: value for name, value in caller.items() if name.startswith(PREFIX) and not is_secret(name)}
     out |= {
         "PATH": caller.get("PATH") or FALLBACK_PATH,
         "HOME": str(_folder(workdir / "home")),
@@ -37,6 +33,11 @@ def minimal(workdir: Path, caller: Mapping[str, str], named: Sequence[str] = ())
     }
     out |= {name: caller[name] for name in named if name in caller}
     return out
+
+
+def is_secret(name: str) -> bool:
+    """True for a variable whose name says that its value is a secret."""
+    return any(word in name.upper() for word in SECRET_WORDS)
 
 
 def secrets(caller: Mapping[str, str], named: Sequence[str]) -> dict[str, str]:

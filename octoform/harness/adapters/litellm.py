@@ -15,6 +15,7 @@ from octoform.harness.asking.client import BACKOFF_SECONDS, SETTINGS
 from octoform.harness.asking.route import Route, route
 from octoform.harness.attempt import Invocation, run_contained
 from octoform.harness.dialect import count, field, json_object, one_line, trouble
+from octoform.harness.environment import is_secret
 from octoform.harness.port import (
     AgentEvent,
     Closed,
@@ -89,7 +90,7 @@ class LiteLLMHarness:
             shell_seconds=min(SHELL_SECONDS, longest),
             most_shell_seconds=longest,
             backoff_seconds=self.backoff_seconds,
-            hidden=(*self._named(way), *SETTINGS),
+            hidden=(*(name for name in self._named(way) if name == way.key or is_secret(name)), *SETTINGS),
             web_search=self.spec.web_search,
         )
 

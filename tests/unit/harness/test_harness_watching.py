@@ -160,6 +160,15 @@ def test_lines_come_in_any_pieces_and_one_that_is_too_long_is_left_out() -> None
     assert run.watcher.turns == 3, "the last line may lack its end"
 
 
+def test_what_was_said_last_is_told_at_the_end() -> None:
+    run = Run()
+    run.at(1, b"turn")
+    EVENTS[b"closing words"] = Said("closing words")
+    run.watcher.feed("stdout", b"said\nclosing words\n")
+    run.watcher.finish()
+    assert run.told[-1] == Said("closing words")
+
+
 def test_the_streams_are_read_apart() -> None:
     run = Run()
     run.watcher.feed("stdout", b"tu")
