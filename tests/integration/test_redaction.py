@@ -20,13 +20,15 @@ def test_a_failed_attempt_and_its_retry_keep_no_secret(project: Project) -> None
     project.env = ["BENCH_KEY"]
     project.script = {
         "probe": [
-            {"echo": "BENCH_KEY", "say": SAID, "exit": 3},
+            {"echo": "BENCH_KEY", "say": SAID, "exit": 3, "touch": [str(project.folder / f"{TOKEN}.txt")]},
             {"echo": "BENCH_KEY", "write": json.dumps({"format": 1, KEY: TOKEN})},
             {"mutate": [[["devices", 0, "raw_descriptor"], f"text: {TOKEN}"]]},
         ]
     }
     done = project.apply("-target", "probe", status=1)
-    assert {"APPLY-AGENT-FAILED", "APPLY-SECRET-IN-OUTPUT", "APPLY-CREDENTIAL-IN-OUTPUT"} <= set(done.codes())
+    assert {"APPLY-AGENT-FAILED", "APPLY-OUTSIDE-WRITE", "APPLY-SECRET-IN-OUTPUT", "APPLY-CREDENTIAL-IN-OUTPUT"} <= set(
+        done.codes()
+    )
     kept = [path for path in project.folder.rglob("*") if path.is_file()]
     assert {"agent.log", "prompt.md", "attempt.json", "task.json"} <= {path.name for path in kept}
     shown = {Path("the stream"): done.text.encode(), **{path: path.read_bytes() for path in kept}}
