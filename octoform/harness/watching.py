@@ -133,10 +133,11 @@ class Watcher:
 
     def finish(self) -> None:
         """The output has ended."""
-        for stream, lines in self._lines.items():
-            for line in lines.rest() if self._dialect is not None else ():
-                for event in self._dialect.read(stream, line):
-                    self._take(event)
+        if self._dialect is not None:
+            for stream, lines in self._lines.items():
+                for line in lines.rest():
+                    for event in self._dialect.read(stream, line):
+                        self._take(event)
         self._plain.finish()
         if self._transcript is not None:
             self._transcript.close()

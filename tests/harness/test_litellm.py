@@ -20,7 +20,7 @@ DONE = {"text": "done"}
 def test_its_work_its_usage_and_what_its_commands_do_not_get(
     task_for: Callable[..., Task], run: Callable[..., Ran]
 ) -> None:
-    environ = {"PASSED": "proxy-91c2d7", "LANG": "de_DE"}
+    environ = {"PASSED": "proxy-91c2d7", "PASSED_TOKEN": "t-91c2d7-0123", "LANG": "de_DE"}
     task = task_for()
     task = replace(task, environment={**task.environment, **environ}, price=Price(1.0, 0.1, 2.0, "manifest"))
     script = {
@@ -28,7 +28,7 @@ def test_its_work_its_usage_and_what_its_commands_do_not_get(
         "usage": {"input": 1000, "cached": 400, "output": 50},
     }
     with serve(script) as server:
-        ran = run(spec_for("litellm", server, env=("PASSED",)), task)
+        ran = run(spec_for("litellm", server, env=("PASSED", "PASSED_TOKEN")), task)
         asked = server.replies
     outcome = ran.outcome
     assert (outcome.reason, outcome.exit_status, outcome.turns) == (ExitReason.FINISHED, 0, 2), task.log.read_text()
@@ -47,7 +47,8 @@ def test_its_work_its_usage_and_what_its_commands_do_not_get(
     assert [item["key"] for item in asked] == [SECRET] * 2
     assert set(asked[0]["tools"]) == {"shell", "read_file", "write_file", "patch"}
     seen = dict(line.split("=", 1) for line in (task.workdir / "seen").read_text().splitlines())
-    assert not {KEY, "PASSED", "LITELLM_LOCAL_MODEL_COST_MAP"} & set(seen)
+    assert not {KEY, "PASSED_TOKEN", "LITELLM_LOCAL_MODEL_COST_MAP"} & set(seen)
+    assert seen["PASSED"] == "proxy-91c2d7", "a proxy, say, is there for its commands as well"
     assert (seen["OCTOFORM_OUTPUT"], seen["LANG"]) == (str(task.output), "C.UTF-8")
     for path in task.workdir.rglob("*"):
         assert not path.is_file() or SECRET.encode() not in path.read_bytes(), path
