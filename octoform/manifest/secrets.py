@@ -9,7 +9,7 @@ import re
 from collections.abc import Iterator
 
 from octoform.redaction import found_in
-from octoform.redaction.rules import KEY_BEGIN, KEY_END
+from octoform.redaction.forms import KEY_BEGIN, KEY_END
 
 __all__ = ["assigned_in", "found_in", "is_secret_name", "key_blocks", "masked"]
 

@@ -9,7 +9,7 @@ from collections.abc import Iterator, Mapping
 from functools import cache
 from typing import NamedTuple, Protocol
 
-from octoform.redaction.rules import KEY_BEGIN, KEY_END, KEY_PIECE, RULES, Rule
+from octoform.redaction.forms import FORMS, KEY_BEGIN, KEY_END, KEY_PIECE, Form
 from octoform.redaction.spelling import spellings
 
 WARY_BYTES = 16 << 10
@@ -55,18 +55,18 @@ class _Finder(Protocol):
         ...
 
 
-class _RuleFinder:
-    """Finds what a rule describes."""
+class _FormFinder:
+    """Finds what a form describes."""
 
-    def __init__(self, rule: Rule, kind: str = "") -> None:
-        self.shown = rule.shown.encode()
-        self.anchor = rule.anchor.encode()
-        self.fold = rule.fold
-        self.more = f"[{rule.more}]*" if rule.more else ""
+    def __init__(self, form: Form, kind: str = "") -> None:
+        self.shown = form.shown.encode()
+        self.anchor = form.anchor.encode()
+        self.fold = form.fold
+        self.more = f"[{form.more}]*" if form.more else ""
         self.kind = kind
-        self._size, self._reach = rule.size, rule.reach
-        self._direct = not rule.anchor or not (rule.before or rule.fold)
-        self._whole, self._begun = rule.source(), rule.begun()
+        self._size, self._reach = form.size, form.reach
+        self._direct = not form.anchor or not (form.before or form.fold)
+        self._whole, self._begun = form.source(), form.begun()
 
     def search(self, text: _Text, start: int) -> _Hit | None:
         """See `_Finder.search`; looking for the fixed word first is many times as fast as most expressions alone."""
@@ -124,14 +124,14 @@ def _end_of(pattern: re.Pattern[bytes], text: bytes, start: int) -> int:
 
 
 @cache
-def _key_end() -> _RuleFinder:
-    return _RuleFinder(KEY_END, "end")
+def _key_end() -> _FormFinder:
+    return _FormFinder(KEY_END, "end")
 
 
 @cache
-def _rule_finders() -> tuple[_Finder, ...]:
-    plain = [_RuleFinder(rule, "key" if rule is KEY_BEGIN else "") for rule in RULES]
-    return (_key_end(), _RuleFinder(KEY_PIECE, "piece"), *plain)
+def _form_finders() -> tuple[_Finder, ...]:
+    plain = [_FormFinder(form, "key" if form is KEY_BEGIN else "") for form in FORMS]
+    return (_key_end(), _FormFinder(KEY_PIECE, "piece"), *plain)
 
 
 def _value_finders(secrets: Mapping[str, str]) -> list[_ValueFinder]:
@@ -149,7 +149,7 @@ class Redactor:
 
     def __init__(self, secrets: Mapping[str, str] | None = None) -> None:
         values = _value_finders(secrets or {})
-        self.finders = (*values, *_rule_finders())
+        self.finders = (*values, *_form_finders())
         self.over_lines = tuple(finder for finder in values if b"\n" in finder.anchor)
         self._before = b""
         self._held = b""

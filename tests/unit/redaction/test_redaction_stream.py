@@ -13,7 +13,7 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from octoform.redaction import Redactor, redacted, spellings
-from octoform.redaction.rules import RULES, Rule
+from octoform.redaction.forms import FORMS, Form
 
 VALUE = 'k3y/"w+i th"-ümlaut'
 LONG = "-----BEGIN PRIVATE KEY-----\nMIIEvQIBADANBgkqhkiG9w0BAQEF\n-----END PRIVATE KEY-----\n"
@@ -201,17 +201,17 @@ def test_a_whole_line_comes_out_at_once() -> None:
         assert stream.feed(line) == line
 
 
-@pytest.mark.parametrize("rule", RULES, ids=lambda rule: rule.anchor)
-def test_every_rule_finds_what_it_describes(rule: Rule) -> None:
-    source = rule.source().removeprefix(rule.before)
+@pytest.mark.parametrize("form", FORMS, ids=lambda form: form.anchor)
+def test_every_form_finds_what_it_describes(form: Form) -> None:
+    source = form.source().removeprefix(form.before)
 
     @settings(max_examples=25, deadline=None)
     @given(st.from_regex(re.compile(source.encode()), fullmatch=True))
     def check(text: bytes) -> None:
-        place = (text.lower() if rule.fold else text).find(rule.anchor.encode())
-        assert 0 <= place <= rule.reach
-        assert len(text) <= rule.size
-        assert rule.shown.encode() in whole(b" " + text)
+        place = (text.lower() if form.fold else text).find(form.anchor.encode())
+        assert 0 <= place <= form.reach
+        assert len(text) <= form.size
+        assert form.shown.encode() in whole(b" " + text)
 
     check()
 

@@ -1,6 +1,6 @@
 """What shows by its form that it is a secret.
 
-A rule is a chain of bounded parts, so that two expressions can be made of it: the one that finds it, and the one that
+A form is a chain of bounded parts, so that two expressions can be made of it: the one that finds it, and the one that
 finds where it may begin when the text ends inside of it. What a stream holds back follows from the second.
 """
 
@@ -20,7 +20,7 @@ _FIRST = r"!#&(-+\--:=-Z\]-z|}~"
 
 @dataclass(frozen=True, slots=True)
 class _Part:
-    """One piece of a rule: the expression for all of it, and for what is there of it when the text ends inside."""
+    """One piece of a form: the expression for all of it, and for what is there of it when the text ends inside."""
 
     whole: str
     begun: str
@@ -45,7 +45,7 @@ def _run(signs: str, least: int, most: int | None = None) -> _Part:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Rule:
+class Form:
     """How one kind of secret looks.
 
     ``anchor`` stands in each of them (lower case when ``fold``), ``reach`` is how far from the beginning at most.
@@ -78,8 +78,8 @@ class Rule:
         return rf"{self.before}(?:{nested})\Z"
 
 
-def _token(prefix: str, least: int, signs: str = _TOKEN) -> Rule:
-    return Rule("[token redacted]", prefix, (_word(prefix), _run(signs, least)), more=signs)
+def _token(prefix: str, least: int, signs: str = _TOKEN) -> Form:
+    return Form("[token redacted]", prefix, (_word(prefix), _run(signs, least)), more=signs)
 
 
 _KEY_KIND = "A-Z0-9 "
@@ -87,17 +87,17 @@ _SEPARATOR = (_run(r"\\\"'", 0, 4), _run(" \t", 0, 4), _run(":=", 1), _run(" \t"
 _SCHEMES = ("bearer", "basic", "token", "apikey", "negotiate", "digest")
 
 
-def _payment(use: str) -> Rule:
+def _payment(use: str) -> Form:
     secret = (_run("rsp", 1), _word(f"k_{use}_"), _run(_PLAIN, 12))
-    return Rule("[token redacted]", f"k_{use}_", secret, more=_PLAIN, reach=1)
+    return Form("[token redacted]", f"k_{use}_", secret, more=_PLAIN, reach=1)
 
 
-def _lettered(prefix: str, kinds: str, end: str, least: int, signs: str) -> Rule:
-    return Rule("[token redacted]", prefix, (_word(prefix), _run(kinds, 1), _word(end), _run(signs, least)), more=signs)
+def _lettered(prefix: str, kinds: str, end: str, least: int, signs: str) -> Form:
+    return Form("[token redacted]", prefix, (_word(prefix), _run(kinds, 1), _word(end), _run(signs, least)), more=signs)
 
 
-def _header(anchor: str, *names: str) -> Rule:
-    return Rule(
+def _header(anchor: str, *names: str) -> Form:
+    return Form(
         "[API key redacted]",
         anchor,
         (_run(_FIRST, 1), _run(_VALUE, 5)),
@@ -109,15 +109,15 @@ def _header(anchor: str, *names: str) -> Rule:
     )
 
 
-def _key_line(shown: str, word: str) -> Rule:
+def _key_line(shown: str, word: str) -> Form:
     kind = (_run(_KEY_KIND, 0, 40), _word("PRIVATE KEY"), _either("-----", " BLOCK-----"))
-    return Rule(shown, f"-----{word} ", (_word(f"-----{word} "), *kind), before="")
+    return Form(shown, f"-----{word} ", (_word(f"-----{word} "), *kind), before="")
 
 
 KEY_BEGIN = _key_line("[private key redacted]", "BEGIN")
 KEY_END = _key_line("", "END")
-KEY_PIECE = Rule("[private key redacted]", "", (_run(_BASE64, 40),), more=f"{_BASE64}=", before=f"(?<![{_BASE64}])")
-RULES = (
+KEY_PIECE = Form("[private key redacted]", "", (_run(_BASE64, 40),), more=f"{_BASE64}=", before=f"(?<![{_BASE64}])")
+FORMS = (
     _token("sk-", 12),
     _payment("live"),
     _payment("test"),
@@ -134,14 +134,14 @@ RULES = (
     _token("npm_", 30, _PLAIN),
     _token("pypi-AgEI", 30),
     _token("AGE-SECRET-KEY-1", 30, "A-Z0-9"),
-    Rule(
+    Form(
         "[token redacted]",
         "eyJ",
         (_word("eyJ"), _run(_TOKEN, 8, 256), _word("."), _run(_TOKEN, 8)),
         more=f".{_TOKEN}",
         size=300,
     ),
-    Rule(
+    Form(
         "[credentials redacted]",
         "authorization",
         (_run(_BEARER, 6),),
@@ -150,7 +150,7 @@ RULES = (
         fold=True,
         before="",
     ),
-    Rule(
+    Form(
         "[bearer token redacted]",
         "bearer",
         (_run(_BEARER, 16),),
@@ -160,7 +160,7 @@ RULES = (
     ),
     _header("api-key", "x-api-key", "x-goog-api-key", "api-key"),
     _header("x-auth-", "x-auth-token", "x-auth-key"),
-    Rule(
+    Form(
         "[credentials redacted]",
         "://",
         (_run(r"^/\s:@'\"", 1, 64), _word(":"), _run(r"^/\s@'\"$", 1), _run(r"^/\s@'\"", 0, 256)),
@@ -174,8 +174,8 @@ RULES = (
 
 
 @cache
-def _as_text(rule: Rule) -> re.Pattern[str]:
-    return re.compile(rule.source() + (f"[{rule.more}]*" if rule.more else ""))
+def _as_text(form: Form) -> re.Pattern[str]:
+    return re.compile(form.source() + (f"[{form.more}]*" if form.more else ""))
 
 
 def found_in(text: str) -> list[tuple[int, int]]:
@@ -185,8 +185,8 @@ def found_in(text: str) -> list[tuple[int, int]]:
     """
     low = text.lower()
     found = []
-    for rule in RULES:
-        if rule.anchor in (low if rule.fold else text):
-            for one in _as_text(rule).finditer(text):
-                found.append((one.start(1), max(one.end(1), one.end() if rule.more else 0)))
+    for form in FORMS:
+        if form.anchor in (low if form.fold else text):
+            for one in _as_text(form).finditer(text):
+                found.append((one.start(1), max(one.end(1), one.end() if form.more else 0)))
     return sorted(found)
