@@ -13,7 +13,7 @@ from dataclasses import replace
 from itertools import islice
 from typing import Any
 
-from octoform.diagnostics import Diagnostic, Span, error
+from octoform.diagnostics import Diagnostic, Span, error, warning
 from octoform.harness import environment
 from octoform.harness.port import Task
 from octoform.redaction import found_in, redacted, spellings
@@ -30,6 +30,36 @@ def leaked(task: Task, data: bytes) -> list[Diagnostic]:
     """An error for each secret that stands in an output, however it is spelt; the secret itself is not told."""
     said = [("", data.decode("utf-8", "replace")), *_readings(task.stage, data)]
     return [*_given_in(task, said), *_looking_like_one(task, said)]
+
+
+def masked(task: Task, data: bytes) -> tuple[bytes, list[Diagnostic]]:
+    """PROBE's output with everything blanked out that looks like a secret, and a warning for each such place.
+
+    PROBE copies what devices say of themselves, and a device may call itself whatever it likes: that must neither
+    reach git nor keep a host from being onboarded. Any other stage's output is given back as it is.
+    """
+    value = _value(data) if task.stage == "probe" else None
+    places = [place for place, text in _strings(value, "") if _shows_one(text)]
+    if not places:
+        return data, []
+    told = [
+        warning(
+            "APPLY-CREDENTIAL-IN-OUTPUT",
+            "a device's text looks like a token, a key or a password; it is blanked out",
+            pointer=place,
+            hint="if it is a real one, it is readable by everybody who can use this machine",
+        )
+        for place in places[:MOST_PLACES]
+    ]
+    return json.dumps(_blanked(value), ensure_ascii=False).encode("utf-8", "surrogatepass"), told
+
+
+def _blanked(value: Any) -> Any:
+    if isinstance(value, str):
+        return redacted(value) if _shows_one(value) else value
+    if isinstance(value, dict):
+        return {key: _blanked(item) for key, item in value.items()}
+    return [_blanked(item) for item in value] if isinstance(value, list) else value
 
 
 def without_secrets(task: Task, items: Iterable[Diagnostic]) -> tuple[Diagnostic, ...]:

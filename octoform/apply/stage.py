@@ -15,7 +15,7 @@ from octoform.apply.attempt import Failed, Prepared, prepare, run
 from octoform.apply.attempt_record import record
 from octoform.apply.context import Context
 from octoform.apply.gate import Verdict, ended_well, read_output
-from octoform.apply.leaks import leaked, without_secrets
+from octoform.apply.leaks import leaked, masked, without_secrets
 from octoform.apply.result import Finished
 from octoform.apply.settling import settle
 from octoform.apply.spec_copy import Edit
@@ -181,13 +181,14 @@ def _gate(context: Context, assignment: Assignment, task: Task, outcome: Outcome
     if ended or has_errors(touched):
         return Verdict((*touched, *ended))
     data, found = read_output(task)
+    data, blanked = masked(task, data)
     secret = leaked(task, data)
     if secret:
         task.output.unlink()
     if found or secret:
         return Verdict((*touched, *found, *secret))
     value, found = assignment.judge(context, task, data)
-    found = [*touched, *found]
+    found = [*touched, *blanked, *found]
     if has_errors(found):
         return Verdict(tuple(found))
     return prove(context, task, value, found)

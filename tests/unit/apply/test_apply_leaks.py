@@ -7,7 +7,7 @@ from urllib.parse import quote
 
 import pytest
 
-from octoform.apply.leaks import leaked, without_secrets
+from octoform.apply.leaks import leaked, masked, without_secrets
 from octoform.diagnostics import error, to_json
 from octoform.harness.port import Task, TaskLimits
 
@@ -130,3 +130,19 @@ def test_diagnostics_that_quote_an_agent_are_redacted_in_every_field() -> None:
     text = json.dumps(to_json(clean), ensure_ascii=False)
     assert VALUE not in text and json.dumps(VALUE)[1:-1] not in text and "abc.def" not in text
     assert text.count("[BENCH_KEY redacted]") == 6
+
+
+def test_a_device_that_calls_itself_like_a_secret_is_blanked_out_and_keeps_no_host_from_being_onboarded() -> None:
+    probe = task("probe")
+    token = "ghp_" + "0123456789abcdef" * 2
+    data = json.dumps({"devices": [{"id": "usb-1", "name": f"Acme {token} cam"}, {"id": "usb-2", "name": "lamp"}]})
+    kept, told = masked(probe, data.encode())
+    assert token not in kept.decode()
+    names = [device["name"] for device in json.loads(kept)["devices"]]
+    assert names[0].startswith("Acme ") and names[0].endswith(" cam") and names[1] == "lamp"
+    assert [(item.code, item.severity.value, item.pointer) for item in told] == [
+        ("APPLY-CREDENTIAL-IN-OUTPUT", "warning", "/devices/0/name")
+    ]
+    assert leaked(probe, kept) == []
+    assert masked(task("identify"), data.encode()) == (data.encode(), [])
+    assert masked(probe, b"no json") == (b"no json", [])
