@@ -1,6 +1,6 @@
 """Run an apply whose process kills itself (SIGKILL) at the N-th checkpoint; prints the name of the point first.
 
-``python crashing.py PROJECT TARGET N``. With N = 0 it runs to the end and prints how many points it passed.
+``python crashing.py PROJECT TARGET N``. With N = 0 it runs to the end and prints the points that it passed.
 """
 
 import os
@@ -30,7 +30,9 @@ def main() -> None:
         screen = Console(nowhere, sys.stderr, colour=False, colour_err=False, interactive=False)
         options = Options(approved=True, ports=Ports(checkpoint=checkpoint))
         result = apply(Request(project, os.environ, targets=(target,)), options, RunHuman(screen))
-    print(len(passed), result.failed or "done")
+    if result.failed:
+        sys.exit(str(result.failed))
+    print(*passed)
 
 
 if __name__ == "__main__":

@@ -6,11 +6,12 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable
+from pathlib import Path
 
 import pytest
 from endpoint_servers import publish
 
-from octoform.endpoint.environment import Environment, packages_of
+from octoform.endpoint.environment import MARKER, Environment, packages_of
 from octoform.endpoint.files import CHECK
 from octoform.endpoint.observing import Expected, observe
 from octoform.endpoint.removing import remove
@@ -19,17 +20,24 @@ from octoform.state.layout import Layout
 
 @pytest.fixture
 def applied(layout: Layout, serving: Environment) -> Layout:
-    """A published endpoint whose check went well; its environment is a light copy that a test may damage."""
+    """A published endpoint whose check went well; its environment is an outline that a test may damage."""
     path = layout.environments / serving.path.name
-    shutil.copytree(
-        serving.path, path, symlinks=True, ignore=shutil.ignore_patterns("bytecode", "*.py", "*.so", "*.pyi")
-    )
-    for module in packages_of(serving.path).iterdir():
-        if module.is_file():
-            shutil.copy(module, packages_of(path))
+    outline(serving.path, path)
     publish(layout, Environment(path / "bin" / "python", serving.digest, path, serving.lock))
     write_check(layout)
     return layout
+
+
+def outline(environment: Path, path: Path) -> None:
+    """What a look at an environment can see: marker, interpreter and every name beside the packages, unfilled."""
+    packages_of(path).mkdir(parents=True)
+    shutil.copy(environment / MARKER, path)
+    shutil.copytree(environment / "bin", path / "bin", symlinks=True)
+    for entry in packages_of(environment).iterdir():
+        if entry.is_dir():
+            (packages_of(path) / entry.name).mkdir()
+        else:
+            (packages_of(path) / entry.name).touch()
 
 
 def write_check(
