@@ -91,12 +91,18 @@ class Checking(Event):
 
 @dataclass(frozen=True, slots=True)
 class NodeAccepted(Event):
-    """The contract accepted the output; ``found`` is one line for a person (``41 devices``)."""
+    """The contract accepted the output; ``found`` is one line for a person (``41 devices``).
+
+    Tokens and US dollars are those of all attempts; None is unknown.
+    """
 
     attempts: int
     seconds: float
     found: str
     changed: bool
+    input_tokens: int | None = None
+    output_tokens: int | None = None
+    cost_usd: float | None = None
 
 
 @dataclass(frozen=True, slots=True)

@@ -112,7 +112,9 @@ def _end(context: Context, node: Node, finished: Finished) -> list[Diagnostic]:
         context.emit(events.NodeFailed(node.name, tuple(found), finished.seconds))
         return found + context.store.failure(node.name, found)
     changed = before is None or before.output_digest != verdict.digest
-    context.emit(events.NodeAccepted(node.name, finished.attempts, finished.seconds, verdict.found, changed))
+    used = finished.usage
+    spent = (used.input_tokens, used.output_tokens, used.cost_usd)
+    context.emit(events.NodeAccepted(node.name, finished.attempts, finished.seconds, verdict.found, changed, *spent))
     return found
 
 

@@ -28,7 +28,8 @@ if TYPE_CHECKING:
     from octoform.views.moving import MovingLine
 
 PULSE_SECONDS = 9.0
-LINE = 150
+INDENT = 24
+"""Columns before the text of a line that tells what an agent does, the widest of them."""
 
 
 def _visible(event: events.Event) -> events.Event:
@@ -119,7 +120,8 @@ class RunHuman:
                 tail = "" if event.changed else paint("  same output as before", "dim")
                 facts = [f"{event.seconds:.1f} s"]
                 facts += [f"{event.attempts} attempts"] if event.attempts > 1 else []
-                facts += [self._running.spent] if self._running.spent else []
+                used = spent(event.input_tokens, event.output_tokens, event.cost_usd)
+                facts += [used] if used else []
                 self._say(f"{paint('✓', 'green')} {event.node:<10} {event.found}  ({', '.join(facts)}){tail}")
             case events.NodeUnchanged():
                 self._say(paint(f"= {event.node:<10} {event.reason}", "dim"))
@@ -138,13 +140,13 @@ class RunHuman:
         elif event.elapsed - self._running.last_pulse >= PULSE_SECONDS:
             self._running.last_pulse = event.elapsed
             used = f", {self._running.spent}" if self._running.spent else ""
-            said = f": {one_line(event.text, LINE)}" if event.text else ""
+            said = f": {one_line(event.text, self._console.width - INDENT)}" if event.text else ""
             self._say(f"  {event.node:<10} still running, {event.elapsed:.0f} s elapsed{used}{said}")
 
     def _acted(self, event: events.AgentActed) -> None:
         """One line for each use of a tool, as it happens."""
         self._running.last_pulse = event.elapsed
-        said = one_line(f"{event.tool}  {event.text}", LINE)
+        said = one_line(f"{event.tool}  {event.text}", self._console.width - INDENT)
         self._say(self._console.paint(f"    {event.node:<9} {event.elapsed:6.1f} s  {said}", "dim"))
         self._move(f"{event.tool} {event.text}")
 
@@ -160,7 +162,9 @@ class RunHuman:
         self._say(f"{paint('~', 'yellow')} {event.node:<10} the agent {what} (attempt {event.number})")
         styles = {"+": "green", "-": "red", "@": "cyan"}
         for line in event.diff[2:]:
-            self._say("             " + paint(one_line(line, LINE), styles.get(line[:1], "dim")))
+            self._say(
+                "             " + paint(one_line(line, self._console.width - INDENT), styles.get(line[:1], "dim"))
+            )
         if event.permitted:
             self._say(f"             it holds for this run only; `octoform spec diff {event.node}` shows it again")
 
@@ -174,7 +178,7 @@ class RunHuman:
         self._say(f"{self._console.paint('!', 'yellow')} {event.node:<10} attempt {event.number} refused")
         for item in event.diagnostics:
             if item.severity == "error":
-                self._say(f"             {one_line(f'{item.code}: {item.summary}', 150)}")
+                self._say(f"             {one_line(f'{item.code}: {item.summary}', self._console.width - INDENT)}")
 
     def _say(self, text: str) -> None:
         if self._moving is not None:

@@ -8,6 +8,7 @@ import sys
 from collections.abc import Mapping
 from dataclasses import dataclass
 from io import TextIOWrapper
+from shutil import get_terminal_size
 from typing import TextIO
 
 STYLES = {"bold": "1", "dim": "2", "red": "31", "green": "32", "yellow": "33", "cyan": "36"}
@@ -22,6 +23,11 @@ class Console:
     colour: bool
     colour_err: bool
     interactive: bool
+
+    @property
+    def width(self) -> int:
+        """Columns of the terminal, at least 60; 160 where nobody looks."""
+        return max(60, get_terminal_size((160, 24)).columns) if self.out.isatty() else 160
 
     def paint(self, text: str, *styles: str) -> str:
         """``text`` in the named styles, or as it is where colour is off."""
