@@ -34,7 +34,7 @@ def test_a_first_prompt_holds_spec_schema_and_paths(stage: str) -> None:
     text = render_prompt(prompt(stage))
     spec = SPECS[stage]
     assert spec.body.rstrip() in text
-    assert "Write exactly one file: /work/attempt/output.json" in text
+    assert "Your result is exactly one file: /work/attempt/output.json" in text
     assert ("Read exactly one artifact" in text) == (stage != "probe")
     assert spec.schema is None or f"read it first: {spec.schema}" in text
     assert "200 seconds" in text
