@@ -275,9 +275,16 @@ def _kept(source: Source, call: ast.Call, owner: Function) -> bool:
 
 
 def _released(source: Source, call: ast.Call, owner: Function) -> bool:
-    """True when the camera is a ``with`` item, or a ``finally`` of the function releases a camera."""
+    """True when the camera is a ``with`` item, or a ``finally`` of the function releases a camera.
+
+    A capture that is made of a device which a ``with`` around it closes (``with closing(Device(node)) as camera:``) ends
+    with that device.
+    """
+    given = {item.id for item in call.args if isinstance(item, ast.Name)}
     for above, _ in source.above(call):
         if isinstance(above, ast.withitem):
+            return True
+        if isinstance(above, ast.With | ast.AsyncWith) and given & _bound(above):
             return True
     finals = [item for node in ast.walk(owner) if isinstance(node, ast.Try) for item in node.finalbody]
     return any(
@@ -285,3 +292,8 @@ def _released(source: Source, call: ast.Call, owner: Function) -> bool:
         for item in finals
         for node in ast.walk(item)
     )
+
+
+def _bound(block: ast.With | ast.AsyncWith) -> set[str]:
+    """The names that a ``with`` binds to what it opens and closes."""
+    return {item.optional_vars.id for item in block.items if isinstance(item.optional_vars, ast.Name)}

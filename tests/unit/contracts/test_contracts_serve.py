@@ -6,6 +6,8 @@ from contract_samples import READ, SCHEMAS, SERVER, artifacts, good
 from octoform.contracts.checking import RULES, check
 from octoform.contracts.deploying import deploy_lock
 from octoform.contracts.header import declared_requirements
+from octoform.contracts.model import Artifacts
+from octoform.contracts.serve_device_rules import camera_held
 from octoform.contracts.serve_rules import serve_static
 from octoform.contracts.serving import serve_dynamic
 
@@ -234,3 +236,17 @@ def test_a_lock_has_every_requirement_in_its_version() -> None:
     for text in (LOCK.replace("4.1.2", "4.1.1"), LOCK.replace("fastmcp", "slowmcp")):
         [found] = deploy_lock(text, good("deploy"))
         assert found.code == "DEPLOY-LOCK-MISSING" and "4.1.2" in found.summary
+
+
+@pytest.mark.parametrize(
+    ("opened", "held"),
+    [
+        ("with contextlib.closing(Device(node)) as camera:\n        yield VideoCapture(camera, size=4)", False),
+        ("with Device(node) as camera, VideoCapture(camera) as frames:\n        yield frames", False),
+        ("camera = Device(node)\n    yield VideoCapture(camera)", True),
+        ("with runtime.bus(node) as lock:\n        camera = Device(node)\n        yield VideoCapture(camera)", True),
+    ],
+)
+def test_a_capture_ends_with_the_device_that_it_is_made_of(opened: str, held: bool) -> None:
+    text = f"import contextlib\n\n\ndef opened(node):\n    {opened}\n"
+    assert [item.code for item in camera_held(text, Artifacts())] == (["SERVE-CAMERA-HELD"] if held else [])
