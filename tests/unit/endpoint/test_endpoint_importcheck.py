@@ -27,11 +27,7 @@ def test_a_good_server_shows_its_tools_as_a_client_sees_them(serving: Environmen
     assert voltage.output_schema is not None and voltage.output_schema["type"] == "object"
     assert voltage.annotations is not None and voltage.annotations["readOnlyHint"] is True
     assert voltage.description == "A voltage, in volts."
-
-
-def test_the_committed_folder_stays_clean(serving: Environment, tmp_path: Path) -> None:
-    imported(serving, tmp_path, GOOD)
-    assert list(tmp_path.rglob("__pycache__")) == []
+    assert list(tmp_path.rglob("__pycache__")) == [], "the committed folder stays clean"
 
 
 TOUCHES = (
@@ -92,7 +88,7 @@ def test_printing_is_found_whoever_prints(serving: Environment, tmp_path: Path) 
 
 
 def test_a_hanging_import_is_ended(serving: Environment, tmp_path: Path) -> None:
-    report, codes = imported(serving, tmp_path, "while True:\n    pass\n", timeout=2.5)
+    report, codes = imported(serving, tmp_path, "import time\n\ntime.sleep(600)\n", timeout=1.5)
     assert codes == ["ENDPOINT-IMPORT-TIMEOUT"]
     assert report.seconds < 10
 
