@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from octoform.diagnostics import Diagnostic
+from octoform.diagnostics import Diagnostic, Severity
 from octoform.escaping import escaped
 from octoform.protocol.fence import cut, fenced, tail
 from octoform.protocol.model import Spec
@@ -105,9 +105,11 @@ def _render(prompt: Prompt, log: str) -> str:
 
 
 def _findings(items: Sequence[Diagnostic]) -> str:
+    # What did not refuse the attempt is no reason for anything, and would read like one.
+    items = [item for item in items if item.severity is Severity.ERROR] or items
     lines = []
     for item in items[:MOST_DIAGNOSTICS]:
-        where = item.pointer or (f"line {item.span.line}" if item.span else "")
+        where = item.pointer or (f"line {item.span.line}" if item.span else item.path or "")
         text = f"{item.code}{' at ' + where if where else ''}: {item.summary}"
         text += f" ({item.hint})" if item.hint else ""
         lines.append("- " + escaped(" ".join(text.split()))[:MOST_DIAGNOSTIC_CHARACTERS])
