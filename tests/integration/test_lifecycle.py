@@ -108,8 +108,7 @@ def test_a_call_answers_and_wrong_calls_say_what_is_right(live: Project) -> None
 
 def test_a_word_of_a_spec_is_named_and_the_wave_stops_where_the_output_is_the_same(live: Project) -> None:
     reword(live, "identify")
-    assert live.run("plan", "-detailed-exitcode").status == 2
-    shown = live.run("plan", status=0).out
+    shown = live.run("plan", "-detailed-exitcode", status=2).out
     assert "identify" in shown
     assert "spec" in shown
     assert "maybe 1" in shown
@@ -156,13 +155,6 @@ def test_a_saved_plan_is_shown_and_applied_as_it_was_saved(live: Project) -> Non
     (live.folder / "saved.plan").unlink()
 
 
-def test_a_launcher_that_was_deleted_is_written_again_without_an_agent(live: Project) -> None:
-    (live.local / "endpoint" / "launch").unlink()
-    assert any("launcher is missing" in text for text in reasons(live)["endpoint"])
-    assert repair(live) == []
-    assert os.access(live.local / "endpoint" / "launch", os.X_OK)
-
-
 def test_a_server_that_was_edited_is_not_served_and_made_again(live: Project) -> None:
     server = live.state / "serve" / "server.py"
     good = server.read_bytes()
@@ -176,20 +168,29 @@ def test_a_server_that_was_edited_is_not_served_and_made_again(live: Project) ->
     assert server.read_bytes() == good
 
 
-def test_a_package_that_was_changed_behind_our_back_is_put_back_without_an_agent(live: Project) -> None:
+def test_what_is_damaged_or_forgotten_of_an_endpoint_is_named_and_made_again_without_an_agent(live: Project) -> None:
+    """One damage after the other, each seen by itself; one apply then mends them all."""
+    launcher = live.local / "endpoint" / "launch"
+    launcher.unlink()
+    told = reasons(live)
+    assert list(told) == ["endpoint"]
+    assert any("launcher is missing" in text for text in told["endpoint"])
+
     environment = Path(json.loads((live.local / "endpoint" / "manifest.json").read_text())["environment"])
     package = next(environment.glob("lib/python*/site-packages/fastmcp-*.dist-info"))
     shutil.rmtree(package)
-    assert list(reasons(live)) == ["endpoint"]
-    assert repair(live) == []
-    assert next(environment.glob("lib/python*/site-packages/fastmcp-*.dist-info"), None)
+    told = reasons(live)
+    assert list(told) == ["endpoint"]
+    assert any("fastmcp" in text and "is gone from the serving environment" in text for text in told["endpoint"])
 
-
-def test_a_node_that_was_forgotten_is_made_again(live: Project) -> None:
     live.run("state", "rm", "endpoint", status=0)
-    assert (live.local / "endpoint" / "launch").exists()
+    assert (live.local / "endpoint" / "manifest.json").exists()
     assert list(reasons(live)) == ["endpoint"]
+
     assert repair(live) == []
+    assert os.access(launcher, os.X_OK)
+    assert next(environment.glob("lib/python*/site-packages/fastmcp-*.dist-info"), None)
+    assert live.nodes()["endpoint"]["status"] == "accepted"
 
 
 def test_destroy_is_refused_without_approval_and_by_prevent_destroy(live: Project) -> None:

@@ -26,10 +26,16 @@ SCRIPT: dict[str, list[object]] = {
 
 
 @pytest.fixture(scope="module")
-def original(tmp_path_factory: pytest.TempPathFactory) -> tuple[Project, Done]:
+def environments(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return tmp_path_factory.mktemp("environments")
+
+
+@pytest.fixture(scope="module")
+def original(tmp_path_factory: pytest.TempPathFactory, environments: Path) -> tuple[Project, Done]:
     """A project whose agent failed in several ways before each stage was accepted."""
     folder = tmp_path_factory.mktemp("original")
     project = Project(folder / "project", folder / "outside", script=SCRIPT)
+    project.share_environments(environments)
     done = project.apply(status=0)
     project.run("attempts", "record", str(folder / "recording"), status=0)
     return project, done
@@ -40,17 +46,19 @@ def recording(original: tuple[Project, Done]) -> Path:
     return original[0].folder.parent / "recording"
 
 
-def replaying(tmp_path: Path, recording: Path) -> Project:
+def replaying(tmp_path: Path, recording: Path, environments: Path) -> Project:
     """A new project that plays a recording; no program can be found on its PATH."""
     folder = tmp_path / "elsewhere"
     shutil.copytree(recording, folder / "recordings" / "run")
     (tmp_path / "empty").mkdir()
-    return Project(
+    project = Project(
         folder,
         tmp_path / "outside",
         harness="{name: replay, recording: recordings/run}",
         environ={"PATH": str(tmp_path / "empty")},
     )
+    project.share_environments(environments)
+    return project
 
 
 def artifact(project: Project, stage: str) -> bytes:
@@ -64,11 +72,11 @@ def attempts(project: Project) -> list[dict[str, Any]]:
 
 @pytest.mark.slow
 def test_a_replay_fails_where_the_run_failed_and_ends_where_it_ended(
-    original: tuple[Project, Done], recording: Path, tmp_path: Path
+    original: tuple[Project, Done], recording: Path, environments: Path, tmp_path: Path
 ) -> None:
     project, done = original
     agents = len(project.agent_runs())
-    replay = replaying(tmp_path, recording)
+    replay = replaying(tmp_path, recording, environments)
     again = replay.apply(status=0)
     assert again.codes() == done.codes()
     assert {"PROBE-SERIAL-IN-ID", "ARTIFACT-NOT-JSON", "APPLY-AGENT-FAILED", "ARTIFACT-LINK"} <= set(done.codes())
@@ -111,8 +119,10 @@ def test_the_command_line_refuses_and_explains(original: tuple[Project, Done], r
     assert project.run("attempts", "-stage", "serve", status=0).out.count("serve") == 2
 
 
-def test_a_recording_without_a_stage_stops_there_and_says_why(recording: Path, tmp_path: Path) -> None:
-    replay = replaying(tmp_path, recording)
+def test_a_recording_without_a_stage_stops_there_and_says_why(
+    recording: Path, environments: Path, tmp_path: Path
+) -> None:
+    replay = replaying(tmp_path, recording, environments)
     path = replay.folder / "recordings" / "run" / "recording.json"
     document = json.loads(path.read_text())
     del document["stages"]["identify"]
@@ -138,11 +148,11 @@ def fitted(recording: Path, folder: Path) -> Path:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("case", sorted(path for path in CASES.iterdir() if path.is_dir()), ids=lambda path: path.name)
-def test_every_recording_leads_to_its_own_artifacts(case: Path, tmp_path: Path) -> None:
+def test_every_recording_leads_to_its_own_artifacts(case: Path, environments: Path, tmp_path: Path) -> None:
     found = load(case)
     assert isinstance(found, Recording), found
     recording = fitted(case, tmp_path / "fitted")
-    replay = replaying(tmp_path, recording)
+    replay = replaying(tmp_path, recording, environments)
     replay.apply(status=0)
     for stage in STAGES:
         last = found.stages[stage][-1].output

@@ -4,24 +4,38 @@ import json
 import shutil
 import subprocess
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import pytest
 from projects import Done, Project
 
 
-@pytest.fixture
-def repository(project: Project) -> Project:
+def repository(folder: Path) -> Project:
     """A project at the top of a git repository."""
-    subprocess.run(["git", "init", "--quiet"], cwd=project.folder, check=True)
-    return project
+    made = Project(folder / "project", folder / "outside")
+    made.write()
+    subprocess.run(["git", "init", "--quiet"], cwd=made.folder, check=True)
+    return made
+
+
+@pytest.fixture(scope="module")
+def accepted(tmp_path_factory: pytest.TempPathFactory) -> tuple[Project, Path]:
+    """A host whose stages are accepted up to INTERFACE, and a copy of its folder as it was then."""
+    folder = tmp_path_factory.mktemp("lender")
+    made = repository(folder)
+    made.apply("-target", "interface", status=0)
+    shutil.copytree(made.folder, folder / "copy", symlinks=True)
+    return made, folder / "copy"
 
 
 @pytest.fixture
-def lender(repository: Project) -> Project:
-    """A host whose stages are accepted up to INTERFACE."""
-    repository.apply("-target", "interface", status=0)
-    return repository
+def lender(accepted: tuple[Project, Path]) -> Project:
+    """That host as it was, at its own place, whatever the test before has done there."""
+    project, copy = accepted
+    shutil.rmtree(project.folder)
+    shutil.copytree(copy, project.folder, symlinks=True)
+    return project
 
 
 def beside(lender: Project, name: str) -> Project:
@@ -148,12 +162,14 @@ def test_another_spec_harness_or_model_is_another_key(lender: Project) -> None:
     assert lender.stages_run()[before:] == ["probe", "identify"]
 
 
-def test_a_live_endpoint_from_another_hosts_stages(repository: Project) -> None:
-    repository.apply(status=0)
-    before = len(repository.agent_runs())
-    other = beside(repository, "bench-2")
-    other.apply(status=0)
-    assert repository.stages_run()[before:] == ["probe"]
-    assert "read_temperature" in other.run("tools", status=0).out
+def test_a_live_endpoint_from_another_hosts_stages(lender: Project) -> None:
+    lender.apply(status=0)
+    before = len(lender.agent_runs())
+    other = beside(lender, "bench-2")
+    other.share_environments(lender.local / "environments")
+    done = other.apply(status=0)
+    assert lender.stages_run()[before:] == ["probe"]
+    # What a real client was told at the end of the apply.
+    assert done.events()[-1]["result"]["endpoint"]["tools"] == ["read_temperature"]
     for stage, name in (("serve", "server.py"), ("deploy", "output.json"), ("deploy", "requirements.txt")):
-        assert (other.state / stage / name).read_bytes() == (repository.state / stage / name).read_bytes()
+        assert (other.state / stage / name).read_bytes() == (lender.state / stage / name).read_bytes()

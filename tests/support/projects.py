@@ -147,6 +147,14 @@ class Project:
             time.sleep(0.02)
         return int(self.agent_runs()[count - 1]["pid"])
 
+    def share_environments(self, folder: Path) -> None:
+        """Keep serving environments in a folder that other projects have too: those of equal packages are one.
+
+        For tests that prove something else than the building of it, which costs as much as all the rest of an apply.
+        """
+        self.local.mkdir(parents=True)
+        (self.local / "environments").symlink_to(folder)
+
     def own_specs(self) -> Path:
         """Give the project its own copies of the shipped specs; the folder."""
         folder = self.folder / "protocol"
