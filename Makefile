@@ -1,6 +1,7 @@
-# make test        set up and pass all tests; HARNESSES="pi codex" says which agent programs are tested (default: pi)
-# make test-harnesses  install all agent programs and pass the tests that run them
-# make recordings  score the embedded agent over a folder of recorded hosts: make recordings DIR=...
+# make test        set up and pass all tests; HARNESSES="pi codex" says which agent programs are tested (default: pi);
+#                  pi passes its whole failure matrix, other programs what needs no waiting
+# make test-harnesses  install all agent programs and pass all tests that run them
+# make recordings  score the embedded agent over a folder of recorded hosts: make recordings DIR=... [SAMPLE=3]
 # make bench       print the measurements of bench/
 # make lock        renew the lock files of .ci/ from pyproject.toml
 
@@ -8,7 +9,8 @@ PYTHON := .venv/bin/python
 HARNESSES := pi
 ALL_HARNESSES := pi opencode claude-code codex gemini-cli qwen-code
 # Programs go into a folder of the user that all checkouts share: OCTOFORM_AGENTS, else below the cache folder.
-MARKED := not harness$(foreach name,$(HARNESSES), or harness_$(subst -,_,$(name)))
+# Marked `patience` are the cells of the failure matrix that let seconds pass, with all programs but pi.
+MARKED := (not harness$(foreach name,$(HARNESSES), or harness_$(subst -,_,$(name)))) and not patience
 
 .PHONY: setup test test-harnesses programs lint recordings bench lock
 
@@ -33,7 +35,7 @@ test-harnesses: programs
 	@$(PYTHON) -m pytest -n auto --dist worksteal -m harness
 
 recordings: setup
-	@$(PYTHON) tests/recordings/run.py $(DIR)
+	@$(PYTHON) tests/recordings/run.py $(DIR) $(if $(SAMPLE),--sample $(SAMPLE))
 
 bench: setup
 	@$(PYTHON) bench/run.py

@@ -5,6 +5,7 @@ A program is added by one `Subject`. What stands in no `differs` is what the cas
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import Any
 
 import pytest
 
@@ -54,8 +55,16 @@ SUBJECTS: Mapping[str, Subject] = {
         Subject("litellm", start_seconds=20.0),
     )
 }  # fmt: skip
-PROGRAMS = [
-    pytest.param(item, id=name, marks=[pytest.mark.harness, getattr(pytest.mark, f"harness_{name.replace('-', '_')}")])
-    for name, item in SUBJECTS.items()
-]
+
+
+def _program(item: Subject, *marks: pytest.MarkDecorator) -> Any:
+    own = getattr(pytest.mark, f"harness_{item.name.replace('-', '_')}")
+    return pytest.param(item, id=item.name, marks=[pytest.mark.harness, own, *marks])
+
+
+PROGRAMS = [_program(item) for item in SUBJECTS.values()]
 """For ``pytest.mark.parametrize("subject", PROGRAMS)``."""
+PATIENT_PROGRAMS = [
+    _program(item, *([] if item.name == "pi" else [pytest.mark.patience])) for item in SUBJECTS.values()
+]
+"""The same for a test that lets seconds pass: with other programs than pi only `make test-harnesses` passes it."""

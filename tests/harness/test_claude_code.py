@@ -73,6 +73,7 @@ def test_no_key_is_a_matter_of_the_key(task_for: Callable[..., Task], run: Calla
     assert not server.replies
 
 
+@pytest.mark.patience
 def test_a_slow_command_is_told_of_before_the_run_counts_as_idle(
     task_for: Callable[..., Task], run: Callable[..., Ran]
 ) -> None:

@@ -11,7 +11,7 @@ from typing import Any
 
 import pytest
 from agent_runs import NOWHERE, WRITE, Ran, spec_for
-from matrix import PROGRAMS, Expected, Subject
+from matrix import PATIENT_PROGRAMS, PROGRAMS, Expected, Subject
 from model_server import serve
 
 from octoform.harness import orphans, processes
@@ -25,27 +25,39 @@ UNREACHABLE = Expected(ExitReason.UNREACHABLE)
 
 @dataclass(frozen=True)
 class Case:
-    """What the model's side does, what has to come of it, and limits of the task that differ from the usual."""
+    """What the model's side does, what has to come of it, and limits of the task that differ from the usual.
+
+    ``waits``: the run goes on for seconds, because somebody's patience has to come to its end.
+    """
 
     turns: Sequence[dict[str, Any]]
     expected: Expected
     limits: dict[str, float] = field(default_factory=dict)
+    waits: bool = False
 
 
 CASES = {
     "401": Case([{"status": 401}], Expected(ExitReason.AUTH)),
-    "429": Case([{"status": 429}], Expected(ExitReason.RATE_LIMIT)),
-    "500": Case([{"status": 500}], UNREACHABLE),
+    "429": Case([{"status": 429}], Expected(ExitReason.RATE_LIMIT), waits=True),
+    "500": Case([{"status": 500}], UNREACHABLE, waits=True),
     "500, 429, ok": Case(
-        [{**WORK[0], "fail_first": [{"status": 500}, {"status": 429}]}, DONE], FINISHED, {"patience_seconds": 30.0}
+        [{**WORK[0], "fail_first": [{"status": 500}, {"status": 429}]}, DONE],
+        FINISHED,
+        {"patience_seconds": 30.0},
+        waits=True,
     ),
     "broken arguments": Case([{"malformed": "json"}, *WORK], FINISHED),
     "unknown tool": Case([{"malformed": "unknown_tool"}, *WORK], FINISHED),
     "missing arguments": Case([{"malformed": "missing_args"}, *WORK], FINISHED),
     "same call for ever": Case([{"shell": "true"}], Expected(ExitReason.TURN_LIMIT), {"turns": 6}),
-    "cut": Case([{"text": "half of this is lost", "drop": "mid"}], UNREACHABLE),
+    "cut": Case([{"text": "half of this is lost", "drop": "mid"}], UNREACHABLE, waits=True),
     "words only": Case([{"text": "All is well."}], Expected(ExitReason.FINISHED)),
 }
+CELLS = [
+    pytest.param(*program.values, name, id=f"{name}-{program.id}", marks=program.marks)
+    for name, case in CASES.items()
+    for program in (PATIENT_PROGRAMS if case.waits else PROGRAMS)
+]
 
 
 def settled(ran: Ran, expected: Expected) -> None:
@@ -57,8 +69,7 @@ def settled(ran: Ran, expected: Expected) -> None:
     assert ran.outcome.seconds < ran.task.limits.wall_seconds
 
 
-@pytest.mark.parametrize("subject", PROGRAMS)
-@pytest.mark.parametrize("name", CASES)
+@pytest.mark.parametrize(("subject", "name"), CELLS)
 def test_what_the_model_does(
     subject: Subject, name: str, task_for: Callable[..., Task], run: Callable[..., Ran]
 ) -> None:
@@ -69,13 +80,13 @@ def test_what_the_model_does(
     settled(ran, subject.differs.get(name, case.expected))
 
 
-@pytest.mark.parametrize("subject", PROGRAMS)
+@pytest.mark.parametrize("subject", PATIENT_PROGRAMS)
 def test_a_model_that_is_down(subject: Subject, task_for: Callable[..., Task], run: Callable[..., Ran]) -> None:
     ran = run(spec_for(subject.name, NOWHERE, api=subject.api), task_for(subject.model))
     settled(ran, subject.differs.get("down", UNREACHABLE))
 
 
-@pytest.mark.parametrize("subject", PROGRAMS)
+@pytest.mark.parametrize("subject", PATIENT_PROGRAMS)
 def test_a_reply_that_stalls(subject: Subject, task_for: Callable[..., Task], run: Callable[..., Ran]) -> None:
     with serve([{"text": "half of this, and then nothing", "stall": 600}]) as server:
         task = task_for(subject.model, idle_seconds=subject.start_seconds)

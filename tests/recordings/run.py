@@ -6,6 +6,8 @@ artifacts are held against what people know of the devices. Nothing of a recordi
 
 A recording holds what the kernel showed, not the id databases that the host also had (usb.ids, pci.ids): this machine's
 stand in for them where it has any, or those of `--ids DIR`; `--ids none` runs without, and the first line says which.
+`--sample N` takes every N-th recording, always the same ones: whole hosts and single devices alike, in the order of a
+digest of their names, so that neighbours (boards of one maker, parts of one host) are not taken or left out together.
 Exit status 1 when a host was not onboarded, a server did not import or anything was misidentified, so that a change
 which makes names worse is refused.
 """
@@ -18,9 +20,10 @@ import sys
 import tempfile
 import time
 from collections import defaultdict
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import dataclass
+from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
@@ -64,19 +67,32 @@ def main() -> int:
     if not folders:
         print(f"no recording with a truth.json in {arguments.recordings}", file=sys.stderr)
         return 1
-    print(f"{len(folders)} recordings; id databases: {', '.join(sorted(ids)) or 'none'}", flush=True)
+    taken = sample(folders, arguments.sample)
+    said = (
+        f"{len(folders)} recordings" if taken == folders else f"a sample of {len(taken)} of {len(folders)} recordings"
+    )
+    print(f"{said}; id databases: {', '.join(sorted(ids)) or 'none'}", flush=True)
     began = time.monotonic()
     with tempfile.TemporaryDirectory(prefix="octoform-recordings-") as scratch:
         plan = Plan(Path(scratch), ids, arguments.trees, arguments.keep, arguments.until)
         plan.environments.mkdir(mode=0o700)
-        hosts, marks = _run_all(folders, plan)
+        hosts, marks = _run_all(taken, plan)
     print_details(marks, verbose=arguments.verbose)
     for title, by_hand in (("written by hand", True), ("made by rules", False)):
         print_marks(title, [mark for mark in marks if mark.item.by_hand == by_hand], verbose=arguments.verbose)
     print_hosts(hosts)
-    print(f"{time.monotonic() - began:.0f} s")
+    print(f"{said}: {time.monotonic() - began:.0f} s")
     failed = any(host.problems for host in hosts) or any(mark.result == score.MISIDENTIFIED for mark in marks)
     return 1 if failed else 0
+
+
+def sample(folders: Sequence[Path], step: int) -> list[Path]:
+    """Every ``step``-th recording of whole hosts, and of devices, by a digest of the name; 1 takes all of them."""
+    taken = []
+    for whole in (True, False):
+        alike = [folder for folder in folders if is_whole_host(folder.name) == whole]
+        taken += sorted(alike, key=lambda folder: sha256(folder.name.encode()).digest())[::step]
+    return sorted(taken)
 
 
 def _arguments() -> argparse.Namespace:
@@ -87,8 +103,12 @@ def _arguments() -> argparse.Namespace:
     parser.add_argument("--keep", type=Path, help="keep the artifacts of every recording below this folder")
     parser.add_argument("--until", choices=(*STAGES, "serve"), default="serve", help="the last stage to run")
     parser.add_argument("--only", default="", help="only recordings whose name contains this")
+    parser.add_argument("--sample", type=int, default=1, metavar="N", help="only every N-th recording, by a digest")
     parser.add_argument("-v", "--verbose", action="store_true", help="list every miss and the classes one by one")
-    return parser.parse_args()
+    arguments = parser.parse_args()
+    if arguments.sample < 1:
+        parser.error("--sample: at least 1")
+    return arguments
 
 
 def _id_files(wanted: str | None) -> dict[str, Path]:
