@@ -36,6 +36,12 @@ def project_with(subject: Subject, server: ModelServer, folder: Path) -> Project
     )
 
 
+@pytest.fixture(scope="module")
+def environments(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The serving environments, of equal packages whatever program asked for them."""
+    return tmp_path_factory.mktemp("environments")
+
+
 async def call(launcher: str) -> tuple[list[str], object]:
     """The tools of the endpoint, and what its tool answers."""
     async with Client(StdioTransport(launcher, [])) as client:
@@ -44,12 +50,13 @@ async def call(launcher: str) -> tuple[list[str], object]:
 
 
 @pytest.mark.parametrize("subject", PROGRAMS)
-def test_from_an_empty_folder_to_a_live_endpoint(subject: Subject, tmp_path: Path) -> None:
+def test_from_an_empty_folder_to_a_live_endpoint(subject: Subject, tmp_path: Path, environments: Path) -> None:
     # What a capable model would work out, the scripted agent knows: it is the command that the model asks for.
     work = shlex.join([sys.executable, str(AGENT), str(tmp_path / "outside" / "script.json")])
     with serve({"turns": [{"shell": work}, {"text": "done"}], "usage": COSTS}) as server:
         project = project_with(subject, server, tmp_path)
         project.own_specs()
+        project.share_environments(environments)
         done = project.apply(status=0)
         assert {request["key"] for request in server.replies} == {SECRET}
         assert {request["turn"] for request in server.replies} == {0, 1}
@@ -65,6 +72,7 @@ def test_from_an_empty_folder_to_a_live_endpoint(subject: Subject, tmp_path: Pat
         kinds = [json.loads(line)["event"] for line in (attempt / "transcript.jsonl").read_text().splitlines()]
         assert {"turn", "tool_called", "tool_returned"} <= set(kinds)
     assert SECRET not in done.text
-    assert [path for path in project.folder.rglob("*") if path.is_file() and SECRET.encode() in path.read_bytes()] == []
+    kept = (path for folder in (project.folder, environments) for path in folder.rglob("*") if path.is_file())
+    assert [path for path in kept if SECRET.encode() in path.read_bytes()] == []
     assert asyncio.run(call(str(project.local / "endpoint" / "launch"))) == (["read_temperature"], {"celsius": 21.5})
     assert project.run("plan", "-detailed-exitcode").status == 0, "there is nothing left to do"
