@@ -38,15 +38,20 @@ from octoform.state.attempts import folders
 from octoform.state.layout import OUTPUT_NAMES
 
 KEEP = 100
+FORMER = "former-server.py"
 
 
 @dataclass(frozen=True, slots=True)
 class Failed:
-    """What a failed attempt hands to the next one: why it was refused, its log, the spec as it stands in this run."""
+    """What a failed attempt hands to the next one: why it was refused, its log, the spec as it stands in this run.
+
+    ``former`` is an accepted output that a later stage found at fault, to be corrected.
+    """
 
     diagnostics: tuple[Diagnostic, ...]
-    log: Path
+    log: Path | None
     spec: str
+    former: Path | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,6 +77,8 @@ def prepare(
     spec_copy.give(task.workdir, spec, editable=editable)
     if assignment.given is not None:
         (task.workdir / "input.json").write_bytes(assignment.given)
+    if failed is not None and failed.former is not None:
+        shutil.copyfile(failed.former, task.workdir / FORMER)
     document = _document(context, assignment, task, failed)
     task.document.write_text(json.dumps(document, indent=2, ensure_ascii=False) + "\n", encoding="utf-8")
     excerpt = _excerpt(context, task, failed)
@@ -82,7 +89,7 @@ def prepare(
 def _excerpt(context: Context, task: Task, failed: Failed | None) -> Excerpt:
     """What a retry is told of the failed log: nothing here, or a summary where the manifest has a model for that."""
     settings = context.manifest.housekeeping
-    if failed is None or settings is None:
+    if failed is None or failed.log is None or settings is None:
         return Excerpt("")
     excerpt = condense(failed.log, MOST_TAIL_BYTES, LiteLLMCompletion(settings, context.environ))
     if excerpt.reason:
@@ -174,6 +181,7 @@ def _prompt(context: Context, assignment: Assignment, task: Task, failed: Failed
             wall_seconds=task.limits.wall_seconds,
             profiles=_briefings(context, task.stage),
             failed_log=failed.log if failed else None,
+            former=task.workdir / FORMER if failed and failed.former else None,
             summary=excerpt.text if excerpt.condensed else "",
             diagnostics=failed.diagnostics if failed else (),
         )

@@ -4,7 +4,7 @@ from datetime import timedelta
 from pathlib import Path
 
 from octoform.apply.assignment import Assignment
-from octoform.apply.attempt import Prepared
+from octoform.apply.attempt import FORMER, Prepared
 from octoform.apply.context import Context
 from octoform.apply.gate import Verdict
 from octoform.apply.spec_copy import Edit
@@ -19,6 +19,7 @@ OURS = frozenset(
     {
         *("agent.log", "attempt.json", "input.json", "process.json", "prompt.md", "spec.md", "story.txt", "task.json"),
         "transcript.jsonl",
+        FORMER,
     }
 )
 """What octoform itself puts into an attempt's folder."""

@@ -1,15 +1,17 @@
 """The run: the plan's actions in order, each journalled; what came out the same stops the wave (early cutoff)."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from octoform import events
 from octoform.apply import reusing
+from octoform.apply.attempt import Failed
 from octoform.apply.attempt_record import state_usage
 from octoform.apply.context import Context
 from octoform.apply.endpoint_node import run_endpoint
 from octoform.apply.gate import Verdict
 from octoform.apply.result import Finished
+from octoform.apply.returning import JUDGE, MAKER, MOST_RETURNS, sent_back
 from octoform.apply.settling import remember
 from octoform.apply.stage import run_stage
 from octoform.diagnostics import Diagnostic, has_errors
@@ -36,9 +38,16 @@ class Tally:
     diagnostics: list[Diagnostic] = field(default_factory=list)
 
 
+@dataclass(frozen=True, slots=True)
+class _Again:
+    """A node's second run in one apply; ``failed`` is what it has to mend, None for the node that found it."""
+
+    failed: Failed | None
+
+
 def execute(context: Context, plan: Plan, allowed: Callable[[str], bool]) -> Tally:
     """Carry out the plan's work in order; stops at the first node that fails. ``allowed`` leaves nodes out."""
-    tally = Tally()
+    tally, returns, made = Tally(), 0, set[str]()
     for action in plan.work:
         if not allowed(action.node):
             continue
@@ -47,9 +56,26 @@ def execute(context: Context, plan: Plan, allowed: Callable[[str], bool]) -> Tal
             context.emit(events.NodeUnchanged(node.name, "its inputs came out the same"))
             continue
         _carry_out(context, node, action, tally)
+        while returns < MOST_RETURNS and MAKER in made and _mended(context, action, tally):
+            returns += 1
         if tally.failed:
             return tally
+        made.add(node.name)
     return tally
+
+
+def _mended(context: Context, action: PlannedAction, tally: Tally) -> bool:
+    """Whether what failed is SERVE's to mend; then SERVE has run again, and the failed node after it."""
+    failed = sent_back(context, tally.failed, tally.diagnostics)
+    if failed is None:
+        return False
+    context.emit(events.Notice(JUDGE, "the server is at fault; SERVE is told and runs again"))
+    tally.failed = None
+    tally.diagnostics = [item for item in tally.diagnostics if item not in failed.diagnostics]
+    for node, again in ((context.graph.node(MAKER), failed), (context.graph.node(JUDGE), None)):
+        if tally.failed is None:
+            _carry_out(context, node, replace(action, node=node.name), tally, _Again(again))
+    return True
 
 
 def settled(context: Context, node: Node) -> bool:
@@ -70,11 +96,11 @@ def _parts(context: Context, node: Node) -> dict[str, str]:
     return key_parts(node, outputs, context.fingerprint)
 
 
-def _carry_out(context: Context, node: Node, action: PlannedAction, tally: Tally) -> None:
+def _carry_out(context: Context, node: Node, action: PlannedAction, tally: Tally, again: _Again | None = None) -> None:
     context.emit(events.NodeStarted(node.name, action.action.value))
     found = context.store.begin(node.name, {"action": action.action.value})
     if not has_errors(found):
-        finished = _run(context, node, action)
+        finished = _run(context, node, action, again)
         tally.agent_runs += finished.attempts
         tally.usage = added(tally.usage, finished.usage)
         found = _end(context, node, finished)
@@ -82,15 +108,19 @@ def _carry_out(context: Context, node: Node, action: PlannedAction, tally: Tally
     if has_errors(found):
         tally.failed = node.name
         tally.diagnostics += found
+    elif again is not None and again.failed is not None:
+        return  # counted when it was first accepted
     elif action.action is Action.CREATE:
         tally.added += 1
     else:
         tally.changed += 1
 
 
-def _run(context: Context, node: Node, action: PlannedAction) -> Finished:
+def _run(context: Context, node: Node, action: PlannedAction, again: _Again | None) -> Finished:
     if node.kind is NodeKind.ENDPOINT:
         return run_endpoint(context, anew=action.action is Action.REPLACE)
+    if again is not None:
+        return run_stage(context, node.name, again.failed)
     lent = reusing.take(context, node.name, key_of(_parts(context, node))) if _may_borrow(action) else None
     return lent or run_stage(context, node.name)
 

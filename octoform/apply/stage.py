@@ -17,6 +17,7 @@ from octoform.apply.context import Context
 from octoform.apply.gate import Verdict, ended_well, read_output
 from octoform.apply.leaks import leaked, masked, without_secrets
 from octoform.apply.result import Finished
+from octoform.apply.returning import is_servers_fault
 from octoform.apply.settling import settle
 from octoform.apply.spec_copy import Edit
 from octoform.apply.story import readable_log
@@ -51,9 +52,12 @@ class _Progress:
     edit: Edit | None = None
 
 
-def run_stage(context: Context, stage: str) -> Finished:
-    """Run the stage's agent until its contract accepts an output; never raises for what an agent does."""
-    finished = _fulfil(context, of_stage(context, stage))
+def run_stage(context: Context, stage: str, failed: Failed | None = None) -> Finished:
+    """Run the stage's agent until its contract accepts an output; never raises for what an agent does.
+
+    ``failed`` is what a later stage found wrong with the stage's accepted output.
+    """
+    finished = _fulfil(context, of_stage(context, stage), failed)
     more = escalating.of_unknown(context, stage, finished.verdict) if finished.verdict.accepted else None
     return finished if more is None else _joined(finished, _fulfil(context, more), more)
 
@@ -72,9 +76,9 @@ def _joined(first: Finished, second: Finished, more: Assignment) -> Finished:
     )
 
 
-def _fulfil(context: Context, assignment: Assignment) -> Finished:
+def _fulfil(context: Context, assignment: Assignment, failed: Failed | None = None) -> Finished:
     started = context.clock.monotonic()
-    progress = _Progress()
+    progress = _Progress(failed=failed)
     verdict = _attempts(context, assignment, started, progress)
     if verdict.accepted and progress.edit is not None:
         edit = {"digest": progress.edit.digest, "base": context.specs[assignment.stage].digest}
@@ -101,7 +105,7 @@ def _attempts(context: Context, assignment: Assignment, started: float, progress
         full = full_disk(context.layout)
         if full is not None:
             return replace(verdict, diagnostics=(full,))
-        if outcome.reason in HOPELESS:
+        if outcome.reason in HOPELESS or is_servers_fault(stage, verdict.diagnostics):
             return verdict
         if progress.attempts < budget.attempts:
             context.clock.sleep(_delay(outcome, progress.attempts))

@@ -31,7 +31,7 @@ class Prompt:
 
     ``own_spec`` is the attempt's copy of the spec, which a retry may correct if ``editable``; ``profiles`` are whole
     texts. ``diagnostics`` and ``failed_log`` are those of the attempt before, and one of them makes it a retry;
-    ``summary`` stands in the place of a log's end.
+    ``summary`` stands in the place of a log's end. ``former`` is a copy of an accepted output that has to be corrected.
     """
 
     spec: Spec
@@ -45,6 +45,7 @@ class Prompt:
     editable: bool = True
     failed_log: Path | None = None
     summary: str = ""
+    former: Path | None = None
     diagnostics: tuple[Diagnostic, ...] = ()
 
     @property
@@ -101,6 +102,7 @@ def _render(prompt: Prompt, log: str) -> str:
         findings=fenced("findings", _findings(prompt.diagnostics)) if prompt.diagnostics else "",
         log=fenced("log", log) if log.strip() else "",
         condensed=bool(prompt.summary),
+        former=prompt.former,
     )
 
 

@@ -209,12 +209,18 @@ def act(behaviour: dict[str, object], stage: str, output: Path) -> None:
     sys.exit(behaviour.get("exit", 0))
 
 
+def plans(script: dict[str, list[object]], task: dict[str, object]) -> list[object]:
+    """``STAGE:told`` is what a stage does when a later one found its output at fault."""
+    told = Path("former-server.py").exists()
+    return script.get(f"{task['stage']}:told" if told else task["stage"], ["good"])
+
+
 def main() -> None:
     script = Path(sys.argv[1])
     task = json.loads(Path(os.environ["OCTOFORM_TASK"]).read_text())
     with script.with_suffix(".log").open("a") as log:
         log.write(json.dumps({"stage": task["stage"], "attempt": task["attempt"], "pid": os.getpid()}) + "\n")
-    behaviours = json.loads(script.read_text()).get(task["stage"], ["good"])
+    behaviours = plans(json.loads(script.read_text()), task)
     behaviour = behaviours[min(task["attempt"], len(behaviours)) - 1]
     act({} if behaviour == "good" else behaviour, task["stage"], Path(task["output"]))
 

@@ -65,22 +65,42 @@ def test_f05_f06_f08c_servers_that_must_not_be_served_are_refused_by_name_and_a_
     project: Project,
 ) -> None:
     write(project)
-    first = project.apply(status=1)
-    found = dict(zip(REFUSED, refusals(first, "serve"), strict=True))
+    done = project.apply(status=0)
+    found = dict(zip(REFUSED, refusals(done, "serve"), strict=True))
     assert {name: codes for name, codes in found.items() if not codes & REFUSED[name]} == {}
-    assert project.nodes()["serve"]["status"] == "accepted"
 
-    # The dead library imports well; only a call of the tool shows it.
-    said_error, dead = refusals(first, "deploy")
-    assert "DEPLOY-STATUS-ERROR" in said_error
+    # The dead library imports well; only a call of the tool shows it, and no set of packages mends it.
+    said_error, dead, said_error_again = refusals(done, "deploy")
+    assert "DEPLOY-STATUS-ERROR" in said_error & said_error_again
     assert "ENDPOINT-TOOL-BROKEN" in dead
-    assert "no_such_clock" in first.out
+    assert "no_such_clock" in done.out
+    assert project.stages_run()[-5:] == ["deploy", "deploy", "serve", "deploy", "deploy"]
+
+    # So SERVE was told, with its own server to correct, and the run went on to its end.
+    last = project.attempts("serve")[-1]
+    assert "no_such_clock" in (last / "former-server.py").read_text()
+    prompt = (last / "prompt.md").read_text()
+    assert "ENDPOINT-TOOL-BROKEN" in prompt and str(last / "former-server.py") in prompt
+    assert (project.state / "serve" / "server.py").read_text() == GOOD
+    result = json.loads(done.out.splitlines()[-1])["result"]
+    assert result["endpoint"]["tools"] == ["read_temperature"]
+    assert (result["added"], result["changed"], result["failed"]) == (6, 0, None)
+
+
+def test_a_server_that_is_never_mended_ends_the_run(project: Project) -> None:
+    path = project.outside / "dead.py"
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(BAD["dead library"])
+    project.script = {"serve": [{"copy": str(path)}], "serve:told": [{"copy": str(path)}]}
+    done = project.apply(status=1)
+    assert project.stages_run().count("serve") == 3, "once, and twice sent back"
+    assert project.stages_run().count("deploy") == 3
+    assert done.events()[-1]["result"]["failed"] == "deploy"
     assert project.nodes()["deploy"]["status"] == "failed"
     assert "endpoint" not in project.nodes()
     assert not (project.state / "deploy").exists()
-
-    project.script = {}
     before = len(project.agent_runs())
-    done = project.apply("-replace", "serve", status=0)
-    assert project.stages_run()[before:] == ["serve", "deploy"]
-    assert json.loads(done.out.splitlines()[-1])["result"]["endpoint"]["tools"] == ["read_temperature"]
+    project.script = {}
+    project.apply(status=1)
+    assert project.stages_run()[before:] == ["deploy"], "a server of an earlier run is only remade when a plan says so"
+    project.apply("-replace", "serve", status=0)
