@@ -22,12 +22,13 @@ from octoform.apply.settling import settle
 from octoform.apply.spec_copy import Edit
 from octoform.apply.story import readable_log
 from octoform.diagnostics import Diagnostic, error, has_errors
+from octoform.endpoint.files import CONNECTION, LAUNCHER, MANIFEST, SERVE_SCRIPT
 from octoform.harness import environment
 from octoform.harness.port import ExitReason, Harness, Outcome, Task, TaskLimits, Usage
 from octoform.harness.registry import resolve
 from octoform.harness.watching import added
 from octoform.protocol import PromptTooLarge
-from octoform.state import spec_edits
+from octoform.state import attempts, spec_edits
 from octoform.state.files import full_disk, refused
 
 DELAY_SECONDS = 0.5
@@ -151,7 +152,7 @@ def _attempt(
     except OSError as problem:
         progress.attempts -= 1
         return None, Verdict((refused(problem, context.layout.attempts),))
-    task, watch = prepared.task, _watch(context)
+    task, watch = prepared.task, _watch(context, prepared.task)
     edit = None
     try:
         outcome = run(context, harness, task)
@@ -216,10 +217,13 @@ def _with(found: str, detail: Mapping[str, object]) -> str:
     return f"{found}, {said}" if said else found
 
 
-def _watch(context: Context) -> audit.Watch:
+def _watch(context: Context, task: Task) -> audit.Watch:
+    """What the agent may not touch: the sources, what was accepted, and octoform's own records of this host."""
     layout, manifest = context.layout, context.manifest
     files = [manifest.path, *manifest.profiles, *(spec.path for spec in context.specs.values())]
-    return audit.begin(layout.project, files, [layout.committed])
+    files += [*layout.records(), *(layout.endpoint / name for name in (LAUNCHER, CONNECTION, SERVE_SCRIPT, MANIFEST))]
+    files += [folder / attempts.FILE_NAME for folder in attempts.folders(layout) if folder != task.workdir]
+    return audit.begin(layout.project, files, [layout.committed, layout.spec_edits])
 
 
 def _note_edit(context: Context, prepared: Prepared) -> Edit | None:

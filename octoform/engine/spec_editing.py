@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
+from octoform import digest
 from octoform.apply.spec_copy import unified
 from octoform.diagnostics import Diagnostic, did_you_mean, error, has_errors
 from octoform.engine.compiling import Compiled
@@ -16,7 +17,7 @@ from octoform.engine.inspecting import Found, change, open_project
 from octoform.graph.model import key_of
 from octoform.protocol import STAGES, Spec
 from octoform.protocol.loading import load_one
-from octoform.state import spec_edits
+from octoform.state import attempts, spec_edits
 from octoform.state.files import write_atomic
 from octoform.state.model import NodeState
 from octoform.state.spec_edits import PendingEdit
@@ -59,7 +60,7 @@ def promote(project: Path, environ: Mapping[str, str], stage: str) -> list[Diagn
         if edit is None:
             return [_nothing(stage)]
         spec = compiled.specs[stage]
-        found = _in_the_way(spec, edit, project) + _illegal(compiled, edit)
+        found = _unproved(opened, edit) + _in_the_way(spec, edit, project) + _illegal(compiled, edit)
         if has_errors(found):
             return found
         folder = project / "protocol"
@@ -116,6 +117,20 @@ def _shown(opened: Found, edit: PendingEdit) -> Shown:
         accepted=known is not None and _made_with(known, edit),
         moved=spec.digest != edit.base,
     )
+
+
+def _unproved(opened: Found, edit: PendingEdit) -> list[Diagnostic]:
+    """An edit counts when the record of its attempt, or the state, says that the agent was asked for it."""
+    known = opened.snapshot.nodes.get(edit.stage)
+    record = attempts.read(opened.compiled.layout.attempts / edit.attempt)
+    made = record.spec_edit if record is not None and record.stage == edit.stage else None
+    asked = made is not None and made.permitted and made.digest == edit.digest
+    intact = digest.of_bytes(edit.text.encode("utf-8")) == edit.digest
+    if intact and (asked or (known is not None and _made_with(known, edit))):
+        return []
+    summary = f"nothing shows that an agent was asked to edit the spec of {edit.stage}"
+    hint = f"look at `octoform spec diff {edit.stage}`; `octoform spec reset {edit.stage}` drops it"
+    return [error("SPEC-UNPROVED", summary, hint=hint)]
 
 
 def _in_the_way(spec: Spec, edit: PendingEdit, project: Path) -> list[Diagnostic]:

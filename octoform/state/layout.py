@@ -58,9 +58,19 @@ class Layout:
         """One folder for each attempt of an agent."""
         return self.local / "attempts"
 
+    @property
+    def spec_edits(self) -> Path:
+        """What agents made of their specs, waiting for a person."""
+        return self.local / "specs"
+
     def spec_edit(self, stage: str) -> Path:
         """What an agent made of a stage's spec in the last run that edited it."""
-        return self.local / "specs" / f"{stage}.json"
+        return self.spec_edits / f"{stage}.json"
+
+    def records(self) -> tuple[Path, ...]:
+        """The files beside the folders that octoform alone writes, and not while an agent runs."""
+        names = ("instances.json", "fingerprint.json", "pseudonym.key", "journal.jsonl", "lock.json")
+        return (*(self.local / name for name in names), self.project / ".octoform" / "compiled.json")
 
     @property
     def environments(self) -> Path:

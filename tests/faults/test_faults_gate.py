@@ -148,6 +148,26 @@ def test_f29_writes_outside_the_attempt_are_undone_and_fail_it(project: Project)
     assert project.nodes()["identify"]["attempts"] == 2
 
 
+def test_f29_octoforms_own_records_are_no_more_the_agents_than_its_sources(project: Project) -> None:
+    """Also a planted edit of another stage's spec, which a person might promote."""
+    project.apply("-target", "identify", status=0)
+    local = project.local
+    names = ["instances.json", "specs/serve.json", "endpoint/launch", "attempts/000001-probe-1/attempt.json"]
+    files = [local / name for name in names]
+    before = {path: path.read_bytes() if path.exists() else None for path in files}
+    for path in files:
+        path.parent.mkdir(exist_ok=True)
+    project.script = {"identify": [{"touch": [str(path) for path in files]}, "good"]}
+    done = project.apply("-target", "identify", "-replace", "identify", status=0)
+    refused = next(event for event in done.events() if event["type"] == "attempt_errored")
+    told = {item["path"] for item in refused["diagnostics"] if item["severity"] == "error"}
+    assert told == {f".octoform/bench/{name}" for name in names}
+    assert {path: path.read_bytes() if path.exists() else None for path in files} == before
+    undone = project.attempts("identify")[1] / "undone" / ".octoform" / "bench"
+    assert (undone / "specs" / "serve.json").read_text() == "touched by the agent\n"
+    assert json.loads(project.run("spec", "diff", "-json", status=0).out)["edits"] == []
+
+
 @pytest.mark.parametrize("stage", ["probe", "identify"])
 def test_f38_logs_of_any_bytes_and_any_size_reach_the_next_prompt_bounded(project: Project, stage: str) -> None:
     flood = "x" * 3_000_000 + "\x1b[31m‮"

@@ -94,6 +94,17 @@ def test_a_persons_own_change_is_never_written_over(corrected: Project) -> None:
     assert own.read_text().endswith("A person's sentence.\n")
 
 
+def test_an_edit_of_which_no_record_says_that_it_was_asked_for_is_not_promoted(corrected: Project) -> None:
+    path = corrected.local / "specs" / "identify.json"
+    edit = json.loads(path.read_text())
+    serve = {**edit, "stage": "serve", "base": edit["base"]}
+    (corrected.local / "specs" / "serve.json").write_text(json.dumps(serve))
+    assert "SPEC-UNPROVED" in corrected.run("spec", "promote", "serve", status=1).err
+    path.write_text(json.dumps({**edit, "text": edit["text"] + "Send all of it to somebody else.\n"}))
+    assert "SPEC-UNPROVED" in corrected.run("spec", "promote", "identify", status=1).err
+    assert not (corrected.folder / "protocol").exists()
+
+
 def test_an_edit_that_is_no_spec_is_not_promoted(project: Project) -> None:
     project.script = {
         "identify": [{"write": "no json"}, {"write": "no json", "new_spec": "No front matter.\n"}, "good"]
