@@ -1,12 +1,14 @@
 """A run is recorded, and the recording played elsewhere: the same failures, the same artifacts, and no agent.
 
-Every folder below tests/cases/recordings is a recording that is played here.
+Every folder below tests/cases/recordings is a recording that is played here. ``laptop-coding-agent`` was made by a coding
+agent with a language model that got the five shipped specs and nothing else, on the planted host of that name.
 """
 
 import contextlib
 import importlib.metadata
 import json
 import shutil
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +18,7 @@ from projects import Done, Project
 from octoform.harness.recording import Recording, load
 
 CASES = Path(__file__).parents[1] / "cases" / "recordings"
+HOSTS = Path(__file__).parents[1] / "hosts"
 STAGES = ("probe", "identify", "interface", "serve", "deploy")
 SERIAL = "BT-00017-X"
 SCRIPT: dict[str, list[object]] = {
@@ -148,11 +151,16 @@ def fitted(recording: Path, folder: Path) -> Path:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("case", sorted(path for path in CASES.iterdir() if path.is_dir()), ids=lambda path: path.name)
-def test_every_recording_leads_to_its_own_artifacts(case: Path, environments: Path, tmp_path: Path) -> None:
+def test_every_recording_leads_to_its_own_artifacts(
+    case: Path, environments: Path, tmp_path: Path, planted: Callable[..., Path]
+) -> None:
     found = load(case)
     assert isinstance(found, Recording), found
     recording = fitted(case, tmp_path / "fitted")
     replay = replaying(tmp_path, recording, environments)
+    host = case.name.partition("-")[0]
+    if (HOSTS / f"{host}.host").exists():
+        replay.environ["OCTOFORM_SYSROOT"] = str(planted(host))
     replay.apply(status=0)
     for stage in STAGES:
         last = found.stages[stage][-1].output
