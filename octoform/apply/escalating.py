@@ -11,7 +11,7 @@ from typing import Any
 
 from octoform.apply.assignment import Assignment
 from octoform.apply.context import Context
-from octoform.apply.gate import Verdict, artifacts, read_value
+from octoform.apply.gate import Verdict, artifacts, read_value, shown
 from octoform.apply.reading import accepted
 from octoform.apply.settling import text_of
 from octoform.contracts.checking import check
@@ -61,7 +61,7 @@ def _judge(
     value, found = read_value(task, data)
     if value is None:
         return None, found
-    path = str(task.output.name)
+    path = shown(task.output)
     whole = artifacts(context, task.stage, value)
     found = check(task.stage, value, replace(whole, probe=dict(probe)), context.schemas, path)
     if has_errors(found):

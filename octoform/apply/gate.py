@@ -101,7 +101,7 @@ def ended_well(outcome: Outcome, task: Task) -> list[Diagnostic]:
         return [error(code, text.format(stage=task.stage, **values), detail=outcome.detail or None, hint=hint)]
     installed = outcome.reason is not ExitReason.NOT_INSTALLED
     text = f"the agent of {task.stage} " + (f"ended with {_status(outcome)}" if installed else "could not be started")
-    return [error("APPLY-AGENT-FAILED", text, detail=detail, path=_shown(task.log))]
+    return [error("APPLY-AGENT-FAILED", text, detail=detail, path=shown(task.log))]
 
 
 def _status(outcome: Outcome) -> str:
@@ -110,14 +110,15 @@ def _status(outcome: Outcome) -> str:
     return f"signal {-outcome.exit_status}" if outcome.exit_status < 0 else f"exit status {outcome.exit_status}"
 
 
-def _shown(path: Path) -> str:
+def shown(path: Path) -> str:
+    """A path of an attempt as a person finds it, from the project's folder."""
     parts = path.parts
     return str(Path(*parts[parts.index(".octoform") :])) if ".octoform" in parts else str(path)
 
 
 def read_output(task: Task) -> tuple[bytes, list[Diagnostic]]:
     """The declared output's bytes; a missing, linked, special or huge file is refused unread."""
-    path = _shown(task.output)
+    path = shown(task.output)
     try:
         facts = task.output.lstat()
     except (FileNotFoundError, NotADirectoryError):
@@ -137,13 +138,13 @@ def judge(context: Context, task: Task, data: bytes) -> tuple[Any, list[Diagnost
     value, found = read_value(task, data)
     if value is None:
         return None, found
-    path = _shown(task.output)
+    path = shown(task.output)
     return value, found + check(task.stage, value, artifacts(context, task.stage, value), context.schemas, path)
 
 
 def read_value(task: Task, data: bytes) -> tuple[Any, list[Diagnostic]]:
     """The output as a value; None with the reasons when it cannot be read."""
-    value, found = parse(task.stage, data, _shown(task.output))
+    value, found = parse(task.stage, data, shown(task.output))
     return (None, found) if has_errors(found) else (value, found)
 
 

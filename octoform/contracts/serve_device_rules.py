@@ -277,8 +277,8 @@ def _kept(source: Source, call: ast.Call, owner: Function) -> bool:
 def _released(source: Source, call: ast.Call, owner: Function) -> bool:
     """True when the camera is a ``with`` item, or a ``finally`` of the function releases a camera.
 
-    A capture that is made of a device which a ``with`` around it closes (``with closing(Device(node)) as camera:``) ends
-    with that device.
+    A capture that is made of a device which a ``with`` around it closes (``with closing(Device(node)) as camera:``)
+    ends with that device.
     """
     given = {item.id for item in call.args if isinstance(item, ast.Name)}
     for above, _ in source.above(call):

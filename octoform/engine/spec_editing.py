@@ -14,6 +14,7 @@ from octoform.apply.spec_copy import unified
 from octoform.diagnostics import Diagnostic, did_you_mean, error, has_errors
 from octoform.engine.compiling import Compiled
 from octoform.engine.inspecting import Found, change, open_project
+from octoform.escaping import is_hidden
 from octoform.graph.model import key_of
 from octoform.protocol import STAGES, Spec
 from octoform.protocol.loading import load_one
@@ -64,6 +65,8 @@ def promote(project: Path, environ: Mapping[str, str], stage: str) -> list[Diagn
         if has_errors(found):
             return found
         folder = project / "protocol"
+        if folder.is_symlink():
+            return [_linked(folder)]
         folder.mkdir(exist_ok=True)
         problem = write_atomic(folder / f"{stage}.md", edit.text.encode("utf-8"))
         if problem is not None:
@@ -119,6 +122,11 @@ def _shown(opened: Found, edit: PendingEdit) -> Shown:
     )
 
 
+def _linked(folder: Path) -> Diagnostic:
+    summary = "protocol/ is a link; what an agent wrote is not put behind it"
+    return error("STATE-LINK", summary, path=folder.name, hint="write the edit there by hand, if that is what you want")
+
+
 def _unproved(opened: Found, edit: PendingEdit) -> list[Diagnostic]:
     """An edit counts when the record of its attempt, or the state, says that the agent was asked for it."""
     known = opened.snapshot.nodes.get(edit.stage)
@@ -149,6 +157,9 @@ def _illegal(compiled: Compiled, edit: PendingEdit) -> list[Diagnostic]:
         path = Path(folder) / f"{edit.stage}.md"
         path.write_text(edit.text, encoding="utf-8")
         _, found = load_one(edit.stage, path, compiled.schemas)
+    if any(is_hidden(sign) and sign not in "\n\t\r" for sign in edit.text):
+        summary = "the edited spec holds control, invisible or direction-changing characters"
+        found.append(error("PROTOCOL-HIDDEN", summary, hint="take over by hand what is worth keeping"))
     return [replace(item, path=f"the edited spec of {edit.stage}") for item in found]
 
 

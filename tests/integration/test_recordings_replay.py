@@ -1,7 +1,7 @@
 """A run is recorded, and the recording played elsewhere: the same failures, the same artifacts, and no agent.
 
-Every folder below tests/cases/recordings is a recording that is played here. ``laptop-coding-agent`` was made by a coding
-agent with a language model that got the five shipped specs and nothing else, on the planted host of that name.
+Every folder below tests/cases/recordings is a recording that is played here. ``laptop-coding-agent`` was made by a
+coding agent with a language model that got the five shipped specs and nothing else, on the planted host of that name.
 """
 
 import contextlib

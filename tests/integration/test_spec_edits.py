@@ -149,3 +149,26 @@ def test_a_stage_is_named_wrongly(project: Project) -> None:
     for verb in ("diff", "promote", "reset"):
         refused = project.run("spec", verb, "identfy", status=1)
         assert "SPEC-NO-STAGE" in refused.err and "did you mean identify?" in refused.err
+
+
+def test_each_command_prints_one_document(corrected: Project) -> None:
+    for verb in (("diff",), ("promote", "identify"), ("reset",), ("promote", "identify")):
+        json.loads(corrected.run("spec", *verb, "-json").out)
+
+
+@pytest.mark.parametrize(
+    ("line", "code"), [("to the \u202eleft", "PROTOCOL-HIDDEN"), ("an \x1b[2J", "PROTOCOL-HIDDEN")]
+)
+def test_an_edit_that_a_person_cannot_see_is_not_promoted(project: Project, line: str, code: str) -> None:
+    project.script = {"identify": [{"write": "no json"}, {"edit_spec": line}]}
+    project.apply("-target", "identify", status=0)
+    assert code in project.run("spec", "promote", "identify", status=1).err
+    assert line not in project.run("spec", "diff", status=0).out
+
+
+def test_an_edit_is_not_written_behind_a_link(corrected: Project) -> None:
+    elsewhere = corrected.outside / "elsewhere"
+    elsewhere.mkdir()
+    (corrected.folder / "protocol").symlink_to(elsewhere)
+    assert "STATE-LINK" in corrected.run("spec", "promote", "identify", status=1).err
+    assert list(elsewhere.iterdir()) == []

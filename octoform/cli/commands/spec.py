@@ -2,9 +2,10 @@
 
 import os
 from argparse import Namespace
+from collections.abc import Sequence
 from pathlib import Path
 
-from octoform.diagnostics import has_errors
+from octoform.diagnostics import Diagnostic, has_errors
 from octoform.engine import spec_editing
 from octoform.views import problems, spec
 from octoform.views.console import Console
@@ -14,14 +15,18 @@ def run(arguments: Namespace, project: Path, screen: Console) -> int:
     """One of the three verbs."""
     stage, as_json = arguments.stage, arguments.json
     if arguments.verb == "promote":
-        status = problems.show(screen, spec_editing.promote(project, os.environ, stage), as_json=as_json)
-        return status or spec.promoted(screen, stage, as_json=as_json)
+        found = spec_editing.promote(project, os.environ, stage)
+        return _refused(screen, found, as_json=as_json) or spec.promoted(screen, stage, as_json=as_json)
     if arguments.verb == "reset":
         dropped, found = spec_editing.reset(project, os.environ, stage)
-        status = problems.show(screen, found, as_json=as_json)
-        return status or spec.dropped(screen, dropped, as_json=as_json)
+        return _refused(screen, found, as_json=as_json) or spec.dropped(screen, dropped, as_json=as_json)
     edits, found = spec_editing.waiting(project, os.environ, stage)
     if edits is None or has_errors(found):
         return problems.show(screen, found, as_json=as_json)
     problems.show(screen, found)
     return spec.diff(screen, edits, as_json=as_json)
+
+
+def _refused(screen: Console, found: Sequence[Diagnostic], *, as_json: bool) -> int:
+    """Show what was found; in JSON only what refused, since the result is the one document otherwise."""
+    return problems.show(screen, found, as_json=as_json) if has_errors(found) or not as_json else 0
