@@ -3,6 +3,7 @@
 import json
 import subprocess
 import sys
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -32,11 +33,11 @@ def embedded(folder: Path) -> Path:
     return made
 
 
-def inside(folder: Path, *arguments: str) -> dict[str, Any]:
-    """One octoform command measured from inside; see `inside`."""
+def inside(folder: Path, *arguments: str, environ: Mapping[str, str] | None = None) -> dict[str, Any]:
+    """One octoform command measured from inside, with more variables if given; see `inside`."""
     report = folder.parent / "report.json"
     command = [PYTHON, str(INSIDE), str(report), *arguments]
-    done = subprocess.run(command, cwd=folder, env=environment(), capture_output=True, text=True, check=False)
+    done = subprocess.run(command, cwd=folder, env=environment(environ), capture_output=True, text=True, check=False)
     if done.returncode:
         said = done.stderr or _errors(report)
         raise SystemExit(f"octoform {' '.join(arguments)}: exit status {done.returncode}\n{said}")
