@@ -127,7 +127,8 @@ def end_program(workdir: Path, sleeping: Path) -> None:
 
 @pytest.mark.parametrize("subject", PROGRAMS)
 def test_what_a_tool_leaves_running(subject: Subject, task_for: Callable[..., Task], run: Callable[..., Ran]) -> None:
-    leave = "nohup sleep 300 >/dev/null 2>&1 & setsid sleep 300 >/dev/null 2>&1 & "
+    # One that closes what it writes to, and one that keeps it: its program may not wait for that.
+    leave = "nohup sleep 300 >/dev/null 2>&1 & (setsid sleep 300 &); "
     with serve([{"shell": leave + WRITE}, DONE]) as server:
         ran = run(spec_for(subject.name, server, api=subject.api), task_for(subject.model))
     settled(ran, subject.differs.get("leaves", FINISHED))

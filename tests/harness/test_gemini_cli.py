@@ -92,3 +92,12 @@ def test_no_key_is_a_matter_of_the_key(task_for: Callable[..., Task], run: Calla
         ran = run(spec_for(NAME, server), replace(task, environment=bare))
     assert ran.outcome.reason is ExitReason.AUTH
     assert not server.replies
+
+
+def test_a_command_without_an_end_is_ended_and_the_run_goes_on(
+    task_for: Callable[..., Task], run: Callable[..., Ran]
+) -> None:
+    with serve([{"shell": "sleep 600"}, {"shell": WRITE}, DONE]) as server:
+        ran = run(spec_for(NAME, server), task_for(MODEL, idle_seconds=8.0))
+    assert (ran.outcome.reason, ran.outcome.turns) == (ExitReason.FINISHED, 3)
+    assert ran.task.output.exists()

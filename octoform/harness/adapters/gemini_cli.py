@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any, ClassVar
 
 from octoform.harness.adapters.program import Launch, ProgramHarness
+from octoform.harness.adapters.shells import bounded
 from octoform.harness.attempt import Invocation
 from octoform.harness.dialect import count, field, json_object, one_line, trouble
 from octoform.harness.installed import Pin
@@ -72,7 +73,7 @@ class GeminiCli:
                 # Otherwise it runs as two processes, of which the first ignores that it is to end.
                 "GEMINI_CLI_NO_RELAUNCH": "true",
             },
-            path=launch.program.path,
+            path=bounded(launch),
             dialect=GeminiCliDialect(),
             closes=True,
             program=f"gemini {launch.program.version}" if launch.program.version else None,

@@ -11,6 +11,7 @@ from typing import Any, ClassVar
 
 from octoform.harness.access import Access
 from octoform.harness.adapters.program import Launch, ProgramHarness
+from octoform.harness.adapters.shells import COMMAND_SHARE, bounded
 from octoform.harness.attempt import Invocation
 from octoform.harness.dialect import count, field, json_object, one_line, trouble
 from octoform.harness.installed import Pin
@@ -55,8 +56,6 @@ OTHERS = ("task", "skill")
 INVALID = "invalid"
 """Its tool for a call of no tool, or with arguments that cannot be read."""
 WITHHELD, COMMAND_MS = "OPENCODE_WATCH_WITHHELD", "OPENCODE_WATCH_COMMAND_MS"
-COMMAND_SHARE = 0.75
-"""How much of the time without a sign of progress a command may use up."""
 NPM = "registry=http://127.0.0.1:9/\nfetch-retries=0\n"
 """It looks a package of its own up in the registry of npm whenever it starts; here that fails at once."""
 
@@ -82,7 +81,7 @@ class OpenCode:
             stdin=launch.task.prompt,
             named=tuple(name for name in (*launch.spec.env, launch.access.key) if name),
             settings=_settings(launch),
-            path=launch.program.path,
+            path=bounded(launch),
             dialect=OpenCodeDialect(),
             program=f"opencode {launch.program.version}" if launch.program.version else None,
         )

@@ -1,0 +1,32 @@
+"""The shell of programs that would wait for whatever a command leaves running: the bounded one, under its own name.
+
+They look for ``bash`` on PATH, so a folder with a script of that name stands first there. What a command itself starts
+finds the real one again.
+"""
+
+import shlex
+import shutil
+import sys
+from pathlib import Path
+
+from octoform.harness import bounded_command
+from octoform.harness.adapters.program import Launch
+
+COMMAND_SHARE = 0.75
+"""How much of the time without a sign of progress a command may use up."""
+
+
+def bounded(launch: Launch) -> tuple[str, ...]:
+    """Folders to put before PATH so that each command is bounded; writes the script below ``launch.home``."""
+    program = shutil.which("bash", path=launch.task.environment.get("PATH")) or "/bin/sh"
+    idle = launch.task.limits.idle_seconds or 0.0
+    script = Path(bounded_command.__file__)
+    argv = (sys.executable, "-I", "-S", str(script), f"{idle * COMMAND_SHARE:g}", program)
+    folder = launch.home / "shells"
+    folder.mkdir()
+    shell = folder / "bash"
+    # A prefix and no more of PATH is cut off: what the program has put before it stays.
+    lines = ("#!/bin/sh", f"PATH=${{PATH#*{shlex.quote(str(folder))}:}}", f'exec {shlex.join(argv)} "$@"')
+    shell.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    shell.chmod(0o700)
+    return (str(folder), *launch.program.path)
