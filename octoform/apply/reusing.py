@@ -1,7 +1,8 @@
 """Reuse: an output that was accepted for another host under the same key, taken over without running an agent.
 
 It passes the same gate as an agent's output, on this host: schema, rules against this host's own artifacts, and for
-SERVE and DEPLOY the proof by running. What does not pass is left, and the stage's agent runs.
+SERVE and DEPLOY the proof by running. What does not pass is left, and the next host's is tried; behind a few of those
+the stage's agent runs.
 """
 
 import os
@@ -22,25 +23,37 @@ from octoform.state.artifacts import file_digest
 from octoform.state.donors import Donor
 from octoform.state.files import read_regular
 
+MOST_REFUSED = 5
+"""A trial of a server takes as long as an agent's run may; behind so many that do not hold, the agent is asked."""
+
 
 def take(context: Context, stage: str, key: str) -> Finished | None:
-    """The stage done with another host's output; None when there is none that is accepted here."""
-    donor = context.donors().get(stage, {}).get(key)
-    if donor is None:
-        return None
+    """The stage done with another host's output; None when there is none that is accepted here.
+
+    The first that holds is taken. Each that does not is told, but for copies of one that was told already.
+    """
     started = context.clock.monotonic()
-    data, _ = read_regular(donor.layout.output(stage))
-    if data is None or file_digest(donor.layout, stage) != donor.state.file_digest:
-        context.emit(events.Notice(stage, f"the output of host {donor.host} is not as it was accepted; not taken over"))
-        return None
-    context.emit(events.Checking(stage, f"taking over the output of host {donor.host}"))
-    verdict = _verdict(context, stage, donor, data)
-    if not verdict.accepted:
-        reason = next(item for item in verdict.diagnostics if item.severity == "error")
-        text = f"the output of host {donor.host} does not hold here ({reason.code}: {reason.summary})"
-        context.emit(events.Notice(stage, text))
-        return None
-    return Finished(verdict, 0, Usage(), context.clock.monotonic() - started)
+    judged: set[bytes] = set()
+    refused = 0
+    for donor in context.donors().get(stage, {}).get(key, ()):
+        if refused == MOST_REFUSED:
+            break
+        data, _ = read_regular(donor.layout.output(stage))
+        if data is None or file_digest(donor.layout, stage) != donor.state.file_digest:
+            reason = "is not as it was accepted"
+        elif data in judged:
+            continue
+        else:
+            judged.add(data)
+            context.emit(events.Checking(stage, f"taking over the output of host {donor.host}"))
+            verdict = _verdict(context, stage, donor, data)
+            if verdict.accepted:
+                return Finished(verdict, 0, Usage(), context.clock.monotonic() - started)
+            first = next(item for item in verdict.diagnostics if item.severity == "error")
+            reason = f"does not hold here ({first.code}: {first.summary})"
+        refused += 1
+        context.emit(events.Notice(stage, f"the output of host {donor.host} {reason}; not taken over"))
+    return None
 
 
 def _verdict(context: Context, stage: str, donor: Donor, data: bytes) -> Verdict:
@@ -77,4 +90,4 @@ def provenance(context: Context, donor: Donor) -> dict[str, object]:
 
 
 def _relative(donor: Donor, context: Context) -> str:
-    return os.path.relpath(donor.layout.project, context.layout.project)
+    return os.path.relpath(donor.layout.project, context.layout.project.resolve())

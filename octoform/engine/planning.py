@@ -148,7 +148,9 @@ def _construction(request: Request, compiled: Compiled, situation: Situation) ->
 def offers(layout: Layout) -> Offers:
     """What other hosts of the repository have accepted, as the plan compares it."""
     return {
-        stage: tuple(Offer(one.host, one.state.key_parts, one.state.output_digest) for one in by_key.values())
+        stage: tuple(
+            Offer(one.host, one.state.key_parts, one.state.output_digest) for equal in by_key.values() for one in equal
+        )
         for stage, by_key in donors.find(layout).items()
     }
 

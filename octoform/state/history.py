@@ -18,6 +18,7 @@ from octoform.state.revision import Repository, repository
 
 _SECONDS = 300
 _TAIL = 3000
+_MOST_NAMES = 200  # in one command line, which the system bounds
 _INHERITED = ("GIT_DIR", "GIT_WORK_TREE", "GIT_INDEX_FILE")
 _UNDER_WAY = {
     "MERGE_HEAD": "a merge",
@@ -116,6 +117,23 @@ def repository_facts(project: Path, paths: Iterable[Path]) -> tuple[GitFacts | N
             return None, [_unusable(git.where, complaints)]
         dirty = tuple(sorted(_for_person(git.where, project, entry[3:]) for entry in listing.split("\0") if entry))
     return GitFacts(revision if status == 0 else None, dirty, branch if on_branch == 0 else None), []
+
+
+def kept(project: Path, folders: Sequence[Path]) -> frozenset[Path]:
+    """The files below ``folders`` that are this repository's own: tracked, or new and not ignored; absolute, resolved.
+
+    Empty outside a repository and where git is not usable. Reads only.
+    """
+    git, _ = _open(project)
+    if git is None:
+        return frozenset()
+    names = _inside(git.where, folders)
+    found: set[Path] = set()
+    for start in range(0, len(names), _MOST_NAMES):
+        options = ("-z", "--cached", "--others", "--exclude-standard")
+        failed, listing, _ = git.run("ls-files", *options, "--", *names[start : start + _MOST_NAMES])
+        found.update(git.where.root / name for name in listing.split("\0") if name and not failed)
+    return frozenset(found)
 
 
 def _inside(where: Repository, paths: Iterable[Path]) -> list[str]:

@@ -1,6 +1,7 @@
 """One agent run for many equal hosts: what was accepted for one is verified for the next and taken over."""
 
 import json
+import os
 import shutil
 import subprocess
 from dataclasses import replace
@@ -10,13 +11,21 @@ from typing import Any
 import pytest
 from projects import Done, Project
 
+from octoform.state.artifacts import file_digest
+from octoform.state.donors import find
+from octoform.state.layout import Layout
+
 
 def repository(folder: Path) -> Project:
     """A project at the top of a git repository."""
     made = Project(folder / "project", folder / "outside")
     made.write()
-    subprocess.run(["git", "init", "--quiet"], cwd=made.folder, check=True)
+    git(made.folder, "init", "--quiet")
     return made
+
+
+def git(folder: Path, *arguments: str) -> None:
+    subprocess.run(["git", *arguments], cwd=folder, check=True, capture_output=True)
 
 
 @pytest.fixture(scope="module")
@@ -127,17 +136,14 @@ def unreadable(lender: Project) -> None:
     (lender.state / "state.json").write_text("{")
 
 
-def false_but_vouched_for(lender: Project) -> None:
+def false_but_vouched_for(lender: Project, quote: str = "a quote that PROBE never saw") -> None:
     """An artifact that breaks the contract, with a state that says that it was accepted as it is."""
-    from octoform.state.artifacts import file_digest
-    from octoform.state.layout import Layout
-
     path = lender.state / "identify" / "output.json"
     value = json.loads(path.read_text())
-    value["devices"][0]["evidence"][0]["quote"] = "a quote that PROBE never saw"
+    value["devices"][0]["evidence"][0]["quote"] = quote
     path.write_text(json.dumps(value))
     state = json.loads((lender.state / "state.json").read_text())
-    state["nodes"]["identify"]["file_digest"] = file_digest(Layout(lender.folder, "bench"), "identify")
+    state["nodes"]["identify"]["file_digest"] = file_digest(Layout(lender.folder, lender.host), "identify")
     (lender.state / "state.json").write_text(json.dumps(state))
 
 
@@ -150,6 +156,172 @@ def test_what_does_not_hold_here_is_not_taken_over(lender: Project, spoil: Any) 
     assert lender.stages_run()[before:] == ["probe", "identify"]
     if spoil in (edited, false_but_vouched_for):
         assert "host bench" in notices(done), "the reason is told"
+
+
+def nested(lender: Project) -> None:
+    """Everything lies in a repository of its own below this one: a clone, a submodule."""
+    git(moved(lender), "init", "--quiet")
+
+
+def worktree(lender: Project) -> None:
+    """The top is a file that points to the repository, as in a submodule or a worktree."""
+    (moved(lender) / ".git").write_text(f"gitdir: {lender.folder / '.git' / 'modules' / 'foreign'}\n")
+
+
+def nested_but_tracked(lender: Project) -> None:
+    """Files that this repository knew before another one was made around them."""
+    git(lender.folder, "add", str(moved(lender)))
+    git(lender.folder / "foreign", "init", "--quiet")
+
+
+def a_repository_for_one_host(lender: Project) -> None:
+    git(lender.state, "init", "--quiet")
+
+
+def ignored(lender: Project) -> None:
+    (lender.folder / ".gitignore").write_text("/state/\n")
+
+
+def ignored_artifact(lender: Project) -> None:
+    (lender.folder / ".gitignore").write_text("output.json\n")
+
+
+def corrected_spec(lender: Project) -> None:
+    """The agent corrected its spec, and nobody has promoted that."""
+    path = lender.state / "state.json"
+    state = json.loads(path.read_text())
+    state["nodes"]["identify"]["detail"]["spec_edit"] = {"digest": "sha256:1", "base": "sha256:2"}
+    path.write_text(json.dumps(state))
+
+
+def moved(lender: Project) -> Path:
+    """Move the lender's state into a folder below, where it would be found as well."""
+    folder = lender.folder / "foreign"
+    folder.mkdir()
+    shutil.move(lender.folder / "state", folder / "state")
+    return folder
+
+
+@pytest.mark.parametrize(
+    "spoil",
+    [
+        nested,
+        worktree,
+        nested_but_tracked,
+        a_repository_for_one_host,
+        ignored,
+        ignored_artifact,
+        corrected_spec,
+    ],
+)
+def test_what_is_not_equal_or_not_of_this_repository_is_never_offered(lender: Project, spoil: Any) -> None:
+    other = beside(lender, "bench-2")
+    other.apply("-target", "probe", status=0)
+    spoil(lender)
+    change = planned(other, "-target", "identify")["identify"]
+    assert ("loan" in change, change["calls_agent"]) == (False, True)
+    before = len(lender.agent_runs())
+    done = other.apply("-target", "identify", status=0)
+    assert lender.stages_run()[before:] == ["identify"]
+    assert "host bench " not in notices(done), "nobody looked at it"
+
+
+def test_a_folder_that_was_only_moved_lends_and_so_does_a_tracked_one_that_is_ignored(lender: Project) -> None:
+    git(lender.folder, "add", str(moved(lender)))
+    (lender.folder / ".gitignore").write_text("state/\n")
+    other = beside(lender, "bench-2")
+    other.apply("-target", "identify", status=0)
+    assert other.nodes()["identify"]["detail"]["reused"]["project"] == "../../foreign"
+
+
+def test_outside_a_repository_the_projects_own_hosts_lend(lender: Project) -> None:
+    shutil.rmtree(lender.folder / ".git")
+    beyond = planned(beside(lender, "bench-2"), "-target", "identify")["identify"]
+    assert "loan" not in beyond
+    assert planned(replace(lender, host="bench-3"), "-target", "identify")["identify"]["loan"]["host"] == "bench"
+
+
+def test_what_was_never_promoted_is_lent_once_it_is(lender: Project) -> None:
+    line = "Every quote stands in quotation marks."
+    lender.script = {"identify": [{"write": "no json"}, {"edit_spec": line}]}
+    lender.apply("-target", "identify", "-replace", "identify", status=0)
+    lender.script = {}
+    other = replace(lender, host="bench-2")
+    other.apply("-target", "probe", status=0)
+    assert "loan" not in planned(other, "-target", "identify")["identify"]
+    lender.write()
+    lender.run("spec", "promote", "identify", status=0)
+    assert planned(other, "-target", "identify")["identify"]["loan"]["host"] == "bench"
+
+
+def test_a_host_does_not_lend_to_itself_through_a_link(lender: Project, tmp_path: Path) -> None:
+    (tmp_path / "link").symlink_to(lender.folder)
+    assert [key for keys in find(Layout(tmp_path / "link", "bench")).values() for key in keys] == []
+    assert [key for keys in find(Layout(tmp_path / "link", "bench-2")).values() for key in keys] != []
+
+
+def test_a_plan_with_nothing_to_do_looks_at_no_other_host(
+    lender: Project, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A git that tells that it was called is first on the path."""
+    other = beside(lender, "bench-2")
+    other.apply("-target", "identify", status=0)
+    log, program = tmp_path / "log", tmp_path / "git"
+    program.write_text(f'#!/bin/sh\necho "$@" >> {log}\nexec {shutil.which("git")} "$@"\n')
+    program.chmod(0o755)
+    monkeypatch.setenv("PATH", f"{tmp_path}:{os.environ['PATH']}")
+    assert planned(other, "-target", "identify") == {}
+    assert "ls-files" not in (log.read_text() if log.exists() else "")
+    planned(other, "-target", "interface")
+    assert log.read_text().count("ls-files") == 1, "one question for all hosts"
+
+
+def lenders(lender: Project, *names: str) -> list[Project]:
+    """More hosts with the same accepted outputs."""
+    made = [beside(lender, name) for name in names]
+    for one in made:
+        one.apply("-target", "identify", status=0)
+    return made
+
+
+def test_behind_one_that_is_damaged_the_next_is_tried(lender: Project) -> None:
+    [second] = lenders(lender, "a-2")
+    edited(second)
+    other = beside(lender, "bench-3")
+    before = len(lender.agent_runs())
+    done = other.apply("-target", "identify", status=0)
+    assert lender.stages_run()[before:] == ["probe"]
+    assert other.nodes()["identify"]["detail"]["reused"]["host"] == "bench"
+    assert notices(done).count("host a-2") == 1
+
+
+def test_behind_one_that_does_not_hold_the_next_is_tried_and_each_is_told_once(lender: Project) -> None:
+    """Two that break the contract, each in its own way, a copy of the first, and one that is sound."""
+    first, copy, second = lenders(lender, "a-1", "a-2", "a-3")
+    for one, quote in ((first, "never seen"), (copy, "never seen"), (second, "nor this")):
+        false_but_vouched_for(one, quote)
+    other = beside(lender, "b-1")
+    before = len(lender.agent_runs())
+    done = other.apply("-target", "identify", status=0)
+    assert lender.stages_run()[before:] == ["probe"]
+    assert other.nodes()["identify"]["detail"]["reused"]["host"] == "bench"
+    told = [event["text"] for event in done.events() if "does not hold here" in str(event.get("text"))]
+    assert [text.split()[4] for text in told] == ["a-1", "a-3"]
+
+
+def test_behind_five_that_do_not_hold_the_agent_is_asked(lender: Project) -> None:
+    """The sixth would hold; copies of state folders stand for hosts of their own."""
+    for number in range(5):
+        name = f"a-{number}"
+        shutil.copytree(lender.state, lender.folder / "state" / name)
+        path = lender.folder / "state" / name / "state.json"
+        path.write_text(path.read_text().replace('"host": "bench"', f'"host": "{name}"'))
+        edited(replace(lender, host=name))
+    other = beside(lender, "b-1")
+    before = len(lender.agent_runs())
+    done = other.apply("-target", "identify", status=0)
+    assert lender.stages_run()[before:] == ["probe", "identify"]
+    assert notices(done).count("not taken over") == 5
 
 
 def test_another_spec_harness_or_model_is_another_key(lender: Project) -> None:
