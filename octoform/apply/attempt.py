@@ -67,6 +67,19 @@ class Prepared:
     usage: Usage = field(default_factory=Usage)
 
 
+@dataclass(slots=True)
+class SoFar:
+    """What is known of an attempt while it goes on, for the record of one that is interrupted.
+
+    ``began`` is in seconds of the run's clock; ``outcome`` stands once the agent has ended.
+    """
+
+    began: float
+    turns: int | None = None
+    usage: Usage = field(default_factory=Usage)
+    outcome: Outcome | None = None
+
+
 def prepare(
     context: Context, assignment: Assignment, number: int, limits: TaskLimits, failed: Failed | None
 ) -> Prepared:
@@ -117,25 +130,25 @@ def new_task(context: Context, assignment: Assignment, number: int, limits: Task
     )
 
 
-def run(context: Context, harness: Harness, task: Task) -> Outcome:
-    """Let the agent work; what it does becomes events."""
-    turns = 0
+def run(context: Context, harness: Harness, task: Task, so_far: SoFar) -> Outcome:
+    """Let the agent work; what it does becomes events, and ``so_far`` follows it."""
 
     def progress(event: AgentEvent, elapsed: float, used: Usage) -> None:
-        nonlocal turns
+        so_far.usage = used
         match event:
             case Said():
                 context.emit(events.AttemptProgress(task.stage, event.text, elapsed))
             case ToolCalled():
                 context.emit(events.AgentActed(task.stage, event.tool, event.text, elapsed))
             case Turn() | Totals():
-                turns += isinstance(event, Turn)
+                turns = so_far.turns = (so_far.turns or 0) + isinstance(event, Turn)
                 tokens = (used.input_tokens, used.output_tokens)
                 context.emit(events.AgentSpent(task.stage, turns, *tokens, used.cost_usd, elapsed))
             case Trouble():
                 context.emit(events.AttemptProgress(task.stage, f"the model's side: {event.text}", elapsed))
 
-    return harness.run(task, progress)
+    so_far.outcome = harness.run(task, progress)
+    return so_far.outcome
 
 
 def _folder(context: Context, stage: str, number: int) -> Path:
@@ -162,6 +175,8 @@ def _document(context: Context, assignment: Assignment, task: Task, failed: Fail
         "spec": str(task.workdir / spec_copy.FILE_NAME),
         "prompt": str(task.prompt),
         "output": str(task.output),
+        "role": assignment.role,
+        "harness": assignment.harness.name,
         "model": assignment.model,
         "limits": {"wall_seconds": task.limits.wall_seconds, "tools": assignment.budget.tools},
         "diagnostics": [to_json(item) for item in (failed.diagnostics if failed else ())],

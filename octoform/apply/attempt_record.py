@@ -1,15 +1,18 @@
 """What an attempt leaves as its record: everything that octoform knows of it, in ``attempt.json``."""
 
+from contextlib import suppress
+from dataclasses import replace
 from datetime import timedelta
 from pathlib import Path
 
 from octoform.apply.assignment import Assignment
-from octoform.apply.attempt import FORMER, Prepared
+from octoform.apply.attempt import FORMER, Prepared, SoFar
 from octoform.apply.context import Context
 from octoform.apply.gate import Verdict
 from octoform.apply.spec_copy import Edit
 from octoform.diagnostics import Diagnostic, to_json
-from octoform.harness.port import Outcome, Task, Usage
+from octoform.harness import environment, usage
+from octoform.harness.port import ExitReason, Outcome, Task, Usage
 from octoform.state import attempts, model
 from octoform.state.attempts import AttemptRecord, SpecEdit
 from octoform.state.donors import Donor
@@ -46,13 +49,30 @@ def record(
         turns=outcome.turns,
         usage=state_usage(outcome.usage),
         prompt_bytes=task.prompt.stat().st_size if task.prompt.is_file() else 0,
-        accepted=verdict.accepted,
+        accepted=verdict.accepted and outcome.reason is not ExitReason.INTERRUPTED,
         diagnostics=[to_json(item) for item in verdict.diagnostics],
         files=written_files(task.workdir),
         spec_edit=spec_edit(edit),
         survivors_killed=outcome.survivors_killed,
     )
     return attempts.write(task.workdir, written)
+
+
+def interrupted(context: Context, assignment: Assignment, prepared: Prepared, so_far: SoFar) -> None:
+    """Leave the record of an attempt that octoform is stopped in the middle of: what it has used is paid for."""
+    task, outcome = prepared.task, so_far.outcome
+    if outcome is not None:
+        ended = replace(outcome, reason=ExitReason.INTERRUPTED, detail="octoform was stopped before it was judged")
+    else:
+        told = so_far.usage.input_tokens is not None or so_far.usage.output_tokens is not None
+        known = so_far.usage if told else usage.read(task.workdir)
+        seconds = context.clock.monotonic() - so_far.began
+        detail = "octoform was stopped while it worked"
+        ended = Outcome(ExitReason.INTERRUPTED, None, seconds, detail, known, turns=so_far.turns)
+    environment.remove_private(task.workdir)
+    # The stop itself is what has to be told on; an attempt without a record counts as interrupted too.
+    with suppress(OSError):
+        record(context, assignment, prepared, (ended, Verdict(())), None)
 
 
 def reused(context: Context, assignment: Assignment, task: Task, verdict: Verdict, donor: Donor) -> Diagnostic | None:

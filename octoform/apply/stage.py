@@ -11,8 +11,8 @@ from typing import Any
 from octoform import events
 from octoform.apply import audit, escalating, serving, spec_copy
 from octoform.apply.assignment import UNMEASURED, Assignment, of_stage, unaffordable
-from octoform.apply.attempt import Failed, Prepared, prepare, run
-from octoform.apply.attempt_record import record
+from octoform.apply.attempt import Failed, Prepared, SoFar, prepare, run
+from octoform.apply.attempt_record import interrupted, record
 from octoform.apply.context import Context
 from octoform.apply.gate import Verdict, ended_well, read_output
 from octoform.apply.leaks import leaked, masked, without_secrets
@@ -37,7 +37,7 @@ IDLE_SECONDS = 120.0
 UNDONE = "undone"
 """Folder of an attempt with what files had become that were not the agent's to change."""
 FARAWAY_SECONDS = 5.0
-HOPELESS = frozenset({ExitReason.NOT_INSTALLED, ExitReason.AUTH, ExitReason.BUDGET})
+HOPELESS = frozenset({ExitReason.NOT_INSTALLED, ExitReason.AUTH, ExitReason.REFUSED, ExitReason.BUDGET})
 """Ends after which another attempt can only end the same way."""
 FARAWAY = frozenset({ExitReason.RATE_LIMIT, ExitReason.UNREACHABLE})
 """Ends that lie with the model's provider, who is given longer from attempt to attempt."""
@@ -153,14 +153,17 @@ def _attempt(
         progress.attempts -= 1
         return None, Verdict((refused(problem, context.layout.attempts),))
     task, watch = prepared.task, _watch(context, prepared.task)
-    edit = None
+    edit, so_far = None, SoFar(context.clock.monotonic())
     try:
-        outcome = run(context, harness, task)
+        outcome = run(context, harness, task, so_far)
         verdict = _gate(context, assignment, task, outcome, audit.end(watch, task.workdir / UNDONE))
         edit = _note_edit(context, prepared)
     except OSError as problem:  # a full disk, or an agent that has made away with its own folder
         outcome = Outcome(ExitReason.CRASHED, None, 0.0)
         verdict = Verdict((*audit.end(watch, task.workdir / UNDONE), refused(problem, task.workdir)))
+    except BaseException:
+        interrupted(context, assignment, prepared, so_far)
+        raise
     verdict = replace(verdict, diagnostics=without_secrets(task, verdict.diagnostics))
     used = added(prepared.usage, outcome.usage)
     progress.usage = added(progress.usage, used)

@@ -11,6 +11,7 @@ from importlib import import_module
 from pathlib import Path
 
 from octoform.cli.parser import UsageError, parse
+from octoform.cli.stopping import Stopped, orderly
 from octoform.views import console, problems
 
 
@@ -18,12 +19,15 @@ def main(argv: Sequence[str] | None = None) -> int:
     """Run the command line; the exit codes are those of ``octoform --help``."""
     screen = console.for_process()
     try:
-        arguments = parse(sys.argv[1:] if argv is None else argv)
-        if arguments.version:
-            return problems.version(screen)
-        return _run(arguments, screen)
+        with orderly():
+            arguments = parse(sys.argv[1:] if argv is None else argv)
+            if arguments.version:
+                return problems.version(screen)
+            return _run(arguments, screen)
     except UsageError as problem:
         return problems.usage(screen, str(problem), problem.usage)
+    except Stopped as stopped:
+        return problems.stopped(screen, stopped.number)
     except KeyboardInterrupt:
         return problems.interrupted(screen)
     except BrokenPipeError:

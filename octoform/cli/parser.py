@@ -14,7 +14,9 @@ exit codes:
   0    done; for `plan -detailed-exitcode`: no changes
   1    an error; the reason is on standard error
   2    only for `plan -detailed-exitcode`: there are changes
+  129  stopped by SIGHUP: its terminal was closed
   130  interrupted from the keyboard
+  143  stopped by SIGTERM
 """
 
 

@@ -94,7 +94,12 @@ def _planned(
         declined = error("APPLY-NOT-APPROVED", f"{blank.operation} was not approved; nothing was done", hint=hint)
         return replace(blank, failed="approval", diagnostics=(declined,))
     run = _Run(request, options, view, outlook, store)
-    tally = run.carry_out(shown, saved, notices)
+    try:
+        tally = run.carry_out(shown, saved, notices)
+    except KeyboardInterrupt:
+        # An orderly stop closes the journal. Where that fails, the journal stays, and the next run folds it in.
+        store.commit_snapshot()
+        raise
     result = run.record(shown, tally, options.clock.monotonic() - started)
     return replace(
         result,

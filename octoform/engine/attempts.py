@@ -1,7 +1,7 @@
 """Attempts as a person asks for them: which there were, how they ended, and all that is known of one. (Heavy.)
 
-What octoform wrote at the end of an attempt is its record. An attempt without one runs now or was cut short, and only
-the lock and the supervisor's process tell which.
+What octoform wrote at the end of an attempt is its record. An attempt without one runs now or was killed, and only
+the lock and the supervisor's process tell which; its task and its transcript say who is at work and what was used.
 """
 
 from collections.abc import Mapping, Sequence
@@ -10,10 +10,12 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
+from octoform.apply.attempt_record import state_usage
 from octoform.apply.spec_copy import FILE_NAME as SPEC_COPY
 from octoform.apply.spec_copy import MOST_SPEC_BYTES, unified
 from octoform.diagnostics import Diagnostic, Severity, error, from_json
 from octoform.harness import orphans, processes, transcript
+from octoform.harness.dialect import field, json_object
 from octoform.harness.plainfile import read_plain
 from octoform.harness.port import Closed, ExitReason, ToolCalled, ToolReturned, Trouble
 from octoform.manifest.loading import load as load_manifest
@@ -29,6 +31,7 @@ RUNNING = "running"
 INTERRUPTED = "interrupted"
 ACCEPTED = "accepted"
 REFUSED = "refused"
+MOST_TASK_BYTES = 1 << 20
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,8 +39,8 @@ class Attempt:
     """One attempt.
 
     ``state`` is ``accepted``, ``refused`` (its run was well, its output was not), the reason that its run ended for
-    (``timeout``, ``auth`` ...), ``running`` or ``interrupted``; without a record only the folder's name and age are
-    known. ``began`` is RFC 3339 in UTC.
+    (``timeout``, ``auth`` ...), ``running`` or ``interrupted``. ``began`` is RFC 3339 in UTC. ``told`` is the record,
+    and where there is none as much of it as the task and the transcript hold.
     """
 
     number: int
@@ -47,6 +50,7 @@ class Attempt:
     state: str
     began: str
     record: AttemptRecord | None
+    told: AttemptRecord
 
     @property
     def diagnostics(self) -> list[Diagnostic]:
@@ -151,8 +155,40 @@ def _attempt(folder: Path, *, live: bool) -> Attempt:
         record = None  # not written by octoform: it says what its folder's name denies
     if record is None:
         running = live or (process is not None and not process.ended and processes.is_alive(process.pid, process.start))
-        return Attempt(number, stage, attempt, folder, RUNNING if running else INTERRUPTED, _began(folder), None)
-    return Attempt(number, stage, record.attempt, folder, _state(record), record.started_at, record)
+        told = _so_far(folder, RUNNING if running else INTERRUPTED)
+        return Attempt(number, stage, attempt, folder, told.reason, told.started_at, None, told)
+    return Attempt(number, stage, record.attempt, folder, _state(record), record.started_at, record, record)
+
+
+def _so_far(folder: Path, state: str) -> AttemptRecord:
+    """What the attempt's files tell of it without a record; an agent may have written them, so all of it is foreign."""
+    number, stage, attempt = _parts(folder.name)
+    task = json_object(read_plain(folder / "task.json", MOST_TASK_BYTES) or b"")
+    role, harness, model = (_word(field(task, name)) for name in ("role", "harness", "model"))
+    moments = transcript.read(folder / "transcript.jsonl")
+    turns, used = transcript.used(moments)
+    began = _began(folder)
+    seconds = moments[-1].at if moments else 0.0
+    if state == RUNNING:
+        seconds = max(seconds, (datetime.now(UTC) - began).total_seconds())
+    return AttemptRecord(
+        number=number,
+        stage=stage,
+        attempt=attempt,
+        role=role or "stage",
+        harness=harness or "",
+        model=model,
+        started_at=began.isoformat(timespec="seconds").replace("+00:00", "Z"),
+        seconds=round(seconds, 3),
+        reason=state,
+        turns=turns,
+        usage=state_usage(used),
+    )
+
+
+def _word(value: object) -> str | None:
+    """A text that can be told on: JSON may hold halves of characters."""
+    return value.encode("utf-8", "replace").decode() if isinstance(value, str) else None
 
 
 def _state(record: AttemptRecord) -> str:
@@ -168,12 +204,12 @@ def _parts(name: str) -> tuple[int, str, int]:
     return int(number), stage, int(attempt) if attempt.isdecimal() else 0
 
 
-def _began(folder: Path) -> str:
+def _began(folder: Path) -> datetime:
     began = datetime.fromtimestamp(folder.lstat().st_ctime, UTC)
     task = folder / "task.json"
     if task.is_file():
         began = datetime.fromtimestamp(task.lstat().st_mtime, UTC)
-    return began.isoformat(timespec="seconds").replace("+00:00", "Z")
+    return began
 
 
 def _size(path: Path) -> int | None:

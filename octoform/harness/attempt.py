@@ -19,8 +19,6 @@ from octoform.harness.watching import Watcher
 from octoform.manifest.model import Sandbox
 
 REASONS = {"wall": ExitReason.TIMEOUT, "not_started": ExitReason.NOT_INSTALLED, "ended": ExitReason.FINISHED}
-PRIVATE = ("home", "tmp")
-"""Folders of an attempt that are no part of its record: they may be large, or hold what a program cached of a login."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,7 +43,17 @@ class Invocation:
 
 
 def run_contained(task: Task, invocation: Invocation, progress: ProgressSink) -> Outcome:
-    """Run the invocation for the task; OSError only when octoform cannot write the attempt's own files."""
+    """Run the invocation for the task; OSError only when octoform cannot write the attempt's own files.
+
+    However it ends, an interrupt by the person included, the agent's private folders are removed.
+    """
+    try:
+        return _contained(task, invocation, progress)
+    finally:
+        environment.remove_private(task.workdir)
+
+
+def _contained(task: Task, invocation: Invocation, progress: ProgressSink) -> Outcome:
     variables = _environment(task, invocation)
     name = invocation.argv[0]
     program = shutil.which(name, path=variables["PATH"])
@@ -67,9 +75,6 @@ def run_contained(task: Task, invocation: Invocation, progress: ProgressSink) ->
         Limits(wall_seconds=task.limits.wall_seconds),
         watcher,
     )
-    for folder in PRIVATE:
-        # What cannot be removed stays in the attempt's private folder.
-        shutil.rmtree(task.workdir / folder, ignore_errors=True)
     return outcome(ended, task, invocation, watcher)
 
 
@@ -146,7 +151,8 @@ def _detail(ended: Ended, task: Task, invocation: Invocation, watcher: Watcher) 
         said.append(watcher.trouble.text)
     if watcher.closed is not None and not watcher.closed.ok and watcher.closed.text:
         said.append(watcher.closed.text)
-    if ended.survivors:
+    if ended.survivors and ended.reason == "ended":
+        # Of a tree that was ended as a whole nothing was left behind: these are the program's own tools.
         said.append(f"{ended.survivors} process(es) that it had left running were ended")
     if ended.remaining:
         said.append(f"{ended.remaining} process(es) could not be ended")

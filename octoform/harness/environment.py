@@ -4,6 +4,7 @@ A shell's environment is full of secrets that have nothing to do with the task, 
 the set is built up from nothing instead of cleaned.
 """
 
+import shutil
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
@@ -14,6 +15,8 @@ TASK = "OCTOFORM_TASK"
 PROMPT = "OCTOFORM_PROMPT"
 OUTPUT = "OCTOFORM_OUTPUT"
 ATTEMPT = "OCTOFORM_ATTEMPT"
+PRIVATE = ("home", "tmp")
+"""Folders of an attempt that are no part of its record: they may be large, or hold what a program cached of a login."""
 
 
 def minimal(workdir: Path, caller: Mapping[str, str], named: Sequence[str] = ()) -> dict[str, str]:
@@ -25,14 +28,25 @@ def minimal(workdir: Path, caller: Mapping[str, str], named: Sequence[str] = ())
     out = {name: value for name, value in caller.items() if name.startswith(PREFIX) and not is_secret(name)}
     out |= {
         "PATH": caller.get("PATH") or FALLBACK_PATH,
-        "HOME": str(_folder(workdir / "home")),
-        "TMPDIR": str(_folder(workdir / "tmp")),
+        "HOME": str(_folder(workdir / PRIVATE[0])),
+        "TMPDIR": str(_folder(workdir / PRIVATE[1])),
         "LANG": "C.UTF-8",
         "LC_ALL": "C.UTF-8",
         "TERM": "dumb",
     }
     out |= {name: caller[name] for name in named if name in caller}
     return out
+
+
+def remove_private(workdir: Path) -> None:
+    """Remove what `minimal` made, with all that the agent put there; what cannot be removed stays.
+
+    A link in the place of the attempt's folder is not followed.
+    """
+    if workdir.is_symlink():
+        return
+    for name in PRIVATE:
+        shutil.rmtree(workdir / name, ignore_errors=True)
 
 
 def is_secret(name: str) -> bool:

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from octoform.harness import processes
-from octoform.harness.environment import ATTEMPT
+from octoform.harness.environment import ATTEMPT, remove_private
 from octoform.harness.plainfile import read_plain
 from octoform.harness.processes import Process
 
@@ -78,16 +78,19 @@ def read(workdir: Path) -> Record | None:
 
 
 def sweep(attempts: Path) -> Swept:
-    """End every process of the attempts in that folder; call it only under the lock that forbids a running one."""
+    """End every process of the attempts in that folder, and remove the private folders that a killed run has left.
+
+    Call it only under the lock that forbids a running one.
+    """
     try:
         folders = sorted(attempts.iterdir())
     except OSError:
         return Swept()
     found = ((folder, read(folder)) for folder in folders)
     open_records = {folder: record for folder, record in found if record is not None and not record.ended}
-    if not open_records:
-        return Swept()
-    done = end_marked(tuple(open_records.values()))
+    done = end_marked(tuple(open_records.values())) if open_records else Swept()
+    for folder in folders:
+        remove_private(folder)
     if not done.left:
         for folder, record in open_records.items():
             write(folder, Record(record.mark, record.pid, record.start, ended=True))

@@ -15,8 +15,9 @@ class ExitReason(StrEnum):
     """How a run ended, as the orchestrator saw it.
 
     Finished: the program ended by itself and nothing was wrong with its run. Timeout, idle, turn limit and budget are
-    limits that octoform keeps. Auth, rate limit and unreachable are what the model's side answered when the run came
-    to nothing. Crashed is another exit status, a signal, or a run that was stopped from outside.
+    limits that octoform keeps. Auth, refused, rate limit and unreachable are what the model's side answered when the
+    run came to nothing; refused: whatever the key, it takes no such request (an unknown model, an empty account). Crashed is another exit status, a signal, or a run that was stopped from outside. Interrupted: octoform
+    itself was stopped before the attempt was over; no harness answers that.
     """
 
     FINISHED = "finished"
@@ -25,10 +26,12 @@ class ExitReason(StrEnum):
     TURN_LIMIT = "turn_limit"
     BUDGET = "budget"
     AUTH = "auth"
+    REFUSED = "refused"
     RATE_LIMIT = "rate_limit"
     UNREACHABLE = "unreachable"
     CRASHED = "crashed"
     NOT_INSTALLED = "not_installed"
+    INTERRUPTED = "interrupted"
 
 
 @dataclass(frozen=True, slots=True)

@@ -25,7 +25,7 @@ from octoform.harness.port import (
     Turn,
     Usage,
 )
-from octoform.harness.watching import KINDS, TRANSCRIPT_BYTES
+from octoform.harness.watching import KINDS, TRANSCRIPT_BYTES, added
 
 REASONS = {reason.value: reason for reason in ExitReason}
 
@@ -57,6 +57,18 @@ def decode(data: bytes) -> list[Moment]:
 def encode(moments: Iterable[Moment]) -> bytes:
     """The lines of a transcript."""
     return b"".join(_line(moment) for moment in moments)
+
+
+def used(moments: Iterable[Moment]) -> tuple[int | None, Usage]:
+    """Replies of the model so far (None where none is told) and what they used; as the watcher counts, unpriced."""
+    turns, summed, totals = None, Usage(), None
+    for moment in moments:
+        match moment.event:
+            case Turn(usage):
+                turns, summed = (turns or 0) + 1, added(summed, usage)
+            case Totals(usage):
+                totals = usage
+    return turns, totals or summed
 
 
 def text_of(event: AgentEvent) -> str:

@@ -1,6 +1,6 @@
 """Attempts for a person and for a program: a list with one line each, and everything about one."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -66,15 +66,11 @@ def recorded(console: Console, made: Recorded, *, as_json: bool) -> int:
 
 
 def _row(item: Attempt) -> tuple[str, ...]:
-    record = item.record
-    stage = item.stage if record is None or record.role == "stage" else f"{item.stage} ({record.role})"
-    if record is None:
-        figures = (UNKNOWN,) * 4
-    else:
-        usage = record.usage
-        turns = UNKNOWN if record.turns is None else str(record.turns)
-        cost = UNKNOWN if usage.cost_usd is None else money(usage.cost_usd)
-        figures = (f"{record.seconds:.1f}s", turns, _tokens(usage.input_tokens, usage.output_tokens), cost)
+    told, usage = item.told, item.told.usage
+    stage = item.stage if told.role == "stage" else f"{item.stage} ({told.role})"
+    turns = UNKNOWN if told.turns is None else str(told.turns)
+    cost = UNKNOWN if usage.cost_usd is None else money(usage.cost_usd)
+    figures = (f"{told.seconds:.1f}s", turns, _tokens(usage.input_tokens, usage.output_tokens), cost)
     cells = (str(item.number), stage, str(item.attempt), _agent(item), _ended(item), *figures, _when(item))
     return tuple(one_line(cell, 48) for cell in cells)
 
@@ -94,9 +90,8 @@ def _painted(console: Console, item: Attempt, line: str) -> str:
 
 
 def _agent(item: Attempt) -> str:
-    if item.record is None:
-        return UNKNOWN
-    return f"{item.record.harness}, {item.record.model}" if item.record.model else item.record.harness
+    told = item.told
+    return f"{told.harness}, {told.model}" if told.model else told.harness or UNKNOWN
 
 
 def _ended(item: Attempt) -> str:
@@ -118,16 +113,15 @@ def _tokens(given: int | None, made: int | None) -> str:
 
 
 def _told(console: Console, detail: Detail) -> Iterator[str]:
-    item, record = detail.attempt, detail.attempt.record
+    item, record, told = detail.attempt, detail.attempt.record, detail.attempt.told
     head = f"attempt {item.number}  {item.stage}, try {item.attempt}  {_ended(item)}"
     yield console.paint(one_line(head, WIDTH), "bold")
     yield f"  began      {one_line(_when(item), WIDTH)}"
-    if record is not None:
-        yield f"  agent      {one_line(_agent(item), WIDTH)}{_program(record.program)}"
-        yield f"  run        {one_line(_run(item), WIDTH)}"
-        if record.detail:
-            yield f"             {one_line(record.detail, WIDTH)}"
-        yield f"  used       {_used(item)}"
+    yield f"  agent      {one_line(_agent(item), WIDTH)}{_program(told.program)}"
+    yield f"  run        {one_line(_run(item), WIDTH)}"
+    if told.detail:
+        yield f"             {one_line(told.detail, WIDTH)}"
+    yield f"  used       {_used(item)}"
     size = detail.sizes.get("prompt.md")
     yield f"  prompt     {_file(item, 'prompt.md', record.prompt_bytes if record is not None else size)}"
     yield f"  log        {_file(item, 'agent.log', detail.sizes.get('agent.log'))}"
@@ -144,18 +138,14 @@ def _told(console: Console, detail: Detail) -> Iterator[str]:
 
 
 def _run(item: Attempt) -> str:
-    record = item.record
-    if record is None:
-        return UNKNOWN
-    turns = "" if record.turns is None else f", {_counted(record.turns, 'turn')}"
-    status = "" if record.exit_status is None else f", exit status {record.exit_status}"
-    return f"{record.reason} after {record.seconds:.1f} s{status}{turns}"
+    told = item.told
+    turns = "" if told.turns is None else f", {_counted(told.turns, 'turn')}"
+    status = "" if told.exit_status is None else f", exit status {told.exit_status}"
+    return f"{told.reason} {'for' if item.state == RUNNING else 'after'} {told.seconds:.1f} s{status}{turns}"
 
 
 def _used(item: Attempt) -> str:
-    usage = item.record.usage if item.record is not None else None
-    if usage is None:
-        return UNKNOWN
+    usage = item.told.usage
     source = f", priced by {usage.cost_source}" if usage.cost_usd is not None and usage.cost_source else ""
     cached = f", {tokens(usage.cached_tokens)} of them cached" if usage.cached_tokens else ""
     return (
@@ -214,9 +204,9 @@ def _spec(console: Console, detail: Detail) -> Iterator[str]:
 
 
 def _document(item: Attempt) -> dict[str, Any]:
-    record: Mapping[str, Any] = item.record.model_dump(mode="json") if item.record is not None else {}
+    told = item.told.model_dump(mode="json")
     known = {"number": item.number, "stage": item.stage, "attempt": item.attempt, "state": item.state}
-    return {**record, **known, "started_at": item.began, "folder": str(item.folder)}
+    return {**told, **known, "started_at": item.began, "folder": str(item.folder)}
 
 
 def _more(detail: Detail) -> dict[str, Any]:

@@ -1,6 +1,7 @@
 """Problems outside any command's own output: usage errors, interruption, diagnostics without a view."""
 
 import json
+import signal
 from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
@@ -9,6 +10,8 @@ import octoform
 from octoform.diagnostics import Diagnostic, has_errors, to_json
 from octoform.escaping import escaped_json
 from octoform.views.console import Console
+
+GOES_ON = "what was accepted stays accepted, the next apply goes on from there"
 
 
 def usage(console: Console, message: str, usage_line: str) -> int:
@@ -20,8 +23,14 @@ def usage(console: Console, message: str, usage_line: str) -> int:
 
 def interrupted(console: Console) -> int:
     """Ctrl-C; exit code 130."""
-    console.problem("\noctoform: interrupted; what was accepted stays accepted, the next apply goes on from there")
+    console.problem(f"\noctoform: interrupted; {GOES_ON}")
     return 130
+
+
+def stopped(console: Console, number: int) -> int:
+    """Ended by a signal; exit code 128 and its number, as a shell has it."""
+    console.problem(f"octoform: stopped by {signal.Signals(number).name}; {GOES_ON}")
+    return 128 + number
 
 
 def version(console: Console) -> int:

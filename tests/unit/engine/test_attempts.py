@@ -11,7 +11,7 @@ from attempt_folders import Folders
 from octoform.diagnostics import error, to_json, warning
 from octoform.engine import attempts as engine
 from octoform.harness import orphans, processes
-from octoform.harness.port import Closed, ExitReason, Said, ToolCalled, ToolReturned, Trouble
+from octoform.harness.port import Closed, ExitReason, Said, ToolCalled, ToolReturned, Trouble, Turn, Usage
 from octoform.state.attempts import SpecEdit
 from octoform.state.lock import acquire
 from octoform.views import attempts as views
@@ -177,6 +177,34 @@ def test_an_attempt_without_a_record_can_be_shown(folders: Folders) -> None:
     folders.add("probe", 1, record=False, events=[ToolCalled("bash", "ls")])
     assert "interrupted" in shown(folders, 1)
     assert json.loads(shown(folders, 1, as_json=True))["state"] == "interrupted"
+
+
+def test_an_attempt_without_a_record_tells_what_it_has_used_so_far(folders: Folders) -> None:
+    replies = [Turn(Usage(1000, 400, 50)), ToolCalled("bash", "ls"), Turn(Usage(500, None, 7)), Said("x")]
+    folder = folders.add("identify", 2, record=False, events=replies)
+    task = {"format": 1, "stage": "identify", "role": "escalate", "harness": "pi", "model": "openai/x"}
+    (folder / "task.json").write_text(json.dumps(task))
+    line = shown(folders).splitlines()[1]
+    for part in ("identify (escalate)", "pi, openai/x", "interrupted", "3.0s", "  2  ", "1.5k/57"):
+        assert part in line, part
+    text = shown(folders, 1)
+    assert "interrupted after 3.0 s, 2 turns" in text
+    assert "1.5k in, 57 out, cost unknown, 400 of them cached" in text
+    acquired = acquire(folders.layout, "apply")
+    assert acquired.lock is not None
+    with acquired.lock:
+        assert "running for" in shown(folders, 1)
+    assert detail(folders, 1).attempt.record is None
+
+
+@pytest.mark.parametrize(
+    "task", [b"", b"[]", b"{", b'{"harness": 1, "model": [], "role": {}}', json.dumps({"model": "\ud800"}).encode()]
+)
+def test_a_task_that_an_agent_has_spoilt_tells_nothing(folders: Folders, task: bytes) -> None:
+    folder = folders.add("probe", 1, record=False)
+    (folder / "task.json").write_bytes(task)
+    assert states(folders) == ["interrupted"]
+    assert "interrupted" in shown(folders, 1)
 
 
 EDITED = {"spec_edit": SpecEdit(digest="sha256:x", permitted=True, added=1, removed=0)}

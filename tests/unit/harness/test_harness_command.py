@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from octoform.diagnostics import Diagnostic
-from octoform.harness import usage
+from octoform.harness import environment, usage
 from octoform.harness.adapters.builtin import BuiltinHarness
 from octoform.harness.adapters.command import CommandHarness, fill
 from octoform.harness.port import ExitReason, Outcome, Task, TaskLimits, Usage
@@ -65,6 +65,37 @@ def test_a_program_that_ends_well(shell: Agent, task: Task) -> None:
     outcome = shell("cat > output.json")
     assert (outcome.reason, outcome.exit_status, outcome.detail) == (ExitReason.FINISHED, 0, "")
     assert task.output.read_text() == task.prompt.read_text()
+
+
+def test_what_a_program_leaves_running_is_told_of(shell: Agent) -> None:
+    assert shell("sleep 300 & exit 0").detail == "1 process(es) that it had left running were ended"
+
+
+def test_what_runs_when_octoform_ends_it_was_not_left_behind(shell: Agent, task: Task) -> None:
+    harness = CommandHarness(("sh", "-c", "sleep 300 & sleep 300; wait"))
+    outcome = harness.run(replace(task, limits=TaskLimits(30, idle_seconds=0.3)), lambda *_: None)
+    assert (outcome.reason, outcome.detail) == (ExitReason.IDLE, "stopped after 0.3 s without a sign of progress")
+    assert outcome.survivors_killed >= 1
+
+
+def test_an_interrupt_removes_the_private_folders(task: Task) -> None:
+    harness = CommandHarness(("sh", "-c", 'touch "$HOME/login" "$TMPDIR/large"; echo there; sleep 300'))
+
+    def interrupt(*_: object) -> None:
+        assert (task.workdir / "home" / "login").exists()
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        harness.run(task, interrupt)
+    assert not (task.workdir / "home").exists()
+    assert not (task.workdir / "tmp").exists()
+
+
+def test_a_link_in_the_place_of_the_folder_is_not_followed(tmp_path: Path) -> None:
+    (tmp_path / "others" / "home").mkdir(parents=True)
+    (tmp_path / "attempt").symlink_to(tmp_path / "others")
+    environment.remove_private(tmp_path / "attempt")
+    assert (tmp_path / "others" / "home").exists()
 
 
 def test_the_environment_holds_nothing_of_the_callers_that_was_not_named(shell: Agent, task: Task) -> None:

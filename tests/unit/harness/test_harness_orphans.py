@@ -144,5 +144,18 @@ def test_a_recycled_process_id_is_not_signalled() -> None:
         child.wait()
 
 
+def test_the_private_folders_of_dead_attempts_go_and_nothing_else(tmp_path: Path) -> None:
+    attempt = tmp_path / "attempts" / "000001-probe-1"
+    for name in ("home/.cache", "tmp/build", "home2"):
+        (attempt / name).mkdir(parents=True)
+    (attempt / "agent.log").write_text("the log\n")
+    other = tmp_path / "others"
+    (other / "home").mkdir(parents=True)
+    (tmp_path / "attempts" / "000002-probe-1").symlink_to(other)
+    assert orphans.sweep(tmp_path / "attempts") == orphans.Swept()
+    assert sorted(path.name for path in attempt.iterdir()) == ["agent.log", "home2"]
+    assert (other / "home").exists()
+
+
 def test_no_attempts_at_all(tmp_path: Path) -> None:
     assert orphans.sweep(tmp_path / "missing") == orphans.Swept()

@@ -19,7 +19,7 @@ from octoform.harness.port import (
     Turn,
     Usage,
 )
-from octoform.harness.transcript import Moment, decode, encode, read, with_text
+from octoform.harness.transcript import Moment, decode, encode, read, used, with_text
 from octoform.harness.watching import Watcher
 
 EVENTS: list[AgentEvent] = [
@@ -88,3 +88,10 @@ def test_no_file_is_no_event(tmp_path: Path) -> None:
 def test_only_what_has_words_gets_others() -> None:
     assert with_text(Closed(True, "x"), "y") == Closed(True, "y")
     assert with_text(ToolReturned(True), "y") == ToolReturned(True)
+
+
+def test_what_was_used_so_far_is_what_the_watcher_counts() -> None:
+    assert used([Moment(0.0, Said("a line"))]) == (None, Usage())
+    replies = [Moment(float(at), Turn(Usage(10, None, at))) for at in range(3)]
+    assert used(replies) == (3, Usage(30, None, 3))
+    assert used([*replies, Moment(3.0, Totals(Usage(31, 5, 4)))]) == (3, Usage(31, 5, 4))
