@@ -16,8 +16,9 @@ class ExitReason(StrEnum):
 
     Finished: the program ended by itself and nothing was wrong with its run. Timeout, idle, turn limit and budget are
     limits that octoform keeps. Auth, refused, rate limit and unreachable are what the model's side answered when the
-    run came to nothing; refused: whatever the key, it takes no such request (an unknown model, an empty account). Crashed is another exit status, a signal, or a run that was stopped from outside. Interrupted: octoform
-    itself was stopped before the attempt was over; no harness answers that.
+    run came to nothing; refused: whatever the key, it takes no such request (an unknown model, an empty account).
+    Crashed is another exit status, a signal, or a run that was stopped from outside. Interrupted: octoform itself was
+    stopped before the attempt was over; no harness answers that.
     """
 
     FINISHED = "finished"
