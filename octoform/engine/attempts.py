@@ -31,6 +31,8 @@ RUNNING = "running"
 INTERRUPTED = "interrupted"
 ACCEPTED = "accepted"
 REFUSED = "refused"
+REUSE = "reuse"
+"""The role of an attempt without an agent: another host's output was tried."""
 MOST_TASK_BYTES = 1 << 20
 
 
@@ -187,14 +189,14 @@ def _so_far(folder: Path, state: str) -> AttemptRecord:
 
 
 def _word(value: object) -> str | None:
-    """A text that can be told on: JSON may hold halves of characters."""
-    return value.encode("utf-8", "replace").decode() if isinstance(value, str) else None
+    return value if isinstance(value, str) else None
 
 
 def _state(record: AttemptRecord) -> str:
     if record.accepted:
         return ACCEPTED
-    return REFUSED if record.reason == ExitReason.FINISHED.value else record.reason
+    well = record.role == REUSE or record.reason == ExitReason.FINISHED.value
+    return REFUSED if well else record.reason
 
 
 def _parts(name: str) -> tuple[int, str, int]:

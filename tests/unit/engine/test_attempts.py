@@ -205,6 +205,7 @@ def test_a_task_that_an_agent_has_spoilt_tells_nothing(folders: Folders, task: b
     (folder / "task.json").write_bytes(task)
     assert states(folders) == ["interrupted"]
     assert "interrupted" in shown(folders, 1)
+    assert json.loads(shown(folders, 1, as_json=True))["harness"] == ""
 
 
 EDITED = {"spec_edit": SpecEdit(digest="sha256:x", permitted=True, added=1, removed=0)}
