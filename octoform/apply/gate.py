@@ -74,6 +74,11 @@ _ENDINGS: Mapping[ExitReason, tuple[str, str, str]] = {
         "the model's provider refused the key of {stage}'s agent",
         "check the key's variable and what the key may use; `octoform doctor` tries it",
     ),
+    ExitReason.REFUSED: (
+        "APPLY-MODEL-REFUSED",
+        "the model's provider takes no requests of {stage}'s agent for the model {model}",
+        "check the model's name and the account; `octoform doctor` asks which models there are",
+    ),
     ExitReason.RATE_LIMIT: (
         "APPLY-RATE-LIMIT",
         "the model's provider limits the requests of {stage}'s agent",
@@ -97,7 +102,13 @@ def ended_well(outcome: Outcome, task: Task) -> list[Diagnostic]:
     if outcome.reason in _ENDINGS:
         code, text, hint = _ENDINGS[outcome.reason]
         limits = task.limits
-        values = {"wall": limits.wall_seconds, "idle": limits.idle_seconds, "turns": limits.turns, "usd": limits.usd}
+        values = {
+            "wall": limits.wall_seconds,
+            "idle": limits.idle_seconds,
+            "turns": limits.turns,
+            "usd": limits.usd,
+            "model": task.model,
+        }
         return [error(code, text.format(stage=task.stage, **values), detail=outcome.detail or None, hint=hint)]
     installed = outcome.reason is not ExitReason.NOT_INSTALLED
     text = f"the agent of {task.stage} " + (f"ended with {_status(outcome)}" if installed else "could not be started")

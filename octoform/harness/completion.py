@@ -123,6 +123,7 @@ class LiteLLMCompletion:
 
 _WORDS = {
     ExitReason.AUTH: "the key was refused",
+    ExitReason.REFUSED: "the request was refused",
     ExitReason.RATE_LIMIT: "the model's rate limit is reached",
     ExitReason.UNREACHABLE: "the model cannot be reached",
 }

@@ -62,8 +62,17 @@ _SIGNS = (
     (
         ExitReason.AUTH,
         re.compile(
-            r"(?i)\b40[13]\b|unauthor|forbidden|authentication|(?:invalid|missing).{0,12}(?:api.?key|token)|"
+            r"(?i)\b40[13]\b|unauthor|forbidden|authentication|(?:invalid|missing).{0,12}(?:api.?key|token\b)|"
             r"api.?key.{0,8}(?:not valid|invalid|expired)"
+        ),
+    ),
+    (
+        ExitReason.REFUSED,
+        re.compile(
+            r"(?i)(?:^|status(?: code)?:? |\"code\": ?|error:? |http )40[024]\b|payment.?required|"
+            r"insufficient.{0,3}(?:credit|quota|funds|balance)|credit balance|"
+            r"(?:unknown|unsupported|no such|invalid|not a valid).{0,3}model\b|"
+            r"\bmodels?\b.{0,80}(?:not.?found|does(?: not|n't) exist|not (?:a )?(?:supported|valid|available))"
         ),
     ),
     (ExitReason.RATE_LIMIT, re.compile(r"(?i)\b429\b|rate.?limit|too many requests|resource.?exhausted|quota")),
@@ -75,15 +84,32 @@ _SIGNS = (
         ),
     ),
 )
+REFUSALS = (400, 402, 404)
+_TOO_LONG = re.compile(r"(?i)context|too (?:long|large|many tokens)|maximum.{0,20}tokens")
+"""A conversation that has grown too long is one run's own doing; the next one may well do better."""
 
 
 def trouble(text: str, status: int | None = None, *, final: bool = False) -> Trouble:
     """What a message about a failed request means; ``status`` is its HTTP status where the program tells it apart.
 
-    A refused key is final: the next request is refused as well. What fits nothing known counts as crashed.
+    A refused key is final, and so is a request that is never taken: the next one is refused as well. What fits nothing
+    known counts as crashed.
     """
-    searched = str(status) if status is not None else text
-    reason = next((reason for reason, sign in _SIGNS if sign.search(searched)), None)
-    if reason is None:
-        reason = next((reason for reason, sign in _SIGNS if sign.search(text)), ExitReason.CRASHED)
-    return Trouble(reason, one_line(text), final or reason is ExitReason.AUTH)
+    reason = _reason(text, status)
+    return Trouble(reason, one_line(text), final or reason in (ExitReason.AUTH, ExitReason.REFUSED))
+
+
+def _reason(text: str, status: int | None) -> ExitReason:
+    said = _said(text)
+    if status in REFUSALS:
+        # Some services call a wrong key a bad request.
+        said = said if said is ExitReason.AUTH else ExitReason.REFUSED
+    elif status is not None:
+        said = _said(str(status)) or said
+    if said is ExitReason.REFUSED and _TOO_LONG.search(text):
+        return ExitReason.CRASHED
+    return said or ExitReason.CRASHED
+
+
+def _said(text: str) -> ExitReason | None:
+    return next((reason for reason, sign in _SIGNS if sign.search(text)), None)

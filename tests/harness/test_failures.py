@@ -38,6 +38,8 @@ class Case:
 
 CASES = {
     "401": Case([{"status": 401}], Expected(ExitReason.AUTH)),
+    "402": Case([{"status": 402}], Expected(ExitReason.REFUSED)),
+    "404": Case([{"status": 404}], Expected(ExitReason.REFUSED)),
     "429": Case([{"status": 429}], Expected(ExitReason.RATE_LIMIT), waits=True),
     "500": Case([{"status": 500}], UNREACHABLE, waits=True),
     "500, 429, ok": Case(

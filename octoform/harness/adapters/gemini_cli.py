@@ -45,6 +45,8 @@ OPTIONS = (
 RECORD = b'{"method":"generateContent'
 STREAMED = "generateContentStream"
 RETRY = re.compile(rb"Attempt \d+ failed(?: with status (\d{3}))?[.:]")
+STATUS = re.compile(rb"\s+(?:code|status): (\d{3}),?\s*$")
+"""A field of a failed request as it is shown on standard error; the result may have its words alone."""
 NO_KEY = b"When using Gemini API, you must specify"
 CODE = re.compile(r'"code":\s*(\d{3})\b')
 STOPPED = re.compile(r"(?i)loop detected|max session turns")
@@ -155,7 +157,9 @@ class GeminiCliDialect:
         yield Totals(self._used)
 
     def _retried(self, line: bytes) -> Iterable[AgentEvent]:
-        found = RETRY.match(line)
+        found, status = RETRY.match(line), STATUS.match(line)
+        if status is not None:
+            self._failed = trouble("", int(status[1])).reason
         if found is not None:
             yield self._trouble(line.decode("utf-8", "replace"), found.group(1))
         elif line.startswith(NO_KEY):

@@ -10,8 +10,11 @@ from model_server.turns import Call, Reply
 
 PIECE = 40
 WORDS = {
+    400: "This request is not valid.",
     401: "This API key is not valid.",
     403: "This key may not use this model.",
+    402: "Your account has no credit left.",
+    404: "The model is not there.",
     429: "Too many requests: the limit of this minute is reached.",
     500: "The server had an error while it processed your request.",
     503: "The model is overloaded.",
@@ -38,10 +41,10 @@ def failure(api: str | None, status: int) -> dict[str, Any]:
     """The body of an HTTP error."""
     text = WORDS.get(status, "something went wrong")
     if api == MESSAGES:
-        kinds = {401: "authentication_error", 429: "rate_limit_error", 529: "overloaded_error"}
+        kinds = {401: "authentication_error", 404: "not_found_error", 429: "rate_limit_error", 529: "overloaded_error"}
         return {"type": "error", "error": {"type": kinds.get(status, "api_error"), "message": text}}
     if api == GEMINI:
-        kinds = {400: "INVALID_ARGUMENT", 401: "UNAUTHENTICATED", 429: "RESOURCE_EXHAUSTED"}
+        kinds = {400: "INVALID_ARGUMENT", 401: "UNAUTHENTICATED", 404: "NOT_FOUND", 429: "RESOURCE_EXHAUSTED"}
         return {"error": {"code": status, "message": text, "status": kinds.get(status, "INTERNAL")}}
     if api == OLLAMA:
         return {"error": text}

@@ -118,7 +118,7 @@ def test_only_requests_for_replies_are_trouble() -> None:
         ("Missing environment variable: `LOOP_KEY`.", ExitReason.AUTH),
         (
             "unexpected status 404 Not Found: no such model, url: http://127.0.0.1:50329/v1/responses",
-            ExitReason.CRASHED,
+            ExitReason.REFUSED,
         ),
         ("unexpected status 503 Service Unavailable: later, url: http://127.0.0.1/401", ExitReason.UNREACHABLE),
     ],

@@ -107,7 +107,7 @@ def test_its_guard_against_loops_is_no_success() -> None:
         ('[API Error: {"error":{"code":403,"message":"Not with this project."}}]', ExitReason.AUTH),
         ("[API Error: You exceeded your current quota]", ExitReason.RATE_LIMIT),
         ("[API Error: exception TypeError: fetch failed sending request]", ExitReason.UNREACHABLE),
-        ('[API Error: {"error":{"code":404,"message":"no such model"}}]', ExitReason.CRASHED),
+        ('[API Error: {"error":{"code":404,"message":"no such model"}}]', ExitReason.REFUSED),
     ],
 )
 def test_what_its_messages_mean(message: str, reason: ExitReason) -> None:
@@ -172,7 +172,8 @@ def test_how_it_is_started(tmp_path: Path) -> None:
     found = invoked(GeminiCli(), SPEC, "gemini/gemini-3-flash", tmp_path, turns=40)
     assert found.argv[:3] == ("/opt/it", "--model", "gemini-3-flash")
     assert found.stdin == tmp_path / "prompt.md"
-    assert (found.path, found.program, found.named) == (("/opt/node",), "gemini 1.2.3", ("LOOP_KEY",))
+    assert found.path == (str(tmp_path / "home" / "shells"), "/opt/node")
+    assert (found.program, found.named) == ("gemini 1.2.3", ("LOOP_KEY",))
     assert found.settings["GOOGLE_GEMINI_BASE_URL"] == "http://127.0.0.1:8080"
     settings = configured(tmp_path)
     assert settings["tools"]["exclude"] == ["google_web_search", "web_fetch"]
@@ -228,3 +229,12 @@ def a_task(folder: Path, invocation: Invocation) -> Task:
         environment={"PATH": "/usr/bin:/bin"},
         limits=TaskLimits(30.0),
     )
+
+
+@pytest.mark.parametrize(("code", "reason"), [(404, ExitReason.REFUSED), (429, ExitReason.RATE_LIMIT)])
+def test_words_without_a_status_have_that_of_standard_error(code: int, reason: ExitReason) -> None:
+    dialect = GeminiCliDialect()
+    assert lines(dialect, "stderr", b"Error when talking to Gemini API", b"  code: %d" % code, b"}") == []
+    assert lines(dialect, "stdout", failed("[API Error: Come back tomorrow.]")) == [
+        Trouble(reason, "[API Error: Come back tomorrow.]", final=True)
+    ]

@@ -73,7 +73,7 @@ def test_a_run_in_the_words_of_the_port() -> None:
         (500, "Connection error.", ExitReason.UNREACHABLE, False),
         (408, "litellm.Timeout: Request timed out", ExitReason.UNREACHABLE, False),
         (None, "peer closed connection", ExitReason.UNREACHABLE, False),
-        (404, "no such model", ExitReason.CRASHED, False),
+        (404, "no such model", ExitReason.REFUSED, True),
     ],
 )
 def test_trouble_has_its_reason(status: int | None, text: str, reason: ExitReason, final: bool) -> None:
@@ -90,11 +90,11 @@ def test_what_is_no_line_of_its_own_is_nothing() -> None:
 
 
 def test_what_a_process_is_given_holds_no_secret(task: Task) -> None:
-    harness = LiteLLMHarness(replace(SPEC, env=("HTTPS_PROXY",)))
+    harness = LiteLLMHarness(replace(SPEC, env=("HTTPS_PROXY", "OTHER_TOKEN")))
     config = harness.configuration(task)
     text = json.dumps([str(config), config.hidden])
     assert SECRET not in text
-    assert set(config.hidden) >= {"LOOP_KEY", "HTTPS_PROXY", "LITELLM_LOCAL_MODEL_COST_MAP"}
+    assert set(config.hidden) >= {"LOOP_KEY", "OTHER_TOKEN", "LITELLM_LOCAL_MODEL_COST_MAP"}
     assert (config.shell_seconds, config.most_shell_seconds, config.request_seconds) == (60, 80, 150.0)
 
 

@@ -75,7 +75,7 @@ def test_after_its_error_nothing_that_came_before_it_counts() -> None:
     dialect = OpenCodeDialect()
     error = {"name": "APIError", "data": {"message": "No such model.", "statusCode": 404}}
     assert lines(dialect, "stdout", {"type": "error", "error": error}) == [
-        Trouble(ExitReason.CRASHED, "No such model.", final=True)
+        Trouble(ExitReason.REFUSED, "No such model.", final=True)
     ]
     assert lines(dialect, "stderr", {"octoform": "retry", "text": "late", "status": 500}) == []
 
@@ -101,7 +101,7 @@ def test_how_it_is_started(tmp_path: Path) -> None:
     assert found.argv[:4] == ("/opt/it", "run", "--format", "json")
     assert found.argv[found.argv.index("--model") + 1] == "octoform/google/gemini-3"
     assert found.stdin == tmp_path / "prompt.md"
-    assert (found.path, found.program) == (("/opt/node",), "opencode 1.2.3")
+    assert (found.path, found.program) == ((str(tmp_path / "home" / "shells"), "/opt/node"), "opencode 1.2.3")
     assert found.named == ("LOOP_KEY",)
     assert found.settings["OPENCODE_DISABLE_PROJECT_CONFIG"] == "1"
     assert found.settings["OPENCODE_WATCH_WITHHELD"] == "LOOP_KEY"

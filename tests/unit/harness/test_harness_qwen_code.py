@@ -94,13 +94,13 @@ def test_its_own_limit_of_turns_is_told_on_standard_error_alone() -> None:
         ("[WARN] [RETRY] Attempt 1 failed. Retrying with backoff in 2s... {", ExitReason.UNREACHABLE),
         ("[WARN] [RETRY] Attempt 1 failed with status 529. Retrying after explicit delay", ExitReason.UNREACHABLE),
         ("[ERROR] [OPENAI_ERROR] OpenAI API Error: 429 You exceeded your quota 500 {", ExitReason.RATE_LIMIT),
-        ("[ERROR] [OPENAI_ERROR] OpenAI API Error: 404 no such model {", ExitReason.CRASHED),
+        ("[ERROR] [OPENAI_ERROR] OpenAI API Error: 404 no such model {", ExitReason.REFUSED),
     ],
 )
 def test_what_its_log_means(line: str, reason: ExitReason) -> None:
     (found,) = lines(QwenCodeDialect(), "stderr", (LOGGED + line).encode())
     assert isinstance(found, Trouble)
-    assert (found.reason, found.final) == (reason, False)
+    assert (found.reason, found.final) == (reason, reason is ExitReason.REFUSED)
     assert not found.text.endswith("{")
 
 
