@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from octoform import digest
-from octoform.graph.model import Graph, Node, NodeKind
+from octoform.graph.model import Agent, Graph, Node, NodeKind
 from octoform.manifest.model import MODEL_FREE, HarnessSpec, Manifest
 from octoform.profiles import Profile
 from octoform.protocol import STAGES, Spec
@@ -40,6 +40,7 @@ def _stage(name: str, manifest: Manifest, spec: Spec, profiles: tuple[Profile, .
         harness=harness.name,
         model=model,
         calls_model=any(_calls_model(one) for one in (harness, second.harness if second is not None else None)),
+        escalate=Agent(second.harness.name, second.model) if second is not None else None,
     )
 
 

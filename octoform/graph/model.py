@@ -20,12 +20,20 @@ class NodeKind(StrEnum):
 
 
 @dataclass(frozen=True, slots=True)
+class Agent:
+    """Who does a stage: a harness, and its model where it uses one (reference unresolved)."""
+
+    harness: str
+    model: str | None = None
+
+
+@dataclass(frozen=True, slots=True)
 class Node:
     """One unit of the plan.
 
     ``parts`` are the key parts that are known before anything runs; ``consumes`` names the nodes whose output
     digests join them. ``observes_host`` adds the host fingerprint (PROBE alone). ``calls_model``: an agent that
-    may work for it uses a model.
+    may work for it uses a model. ``escalate`` is asked for what the stage's own agent leaves unknown.
     """
 
     name: str
@@ -36,6 +44,7 @@ class Node:
     harness: str | None = None
     model: str | None = None
     calls_model: bool = False
+    escalate: Agent | None = None
 
 
 @dataclass(frozen=True, slots=True)

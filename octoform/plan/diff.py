@@ -165,5 +165,6 @@ def _action(
         model=node.model,
         calls_agent=runs_agent,
         calls_model=runs_agent and node.calls_model,
+        escalate=node.escalate if runs_agent else None,
         last=known.last if known is not None else {},
     )

@@ -4,9 +4,12 @@ from collections.abc import Mapping
 from dataclasses import asdict
 from typing import Any
 
+from octoform.graph.model import Agent
 from octoform.plan.model import Action, Cause, Change, Loan, OpenQuestion, Plan, PlannedAction, Reason
 
 FORMAT = 1
+_ABSENT = ("escalate", "loan")
+"""Fields of an action that are there only where they say something."""
 
 
 def to_json(plan: Plan) -> dict[str, Any]:
@@ -23,9 +26,7 @@ def _action(item: PlannedAction) -> dict[str, Any]:
     out["reasons"] = [
         {key: value for key, value in asdict(reason).items() if value is not None} for reason in item.reasons
     ]
-    if item.loan is None:
-        del out["loan"]
-    return out
+    return {key: value for key, value in out.items() if value is not None or key not in _ABSENT}
 
 
 def from_json(data: Mapping[str, Any]) -> Plan:
@@ -41,5 +42,6 @@ def from_json(data: Mapping[str, Any]) -> Plan:
 
 def _read_action(item: Mapping[str, Any]) -> PlannedAction:
     reasons = tuple(Reason(**{**reason, "cause": Cause(reason["cause"])}) for reason in item["reasons"])
-    loan = {"loan": Loan(**item["loan"])} if "loan" in item else {}
-    return PlannedAction(**{**item, "action": Action(item["action"]), "reasons": reasons, **loan})
+    more: dict[str, Any] = {"loan": Loan(**item["loan"])} if "loan" in item else {}
+    more |= {"escalate": Agent(**item["escalate"])} if "escalate" in item else {}
+    return PlannedAction(**{**item, "action": Action(item["action"]), "reasons": reasons, **more})

@@ -8,6 +8,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
 
+from octoform.graph.model import Agent
+
 
 class Action(StrEnum):
     """What happens to a node. The words are Terraform's."""
@@ -66,7 +68,8 @@ class PlannedAction:
 
     ``certain`` is False for a node whose inputs are known only after apply: it runs only if they come out
     different. ``calls_agent`` tells whether running it starts an agent, ``calls_model`` whether that agent may
-    call a model; ``last`` is what the accepted run of this node took (seconds, attempts, tokens, cost).
+    call a model; ``escalate`` is asked for what the agent leaves unknown. ``last`` is what the accepted run of this
+    node took (seconds, attempts, tokens, cost).
     """
 
     node: str
@@ -77,6 +80,7 @@ class PlannedAction:
     model: str | None = None
     calls_agent: bool = False
     calls_model: bool = False
+    escalate: Agent | None = None
     last: Mapping[str, object] = field(default_factory=dict)
     loan: Loan | None = None
 

@@ -4,13 +4,13 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
-from octoform.engine.attempts import ACCEPTED, INTERRUPTED, RUNNING, Attempt, Detail
+from octoform.engine.attempts import ACCEPTED, INTERRUPTED, REUSE, RUNNING, Attempt, Detail
 from octoform.engine.recording import Recorded
 from octoform.harness.port import Closed
 from octoform.views.console import Console
 from octoform.views.diagnostics import render
 from octoform.views.problems import near
-from octoform.views.spending import money, spent, tokens
+from octoform.views.spending import money, tokens, used
 from octoform.views.text import escape, one_line
 from octoform.views.texts import document
 
@@ -22,6 +22,8 @@ STYLES = {"+": "green", "-": "red", "@": "cyan"}
 HEADS = ("no", "stage", "try", "agent", "ended", "time", "turns", "tokens in/out", "cost", "when")
 RIGHT = frozenset({"no", "try", "time", "turns", "tokens in/out", "cost"})
 UNKNOWN = "-"
+FILES = {"prompt.md": "prompt", "agent.log": "log", "transcript.jsonl": "transcript"}
+"""What octoform keeps of an attempt, shown as far as it is there: a reuse has none of it."""
 
 
 def listing(console: Console, attempts: Sequence[Attempt], *, everything: bool, as_json: bool) -> int:
@@ -114,18 +116,21 @@ def _tokens(given: int | None, made: int | None) -> str:
 
 def _told(console: Console, detail: Detail) -> Iterator[str]:
     item, record, told = detail.attempt, detail.attempt.record, detail.attempt.told
-    head = f"attempt {item.number}  {item.stage}, try {item.attempt}  {_ended(item)}"
+    reuse = record is not None and record.role == REUSE
+    head = f"attempt {item.number}  {item.stage}, {'reuse' if reuse else f'try {item.attempt}'}  {_ended(item)}"
     yield console.paint(one_line(head, WIDTH), "bold")
     yield f"  began      {one_line(_when(item), WIDTH)}"
-    yield f"  agent      {one_line(_agent(item), WIDTH)}{_program(told.program)}"
-    yield f"  run        {one_line(_run(item), WIDTH)}"
-    if told.detail:
-        yield f"             {one_line(told.detail, WIDTH)}"
-    yield f"  used       {_used(item)}"
-    size = detail.sizes.get("prompt.md")
-    yield f"  prompt     {_file(item, 'prompt.md', record.prompt_bytes if record is not None else size)}"
-    yield f"  log        {_file(item, 'agent.log', detail.sizes.get('agent.log'))}"
-    yield f"  transcript {_file(item, 'transcript.jsonl', detail.sizes.get('transcript.jsonl'))}"
+    if reuse:
+        yield f"  reused     {one_line(told.detail, WIDTH)}; no agent ran"
+    else:
+        yield f"  agent      {one_line(_agent(item), WIDTH)}{_program(told.program)}"
+        yield f"  run        {one_line(_run(item), WIDTH)}"
+        if told.detail:
+            yield f"             {one_line(told.detail, WIDTH)}"
+        yield f"  used       {_used(item)}"
+    for name, size in detail.sizes.items():
+        if size is not None:
+            yield f"  {FILES.get(name, name):<10} {_near(item.folder / name)}, {size} bytes"
     yield from _calls(detail)
     yield from _troubles(detail)
     yield from _spec(console, detail)
@@ -146,19 +151,13 @@ def _run(item: Attempt) -> str:
 
 def _used(item: Attempt) -> str:
     usage = item.told.usage
-    source = f", priced by {usage.cost_source}" if usage.cost_usd is not None and usage.cost_source else ""
-    cached = f", {tokens(usage.cached_tokens)} of them cached" if usage.cached_tokens else ""
-    return (
-        one_line(spent(usage.input_tokens, usage.output_tokens, usage.cost_usd) + source + cached, WIDTH) or "unknown"
-    )
+    source = usage.cost_source or ""
+    cost = used(usage.input_tokens, usage.cached_tokens, usage.output_tokens, usage.cost_usd, source)
+    return one_line(cost, WIDTH) or "unknown"
 
 
 def _program(program: str | None) -> str:
     return f" ({one_line(program, WIDTH)})" if program else ""
-
-
-def _file(item: Attempt, name: str, size: int | None) -> str:
-    return f"{_near(item.folder / name)}{'' if size is None else f', {size} bytes'}"
 
 
 def _near(path: Path) -> str:
@@ -216,8 +215,8 @@ def _more(detail: Detail) -> dict[str, Any]:
         counts = {"added": edit.added, "removed": edit.removed, "permitted": edit.permitted}
         lines = {**counts, "certain": edit.certain, "diff": list(edit.lines)}
     return {
-        "prompt": {"path": str(detail.attempt.folder / "prompt.md"), "bytes": detail.sizes.get("prompt.md")},
-        "log": {"path": str(detail.attempt.folder / "agent.log"), "bytes": detail.sizes.get("agent.log")},
+        "prompt": _file(detail, "prompt.md"),
+        "log": _file(detail, "agent.log"),
         "spec": lines,
         "tool_calls": [{"at": at, "tool": call.tool, "text": call.text} for at, call in calls[:MOST_CALLS]],
         "tool_calls_in_all": len(calls),
@@ -228,6 +227,11 @@ def _more(detail: Detail) -> dict[str, Any]:
         ],
         "troubles_in_all": len(troubles),
     }
+
+
+def _file(detail: Detail, name: str) -> dict[str, Any] | None:
+    size = detail.sizes.get(name)
+    return None if size is None else {"path": str(detail.attempt.folder / name), "bytes": size}
 
 
 def _counted(count: int, word: str) -> str:

@@ -57,13 +57,13 @@ class PlanHuman:
 
     def _node(self, plan: Plan, item: PlannedAction) -> None:
         say = self._console.line
-        maker = f"  [{item.harness}{', ' + item.model if item.model else ''}]" if item.calls_agent else ""
+        maker = f"  [{one_line(sentences.makers(item), WIDTH)}]" if item.calls_agent else ""
         name = self._console.paint(f"{item.node:<10}", "bold")
         say(f"{self._symbol(item.action)} {name} {sentences.phrase(item)}{self._console.paint(maker, 'dim')}")
         for reason in sentences.reasons(plan, item):
             say(f"        {reason}")
         if item.loan is not None:
-            say(self._console.paint(f"        {sentences.loan(item.loan)}", "cyan"))
+            say(self._console.paint(f"        {one_line(sentences.loan(item.loan), WIDTH)}", "cyan"))
         if item.calls_agent and item.last.get("attempts"):
             say(self._console.paint(f"        the accepted run took {_last(item)}", "dim"))
 

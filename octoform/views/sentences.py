@@ -57,6 +57,17 @@ def phrase(item: PlannedAction) -> str:
     return _PHRASES[item.action] if item.certain else "may be updated in place (known after apply)"
 
 
+def makers(item: PlannedAction) -> str:
+    """Who is asked: ``builtin``, ``pi, openai/x``, ``builtin, then pi, openai/x`` for what the first leaves unknown."""
+    first, second = agent(item.harness or "", item.model), item.escalate
+    return first if second is None else f"{first}, then {agent(second.harness, second.model)}"
+
+
+def agent(harness: str, model: str | None) -> str:
+    """A harness and its model, where it uses one."""
+    return f"{harness}, {model}" if model else harness
+
+
 def reasons(plan: Plan, item: PlannedAction) -> list[str]:
     """Why a node is worked on, one line a reason; what it waits for is one line in all."""
     if plan.operation == "destroy":

@@ -15,6 +15,15 @@ def spent(input_tokens: int | None, output_tokens: int | None, cost_usd: float |
     return ", ".join(parts)
 
 
+def used(
+    input_tokens: int | None, cached_tokens: int | None, output_tokens: int | None, cost_usd: float | None, source: str
+) -> str:
+    """`spent`, with who priced it and how much of the input came from a cache; empty when nothing is known."""
+    priced = f", priced by {source}" if cost_usd is not None and source else ""
+    cached = f", {tokens(cached_tokens)} of them cached" if cached_tokens else ""
+    return spent(input_tokens, output_tokens, cost_usd) + priced + cached
+
+
 def tokens(count: int) -> str:
     """A count of tokens: ``830``, ``12.4k``, ``1.2M``."""
     if count < 1000:

@@ -5,8 +5,12 @@ from typing import Any
 
 from octoform.escaping import escaped_json
 from octoform.state.model import NodeState, Snapshot
-from octoform.views import sentences
+from octoform.views import making, sentences
 from octoform.views.console import Console
+from octoform.views.text import one_line
+
+MOST = 100
+"""Of the parts of a key and of the facts about a node that are shown; a program is given all."""
 
 
 def show(console: Console, snapshot: Snapshot, *, as_json: bool) -> int:
@@ -16,11 +20,13 @@ def show(console: Console, snapshot: Snapshot, *, as_json: bool) -> int:
     if not snapshot.nodes:
         console.line("The state is empty. Next:  octoform apply")
         return 0
-    console.line(console.paint(f"host {snapshot.host}", "bold"))
-    console.line(f"lineage {snapshot.lineage}, serial {snapshot.serial}, written by octoform {snapshot.octoform}")
+    console.line(console.paint(_line(f"host {snapshot.host}"), "bold"))
+    console.line(
+        _line(f"lineage {snapshot.lineage}, serial {snapshot.serial}, written by octoform {snapshot.octoform}")
+    )
     if snapshot.git and snapshot.git.revision:
         dirty = f" with uncommitted {', '.join(snapshot.git.dirty)}" if snapshot.git.dirty else ""
-        console.line(f"revision {snapshot.git.revision[:12]}{dirty}")
+        console.line(_line(f"revision {snapshot.git.revision[:12]}{dirty}"))
     for name, state in snapshot.nodes.items():
         console.line()
         _node(console, name, state)
@@ -47,18 +53,22 @@ def node(console: Console, name: str, state: NodeState, *, as_json: bool) -> int
 def _node(console: Console, name: str, state: NodeState) -> None:
     say = console.line
     mark = "  tainted" if state.tainted else ""
-    say(f"{console.paint(name, 'bold')}  {state.status.value}{mark}  {state.accepted_at or ''}".rstrip())
-    if state.harness:
-        maker = f"{state.harness}, {state.model}" if state.model else state.harness
-        tries = "1 attempt" if state.attempts == 1 else f"{state.attempts} attempts"
-        say(f"  made by   {maker}, {tries}, {state.seconds:.1f} s")
-    say(f"  output    {sentences.show(state.output_digest)}")
-    say(f"  key       {sentences.show(state.key)}")
-    for part, value in sorted(state.key_parts.items()):
-        say(f"    {part:<18} {sentences.show(value)}")
-    said = {key: value for key, value in state.detail.items() if key != "contract" and not isinstance(value, dict)}
-    for key, value in said.items():
-        say(f"  {key:<9} {value}")
+    say(f"{console.paint(_line(name), 'bold')}  {state.status.value}{mark}  {state.accepted_at or ''}".rstrip())
+    for label, text in making.told(name, state):
+        say(f"  {label:<9} {text}")
+    say(f"  output    {_line(sentences.show(state.output_digest))}")
+    say(f"  key       {_line(sentences.show(state.key))}")
+    for part, value in sorted(state.key_parts.items())[:MOST]:
+        say(f"    {_line(part):<18} {_line(sentences.show(value))}")
+    known = {"contract", *making.TOLD}
+    said = {key: value for key, value in state.detail.items() if key not in known and not isinstance(value, dict)}
+    for key, value in list(said.items())[:MOST]:
+        say(f"  {_line(key):<9} {_line(str(value))}")
+
+
+def _line(text: str) -> str:
+    """A state may have come with a pull: nothing in it acts on the terminal or fills it."""
+    return one_line(text, making.WIDTH)
 
 
 def forgotten(console: Console, name: str, *, as_json: bool) -> int:

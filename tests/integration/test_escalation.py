@@ -44,6 +44,8 @@ def test_only_the_unknown_is_asked_and_the_answer_joins_the_rest(hybrid: Project
     assert node["detail"]["escalated"]["still_unknown"] == 0
     assert node["attempts"] == 2
     assert done.events()[-1]["result"]["agent_runs"] == 3
+    told = hybrid.run("state", "show", "identify", status=0).out
+    assert f"escalated command was asked about {len(asked)} unknown; 0 still unknown" in told
 
 
 def test_a_host_where_nothing_is_unknown_asks_nobody(hybrid: Project, planted: Planted) -> None:
@@ -78,6 +80,14 @@ def test_the_plan_says_that_a_model_may_be_called(hybrid: Project) -> None:
     calls = {event["change"]["node"]: event["change"]["calls_model"] for event in events if "change" in event}
     assert calls["identify"] is True
     assert calls["probe"] is False
+
+
+def test_the_plan_and_a_saved_one_say_who_is_asked_for_the_unknown(hybrid: Project) -> None:
+    hybrid.write()
+    text = hybrid.run("plan", "-target", "identify", "-out", "saved.plan", status=0).out
+    for shown in (text, hybrid.run("show", "saved.plan", status=0).out):
+        assert "probe      will be created  [builtin]" in shown
+        assert "identify   will be created  [builtin, then command]" in shown
 
 
 def test_whom_to_ask_is_ignored_where_makers_are(hybrid: Project) -> None:

@@ -75,6 +75,15 @@ def test_only_probe_runs_on_the_next_host_and_the_state_says_where_the_rest_is_f
     for stage in ("identify", "interface"):
         assert (other.state / stage / "output.json").read_bytes() == (lender.state / stage / "output.json").read_bytes()
     assert done.events()[-1]["result"]["agent_runs"] == 1
+    number = int(other.attempts("identify")[0].name.partition("-")[0])
+    shown = other.run("attempts", "show", str(number), status=0).out
+    assert "reused     the accepted output of host bench; no agent ran" in shown
+    assert not any(name in shown for name in ("prompt.md", "agent.log", "transcript.jsonl", "try 0"))
+    document = json.loads(other.run("attempts", "-json", "show", str(number), status=0).out)
+    assert (document["prompt"], document["log"]) == (None, None)
+    told = other.run("state", "show", "identify", status=0).out
+    assert f"from host bench of project ../.. (serial {made['serial']}), accepted there at 2" in told
+    assert "; made for host bench\n" in told and "0 attempts" not in told
     assert planned(other, "-target", "interface") == {}
 
 
@@ -175,11 +184,16 @@ def nested_but_tracked(lender: Project) -> None:
 
 
 def a_repository_for_one_host(lender: Project) -> None:
+    git(lender.folder, "add", "state")
     git(lender.state, "init", "--quiet")
 
 
 def ignored(lender: Project) -> None:
     (lender.folder / ".gitignore").write_text("/state/\n")
+
+
+def ignored_state(lender: Project) -> None:
+    (lender.folder / ".gitignore").write_text("state.json\n")
 
 
 def ignored_artifact(lender: Project) -> None:
@@ -210,6 +224,7 @@ def moved(lender: Project) -> Path:
         nested_but_tracked,
         a_repository_for_one_host,
         ignored,
+        ignored_state,
         ignored_artifact,
         corrected_spec,
     ],
@@ -236,9 +251,10 @@ def test_a_folder_that_was_only_moved_lends_and_so_does_a_tracked_one_that_is_ig
 
 def test_outside_a_repository_the_projects_own_hosts_lend(lender: Project) -> None:
     shutil.rmtree(lender.folder / ".git")
-    beyond = planned(beside(lender, "bench-2"), "-target", "identify")["identify"]
-    assert "loan" not in beyond
-    assert planned(replace(lender, host="bench-3"), "-target", "identify")["identify"]["loan"]["host"] == "bench"
+    other = replace(lender, host="bench-2")
+    assert planned(other, "-target", "identify")["identify"]["loan"]["host"] == "bench"
+    moved(lender)
+    assert "loan" not in planned(other, "-target", "identify")["identify"], "nor do those in a folder below"
 
 
 def test_what_was_never_promoted_is_lent_once_it_is(lender: Project) -> None:
@@ -293,6 +309,7 @@ def test_behind_one_that_is_damaged_the_next_is_tried(lender: Project) -> None:
     assert lender.stages_run()[before:] == ["probe"]
     assert other.nodes()["identify"]["detail"]["reused"]["host"] == "bench"
     assert notices(done).count("host a-2") == 1
+    assert other.attempts("identify")[0].name.endswith("identify-0")
 
 
 def test_behind_one_that_does_not_hold_the_next_is_tried_and_each_is_told_once(lender: Project) -> None:
@@ -307,6 +324,8 @@ def test_behind_one_that_does_not_hold_the_next_is_tried_and_each_is_told_once(l
     assert other.nodes()["identify"]["detail"]["reused"]["host"] == "bench"
     told = [event["text"] for event in done.events() if "does not hold here" in str(event.get("text"))]
     assert [text.split()[4] for text in told] == ["a-1", "a-3"]
+    listed = other.run("attempts", "-stage", "identify", status=0).out
+    assert listed.count("refused IDENTIFY-") == 2, "a refused output is not called reused"
 
 
 def test_behind_five_that_do_not_hold_the_agent_is_asked(lender: Project) -> None:
