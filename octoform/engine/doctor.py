@@ -133,11 +133,9 @@ class _Rounds:
     def _sandbox(self, spec: HarnessSpec) -> tuple[Check, ...]:
         if spec.sandbox is None:
             return ()
-        asks_model = spec.name != "command"
-        key = (spec.sandbox, asks_model)
-        if key not in self.seen:
-            self.seen[key] = (sandbox_check(spec.sandbox, self.environ, asks_model=asks_model),)
-        return self.seen[key]
+        if spec.sandbox not in self.seen:
+            self.seen[spec.sandbox] = (sandbox_check(spec.sandbox, self.environ),)
+        return self.seen[spec.sandbox]
 
     def _litellm_model(self, agent: Agent) -> Iterable[Check]:
         name = self._name(agent)

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from urllib.parse import urlsplit
 
 from octoform.diagnostics import Diagnostic, error
+from octoform.manifest import keys
 from octoform.manifest.model import HarnessSpec
 from octoform.manifest.providers import CHAT, RESPONSES, split
 from octoform.manifest.references import resolve
@@ -57,6 +58,14 @@ def access(
     # With a base URL the manifest has settled the key: a server on this machine is not sent a provider's key unasked.
     key = spec.key if spec.base_url is not None else spec.key or provider.key
     return Access(provider.name, name, model, api, base_url, key)
+
+
+def unusable(key: str | None, environ: Mapping[str, str]) -> str | None:
+    """Why an agent with that variable for its key need not be started: it is set, and to nothing that is a key.
+
+    One that is not set may be no fault: the program has its own words for it.
+    """
+    return keys.complaint(key, environ) if key is not None and key in environ else None
 
 
 def normalised(url: str, api: str) -> str:

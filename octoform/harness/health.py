@@ -93,11 +93,8 @@ def _node(pin: Pin, located: Located, environ: Mapping[str, str], install: str) 
     return unknown("node", detail, f"if it does not start: {install} brings one")
 
 
-def sandbox_check(wanted: Sandbox, environ: Mapping[str, str], *, asks_model: bool) -> Check:
+def sandbox_check(wanted: Sandbox, environ: Mapping[str, str]) -> Check:
     """Whether an agent can be confined here as it is wanted; tried out with a program that does nothing."""
-    if asks_model and not wanted.network:
-        detail = "without a network the agent cannot reach its model, not even on this machine"
-        return failed("sandbox", detail, "write `sandbox: true`")
     problem = sandbox.available(environ, wanted)
     return failed("sandbox", problem.summary, problem.hint) if problem is not None else passed("sandbox", "can be made")
 

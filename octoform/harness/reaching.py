@@ -19,6 +19,7 @@ from octoform.diagnostics import did_you_mean
 from octoform.harness.access import Access
 from octoform.harness.health import Check, failed, passed, unknown
 from octoform.manifest.base_url import is_loopback
+from octoform.manifest.keys import is_sendable
 from octoform.manifest.providers import ANTHROPIC, GEMINI
 
 SECONDS = 5.0
@@ -54,7 +55,7 @@ def model_checks(
     key = environ.get(key_name, "") if key_name else ""
     if key_name and not key:
         first = failed("key", f"{key_name} is not set", f"export {key_name}, or name another variable in `key`")
-    elif not _sendable(key):
+    elif not is_sendable(key):
         first = failed(
             "key", f"{key_name} holds blanks or characters that no request can carry", f"set {key_name} anew"
         )
@@ -136,10 +137,6 @@ def _listed(value: Mapping[str, Any]) -> Iterator[str]:
         for item in items if isinstance(items, list) else ():
             if isinstance(item, dict) and isinstance(item.get(name), str):
                 yield item[name].removeprefix("models/")
-
-
-def _sendable(key: str) -> bool:
-    return all("!" <= character <= "~" for character in key)
 
 
 def _proxies(environ: Mapping[str, str], names: Sequence[str]) -> dict[str, str]:

@@ -6,9 +6,10 @@
 from collections.abc import Mapping
 
 from octoform.diagnostics import Span
-from octoform.manifest import agents, base_url, references, tree
+from octoform.manifest import agents, base_url, keys, references, tree
 from octoform.manifest.agents import Agent
 from octoform.manifest.document import Document
+from octoform.manifest.harness_document import Confinement, ModelHarness
 from octoform.manifest.providers import SEARCHERS
 from octoform.manifest.report import Report
 from octoform.manifest.tree import Loc, Table
@@ -66,10 +67,11 @@ class _Rules:
             self._unset(agents.key_of(settings, provider, self._environ), f"`{agent.name}`", agent.at)
 
     def _unset(self, key: str | None, who: str, loc: Loc) -> None:
-        if key is not None and not self._environ.get(key) and self._is_new("key", key):
+        complaint = keys.complaint(key, self._environ) if key is not None else None
+        if complaint is not None and self._is_new("key", key):
             self._report.warning(
                 "MANIFEST-ENV-UNSET",
-                f"the variable {key} is not set; {who} finds the key of its model's API there",
+                f"{complaint}; {who} finds the key of its model's API there",
                 self._span(loc),
                 hint=f"export {key}, or name another variable in `key`",
             )
@@ -79,6 +81,7 @@ class _Rules:
         if settings is None or not self._is_new("settings", agent.at):
             return
         self._base_url(settings.base_url, (*agent.at, "base_url"))
+        self._network(agent, settings)
         if settings.web_search and agent.name not in SEARCHERS:
             self._report.error(
                 "MANIFEST-WRONG-VALUE",
@@ -95,6 +98,16 @@ class _Rules:
             self._span((*agent.at, "api")),
             hint=f"remove it, or choose {' or '.join(provider.urls)}",
         )
+
+    def _network(self, agent: Agent, settings: ModelHarness) -> None:
+        """Not even a server on this machine is reached from there."""
+        if isinstance(settings.sandbox, Confinement) and not settings.sandbox.network:
+            self._report.error(
+                "MANIFEST-WRONG-VALUE",
+                f"without a network `{agent.name}` cannot reach its model",
+                self._span((*agent.at, "sandbox", "network")),
+                hint="write `sandbox: true`",
+            )
 
     def _base_url(self, text: str | None, loc: Loc) -> None:
         """A URL with references is looked at with their values; the values are not shown."""

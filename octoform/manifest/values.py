@@ -4,7 +4,7 @@ import re
 from collections.abc import Mapping
 
 from octoform.diagnostics import Span
-from octoform.manifest import places, references, secrets, tree
+from octoform.manifest import keys, places, references, secrets, tree
 from octoform.manifest.report import Report
 from octoform.manifest.tree import Loc, Node, Scalar, Table
 
@@ -85,11 +85,14 @@ def check_references(root: Table, environ: Mapping[str, str], report: Report) ->
         pattern = _KEY_NAME if loc in places.KEYS else references.NAME
         if _names_only(loc) and pattern.fullmatch(scalar.text) and not report.is_settled(loc):
             found.add(scalar.text)
-            if scalar.text not in environ:
-                otherwise = "name another variable" if loc in places.KEYS else "take it out of `env`"
+            is_key = loc in places.KEYS
+            complaint = keys.complaint(scalar.text, environ) if is_key or scalar.text not in environ else None
+            if complaint is not None:
+                otherwise = "name another variable" if is_key else "take it out of `env`"
+                effect = "no agent is started" if scalar.text in environ else "the agent will run without it"
                 report.warning(
                     "MANIFEST-ENV-UNSET",
-                    f"the variable {scalar.text} is not set; the agent will run without it",
+                    f"{complaint}; {effect}",
                     scalar.span,
                     hint=f"export {scalar.text}, or {otherwise}",
                 )

@@ -11,6 +11,7 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
 from octoform.diagnostics import Diagnostic
+from octoform.harness.access import unusable
 from octoform.harness.asking.client import BACKOFF_SECONDS, SETTINGS
 from octoform.harness.asking.route import Route, route
 from octoform.harness.attempt import Invocation, run_contained
@@ -53,6 +54,9 @@ class LiteLLMHarness:
         config = self.configuration(task)
         if isinstance(config, Diagnostic):
             return Outcome(ExitReason.NOT_INSTALLED, None, 0.0, f"{config.summary} ({config.hint})")
+        problem = unusable(config.route.key, task.environment)
+        if problem is not None:
+            return Outcome(ExitReason.NOT_INSTALLED, None, 0.0, problem)
         program = installed()
         if program is None:
             return Outcome(ExitReason.NOT_INSTALLED, None, 0.0, MISSING)

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import ClassVar, Protocol
 
 from octoform.diagnostics import Diagnostic
-from octoform.harness.access import Access, access
+from octoform.harness.access import Access, access, unusable
 from octoform.harness.attempt import Invocation, run_contained
 from octoform.harness.installed import Located, Pin, locate
 from octoform.harness.port import ExitReason, Outcome, ProgressSink, Task
@@ -75,6 +75,9 @@ class ProgramHarness:
         way = access(self.spec, task.model, self.adapter.apis, task.environment)
         if isinstance(way, Diagnostic):
             return Outcome(ExitReason.NOT_INSTALLED, None, 0.0, f"{way.summary} ({way.hint})")
+        problem = unusable(way.key, task.environment)
+        if problem is not None:
+            return Outcome(ExitReason.NOT_INSTALLED, None, 0.0, problem)
         program = self.locate(task.environment)
         if program is None:
             return Outcome(ExitReason.NOT_INSTALLED, None, 0.0, missing(self.adapter))

@@ -1,7 +1,7 @@
 """What a program has printed in a recorded run, as events; and what an adapter makes of a task, without the program."""
 
 import json
-from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -42,12 +42,10 @@ def without_turns(events: list[AgentEvent]) -> list[AgentEvent]:
     return [event for event in events if not isinstance(event, Turn)]
 
 
-def invoked(adapter: Adapter, spec: HarnessSpec, model: str, folder: Path, **limits: Any) -> Invocation:
-    """How the adapter starts its program (/opt/it) for a task in that folder; the key is `SECRET`."""
-    environ: Mapping[str, str] = {"PATH": "/usr/bin:/bin", spec.key or "LOOP_KEY": SECRET}
-    (folder / "home").mkdir()
+def a_task(folder: Path, model: str = "openai/scripted", **limits: Any) -> Task:
+    """A task in that folder, with a key in LOOP_KEY."""
     (folder / "prompt.md").write_text("Do it.\n", encoding="utf-8")
-    task = Task(
+    return Task(
         stage="probe",
         attempt=1,
         workdir=folder,
@@ -56,9 +54,17 @@ def invoked(adapter: Adapter, spec: HarnessSpec, model: str, folder: Path, **lim
         log=folder / "task.log",
         document=folder / "task.json",
         model=model,
-        environment=environ,
+        environment={"PATH": "/usr/bin:/bin", "LOOP_KEY": SECRET},
         limits=TaskLimits(60.0, **limits),
     )
+
+
+def invoked(adapter: Adapter, spec: HarnessSpec, model: str, folder: Path, **limits: Any) -> Invocation:
+    """How the adapter starts its program (/opt/it) for a task in that folder; the key is `SECRET`."""
+    (folder / "home").mkdir()
+    task = a_task(folder, model, **limits)
+    environ = {"PATH": "/usr/bin:/bin", spec.key or "LOOP_KEY": SECRET}
+    task = replace(task, environment=environ)
     way = access(spec, model, adapter.apis, environ)
     assert isinstance(way, Access), way
     program = Located(("/opt/it",), "installed", ("/opt/node",), "1.2.3")

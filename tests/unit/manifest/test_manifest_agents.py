@@ -44,7 +44,7 @@ def test_every_setting_of_a_program(tmp_path: Path) -> None:
     manifest = loaded(
         tmp_path,
         "harness: {name: codex, command: [node, '${DIR}/codex'], env: [A, B], key: LOOP_KEY, api: openai-responses,\n"
-        "  base_url: 'http://127.0.0.1:${PORT}', web_search: true, sandbox: {network: false}}\nmodel: openai/x",
+        "  base_url: 'http://127.0.0.1:${PORT}', web_search: true, sandbox: {network: true}}\nmodel: openai/x",
         DIR="/opt",
         PORT="80",
     )
@@ -56,7 +56,7 @@ def test_every_setting_of_a_program(tmp_path: Path) -> None:
         base_url="http://127.0.0.1:${PORT}",
         api="openai-responses",
         web_search=True,
-        sandbox=Sandbox(network=False),
+        sandbox=Sandbox(network=True),
     )
     assert manifest.variables == ("A", "B", "DIR", "LOOP_KEY", "PORT")
 
@@ -117,9 +117,28 @@ def test_no_value_of_a_variable_is_kept(tmp_path: Path) -> None:
     ],
 )
 def test_sandbox(tmp_path: Path, written: str, sandbox: Sandbox | None) -> None:
-    for harness in ("pi", "litellm", "command, command: [agent]"):
+    asking = ("pi", "litellm") if sandbox is None or sandbox.network else ()
+    for harness in (*asking, "command, command: [agent]"):
         manifest = loaded(tmp_path, f"harness: {{name: {harness}, sandbox: {written}}}\nmodel: ollama/x")
         assert manifest.harness_for("serve").sandbox == sandbox
+
+
+@pytest.mark.parametrize("harness", ["pi", "litellm", "codex, base_url: 'http://127.0.0.1:8080'"])
+def test_no_agent_with_a_model_is_without_a_network(tmp_path: Path, harness: str) -> None:
+    _, found = read(tmp_path, f"harness: {{name: {harness}, sandbox: {{network: false}}}}\nmodel: ollama/x", {})
+    assert [(item.code, item.severity.value) for item in found] == [("MANIFEST-WRONG-VALUE", "error")]
+    assert "cannot reach its model" in found[0].summary
+
+
+@pytest.mark.parametrize(
+    ("value", "words"), [("", "is empty"), (" ", "is empty"), ("k-1\n", "line break"), ("a b", "blanks")]
+)
+@pytest.mark.parametrize("harness", ["pi", "{name: pi, key: OPENAI_API_KEY}"])
+def test_a_key_that_is_none_is_warned_of(tmp_path: Path, value: str, words: str, harness: str) -> None:
+    _, found = read(tmp_path, f"harness: {harness}\nmodel: openai/x", {"OPENAI_API_KEY": value})
+    assert [item.code for item in found] == ["MANIFEST-ENV-UNSET"]
+    assert words in found[0].summary
+    assert "k-1" not in str(found)
 
 
 def test_a_recording_is_absolute_and_has_no_model(tmp_path: Path) -> None:
