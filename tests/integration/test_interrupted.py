@@ -8,7 +8,7 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -50,6 +50,24 @@ def working(project: Project) -> Project:
     project.environ["LOOP_KEY"] = "sk-of-the-loop-0123456789"
     project.write()
     return project
+
+
+Start = Callable[..., "subprocess.Popen[str]"]
+
+
+@pytest.fixture
+def applying(working: Project) -> Iterator[Start]:
+    """``applying()`` starts an apply of that project; what still runs when the test is over is killed."""
+    started: list[subprocess.Popen[str]] = []
+
+    def start(**options: Any) -> "subprocess.Popen[str]":
+        started.append(working.start("apply", "-auto-approve", "-target", "probe", **options))
+        return started[-1]
+
+    yield start
+    for process in started:
+        process.kill()
+        process.wait()
 
 
 def until(condition: Callable[[], bool], what: str) -> None:
@@ -94,9 +112,9 @@ def left_in_order(project: Project, tool: processes.Process) -> None:
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
-def test_a_signal_stops_in_order(working: Project, number: signal.Signals) -> None:
+def test_a_signal_stops_in_order(working: Project, applying: Start, number: signal.Signals) -> None:
     heard = lambda: signal.signal(signal.SIGINT, signal.default_int_handler)  # noqa: E731 - a background job is deaf
-    process = working.start("apply", "-auto-approve", "-target", "probe", preexec_fn=heard)
+    process = applying(preexec_fn=heard)
     tool = at_work(working)
     process.send_signal(number)
     _, said = process.communicate(timeout=60)
@@ -128,15 +146,19 @@ def test_a_closed_terminal_stops_in_order(working: Project) -> None:
         tool = at_work(working)
     finally:
         os.close(master)
-    assert process.wait(timeout=60) == 129
+    try:
+        assert process.wait(timeout=60) == 129
+    finally:
+        process.kill()
+        process.wait()
     left_in_order(working, tool)
 
 
 TERMINAL = "import fcntl, os, sys, termios; fcntl.ioctl(0, termios.TIOCSCTTY, 0); os.execv(sys.argv[1], sys.argv[1:])"
 
 
-def test_a_stop_whose_readers_have_gone_too_is_still_in_order(working: Project) -> None:
-    process = working.start("apply", "-auto-approve", "-target", "probe")
+def test_a_stop_whose_readers_have_gone_too_is_still_in_order(working: Project, applying: Start) -> None:
+    process = applying()
     tool = at_work(working)
     assert process.stdout is not None and process.stderr is not None
     process.stdout.close()
@@ -146,9 +168,9 @@ def test_a_stop_whose_readers_have_gone_too_is_still_in_order(working: Project) 
     left_in_order(working, tool)
 
 
-def test_nohup_is_obeyed(working: Project) -> None:
+def test_nohup_is_obeyed(working: Project, applying: Start) -> None:
     deaf = lambda: signal.signal(signal.SIGHUP, signal.SIG_IGN)  # noqa: E731
-    process = working.start("apply", "-auto-approve", "-target", "probe", preexec_fn=deaf)
+    process = applying(preexec_fn=deaf)
     at_work(working)
     process.send_signal(signal.SIGHUP)
     process.send_signal(signal.SIGTERM)
@@ -156,8 +178,8 @@ def test_nohup_is_obeyed(working: Project) -> None:
     assert process.returncode == 128 + signal.SIGTERM
 
 
-def test_what_sigkill_leaves_is_told_and_then_removed(working: Project) -> None:
-    process = working.start("apply", "-auto-approve", "-target", "probe")
+def test_what_sigkill_leaves_is_told_and_then_removed(working: Project, applying: Start) -> None:
+    process = applying()
     tool = at_work(working)
     runs = listed(working)
     assert (runs["state"], runs["harness"], runs["model"], runs["turns"]) == ("running", "pi", "openai/scripted", 2)
