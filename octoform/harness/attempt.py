@@ -6,13 +6,14 @@ hold for any agent stands here once.
 
 import os
 import shutil
+import signal
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
 from octoform.diagnostics import Diagnostic
 from octoform.harness import environment, sandbox, usage
-from octoform.harness.containment import Ended, Limits, Program, run
+from octoform.harness.containment import FILE_BYTES, Ended, Limits, Program, run
 from octoform.harness.dialect import Dialect
 from octoform.harness.port import ExitReason, Outcome, ProgressSink, Task, Usage
 from octoform.harness.watching import Watcher
@@ -147,10 +148,7 @@ def _detail(ended: Ended, task: Task, invocation: Invocation, watcher: Watcher) 
     said = [_ending(ended, task, invocation.argv[0], watcher)]
     if ended.reason == "ended" and ended.status == 0 and _silent(invocation, watcher):
         said.append("it ended without a word on how its run went")
-    if watcher.trouble is not None:
-        said.append(watcher.trouble.text)
-    if watcher.closed is not None and not watcher.closed.ok and watcher.closed.text:
-        said.append(watcher.closed.text)
+    said.append(_words(ended, watcher))
     if ended.survivors and ended.reason == "ended":
         # Of a tree that was ended as a whole nothing was left behind: these are the program's own tools.
         said.append(f"{ended.survivors} process(es) that it had left running were ended")
@@ -164,6 +162,16 @@ def _detail(ended: Ended, task: Task, invocation: Invocation, watcher: Watcher) 
     if unset:
         said.append(f"not set in the environment: {', '.join(unset)}")
     return "; ".join(text for text in said if text)
+
+
+def _words(ended: Ended, watcher: Watcher) -> str:
+    """What the program itself said of its end; where that is nothing, what it complained of last as it failed."""
+    closed = watcher.closed
+    said = [watcher.trouble.text] if watcher.trouble is not None else []
+    said += [closed.text] if closed is not None and not closed.ok and closed.text else []
+    if not said and closed is None and ended.reason == "ended" and ended.status and watcher.last_words:
+        said.append(f"it said last: {watcher.last_words}")
+    return "; ".join(said)
 
 
 def _ending(ended: Ended, task: Task, name: str, watcher: Watcher) -> str:
@@ -183,6 +191,8 @@ def _ending(ended: Ended, task: Task, name: str, watcher: Watcher) -> str:
         return "its supervisor was killed"
     if ended.reason != "ended":
         return "it was stopped from outside"
+    if ended.status == -signal.SIGXFSZ:
+        return f"ended by signal {-ended.status}: a file of more than {FILE_BYTES >> 20} MiB was written"
     if ended.status is not None and ended.status < 0:
         return f"ended by signal {-ended.status}"
     return f"exit status {ended.status}" if ended.status else ""

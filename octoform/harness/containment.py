@@ -27,6 +27,8 @@ CHUNK = 64 << 10
 MARGIN_SECONDS = 15.0
 FLOOD_PAUSE_SECONDS = 0.01
 STREAMS = ("stdout", "stderr")
+FILE_BYTES = 256 << 20
+"""The most that any one file of an agent may have."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,7 +38,7 @@ class Limits:
     wall_seconds: float
     grace_seconds: float = 2.0
     log_bytes: int = DEFAULT_LIMIT
-    file_bytes: int = 256 << 20
+    file_bytes: int = FILE_BYTES
 
 
 @dataclass(frozen=True, slots=True)

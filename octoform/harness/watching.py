@@ -13,7 +13,7 @@ from contextlib import suppress
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 
-from octoform.harness.dialect import Dialect
+from octoform.harness.dialect import Dialect, one_line
 from octoform.harness.port import (
     AgentEvent,
     Closed,
@@ -60,6 +60,8 @@ class _Seen:
     trouble_since: float = 0.0
     closed: Closed | None = None
     closed_at: float = 0.0
+    complaint: str = ""
+    last: str = ""
 
 
 class Watcher:
@@ -113,6 +115,14 @@ class Watcher:
         """The program's own word that its run is over."""
         return self._seen.closed
 
+    @property
+    def last_words(self) -> str:
+        """What stood last on standard error, and the last line there that spoke of an error; empty where nothing did.
+
+        Only where a dialect reads the output: what others print is shown as it is.
+        """
+        return "; ".join(dict.fromkeys(text for text in (self._seen.complaint, self._seen.last) if text))
+
     def feed(self, stream: str, data: bytes) -> None:
         """Take a piece of output."""
         if self._dialect is None:
@@ -122,8 +132,7 @@ class Watcher:
                 self._plain.feed(data)
             return
         for line in self._lines[stream].feed(data):
-            for event in self._dialect.read(stream, line):
-                self._take(event)
+            self._read(stream, line)
 
     def tick(self) -> bool:
         """Show what waits to be shown; True when the run has to be ended now."""
@@ -136,11 +145,19 @@ class Watcher:
         if self._dialect is not None:
             for stream, lines in self._lines.items():
                 for line in lines.rest():
-                    for event in self._dialect.read(stream, line):
-                        self._take(event)
+                    self._read(stream, line)
         self._plain.finish()
         if self._transcript is not None:
             self._transcript.close()
+
+    def _read(self, stream: str, line: bytes) -> None:
+        assert self._dialect is not None
+        if stream == "stderr" and line.strip():
+            text = one_line(line.decode("utf-8", "replace"))
+            self._seen.last = text
+            self._seen.complaint = text if "error" in text.lower() else self._seen.complaint
+        for event in self._dialect.read(stream, line):
+            self._take(event)
 
     def _verdict(self) -> ExitReason | None:
         now, seen, limits = self._clock(), self._seen, self._limits

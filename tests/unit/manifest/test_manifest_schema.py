@@ -35,6 +35,7 @@ BEYOND_A_SCHEMA = {
     "MANIFEST-BAD-KEY",
 }
 IN_THE_WORDS = {
+    "agent-without-network",
     "durations",
     "harness-placeholders",
     "version-with-point",

@@ -1,0 +1,40 @@
+"""How a program that failed by itself is told of: the limit that it met, or what it complained of last."""
+
+from pathlib import Path
+
+import pytest
+from program_streams import SECRET, a_task
+
+from octoform.harness.adapters.pi import PiDialect
+from octoform.harness.attempt import Invocation, run_contained
+from octoform.harness.port import ExitReason
+
+TOO_OLD = (
+    "file:///opt/it.js:3\\n    import x with {}\\n\\nSyntaxError: Unexpected token\\n    at it\\n\\nNode.js v16.1.0\\n"
+)
+
+
+def detail(folder: Path, code: str) -> str:
+    invocation = Invocation(argv=("sh", "-c", code), named=("LOOP_KEY",), dialect=PiDialect())
+    outcome = run_contained(a_task(folder), invocation, lambda *_: None)
+    assert outcome.reason is ExitReason.CRASHED
+    return outcome.detail
+
+
+@pytest.mark.parametrize(
+    ("code", "told"),
+    [
+        (
+            f"printf '{TOO_OLD}' >&2; exit 1",
+            "exit status 1; it said last: SyntaxError: Unexpected token; Node.js v16.1.0",
+        ),
+        ("printf 'no such option' >&2; exit 2", "exit status 2; it said last: no such option"),
+        ("exit 3", "exit status 3"),
+        ('echo "wrong: $LOOP_KEY" >&2; exit 1', "exit status 1; it said last: wrong: [LOOP_KEY redacted]"),
+        ("exec head -c 300000000 /dev/zero > large", "ended by signal 25: a file of more than 256 MiB was written"),
+    ],
+)
+def test_what_is_told(code: str, told: str, tmp_path: Path) -> None:
+    found = detail(tmp_path, code)
+    assert found == told
+    assert SECRET not in found
