@@ -162,6 +162,8 @@ def _attempt(
         outcome = Outcome(ExitReason.CRASHED, None, 0.0)
         verdict = Verdict((*audit.end(watch, task.workdir / UNDONE), refused(problem, task.workdir)))
     except BaseException:
+        # What the agent did to others' files is undone also when nobody waits for its output any more.
+        audit.end(watch, task.workdir / UNDONE)
         interrupted(context, assignment, prepared, so_far)
         raise
     verdict = replace(verdict, diagnostics=without_secrets(task, verdict.diagnostics))

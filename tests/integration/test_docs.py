@@ -69,7 +69,7 @@ def test_the_readmes_commands_run_in_their_order(tmp_path: Path, planted: Callab
     environ = {name: os.environ[name] for name in ("PATH", "HOME") if name in os.environ}
     environ |= {"OCTOFORM_SYSROOT": str(tree)}
     used = commands(ROOT / "README.md")
-    assert [words[0] for words in used] == ["init", "plan", "apply", "status", "tools", "call", "destroy"]
+    assert [words[0] for words in used] == ["init", "plan", "apply", "status", "tools", "call", "attempts", "destroy"]
     for words in used:
         done = subprocess.run(
             [OCTOFORM, *words], cwd=tmp_path, env=environ, input="yes\n", capture_output=True, text=True, timeout=120

@@ -25,6 +25,8 @@ from pathlib import Path
 reply = {"role": "assistant", "content": [], "usage": {"input": 1000, "cacheRead": 0, "output": 50}}
 (Path(os.environ["HOME"]) / "login").write_text("cached")
 (Path(os.environ["TMPDIR"]) / "large").write_text("x" * 1000)
+with Path(os.environ["OCTOFORM_TASK"]).parents[4].joinpath("octopus.yaml").open("a") as manifest:
+    manifest.write("# the agent was here\\n")
 tool = subprocess.Popen(["sleep", "300"])
 for event in (
     {"type": "message_end", "message": reply},
@@ -111,10 +113,14 @@ def left_in_order(project: Project, tool: processes.Process) -> None:
     assert all(part in text for part in ("interrupted", "pi, openai/scripted", "2.0k/100", "$0.30"))
 
 
+def hearing() -> None:
+    """A background job of a shell is deaf to SIGINT; this one is not."""
+    signal.signal(signal.SIGINT, signal.default_int_handler)
+
+
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
 def test_a_signal_stops_in_order(working: Project, applying: Start, number: signal.Signals) -> None:
-    heard = lambda: signal.signal(signal.SIGINT, signal.default_int_handler)  # noqa: E731 - a background job is deaf
-    process = applying(preexec_fn=heard)
+    process = applying(preexec_fn=hearing)
     tool = at_work(working)
     process.send_signal(number)
     _, said = process.communicate(timeout=60)
@@ -123,6 +129,7 @@ def test_a_signal_stops_in_order(working: Project, applying: Start, number: sign
     word = "interrupted" if number == signal.SIGINT else f"stopped by {number.name}"
     assert [word in line for line in said.strip().splitlines()] == [True], said
     left_in_order(working, tool)
+    assert "the agent was here" not in (working.folder / "octopus.yaml").read_text()
     working.harness = None
     working.apply("-target", "probe", status=0)
 
