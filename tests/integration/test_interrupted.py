@@ -175,8 +175,12 @@ def test_a_stop_whose_readers_have_gone_too_is_still_in_order(working: Project, 
     left_in_order(working, tool)
 
 
+def deaf() -> None:
+    """As nohup starts a program."""
+    signal.signal(signal.SIGHUP, signal.SIG_IGN)
+
+
 def test_nohup_is_obeyed(working: Project, applying: Start) -> None:
-    deaf = lambda: signal.signal(signal.SIGHUP, signal.SIG_IGN)  # noqa: E731
     process = applying(preexec_fn=deaf)
     at_work(working)
     process.send_signal(signal.SIGHUP)
