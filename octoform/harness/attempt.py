@@ -4,6 +4,7 @@ A harness only says which program to run, how the prompt reaches it and how its 
 hold for any agent stands here once.
 """
 
+import json
 import os
 import shutil
 import signal
@@ -29,7 +30,8 @@ class Invocation:
     ``settings`` are variables that the harness itself sets; ``path`` are folders to put before PATH. ``dialect`` reads
     its output; without one each line is something that it said. ``program`` names it with its version, for the record.
     ``sandbox`` confines it; None: it may write wherever the user may. ``closes``: its output always ends with a word on
-    how the run went, so that a run without one was cut short, whatever its exit status.
+    how the run went, so that a run without one was cut short, whatever its exit status. ``piped`` are variables that it
+    gets as a JSON object on its standard input instead, since any process of the user can read its environment.
     """
 
     argv: tuple[str, ...]
@@ -41,6 +43,7 @@ class Invocation:
     program: str | None = None
     sandbox: Sandbox | None = None
     closes: bool = False
+    piped: tuple[str, ...] = ()
 
 
 def run_contained(task: Task, invocation: Invocation, progress: ProgressSink) -> Outcome:
@@ -71,12 +74,18 @@ def _contained(task: Task, invocation: Invocation, progress: ProgressSink) -> Ou
             environment=variables,
             log=task.log,
             stdin=invocation.stdin,
-            secrets=environment.secrets(task.environment, (*invocation.named, *task.secrets)),
+            secrets=environment.secrets(task.environment, (*invocation.named, *invocation.piped, *task.secrets)),
+            piped=_piped(task, invocation),
         ),
         Limits(wall_seconds=task.limits.wall_seconds),
         watcher,
     )
     return outcome(ended, task, invocation, watcher)
+
+
+def _piped(task: Task, invocation: Invocation) -> bytes:
+    given = {name: task.environment[name] for name in invocation.piped if name in task.environment}
+    return json.dumps(given).encode() if invocation.piped else b""
 
 
 def _environment(task: Task, invocation: Invocation) -> dict[str, str]:
@@ -158,7 +167,7 @@ def _detail(ended: Ended, task: Task, invocation: Invocation, watcher: Watcher) 
         said.append("this system can end only the agent's own process group")
     if ended.log_dropped:
         said.append(f"its log was cut after {ended.log_bytes} bytes")
-    unset = _unset(task, invocation.named) if ended.status != 0 else []
+    unset = _unset(task, (*invocation.named, *invocation.piped)) if ended.status != 0 else []
     if unset:
         said.append(f"not set in the environment: {', '.join(unset)}")
     return "; ".join(text for text in said if text)

@@ -6,6 +6,7 @@ the bounded log, and ends whatever is left should the supervisor itself be kille
 handler, so it may be called from anywhere.
 """
 
+import errno
 import json
 import os
 import selectors
@@ -16,7 +17,7 @@ from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Protocol
+from typing import BinaryIO, Protocol
 
 from octoform.harness import orphans, processes
 from octoform.harness.environment import ATTEMPT
@@ -43,7 +44,10 @@ class Limits:
 
 @dataclass(frozen=True, slots=True)
 class Program:
-    """What to run: ``stdin`` is a file, or None for an empty input; ``secrets`` are redacted from the log by name."""
+    """What to run: ``stdin`` is a file, or None for an empty input; ``secrets`` are redacted from the log by name.
+
+    ``piped`` stands in place of a file for what may be in none: it can be read once, and by the first who does.
+    """
 
     argv: tuple[str, ...]
     workdir: Path
@@ -51,6 +55,7 @@ class Program:
     log: Path
     stdin: Path | None = None
     secrets: Mapping[str, str] = field(default_factory=dict)
+    piped: bytes = field(default=b"", repr=False)
 
 
 class Observer(Protocol):
@@ -115,6 +120,22 @@ def run(program: Program, limits: Limits, observer: Observer) -> Ended:
     return replace(ended, log_bytes=log.written, log_dropped=log.dropped)
 
 
+def _stdin(program: Program) -> BinaryIO:
+    if not program.piped:
+        return (program.stdin or Path(os.devnull)).open("rb")
+    reader, writer = os.pipe()
+    try:
+        os.set_blocking(writer, False)
+        if os.write(writer, program.piped) < len(program.piped):
+            raise OSError(errno.E2BIG, os.strerror(errno.E2BIG))
+    except OSError:
+        os.close(reader)
+        raise
+    finally:
+        os.close(writer)
+    return os.fdopen(reader, "rb", buffering=0)
+
+
 class _Session:
     """The running supervisor with its three streams."""
 
@@ -124,9 +145,8 @@ class _Session:
         control_reader, self._control = os.pipe()
         arguments = [str(report_writer), str(control_reader)]
         arguments += [f"{limits.wall_seconds:.3f}", f"{limits.grace_seconds:.3f}", str(limits.file_bytes)]
-        source = program.stdin or Path(os.devnull)
         try:
-            with source.open("rb") as stdin:
+            with _stdin(program) as stdin:
                 self._process = subprocess.Popen(
                     [sys.executable, "-I", "-S", str(REAPER), *arguments, *program.argv],
                     cwd=program.workdir,

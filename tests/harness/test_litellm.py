@@ -66,6 +66,23 @@ def test_a_key_that_is_not_set_is_said_before_the_library_is_even_imported(
     assert f"the variable {KEY} with the API key is not set" in ran.outcome.detail
 
 
+def test_its_commands_find_the_key_in_no_process_of_the_attempt(
+    task_for: Callable[..., Task], run: Callable[..., Ran]
+) -> None:
+    task = task_for()
+    task = replace(task, environment={**task.environment, "OTHER_TOKEN": "t-91c2d7-0123"})
+    above = "cat /proc/$PPID/environ > seen; cat /proc/$(ps -o ppid= -p $PPID | tr -d ' ')/environ >> seen; "
+    again = "timeout 2 cat /proc/$PPID/fd/0 >> seen; "
+    with serve([{"shell": above + again + WRITE}, DONE]) as server:
+        ran = run(spec_for("litellm", server, env=("OTHER_TOKEN",)), task)
+        assert [item["key"] for item in server.replies] == [SECRET] * 2
+    assert ran.outcome.reason is ExitReason.FINISHED, task.log.read_text()
+    seen = (task.workdir / "seen").read_text()
+    assert seen.count("OCTOFORM_ATTEMPT=") == 2, "the process itself and its supervisor"
+    assert SECRET not in seen
+    assert "t-91c2d7-0123" not in seen
+
+
 @pytest.mark.harness
 @pytest.mark.harness_litellm
 @pytest.mark.parametrize("model", ["anthropic/scripted", "gemini/scripted", "ollama/scripted", "openrouter/a/scripted"])

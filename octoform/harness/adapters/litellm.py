@@ -68,7 +68,8 @@ class LiteLLMHarness:
             # Isolated: neither the working directory, which the agent writes to, nor the user's site is on its path.
             # Its libraries warn of each other's futures, which is nobody's concern here.
             argv=(sys.executable, "-I", "-W", "ignore", "-m", MODULE, str(file)),
-            named=self._named(config.route),
+            named=tuple(name for name in self._named(config.route) if name not in config.hidden),
+            piped=tuple(name for name in self._named(config.route) if name in config.hidden),
             settings=SETTINGS,
             dialect=ReactDialect(),
             program=program,

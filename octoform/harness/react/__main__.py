@@ -1,5 +1,10 @@
-"""The agent's process: ``python -I -m octoform.harness.react CONFIG``, with the prompt where the configuration says."""
+"""The agent's process: ``python -I -m octoform.harness.react CONFIG``, with the prompt where the configuration says.
 
+The variables that no command may have come as a JSON object on standard input. What a process is started with anybody
+of the same user can read, its commands first of all; what it sets itself cannot be seen there.
+"""
+
+import json
 import os
 import stat
 import sys
@@ -19,6 +24,7 @@ UNAUTHORIZED = 401
 def main(path: str) -> int:
     """Run the agent as the file says; 0 when its conversation came to an end of its own."""
     config = read(Path(path))
+    os.environ.update(json.loads(sys.stdin.read() or "{}"))
     reporter = Reporter(sys.stdout)
     key = os.environ.get(config.route.key) if config.route.key else None
     if config.route.key and not key:
