@@ -100,7 +100,7 @@ def test_a_key_that_is_not_there_is_not_asked_with() -> None:
         (b"Traceback\n", "its process ended without an answer"),
         (b'{"text": "  ", "end": "content_filter"}\n', "the model answered nothing (it ended with content_filter)"),
         (b'{"failed": "scripted 429", "status": 429}\n', "the model's rate limit is reached: scripted 429"),
-        (b'{"failed": "no such model", "status": 404}\n', "the request failed: no such model"),
+        (b'{"failed": "no such model", "status": 404}\n', "the request was refused: no such model"),
     ],
 )
 def test_what_is_no_answer(said: bytes, told: str) -> None:
