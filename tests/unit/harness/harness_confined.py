@@ -28,6 +28,9 @@ print(json.dumps({"outcome": dataclasses.asdict(outcome), "log": log.read_text()
 """
 
 
+PYTHONS = (str(Path(sys.executable).resolve()), "/usr/bin/python3", "/usr/local/bin/python3")
+
+
 class Host:
     """A user's home and project below ``root``, with octoform in it; all of it belongs to ``uid``."""
 
@@ -37,13 +40,29 @@ class Host:
         self.project = self.home / "project"
         self.workdir = self.project / ".octoform" / "bench" / "attempts" / "000002-probe-1"
         self.code = root / "code"
-        self.python = str(Path(sys.executable).resolve())
+        self.python = next(path for path in PYTHONS if self._may_run(path))
         self.workdir.mkdir(parents=True)
         (root / "driver.py").write_text(DRIVER)
         shutil.copytree(
             Path(octoform.__file__).parent, self.code / "octoform", ignore=shutil.ignore_patterns("__pycache__")
         )
         self.root = root
+
+    def _as_user(self) -> list[str]:
+        """The beginning of a command that the user runs."""
+        if self.uid == os.getuid():
+            return []
+        return ["setpriv", f"--reuid={self.uid}", f"--regid={self.uid}", "--clear-groups", "--"]
+
+    def _may_run(self, python: str) -> bool:
+        """Whether that Python is there for the user and new enough; this one may lie in somebody's private home."""
+        # It must find itself again: setpriv starts it with rights that it then has no more.
+        check = "import os, sys; sys.exit(sys.version_info < (3, 11) or not os.access(sys.executable, os.X_OK))"
+        command = [*self._as_user(), python, "-I", "-S", "-c", check]
+        try:
+            return subprocess.run(command, cwd="/", capture_output=True, check=False).returncode == 0
+        except OSError:
+            return False
 
     def write(self, path: Path, text: str = "x") -> Path:
         """A file with its folders."""
@@ -67,11 +86,8 @@ class Host:
         (self.root / "config.json").write_text(json.dumps(config))
         for path in (self.root, *self.root.rglob("*")):
             os.chown(path, self.uid, self.uid, follow_symlinks=False)
-        become = []
-        if self.uid != os.getuid():
-            become = ["setpriv", f"--reuid={self.uid}", f"--regid={self.uid}", "--clear-groups", "--"]
         return subprocess.Popen(
-            [*become, self.python, str(self.root / "driver.py"), str(self.root / "config.json")],
+            [*self._as_user(), self.python, str(self.root / "driver.py"), str(self.root / "config.json")],
             env={**variables, "PYTHONPATH": str(self.code)},
             cwd=self.root,
             stdin=subprocess.DEVNULL,
