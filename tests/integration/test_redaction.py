@@ -25,7 +25,7 @@ def test_a_failed_attempt_and_its_retry_keep_no_secret(project: Project) -> None
             {"mutate": [[["devices", 0, "raw_descriptor"], f"text: {TOKEN}"]]},
         ]
     }
-    done = project.apply("-target", "probe", status=1)
+    done = project.apply("-target", "probe", status=0)
     assert {"APPLY-AGENT-FAILED", "APPLY-OUTSIDE-WRITE", "APPLY-SECRET-IN-OUTPUT", "APPLY-CREDENTIAL-IN-OUTPUT"} <= set(
         done.codes()
     )
@@ -34,6 +34,7 @@ def test_a_failed_attempt_and_its_retry_keep_no_secret(project: Project) -> None
     shown = {Path("the stream"): done.text.encode(), **{path: path.read_bytes() for path in kept}}
     for secret in (KEY, json.dumps(KEY)[1:-1].replace("/", "\\/"), BASIC, BEARER, TOKEN, "b3BlbnNz"):
         assert [path for path, data in shown.items() if secret.encode() in data] == [], secret
+    assert "redacted" in (project.state / "probe" / "output.json").read_text(), "the device's own text was blanked out"
     log = project.attempts("probe")[0] / "agent.log"
     assert "[BENCH_KEY redacted]" in log.read_text()
     assert SERIAL in log.read_text()
