@@ -11,24 +11,13 @@ from octoform.diagnostics import Diagnostic, error, warning
 from octoform.endpoint.checkreport import CheckReport, TrialCall
 
 DEFECTS = frozenset(
-    {
-        "ArithmeticError",
-        "AssertionError",
-        "AttributeError",
-        "ImportError",
-        "IndentationError",
-        "IndexError",
-        "KeyError",
-        "LookupError",
-        "ModuleNotFoundError",
-        "NameError",
-        "NotImplementedError",
-        "RecursionError",
-        "SyntaxError",
-        "TypeError",
-        "UnboundLocalError",
-        "ZeroDivisionError",
-    }
+    kind.__name__
+    for kind in (
+        *(ArithmeticError, ZeroDivisionError, AssertionError, AttributeError, LookupError, IndexError, KeyError),
+        *(ImportError, ModuleNotFoundError, NameError, UnboundLocalError, SyntaxError, IndentationError, TypeError),
+        # What Python itself derives from RuntimeError: missing code, and recursion without an end.
+        *(kind for kind in RuntimeError.__subclasses__() if kind.__module__ == "builtins"),
+    )
 )
 """Exceptions that say something of the code and nothing of the device."""
 

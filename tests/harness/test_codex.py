@@ -1,13 +1,12 @@
 """Codex itself: what it gets of the key and the web, and what it costs."""
 
 from collections.abc import Callable
-from dataclasses import replace
 
 import pytest
-from agent_runs import KEY, SECRET, WRITE, Ran, spec_for
+from agent_runs import KEY, SECRET, WRITE, Ran, kept_secret, spec_for
 from model_server import serve
 
-from octoform.harness.port import Closed, ExitReason, Price, Task, ToolCalled, Trouble, Turn, Usage
+from octoform.harness.port import Closed, ExitReason, Task, ToolCalled, Trouble, Turn, Usage
 
 pytestmark = [pytest.mark.harness, pytest.mark.harness_codex]
 NAME, MODEL = "codex", "openai/scripted"
@@ -29,8 +28,7 @@ def test_work_is_counted_and_the_key_shows_nowhere(task_for: Callable[..., Task]
     assert (ran.outcome.turns, ran.outcome.usage) == (2, Usage(2000, 800, 100))
     assert (ran.task.workdir / "seen").read_text() == "<>\n"
     assert ran.task.environment["PATH"] in (ran.task.workdir / "path").read_text(), "no login shell sets another"
-    holding = [path for path in ran.task.workdir.rglob("*") if path.is_file() and SECRET.encode() in path.read_bytes()]
-    assert holding == []
+    assert kept_secret(ran)
 
 
 def test_a_key_that_the_manifest_shows_the_agent_is_redacted(
@@ -43,16 +41,6 @@ def test_a_key_that_the_manifest_shows_the_agent_is_redacted(
     assert SECRET not in log
 
 
-def test_money_is_counted_while_it_works(task_for: Callable[..., Task], run: Callable[..., Ran]) -> None:
-    price = Price(input=100.0, cached=10.0, output=1000.0, source="manifest")
-    with serve({"turns": [{"shell": "true"}], "usage": COSTS}) as server:
-        ran = run(spec_for(NAME, server), replace(task_for(MODEL, usd=0.3), price=price))
-    assert ran.outcome.reason is ExitReason.BUDGET
-    assert ran.outcome.usage.cost_usd is not None
-    # A reply costs 0.114 dollars; a few more may come before the program is ended.
-    assert 0.3 < ran.outcome.usage.cost_usd < 1.5
-
-
 def test_only_a_manifest_that_allows_it_gives_it_the_web(
     task_for: Callable[..., Task], run: Callable[..., Ran]
 ) -> None:
@@ -63,15 +51,6 @@ def test_only_a_manifest_that_allows_it_gives_it_the_web(
             tools[allowed] = set(server.replies[0]["tools"])
     assert {"web_search"} == tools[True] - tools[False]
     assert "exec_command" in tools[False]
-
-
-def test_no_key_is_a_matter_of_the_key(task_for: Callable[..., Task], run: Callable[..., Ran]) -> None:
-    task = task_for(MODEL)
-    bare = {name: value for name, value in task.environment.items() if name != KEY}
-    with serve([DONE]) as server:
-        ran = run(spec_for(NAME, server), replace(task, environment=bare))
-    assert ran.outcome.reason is ExitReason.AUTH
-    assert not server.replies
 
 
 def test_a_failed_request_is_told_of_with_its_status_and_at_once(

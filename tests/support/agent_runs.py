@@ -42,6 +42,12 @@ def spec_for(name: str, server: ModelServer | str, **settings: Any) -> HarnessSp
     return HarnessSpec(name, key=KEY, base_url=url, **settings)
 
 
+def kept_secret(ran: Ran) -> bool:
+    """True when no file of the attempt holds the key."""
+    files = (path for path in ran.task.workdir.rglob("*") if path.is_file())
+    return not any(SECRET.encode() in path.read_bytes() for path in files)
+
+
 def program(name: str) -> ProgramHarness:
     """The installed program's harness, its model nowhere; a test never passes for want of a program."""
     found = harness(spec_for(name, NOWHERE))
