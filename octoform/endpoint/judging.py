@@ -10,15 +10,13 @@ from typing import Any
 from octoform.diagnostics import Diagnostic, error, warning
 from octoform.endpoint.checkreport import CheckReport, TrialCall
 
-DEFECTS = frozenset(
-    kind.__name__
-    for kind in (
-        *(ArithmeticError, ZeroDivisionError, AssertionError, AttributeError, LookupError, IndexError, KeyError),
-        *(ImportError, ModuleNotFoundError, NameError, UnboundLocalError, SyntaxError, IndentationError, TypeError),
-        # What Python itself derives from RuntimeError: missing code, and recursion without an end.
-        *(kind for kind in RuntimeError.__subclasses__() if kind.__module__ == "builtins"),
-    )
+_CODE: tuple[type[BaseException], ...] = (
+    *(ArithmeticError, ZeroDivisionError, AssertionError, AttributeError, LookupError, IndexError, KeyError),
+    *(ImportError, ModuleNotFoundError, NameError, UnboundLocalError, SyntaxError, IndentationError, TypeError),
+    # What Python itself derives from RuntimeError: missing code, and recursion without an end.
+    *(kind for kind in RuntimeError.__subclasses__() if kind.__module__ == "builtins"),
 )
+DEFECTS = frozenset(kind.__name__ for kind in _CODE)
 """Exceptions that say something of the code and nothing of the device."""
 
 UNIFORM_SPREAD = 2.0
