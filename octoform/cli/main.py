@@ -10,7 +10,8 @@ from collections.abc import Sequence
 from importlib import import_module
 from pathlib import Path
 
-from octoform.cli.parser import UsageError, parse
+from octoform.cli.options import UsageError
+from octoform.cli.parser import parse
 from octoform.cli.stopping import Stopped, orderly
 from octoform.views import console, problems
 

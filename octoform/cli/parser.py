@@ -7,7 +7,9 @@ leave with status 1, because 2 means "changes" in ``plan -detailed-exitcode``.
 import argparse
 import re
 from collections.abc import Sequence
-from typing import NoReturn
+
+from octoform.cli import live
+from octoform.cli.options import JSON_HELP, Commands, Parser, UsageError, add, flag, value, verbs_of
 
 EXIT_CODES = """\
 exit codes:
@@ -20,26 +22,9 @@ exit codes:
 """
 
 
-class UsageError(Exception):
-    """The command line could not be understood; carries the message and the usage line."""
-
-    def __init__(self, message: str, usage: str) -> None:
-        super().__init__(message)
-        self.usage = usage
-
-
-class _Parser(argparse.ArgumentParser):
-    def error(self, message: str) -> NoReturn:
-        raise UsageError(message, self.format_usage())
-
-    def _get_option_tuples(self, _: str) -> list[tuple[argparse.Action, str, str | None]]:
-        """No abbreviations: argparse would take `-auto` for `-auto-approve`, whatever ``allow_abbrev`` says."""
-        return []
-
-
 def build() -> argparse.ArgumentParser:
     """The parser of all commands; cheap enough to be built for ``--help`` on a small board."""
-    parser = _Parser(
+    parser = Parser(
         prog="octoform",
         description="Infrastructure as Code for the hardware of a host.",
         epilog=EXIT_CODES,
@@ -48,34 +33,16 @@ def build() -> argparse.ArgumentParser:
     )
     parser.add_argument("-chdir", "--chdir", metavar="DIR", default=".", help="work in DIR, the folder of octopus.yaml")
     parser.add_argument("-version", "--version", action="store_true", help="print the version and leave")
-    commands = parser.add_subparsers(dest="command", metavar="COMMAND", title="commands", parser_class=_Parser)
+    commands = parser.add_subparsers(dest="command", metavar="COMMAND", title="commands", parser_class=Parser)
     _reading(commands)
     _working(commands)
     _state(commands)
-    _endpoint(commands)
+    live.commands_of(commands)
     _agents(commands)
     return parser
 
 
-def _add(commands: "argparse._SubParsersAction[_Parser]", name: str, text: str, *, json: bool = True) -> _Parser:
-    command: _Parser = commands.add_parser(name, help=text, description=text, allow_abbrev=False)
-    if json:
-        command.add_argument("-json", "--json", action="store_true", help=_JSON)
-    return command
-
-
-_JSON = "machine-readable output on standard output"
-
-
-def _flag(command: _Parser, name: str, text: str) -> None:
-    command.add_argument(f"-{name}", f"--{name}", action="store_true", help=text)
-
-
-def _value(command: _Parser, name: str, metavar: str, text: str, *, default: str | None = None) -> None:
-    command.add_argument(f"-{name}", f"--{name}", metavar=metavar, help=text, default=default)
-
-
-def _scope(command: _Parser) -> None:
+def _scope(command: Parser) -> None:
     for name, text in (
         ("target", "keep to NODE and what it needs; may be given more than once"),
         ("replace", "make NODE again although nothing moved; may be given more than once"),
@@ -83,101 +50,87 @@ def _scope(command: _Parser) -> None:
         command.add_argument(f"-{name}", f"--{name}", metavar="NODE", action="append", default=[], help=text)
 
 
-def _reading(commands: "argparse._SubParsersAction[_Parser]") -> None:
-    init = _add(commands, "init", "write a commented octopus.yaml for this host")
-    _value(init, "host", "NAME", "the name of the host in the state (default: made from this machine's name)")
-    _add(commands, "validate", "check octopus.yaml, specs and profiles; start nothing")
-    _add(commands, "schema", "print the JSON Schema of octopus.yaml", json=False)
-    explain = _add(commands, "explain", "tell the long story of a diagnostic code")
+def _reading(commands: Commands) -> None:
+    init = add(commands, "init", "write a commented octopus.yaml for this host")
+    value(init, "host", "NAME", "the name of the host in the state (default: made from this machine's name)")
+    add(commands, "validate", "check octopus.yaml, specs and profiles; start nothing")
+    add(commands, "schema", "print the JSON Schema of octopus.yaml", json=False)
+    explain = add(commands, "explain", "tell the long story of a diagnostic code")
     explain.add_argument(
         "code", metavar="CODE", nargs="?", help="a code such as IDENTIFY-INVENTED-DEVICE; none lists all"
     )
-    graph = _add(commands, "graph", "print the graph of nodes", json=False)
+    graph = add(commands, "graph", "print the graph of nodes", json=False)
     graph.add_argument("-type", "--type", choices=("dot", "mermaid"), default="dot", help="the drawing language")
 
 
-def _working(commands: "argparse._SubParsersAction[_Parser]") -> None:
-    plan = _add(commands, "plan", "show what would change and why; change nothing")
+def _working(commands: Commands) -> None:
+    plan = add(commands, "plan", "show what would change and why; change nothing")
     _scope(plan)
-    _value(plan, "out", "FILE", "save the plan, to be applied later as it is")
-    _flag(plan, "detailed-exitcode", "leave with 2 when there are changes")
-    _flag(plan, "no-reuse", "plan to run every agent, also where another host has the same accepted output")
-    _flag(plan, "destroy", "plan the removal of everything")
-    apply = _add(commands, "apply", "do what the plan says")
+    value(plan, "out", "FILE", "save the plan, to be applied later as it is")
+    flag(plan, "detailed-exitcode", "leave with 2 when there are changes")
+    flag(plan, "no-reuse", "plan to run every agent, also where another host has the same accepted output")
+    flag(plan, "destroy", "plan the removal of everything")
+    apply = add(commands, "apply", "do what the plan says")
     apply.add_argument("planfile", metavar="PLANFILE", nargs="?", help="a plan saved with `plan -out`")
     _scope(apply)
-    _flag(apply, "auto-approve", "do not ask")
-    _flag(apply, "no-reuse", "run every agent, also where another host has the same accepted output")
-    _value(apply, "lock-timeout", "DURATION", "wait so long for the state's lock, such as 30s", default="0s")
-    destroy = _add(commands, "destroy", "remove the endpoint, the artifacts and the state of this host")
-    _flag(destroy, "auto-approve", "do not ask")
-    _value(destroy, "lock-timeout", "DURATION", "wait so long for the state's lock, such as 30s", default="0s")
+    flag(apply, "auto-approve", "do not ask")
+    flag(apply, "no-reuse", "run every agent, also where another host has the same accepted output")
+    value(apply, "lock-timeout", "DURATION", "wait so long for the state's lock, such as 30s", default="0s")
+    destroy = add(commands, "destroy", "remove the endpoint, the artifacts and the state of this host")
+    flag(destroy, "auto-approve", "do not ask")
+    value(destroy, "lock-timeout", "DURATION", "wait so long for the state's lock, such as 30s", default="0s")
 
 
-def _state(commands: "argparse._SubParsersAction[_Parser]") -> None:
-    show = _add(commands, "show", "show the state, or a saved plan")
+def _state(commands: Commands) -> None:
+    show = add(commands, "show", "show the state, or a saved plan")
     show.add_argument("planfile", metavar="PLANFILE", nargs="?", help="a plan saved with `plan -out`")
-    state = _add(commands, "state", "look into the state, node by node", json=False)
-    verbs = state.add_subparsers(dest="verb", metavar="VERB", required=True, parser_class=_Parser)
-    _add(verbs, "list", "list the nodes of the state")
-    one = _add(verbs, "show", "show one node of the state")
+    state = add(commands, "state", "look into the state, node by node", json=False)
+    verbs = verbs_of(state)
+    add(verbs, "list", "list the nodes of the state")
+    one = add(verbs, "show", "show one node of the state")
     one.add_argument("node", metavar="NODE")
-    forget = _add(verbs, "rm", "forget a node; its artifact stays where it is")
+    forget = add(verbs, "rm", "forget a node; its artifact stays where it is")
     forget.add_argument("node", metavar="NODE")
-    accept = _add(commands, "accept", "take a node's artifact as it is, under the key of today's specs and settings")
+    accept = add(commands, "accept", "take a node's artifact as it is, under the key of today's specs and settings")
     accept.add_argument("node", metavar="NODE")
     _specs(commands)
     _attempts(commands)
-    unlock = _add(commands, "force-unlock", "remove the lock of a run that is known to be gone", json=False)
+    unlock = add(commands, "force-unlock", "remove the lock of a run that is known to be gone", json=False)
     unlock.add_argument("lock_id", metavar="LOCK-ID")
 
 
-def _specs(commands: "argparse._SubParsersAction[_Parser]") -> None:
-    spec = _add(commands, "spec", "what agents corrected in their own specs", json=False)
-    verbs = spec.add_subparsers(dest="verb", metavar="VERB", required=True, parser_class=_Parser)
-    one = _add(verbs, "diff", "show the edits that wait for a decision")
+def _specs(commands: Commands) -> None:
+    spec = add(commands, "spec", "what agents corrected in their own specs", json=False)
+    verbs = verbs_of(spec)
+    one = add(verbs, "diff", "show the edits that wait for a decision")
     one.add_argument("stage", metavar="STAGE", nargs="?")
-    one = _add(verbs, "promote", "write an edit into protocol/; an output that was made with it stays accepted")
+    one = add(verbs, "promote", "write an edit into protocol/; an output that was made with it stays accepted")
     one.add_argument("stage", metavar="STAGE")
-    one = _add(verbs, "reset", "drop the edit of a stage, or of all")
+    one = add(verbs, "reset", "drop the edit of a stage, or of all")
     one.add_argument("stage", metavar="STAGE", nargs="?")
 
 
-def _attempts(commands: "argparse._SubParsersAction[_Parser]") -> None:
-    attempts = _add(commands, "attempts", "list what the agents did, the latest last")
-    _value(attempts, "stage", "STAGE", "only the attempts of this stage")
-    _flag(attempts, "all", "all that are kept, not only the latest")
-    verbs = attempts.add_subparsers(dest="verb", metavar="VERB", parser_class=_Parser)
-    one = _add(verbs, "show", "show everything that is known of one attempt", json=False)
+def _attempts(commands: Commands) -> None:
+    attempts = add(commands, "attempts", "list what the agents did, the latest last")
+    value(attempts, "stage", "STAGE", "only the attempts of this stage")
+    flag(attempts, "all", "all that are kept, not only the latest")
+    verbs = attempts.add_subparsers(dest="verb", metavar="VERB", parser_class=Parser)
+    one = add(verbs, "show", "show everything that is known of one attempt", json=False)
     one.add_argument("number", metavar="N", type=int)
-    record = _add(verbs, "record", "write the last run as a recording, to be played by harness replay", json=False)
+    record = add(verbs, "record", "write the last run as a recording, to be played by harness replay", json=False)
     record.add_argument("folder", metavar="DIR")
     text = "only runs that began with attempt N or later"
     record.add_argument("-from", "--from", metavar="N", type=int, default=1, dest="first", help=text)
     for verb in (one, record):
         # The verb's own default would undo a -json that stands before it.
-        verb.add_argument("-json", "--json", action="store_true", default=argparse.SUPPRESS, help=_JSON)
+        verb.add_argument("-json", "--json", action="store_true", default=argparse.SUPPRESS, help=JSON_HELP)
 
 
-def _endpoint(commands: "argparse._SubParsersAction[_Parser]") -> None:
-    _add(commands, "status", "tell whether the host is in sync and its endpoint healthy")
-    _add(commands, "tools", "list the tools of the live endpoint")
-    call = _add(commands, "call", "call a tool of the live endpoint", json=False)
-    call.add_argument("tool", metavar="TOOL")
-    call.add_argument(
-        "-arg", "--arg", metavar="NAME=VALUE", action="append", default=[], help="one argument; repeatable"
-    )
-    call.add_argument("-json", "--json", metavar="OBJECT", nargs="?", const="", dest="json_arguments", help=_CALL_JSON)
-    call.add_argument("-timeout", "--timeout", metavar="DURATION", default="60s", help="give up after so long")
-
-
-def _agents(commands: "argparse._SubParsersAction[_Parser]") -> None:
-    install = _add(commands, "install", "install the programs of harnesses, in versions that octoform was tried with")
+def _agents(commands: Commands) -> None:
+    install = add(commands, "install", "install the programs of harnesses, in versions that octoform was tried with")
     install.add_argument("harness", metavar="HARNESS", nargs="+", help="a harness of octopus.yaml, such as pi or codex")
-    _add(commands, "doctor", "check what the chosen harnesses need: programs, keys, models; change nothing")
+    add(commands, "doctor", "check what the chosen harnesses need: programs, keys, models; change nothing")
 
-
-_CALL_JSON = "all arguments as one JSON object; also makes the output JSON"
 
 _DURATION = re.compile(r"(\d+(?:\.\d+)?)(ms|s|m|h)")
 

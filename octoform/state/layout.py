@@ -87,6 +87,26 @@ class Layout:
         """The one execution log of the host: every tool call and every step of a run, one JSON object a line."""
         return self.local / "log" / "octoform.jsonl"
 
+    @property
+    def run(self) -> Path:
+        """What the running endpoint keeps: its sockets, its record, tokens, counters, latches; mode 0700."""
+        return self.local / "run"
+
+    @property
+    def socket(self) -> Path:
+        """Where the endpoint takes the clients of this machine."""
+        return self.run / "endpoint.sock"
+
+    @property
+    def logs(self) -> Path:
+        """The folder of all logs of this host."""
+        return self.call_log.parent
+
+    @property
+    def server_log(self) -> Path:
+        """What the endpoint's process printed."""
+        return self.logs / "server.log"
+
     def output(self, stage: str) -> Path:
         """The accepted artifact of a stage."""
         return self.committed / stage / OUTPUT_NAMES.get(stage, "output.json")

@@ -4,7 +4,8 @@ import os
 from argparse import Namespace
 from pathlib import Path
 
-from octoform.cli.parser import UsageError, seconds
+from octoform.cli.options import UsageError
+from octoform.cli.parser import seconds
 from octoform.engine.applying import Options
 from octoform.engine.applying import apply as carry_out
 from octoform.engine.planning import Request

@@ -4,7 +4,7 @@ import os
 from argparse import Namespace
 from pathlib import Path
 
-from octoform.cli.parser import UsageError
+from octoform.cli.options import UsageError
 from octoform.diagnostics import did_you_mean, has_errors
 from octoform.engine import attempts as engine
 from octoform.engine.recording import record

@@ -3,7 +3,8 @@
 import pytest
 
 from octoform.cli.main import main
-from octoform.cli.parser import UsageError, parse, seconds
+from octoform.cli.options import UsageError
+from octoform.cli.parser import parse, seconds
 
 
 @pytest.mark.parametrize("dashes", ["-", "--"])
