@@ -1,0 +1,234 @@
+"""What the endpoint may do, as the core resolved it: read once at the start, enforced by everything beside this module.
+
+The launcher decides nothing about policy. Manifest, profiles and interface were brought together when the endpoint was
+published, so that the process that holds the devices needs to know none of them. A policy that is damaged, of another
+format or says something unforeseen is refused whole: half a policy would be a gate with a hole that nobody sees.
+"""
+
+import json
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal, cast, get_args
+
+Mode = Literal["enforce", "shadow", "dry_run"]
+Effect = Literal["read", "actuate", "irreversible"]
+Decision = Literal["allow", "confirm", "deny"]
+Kind = Literal["range", "step", "cumulative", "rate", "cooldown", "quiet_hours"]
+
+FORMAT = 1
+_DAY = 24 * 60
+
+
+class PolicyInvalid(ValueError):
+    """The policy file cannot be used; the text says where and why, in a sentence for a person."""
+
+
+@dataclass(frozen=True, slots=True)
+class Limit:
+    """One limit of a tool; which fields count depends on ``kind``, the others keep their defaults.
+
+    range: parameter, minimum, maximum (either may be None). step, cumulative: parameter, most. rate: calls, seconds.
+    cooldown: seconds. quiet_hours: begin, end (minutes after midnight, local time; end before begin passes midnight,
+    equal ones are the whole day). ``default`` is what an absent parameter counts as; None: its call is not judged.
+    """
+
+    kind: Kind
+    source: str
+    parameter: str = ""
+    minimum: float | None = None
+    maximum: float | None = None
+    most: float = 0.0
+    calls: int = 0
+    seconds: float = 0.0
+    begin: int = 0
+    end: int = 0
+    unit: str = ""
+    default: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class ToolPolicy:
+    """What holds for one tool. ``timeout`` in seconds, ``result_bytes`` in bytes, ``buses`` are device ids."""
+
+    effect: Effect
+    decision: Decision
+    source: str
+    timeout: float
+    result_bytes: int
+    buses: tuple[str, ...] = ()
+    limits: tuple[Limit, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class StopAction:
+    """Bytes that the emergency stop writes to the node of a device; ``baud`` None leaves the line as it is."""
+
+    device: str
+    kind: str
+    baud: int | None
+    write: bytes
+    source: str
+
+
+@dataclass(frozen=True, slots=True)
+class Policy:
+    """The whole of it. A tool that is not in ``tools`` is not to be called."""
+
+    mode: Mode
+    tools: Mapping[str, ToolPolicy]
+    stop: tuple[StopAction, ...] = ()
+
+
+def read(path: Path) -> Policy:
+    """The policy of this file; PolicyInvalid when it cannot be read or says anything that is not foreseen."""
+    try:
+        document = json.loads(path.read_bytes())
+    except (OSError, ValueError, RecursionError) as problem:
+        raise PolicyInvalid(f"{path}: the policy cannot be read: {problem}") from problem
+    try:
+        return parse(document)
+    except PolicyInvalid as problem:
+        raise PolicyInvalid(f"{path}: {problem}") from problem
+
+
+def parse(document: Any) -> Policy:
+    """The policy in an object as JSON gives it; PolicyInvalid names the place that is wrong."""
+    whole = _object(document, "the policy")
+    if whole.get("format") != FORMAT:
+        raise PolicyInvalid(f"format {whole.get('format')!r} is not known; this launcher reads format {FORMAT}")
+    mode = cast(Mode, _one_of(whole, "mode", get_args(Mode), "the policy"))
+    tools = {name: _tool(item, f"tools.{name}") for name, item in _object(whole.get("tools"), "tools").items()}
+    stop = tuple(_stop(item, f"stop[{index}]") for index, item in enumerate(_array(whole.get("stop", []), "stop")))
+    return Policy(mode, tools, stop)
+
+
+def _tool(document: Any, place: str) -> ToolPolicy:
+    item = _object(document, place)
+    limits = _array(item.get("limits", []), f"{place}.limits")
+    buses = _array(item.get("buses", []), f"{place}.buses")
+    return ToolPolicy(
+        effect=cast(Effect, _one_of(item, "effect", get_args(Effect), place)),
+        decision=cast(Decision, _one_of(item, "decision", get_args(Decision), place)),
+        source=_text(item, "source", place),
+        timeout=_positive(item, "timeout", place),
+        result_bytes=_whole(item, "result_bytes", place),
+        buses=tuple(sorted({_string(bus, f"{place}.buses") for bus in buses})),
+        limits=tuple(_limit(limit, f"{place}.limits[{index}]") for index, limit in enumerate(limits)),
+    )
+
+
+def _limit(document: Any, place: str) -> Limit:
+    item = _object(document, place)
+    kind = cast(Kind, _one_of(item, "kind", get_args(Kind), place))
+    source = _text(item, "source", place)
+    if kind == "rate":
+        return Limit(kind, source, calls=_whole(item, "calls", place), seconds=_positive(item, "seconds", place))
+    if kind == "cooldown":
+        return Limit(kind, source, seconds=_positive(item, "seconds", place))
+    if kind == "quiet_hours":
+        return Limit(kind, source, begin=_clock(item, "from", place), end=_clock(item, "to", place))
+    return _numeric(kind, item, place)
+
+
+def _numeric(kind: Kind, item: Mapping[str, Any], place: str) -> Limit:
+    """A limit on the value of a parameter."""
+    minimum, maximum = _bound(item, "minimum", place), _bound(item, "maximum", place)
+    if kind == "range" and minimum is None and maximum is None:
+        raise PolicyInvalid(f"{place}: a range needs minimum or maximum")
+    return Limit(
+        kind,
+        _text(item, "source", place),
+        parameter=_text(item, "parameter", place),
+        minimum=minimum,
+        maximum=maximum,
+        most=0.0 if kind == "range" else _not_negative(item, "most", place),
+        unit=_string(item.get("unit") or "", f"{place}.unit"),
+        default=_bound(item, "default", place),
+    )
+
+
+def _stop(document: Any, place: str) -> StopAction:
+    item = _object(document, place)
+    try:
+        data = bytes.fromhex(_text(item, "write", place))
+    except ValueError as problem:
+        raise PolicyInvalid(f"{place}.write is not hexadecimal") from problem
+    baud = None if item.get("baud") is None else _whole(item, "baud", place)
+    device, kind = _text(item, "device", place), _text(item, "class", place)
+    return StopAction(device, kind, baud, data, _text(item, "source", place))
+
+
+def _object(value: Any, place: str) -> Mapping[str, Any]:
+    if not isinstance(value, dict):
+        raise PolicyInvalid(f"{place} is no object")
+    return value
+
+
+def _array(value: Any, place: str) -> list[Any]:
+    if not isinstance(value, list):
+        raise PolicyInvalid(f"{place} is no array")
+    return value
+
+
+def _string(value: Any, place: str) -> str:
+    if not isinstance(value, str):
+        raise PolicyInvalid(f"{place} is no text")
+    return value
+
+
+def _text(item: Mapping[str, Any], name: str, place: str) -> str:
+    text = _string(item.get(name), f"{place}.{name}")
+    if not text:
+        raise PolicyInvalid(f"{place}.{name} is empty")
+    return text
+
+
+def _one_of(item: Mapping[str, Any], name: str, allowed: tuple[str, ...], place: str) -> str:
+    value = item.get(name)
+    if value not in allowed:
+        raise PolicyInvalid(f"{place}.{name} is {value!r}, which is none of {', '.join(allowed)}")
+    return cast(str, value)
+
+
+def _bound(item: Mapping[str, Any], name: str, place: str) -> float | None:
+    """A finite number or null; whole numbers stay whole, so that a refusal shows them as they were written."""
+    value = item.get(name)
+    if value is None:
+        return None
+    if isinstance(value, bool) or not isinstance(value, int | float) or value != value or abs(value) == math.inf:
+        raise PolicyInvalid(f"{place}.{name} is {value!r}, which is no finite number")
+    return value
+
+
+def _not_negative(item: Mapping[str, Any], name: str, place: str) -> float:
+    value = _bound(item, name, place)
+    if value is None or value < 0:
+        raise PolicyInvalid(f"{place}.{name} is {value!r}, which is no number of 0 or more")
+    return value
+
+
+def _positive(item: Mapping[str, Any], name: str, place: str) -> float:
+    value = _not_negative(item, name, place)
+    if value == 0:
+        raise PolicyInvalid(f"{place}.{name} is 0; it has to be more")
+    return value
+
+
+def _whole(item: Mapping[str, Any], name: str, place: str) -> int:
+    value = _positive(item, name, place)
+    if not isinstance(value, int):
+        raise PolicyInvalid(f"{place}.{name} is {value!r}, which is no whole number")
+    return value
+
+
+def _clock(item: Mapping[str, Any], name: str, place: str) -> int:
+    """Minutes after midnight of ``HH:MM``; 24:00 is midnight."""
+    hours, colon, minutes = _text(item, name, place).partition(":")
+    if not (colon and hours.isascii() and hours.isdigit() and minutes.isascii() and minutes.isdigit()):
+        raise PolicyInvalid(f"{place}.{name} is no time of day such as 22:00")
+    moment = int(hours) * 60 + int(minutes)
+    if int(minutes) > 59 or moment > _DAY:
+        raise PolicyInvalid(f"{place}.{name} is no time of day such as 22:00")
+    return moment % _DAY
