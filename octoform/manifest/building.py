@@ -6,10 +6,10 @@ from pathlib import Path
 from types import MappingProxyType
 
 from octoform import digest
+from octoform.durations import seconds
 from octoform.manifest import agents, document
 from octoform.manifest.agents import Agent
 from octoform.manifest.document import Document
-from octoform.manifest.durations import seconds
 from octoform.manifest.harness_document import CommandHarness, Confinement, ModelHarness, ProgramHarness, ReplayHarness
 from octoform.manifest.model import (
     STAGES,

@@ -8,8 +8,8 @@ from typing import Annotated, Any, Literal
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field
 from pydantic_core import PydanticCustomError
 
+from octoform.durations import LONGEST_SECONDS, PATTERN, seconds
 from octoform.manifest import base_url, host_name
-from octoform.manifest.durations import LONGEST_SECONDS, PATTERN, seconds
 from octoform.manifest.references import NAME
 
 

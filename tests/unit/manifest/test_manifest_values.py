@@ -10,7 +10,6 @@ import pytest
 
 from octoform.harness.adapters import command as command_harness
 from octoform.manifest import model
-from octoform.manifest.durations import seconds
 from octoform.manifest.loading import load
 from octoform.manifest.model import Budget, HarnessSpec, Manifest
 from octoform.manifest.references import contains, malformed, names, resolve, resolve_argument
@@ -133,27 +132,6 @@ def test_what_is_no_file_is_refused_without_waiting(tmp_path: Path) -> None:
         assert [item.code for item in found] == ["MANIFEST-UNREADABLE"]
 
 
-@pytest.mark.parametrize(
-    ("text", "length"),
-    [
-        ("200s", 200),
-        ("5m", 300),
-        ("1h30m", 5400),
-        ("1h1m1s", 3661),
-        ("0s", 0),
-        ("", None),
-        ("5", None),
-        ("1m1h", None),
-        ("1.5h", None),
-        (" 5s", None),
-        ("5s\n", None),
-        ("٣s", None),
-    ],
-)
-def test_durations(text: str, length: int | None) -> None:
-    assert seconds(text) == length
-
-
 def test_references() -> None:
     assert names("a${B}c${D_1}$${E}") == ("B", "D_1")
     assert contains("x${B}")
@@ -189,7 +167,7 @@ def test_every_code_has_a_page_and_every_page_a_code() -> None:
         assert (pages / f"{code}.md").read_text("utf-8").startswith(f"# {code}: ")
 
 
-@pytest.mark.parametrize("module", ["model", "references", "starter", "host_name", "durations", "secrets"])
+@pytest.mark.parametrize("module", ["model", "references", "starter", "host_name", "secrets"])
 def test_light_modules_stay_light(module: str) -> None:
     code = (
         f"import sys, octoform.manifest.{module}; "
