@@ -11,6 +11,7 @@ from typing import Any
 from octoform import events
 from octoform.apply.context import Context
 from octoform.apply.reading import accepted
+from octoform.apply.service import service_of
 from octoform.apply.settling import counted, runtime_files
 from octoform.contracts.deploying import deploy_lock
 from octoform.contracts.header import declared_requirements
@@ -22,6 +23,7 @@ from octoform.endpoint.environment import Environment
 from octoform.endpoint.importcheck import ImportReport, check_import, judge_import
 from octoform.endpoint.publishing import write_endpoint
 from octoform.endpoint.resolving import resolve
+from octoform.endpoint.supervising import stop
 from octoform.harness.port import Task
 
 IMPORT_SECONDS = 30.0
@@ -67,12 +69,17 @@ def prove_deploy(context: Context, _: Task, deploy: Mapping[str, Any]) -> Proof:
 def publish(context: Context, environment: Environment, found: list[Diagnostic], node: str) -> CheckReport | None:
     """Write descriptor, snippets and launcher, start the endpoint, call every read tool; problems join ``found``."""
     interface = accepted(context, "interface")
-    found += write_endpoint(context.layout, environment, interface["tools"], context.environ)
+    stop(context.layout)
+    found += write_endpoint(context.layout, environment, service_of(context), context.environ)
     if has_errors(found):
         return None
     context.emit(events.Checking(node, "starting the endpoint and calling its read tools"))
     report = check(context.layout, interface)
-    found += judge_check(report, interface)
+    judged = judge_check(report, interface)
+    found += judged
+    if has_errors(judged):
+        # What is broken is not left running; the next apply makes it anew.
+        stop(context.layout)
     return report
 
 

@@ -1,4 +1,4 @@
-"""Prove that the endpoint lives: a real client starts it, lists its tools and calls every read tool once.
+"""Prove that the endpoint lives: a real client connects, lists its tools and calls every read tool once.
 
 A server can satisfy every schema and still be dead: a library without the function that a tool needs shows only when
 the tool is called, and a call that is not in the injected log is invisible to whoever watches the server.
@@ -11,11 +11,13 @@ from dataclasses import asdict, replace
 from datetime import UTC, datetime
 from typing import Any
 
+from octoform.diagnostics import Diagnostic
 from octoform.endpoint.calllog import LoggedCall, calls_after, mark
 from octoform.endpoint.checkreport import CheckReport, TrialCall
 from octoform.endpoint.errand import Call, Report, recorded_environment, send
 from octoform.endpoint.files import CHECK
 from octoform.endpoint.judging import judge_check
+from octoform.endpoint.supervising import start
 from octoform.endpoint.trial import trial_arguments
 from octoform.state.files import write_atomic
 from octoform.state.layout import Layout
@@ -44,10 +46,19 @@ def check(
     readers = [tool for tool in interface["tools"] if smoke and tool["effect"] == "read"]
     trials = {tool["name"]: trial_arguments(tool) for tool in readers}
     calls = [Call(name, given, seconds=call_seconds) for name, given in trials.items() if given is not None]
+    _, problem = start(layout)
+    if problem is not None:
+        report = CheckReport(False, told(problem), None, None, (), (), 0.0)
+        return replace(report, unrecorded=write_atomic(layout.endpoint / CHECK, _record(report), 0o600))
     position = mark(layout.call_log)
     seen = send(layout, environment, calls, mode=mode)
     report = _report(seen, list(trials), calls_after(layout.call_log, position))
     return replace(report, unrecorded=write_atomic(layout.endpoint / CHECK, _record(report), 0o600))
+
+
+def told(problem: Diagnostic) -> str:
+    """A diagnostic in one text."""
+    return f"{problem.summary}\n{problem.detail}" if problem.detail else problem.summary
 
 
 def _report(seen: Report, readers: Sequence[str], logged: Sequence[LoggedCall]) -> CheckReport:

@@ -1,4 +1,4 @@
-"""Send the serving environment's own MCP client on one errand and read what it brings back."""
+"""Send the serving environment's own MCP client on one errand to the running endpoint; read what it brings back."""
 
 import json
 from collections.abc import Mapping, Sequence
@@ -7,8 +7,9 @@ from pathlib import Path
 from typing import Any
 
 from octoform.endpoint.environment import Environment, at
-from octoform.endpoint.files import LAUNCHER, read_manifest
+from octoform.endpoint.files import read_manifest
 from octoform.endpoint.process import base_environment, run
+from octoform.endpoint.publishing import client_command
 from octoform.state.layout import Layout
 
 SCRIPT = Path(__file__).parent / "scripts" / "mcp_client.py"
@@ -57,13 +58,13 @@ def send(
     mode: str = "auto",
     keep_content: bool = False,
 ) -> Report:
-    """Start the launcher, list its tools, make the calls; blocks until the server is gone again.
+    """Connect as any client does, list the tools, make the calls; blocks until the client is gone again.
 
-    ``mode`` is ``auto`` (the newest protocol first) or ``legacy`` (the handshake). Costs about two CPU seconds of
-    other processes.
+    ``mode`` is ``auto`` (the newest protocol first) or ``legacy`` (the handshake). Costs about a CPU second of other
+    processes, and another one where the endpoint has to be started first.
     """
     task = {
-        "command": [str(layout.endpoint / LAUNCHER)],
+        "command": client_command(layout),
         "mode": mode,
         "start_seconds": START_SECONDS,
         "keep_content": keep_content,

@@ -14,6 +14,8 @@ from octoform.state.layout import Layout
 CONNECTION = "connection.json"
 LAUNCHER = "launch"
 SERVE_SCRIPT = "serve.py"
+LAUNCHER_PACKAGE = "launcher"
+POLICY = "policy.json"
 CLIENTS = "clients"
 MANIFEST = "manifest.json"
 CHECK = "check.json"

@@ -7,7 +7,8 @@ the digests of all these files, so that a plan sees when one was edited or lost.
 import json
 import os
 import shlex
-from collections.abc import Mapping, Sequence
+import sys
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -20,44 +21,42 @@ from octoform.endpoint.files import (
     CLIENTS,
     CONNECTION,
     LAUNCHER,
+    LAUNCHER_PACKAGE,
     MANIFEST,
+    POLICY,
     SERVE_SCRIPT,
     files_below,
     folder_digest,
     private_folder,
     read_manifest,
 )
+from octoform.endpoint.service import Service
 from octoform.endpoint.snippets import snippets
 from octoform.state.files import write_atomic
 from octoform.state.layout import Layout
 
-SCRIPT = Path(__file__).parent / "scripts" / "serve_stdio.py"
+SCRIPT = Path(__file__).parent / "scripts" / "serve.py"
+PACKAGE = Path(__file__).parents[1] / LAUNCHER_PACKAGE
+"""The package that runs in the endpoint's process: copied as files, never imported here."""
 
 
 def write_endpoint(
-    layout: Layout,
-    environment: Environment,
-    tools: Sequence[Mapping[str, Any]],
-    environ: Mapping[str, str] | None = None,
+    layout: Layout, environment: Environment, service: Service, environ: Mapping[str, str] | None = None
 ) -> list[Diagnostic]:
     """Write the endpoint of the accepted server; errors when the disk refuses, empty when all of it stands.
 
-    ``tools`` is the INTERFACE artifact's list. ``environ`` (default: this process's) is where a system root in use
-    is taken from. OSError when the accepted server.py cannot be read, which is a bug of the caller.
+    ``environ`` (default: this process's) is where a system root in use is taken from. OSError when the accepted
+    server.py cannot be read, which is a bug of the caller.
     """
     folder = private_folder(layout.endpoint)
     former = read_manifest(layout)
     # What was seen of the former server says nothing of this one.
     (folder / CHECK).unlink(missing_ok=True)
-    private_folder(layout.call_log.parent)
-    launcher = folder / LAUNCHER
-    descriptor = _descriptor(layout, environment, tools, os.environ if environ is None else environ)
-    files: dict[str, tuple[bytes, int]] = {CONNECTION: (_json(descriptor), 0o600)}
-    for name, text in snippets(f"octoform-{layout.host}", str(launcher)).items():
-        files[f"{CLIENTS}/{name}"] = (text.encode(), 0o600)
-    files[SERVE_SCRIPT] = (SCRIPT.read_bytes(), 0o600)
-    files[LAUNCHER] = (launcher_text(environment, folder / SERVE_SCRIPT).encode(), 0o700)
-    private_folder(folder / CLIENTS)
+    private_folder(layout.logs)
+    descriptor = _descriptor(layout, service, os.environ if environ is None else environ)
+    files = _files(layout, environment, service, descriptor)
+    for name in (CLIENTS, LAUNCHER_PACKAGE):
+        private_folder(folder / name)
     for name, (data, mode) in files.items():
         if problem := write_atomic(folder / name, data, mode):
             return [problem]
@@ -67,14 +66,29 @@ def write_endpoint(
         "environment": str(environment.path),
         "previous_environment": _previous(former, environment),
         "lock": environment.lock,
-        "tools": sorted(tool["name"] for tool in tools),
+        "tools": sorted(tool["name"] for tool in service.tools),
         "server": descriptor["server"]["digest"],
         "runtime": folder_digest(layout.runtime),
+        "launcher": folder_digest(PACKAGE),
     }
     if problem := write_atomic(folder / MANIFEST, _json(manifest), 0o600):
         return [problem]
     prune(layout, {Path(str(manifest[name])) for name in ("environment", "previous_environment") if manifest[name]})
     return []
+
+
+def _files(
+    layout: Layout, environment: Environment, service: Service, descriptor: Mapping[str, Any]
+) -> dict[str, tuple[bytes, int]]:
+    """Name to bytes and mode, in the order of writing: the launcher comes last."""
+    files = {CONNECTION: (_json(descriptor), 0o600), POLICY: (_json(service.policy), 0o600)}
+    for name, text in snippets(f"octoform-{layout.host}", descriptor["command"]).items():
+        files[f"{CLIENTS}/{name}"] = (text.encode(), 0o600)
+    for path in sorted(PACKAGE.glob("*.py")):
+        files[f"{LAUNCHER_PACKAGE}/{path.name}"] = (path.read_bytes(), 0o600)
+    files[SERVE_SCRIPT] = (SCRIPT.read_bytes(), 0o600)
+    files[LAUNCHER] = (launcher_text(environment, layout.endpoint / SERVE_SCRIPT).encode(), 0o700)
+    return files
 
 
 def launcher_text(environment: Environment, script: Path) -> str:
@@ -91,37 +105,40 @@ def _previous(former: Mapping[str, Any] | None, environment: Environment) -> str
     return former.get("previous_environment") if last == str(environment.path) else last
 
 
-def _descriptor(
-    layout: Layout, environment: Environment, tools: Sequence[Mapping[str, Any]], environ: Mapping[str, str]
-) -> dict[str, Any]:
+def _descriptor(layout: Layout, service: Service, environ: Mapping[str, str]) -> dict[str, Any]:
     server = layout.output("serve")
     variables = {
         "OCTOFORM_INSTANCES": str(layout.instances),
         "OCTOFORM_CALL_LOG": str(layout.call_log),
         "FASTMCP_CHECK_FOR_UPDATES": "off",
         "FASTMCP_SHOW_SERVER_BANNER": "false",
-        # FastMCP would otherwise read a .env of whatever folder the client runs in.
+        # FastMCP would otherwise read a .env of whatever folder the process was started in.
         "FASTMCP_ENV_FILE": os.devnull,
     }
     if environ.get("OCTOFORM_SYSROOT"):
         variables["OCTOFORM_SYSROOT"] = environ["OCTOFORM_SYSROOT"]
+    runtime = {f"{layout.runtime.name}/{name}": digest for name, digest in files_below(layout.runtime).items()}
+    told = ("name", "effect", "devices", "annotations", "output_schema")
     return {
-        "format": 1,
+        "format": 2,
         "host": layout.host,
-        "scope": "local",
+        "scope": service.scope,
         "transport": "stdio",
-        "command": [str(layout.endpoint / LAUNCHER)],
+        "command": client_command(layout),
         "environment": variables,
-        "tools": [{"name": tool["name"], "effect": tool["effect"]} for tool in tools],
-        "server": {
-            "path": str(server),
-            "digest": of_bytes(server.read_bytes()),
-            "runtime": {
-                f"{layout.runtime.name}/{name}": digest for name, digest in files_below(layout.runtime).items()
-            },
-        },
-        "lock": environment.lock,
+        "tools": [{key: tool[key] for key in told if key in tool} for tool in service.tools],
+        "devices": [dict(device) for device in service.devices],
+        "server": {"path": str(server), "digest": of_bytes(server.read_bytes()), "runtime": runtime},
+        "paths": {"run": str(layout.run), "log": str(layout.logs)},
+        "network": service.network,
+        "tunnel": service.tunnel,
     }
+
+
+def client_command(layout: Layout) -> list[str]:
+    """What a client starts: this interpreter by its absolute path, so it can be started from any folder."""
+    project = f"-chdir={layout.project}"
+    return [sys.executable, "-I", "-m", "octoform.cli", project, "connect", layout.host]
 
 
 def _json(value: object) -> bytes:

@@ -4,7 +4,16 @@ import shutil
 from pathlib import Path
 
 from octoform.endpoint.environment import FOLDER_NAME, MARKER
-from octoform.endpoint.files import CHECK, CLIENTS, CONNECTION, LAUNCHER, MANIFEST, SERVE_SCRIPT
+from octoform.endpoint.files import (
+    CHECK,
+    CLIENTS,
+    CONNECTION,
+    LAUNCHER,
+    LAUNCHER_PACKAGE,
+    MANIFEST,
+    POLICY,
+    SERVE_SCRIPT,
+)
 from octoform.endpoint.snippets import snippets
 from octoform.state.layout import Layout
 
@@ -16,10 +25,11 @@ def remove(layout: Layout) -> list[Path]:
     refuses.
     """
     folder = layout.endpoint
-    for name in (LAUNCHER, SERVE_SCRIPT, CONNECTION, CHECK, MANIFEST):
+    for name in (LAUNCHER, SERVE_SCRIPT, CONNECTION, POLICY, CHECK, MANIFEST):
         _unlink(folder, name)
-    for name in snippets("", ""):
+    for name in snippets("", []):
         _unlink(folder / CLIENTS, name)
+    shutil.rmtree(folder / LAUNCHER_PACKAGE, ignore_errors=True)
     for path in sorted(layout.environments.glob("*")):
         if FOLDER_NAME.fullmatch(path.name) and ((path / MARKER).is_file() or (path / "pyvenv.cfg").is_file()):
             shutil.rmtree(path)

@@ -76,7 +76,7 @@ def _promised(layout: Layout) -> dict[str, Any]:
 
 def tools(project: Path, environ: Mapping[str, str]) -> tuple[list[dict[str, Any]] | None, list[Diagnostic]]:
     """The tools that the endpoint lists, with effect and devices from the INTERFACE artifact."""
-    layout, found = _layout(project, environ)
+    layout, found = layout_of(project, environ)
     if layout is None:
         return None, found
     listed, problems = list_tools(layout)
@@ -92,7 +92,7 @@ def call(
 ) -> tuple[Answer | None, list[Diagnostic]]:
     """Call a tool with ``name=value`` pairs or one JSON object; media go to files in the working folder's .octoform."""
     given, texts, found = _arguments(pairs, document)
-    layout, more = _layout(project, environ)
+    layout, more = layout_of(project, environ)
     if layout is None or found:
         return None, [*found, *more]
     result, problems = call_tool(layout, tool, given, texts, seconds)
@@ -102,7 +102,8 @@ def call(
     return Answer(result, tuple(saved)), more
 
 
-def _layout(project: Path, environ: Mapping[str, str]) -> tuple[Layout | None, list[Diagnostic]]:
+def layout_of(project: Path, environ: Mapping[str, str]) -> tuple[Layout | None, list[Diagnostic]]:
+    """The paths of the project's host, from the memo where it holds; the diagnostics where there is none."""
     plan = memo.recall(project, environ)
     if plan is not None:
         return Layout(project, plan.host), []

@@ -1,0 +1,22 @@
+"""``connect``: the stdio command of every client of this machine. Loads next to nothing."""
+
+import sys
+from argparse import Namespace
+from pathlib import Path
+
+from octoform.endpoint.connecting import connect
+from octoform.views.console import Console
+
+
+def run(arguments: Namespace, project: Path, screen: Console) -> int:
+    """Exit code 0 when the client closed the connection, 1 when the endpoint did or never came up."""
+    if arguments.print is not None:
+        from octoform.cli.commands.clients import printed
+
+        return printed(arguments, project, screen)
+    problem = connect(project, arguments.host)
+    if problem is None:
+        return 0
+    # Standard output belongs to the protocol.
+    print(f"octoform: {problem}", file=sys.stderr)
+    return 1

@@ -1,0 +1,17 @@
+"""``restart``: end the endpoint's process and start another."""
+
+import os
+from argparse import Namespace
+from pathlib import Path
+
+from octoform.engine.supervising import restart
+from octoform.views import problems, supervising
+from octoform.views.console import Console
+
+
+def run(arguments: Namespace, project: Path, screen: Console) -> int:
+    """Exit code 0 when the endpoint runs again."""
+    done, found = restart(project, os.environ)
+    if done is None:
+        return problems.show(screen, found, as_json=arguments.json)
+    return supervising.started(screen, done, as_json=arguments.json)

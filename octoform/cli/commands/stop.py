@@ -1,0 +1,17 @@
+"""``stop``: the endpoint's process, and nothing else."""
+
+import os
+from argparse import Namespace
+from pathlib import Path
+
+from octoform.engine.supervising import stop
+from octoform.views import problems, supervising
+from octoform.views.console import Console
+
+
+def run(arguments: Namespace, project: Path, screen: Console) -> int:
+    """Exit code 0 when no process of the endpoint is left."""
+    done, found = stop(project, os.environ)
+    if done is None:
+        return problems.show(screen, found, as_json=arguments.json)
+    return supervising.stopped(screen, done, as_json=arguments.json)

@@ -1,0 +1,39 @@
+"""From a client's stdio to the endpoint of a host, started first where nothing runs yet. Light."""
+
+from pathlib import Path
+
+from octoform.endpoint.files import LAUNCHER
+from octoform.endpoint.piping import pipe
+from octoform.endpoint.sockets import connect as open_socket
+from octoform.endpoint.supervising import start
+from octoform.manifest.host_name import is_legal
+from octoform.state.layout import Layout
+
+
+def connect(project: Path, host: str | None) -> str | None:
+    """Carry a client's bytes until it is done; the reason in one line when it ended otherwise."""
+    layout = _layout(project, host)
+    if isinstance(layout, str):
+        return layout
+    try:
+        connection = open_socket(layout.socket, 5.0)
+    except OSError:
+        _, problem = start(layout)
+        if problem is not None:
+            return ": ".join(filter(None, (problem.summary, problem.detail)))
+        connection = open_socket(layout.socket, 5.0)
+    with connection:
+        return None if pipe(connection) else f"the endpoint of {layout.host} was stopped"
+
+
+def _layout(project: Path, host: str | None) -> Layout | str:
+    """The host that is meant, or why none is."""
+    applied = sorted(path.parents[1].name for path in project.glob(f".octoform/*/endpoint/{LAUNCHER}"))
+    if host is not None and not is_legal(host):
+        return f"{host!r} is no name of a host"
+    if host is not None:
+        return Layout(project, host) if host in applied else f"{host} has no endpoint in {project}; run octoform apply"
+    if len(applied) == 1:
+        return Layout(project, applied[0])
+    known = f"; say which: {', '.join(applied)}" if applied else "; run octoform apply"
+    return f"{project} has {len(applied) or 'no'} endpoint{'s' if len(applied) > 1 else ''}{known}"

@@ -1,0 +1,73 @@
+"""The running endpoint as its own record tells it, believed only where the kernel says the same.
+
+Light: the pipe of every client and every plan ask this.
+"""
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from octoform.state.holder import PROC, start_time
+from octoform.state.layout import Layout
+
+RECORD = "process.json"
+
+
+@dataclass(frozen=True, slots=True)
+class Running:
+    """A process that serves the endpoint; ``since`` is RFC 3339, ``url`` None without a network socket.
+
+    ``start`` is when it started, in clock ticks since boot: with the pid, the boot and the command line it names
+    the process for certain. ``instance`` tells one start of the endpoint from another.
+    """
+
+    pid: int
+    start: int
+    argv: tuple[str, ...]
+    instance: str
+    since: str
+    scope: str
+    url: str | None
+
+
+def running(layout: Layout) -> Running | None:
+    """The process that serves this host's endpoint; None when its record is of no such live process."""
+    try:
+        record = json.loads((layout.run / RECORD).read_bytes())
+        found = _read(record)
+    except (OSError, ValueError, LookupError, TypeError):
+        return None
+    return found if record["boot"] == _boot() and is_it(found) else None
+
+
+def is_it(process: Running) -> bool:
+    """True when exactly that process lives: pid, start time and command line agree."""
+    return start_time(process.pid) == process.start and _command_line(process.pid) == process.argv
+
+
+def _read(record: dict[str, Any]) -> Running:
+    return Running(
+        pid=int(record["pid"]),
+        start=int(record["start"]),
+        argv=tuple(record["argv"]),
+        instance=str(record["instance"]),
+        since=str(record["since"]),
+        scope=str(record["scope"]),
+        url=record["url"],
+    )
+
+
+def _boot() -> str:
+    try:
+        return (PROC / "sys/kernel/random/boot_id").read_text().strip()
+    except OSError:
+        return ""
+
+
+def _command_line(pid: int) -> tuple[str, ...]:
+    try:
+        data = Path(PROC / str(pid) / "cmdline").read_bytes()
+    except OSError:
+        return ()
+    return tuple(word.decode(errors="surrogateescape") for word in data.split(b"\0")[:-1])

@@ -1,0 +1,147 @@
+"""Start and stop the process that serves a host's endpoint. Light until something is really started.
+
+It is started detached, from the launcher that apply wrote. Only what is proved to be that process is ever signalled,
+through a pidfd that was opened before the proof, so that a recycled pid is never hit.
+"""
+
+import fcntl
+import os
+import signal
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+from octoform.diagnostics import Diagnostic, error
+from octoform.endpoint.files import LAUNCHER
+from octoform.endpoint.running import Running, is_it, running
+from octoform.endpoint.sockets import connect
+from octoform.state.layout import Layout
+
+START_SECONDS = 45.0
+"""For a start on a small board; a second or two elsewhere."""
+STOP_SECONDS = 8.0
+"""What a graceful end may take before a firm one."""
+PASSED = ("HOME", "PATH", "LANG", "LC_ALL", "TMPDIR", "TZ", "USER", "LOGNAME", "XDG_RUNTIME_DIR")
+"""Variables that the process gets of whoever starts it: no secrets, and the same from every place."""
+_STEP = 0.02
+
+
+@dataclass(frozen=True, slots=True)
+class Stopped:
+    """How the process ended: ``firmly`` when it had to be killed. ``process`` is None when none ran."""
+
+    process: Running | None
+    firmly: bool = False
+
+
+def start(layout: Layout, seconds: float = START_SECONDS) -> tuple[Running | None, Diagnostic | None]:
+    """The running process, started unless it runs; the reason when it does not come up within ``seconds``.
+
+    Several starts at once make one process.
+    """
+    if not (layout.endpoint / LAUNCHER).is_file():
+        hint = "run octoform apply, which builds it"
+        return None, error("ENDPOINT-NOT-APPLIED", f"{layout.host} has no endpoint yet", hint=hint)
+    with _turn(layout):
+        found = running(layout)
+        if found is not None and accepts(layout):
+            return found, None
+        return _start(layout, time.monotonic() + seconds)
+
+
+def accepts(layout: Layout) -> bool:
+    """True when something takes clients at the endpoint's socket."""
+    try:
+        connect(layout.socket, 1.0).close()
+    except OSError:
+        return False
+    return True
+
+
+def stop(layout: Layout, seconds: float = STOP_SECONDS) -> Stopped:
+    """End the process: asked first, killed when it has not gone after ``seconds``; nothing else is ever touched."""
+    found = running(layout)
+    if found is None:
+        return Stopped(None)
+    try:
+        handle = os.pidfd_open(found.pid)
+    except ProcessLookupError:
+        return Stopped(None)
+    try:
+        if not is_it(found):
+            return Stopped(None)
+        _signal(handle, signal.SIGTERM)
+        if _gone(found, time.monotonic() + seconds):
+            return Stopped(found)
+        _signal(handle, signal.SIGKILL)
+        _gone(found, time.monotonic() + seconds)
+        return Stopped(found, firmly=True)
+    finally:
+        os.close(handle)
+
+
+def _signal(handle: int, number: int) -> None:
+    try:
+        signal.pidfd_send_signal(handle, number)
+    except ProcessLookupError:
+        return
+
+
+def _gone(process: Running, end: float) -> bool:
+    while is_it(process):
+        if time.monotonic() > end:
+            return False
+        time.sleep(_STEP)
+    return True
+
+
+@contextmanager
+def _turn(layout: Layout) -> Iterator[None]:
+    """One start at a time; the kernel gives the lock back when its holder dies."""
+    layout.run.mkdir(mode=0o700, parents=True, exist_ok=True)
+    with (layout.run / "start.lock").open("wb") as file:
+        fcntl.flock(file, fcntl.LOCK_EX)
+        yield
+
+
+def _start(layout: Layout, end: float) -> tuple[Running | None, Diagnostic | None]:
+    import subprocess  # here, so that a client's pipe to a running endpoint does not load it
+
+    layout.logs.mkdir(mode=0o700, parents=True, exist_ok=True)
+    with os.fdopen(_private(layout.server_log), "ab") as log:
+        mark = log.tell()
+        process = subprocess.Popen(
+            [str(layout.endpoint / LAUNCHER)],
+            cwd=layout.run,
+            env={name: os.environ[name] for name in PASSED if name in os.environ},
+            stdin=subprocess.DEVNULL,
+            stdout=log,
+            stderr=log,
+            start_new_session=True,
+        )
+    while time.monotonic() < end:
+        found = running(layout)
+        if found is not None and accepts(layout):
+            return found, None
+        if process.poll() is not None:
+            return None, _failed(layout, mark, f"its process ended with status {process.returncode}")
+        time.sleep(_STEP)
+    process.kill()
+    process.wait()
+    return None, _failed(layout, mark, "it takes no clients")
+
+
+def _private(path: Path) -> int:
+    return os.open(path, os.O_WRONLY | os.O_APPEND | os.O_CREAT | os.O_CLOEXEC, 0o600)
+
+
+def _failed(layout: Layout, mark: int, why: str) -> Diagnostic:
+    with layout.server_log.open("rb") as log:
+        log.seek(mark)
+        said = log.read(1 << 20).decode("utf-8", "replace").strip()
+    refusals = [line.partition("refused:")[2].strip() for line in said.splitlines() if "octoform: refused:" in line]
+    detail = refusals[-1] if refusals else said[-1500:] or None
+    hint = "octoform plan tells what differs from what was applied; octoform apply repairs it"
+    return error("ENDPOINT-START-FAILED", f"the endpoint did not start: {why}", detail=detail, hint=hint)

@@ -1,0 +1,61 @@
+"""Start, stop and restart the endpoint's process for a person."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+from octoform.diagnostics import Diagnostic
+from octoform.endpoint import supervising
+from octoform.endpoint.running import Running, running
+from octoform.engine.serving import layout_of
+from octoform.state.layout import Layout
+
+
+@dataclass(frozen=True, slots=True)
+class Started:
+    """The running endpoint; ``before`` is the process that was there already, or was ended for this one."""
+
+    host: str
+    process: Running
+    before: Running | None
+
+
+@dataclass(frozen=True, slots=True)
+class Stopped:
+    """What was ended; ``process`` is None when nothing ran, ``firmly`` when it had to be killed."""
+
+    host: str
+    process: Running | None
+    firmly: bool
+
+
+def start(project: Path, environ: Mapping[str, str]) -> tuple[Started | None, list[Diagnostic]]:
+    """Start the endpoint; an endpoint that runs is left alone."""
+    layout, found = layout_of(project, environ)
+    if layout is None:
+        return None, found
+    return _start(layout, running(layout))
+
+
+def restart(project: Path, environ: Mapping[str, str]) -> tuple[Started | None, list[Diagnostic]]:
+    """End the endpoint's process, if one runs, and start another."""
+    layout, found = layout_of(project, environ)
+    if layout is None:
+        return None, found
+    return _start(layout, supervising.stop(layout).process)
+
+
+def _start(layout: Layout, before: Running | None) -> tuple[Started | None, list[Diagnostic]]:
+    process, problem = supervising.start(layout)
+    if process is None:
+        return None, [problem] if problem else []
+    return Started(layout.host, process, before), []
+
+
+def stop(project: Path, environ: Mapping[str, str]) -> tuple[Stopped | None, list[Diagnostic]]:
+    """End the endpoint's process; nothing is done when none runs."""
+    layout, found = layout_of(project, environ)
+    if layout is None:
+        return None, found
+    done = supervising.stop(layout)
+    return Stopped(layout.host, done.process, done.firmly), []

@@ -1,0 +1,68 @@
+"""What the endpoint is: the connection descriptor as octoform wrote it beside this package. Standard library only."""
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+FORMAT = 2
+
+
+class RefusedError(Exception):
+    """The endpoint may not be served as it is; the text is one line for a person."""
+
+
+@dataclass(frozen=True)
+class Descriptor:
+    """connection.json of the endpoint in ``folder``.
+
+    ``tools`` have name, effect, devices and annotations; ``devices`` have id, name and category. ``run`` and ``log``
+    are the folders of what the process keeps and writes. ``network`` is None in scope local, ``tunnel`` in all but
+    internet.
+    """
+
+    folder: Path
+    host: str
+    scope: str
+    environment: Mapping[str, str]
+    tools: tuple[Mapping[str, Any], ...]
+    devices: tuple[Mapping[str, Any], ...]
+    server: Mapping[str, Any]
+    run: Path
+    log: Path
+    network: Mapping[str, Any] | None
+    tunnel: Mapping[str, Any] | None
+
+    @property
+    def policy(self) -> Path:
+        """The file with the resolved policy."""
+        return self.folder / "policy.json"
+
+    @property
+    def instances(self) -> Path:
+        """The file that says which specimen each device id is."""
+        return Path(self.environment["OCTOFORM_INSTANCES"])
+
+
+def read(folder: Path) -> Descriptor:
+    """The descriptor of an endpoint's folder; RefusedError when it cannot be read or is another format's."""
+    try:
+        value = json.loads((folder / "connection.json").read_bytes())
+        if value["format"] != FORMAT:
+            raise RefusedError("the connection descriptor is of another version of octoform; run octoform apply")
+        return Descriptor(
+            folder=folder,
+            host=value["host"],
+            scope=value["scope"],
+            environment=value["environment"],
+            tools=tuple(value["tools"]),
+            devices=tuple(value["devices"]),
+            server=value["server"],
+            run=Path(value["paths"]["run"]),
+            log=Path(value["paths"]["log"]),
+            network=value["network"],
+            tunnel=value["tunnel"],
+        )
+    except (OSError, ValueError, LookupError, TypeError) as problem:
+        raise RefusedError(f"the connection descriptor cannot be read ({problem}); run octoform apply") from problem
