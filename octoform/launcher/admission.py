@@ -1,0 +1,106 @@
+"""Who gets in over HTTP: the token of each request, and an end to everything of a token that counts no more.
+
+A request is checked when it comes, but a stream may stay open for days and a session is only a number. So whatever is
+open is kept by the token that opened it, and ends soon after that token was revoked, given a new value, or ran out.
+"""
+
+import contextlib
+import logging
+from collections.abc import Iterator
+from typing import Any
+
+import anyio
+from fastmcp.server.auth import AccessToken, TokenVerifier
+from mcp.server.auth.middleware.bearer_auth import AuthenticatedUser
+from starlette.responses import JSONResponse
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
+
+from .quiet import Throttle
+from .tokens import Tokens
+
+LOOK_SECONDS = 0.25
+"""How often open streams and sessions are held against the tokens."""
+LOGGER = logging.getLogger("octoform.admission")
+LOGGER.addFilter(Throttle())
+
+
+class Verifier(TokenVerifier):
+    """FastMCP's question for a bearer token, answered from the tokens of this host.
+
+    A principal is the token's name and the digest of its value: a session that was opened with a value can be used
+    with no other, not even with the same token's next one. The value itself is not handed on.
+    """
+
+    def __init__(self, tokens: Tokens) -> None:
+        super().__init__()
+        self._tokens = tokens
+
+    async def verify_token(self, token: str) -> AccessToken | None:
+        """What the token may do; None when it is not, or no more, one of this host."""
+        found = self._tokens.find(token)
+        if found is None:
+            return None
+        return AccessToken(
+            token=found.digest, client_id=found.name, subject=found.digest, scopes=sorted(found.effects), claims={}
+        )
+
+
+class Open:
+    """What is open of each token: requests under way (streams are requests that last) and sessions."""
+
+    def __init__(self, app: ASGIApp, tokens: Tokens) -> None:
+        self.app = app
+        self._tokens = tokens
+        self._requests: dict[str, set[anyio.CancelScope]] = {}
+        self.sessions: Any = None
+        """The SDK's session manager, once it runs."""
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Answer one request, until its token ends."""
+        user = scope.get("user")
+        if not isinstance(user, AuthenticatedUser):
+            await self.app(scope, receive, send)
+            return
+        started = False
+
+        async def noted(message: Message) -> None:
+            nonlocal started
+            started = True
+            await send(message)
+
+        with self._kept(str(user.access_token.subject)) as under_way:
+            await self.app(scope, receive, noted)
+        if under_way.cancelled_caught and not started:
+            answer = JSONResponse({"error": "invalid_token"}, 401, {"WWW-Authenticate": 'Bearer error="invalid_token"'})
+            await answer(scope, receive, send)
+
+    @contextlib.contextmanager
+    def _kept(self, digest: str) -> Iterator[anyio.CancelScope]:
+        with anyio.CancelScope() as under_way:
+            mine = self._requests.setdefault(digest, set())
+            mine.add(under_way)
+            try:
+                yield under_way
+            finally:
+                mine.discard(under_way)
+                if not mine:
+                    self._requests.pop(digest, None)
+
+    async def watch(self) -> None:
+        """End what is open of tokens that ended, for ever."""
+        while True:
+            await anyio.sleep(LOOK_SECONDS)
+            owners = {} if self.sessions is None else dict(self.sessions._session_owners)
+            if self._requests or owners:
+                await self._end(self._tokens.valid(), owners)
+
+    async def _end(self, valid: frozenset[str], owners: dict[str, Any]) -> None:
+        for digest in [digest for digest in self._requests if digest not in valid]:
+            LOGGER.warning("a token ended: %d of its requests were ended", len(self._requests[digest]))
+            for under_way in tuple(self._requests[digest]):
+                under_way.cancel()
+        for identity, owner in owners.items():
+            transport = self.sessions._server_instances.get(identity)
+            if owner["subject"] not in valid and transport is not None:
+                LOGGER.warning("a token ended: its session was ended")
+                await self.sessions._discard_session(identity, transport)

@@ -1,0 +1,103 @@
+"""Who may come in over the network: the tokens of this host, by the digest of their values. Standard library only.
+
+octoform writes the file, this process only reads it: whenever it moved, before a request is answered. A file that
+cannot be understood lets nobody in, because the last good reading may hold a token that was revoked since.
+"""
+
+import hashlib
+import json
+import sys
+import threading
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from datetime import datetime
+from pathlib import Path
+from typing import Any
+
+FORMAT = 1
+
+
+@dataclass(frozen=True, slots=True)
+class Token:
+    """A named token: the SHA-256 of its value (hexadecimal), what it may call, its end in seconds since 1970."""
+
+    name: str
+    digest: str
+    effects: frozenset[str]
+    expires: float | None
+
+    def ended(self, now: float) -> bool:
+        """True when it counts no more at ``now``."""
+        return self.expires is not None and now >= self.expires
+
+
+class Tokens:
+    """The tokens in the file ``path``; may be asked from any thread."""
+
+    def __init__(self, path: Path, now: Callable[[], float] = time.time) -> None:
+        self._path = path
+        self._now = now
+        self._lock = threading.Lock()
+        self._seen: tuple[int, ...] | None = None
+        self._by_digest: Mapping[str, Token] = {}
+        self._read = False
+
+    def find(self, value: str) -> Token | None:
+        """The token with this value, unless it ended.
+
+        The value is looked up by its digest, so the time that it takes tells nothing about a value that is nearly
+        right.
+        """
+        token = self._current().get(hashlib.sha256(value.encode("utf-8", "surrogateescape")).hexdigest())
+        return None if token is None or token.ended(self._now()) else token
+
+    def valid(self) -> frozenset[str]:
+        """The digests of all tokens that count now."""
+        now = self._now()
+        return frozenset(digest for digest, token in self._current().items() if not token.ended(now))
+
+    def _current(self) -> Mapping[str, Token]:
+        try:
+            status = self._path.stat()
+            seen = (status.st_ino, status.st_size, status.st_mtime_ns, status.st_ctime_ns)
+        except OSError:
+            seen = None
+        if self._read and seen == self._seen:
+            return self._by_digest
+        with self._lock:
+            self._by_digest = self._load()
+            self._seen, self._read = seen, True
+            return self._by_digest
+
+    def _load(self) -> Mapping[str, Token]:
+        try:
+            document = json.loads(self._path.read_bytes())
+            if document["format"] != FORMAT:
+                raise ValueError("another format")
+            tokens = [_token(item) for item in document["tokens"]]
+        except FileNotFoundError:
+            _say("there are no tokens, so nobody gets in over the network; octoform token create makes one")
+            return {}
+        except (OSError, ValueError, LookupError, TypeError, AttributeError) as problem:
+            _say(f"the tokens cannot be read ({problem!r}), so nobody gets in over the network: {self._path}")
+            return {}
+        return {token.digest: token for token in tokens}
+
+
+def _token(item: Mapping[str, Any]) -> Token:
+    effects = item["effects"]
+    if not isinstance(effects, list) or not all(isinstance(effect, str) for effect in effects):
+        raise ValueError("effects must be a list of words")
+    ends = item["expires"]
+    expires = None if ends is None else datetime.fromisoformat(ends)
+    if expires is not None and expires.tzinfo is None:
+        raise ValueError("an end must have a time zone")
+    digest = str(item["sha256"]).lower()
+    if len(bytes.fromhex(digest)) != 32:
+        raise ValueError("a digest must be a SHA-256")
+    return Token(str(item["name"]), digest, frozenset(effects), None if expires is None else expires.timestamp())
+
+
+def _say(text: str) -> None:
+    print(f"octoform: {text}", file=sys.stderr, flush=True)
