@@ -2,16 +2,27 @@
 
 import sys
 import time
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import AsyncIterator, Callable, Iterator, Sequence
+from contextlib import asynccontextmanager, contextmanager
 from pathlib import Path
 from typing import Any
 
+import anyio
 import pytest
 from fastmcp import FastMCP
 from fastmcp.tools.base import ToolResult
 from fastmcp.utilities.types import Image
-from mcp_types import TextContent
+from mcp.client.subscriptions import listen
+from mcp.shared.subscriptions import ResourcesListChanged, ResourceUpdated, ToolsListChanged
+from mcp_types import (
+    EmptyResult,
+    ResourceListChangedNotification,
+    ResourceUpdatedNotification,
+    SubscribeRequest,
+    SubscribeRequestParams,
+    TextContent,
+    ToolListChangedNotification,
+)
 
 from octoform.launcher.offering import Offer, offer
 from octoform.launcher.policy import Policy, ToolPolicy
@@ -29,7 +40,12 @@ TOOLS = [
         "name": "move_rail",
         "effect": "actuate",
         "devices": ["usb-046d-0825", "hwmon-nct6775"],
-        "annotations": {"readOnlyHint": False, "destructiveHint": False, "idempotentHint": True, "openWorldHint": False},
+        "annotations": {
+            "readOnlyHint": False,
+            "destructiveHint": False,
+            "idempotentHint": True,
+            "openWorldHint": False,
+        },
     },
     {"name": "format_disk", "effect": "irreversible", "devices": [], "annotations": {}},
 ]
@@ -108,3 +124,49 @@ def until(condition: Callable[[], object], seconds: float = 10.0) -> None:
     while not condition():
         assert time.monotonic() < end, "it did not come true in time"
         time.sleep(0.01)
+
+
+@asynccontextmanager
+async def hearing(client: Callable[..., Any], era: str, *uris: str) -> AsyncIterator[tuple[Any, list[tuple[str, str]]]]:
+    """A connected client and the changes that it is told: ("tools" | "resources" | "updated", URI or "").
+
+    ``client`` makes one (``mode=``, ``message_handler=``). ``uris`` are the resources that it subscribes to.
+    """
+    heard: list[tuple[str, str]] = []
+
+    async def told(message: Any) -> None:
+        if isinstance(message, ResourceUpdatedNotification):
+            heard.append(("updated", str(message.params.uri)))
+        elif isinstance(message, ToolListChangedNotification | ResourceListChangedNotification):
+            heard.append(("tools" if isinstance(message, ToolListChangedNotification) else "resources", ""))
+
+    async def read(stream: Any) -> None:
+        async for event in stream:
+            heard.append((_KINDS[type(event)], getattr(event, "uri", "")))
+
+    # A client of the later era hands a stream's events to both.
+    async with client(mode=era, message_handler=told if era == "legacy" else None) as connected:
+        if era == "legacy":
+            for uri in uris:
+                await connected.session.send_request(
+                    SubscribeRequest(params=SubscribeRequestParams(uri=uri)), EmptyResult
+                )
+            await connected.ping()  # answered after the server knows that the handshake is over
+            yield connected, heard
+            return
+        wanted = {"tools_list_changed": True, "resources_list_changed": True, "resource_subscriptions": uris}
+        async with listen(connected.session, **wanted) as stream, anyio.create_task_group() as group:
+            group.start_soon(read, stream)
+            yield connected, heard
+            group.cancel_scope.cancel()
+
+
+_KINDS = {ToolsListChanged: "tools", ResourcesListChanged: "resources", ResourceUpdated: "updated"}
+
+
+async def heard_all(heard: list[tuple[str, str]], wanted: Sequence[tuple[str, str]], seconds: float = 10.0) -> None:
+    """Wait until a client was told all of ``wanted``, in any order and nothing else."""
+    with anyio.move_on_after(seconds):
+        while sorted(heard) != sorted(wanted):
+            await anyio.sleep(0.01)
+    assert sorted(heard) == sorted(wanted), heard
