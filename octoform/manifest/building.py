@@ -20,10 +20,13 @@ from octoform.manifest.model import (
     Housekeeping,
     Lifecycle,
     Manifest,
+    Network,
     Price,
     Sandbox,
     StageSettings,
+    Tunnel,
 )
+from octoform.manifest.policy_building import policy
 
 
 def build(
@@ -46,7 +49,25 @@ def build(
         prices=MappingProxyType({name: _price(price) for name, price in source.prices.items()}),
         run_usd=source.budget.usd,
         housekeeping=housekeeping,
+        network=_network(source),
+        tunnel=_tunnel(source),
+        policy=policy(source.policy),
     )
+
+
+def _network(source: Document) -> Network | None:
+    if source.scope == "local":
+        return None
+    chosen = source.network
+    if chosen is None:
+        return Network()
+    return Network(chosen.interface, chosen.port, tuple(chosen.hosts), tuple(chosen.origins))
+
+
+def _tunnel(source: Document) -> Tunnel | None:
+    if source.scope != "internet":
+        return None
+    return Tunnel(tuple(source.tunnel.command)) if source.tunnel is not None else Tunnel()
 
 
 def _keys(stages: Mapping[str, StageSettings], housekeeping: Housekeeping | None) -> Iterator[str]:

@@ -4,25 +4,14 @@ import re
 from collections.abc import Callable, Mapping
 from typing import Any
 
-from pydantic import BaseModel, ValidationError
+from pydantic import ValidationError
 
 from octoform.diagnostics import Span, did_you_mean
-from octoform.manifest import later, places, tree, wording
-from octoform.manifest.document import (
-    Budget,
-    Document,
-    Escalation,
-    Git,
-    Housekeeping,
-    IdentifyStage,
-    Lifecycle,
-    Price,
-    Stage,
-    StageBudget,
-    Stages,
-)
-from octoform.manifest.harness_document import NAMES, TAGS, CommandHarness, Confinement, ProgramHarness, table_of
+from octoform.manifest import later, tree, wording
+from octoform.manifest.document import Document
+from octoform.manifest.harness_document import NAMES, TAGS
 from octoform.manifest.report import Report
+from octoform.manifest.tables import home_of, keys_at
 from octoform.manifest.tree import Items, Loc, Scalar, Table
 
 
@@ -102,6 +91,9 @@ class _Problem:
             "harness": "name the agent, such as `harness: claude-code`",
             "model": "name it as the provider does, such as anthropic/claude-sonnet-4-5",
             "recording": wording.RECORDING_HINT,
+            "tool": 'name the tools that it is for, such as `tool: move_rail`, or `tool: "*"` for all',
+            "tools": "name the tools that it is for, such as `tools: [move_rail]`",
+            "decision": "write `decision: allow`, `confirm` or `deny`",
             "input": wording.RANGES["input"],
             "output": wording.RANGES["output"],
         }
@@ -114,7 +106,7 @@ class _Problem:
 
     def _is_misspelt(self, name: str, parent: Table) -> bool:
         """True when a key stands there that is reported as a slip of this one."""
-        known = _keys_at(self._root, self._loc[:-1])
+        known = keys_at(self._root, self._loc[:-1])
         keys = [key.text[: wording.LONGEST_WORD] for key, _ in parent.entries if key.text not in known]
         return any(did_you_mean(key, known) == name for key in keys)
 
@@ -124,7 +116,7 @@ class _Problem:
         if later.is_key(self._loc):
             self._later(f"`{wording.dotted(self._loc)}`", span)
             return
-        siblings = _keys_at(self._root, self._loc[:-1])
+        siblings = keys_at(self._root, self._loc[:-1])
         hint = wording.NO_KEYS.get(name) if len(self._loc) == 1 else None
         self._report.error(
             "MANIFEST-UNKNOWN-KEY",
@@ -139,11 +131,7 @@ class _Problem:
         near = did_you_mean(name[: wording.LONGEST_WORD], siblings)
         if near:
             return f"did you mean `{near}`?"
-        is_of_others = (
-            self._loc[-2:-1] == ("harness",) and name in ProgramHarness.model_fields | CommandHarness.model_fields
-        )
-        known = () if is_of_others else (loc for loc, table in _PLACES if name in table.model_fields)
-        elsewhere = next(iter(known), None)
+        elsewhere = home_of(self._loc)
         if elsewhere is not None:
             return (
                 f"`{name}` belongs under `{wording.dotted(elsewhere)}`" if elsewhere else f"`{name}` belongs at the top"
@@ -156,9 +144,7 @@ class _Problem:
             self._wrong_type("a name")
             return
         allowed = tuple(re.findall(r"'([^']*)'", str(self._context.get("expected", ""))))
-        if later.is_value(self._loc, value.text):
-            self._later(f"`{wording.dotted(self._loc)}: {value.text}`", value.span)
-        elif self._loc[-1] == "harness":
+        if self._loc[-1] == "harness":
             self._harness_name(value)
         else:
             self._not_one_of(value, allowed)
@@ -286,7 +272,7 @@ class _Problem:
             hint = next((hints[str(part)] for part in self._loc[-2:] if part in hints), wording.MODEL_HINT)
             summary = "must be one word" if hint == wording.MODEL_HINT else "is no name of an environment variable"
         elif self._kind != "manifest":
-            hint = wording.RANGES.get(str(self._loc[-1]))
+            hint = wording.range_of(self._loc)
         lead = f"`{wording.dotted(self._loc)}` " if self._kind != "manifest" else f"`{wording.dotted(self._loc)}`: "
         self._report.error("MANIFEST-WRONG-VALUE", lead + summary, self._span(), hint=hint)
 
@@ -299,34 +285,3 @@ class _Problem:
 def _shortest(limit: object) -> object:
     """A limit as a person would write it: 0 and not 0.0."""
     return int(limit) if isinstance(limit, float) and limit.is_integer() else limit
-
-
-# Also where a key belongs that stands elsewhere; the first place counts.
-_PLACES: tuple[tuple[Loc, type[BaseModel]], ...] = (
-    ((), Document),
-    (("budget",), Budget),
-    (("lifecycle",), Lifecycle),
-    (("git",), Git),
-    (("stages",), Stages),
-    (("harness",), CommandHarness),
-    (("harness",), ProgramHarness),
-    (("housekeeping",), Housekeeping),
-    (("stages", "identify"), IdentifyStage),
-    (places.ESCALATION, Escalation),
-)
-_TABLES = dict(reversed(_PLACES))
-
-
-def _keys_at(root: Table, loc: Loc) -> tuple[str, ...]:
-    """The keys that the table at a path may have."""
-    table = _TABLES.get(loc)
-    if loc[-1:] == ("harness",):
-        entry = tree.at(root, (*loc, "name"))
-        table = table_of(entry.text if isinstance(entry, Scalar) else "")
-    elif loc[-1:] == ("sandbox",):
-        table = Confinement
-    elif loc[:1] == ("prices",):
-        table = Price
-    elif table is None:
-        table = StageBudget if loc[-1] == "budget" else Stage
-    return tuple(sorted(table.model_fields, key=lambda name: name != "name"))

@@ -26,6 +26,8 @@ from octoform.manifest.fields import (
     distinct,
 )
 from octoform.manifest.harness_document import Agent, Harness
+from octoform.manifest.network_document import Network, Tunnel
+from octoform.manifest.policy_document import Policy
 
 
 class StageBudget(Table):
@@ -161,8 +163,14 @@ class Document(Table):
     """The agent: a name, or a table with its settings."""
     model: Model | None = None
     """The model that the agents use; ${NAME} stands for an environment variable."""
-    scope: Literal["local"] = "local"
-    """Who can reach the endpoint: local opens no socket."""
+    scope: Literal["local", "intranet", "internet"] = "local"
+    """Who can reach the endpoint: local opens no network socket, the others ask for a token."""
+    network: Network | None = added(None)
+    """Where the endpoint listens in the scopes intranet and internet."""
+    tunnel: Tunnel | None = added(None)
+    """How the endpoint gets its address in the scope internet."""
+    policy: Policy = added(Policy())
+    """What the endpoint's tools may do, for every client."""
     privileged_steps: Annotated[list[str], Field(max_length=0)] = Field(default=[])
     """Steps that need a person's consent; there are none yet, so the list is empty."""
     profiles: Annotated[

@@ -13,8 +13,8 @@ from octoform.manifest import base_url, host_name
 from octoform.manifest.references import NAME
 
 
-def problem(summary: str, hint: str | None = None, index: int | None = None) -> PydanticCustomError:
-    """A validation error whose words are ours; ``index`` points into the list that is checked."""
+def problem(summary: str, hint: str | None = None, index: int | str | None = None) -> PydanticCustomError:
+    """A validation error whose words are ours; ``index`` points into the list or table that is checked."""
     return PydanticCustomError("manifest", "{summary}", {"summary": summary, "hint": hint, "index": index})
 
 

@@ -6,10 +6,8 @@ change the meaning of a file on the day it starts to work.
 
 from octoform.manifest.tree import Loc
 
-SCOPES = ("intranet", "internet")
 _KEYS = {
     ("answers",),
-    ("policy",),
     ("perception",),
     ("daemon",),
     ("stages", "watch"),
@@ -20,8 +18,3 @@ _KEYS = {
 def is_key(loc: Loc) -> bool:
     """True for the path of a key that comes later."""
     return loc in _KEYS
-
-
-def is_value(loc: Loc, value: str) -> bool:
-    """True for a value that comes later, of the setting at ``loc``."""
-    return loc == ("scope",) and value in SCOPES

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from octoform.diagnostics import Diagnostic
-from octoform.manifest import agent_rules, checking, crosschecks, profile_paths, recordings, values
+from octoform.manifest import agent_rules, checking, crosschecks, profile_paths, recordings, scope_rules, values
 from octoform.manifest.building import build
 from octoform.manifest.decoding import read, text_of
 from octoform.manifest.model import Manifest
@@ -41,6 +41,7 @@ def parse(content: bytes, path: Path, environ: Mapping[str, str]) -> tuple[Manif
     document = checking.check(root, report)
     if document is not None:
         crosschecks.check(document, root, report)
+        scope_rules.check(document, root, report)
         agent_rules.check(document, root, environ, report)
     if document is None or report.failed:
         return None, report.diagnostics()

@@ -9,10 +9,18 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from octoform.manifest.policy_model import Policy
+
 FILE_NAME = "octopus.yaml"
 STAGES = ("probe", "identify", "interface", "serve", "deploy")
 MODEL_FREE = ("builtin", "replay")
 """The harnesses that use no model."""
+EVERY_INTERFACE = "all"
+FIRST_PORT = 7777
+TUNNEL_URL = "{url}"
+TUNNEL_COMMAND = ("cloudflared", "tunnel", "--no-autoupdate", "--url", TUNNEL_URL)
+SCOPES = ("local", "intranet", "internet")
+"""Who can reach the endpoint: nobody over a network, whoever has a token and is near, whoever has a token."""
 # What may stand in braces in the arguments of a command, and is filled in for each attempt.
 PLACEHOLDERS = ("prompt_file", "task", "output", "workdir", "model", "stage", "prompt")
 
@@ -123,6 +131,26 @@ class Git:
 
 
 @dataclass(frozen=True, slots=True)
+class Network:
+    """Where the endpoint listens: an interface's name or address, or ``all``, and the first port to try.
+
+    ``hosts`` are more names that clients may call it by, ``origins`` the web pages that may call it from a browser.
+    """
+
+    interface: str = EVERY_INTERFACE
+    port: int = FIRST_PORT
+    hosts: tuple[str, ...] = ()
+    origins: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Tunnel:
+    """The program that gives the endpoint an address on the internet; ``{url}`` in it is the endpoint's own."""
+
+    command: tuple[str, ...] = TUNNEL_COMMAND
+
+
+@dataclass(frozen=True, slots=True)
 class Manifest:
     """One octopus.yaml that has no errors.
 
@@ -130,7 +158,7 @@ class Manifest:
     default filled in: comments, order and layout do not move it, and neither does a default that a newer version adds.
     ``variables`` are the names of all environment variables that the manifest refers to, passes on or takes a key from,
     sorted. ``prices`` are by the model's name as `StageSettings.model` has it; ``run_usd`` is what one run may cost in
-    all, in US dollars.
+    all, in US dollars. ``network`` is None in scope local, ``tunnel`` in every scope but internet.
     """
 
     path: Path
@@ -145,6 +173,9 @@ class Manifest:
     prices: Mapping[str, Price] = field(default_factory=dict)
     run_usd: float | None = None
     housekeeping: Housekeeping | None = None
+    network: Network | None = None
+    tunnel: Tunnel | None = None
+    policy: Policy = field(default_factory=Policy)
 
     @property
     def project(self) -> Path:

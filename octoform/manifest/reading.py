@@ -152,7 +152,8 @@ class _Builder:
                 "MANIFEST-ANCHOR",
                 f"anchors and aliases are not used in a manifest: {mark}{self._report.shown(event.anchor)}",
                 span,
-                hint="write the value out where it is needed",
+                hint="write the value out where it is needed"
+                + ("; quote a text that begins with *" if isinstance(event, AliasEvent) else ""),
             )
             return True
         tag = str(event.tag or "") if isinstance(event, ScalarEvent | CollectionStartEvent) else ""

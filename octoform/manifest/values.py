@@ -8,7 +8,7 @@ from octoform.manifest import keys, places, references, secrets, tree
 from octoform.manifest.report import Report
 from octoform.manifest.tree import Loc, Node, Scalar, Table
 
-_WHERE = "variables may stand in `model`, `command` and `base_url` only"
+_WHERE = "variables may stand in `model`, `base_url` and the `command` of an agent only"
 _KEY_NAME = re.compile("[A-Z_][A-Z0-9_]{0,99}")
 _REFERENCE = re.compile(r"(?<!\$)\$\{[^{}]*\}?")
 

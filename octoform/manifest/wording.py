@@ -44,12 +44,29 @@ RANGES = {
     "max_tokens": "allowed: 64 to 8000",
     "base_url": base_url.HINT,
     "recording": RECORDING_HINT,
+    "rules": "allowed: up to 100 rules",
+    "rules.tools": "name the tools that it is for, such as [move_rail]; allowed: 1 to 100",
+    "limits": "allowed: up to 200 limits",
+    "parameter": "name one parameter of the tools, such as percent",
+    **dict.fromkeys(("minimum", "maximum"), "write a number, such as -2000 or 0.5"),
+    **dict.fromkeys(("step", "cumulative"), "write how far it may go, in both directions, such as 500"),
+    "result_bytes": "allowed: 1000 to 1000000000",
+    "port": "allowed: 1 to 65535",
+    "hosts": "allowed: up to 100 names",
+    "origins": "allowed: up to 100 origins",
+    "tunnel.command": 'write for example [cloudflared, tunnel, --url, "{url}"]',
 }
 # What people look for at the top, and why it is not there.
 NO_KEYS = {"devices": "devices are found, not listed; what cannot be seen of them belongs in a profile"}
 LONGEST_WORD = 80
 # Words for true and false that YAML 1.2 takes as text, as it takes a quoted true.
 SWITCHES = {"yes": "true", "on": "true", "true": "true", "no": "false", "off": "false", "false": "false"}
+
+
+def range_of(loc: Loc) -> str | None:
+    """What a setting allows; by its last two names where the last one alone means several things."""
+    names = [part for part in loc if isinstance(part, str)]
+    return RANGES.get(".".join(names[-2:]) if len(names) > 1 else "", RANGES.get(str(loc[-1]) if loc else ""))
 
 
 def dotted(loc: Loc) -> str:

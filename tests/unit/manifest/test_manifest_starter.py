@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 
 from octoform.manifest import host_name
 from octoform.manifest.loading import load
+from octoform.manifest.model import Network, Tunnel
 from octoform.manifest.schema import json_schema
 from octoform.manifest.starter import SCHEMA_FILE, starter_text, write_starter
 
@@ -92,7 +93,7 @@ def test_the_commented_settings_are_valid_too(tmp_path: Path) -> None:
         return line[1:] if re.match(r"#([a-z]|  [^ ]|    [^ ])", line) else line
 
     path = tmp_path / "octopus.yaml"
-    text = starter_text("bench").replace("\nharness: builtin\n", "\n")
+    text = starter_text("bench").replace("\nharness: builtin\n", "\n").replace("\nscope: local\n", "\n")
     path.write_text("\n".join(active(line) for line in text.splitlines()) + "\n")
     manifest, found = load(path, {"MY_AGENT_API_KEY": "x"})
     assert found == []
@@ -100,6 +101,10 @@ def test_the_commented_settings_are_valid_too(tmp_path: Path) -> None:
     assert manifest.harness_for("probe").name == "command"
     assert manifest.model_for("probe") == "vendor/model-name"
     assert manifest.budget_for("identify").attempts == 5
+    assert manifest.tunnel == Tunnel()
+    assert manifest.network == Network(hosts=("bench.example.org",))
+    assert [limit.rate for limit in manifest.policy.limits] == [None, None, (10, 60)]
+    assert manifest.policy.timeout_for("capture_image") == 60
 
 
 def test_every_setting_is_in_the_starter_and_in_the_docs() -> None:
