@@ -1,0 +1,278 @@
+"""The audit log: what was allowed, refused, approved and stopped, so that a change to it afterwards is noticed.
+
+Append-only JSON lines. Each record carries the hash of the one before it, and a seal beside the log holds the last
+one, so a record that was changed, removed, added, moved or cut off shows (``chain`` holds the rule and the check).
+
+A record is one write to a descriptor opened for appending. Several processes may write (an emergency stop while the
+endpoint hangs): each takes the file's lock for its write and goes on from the record that it finds last.
+"""
+
+import fcntl
+import hashlib
+import json
+import os
+import re
+import threading
+import time
+from collections.abc import Mapping
+from contextlib import suppress
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+from .chain import LOG, LONGEST_LINE, ORIGIN, RECORD, SEAL, SEAL_BYTES, Verdict, rule, sealed, verify
+
+__all__ = ["Audit", "AuditFailed", "Verdict", "verify"]
+
+ROTATE_BYTES = 50_000_000
+TEXT_CHARS, ITEMS, DEPTH, LINE_BYTES = 200, 16, 3, 16_000
+
+_LOCK_SECONDS, _PAUSE = 1.0, 0.002
+_SECRET = re.compile(r"passw|passphrase|secret|token|credential|api_?key|private_?key|authorization|\bpin\b", re.I)
+_encode = json.JSONEncoder(ensure_ascii=True, separators=(",", ":"), allow_nan=False).encode
+_RESERVED = frozenset({"seq", "time", "event", "prev", "hash"})
+
+
+class AuditFailed(OSError):
+    """A record could not be written. What it was to tell must not happen unseen: the caller decides."""
+
+
+class Audit:
+    """An open log. Made with ``Audit.open``; safe to use from threads."""
+
+    def __init__(self, folder: Path, rotate_bytes: int) -> None:
+        self._folder = folder
+        self._path = folder / LOG
+        self._rotate_bytes = rotate_bytes
+        self._lock = threading.Lock()
+        self._log = self._seal = self._size = -1
+        self._seq, self._hash = 0, ORIGIN
+        self._second, self._clock = -1, ""
+
+    @classmethod
+    def open(cls, folder: Path, rotate_bytes: int = ROTATE_BYTES) -> "Audit":
+        """The log in this folder, made if it is not there; AuditFailed when it cannot be opened or read."""
+        audit = cls(folder, rotate_bytes)
+        try:
+            folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+            audit._seal = _opened(folder / SEAL, os.O_RDWR)
+            audit._enter()
+            try:
+                audit._begin()
+            finally:
+                audit._leave()
+        except OSError as problem:
+            audit.close()
+            raise _failed(folder / LOG, problem) from problem
+        return audit
+
+    def _begin(self) -> None:
+        seal = sealed(os.pread(self._seal, SEAL_BYTES, 0))
+        self._go_on()
+        if self._seq and seal is None:
+            self._append("audit_seal_lost", {})
+        self._stamp()
+
+    @property
+    def head(self) -> tuple[int, str]:
+        """Number and hash of the last record that this object knows; 0 and zeros before the first."""
+        return self._seq, self._hash
+
+    def write(self, event: str, **fields: Any) -> str:
+        """Append a record and give back its hash; AuditFailed when it is not on the log.
+
+        Fields are bounded: long text is cut, deep or long collections are abridged, values of arguments whose names
+        speak of secrets are left out. Any text passes, whatever characters it has.
+        """
+        if not _RESERVED.isdisjoint(fields):
+            raise ValueError(f"an audit record has its own {', '.join(sorted(_RESERVED & fields.keys()))}")
+        if self._seal < 0:
+            raise AuditFailed(f"{self._path}: the log is closed")
+        bounded = {name: _bounded(value, DEPTH) for name, value in fields.items()}
+        with self._lock:
+            try:
+                self._enter()
+                try:
+                    return self._record(event, bounded)
+                finally:
+                    self._leave()
+            except OSError as problem:
+                raise _failed(self._path, problem) from problem
+
+    def close(self) -> None:
+        """Put log and seal on the disk and let go of them; the log can be opened again."""
+        with self._lock:
+            for descriptor in (self._log, self._seal):
+                if descriptor >= 0:
+                    with suppress(OSError):  # what was written is with the kernel already; there is nobody to tell
+                        os.fsync(descriptor)
+                    os.close(descriptor)
+            self._log = self._seal = -1
+
+    def _record(self, event: str, fields: Mapping[str, Any]) -> str:
+        status = os.fstat(self._log)
+        if status.st_size != self._size or not status.st_nlink:
+            self._go_on()
+        if self._size >= self._rotate_bytes:
+            self._rotate()
+        self._append(event, fields)
+        self._stamp()
+        return self._hash
+
+    def _enter(self) -> None:
+        """Take the lock of the file that is the log now."""
+        if self._log < 0:
+            self._reopen()
+        else:
+            self._take(self._log)
+
+    def _leave(self) -> None:
+        if self._log >= 0:
+            fcntl.flock(self._log, fcntl.LOCK_UN)
+
+    def _take(self, descriptor: int) -> None:
+        """Bounded, so that a process that was halted while it held the lock cannot hang this one."""
+        deadline = time.monotonic() + _LOCK_SECONDS
+        while True:
+            try:
+                return fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except BlockingIOError as problem:
+                if time.monotonic() >= deadline:
+                    raise AuditFailed(f"{self._path}: another process holds the log and does not let go") from problem
+                time.sleep(_PAUSE)
+
+    def _append(self, event: str, fields: Mapping[str, Any], before: bytes = b"") -> None:
+        """One record as one write. A write that the disk took only in part is taken back."""
+        body = _encode({"seq": self._seq + 1, "time": self._now(), "event": event, **fields})
+        if len(body) > LINE_BYTES:
+            kept = {name: value for name, value in fields.items() if len(_encode(value)) <= TEXT_CHARS}
+            body = _encode({"seq": self._seq + 1, "time": self._now(), "event": event, **kept, "abridged": True})
+        digest = rule(self._hash.encode("ascii"), body[:-1].encode("ascii"))
+        line = before + f'{body[:-1]},"prev":"{self._hash}","hash":"{digest}"}}\n'.encode("ascii")
+        size, written = self._size, -1
+        try:
+            written = os.write(self._log, line)
+        finally:
+            if written != len(line):
+                self._size = -1  # look again before the next record
+                with suppress(OSError):  # a fragment that stays is closed off by the next record
+                    os.ftruncate(self._log, size)
+        if written != len(line):
+            raise AuditFailed(f"{self._path}: the disk took only {written} of {len(line)} bytes of a record")
+        self._size = size + written
+        self._seq, self._hash = self._seq + 1, digest
+
+    def _stamp(self) -> None:
+        """Seal the last record: in place, always the same length, so that it costs no more than a write."""
+        text = f'{{"format":1,"seq":{self._seq},"hash":"{self._hash}"}}'
+        os.pwrite(self._seal, f"{text:<{SEAL_BYTES - 1}}\n".encode("ascii"), 0)
+
+    def _go_on(self) -> None:
+        """Find the last record: at the start, and when another process wrote, rotated or did worse.
+
+        Never goes back behind what is known or sealed: a log that lost records gets a gap that verifying shows.
+        """
+        for _ in range(3):
+            status = os.fstat(self._log)
+            seq, digest, fragment, rotated = _last(self._log, status.st_size)
+            if status.st_nlink and not rotated:
+                break
+            self._reopen()
+        self._size = status.st_size
+        seal = sealed(os.pread(self._seal, SEAL_BYTES, 0)) or (0, ORIGIN)
+        self._seq, self._hash = max((self._seq, self._hash), seal, (seq, digest), key=lambda known: known[0])
+        if fragment:
+            told = {"bytes": len(fragment), "sha256": hashlib.sha256(fragment).hexdigest()}
+            self._append("audit_torn", told, before=b"\n")
+
+    def _rotate(self) -> None:
+        """Set the full file aside under the number of its first record; the chain goes on in a new one."""
+        first = RECORD.match(os.pread(self._log, 2 * LINE_BYTES, 0))
+        aside = self._folder / f"audit-{int(first['seq']) if first else self._seq:015d}.jsonl"
+        self._append("audit_rotated", {"file": aside.name})
+        os.fsync(self._log)
+        self._path.rename(aside)
+        self._reopen()
+        self._go_on()
+
+    def _reopen(self) -> None:
+        """The file that bears the log's name now, with its lock; the lock of the former one is given up first."""
+        if self._log >= 0:
+            os.close(self._log)
+        self._log = -1
+        fresh = _opened(self._path, os.O_RDWR | os.O_APPEND)
+        try:
+            self._take(fresh)
+        except OSError:
+            os.close(fresh)
+            raise
+        self._log, self._size = fresh, -1
+
+    def _now(self) -> str:
+        moment = time.time()
+        second = int(moment)
+        if second != self._second:
+            self._second, self._clock = second, time.strftime("%Y-%m-%dT%H:%M:%S", time.gmtime(second))
+        return f"{self._clock}.{int(moment % 1 * 1000):03d}Z"
+
+
+def _last(log: int, size: int) -> tuple[int, str, bytes, bool]:
+    """Number and hash of the last whole record, what stands behind it, and whether it says that the file is done."""
+    lines = os.pread(log, LONGEST_LINE, max(0, size - LONGEST_LINE)).split(b"\n")
+    fragment = lines.pop()
+    for line in reversed(lines):
+        if found := RECORD.fullmatch(line + b"\n"):
+            return int(found["seq"]), found["hash"].decode("ascii"), fragment, found["event"] == b"audit_rotated"
+    return 0, ORIGIN, fragment, False
+
+
+def _opened(path: Path, how: int) -> int:
+    descriptor = os.open(path, how | os.O_CREAT | os.O_CLOEXEC | os.O_NOFOLLOW, 0o600)
+    if os.fstat(descriptor).st_mode & 0o077:
+        os.fchmod(descriptor, 0o600)
+    return descriptor
+
+
+def _failed(path: Path, problem: OSError) -> AuditFailed:
+    """What the operating system refuses, with the file's name."""
+    if isinstance(problem, AuditFailed):
+        return problem
+    return AuditFailed(f"{path}: the audit log cannot be written: {problem.strerror or problem}")
+
+
+def _bounded(value: Any, depth: int) -> Any:
+    kind = type(value)
+    if kind is str:
+        return value if len(value) <= TEXT_CHARS else _cut(value)
+    if value is None or kind is bool:
+        return value
+    if kind is int:
+        return value if value.bit_length() <= 64 else f"a whole number of {value.bit_length()} bits"
+    if kind is float:
+        return value if value - value == 0 else str(value)
+    if isinstance(value, Mapping):
+        return _mapping(value, depth)
+    if isinstance(value, list | tuple):
+        kept = [_bounded(item, depth - 1) for item in value[:ITEMS]] if depth else []
+        return kept if len(kept) == len(value) else [*kept, f"... ({len(value)} items)"]
+    return _cut(f"<{kind.__name__}>")
+
+
+def _mapping(value: Mapping[Any, Any], depth: int) -> dict[str, Any]:
+    kept: dict[str, Any] = {}
+    for name, item in value.items():
+        if not depth or len(kept) == ITEMS:
+            kept["..."] = f"{len(value)} items"
+            break
+        text = _cut(str(name))
+        kept[text] = "(left out)" if _secret(text) else _bounded(item, depth - 1)
+    return kept
+
+
+def _cut(text: str) -> str:
+    return text if len(text) <= TEXT_CHARS else f"{text[:TEXT_CHARS]}... ({len(text)} characters)"
+
+
+@lru_cache(maxsize=1024)
+def _secret(name: str) -> bool:
+    return _SECRET.search(name) is not None

@@ -1,0 +1,181 @@
+"""The chain of the audit log: the one rule of its hash, and the check that every record is as it was written.
+
+Alone in a file that imports nothing of the launcher, so that it is a program as well: ``python -I chain.py verify
+FOLDER``. The process writes by this rule, whoever doubts the log checks by it, and no second copy of it exists.
+
+A record is one line: ``{"seq":...,"time":...,"event":...,...,"prev":"<hash>","hash":"<hash>"}``. Its hash is sha256
+over the hash of the record before it and its own bytes up to where ``prev`` begins.
+"""
+
+import hashlib
+import json
+import re
+import sys
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+LOG, SEAL = "audit.jsonl", "audit.head"
+ORIGIN = "0" * 64
+SEAL_BYTES = 128
+LONGEST_LINE = 64_000
+RECORD = re.compile(
+    rb'(?P<body>\{"seq":(?P<seq>\d{1,15}),"time":"[^"]*","event":"(?P<event>[^"]*)".*)'
+    rb',"prev":"(?P<prev>[0-9a-f]{64})","hash":"(?P<hash>[0-9a-f]{64})"\}\n'
+)
+_TORN = re.compile(rb'"event":"audit_torn","bytes":(\d+),"sha256":"([0-9a-f]{64})"')
+
+
+@dataclass(frozen=True, slots=True)
+class Verdict:
+    """What ``verify`` saw. ``line`` is that of ``file`` where the first thing is wrong; ``note`` is no fault."""
+
+    ok: bool
+    records: int
+    seq: int
+    hash: str
+    faults: int = 0
+    problem: str = ""
+    file: str = ""
+    line: int = 0
+    note: str = ""
+
+
+def verify(folder: Path) -> Verdict:
+    """Check every record of a folder's logs, the oldest first, and the last one against the seal. Changes nothing.
+
+    May run while the log is written. OSError when a file cannot be read.
+    """
+    while True:
+        names = _files(folder)
+        verdict = _Check(folder).all(names)
+        if verdict.ok or names == _files(folder):  # otherwise the log was rotated meanwhile
+            return verdict
+
+
+class _Check:
+    """One run over all records; goes on after a fault with what the faulty record says, to count further ones."""
+
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder
+        self._seal = _seal_of(folder)
+        self._records = self._seq = self._line = 0
+        self._hash, self._file, self._note = ORIGIN, LOG, ""
+        self._unreadable: tuple[str, int, bytes] | None = None
+        self._fault: tuple[str, str, int] | None = None
+        self._faults = 0
+
+    def all(self, names: list[str]) -> Verdict:
+        for name in names:
+            self._file, self._line = name, 0
+            with (self._folder / name).open("rb") as log:
+                while line := log.readline(LONGEST_LINE):
+                    self._line += 1
+                    self._one(line)
+        self._end(bool(names))
+        text, file, number = self._fault or ("", "", 0)
+        return Verdict(
+            not self._faults, self._records, self._seq, self._hash, self._faults, text, file, number, self._note
+        )
+
+    def _one(self, line: bytes) -> None:
+        found = RECORD.fullmatch(line)
+        self._settle(found)
+        if found is None:
+            self._unreadable = (self._file, self._line, line)
+            return
+        number, prev, digest = int(found["seq"]), found["prev"], found["hash"].decode("ascii")
+        if rule(prev, found["body"]) != digest:
+            self._wrong(f"record {number} was changed")
+        elif number != self._seq + 1 or prev != self._hash.encode("ascii"):
+            self._wrong(self._misplaced(number))
+        elif self._seal and number == self._seal[0] and digest != self._seal[1]:
+            self._wrong(f"record {number} is not the one that was sealed: the log was written anew")
+        elif found["event"] == b"audit_seal_lost":
+            self._wrong(f"the seal was missing when record {number} was written: the end may have been cut off before")
+        self._records, self._seq, self._hash = self._records + 1, number, digest
+
+    def _misplaced(self, number: int) -> str:
+        expected = self._seq + 1
+        if number == expected:
+            return f"record {number} does not follow from what stands before it: record {number - 1} was changed"
+        if number < expected:
+            return f"record {number} stands after record {self._seq}: it was moved or added"
+        gap = f"record {expected}" if number == expected + 1 else f"records {expected} to {number - 1}"
+        return f"{gap} before record {number} went missing: removed or moved"
+
+    def _settle(self, following: "re.Match[bytes] | None") -> None:
+        """A line that is no record is a fault, unless the next record says that it closed off just this fragment."""
+        if self._unreadable is None:
+            return
+        file, number, line = self._unreadable
+        self._unreadable = None
+        told = following is not None and following["event"] == b"audit_torn"
+        torn = _TORN.search(following["body"]) if following and told else None
+        fragment = line[:-1]
+        if torn is None or (int(torn[1]), torn[2].decode()) != (len(fragment), hashlib.sha256(fragment).hexdigest()):
+            self._wrong("this line is no record: it was changed or added", file, number)
+
+    def _end(self, any_file: bool) -> None:
+        if self._unreadable is not None and not self._unreadable[2].endswith(b"\n"):
+            self._unreadable = None
+            self._note = "the last line is incomplete: it is being written, or the process ended while it wrote"
+        self._settle(None)
+        if self._seal is None and any_file:
+            self._wrong(f"the seal {SEAL} is missing or damaged: whether the end was cut off cannot be told", SEAL, 1)
+        elif self._seal is not None and self._seal[0] > self._seq:
+            last = self._seal[0]
+            gap = f"record {last}" if last == self._seq + 1 else f"records {self._seq + 1} to {last}"
+            self._wrong(f"{gap} went missing at the end: cut off", self._file, self._line + 1)
+        elif not self._records:
+            self._note = "nothing was recorded yet"
+
+    def _wrong(self, text: str, file: str = "", line: int = 0) -> None:
+        self._faults += 1
+        self._fault = self._fault or (text, file or self._file, line or self._line)
+
+
+def rule(prev: bytes, body: bytes) -> str:
+    """The hash of a record: sha256 of the former one's hash and the record's text up to where ``prev`` begins."""
+    return hashlib.sha256(prev + body).hexdigest()
+
+
+def _files(folder: Path) -> list[str]:
+    """The names of the logs, the oldest first."""
+    aside = sorted(path.name for path in folder.glob("audit-*.jsonl"))
+    return [*aside, LOG] if (folder / LOG).exists() else aside
+
+
+def _seal_of(folder: Path) -> tuple[int, str] | None:
+    try:
+        with (folder / SEAL).open("rb") as seal:
+            return sealed(seal.read(SEAL_BYTES))
+    except FileNotFoundError:
+        return None
+
+
+def sealed(data: bytes) -> tuple[int, str] | None:
+    """Number and hash in a seal; None when it is none."""
+    try:
+        seal = json.loads(data)
+        seq, digest = seal["seq"], seal["hash"]
+    except (ValueError, LookupError, TypeError):
+        return None
+    return (seq, digest) if isinstance(seq, int) and isinstance(digest, str) and len(digest) == len(ORIGIN) else None
+
+
+def main(arguments: list[str]) -> int:
+    """``verify FOLDER``: the verdict as one JSON object on standard output; exit status 0 when nothing is wrong."""
+    if len(arguments) != 2 or arguments[0] != "verify":
+        print("usage: chain.py verify FOLDER", file=sys.stderr)
+        return 2
+    try:
+        verdict = verify(Path(arguments[1]))
+    except OSError as problem:
+        print(f"{arguments[1]}: the log cannot be read: {problem.strerror or problem}", file=sys.stderr)
+        return 3
+    print(json.dumps(asdict(verdict)))
+    return 0 if verdict.ok else 1
+
+
+if __name__ == "__main__":
+    raise SystemExit(main(sys.argv[1:]))

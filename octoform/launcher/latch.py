@@ -1,0 +1,151 @@
+"""The emergency stop's latch: a file, because it has to outlive the process and be seen by every other one.
+
+The gate asks at every call, so asking costs one look at the file's status. Whatever stands at that place counts as
+latched, readable or not: a damaged latch must never set an arm free. Latching never waits for anything; clearing does.
+"""
+
+import contextlib
+import fcntl
+import json
+import os
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+_TEXT = 500
+_SIZE = 16 * 1024
+_PAUSE = 0.005
+
+
+@dataclass(frozen=True, slots=True)
+class Estop:
+    """Who latched it, why, and since when (UTC, ISO 8601). An unreadable latch says so in ``reason``."""
+
+    by: str
+    reason: str
+    since: str
+
+
+class Latch:
+    """The latch at ``path``. Safe to use from threads and from several processes at once."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self._place = str(path)
+        self._seen: tuple[tuple[int, int, int], Estop] | None = None
+        self._forced: Estop | None = None
+
+    def engaged(self) -> Estop | None:
+        """What latched it; None when it is open. A place that cannot be looked at counts as latched."""
+        try:
+            status = os.lstat(self._place)
+        except FileNotFoundError:
+            return self._forced
+        except OSError as problem:
+            return Estop("unknown", f"the latch {self.path} cannot be looked at: {problem.strerror}", "")
+        stamp = (status.st_ino, status.st_mtime_ns, status.st_size)
+        seen = self._seen
+        if seen is None or seen[0] != stamp:
+            self._seen = seen = (stamp, self._read(status.st_mtime))
+        return seen[1]
+
+    def engage(self, by: str, reason: str) -> Estop:
+        """Latch it at once; one that is latched already stays as it is. What latched it comes back.
+
+        OSError when no file can be made; the latch then holds in this object, hence in this process alone.
+        """
+        estop = Estop(by[:_TEXT], reason[:_TEXT], _utc(time.time()))
+        try:
+            self.path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
+            self._create(estop)
+        except OSError:
+            self._forced = estop
+            raise
+        return self.engaged() or estop
+
+    def keep(self) -> None:
+        """Put the latch on the disk, so that it outlives a power cut too; may take as long as the disk does."""
+        for place in (self.path, self.path.parent):
+            descriptor = os.open(place, os.O_RDONLY | os.O_CLOEXEC)
+            try:
+                os.fsync(descriptor)
+            finally:
+                os.close(descriptor)
+
+    def clear(self, by: str) -> Estop | None:
+        """Open it and give back what had latched it; None when it was open. OSError when the file cannot go.
+
+        ``by`` may not be empty: somebody has to answer for it, and the caller records who.
+        """
+        if not by:
+            raise ValueError("nobody clears the latch")
+        before = self.engaged()
+        with contextlib.suppress(FileNotFoundError):
+            self.path.unlink()
+        self._forced = None
+        return before
+
+    @contextlib.contextmanager
+    def held(self, seconds: float) -> Iterator[bool]:
+        """Changes of the latch and their records in one order: True inside while no other holds this.
+
+        Waits up to ``seconds``, then goes on with False: an emergency stop waits for nobody.
+        """
+        try:
+            self.path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
+            lock = os.open(self.path.with_suffix(".lock"), os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o600)
+        except OSError:
+            yield False
+            return
+        try:
+            yield _locked(lock, time.monotonic() + seconds)
+        finally:
+            os.close(lock)
+
+    def _create(self, estop: Estop) -> None:
+        """Appears whole or not at all, and never replaces another; empty where the disk has no room for words."""
+        temporary = self.path.with_name(f".{self.path.name}.{os.urandom(6).hex()}")
+        words = {"format": 1, "by": estop.by, "reason": estop.reason, "since": estop.since}
+        try:
+            descriptor = os.open(temporary, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o600)
+            try:
+                os.write(descriptor, json.dumps(words).encode("ascii"))
+            finally:
+                os.close(descriptor)
+            os.link(temporary, self.path)
+        except FileExistsError:
+            return
+        except OSError:
+            with contextlib.suppress(FileExistsError):
+                os.close(os.open(self.path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o600))
+        finally:
+            with contextlib.suppress(OSError):
+                temporary.unlink()
+
+    def _read(self, changed: float) -> Estop:
+        try:
+            descriptor = os.open(self._place, os.O_RDONLY | os.O_NONBLOCK | os.O_NOFOLLOW | os.O_CLOEXEC)
+            try:
+                words = json.loads(os.read(descriptor, _SIZE))
+            finally:
+                os.close(descriptor)
+            return Estop(str(words["by"]), str(words["reason"]), str(words["since"]))
+        except (OSError, ValueError, LookupError, TypeError, RecursionError) as problem:
+            reason = f"the latch {self.path} is there but cannot be read ({type(problem).__name__})"
+            return Estop("unknown", reason, _utc(changed))
+
+
+def _locked(lock: int, deadline: float) -> bool:
+    while True:
+        try:
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            return True
+        except BlockingIOError:
+            if time.monotonic() >= deadline:
+                return False
+            time.sleep(_PAUSE)
+
+
+def _utc(moment: float) -> str:
+    return time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime(moment))
