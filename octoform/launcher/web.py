@@ -28,6 +28,7 @@ from .admission import Open, Verifier
 from .connections import BACKLOG, KEEP_ALIVE_SECONDS, Connection
 from .descriptor import Descriptor
 from .quiet import Throttle
+from .resuming import RETRY_MS, Recent
 from .tokens import Tokens
 
 PATH = "/mcp"
@@ -106,6 +107,8 @@ class Web:
         app = create_streamable_http_app(
             server=server,
             streamable_http_path=PATH,
+            event_store=Recent(),
+            retry_interval=RETRY_MS,
             auth=Verifier(tokens),
             middleware=[Middleware(self._keeping, tokens=tokens)],
             routes=[Route(HEALTH, self._health, methods=["GET"])],
