@@ -80,6 +80,13 @@ class Web:
         self._listening = listen(self._network, self._descriptor.run, BACKLOG)
         return self._listening
 
+    @property
+    def url(self) -> str:
+        """Where clients of the network connect, once the door is open."""
+        if self._listening is None:
+            raise RuntimeError("the door was not opened")
+        return self._listening.url + PATH
+
     def trust(self, hosts: Sequence[str]) -> None:
         """Answer under these host names too, and no more under those that were given before; from any thread."""
         self._trusted = frozenset(hosts)
