@@ -1,0 +1,290 @@
+"""The limits on calls: judged and counted in one step, outside the generated code, for every caller.
+
+Numbers are compared as they are written: ten times 0.1 is 1, whatever a binary fraction makes of it. What is counted
+(sums, last values, times of calls) survives a restart in ``limits.json``, and a call counts before the device moves:
+one that fails may have moved it. A file that cannot be trusted never means "nothing counted": the tools concerned are
+refused until a person sets them back.
+"""
+
+import threading
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from datetime import datetime
+from fractions import Fraction
+from pathlib import Path
+from typing import Any
+
+from .counters import Counters, CountersUnwritable, Used
+from .policy import Limit, Policy
+
+_COUNTED = frozenset({"step", "cumulative", "rate", "cooldown"})
+_SHOWN = 60
+_BITS = 1000
+
+
+@dataclass(frozen=True, slots=True)
+class Refusal:
+    """Why a call is not let through: ``code`` for a program, ``text`` for whoever called and for a person.
+
+    Codes are the kinds of limits, and no_number, unknown_tool, counters_damaged, counters_unwritable.
+    """
+
+    code: str
+    text: str
+
+
+class Ledger:
+    """The limits of a policy and what is used of them. Safe to use from threads.
+
+    ``path`` is the file of the counters. ``clock`` gives seconds that never jump back, ``now`` the local wall clock.
+    """
+
+    def __init__(
+        self,
+        policy: Policy,
+        path: Path,
+        clock: Callable[[], float] = time.monotonic,
+        now: Callable[[], datetime] = datetime.now,
+    ) -> None:
+        self._tools = policy.tools
+        self._clock, self._now = clock, now
+        self._lock = threading.Lock()
+        counted = {name for name, tool in policy.tools.items() if any(item.kind in _COUNTED for item in tool.limits)}
+        self._counters = Counters(path, counted, clock, lambda: now().timestamp())
+
+    def judge(self, tool: str, arguments: Mapping[str, Any]) -> Refusal | None:
+        """Whether the call would be let through now; counts nothing."""
+        with self._lock:
+            return self._judged(tool, arguments)
+
+    def reserve(self, tool: str, arguments: Mapping[str, Any]) -> Refusal | None:
+        """Judge the call and, where it is let through, count it: None means that it may go on, and has counted."""
+        with self._lock:
+            refusal = self._judged(tool, arguments)
+            if refusal is not None:
+                return refusal
+            limits = self._tools[tool].limits
+            if all(limit.kind not in _COUNTED for limit in limits):
+                return None
+            try:
+                self._counters.put(tool, self._after(self._counters.of(tool), limits, arguments))
+            except CountersUnwritable as problem:
+                return Refusal("counters_unwritable", f"{tool} is refused: {problem}. Its limits could not be kept.")
+            return None
+
+    def reset(self, tool: str | None) -> None:
+        """Forget what was counted for a tool, or for all: sums, last values, times. Makes a damaged file good.
+
+        KeyError for a tool that is not in the policy; OSError when the file cannot be written.
+        """
+        if tool is not None and tool not in self._tools:
+            raise KeyError(tool)
+        with self._lock:
+            self._counters.reset(tool)
+
+    def used(self) -> dict[str, dict[str, Any]]:
+        """For each tool with counted limits, as plain values: ``sums`` and ``last`` by parameter, ``calls`` (the ages
+        of its counted calls in seconds), ``damaged``."""
+        with self._lock:
+            return {name: self._counters.of(name).shown(self._clock()) for name in sorted(self._counters.names)}
+
+    def _judged(self, tool: str, arguments: Mapping[str, Any]) -> Refusal | None:
+        policy = self._tools.get(tool)
+        if policy is None:
+            return Refusal("unknown_tool", f"{_cut(ascii(tool))} is not in the policy of this endpoint")
+        if not policy.limits:
+            return None
+        used = self._counters.of(tool)
+        if used.damaged:
+            text = (
+                f"{tool} is refused: {self._counters.damage}, so what was counted for its limits is not known. "
+                f"A person looks at the device and then sets it back: octoform limits -reset {tool}"
+            )
+            return Refusal("counters_damaged", text)
+        found = [item for item in (self._one(tool, limit, arguments, used) for limit in policy.limits) if item]
+        texts = list(dict.fromkeys(item.text for item in found))
+        return Refusal(found[0].code, " ".join(texts)) if found else None
+
+    def _one(self, tool: str, limit: Limit, arguments: Mapping[str, Any], used: Used) -> Refusal | None:
+        """What one limit says."""
+        if limit.parameter:
+            return _of_value(limit, arguments, used, tool)
+        if limit.kind == "quiet_hours":
+            text = _quiet(tool, limit, self._now())
+        elif limit.kind == "rate":
+            text = _rate(tool, limit, used, self._clock())
+        else:
+            text = _cooldown(tool, limit, used, self._clock())
+        return Refusal(limit.kind, text) if text else None
+
+    def _after(self, used: Used, limits: tuple[Limit, ...], arguments: Mapping[str, Any]) -> Used:
+        """The counters once this call counts."""
+        now = self._clock()
+        timed = [limit for limit in limits if limit.seconds]
+        span = max((limit.seconds for limit in timed), default=0.0)
+        calls = [moment for moment in used.calls if now - moment < span] + [now] * bool(timed)
+        kept = max((limit.calls for limit in timed), default=0) or 1
+        sums, last = dict(used.sums), dict(used.last)
+        for kind, (name, value) in {(limit.kind, (limit.parameter, _value(limit, arguments))) for limit in limits}:
+            if kind == "cumulative" and value is not None:
+                sums[name] = used.sums.get(name, Fraction(0)) + value
+            elif kind == "step" and value is not None:
+                last[name] = value
+        return Used(sums, last, tuple(calls[-kept:]))
+
+
+def _of_value(limit: Limit, arguments: Mapping[str, Any], used: Used, tool: str) -> Refusal | None:
+    name = limit.parameter
+    if name in arguments and not _is_number(arguments[name]):
+        shown = (
+            _cut(ascii(arguments[name])) if isinstance(arguments[name], str | float | bool) else _kind(arguments[name])
+        )
+        allowed = _allowed(limit)
+        text = f"{name} is {shown}, which is no finite number; its limit ({limit.source}) takes only one{allowed}."
+        return Refusal("no_number", text)
+    value = _value(limit, arguments)
+    if value is None:
+        return None
+    if limit.kind == "range":
+        text = _range(limit, value)
+    elif limit.kind == "step":
+        text = _step(limit, value, used.last.get(name))
+    else:
+        text = _cumulative(limit, value, used.sums.get(name, Fraction(0)), tool)
+    return Refusal(limit.kind, text) if text else None
+
+
+def _value(limit: Limit, arguments: Mapping[str, Any]) -> Fraction | None:
+    """The parameter's value as it is written; its default where it is absent; None where neither is known."""
+    if limit.parameter in arguments:
+        return exact(arguments[limit.parameter])
+    return None if limit.default is None else exact(limit.default)
+
+
+def exact(number: float) -> Fraction:
+    """A finite number as its shortest decimal writing says."""
+    return Fraction(number) if isinstance(number, int) else Fraction(repr(number))
+
+
+def _is_number(value: Any) -> bool:
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        return False
+    return value.bit_length() <= _BITS if isinstance(value, int) else value - value == 0
+
+
+def _range(limit: Limit, value: Fraction) -> str:
+    low, high = limit.minimum, limit.maximum
+    if low is not None and value < exact(low):
+        side, bound = "below the least", low
+    elif high is not None and value > exact(high):
+        side, bound = "above the most", high
+    else:
+        return ""
+    unit = _unit(limit)
+    return (
+        f"{limit.parameter} {_number(value)}{unit} is {side} that is allowed, {bound}{unit} ({limit.source})"
+        f"{_allowed(limit)}."
+    )
+
+
+def _step(limit: Limit, value: Fraction, last: Fraction | None) -> str:
+    most = exact(limit.most)
+    if last is None or abs(value - last) <= most:
+        return ""
+    unit = _unit(limit)
+    return (
+        f"{limit.parameter} {_number(value)}{unit} is {_number(abs(value - last))}{unit} away from the last one, "
+        f"{_number(last)}{unit}; one call may change it by {limit.most}{unit} at most ({limit.source}). "
+        f"Allowed now: {_number(last - most)} to {_number(last + most)}{unit}."
+    )
+
+
+def _cumulative(limit: Limit, value: Fraction, total: Fraction, tool: str) -> str:
+    most = exact(limit.most)
+    if abs(total + value) <= most:
+        return ""
+    unit = _unit(limit)
+    return (
+        f"{limit.parameter} {_number(value)}{unit} would bring the sum over all calls to "
+        f"{_number(total + value)}{unit}; it may be {limit.most}{unit} at most in either direction ({limit.source}). "
+        f"Allowed now: {_number(-most - total)} to {_number(most - total)}{unit}. "
+        f"A person sets the sum to zero with: octoform limits -reset {tool}"
+    )
+
+
+def _rate(tool: str, limit: Limit, used: Used, now: float) -> str:
+    recent = [moment for moment in used.calls if now - moment < limit.seconds]
+    if len(recent) < limit.calls:
+        return ""
+    wait = limit.seconds - (now - recent[-limit.calls])
+    return (
+        f"{tool} was called {len(recent)} times in the last {_seconds(limit.seconds)}; {limit.calls} are allowed "
+        f"({limit.source}). The next call is allowed in {_seconds(wait)}."
+    )
+
+
+def _cooldown(tool: str, limit: Limit, used: Used, now: float) -> str:
+    if not used.calls or now - used.calls[-1] >= limit.seconds:
+        return ""
+    gone = now - used.calls[-1]
+    return (
+        f"{tool} was called {_seconds(gone)} ago; {_seconds(limit.seconds)} have to lie between two calls "
+        f"({limit.source}). The next call is allowed in {_seconds(limit.seconds - gone)}."
+    )
+
+
+def _quiet(tool: str, limit: Limit, now: datetime) -> str:
+    minute, begin, end = now.hour * 60 + now.minute, limit.begin, limit.end
+    inside = begin <= minute < end if begin < end else minute >= begin or minute < end
+    if not inside:
+        return ""
+    if begin == end:
+        return f"{tool} has quiet hours all day ({limit.source})."
+    return (
+        f"{tool} has quiet hours from {_time(begin)} to {_time(end)} ({limit.source}), and it is {_time(minute)} on "
+        f"this host. It is allowed from {_time(end)} on."
+    )
+
+
+def _allowed(limit: Limit) -> str:
+    low, high = limit.minimum, limit.maximum
+    if limit.kind != "range":
+        return ""
+    words = (
+        f"{low} to {high}"
+        if low is not None and high is not None
+        else f"{low} or more"
+        if high is None
+        else f"{high} or less"
+    )
+    return f". Allowed: {words}{_unit(limit)}"
+
+
+def _unit(limit: Limit) -> str:
+    return f" {limit.unit}" if limit.unit else ""
+
+
+def _number(value: Fraction) -> str:
+    """As a person writes it: whole numbers without a point, others with as many digits as a float has."""
+    try:
+        return _cut(str(value.numerator) if value.denominator == 1 else repr(float(value)))
+    except OverflowError:
+        return "a number beyond all bounds"
+
+
+def _seconds(value: float) -> str:
+    return f"{value:.1f} s" if value % 1 else f"{value:.0f} s"
+
+
+def _time(minutes: int) -> str:
+    return f"{minutes // 60:02d}:{minutes % 60:02d}"
+
+
+def _kind(value: Any) -> str:
+    kinds = ((dict, "an object"), (list, "an array"), (int, "a number beyond all bounds"), (type(None), "null"))
+    return next((words for kind, words in kinds if isinstance(value, kind)), "of another kind")
+
+
+def _cut(text: str) -> str:
+    return text if len(text) <= _SHOWN else f"{text[:_SHOWN]}..."
