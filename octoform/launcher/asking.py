@@ -1,0 +1,180 @@
+"""A person says yes before a tool runs whose policy is to confirm, in both eras of the protocol.
+
+The handshake era has a way back to the client, on which the question goes while the call waits. From 2026-07-28 on the
+question *is* the answer, and the client sends the call again with what the person said. An approval lives in this
+process alone: it holds once, for ten minutes, for exactly this tool, these arguments and this caller, so whoever sends
+an old answer again is refused.
+
+The call that is asked about holds no bus meanwhile. What a model wrote into the arguments is shown as JSON in ASCII:
+it cannot add lines of its own to the question.
+"""
+
+import hashlib
+import json
+import secrets
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import anyio
+from fastmcp.exceptions import ToolError
+from fastmcp.server.context import Context
+from fastmcp.server.dependencies import FastMCPRequestContext
+from fastmcp.tools.base import InputRequiredToolResult
+from mcp.shared.exceptions import MCPError
+from mcp_types import (
+    CallToolRequestParams,
+    ElicitRequest,
+    ElicitRequestFormParams,
+    ElicitResult,
+    InputRequiredResult,
+)
+from mcp_types.version import MODERN_PROTOCOL_VERSIONS
+
+VALID_SECONDS = 600.0
+OPEN = 1000
+"""Questions that may be open at once; the oldest goes first."""
+ARGUMENTS_CHARS = 1500
+MARK = "octoform/approval"
+KEY = "approval"
+SCHEMA: dict[str, Any] = {
+    "type": "object",
+    "properties": {"value": {"type": "boolean", "title": "Allow this one call"}},
+    "required": ["value"],
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Question:
+    """What the person is asked: may ``caller`` call ``tool`` with ``arguments``?"""
+
+    tool: str
+    effect: str
+    source: str
+    caller: str
+    given: Mapping[str, Any]
+    arguments: Mapping[str, Any]
+
+    def text(self) -> str:
+        """One paragraph for a person; hostile text in the arguments stays inside their JSON."""
+        shown = json.dumps(self.arguments, ensure_ascii=True, default=repr)
+        if len(shown) > ARGUMENTS_CHARS:
+            shown = f"{shown[:ARGUMENTS_CHARS]}... ({len(shown)} characters)"
+        return (
+            f"Allow one call of {self.tool} (effect: {self.effect}), asked for by {self.caller}? "
+            f"Arguments: {shown}. Why you are asked: {self.source}."
+        )
+
+    def digest(self) -> str:
+        """Of tool, caller and exactly the arguments that came, in canonical form."""
+        whole = json.dumps([self.tool, self.caller, dict(self.given)], sort_keys=True, separators=(",", ":"))
+        return hashlib.sha256(whole.encode()).hexdigest()
+
+
+@dataclass(frozen=True, slots=True)
+class Reply:
+    """What came of asking. ``code`` is approved, asked, declined, cancelled, unanswered, unable or replayed;
+    ``ask`` is the answer to send for asked, ``text`` what the client is told of everything but approved."""
+
+    code: str
+    text: str = ""
+    ask: InputRequiredToolResult | None = None
+
+
+UNABLE = Reply(
+    "unable",
+    "a person has to confirm this call, and this client did not declare that it can ask one (elicitation). "
+    "Call it from a client that can, or have the owner allow it in the policy of octopus.yaml",
+)
+REPLAYED = Reply(
+    "replayed",
+    "this approval is not valid: it was used already, it expired, or it was given for another call. "
+    "Call the tool again without it, and the person will be asked again",
+)
+DECLINED = Reply("declined", "the person declined this call. Do not try it again unless they ask for it")
+CANCELLED = Reply("cancelled", "the person closed the question without an answer, so the call was not made")
+UNANSWERED = Reply("unanswered", f"nobody answered within {VALID_SECONDS:.0f} s, so the call was not made")
+
+
+class Approvals:
+    """The questions that are open. In memory alone: after a restart every person is asked again."""
+
+    def __init__(self, clock: Callable[[], float] = time.monotonic, seconds: float = VALID_SECONDS) -> None:
+        self._clock = clock
+        self._seconds = seconds
+        self._open: dict[str, tuple[str, float]] = {}
+
+    def __len__(self) -> int:
+        return len(self._open)
+
+    async def ask(self, question: Question, request: FastMCPRequestContext | None, context: Context) -> Reply:
+        """Ask in the era of this request, or take the answer that it brings."""
+        if request is None or not _can_ask(context):
+            return UNABLE
+        if request.protocol_version in MODERN_PROTOCOL_VERSIONS:
+            return self._ask_modern(question)
+        return await self._ask_now(question, context)
+
+    def answered(self, question: Question, message: CallToolRequestParams) -> Reply | None:
+        """The person's answer, when the call brings one; None when nobody was asked yet. An answer counts once."""
+        nonce = _nonce(message.request_state)
+        if nonce is None:
+            return None if message.request_state is None and not message.input_responses else REPLAYED
+        digest, expires = self._open.pop(nonce, ("", 0.0))
+        if not secrets.compare_digest(digest, question.digest()) or self._clock() > expires:
+            return REPLAYED
+        answer = (message.input_responses or {}).get(KEY)
+        if not isinstance(answer, ElicitResult):
+            return CANCELLED
+        return _reply(answer)
+
+    def _ask_modern(self, question: Question) -> Reply:
+        now = self._clock()
+        for nonce in [each for each, (_, expires) in self._open.items() if now > expires]:
+            del self._open[nonce]
+        while len(self._open) >= OPEN:
+            del self._open[next(iter(self._open))]
+        nonce = secrets.token_urlsafe(24)
+        self._open[nonce] = (question.digest(), now + self._seconds)
+        params = ElicitRequestFormParams(message=question.text(), requested_schema=SCHEMA)
+        ask = InputRequiredResult(
+            result_type="input_required",
+            input_requests={KEY: ElicitRequest(params=params)},
+            request_state=json.dumps({MARK: nonce}),
+        )
+        return Reply("asked", ask=InputRequiredToolResult(ask))
+
+    async def _ask_now(self, question: Question, context: Context) -> Reply:
+        try:
+            with anyio.fail_after(self._seconds):
+                answer = await context.session.elicit(
+                    message=question.text(), requested_schema=SCHEMA, related_request_id=context.request_id
+                )
+        except TimeoutError:
+            return UNANSWERED
+        except (MCPError, ToolError):  # the connection has no way back, or the client refused the question
+            return UNABLE
+        return _reply(answer)
+
+
+def _can_ask(context: Context) -> bool:
+    """Whether the client declared that it shows forms to a person."""
+    capabilities = context.session.client_capabilities
+    elicitation = capabilities.elicitation if capabilities is not None else None
+    return elicitation is not None and (elicitation.form is not None or elicitation.url is None)
+
+
+def _nonce(state: str | None) -> str | None:
+    try:
+        found = json.loads(state) if state else None
+    except ValueError:
+        return None
+    nonce = found.get(MARK) if isinstance(found, dict) else None
+    return nonce if isinstance(nonce, str) else None
+
+
+def _reply(answer: ElicitResult) -> Reply:
+    if answer.action == "accept":
+        return Reply("approved") if (answer.content or {}).get("value") is True else DECLINED
+    return DECLINED if answer.action == "decline" else CANCELLED

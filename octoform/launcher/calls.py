@@ -1,0 +1,102 @@
+"""One call on its way through the gate, and what is written about it.
+
+Each executed call leaves two records: what was decided, before anything moves, and what came of it. A refused one
+leaves one. When a record cannot be written, nothing that moves may happen; a reading goes on, and says so.
+"""
+
+import itertools
+import os
+import sys
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from .audit import Audit, AuditFailed
+from .buses import Holder
+from .entries import Entry
+from .guarding import Work
+from .principal import Principal
+
+READ = "read"
+
+
+class Refused(Exception):
+    """The call is not made; ``code`` for programs, the text for whoever called."""
+
+    def __init__(self, code: str, text: str) -> None:
+        super().__init__(text)
+        self.code = code
+
+
+@dataclass(eq=False, slots=True)
+class Call:
+    """``given`` are the arguments as they came, ``arguments`` as the tool will see them; ``began`` in monotonic
+    seconds; ``noted`` what shadow mode let pass."""
+
+    identity: str
+    entry: Entry
+    caller: Principal
+    given: Mapping[str, Any]
+    dry: bool
+    began: float
+    beats: bool = False
+    arguments: Mapping[str, Any] = field(default_factory=dict)
+    noted: list[str] = field(default_factory=list)
+    holder: Holder | None = None
+    work: Work | None = None
+    answered: bool = False
+
+    @property
+    def moves(self) -> bool:
+        """Whether anything but a reading happens."""
+        return self.entry.policy.effect != READ
+
+
+class Records:
+    """Writes the records of calls; ``problem`` says why the last one could not be written, else None."""
+
+    def __init__(self, audit: Audit) -> None:
+        self._audit = audit
+        self._run = os.urandom(4).hex()
+        self._count = itertools.count(1)
+        self.problem: str | None = None
+
+    def identity(self) -> str:
+        """A name for the next call, in the records alone."""
+        return f"{self._run}-{next(self._count)}"
+
+    def decided(self, call: Call, decision: str, **more: Any) -> bool:
+        """Record what was decided about a call; False when it could not be written."""
+        policy = call.entry.policy
+        if call.noted:
+            more["shadow"] = list(call.noted)
+        return self.write(
+            "decision",
+            call=call.identity,
+            tool=call.entry.name,
+            effect=policy.effect,
+            caller=call.caller.name,
+            transport=call.caller.transport,
+            decision=decision,
+            source=policy.source,
+            arguments=call.arguments or call.given,
+            **more,
+        )
+
+    def outcome(self, call: Call, outcome: str, **more: Any) -> bool:
+        """Record what came of a call that ran."""
+        took = round((time.monotonic() - call.began) * 1000, 2)
+        call.answered = True
+        return self.write("outcome", call=call.identity, tool=call.entry.name, outcome=outcome, ms=took, **more)
+
+    def write(self, event: str, **fields: Any) -> bool:
+        try:
+            self._audit.write(event, **fields)
+        except AuditFailed as problem:
+            if self.problem is None:
+                print(f"octoform: the audit log cannot be written: {problem}", file=sys.stderr, flush=True)
+            self.problem = str(problem)
+            return False
+        self.problem = None
+        return True

@@ -1,0 +1,96 @@
+"""What is worked out about each tool when the server is loaded, so that a call costs next to nothing.
+
+A call looks up one object here: what the policy says, how its arguments are coerced, how its result is compared, which
+queues it stands in. A tool that the policy does not know has no entry, and without an entry nothing is called.
+"""
+
+import dataclasses
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from fastmcp.server.context import Context
+from fastmcp.tools.base import Tool
+from fastmcp.tools.function_tool import FunctionTool
+from fastmcp.utilities.types import find_kwarg_by_type
+
+from .buses import Bus
+from .guarding import guard
+from .policy import Policy, ToolPolicy
+from .shapes import Check, Coerce, check, coercion
+
+AT_ONCE = 64
+"""Calls that run at the same time, whatever they call."""
+OF_ONE_TOOL = 8
+"""Calls of one tool without a bus that run at the same time."""
+
+
+@dataclass(frozen=True, slots=True)
+class Entry:
+    """One tool. ``queues`` in the order in which they are taken; ``silent`` when the tool cannot report progress."""
+
+    name: str
+    version: str | None
+    policy: ToolPolicy
+    coerce: Coerce
+    fits: Check | None
+    queues: tuple[Bus, ...]
+    guarded: bool
+    silent: bool
+
+
+class Entries:
+    """The tools of a server that may be called at all."""
+
+    def __init__(self, policy: Policy) -> None:
+        self._policy = policy
+        self._known: dict[str, Entry] = {}
+        self._total = Bus("this endpoint", AT_ONCE)
+        self._buses: dict[str, Bus] = {}
+
+    def get(self, name: str) -> Entry | None:
+        return self._known.get(name)
+
+    def queues(self) -> list[Bus]:
+        """Every queue, the endpoint's own last."""
+        return [*self._buses.values(), self._total]
+
+    def keeps(self, bus: Bus) -> bool:
+        """Whether a stuck call keeps this queue: all but the endpoint's own, which the other tools need."""
+        return bus is not self._total
+
+    async def fill(self, server: Any) -> None:
+        """Work out every tool that the server has now."""
+        for name in {tool.name for tool in await server.list_tools(run_middleware=False)}:
+            await self.find(server, name)
+
+    async def find(self, server: Any, name: str) -> Entry | None:
+        """The entry of a tool that came after `fill`; None when there is no such tool, or the policy has none."""
+        tool = await server.get_tool(name) if name in self._policy.tools else None
+        return None if tool is None else self._add(tool, bool(server.strict_input_validation))
+
+    def _add(self, tool: Tool, strict: bool) -> Entry | None:
+        policy = self._policy.tools.get(tool.name)
+        if policy is None:
+            return None
+        coerce: Coerce = dict
+        guarded = isinstance(tool, FunctionTool)
+        silent = True
+        if isinstance(tool, FunctionTool):
+            silent = find_kwarg_by_type(tool.fn, Context) is None
+            coerce = coercion(tool.fn, strict)
+            guard(tool)
+            # The gate keeps the time: FastMCP's own limit would leave a blocking tool running.
+            if tool.timeout is not None:
+                policy = dataclasses.replace(policy, timeout=min(policy.timeout, tool.timeout))
+                tool.timeout = None
+        fits = check(tool.output_schema) if isinstance(tool.output_schema, Mapping) else None
+        queues = (*self._queues(tool.name, policy), self._total)
+        entry = Entry(tool.name, tool.version, policy, coerce, fits, queues, guarded, silent)
+        self._known[tool.name] = entry
+        return entry
+
+    def _queues(self, name: str, policy: ToolPolicy) -> list[Bus]:
+        if not policy.buses:
+            return [self._buses.setdefault(f"tool:{name}", Bus(f"the tool {name}", OF_ONE_TOOL))]
+        return [self._buses.setdefault(bus, Bus(bus)) for bus in sorted(policy.buses)]

@@ -1,0 +1,353 @@
+"""Every call of a tool passes here: who may, whether it may now, with which values, how long, and what comes back.
+
+It is middleware of the process that serves, outside of the generated code, so nothing an agent wrote can leave it out.
+The order is fixed: what a caller may not know of does not exist; the emergency stop is looked at before everything
+else; arguments are checked before a limit counts or a person is asked; limits count when the call has its buses, just
+before it runs, and whatever may have changed while it waited is looked at once more there.
+"""
+
+import asyncio
+import time
+from collections.abc import Callable, Mapping
+from functools import partial
+from typing import Any
+
+from fastmcp.exceptions import NotFoundError
+from fastmcp.exceptions import ValidationError as ArgumentsInvalid
+from fastmcp.server.dependencies import fastmcp_request_ctx
+from fastmcp.server.middleware import CallNext, Middleware, MiddlewareContext
+from fastmcp.tools.base import InputRequiredToolResult, ToolResult
+from mcp.shared.exceptions import MCPError
+from mcp_types import CallToolRequestParams
+from pydantic import ValidationError
+
+from . import answers, principal
+from .asking import Approvals, Question
+from .audit import Audit
+from .beating import Beat
+from .buses import Busy, Holder, abandon, release, take, take_free
+from .calls import Call, Records, Refused
+from .entries import Entries, Entry
+from .guarding import FRAMES, Patience, Stopped, TooLarge, Work, current, masked
+from .latch import Latch
+from .limits import Ledger
+from .policy import Policy
+from .presence import Presence
+from .sizes import exceeds
+from .watchdog import WATCHDOG
+from .workers import Workers
+
+Context = MiddlewareContext[CallToolRequestParams]
+Next = CallNext[CallToolRequestParams, ToolResult]
+MESSAGE_CHARS = 300
+
+
+class Gate(Middleware):
+    """The gate of one server. ``arm`` it on the event loop before the first client comes.
+
+    ``on_result`` hears the name and result of every call that went well; ``patience`` and ``approvals`` are there to be
+    replaced before the first call.
+    """
+
+    def __init__(self, policy: Policy, ledger: Ledger, audit: Audit, latch: Latch, presence: Presence) -> None:
+        self._policy = policy
+        self._ledger = ledger
+        self._latch = latch
+        self._presence = presence
+        self._records = Records(audit)
+        self._entries = Entries(policy)
+        self._workers = Workers()
+        self._running: set[Call] = set()
+        self.approvals = Approvals()
+        self.patience = Patience()
+        self.on_result: Callable[[str, ToolResult], None] | None = None
+
+    async def arm(self, server: Any) -> None:
+        """Put every tool of the server under guard, mask what its code says by accident, and watch this loop."""
+        server._mask_error_details = True
+        await self._entries.fill(server)
+        WATCHDOG.arm(FRAMES)
+
+    def disarm(self) -> None:
+        """Stop what runs and let the threads go; the server ends."""
+        self.halt("shutdown", everything=True)
+        self._workers.close()
+        WATCHDOG.disarm()
+
+    def halt(self, cause: str = "estop", everything: bool = False) -> int:
+        """Interrupt what moves, from any thread; ``everything``: readings too. How many calls were told to stop."""
+        calls = [call for call in tuple(self._running) if call.work is not None and (everything or call.moves)]
+        for call in calls:
+            if call.work is not None:
+                call.work.halt(cause)
+        return len(calls)
+
+    def stuck(self) -> list[dict[str, Any]]:
+        """The calls whose code did not end although they were stopped: tool, caller, buses, seconds since it began."""
+        now = time.monotonic()
+        return [
+            {
+                "tool": call.entry.name,
+                "caller": call.caller.name,
+                "buses": list(call.entry.policy.buses),
+                "seconds": round(now - call.began, 1),
+            }
+            for call in tuple(self._running)
+            if call.work is not None and call.work.stuck
+        ]
+
+    def status(self) -> dict[str, Any]:
+        """For a person who asks how the endpoint is; from any thread."""
+        return {
+            "mode": self._policy.mode,
+            "running": len(self._running),
+            "stuck": self.stuck(),
+            "approvals": len(self.approvals),
+            "audit": self._records.problem,
+        }
+
+    async def __call__(self, context: MiddlewareContext[Any], call_next: CallNext[Any, Any]) -> Any:
+        # Straight to the point: the general way builds three wrappers for each message.
+        if isinstance(context.message, CallToolRequestParams):
+            return await self.on_call_tool(context, call_next)
+        return await call_next(context)
+
+    async def on_call_tool(self, context: Context, call_next: Next) -> ToolResult:
+        """Judge, run and answer one call."""
+        call = await self._arrive(context)
+        try:
+            self._judge(call)
+            if call.dry:
+                self._records.decided(call, "dry_run")
+                return answers.dry_run(call)
+            if call.entry.policy.decision == "confirm" and (ask := await self._confirm(call, context)) is not None:
+                return ask
+            return await self._pass(call, context, call_next)
+        except Refused as refused:
+            self._records.decided(call, "refuse", code=refused.code, text=str(refused))
+            return answers.refusal(refused)
+
+    async def _arrive(self, context: Context) -> Call:
+        """The call, for a tool that this caller may know of; FastMCP's own answer for every other name."""
+        name = context.message.name
+        entry = self._entries.get(name)
+        if entry is None and context.fastmcp_context is not None:
+            entry = await self._entries.find(context.fastmcp_context.fastmcp, name)
+        caller = principal.current()
+        request = fastmcp_request_ctx.get()
+        meta = (request.meta if request is not None else None) or {}
+        if entry is None or entry.policy.effect not in caller.effects or not _same_version(entry, meta):
+            code = "unknown_tool" if entry is None else "hidden_tool"
+            self._records.write("decision", tool=name, caller=caller.name, decision="refuse", code=code)
+            raise NotFoundError(f"Unknown tool: {name!r}")
+        dry = self._policy.mode == "dry_run" or meta.get(answers.DRY) is True
+        call = Call(
+            self._records.identity(),
+            entry,
+            caller,
+            context.message.arguments or {},
+            dry and entry.policy.effect != "read",
+            time.monotonic(),
+        )
+        call.beats = entry.silent and "progressToken" in meta
+        return call
+
+    def _judge(self, call: Call) -> None:
+        """Everything that can be told without waiting for anybody; Refused says what stands against the call."""
+        entry = call.entry
+        self._look_again(call)
+        if entry.policy.decision == "deny":
+            self._object(call, "denied", f"{entry.name} is denied by {entry.policy.source}")
+        try:
+            call.arguments = entry.coerce(call.given)
+        except ValidationError as problem:
+            raise Refused("invalid", str(problem)) from None
+        # A call that runs at once is judged when it is counted; the others hear now what they would wait for in vain.
+        waits = call.dry or entry.policy.decision == "confirm" or not all(queue.free() for queue in entry.queues)
+        if waits and entry.policy.limits and (refusal := self._ledger.judge(entry.name, call.arguments)) is not None:
+            self._object(call, refusal.code, refusal.text)
+
+    def _look_again(self, call: Call) -> None:
+        """What may have changed while the call waited for a person or for a bus."""
+        if call.moves and (stop := self._latch.engaged()) is not None:
+            raise answers.estop(stop)
+        if absent := self._presence.absent(call.entry.name):
+            raise answers.absent(absent)
+
+    def _object(self, call: Call, code: str, text: str) -> None:
+        """A refusal; in shadow mode it is only noted."""
+        if self._policy.mode != "shadow":
+            raise Refused(code, text)
+        note = f"{code}: {text}"
+        if note not in call.noted:
+            call.noted.append(note)
+
+    async def _confirm(self, call: Call, context: Context) -> ToolResult | None:
+        """Ask a person; None when the call may go on, the question itself where that is the answer."""
+        entry = call.entry
+        question = Question(
+            entry.name, entry.policy.effect, entry.policy.source, call.caller.name, call.given, call.arguments
+        )
+        reply = self.approvals.answered(question, context.message)
+        if reply is None:
+            if self._policy.mode == "shadow":
+                self._object(call, "confirm", "a person would have been asked")
+                return None
+            if context.fastmcp_context is None:
+                raise Refused("unable", "a person has to confirm this call, and it came from no client")
+            try:
+                reply = await self.approvals.ask(question, fastmcp_request_ctx.get(), context.fastmcp_context)
+            except asyncio.CancelledError:
+                self._records.decided(call, "refuse", code="cancelled", text="cancelled while a person was asked")
+                raise
+        if reply.ask is not None:
+            self._records.decided(call, "ask")
+            return reply.ask
+        if reply.code != "approved":
+            raise Refused(reply.code, reply.text)
+        call.began = time.monotonic()  # the person's time is not the call's
+        self._look_again(call)
+        return None
+
+    async def _pass(self, call: Call, context: Context, call_next: Next) -> ToolResult:
+        """Take the buses, count the limits, write it down, run."""
+        entry = call.entry
+        call.holder = holder = Holder(entry.name, call.caller.name)
+        beat = Beat(context.fastmcp_context, partial(_words, call)) if call.beats else None
+        try:
+            if not take_free(entry.queues, holder):
+                try:
+                    await take(entry.queues, holder, call.began + entry.policy.timeout)
+                except Busy as busy:
+                    raise Refused(busy.code, str(busy)) from None
+                except asyncio.CancelledError:
+                    self._records.decided(call, "refuse", code="cancelled", text="cancelled while it waited for a bus")
+                    raise
+                try:
+                    self._look_again(call)
+                except Refused:
+                    release(entry.queues, holder)
+                    raise
+            try:
+                self._count(call)
+            except Refused:
+                release(entry.queues, holder)
+                raise
+            return await self._run(call, context, call_next)
+        finally:
+            if beat is not None:
+                beat.stop()
+
+    def _count(self, call: Call) -> None:
+        """The last word: limits are judged and counted at once; the decision is on the log before anything moves."""
+        entry = call.entry
+        if entry.policy.limits and (refusal := self._ledger.reserve(entry.name, call.arguments)) is not None:
+            self._object(call, refusal.code, refusal.text)
+        if not self._records.decided(call, "allow") and call.moves:
+            raise Refused(
+                "audit", f"the audit log cannot be written, so nothing that moves is called: {self._records.problem}"
+            )
+
+    async def _run(self, call: Call, context: Context, call_next: Next) -> ToolResult:
+        """Run the tool's code as work that can be stopped, and make an answer of whatever comes of it."""
+        entry = call.entry
+        work = call.work = Work(entry.name, self._workers, self.patience, entry.policy.result_bytes)
+        work.on_end, work.on_stuck = partial(self._ended, call), partial(self._abandon, call)
+        self._running.add(call)
+        token = current.set(work)
+        work.limit(call.began + entry.policy.timeout - time.monotonic())
+        try:
+            if entry.guarded:
+                result = await call_next(context)
+            else:
+                result = await work.run_async(partial(_awaited, call_next, context))
+            return self._answer(call, result)
+        except asyncio.CancelledError:
+            work.stop("cancelled")
+            self._records.outcome(call, "cancelled")
+            raise
+        except (NotFoundError, MCPError):
+            self._records.outcome(call, "error")
+            raise
+        except Exception as problem:  # noqa: BLE001 - every failure of a tool becomes an answer, see _failed
+            return self._failed(call, work, problem)
+        finally:
+            current.reset(token)
+            work.close()
+
+    def _answer(self, call: Call, result: ToolResult) -> ToolResult:
+        """The tool's result, unless it is too large or not what the tool's output schema promises."""
+        entry = call.entry
+        if isinstance(result, InputRequiredToolResult):
+            self._records.outcome(call, "asks")
+            return result
+        if (size := _size(result, entry.policy.result_bytes)) is not None:
+            raise TooLarge(size)
+        if result.is_error:
+            self._records.outcome(call, "error")
+            return result
+        if entry.fits is not None and (problem := entry.fits(result.structured_content)) is not None:
+            text = f"the tool's result does not fit its output schema: the result{problem[:MESSAGE_CHARS]}"
+            self._records.outcome(call, "invalid_result", text=text)
+            return answers.error(text)
+        if not self._records.outcome(call, "ok"):
+            result.meta = {**(result.meta or {}), answers.UNAUDITED: f"not written: {self._records.problem}"}
+        if self.on_result is not None:
+            self.on_result(entry.name, result)
+        return result
+
+    def _failed(self, call: Call, work: Work, problem: Exception) -> ToolResult:
+        """The answer to a call that raised: words meant for the client pass, everything else gets a reference."""
+        if isinstance(problem, Stopped):
+            self._records.outcome(call, problem.cause, ended=problem.ended)
+            return answers.error(answers.stopped(call, problem))
+        if isinstance(problem, TooLarge):
+            self._records.outcome(call, "too_large", bytes=problem.size)
+            bound = call.entry.policy.result_bytes
+            return answers.error(f"the result is too large: {problem.size} bytes or more, of at most {bound}")
+        if problem is not work.told and not isinstance(problem, ArgumentsInvalid):
+            problem = masked(work, problem.__cause__ or problem)
+        self._records.outcome(call, "error", **({"reference": work.reference} if work.reference else {}))
+        return answers.error(str(problem))
+
+    def _ended(self, call: Call) -> None:
+        """The tool's code is over, or will never begin: its buses go to the next in line."""
+        self._running.discard(call)
+        if call.holder is not None:
+            release(call.entry.queues, call.holder)
+        if call.answered:
+            took = round((time.monotonic() - call.began) * 1000, 2)
+            self._records.write("ended", call=call.identity, tool=call.entry.name, ms=took)
+
+    def _abandon(self, call: Call) -> None:
+        """The tool's code goes on although it was stopped, and perhaps for ever."""
+        self._records.write("stuck", call=call.identity, tool=call.entry.name, buses=list(call.entry.policy.buses))
+        if call.holder is not None:
+            abandon(call.entry.queues, call.holder, self._entries.keeps)
+
+
+def _same_version(entry: Entry, meta: Mapping[str, Any]) -> bool:
+    """Whether the call means the version of the tool that was put under guard."""
+    wanted = meta.get("fastmcp")
+    return not isinstance(wanted, Mapping) or wanted.get("version") in (None, entry.version)
+
+
+def _size(result: ToolResult, bound: int) -> int | None:
+    """The size of a result in bytes when it is over its bound."""
+    parts: list[Any] = [
+        getattr(block, "text", None) or getattr(block, "data", None) or block for block in result.content
+    ]
+    if result.structured_content is not None:
+        parts.append(result.structured_content)
+    return exceeds(parts, bound)
+
+
+def _words(call: Call) -> str:
+    if call.work is not None:
+        return f"{call.entry.name} is running"
+    waiting = next((queue.words() for queue in call.entry.queues if not queue.free()), "it waits")
+    return f"{call.entry.name} has not begun: {waiting}"
+
+
+async def _awaited(call_next: Next, context: Context) -> ToolResult:
+    return await call_next(context)
