@@ -5,6 +5,7 @@ against text here (a pattern can be written to take for ever).
 """
 
 from collections.abc import Iterator, Mapping
+from fnmatch import fnmatchcase
 from typing import Any
 
 from jsonschema import Draft202012Validator
@@ -240,7 +241,7 @@ def _choices(member: Any, tool: JsonObject) -> set[str]:
 def _profile_limits(
     value: JsonObject, artifacts: Artifacts
 ) -> Iterator[tuple[int, JsonObject, Mapping[str, Any], str]]:
-    """(tool index, tool, limit, profile) of each limit that is in force for a tool."""
+    """(tool index, tool, limit, profile) of each range that is in force for a tool; all else the endpoint keeps."""
     used = {
         (device["profile"], device["id"]) for device in (artifacts.identify or {})["devices"] if "profile" in device
     }
@@ -249,10 +250,17 @@ def _profile_limits(
             if not any((name, device) in used for device in tool["devices"]):
                 continue
             for limit in facts.limits:
-                if limit.get("tool", tool["name"]) not in (tool["name"], tool["capability"]):
-                    continue
-                if limit["parameter"] in _properties(tool) or "tool" in limit:
+                if ("minimum" in limit or "maximum" in limit) and _concerns(limit, tool):
                     yield index, tool, limit, name
+
+
+def _concerns(limit: Mapping[str, Any], tool: JsonObject) -> bool:
+    """A tool that is named in full must have the parameter, too; one behind a glob is concerned where it has it."""
+    names, wanted = (tool["name"], tool["capability"]), limit.get("tool")
+    if wanted in names:
+        return True
+    is_meant = wanted is None or any(fnmatchcase(name, wanted) for name in names)
+    return is_meant and limit["parameter"] in _properties(tool)
 
 
 def _limit_of(tool: JsonObject, parameter: str) -> JsonObject | None:

@@ -18,9 +18,9 @@ JsonObject = dict[str, Any]
 class ProfileFacts:
     """What octoform itself found out about one profile on this host.
 
-    ``holds`` are the ids of the PROBE devices for which the profile's evidence rule holds. Each of ``limits`` has
-    ``parameter`` and at least one of ``minimum`` and ``maximum``; ``tool`` narrows it to one tool or capability and
-    ``unit`` names the unit of both numbers.
+    ``holds`` are the ids of the PROBE devices for which the profile's evidence rule holds. Of ``limits``, those
+    with ``minimum`` or ``maximum`` concern the contract: they have a ``parameter``; ``tool`` narrows one to the tools
+    or capabilities that this glob matches, and ``unit`` names the unit of both numbers.
     """
 
     name: str

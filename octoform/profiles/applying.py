@@ -3,7 +3,7 @@
 from collections.abc import Collection, Mapping
 from typing import Any
 
-from octoform.profiles import evidence
+from octoform.profiles import evidence, limits
 from octoform.profiles.model import Profile
 
 
@@ -26,14 +26,5 @@ def holds(profile: Profile, probe: Any) -> frozenset[str]:
 def briefing(profile: Profile, ids: Collection[str]) -> str:
     """The profile as an agent is told it: for which devices it holds, its limits, its prose; no other device."""
     lines = [f"Profile {profile.name}: {profile.about}", f"Its evidence rule holds for: {', '.join(sorted(ids))}."]
-    lines += [f"Limit: {_limit(item)}." for item in profile.limits]
+    lines += [f"Limit: {words}." for item in profile.limits for words in limits.told(item)]
     return "\n".join([*lines, "", profile.body.strip(), ""])
-
-
-def _limit(item: Mapping[str, Any]) -> str:
-    low, high = item.get("minimum"), item.get("maximum")
-    bounds = [f"at least {low}"] if low is not None else []
-    bounds += [f"at most {high}"] if high is not None else []
-    unit = f" {item['unit']}" if "unit" in item else ""
-    where = f" of {item['tool']}" if "tool" in item else ""
-    return f"{item['parameter']}{where} {' and '.join(bounds)}{unit}"

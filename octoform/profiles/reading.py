@@ -12,13 +12,12 @@ from typing import Any
 from octoform import digest, frontmatter
 from octoform.diagnostics import Diagnostic, did_you_mean, error, has_errors, warning
 from octoform.frontmatter import Document
-from octoform.profiles import evidence
+from octoform.profiles import evidence, limits, stopping
 from octoform.profiles.evidence import Rule
 from octoform.profiles.model import Profile
 
 MOST_BYTES = 8 * 1024
-FIELDS = ("name", "about", "evidence", "limits")
-LIMIT_FIELDS = ("tool", "parameter", "minimum", "maximum", "unit")
+FIELDS = ("name", "about", "evidence", "limits", "stop")
 PROGRAMS = frozenset(
     {"python", "py", "sh", "bash", "zsh", "shell", "console", "powershell", "c", "cpp", "c++", "rust", "go", "java"}
     | {"javascript", "js", "typescript", "ts", "ruby", "perl", "lua", "arduino", "ino", "sql", "html"}
@@ -67,8 +66,10 @@ def parse(document: Document) -> tuple[Profile | None, list[Diagnostic]]:
     if not document.body.strip():
         found.append(document.problem("PROFILE-FIELD", "the profile says nothing after its front matter"))
     rule, more = _evidence(document)
-    limits, also = _limits(document)
+    bounds, also = _limits(document)
+    stop, problems = stopping.read(fields.get("stop", []))
     found += [*more, *also]
+    found += [document.problem("PROFILE-STOP", summary, place, hint) for place, summary, hint in problems]
     if rule is None or has_errors(found):
         return None, found
     profile = Profile(
@@ -79,7 +80,8 @@ def parse(document: Document) -> tuple[Profile | None, list[Diagnostic]]:
         body=document.body,
         digest=digest.of_bytes(document.text.encode("utf-8")),
         evidence=rule,
-        limits=limits,
+        limits=bounds,
+        stop=stop,
     )
     return profile, found
 
@@ -151,23 +153,8 @@ def _limits(document: Document) -> tuple[tuple[Mapping[str, Any], ...], list[Dia
         if not isinstance(item, Mapping):
             found.append(document.problem("PROFILE-LIMIT", "a limit is a mapping", place))
             continue
-        found += _unknown(document, item, LIMIT_FIELDS, place)
-        summary = _limit_problem(item)
-        if summary is not None:
-            found.append(document.problem("PROFILE-LIMIT", summary, place))
+        found += _unknown(document, item, limits.FIELDS, place)
+        problem = limits.problem(item)
+        if problem is not None:
+            found.append(document.problem("PROFILE-LIMIT", problem[0], place, problem[1]))
     return tuple(given), found
-
-
-def _limit_problem(item: Mapping[str, Any]) -> str | None:
-    for name in ("parameter", "tool", "unit"):
-        if name in item and not (isinstance(item[name], str) and item[name].strip()):
-            return f"{name!r} of a limit is no text"
-    if "parameter" not in item:
-        return "the limit does not name its parameter"
-    bounds = [item[name] for name in ("minimum", "maximum") if name in item]
-    if not bounds:
-        return "the limit has neither a minimum nor a maximum"
-    if not all(isinstance(value, int | float) and not isinstance(value, bool) for value in bounds):
-        return "a bound of the limit is no number"
-    # A comparison with NaN is never true, so it is refused here as well.
-    return None if bounds[0] <= bounds[-1] else "the minimum is above the maximum"

@@ -1,5 +1,6 @@
 """The evidence rule: truth tables, totality, and what is refused."""
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -135,6 +136,44 @@ def test_holds_never_raises(arm: Profile, probe: object) -> None:
     assert holds(arm, probe) == frozenset()
     assert holds(arm, {"devices": probe}) == frozenset()
     assert holds(arm, {"devices": [probe, {"id": probe}]}) == frozenset()
+
+
+def test_the_arms_stop_switches_the_torque_of_every_servo_off(arm: Profile) -> None:
+    (stop,) = arm.stop
+    assert (stop.kind, stop.baud) == ("tty", 1_000_000)
+    header, everyone, length, write, register, off, check = stop.write[:2], *stop.write[2:]
+    assert (header, everyone, length, write, register, off) == (b"\xff\xff", 254, 4, 3, 40, 0)
+    assert check == ~sum(stop.write[2:-1]) & 0xFF
+
+
+@pytest.mark.parametrize(
+    ("limit", "told"),
+    [
+        ({"parameter": "x", "maximum": 3, "unit": "V"}, ["x at most 3 V"]),
+        ({"tool": "t", "parameter": "x", "minimum": 0}, ["x of t at least 0"]),
+        (
+            {"parameter": "x", "step": 5, "unit": "mm"},
+            ["x: from call to call no further than 5 mm; the endpoint itself sees to it"],
+        ),
+        (
+            {"tool": "t", "parameter": "x", "maximum": 9, "cumulative": 50, "cooldown": "2s"},
+            [
+                "x of t at most 9",
+                "x of t: all values added up within 50 in both directions, at least 2s between two calls; "
+                "the endpoint itself sees to it",
+            ],
+        ),
+        ({"tool": "set_*", "rate": "10/1m"}, ["set_*: at most 10 calls in 1m; the endpoint itself sees to it"]),
+        ({"tool": "t", "rate": "1/30s"}, ["t: at most 1 call in 30s; the endpoint itself sees to it"]),
+        (
+            {"tool": "t", "quiet_hours": "22:00-07:00"},
+            ["t: no calls from 22:00 to 07:00; the endpoint itself sees to it"],
+        ),
+    ],
+)
+def test_every_limit_is_told_in_words(arm: Profile, limit: dict[str, Any], told: list[str]) -> None:
+    text = briefing(replace(arm, limits=(limit,)), {"usb-x"})
+    assert [line for line in text.splitlines() if line.startswith("Limit")] == [f"Limit: {words}." for words in told]
 
 
 def test_a_briefing_names_devices_and_limits(arm: Profile) -> None:

@@ -1,10 +1,12 @@
 """Reading profiles: what one must have, and that none is code."""
 
+import textwrap
 from pathlib import Path
 
 import pytest
 
 from octoform.profiles import Profile, load
+from octoform.profiles.model import Stop
 
 PAGES = Path(__file__).parents[3] / "octoform" / "diagnostics" / "pages"
 GOOD = """---
@@ -66,6 +68,34 @@ def test_a_good_profile(tmp_path: Path) -> None:
         ("maximum: 80, ", "", "PROFILE-LIMIT"),
         ("parameter: percent, ", "", "PROFILE-LIMIT"),
         ("unit:", "units:", "PROFILE-FIELD"),
+        ("maximum: 80", "step: 0", "PROFILE-LIMIT"),
+        ("maximum: 80", "step: -5", "PROFILE-LIMIT"),
+        ("maximum: 80", "cumulative: a lot", "PROFILE-LIMIT"),
+        ("maximum: 80", "cumulative: .inf", "PROFILE-LIMIT"),
+        ("maximum: 80", "maximum: .inf", "PROFILE-LIMIT"),
+        ("parameter: percent, maximum: 80", "step: 5", "PROFILE-LIMIT"),
+        ("parameter: percent, maximum: 80", "rate: 10/x", "PROFILE-LIMIT"),
+        ("parameter: percent, maximum: 80", "rate: 10", "PROFILE-LIMIT"),
+        ("parameter: percent, maximum: 80", "cooldown: 2", "PROFILE-LIMIT"),
+        ("parameter: percent, maximum: 80", "cooldown: 25h", "PROFILE-LIMIT"),
+        ("parameter: percent, maximum: 80", "quiet_hours: 22:00", "PROFILE-LIMIT"),
+        ("parameter: percent, maximum: 80", "quiet_hours: [22:00-07:00]", "PROFILE-LIMIT"),
+        ("maximum: 80", "rate: 10/1m", "PROFILE-LIMIT"),
+        ("tool: set_lamp, parameter: percent, maximum: 80", "rate: 10/1m", "PROFILE-LIMIT"),
+        ("maximum: 80", "rates: 10/1m, maximum: 80", "PROFILE-FIELD"),
+        ("limits:\n", "stop: {class: tty}\nlimits:\n", "PROFILE-STOP"),
+        ("limits:\n", "stop: [tty]\nlimits:\n", "PROFILE-STOP"),
+        ("limits:\n", 'stop: [{class: tty, write: ""}]\nlimits:\n', "PROFILE-STOP"),
+        ("limits:\n", "stop: [{class: tty, write: FG}]\nlimits:\n", "PROFILE-STOP"),
+        ("limits:\n", "stop: [{class: tty, write: 12}]\nlimits:\n", "PROFILE-STOP"),
+        ("limits:\n", f'stop: [{{class: tty, write: "{"00" * 257}"}}]\nlimits:\n', "PROFILE-STOP"),
+        ("limits:\n", "stop: [{write: FF}]\nlimits:\n", "PROFILE-STOP"),
+        ("limits:\n", "stop: [{class: ../tty, write: FF}]\nlimits:\n", "PROFILE-STOP"),
+        ("limits:\n", "stop: [{class: tty, baud: 0, write: FF}]\nlimits:\n", "PROFILE-STOP"),
+        ("limits:\n", "stop: [{class: tty, baud: 9600.5, write: FF}]\nlimits:\n", "PROFILE-STOP"),
+        ("limits:\n", "stop: [{class: tty, baud: true, write: FF}]\nlimits:\n", "PROFILE-STOP"),
+        ("limits:\n", "stop: [{class: tty, write: FF, run: reboot}]\nlimits:\n", "PROFILE-STOP"),
+        ("limits:\n", f"stop: [{'{class: tty, write: FF},' * 21}]\nlimits:\n", "PROFILE-STOP"),
         ("It must", "```python\nimport os\n```\nIt must", "PROFILE-CODE"),
         ("It must", "~~~ sh\nreboot\n~~~\nIt must", "PROFILE-CODE"),
         ("It must", "x" * 9000, "PROFILE-TOO-LARGE"),
@@ -77,6 +107,51 @@ def test_a_profile_with_a_fault_is_left_out(read, old: str, new: str, code: str)
     profiles, codes = read(GOOD.replace(old, new, 1))
     assert profiles == ()
     assert code in codes
+
+
+def test_limits_of_calls_and_stop_actions(tmp_path: Path) -> None:
+    path = tmp_path / "lamp.md"
+    more = (
+        "  - {parameter: percent, step: 5, cumulative: 500.5}\n"
+        "  - {tool: 'set_*', rate: 10/1m}\n"
+        "  - {tool: set_lamp, cooldown: 2s, quiet_hours: 22:00-07:00}\n"
+        "stop:\n"
+        "  - {class: tty, baud: 1000000, write: FF FF fe 00}\n"
+        "  - {class: hidraw, write: '00'}\n"
+        "---\n\nIt"
+    )
+    path.write_text(GOOD.replace("---\n\nIt", more))
+    (profile,), found = load([path])
+    assert found == []
+    assert profile.limits[1:] == (
+        {"parameter": "percent", "step": 5, "cumulative": 500.5},
+        {"tool": "set_*", "rate": "10/1m"},
+        {"tool": "set_lamp", "cooldown": "2s", "quiet_hours": "22:00-07:00"},
+    )
+    assert profile.stop == (Stop("tty", 1_000_000, b"\xff\xff\xfe\x00"), Stop("hidraw", None, b"\x00"))
+
+
+def test_the_documented_profile_is_one(tmp_path: Path) -> None:
+    text = (PAGES.parents[2] / "docs" / "profiles.md").read_text()
+    lines = [line for line in text.split("## Evidence")[0].splitlines() if line.startswith("    ") or not line]
+    stop = [line for line in text.split("## Emergency stop")[1].splitlines() if line.startswith("    ")]
+    profile = textwrap.dedent("\n".join(lines)).strip()
+    path = tmp_path / "lamp.md"
+    path.write_text(profile.replace("---\n\n", "\n".join([*(line[4:] for line in stop), "---", "", ""]), 1))
+    (read,), found = load([path])
+    assert found == []
+    assert (read.name, len(read.limits), read.stop) == ("bench-lamp", 1, (Stop("tty", 115200, b"\x01\x02\x0a"),))
+
+
+def test_a_limit_with_a_fault_says_where_and_what_to_do(tmp_path: Path) -> None:
+    path = tmp_path / "lamp.md"
+    path.write_text(GOOD.replace("maximum: 80", "rate: 10/1m"))
+    (problem,) = load([path])[1]
+    assert (problem.summary, problem.span.line if problem.span else None) == (
+        "nothing in the limit speaks of its parameter",
+        6,
+    )
+    assert problem.hint == "remove it, or give one of minimum, maximum, step, cumulative"
 
 
 @pytest.mark.parametrize("name", ["lamp.py", "lamp.sh", "lamp", "lamp.md.py"])
