@@ -1,10 +1,11 @@
 """What tests of every package may use: the option to rewrite golden files, and the invented hosts as trees on disk."""
 
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
+from endings import end_endpoints
 from hosts.plant import plant
 
 
@@ -23,6 +24,22 @@ def pytest_configure(config: pytest.Config) -> None:
 def update(request: pytest.FixtureRequest) -> bool:
     """True when expected files are to be rewritten."""
     return bool(request.config.getoption("--update"))
+
+
+@pytest.fixture(autouse=True)
+def no_endpoint_is_left(request: pytest.FixtureRequest) -> Iterator[None]:
+    """What a test's apply left running ends with the test."""
+    folder = request.getfixturevalue("tmp_path") if "tmp_path" in request.fixturenames else None
+    yield
+    if folder is not None:
+        end_endpoints(folder)
+
+
+@pytest.fixture(scope="session", autouse=True)
+def no_endpoint_outlives_the_tests(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
+    """And what the fixtures of whole files left running, with the last test."""
+    yield
+    end_endpoints(tmp_path_factory.getbasetemp())
 
 
 @pytest.fixture

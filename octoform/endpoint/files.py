@@ -16,6 +16,8 @@ LAUNCHER = "launch"
 SERVE_SCRIPT = "serve.py"
 LAUNCHER_PACKAGE = "launcher"
 POLICY = "policy.json"
+PACKAGE = Path(__file__).parents[1] / LAUNCHER_PACKAGE
+"""The package that runs in the endpoint's process: copied as files, never imported by the core."""
 CLIENTS = "clients"
 MANIFEST = "manifest.json"
 CHECK = "check.json"

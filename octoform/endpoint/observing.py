@@ -13,10 +13,20 @@ from typing import Any
 
 from octoform.digest import of_value
 from octoform.endpoint.environment import Environment, at, intact
-from octoform.endpoint.files import CHECK, CONNECTION, LAUNCHER, file_digest, folder_digest, read_manifest
+from octoform.endpoint.files import (
+    CHECK,
+    CONNECTION,
+    LAUNCHER,
+    PACKAGE,
+    POLICY,
+    file_digest,
+    folder_digest,
+    read_manifest,
+)
+from octoform.endpoint.running import Running, running
 from octoform.state.layout import Layout
 
-_WORDS = {LAUNCHER: "the launcher", CONNECTION: "the connection descriptor"}
+_WORDS = {LAUNCHER: "the launcher", CONNECTION: "the connection descriptor", POLICY: "the resolved policy"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,7 +46,7 @@ class EndpointFacts:
     """The endpoint as it is. ``reasons`` are plain sentences, empty when all is as it was left.
 
     ``tools``, ``answered`` and ``checked_at`` (RFC 3339) come from the last check; empty and None
-    when there was none.
+    when there was none. ``process`` is the one that serves it now.
     """
 
     present: bool
@@ -47,6 +57,7 @@ class EndpointFacts:
     tools: tuple[str, ...] = ()
     answered: bool | None = None
     checked_at: str | None = None
+    process: Running | None = None
 
 
 def observe(layout: Layout, expected: Expected | None = None) -> EndpointFacts:
@@ -61,8 +72,12 @@ def observe(layout: Layout, expected: Expected | None = None) -> EndpointFacts:
         *_files(layout, manifest["files"]),
         *_environment(manifest),
         *_served(manifest, server, runtime, wanted),
+        *_launcher(manifest),
         *_checked(check, manifest, wanted),
     ]
+    process = running(layout)
+    if process is None and not reasons:
+        reasons.append("the endpoint is not running")
     return EndpointFacts(
         present=True,
         reasons=tuple(reasons),
@@ -72,6 +87,7 @@ def observe(layout: Layout, expected: Expected | None = None) -> EndpointFacts:
         tools=tuple(check["tools"]) if check else (),
         answered=bool(check["answered"]) if check else None,
         checked_at=str(check["at"]) if check else None,
+        process=process,
     )
 
 
@@ -108,6 +124,12 @@ def _served(manifest: Mapping[str, Any], server: str | None, runtime: str | None
     if wanted.lock_text is not None and of_value(wanted.lock_text) != manifest.get("lock"):
         reasons.append("the endpoint was built for another set of packages")
     return reasons
+
+
+def _launcher(manifest: Mapping[str, Any]) -> list[str]:
+    """An endpoint that another octoform published is brought up to this one: what guards it is part of it."""
+    same = manifest.get("launcher") == folder_digest(PACKAGE)
+    return [] if same else ["the endpoint was published by another version of octoform"]
 
 
 def _checked(check: Mapping[str, Any] | None, manifest: Mapping[str, Any], wanted: Expected) -> list[str]:

@@ -23,6 +23,7 @@ from octoform.endpoint.files import (
     LAUNCHER,
     LAUNCHER_PACKAGE,
     MANIFEST,
+    PACKAGE,
     POLICY,
     SERVE_SCRIPT,
     files_below,
@@ -36,8 +37,6 @@ from octoform.state.files import write_atomic
 from octoform.state.layout import Layout
 
 SCRIPT = Path(__file__).parent / "scripts" / "serve.py"
-PACKAGE = Path(__file__).parents[1] / LAUNCHER_PACKAGE
-"""The package that runs in the endpoint's process: copied as files, never imported here."""
 
 
 def write_endpoint(

@@ -15,17 +15,21 @@ from octoform.endpoint.files import (
     SERVE_SCRIPT,
 )
 from octoform.endpoint.snippets import snippets
+from octoform.endpoint.supervising import stop
 from octoform.state.layout import Layout
 
 
 def remove(layout: Layout) -> list[Path]:
     """Remove endpoint and environments of this host; gives the files and folders that are not ours and stayed.
 
-    The launcher goes first, so that no client starts a server from what is being removed. OSError when the system
-    refuses.
+    The launcher goes first, so that no client starts a server from what is being removed; then the process is ended,
+    and its tokens and counters go with it. The logs stay. OSError when the system refuses.
     """
     folder = layout.endpoint
-    for name in (LAUNCHER, SERVE_SCRIPT, CONNECTION, POLICY, CHECK, MANIFEST):
+    _unlink(folder, LAUNCHER)
+    stop(layout)
+    shutil.rmtree(layout.run, ignore_errors=True)
+    for name in (SERVE_SCRIPT, CONNECTION, POLICY, CHECK, MANIFEST):
         _unlink(folder, name)
     for name in snippets("", []):
         _unlink(folder / CLIENTS, name)

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from octoform.diagnostics import Diagnostic
-from octoform.endpoint import supervising
+from octoform.endpoint import supervising, tunnel
 from octoform.endpoint.running import Running, running
 from octoform.engine.serving import layout_of
 from octoform.state.layout import Layout
@@ -46,6 +46,7 @@ def restart(project: Path, environ: Mapping[str, str]) -> tuple[Started | None, 
 
 
 def _start(layout: Layout, before: Running | None) -> tuple[Started | None, list[Diagnostic]]:
+    tunnel.allow(layout)
     process, problem = supervising.start(layout)
     if process is None:
         return None, [problem] if problem else []

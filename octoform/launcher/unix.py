@@ -48,6 +48,7 @@ class LocalClients:
                 connection, _ = await loop.sock_accept(listener)
                 self._admit(connection)
         finally:
+            listener.close()
             for task in self._tasks:
                 task.cancel()
             await asyncio.gather(*self._tasks, return_exceptions=True)

@@ -14,11 +14,15 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
+from endings import record_running
+from launched import policy_of
+
 from octoform import digest, host
 from octoform.contracts.canon import output_digest
 from octoform.endpoint.environment import MARKER, Environment, locate, packages_of
 from octoform.endpoint.files import CHECK
 from octoform.endpoint.publishing import write_endpoint
+from octoform.endpoint.service import Service
 from octoform.engine.compiling import Compiled, compile_project
 from octoform.engine.observing import contract_digest
 from octoform.graph.model import Node, key_of, key_parts
@@ -118,7 +122,8 @@ class Settled:
 
     def _endpoint(self, layout: Layout) -> None:
         tools = value(layout, "interface")["tools"]
-        assert write_endpoint(layout, environment(layout), tools, self.environ) == []
+        assert write_endpoint(layout, environment(layout), Service(tools, policy_of(tools)), self.environ) == []
+        record_running(layout.run)
         answer = {
             "format": 1,
             "at": datetime(2026, 1, 1, tzinfo=UTC).isoformat(),

@@ -5,11 +5,15 @@ import hashlib
 import os
 import shutil
 import zipfile
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from launched import policy_of
+
 from octoform.endpoint.environment import Environment
 from octoform.endpoint.publishing import write_endpoint
+from octoform.endpoint.service import Service
 from octoform.state.layout import Layout
 
 RUNTIME = Path(__file__).parents[3] / "octoform" / "runtime"
@@ -77,11 +81,17 @@ def lay_out(folder: Path, source: str) -> Path:
     return folder
 
 
+def service_of(tools: Sequence[dict[str, Any]]) -> Service:
+    """These tools on a pipe, everything allowed."""
+    told = [{"devices": [], **tool} for tool in tools]
+    return Service(told, policy_of(told))
+
+
 def publish(layout: Layout, environment: Environment, source: str = GOOD, *tools: dict[str, Any]) -> dict[str, Any]:
     """Put the server into the state folder, write its endpoint, give the INTERFACE artifact."""
     interface = {"format": 1, "tools": list(tools or (CLOCK, VOLTAGE)), "left_out": []}
     lay_out(layout.output("serve").parent, source)
-    problems = write_endpoint(layout, environment, interface["tools"], {})
+    problems = write_endpoint(layout, environment, service_of(interface["tools"]), {})
     assert not problems
     return interface
 

@@ -14,6 +14,7 @@ from octoform.endpoint.calllog import LoggedCall, calls_after, mark
 from octoform.endpoint.check import CheckReport, check, judge_check
 from octoform.endpoint.environment import Environment
 from octoform.endpoint.files import CHECK
+from octoform.endpoint.supervising import stop
 from octoform.state.layout import Layout
 
 Seen = tuple[CheckReport, list[Diagnostic]]
@@ -22,6 +23,7 @@ Seen = tuple[CheckReport, list[Diagnostic]]
 def checked(layout: Layout, serving: Environment, source: str, *tools: dict[str, Any], **how: Any) -> Seen:
     interface = publish(layout, serving, source, *(tools or (CLOCK, PLAIN)))
     report = check(layout, interface, **how)
+    stop(layout)
     assert processes_of(layout) == []
     return report, judge_check(report, interface)
 

@@ -9,6 +9,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from endings import record_running
 from endpoint_servers import publish
 
 from octoform.endpoint.environment import MARKER, Environment, packages_of
@@ -25,6 +26,7 @@ def applied(layout: Layout, serving: Environment) -> Layout:
     outline(serving.path, path)
     publish(layout, Environment(path / "bin" / "python", serving.digest, path, serving.lock))
     write_check(layout)
+    record_running(layout.run)
     return layout
 
 
@@ -45,6 +47,12 @@ def write_check(
 ) -> None:
     record = {"format": 1, "at": "2026-01-01T00:00:00+00:00", "answered": answered, "tools": list(tools)}
     (layout.endpoint / CHECK).write_text(json.dumps(record))
+
+
+def another_start(layout: Layout) -> None:
+    """The pid of the record was given to another process."""
+    record = json.loads((layout.run / "process.json").read_text())
+    (layout.run / "process.json").write_text(json.dumps({**record, "start": record["start"] + 1}))
 
 
 def upgrade(layout: Layout) -> None:
@@ -88,6 +96,10 @@ def test_an_endpoint_as_it_was_left_gives_no_reason(applied: Layout) -> None:
         (lambda at: (at.endpoint / CHECK).unlink(), "the endpoint was never seen to answer"),
         (lambda at: write_check(at, answered=False), "the endpoint did not answer when it was last checked"),
         (lambda at: write_check(at, tools=("read_clock", "x")), "tools differ: +x -read_voltage"),
+        (lambda at: (at.endpoint / "policy.json").write_text("{}"), "the resolved policy was changed"),
+        (lambda at: (at.endpoint / "launcher/unix.py").unlink(), "the endpoint's launcher/unix.py is missing"),
+        (lambda at: (at.run / "process.json").unlink(), "the endpoint is not running"),
+        (lambda at: another_start(at), "the endpoint is not running"),
     ],
 )
 def test_each_drift_is_one_plain_reason(applied: Layout, damage: Callable[[Layout], None], reason: str) -> None:

@@ -80,7 +80,7 @@ def test_the_descriptor_tells_what_is_served_and_how(layout: Layout, serving: En
 
 def test_a_system_root_in_use_at_apply_is_kept(layout: Layout, serving: Environment) -> None:
     publish(layout, serving)
-    assert write_endpoint(layout, serving, [CLOCK, VOLTAGE], {"OCTOFORM_SYSROOT": "/srv/root"}) == []
+    assert write_endpoint(layout, serving, service_of([CLOCK, VOLTAGE]), {"OCTOFORM_SYSROOT": "/srv/root"}) == []
     descriptor = json.loads((layout.endpoint / "connection.json").read_bytes())
     assert descriptor["environment"]["OCTOFORM_SYSROOT"] == "/srv/root"
 

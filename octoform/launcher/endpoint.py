@@ -1,0 +1,134 @@
+"""One start of the endpoint: the server with everything around it, its doors, and the questions that it answers."""
+
+import asyncio
+import os
+import signal
+from collections.abc import Mapping
+from dataclasses import asdict
+from typing import Any
+from urllib.parse import urlsplit
+
+from . import policy
+from .audit import Audit
+from .control import Control
+from .descriptor import Descriptor
+from .gate import Gate
+from .latch import Latch
+from .limits import Ledger
+from .offering import offer
+from .owner import Owner
+from .socketfile import listen
+from .tokens import Tokens
+from .tunnel import Tunnel
+from .unix import LocalClients
+from .web import PATH, Web
+
+SOCKET = "endpoint.sock"
+
+
+class Endpoint:
+    """The endpoint of one host, from `serve` until the process is asked to stop."""
+
+    def __init__(self, descriptor: Descriptor, owner: Owner, server: Any) -> None:
+        rules = policy.read(descriptor.policy)
+        self._descriptor = descriptor
+        self._owner = owner
+        self._server = server
+        self._control = Control(descriptor.run)
+        self._audit = Audit.open(descriptor.log)
+        self._ledger = Ledger(rules, descriptor.run / "limits.json")
+        self._latch = Latch(descriptor.run / "estop.json")
+        self._offer = offer(server, descriptor.devices, descriptor.tools, rules)
+        self._gate = Gate(rules, self._ledger, self._audit, self._latch, self._offer.presence)
+        self._gate.on_result = self._offer.frames.keep
+        server.add_middleware(self._gate)
+        self._clients = LocalClients(server)
+        self._tunnel: Tunnel | None = None
+        self._url: str | None = None
+
+    async def serve(self) -> None:
+        """Open the doors, record who serves, wait for the word to stop, close them."""
+        stopping = asyncio.Event()
+        loop = asyncio.get_running_loop()
+        for number in (signal.SIGTERM, signal.SIGINT):
+            loop.add_signal_handler(number, stopping.set)
+        await self._gate.arm(self._server)
+        async with self._server._lifespan_manager():
+            doors = self._open()
+            self._answer()
+            self._owner.record(scope=self._descriptor.scope, url=self._url)
+            self._audit.write("started", instance=self._owner.instance, scope=self._descriptor.scope)
+            await stopping.wait()
+            self._control.stop()
+            if self._tunnel is not None:
+                self._tunnel.stop()
+            self._gate.disarm()
+            for door in doors:
+                door.cancel()
+            await asyncio.gather(*doors, return_exceptions=True)
+            (self._descriptor.run / SOCKET).unlink(missing_ok=True)
+            self._offer.presence.stop()
+            self._audit.write("stopped", instance=self._owner.instance)
+            self._audit.close()
+
+    def _open(self) -> list["asyncio.Task[None]"]:
+        """The doors: the socket of this machine's clients always, HTTP and the tunnel where the scope has them."""
+        descriptor = self._descriptor
+        doors = [asyncio.create_task(self._clients.serve(listen(descriptor.run / SOCKET)))]
+        if descriptor.network is not None:
+            tokens = Tokens(descriptor.run / "tokens.json")
+            web = Web(self._server, descriptor, tokens, instance=self._owner.instance)
+            listening = web.open()
+            self._url = listening.url + PATH
+            doors.append(asyncio.create_task(web.serve()))
+            if descriptor.tunnel is not None:
+                self._dig(web, listening.local_url)
+        self._offer.presence.start()
+        return doors
+
+    def _dig(self, web: Web, local_url: str) -> None:
+        assert self._descriptor.tunnel is not None
+
+        def changed(url: str | None) -> None:
+            host = urlsplit(url).hostname if url else None
+            web.trust([host] if host else [])
+
+        command, run = self._descriptor.tunnel["command"], self._descriptor.run
+        self._tunnel = Tunnel(command, run, local_url=local_url, instance=self._owner.instance, changed=changed)
+        self._tunnel.start()
+
+    def _answer(self) -> None:
+        self._control.on("status", lambda _: self._status())
+        self._control.on("limits", lambda _: {"used": self._ledger.used()})
+        self._control.on("limits_reset", self._reset)
+        self._control.on("revoke_tunnel", self._revoke)
+        self._control.start()
+
+    def _reset(self, question: Mapping[str, Any]) -> Mapping[str, Any]:
+        tool = question.get("tool")
+        try:
+            self._ledger.reset(tool)
+        except KeyError:
+            return {"error": f"{tool} is no tool of this endpoint"}
+        self._audit.write("limits_reset", tool=tool, by=question.get("by"))
+        return {"reset": True}
+
+    def _revoke(self, question: Mapping[str, Any]) -> Mapping[str, Any]:
+        if self._tunnel is None:
+            return {"error": "this endpoint has no tunnel"}
+        proof = asdict(self._tunnel.revoke())
+        self._audit.write("tunnel_revoked", by=question.get("by"), **proof)
+        return proof
+
+    def _status(self) -> Mapping[str, Any]:
+        latched = self._latch.engaged()
+        return {
+            "pid": os.getpid(),
+            "instance": self._owner.instance,
+            "scope": self._descriptor.scope,
+            "url": self._url,
+            "clients": self._clients.count,
+            "gate": self._gate.status(),
+            "estop": None if latched is None else {"by": latched.by, "reason": latched.reason, "since": latched.since},
+            "tunnel": None if self._tunnel is None else dict(self._tunnel.status()),
+        }

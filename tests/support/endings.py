@@ -1,0 +1,60 @@
+"""Processes of endpoints in tests: end what was left running, exactly in the tests' own folders; stand for one."""
+
+import atexit
+import json
+import os
+import signal
+import subprocess
+from pathlib import Path
+
+PROGRAM = "endpoint/serve.py"
+SLEEP = ["sleep", "86400"]
+_sleeping: list["subprocess.Popen[bytes]"] = []
+
+
+def end_endpoints(folder: Path) -> None:
+    """Kill every process that serves an endpoint below ``folder``."""
+    for entry in Path("/proc").iterdir():
+        if entry.name.isdigit() and _serves_below(folder, entry):
+            try:
+                os.kill(int(entry.name), signal.SIGKILL)
+            except ProcessLookupError:
+                continue
+
+
+def _serves_below(folder: Path, process: Path) -> bool:
+    try:
+        words = (process / "cmdline").read_bytes().split(b"\0")
+    except OSError:
+        return False
+    programs = [os.fsdecode(word) for word in words[1:3] if word.endswith(PROGRAM.encode())]
+    return any(Path(program).is_relative_to(folder) for program in programs)
+
+
+def record_running(run: Path) -> None:
+    """The record of a running endpoint, with a sleeping process in its place, for tests that start none."""
+    run.mkdir(mode=0o700, parents=True, exist_ok=True)
+    pid = _stand_in()
+    stat = Path(f"/proc/{pid}/stat").read_text()
+    record = {
+        "format": 1,
+        "pid": pid,
+        "start": int(stat[stat.rindex(")") + 2 :].split()[19]),
+        "boot": Path("/proc/sys/kernel/random/boot_id").read_text().strip(),
+        "argv": SLEEP,
+        "instance": "0",
+        "since": "2026-01-01T00:00:00+00:00",
+        "scope": "local",
+        "url": None,
+    }
+    (run / "process.json").write_text(json.dumps(record))
+
+
+def _stand_in() -> int:
+    """A process that does nothing until the tests end, or one of them stops it."""
+    if not _sleeping or _sleeping[-1].poll() is not None:
+        _sleeping.append(subprocess.Popen(SLEEP))
+        atexit.register(_sleeping[-1].kill)
+        while Path(f"/proc/{_sleeping[-1].pid}/cmdline").read_bytes().split(b"\0")[0] != os.fsencode(SLEEP[0]):
+            continue  # between fork and exec it is still a copy of this one
+    return _sleeping[-1].pid
