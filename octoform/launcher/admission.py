@@ -22,6 +22,7 @@ LOOK_SECONDS = 0.25
 """How often open streams and sessions are held against the tokens."""
 LOGGER = logging.getLogger("octoform.admission")
 LOGGER.addFilter(Throttle())
+_UNAUTHORIZED = JSONResponse({"error": "invalid_token"}, 401, {"WWW-Authenticate": 'Bearer error="invalid_token"'})
 
 
 class Verifier(TokenVerifier):
@@ -61,18 +62,21 @@ class Open:
         if not isinstance(user, AuthenticatedUser):
             await self.app(scope, receive, send)
             return
-        started = False
+        begun = finished = False
 
         async def noted(message: Message) -> None:
-            nonlocal started
-            started = True
+            nonlocal begun, finished
+            begun, finished = True, message["type"] == "http.response.body" and not message.get("more_body", False)
             await send(message)
 
         with self._kept(str(user.access_token.subject)) as under_way:
             await self.app(scope, receive, noted)
-        if under_way.cancelled_caught and not started:
-            answer = JSONResponse({"error": "invalid_token"}, 401, {"WWW-Authenticate": 'Bearer error="invalid_token"'})
-            await answer(scope, receive, send)
+        if not under_way.cancelled_caught or finished:
+            return
+        if begun:
+            await send({"type": "http.response.body", "body": b""})
+        else:
+            await _UNAUTHORIZED(scope, receive, send)
 
     @contextlib.contextmanager
     def _kept(self, digest: str) -> Iterator[anyio.CancelScope]:
@@ -85,6 +89,12 @@ class Open:
                 mine.discard(under_way)
                 if not mine:
                     self._requests.pop(digest, None)
+
+    def end_all(self) -> None:
+        """End every request: the door closes."""
+        for mine in tuple(self._requests.values()):
+            for under_way in tuple(mine):
+                under_way.cancel()
 
     async def watch(self) -> None:
         """End what is open of tokens that ended, for ever."""

@@ -10,9 +10,9 @@ import asyncio
 import contextlib
 import logging
 import socket
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import AsyncIterator, Callable, Iterator, Mapping
 from typing import Any
-from urllib.parse import parse_qsl
+from urllib.parse import parse_qsl, urlsplit
 
 import uvicorn
 from fastmcp.server.http import HostOriginGuardMiddleware, create_streamable_http_app
@@ -51,7 +51,7 @@ class Web:
         self._network: Mapping[str, Any] = descriptor.network or {}
         self._open: Open | None = None
         self._listening: Listening | None = None
-        self._trusted: frozenset[str] = frozenset()
+        self._trusted: tuple[str, ...] = ()
         self.state: Callable[[], str] = lambda: "ok"
         """What `/health` says of the endpoint; whoever assembles it may put a better answer here."""
         self._instance = instance
@@ -72,7 +72,8 @@ class Web:
                 timeout_keep_alive=KEEP_ALIVE_SECONDS,
                 timeout_graceful_shutdown=STOP_SECONDS,
                 backlog=BACKLOG,
-            )
+            ),
+            self._close,
         )
 
     def open(self) -> Listening:
@@ -87,9 +88,10 @@ class Web:
             raise RuntimeError("the door was not opened")
         return self._listening.url + PATH
 
-    def trust(self, hosts: Sequence[str]) -> None:
-        """Answer under these host names too, and no more under those that were given before; from any thread."""
-        self._trusted = frozenset(hosts)
+    def published(self, url: str | None) -> None:
+        """Answer under the name of this public address too, and no more under the one before; from any thread."""
+        host = None if url is None else urlsplit(url).hostname
+        self._trusted = () if host is None else (host,)
         self._guard.allowed_hosts = self._hosts()
 
     async def serve(self) -> None:
@@ -99,16 +101,24 @@ class Web:
         serving = asyncio.ensure_future(self._uvicorn._serve(list(self._listening.sockets)))
         watching = asyncio.ensure_future(self._watch())
         try:
-            await asyncio.shield(serving)
+            # Neither goes on without the other: a door that nobody watches would keep streams of ended tokens open.
+            await asyncio.wait({serving, watching}, return_when=asyncio.FIRST_COMPLETED)
         finally:
             self.stop()
             watching.cancel()
-            await asyncio.gather(serving, watching, return_exceptions=True)
+            ends = await asyncio.gather(serving, watching, return_exceptions=True)
             self._listening.close()
+        for end in ends:
+            if isinstance(end, Exception):
+                raise end
 
     def stop(self) -> None:
         """Let `serve` return soon; from any thread."""
         self._uvicorn.should_exit = True
+
+    def _close(self) -> None:
+        if self._open is not None:
+            self._open.end_all()
 
     def _made(self, server: Any, tokens: Tokens) -> Starlette:
         app = create_streamable_http_app(
@@ -122,7 +132,22 @@ class Web:
         )
         ours = [route for route in app.router.routes if isinstance(route, Route) and self._is_ours(route)]
         app.router.routes[:] = ours
+        app.router.lifespan_context = self._bounded(app.router.lifespan_context)
         return app
+
+    def _bounded(self, inner: Any) -> Any:
+        """The application's lifespan, with a bound for its sessions before the first one opens."""
+
+        @contextlib.asynccontextmanager
+        async def lifespan(app: Starlette) -> AsyncIterator[Any]:
+            async with inner(app) as state:
+                sessions = _session_manager(app)
+                sessions.max_sessions = MOST_SESSIONS
+                if self._open is not None:
+                    self._open.sessions = sessions
+                yield state
+
+        return lifespan
 
     def _is_ours(self, route: Route) -> bool:
         return route.path == PATH or (route.path == HEALTH and route.endpoint == self._health)
@@ -132,18 +157,14 @@ class Web:
         return self._open
 
     async def _watch(self) -> None:
-        while not self._uvicorn.started:
+        while self._open is None:
             await asyncio.sleep(0.02)
-        if self._open is None:
-            raise RuntimeError("the application was not built")
-        self._open.sessions = _session_manager(self._app)
-        self._open.sessions.max_sessions = MOST_SESSIONS
         await self._open.watch()
 
     def _hosts(self) -> tuple[str, ...]:
         name = socket.gethostname().lower()
         own = (name, f"{name.partition('.')[0]}.local") if name else ()
-        return (*own, *(str(host) for host in self._network.get("hosts") or ()), *sorted(self._trusted))
+        return (*own, *(str(host) for host in self._network.get("hosts") or ()), *self._trusted)
 
     async def _health(self, _: Request) -> JSONResponse:
         facts = {"status": self.state(), "tools": len(self._descriptor.tools), "instance": self._instance}
@@ -158,7 +179,16 @@ def _session_manager(app: Starlette) -> Any:
 
 
 class _Uvicorn(uvicorn.Server):
-    """uvicorn that leaves the process's signals to whoever runs it."""
+    """uvicorn that leaves the process's signals to whoever runs it, and ends open streams before it waits for them."""
+
+    def __init__(self, config: uvicorn.Config, closing: Callable[[], None]) -> None:
+        super().__init__(config)
+        self._closing = closing
+
+    async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:
+        """Take no more, end what is open, let what has an answer send it."""
+        self._closing()
+        await super().shutdown(sockets)
 
     @contextlib.contextmanager
     def capture_signals(self) -> Iterator[None]:
