@@ -1,66 +1,26 @@
 """One ready-made configuration for each MCP client, in the client's own format.
 
-Absolute paths and no environment: the launcher sets what the server needs, so a client can start it from anywhere.
-Formats as the clients' documentation gives them (Claude Code, Codex and Gemini CLI tried with the real programs).
+Absolute paths and no environment: a client can start the command from anywhere. The forms are those that `octoform
+clients install` puts into a client's own file, see `clients.formats`.
 """
 
-import json
-from collections.abc import Callable
+from collections.abc import Sequence
 
-STARTUP_SECONDS = 60
-"""A small board needs ten times the second or two that a server's start takes elsewhere."""
-
-
-def snippets(name: str, command: str) -> dict[str, str]:
-    """File name to text for each client; ``name`` is what the client calls the server, ``command`` its launcher."""
-    return {file: render(name, command) for file, render in _CLIENTS.items()}
+from octoform.endpoint.clients.formats import CLIENTS, Client, form
+from octoform.endpoint.clients.merging import Wish, written
 
 
-def _claude_code(name: str, command: str) -> str:
-    return _json({"mcpServers": {name: {"type": "stdio", "command": command, "args": []}}})
+def snippets(name: str, command: Sequence[str], url: str | None = None) -> dict[str, str]:
+    """File name to text for each client; ``name`` is what the client calls the server, ``command`` what it starts.
+
+    With a ``url``, clients that know HTTP get that; the token is referred to.
+    """
+    return {client.file: snippet(client, name, command, url) for client in CLIENTS.values()}
 
 
-def _mcp_servers(name: str, command: str) -> str:
-    return _json({"mcpServers": {name: {"command": command, "args": []}}})
-
-
-def _vscode(name: str, command: str) -> str:
-    return _json({"servers": {name: {"type": "stdio", "command": command, "args": []}}})
-
-
-def _opencode(name: str, command: str) -> str:
-    # The current major version nests servers; the one before has them directly below "mcp".
-    return _json({"mcp": {"servers": {name: {"type": "local", "command": [command]}}}})
-
-
-def _codex(name: str, command: str) -> str:
-    lines = [f"[mcp_servers.{_quoted(name)}]", f"command = {_quoted(command)}", "args = []"]
-    return "\n".join([*lines, f"startup_timeout_sec = {STARTUP_SECONDS}"]) + "\n"
-
-
-def _goose(name: str, command: str) -> str:
-    fields = {"name": name, "type": "stdio", "cmd": command, "args": [], "envs": {}, "enabled": True, "timeout": 300}
-    lines = [f"    {key}: {json.dumps(value, ensure_ascii=False)}" for key, value in fields.items()]
-    return "\n".join(["extensions:", f"  {_quoted(name)}:", *lines]) + "\n"
-
-
-def _json(value: object) -> str:
-    return json.dumps(value, indent=2, ensure_ascii=False) + "\n"
-
-
-def _quoted(text: str) -> str:
-    """A string that JSON, YAML and TOML read alike."""
-    return json.dumps(text, ensure_ascii=False).replace("\x7f", "\\u007f")
-
-
-_CLIENTS: dict[str, Callable[[str, str], str]] = {
-    "claude-code.json": _claude_code,
-    "claude-desktop.json": _mcp_servers,
-    "codex.toml": _codex,
-    "cursor.json": _mcp_servers,
-    "gemini-cli.json": _mcp_servers,
-    "goose.yaml": _goose,
-    "lm-studio.json": _mcp_servers,
-    "opencode.json": _opencode,
-    "vscode.json": _vscode,
-}
+def snippet(client: Client, name: str, command: Sequence[str], url: str | None = None) -> str:
+    """The text of one client's configuration that holds this server and nothing else."""
+    entry = form(client, name, command, url) or form(client, name, command, None)
+    assert entry is not None
+    with_prompt = url is not None and client.http is not None
+    return written(client, Wish(client.table, name, entry, prompted=with_prompt))

@@ -1,0 +1,205 @@
+"""MCP clients of this machine: what each needs to reach this host's endpoint, printed or put into its own file.
+
+Which transport a client gets follows the scope: its own process over stdio where the endpoint has no network, HTTP
+where it has one that is known; the caller's word goes before both.
+"""
+
+import sys
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from octoform.diagnostics import Diagnostic, did_you_mean, error, warning
+from octoform.endpoint.clients import formats, installing, merging
+from octoform.endpoint.clients.formats import CLIENTS, Client
+from octoform.endpoint.clients.installing import Outcome, Server, Sight
+from octoform.endpoint.clients.places import Surroundings
+from octoform.endpoint.publishing import client_command
+from octoform.endpoint.running import running
+from octoform.engine import memo
+from octoform.engine.compiling import compile_project
+from octoform.state.layout import Layout
+
+STDIO, HTTP = "stdio", "http"
+TRANSPORTS = (STDIO, HTTP)
+
+
+@dataclass(frozen=True, slots=True)
+class Printed:
+    """A client's configuration as text, the file it belongs into, and what a person has to know with it."""
+
+    client: Client
+    file: Path
+    text: str
+    transport: str
+    notes: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Listing:
+    """Every client, as it is seen on this machine."""
+
+    host: str
+    sights: tuple[Sight, ...]
+
+
+def printed(
+    project: Path, environ: Mapping[str, str], client: str, host: str | None = None, transport: str | None = None
+) -> tuple[Printed | None, list[Diagnostic]]:
+    """The configuration for a client; nothing is written, and no token's value is in it."""
+    chosen, layout, found = _chosen(project, environ, client, host)
+    if chosen is None or layout is None:
+        return None, found
+    server, more = _server(layout, chosen, transport)
+    if server is None:
+        return None, [*found, *more]
+    server = replace(server, bearer=None)
+    entry = formats.form(chosen, server.name, server.command, server.url)
+    assert entry is not None
+    wish = merging.Wish(chosen.table, server.name, entry, prompted=server.url is not None)
+    notes = () if server.url is None else tuple(_token_notes(chosen))
+    file = installing.file_of(chosen, _around(environ))
+    kind = STDIO if server.url is None else HTTP
+    return Printed(chosen, file, merging.written(chosen, wish), kind, notes), found
+
+
+def listed(project: Path, environ: Mapping[str, str]) -> tuple[Listing | None, list[Diagnostic]]:
+    """All clients, their files, and whether this host's endpoint is in them; nothing is written."""
+    layout, found = _layout(project, environ, None)
+    if layout is None:
+        return None, found
+    server = Server(_name(layout), tuple(client_command(layout)), _url(layout))
+    around = _around(environ)
+    sights = tuple(installing.look(client, around, server) for client in CLIENTS.values())
+    return Listing(layout.host, sights), found
+
+
+def install(
+    project: Path, environ: Mapping[str, str], client: str, transport: str | None = None
+) -> tuple[Outcome | None, list[Diagnostic]]:
+    """Put the endpoint into a client's own file."""
+    chosen, layout, found = _chosen(project, environ, client, None)
+    if chosen is None or layout is None:
+        return None, found
+    server, more = _server(layout, chosen, transport)
+    if server is None:
+        return None, [*found, *more]
+    done = installing.install(chosen, _around(environ), server)
+    if isinstance(done, Diagnostic):
+        return None, [*found, done]
+    return done, [*found, *([_written(done)] if server.url and server.bearer else [])]
+
+
+def remove(project: Path, environ: Mapping[str, str], client: str) -> tuple[Outcome | None, list[Diagnostic]]:
+    """Take the endpoint out of a client's own file."""
+    chosen, layout, found = _chosen(project, environ, client, None)
+    if chosen is None or layout is None:
+        return None, found
+    server = Server(_name(layout), tuple(client_command(layout)), _url(layout))
+    done = installing.remove(chosen, _around(environ), server)
+    return (None, [*found, done]) if isinstance(done, Diagnostic) else (done, found)
+
+
+def notes(outcome: Outcome) -> tuple[str, ...]:
+    """What a person has to do so that the client works with what was written."""
+    if outcome.state in ("present", "absent", "removed"):
+        return ()
+    told = _token_notes(outcome.client) if outcome.transport == HTTP and outcome.client.reference else []
+    return (*told, outcome.client.after)
+
+
+def _token_notes(client: Client) -> list[str]:
+    show = "octoform token show NAME prints the value"
+    if client.prompt is not None:
+        return [f"{client.title} asks for the token when it starts the server; {show}"]
+    if client.reference is None:
+        return [
+            f"{client.title} expands no variables: put the token itself in the place of ${{{formats.VARIABLE}}}; {show}"
+        ]
+    return [f"set {formats.VARIABLE} where {client.title} starts; {show}"]
+
+
+def _written(done: Outcome) -> Diagnostic:
+    return warning(
+        "CLIENT-TOKEN-WRITTEN",
+        f"the value of the token stands in {done.file.name}: {done.client.title} cannot refer to a variable",
+        path=str(done.file),
+        hint="the file has mode 0600 now; keep it out of backups and git, or install with -transport stdio",
+    )
+
+
+def _chosen(
+    project: Path, environ: Mapping[str, str], client: str, host: str | None
+) -> tuple[Client | None, Layout | None, list[Diagnostic]]:
+    """The client of a name in any of its spellings, and the layout of the host."""
+    name = client.strip().lower().replace(" ", "-").replace("_", "-")
+    known = {spelling: item for item in CLIENTS.values() for spelling in (item.key, *item.aliases)}
+    chosen = known.get(name)
+    if chosen is None:
+        near = did_you_mean(name, list(known))
+        hint = f"did you mean {known[near].key}?" if near else f"known clients: {', '.join(CLIENTS)}"
+        return None, None, [error("CLIENT-UNKNOWN", f"there is no client {client!r}", hint=hint)]
+    layout, found = _layout(project, environ, host)
+    return chosen, layout, found
+
+
+def _layout(project: Path, environ: Mapping[str, str], host: str | None) -> tuple[Layout | None, list[Diagnostic]]:
+    if host is not None:
+        layout: Layout | None = Layout(project, host)
+        found: list[Diagnostic] = []
+    elif (plan := memo.recall(project, environ)) is not None:
+        layout, found = Layout(project, plan.host), []
+    else:
+        compiled, found = compile_project(project, environ)
+        layout = compiled.layout if compiled else None
+    if layout is not None and not layout.committed.exists() and not layout.endpoint.exists():
+        hint = "run octoform apply, which builds it"
+        return None, [*found, error("ENDPOINT-NOT-APPLIED", f"{layout.host} has no endpoint yet", hint=hint)]
+    return layout, found
+
+
+def _server(layout: Layout, client: Client, transport: str | None) -> tuple[Server | None, list[Diagnostic]]:
+    """How the client reaches the endpoint: HTTP where asked for, or where there is one and it can refer to a token."""
+    server = Server(_name(layout), tuple(client_command(layout)))
+    url = _url(layout)
+    if transport == STDIO or (transport is None and (url is None or client.http is None or client.reference is None)):
+        return server, []
+    if client.http is None:
+        return None, [_no_http(f"{client.title} starts its servers itself and knows no HTTP in its file")]
+    if url is None:
+        return None, [_no_http("the endpoint has no address of HTTP: it does not run, or its scope is local")]
+    bearer = None
+    if client.reference is None:
+        bearer = _token(layout)
+        if bearer is None:
+            hint = "make one with octoform token create NAME, or install with -transport stdio"
+            summary = f"{client.title} needs the value of a token, and there is none"
+            return None, [error("CLIENT-NO-TOKEN", summary, hint=hint)]
+    return replace(server, url=url, bearer=bearer), []
+
+
+def _no_http(reason: str) -> Diagnostic:
+    return error("CLIENT-NO-HTTP", reason, hint="write -transport stdio: on this machine it needs no token")
+
+
+def _token(layout: Layout) -> str | None:
+    """The value of the token that octoform made itself, or of the only one."""
+    folder = layout.run / "tokens"
+    try:
+        values = {path.name: path.read_text(encoding="ascii").strip() for path in folder.iterdir() if path.is_file()}
+    except OSError:
+        return None
+    return values.get("default") or (next(iter(values.values())) if len(values) == 1 else None)
+
+
+def _url(layout: Layout) -> str | None:
+    process = running(layout)
+    return process.url if process else None
+
+
+def _name(layout: Layout) -> str:
+    return f"octoform-{layout.host}"
+
+
+def _around(environ: Mapping[str, str]) -> Surroundings:
+    return Surroundings(environ, sys.platform)
