@@ -25,6 +25,7 @@ from mcp.shared.exceptions import MCPError
 from mcp_types import (
     INVALID_PARAMS,
     EmptyResult,
+    ServerCapabilities,
     SubscribeRequestParams,
     SubscriptionsListenRequestParams,
     SubscriptionsListenResult,
@@ -65,6 +66,7 @@ class Changes:
         low_level.add_request_handler("subscriptions/listen", SubscriptionsListenRequestParams, self._listen)
         low_level.add_request_handler("resources/subscribe", SubscribeRequestParams, self._subscribe)
         low_level.add_request_handler("resources/unsubscribe", UnsubscribeRequestParams, self._unsubscribe)
+        low_level.get_capabilities = _without_prompts(low_level.get_capabilities)
 
     def tools(self) -> None:
         """The list of tools changed, or what it says about one of them."""
@@ -131,10 +133,11 @@ class Changes:
     async def _listen(self, context: Context, params: SubscriptionsListenRequestParams) -> SubscriptionsListenResult:
         wanted = params.notifications
         _check([str(uri) for uri in wanted.resource_subscriptions or ()])
+        never: dict[str, None] = {"prompts_list_changed": None}
         if "read" not in current().effects:
-            nothing = {"resources_list_changed": None, "resource_subscriptions": None}
-            params = params.model_copy(update={"notifications": wanted.model_copy(update=nothing)})
-        return await self._streams(context, params)
+            never |= {"resources_list_changed": None, "resource_subscriptions": None}
+        given = params.model_copy(update={"notifications": wanted.model_copy(update=never)})
+        return await self._streams(context, given)
 
     async def _subscribe(self, context: Context, params: SubscribeRequestParams) -> EmptyResult:
         uris = self._wanted.setdefault(context.session._connection, set())
@@ -147,6 +150,18 @@ class Changes:
     async def _unsubscribe(self, context: Context, params: UnsubscribeRequestParams) -> EmptyResult:
         self._wanted.get(context.session._connection, set()).discard(str(params.uri))
         return EmptyResult()
+
+
+def _without_prompts(capabilities: Callable[..., ServerCapabilities]) -> Callable[..., ServerCapabilities]:
+    """The same, but it promises no news of prompts: what a server has of them never changes."""
+
+    def told(*given: Any, **named: Any) -> ServerCapabilities:
+        found = capabilities(*given, **named)
+        if found.prompts is None:
+            return found
+        return found.model_copy(update={"prompts": found.prompts.model_copy(update={"list_changed": False})})
+
+    return told
 
 
 def _message(event: ServerEvent) -> Message:

@@ -37,6 +37,12 @@ class Listing(Middleware):
             return False
         return policy.decision != "deny" or self._policy.mode == "shadow"
 
+    async def __call__(self, context: MiddlewareContext[Any], call_next: CallNext[Any, Any]) -> Any:
+        """Straight to the point: the general way builds three wrappers for each message."""
+        if context.method == "tools/list":
+            return await self.on_list_tools(context, call_next)
+        return await call_next(context)
+
     async def on_list_tools(
         self,
         context: MiddlewareContext[ListToolsRequest],

@@ -92,6 +92,16 @@ class Resources(Middleware):
         self._frames = frames
         self._visible = visible
 
+    async def __call__(self, context: MiddlewareContext[Any], call_next: CallNext[Any, Any]) -> Any:
+        """Straight to the point: the general way builds three wrappers for each message."""
+        if context.method == "resources/list":
+            return await self.on_list_resources(context, call_next)
+        if context.method == "resources/templates/list":
+            return await self.on_list_resource_templates(context, call_next)
+        if isinstance(context.message, ReadResourceRequestParams):
+            return await self.on_read_resource(context, call_next)
+        return await call_next(context)
+
     async def on_list_resources(
         self,
         context: MiddlewareContext[ListResourcesRequest],

@@ -67,6 +67,7 @@ async def test_the_capabilities_say_so(era: str) -> None:
         told = client.session.server_capabilities
 
     assert told.tools.list_changed is True
+    assert told.prompts.list_changed is False
     assert (told.resources.list_changed, told.resources.subscribe) == (True, True)
 
 
