@@ -21,6 +21,7 @@ from octoform.endpoint.building import build
 from octoform.endpoint.check import CheckReport, check, judge_check
 from octoform.endpoint.environment import Environment
 from octoform.endpoint.importcheck import ImportReport, check_import, judge_import
+from octoform.endpoint.promise import shown
 from octoform.endpoint.publishing import write_endpoint
 from octoform.endpoint.resolving import resolve
 from octoform.endpoint.supervising import stop
@@ -68,12 +69,12 @@ def prove_deploy(context: Context, _: Task, deploy: Mapping[str, Any]) -> Proof:
 
 def publish(context: Context, environment: Environment, found: list[Diagnostic], node: str) -> CheckReport | None:
     """Write descriptor, snippets and launcher, start the endpoint, call every read tool; problems join ``found``."""
-    interface = accepted(context, "interface")
     stop(context.layout)
     found += write_endpoint(context.layout, environment, service_of(context), context.environ)
     if has_errors(found):
         return None
     context.emit(events.Checking(node, "starting the endpoint and calling its read tools"))
+    interface = shown(context.layout, accepted(context, "interface"))
     report = check(context.layout, interface)
     judged = judge_check(report, interface)
     found += judged

@@ -17,7 +17,7 @@ from octoform.endpoint.checkreport import CheckReport, TrialCall
 from octoform.endpoint.errand import Call, Report, recorded_environment, send
 from octoform.endpoint.files import CHECK
 from octoform.endpoint.judging import judge_check
-from octoform.endpoint.supervising import start
+from octoform.endpoint.supervising import clear_left, start
 from octoform.endpoint.trial import trial_arguments
 from octoform.state.files import write_atomic
 from octoform.state.layout import Layout
@@ -46,13 +46,14 @@ def check(
     readers = [tool for tool in interface["tools"] if smoke and tool["effect"] == "read"]
     trials = {tool["name"]: trial_arguments(tool) for tool in readers}
     calls = [Call(name, given, seconds=call_seconds) for name, given in trials.items() if given is not None]
-    _, problem = start(layout)
-    if problem is not None:
-        report = CheckReport(False, told(problem), None, None, (), (), 0.0)
+    process, problem = start(layout)
+    if process is None:
+        report = CheckReport(False, told(problem) if problem else None, None, None, (), (), 0.0)
         return replace(report, unrecorded=write_atomic(layout.endpoint / CHECK, _record(report), 0o600))
     position = mark(layout.call_log)
     seen = send(layout, environment, calls, mode=mode)
     report = _report(seen, list(trials), calls_after(layout.call_log, position))
+    report = replace(report, survivors=clear_left(process, spare=True))
     return replace(report, unrecorded=write_atomic(layout.endpoint / CHECK, _record(report), 0o600))
 
 

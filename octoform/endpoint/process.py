@@ -83,17 +83,22 @@ def _clear(process: "subprocess.Popen[bytes]", mark: str) -> int:
     if process.poll() is None:
         _kill_group(process.pid)
         process.wait()
+    return clear(mark)
+
+
+def clear(mark: str, variable: str = MARK, *, spared: int | None = None) -> int:
+    """Kill every process that carries the mark, ``spared`` left out; how many there were."""
     killed: set[int] = set()
-    while found := [pid for pid in marked(mark) if pid not in killed]:
+    while found := [pid for pid in marked(mark, variable) if pid not in killed and pid != spared]:
         for pid in found:
             _kill(pid)
             killed.add(pid)
     return len(killed)
 
 
-def marked(mark: str) -> list[int]:
+def marked(mark: str, variable: str = MARK) -> list[int]:
     """Live processes of ours whose starting environment holds the mark; empty where there is no /proc."""
-    needle = f"{MARK}={mark}".encode()
+    needle = f"{variable}={mark}".encode()
     found = []
     try:
         entries = list(Path("/proc").iterdir())

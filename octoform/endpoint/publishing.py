@@ -31,6 +31,7 @@ from octoform.endpoint.files import (
     private_folder,
     read_manifest,
 )
+from octoform.endpoint.promise import denied
 from octoform.endpoint.service import Service
 from octoform.endpoint.snippets import snippets
 from octoform.state.files import write_atomic
@@ -65,7 +66,7 @@ def write_endpoint(
         "environment": str(environment.path),
         "previous_environment": _previous(former, environment),
         "lock": environment.lock,
-        "tools": sorted(tool["name"] for tool in service.tools),
+        "tools": sorted(tool["name"] for tool in service.tools if tool["name"] not in denied(service.policy)),
         "server": descriptor["server"]["digest"],
         "runtime": folder_digest(layout.runtime),
         "launcher": folder_digest(PACKAGE),

@@ -12,6 +12,8 @@ from octoform.state.holder import PROC, start_time
 from octoform.state.layout import Layout
 
 RECORD = "process.json"
+MARK = "OCTOFORM_ENDPOINT"
+"""A variable by which what the tools of an endpoint leave behind is known: a random word for each start."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -20,6 +22,7 @@ class Running:
 
     ``start`` is when it started, in clock ticks since boot: with the pid, the boot and the command line it names
     the process for certain. ``instance`` tells one start of the endpoint from another.
+    ``mark`` stands in its environment as MARK, and in that of all that its tools started (None: started by hand).
     """
 
     pid: int
@@ -29,6 +32,7 @@ class Running:
     since: str
     scope: str
     url: str | None
+    mark: str | None = None
 
 
 def running(layout: Layout) -> Running | None:
@@ -55,6 +59,7 @@ def _read(record: dict[str, Any]) -> Running:
         since=str(record["since"]),
         scope=str(record["scope"]),
         url=record["url"],
+        mark=record.get("mark"),
     )
 
 

@@ -15,7 +15,7 @@ from pathlib import Path
 
 from octoform.diagnostics import Diagnostic, error
 from octoform.endpoint.files import LAUNCHER
-from octoform.endpoint.running import Running, is_it, running
+from octoform.endpoint.running import MARK, Running, is_it, running
 from octoform.endpoint.sockets import connect
 from octoform.state.layout import Layout
 
@@ -73,13 +73,21 @@ def stop(layout: Layout, seconds: float = STOP_SECONDS) -> Stopped:
         if not is_it(found):
             return Stopped(None)
         _signal(handle, signal.SIGTERM)
-        if _gone(found, time.monotonic() + seconds):
-            return Stopped(found)
-        _signal(handle, signal.SIGKILL)
-        _gone(found, time.monotonic() + seconds)
-        return Stopped(found, firmly=True)
+        firmly = not _gone(found, time.monotonic() + seconds)
+        if firmly:
+            _signal(handle, signal.SIGKILL)
+            _gone(found, time.monotonic() + seconds)
     finally:
         os.close(handle)
+    clear_left(found)
+    return Stopped(found, firmly)
+
+
+def clear_left(process: Running, *, spare: bool = False) -> int:
+    """End what the tools of an endpoint left running, and with ``spare`` not the endpoint; how many there were."""
+    from octoform.endpoint.process import clear  # here, so that a client's pipe does not load it
+
+    return clear(process.mark, MARK, spared=process.pid if spare else None) if process.mark else 0
 
 
 def _signal(handle: int, number: int) -> None:
@@ -115,7 +123,7 @@ def _start(layout: Layout, end: float) -> tuple[Running | None, Diagnostic | Non
         process = subprocess.Popen(
             [str(layout.endpoint / LAUNCHER)],
             cwd=layout.run,
-            env={name: os.environ[name] for name in PASSED if name in os.environ},
+            env={**{name: os.environ[name] for name in PASSED if name in os.environ}, MARK: os.urandom(8).hex()},
             stdin=subprocess.DEVNULL,
             stdout=log,
             stderr=log,

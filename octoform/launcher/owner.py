@@ -13,6 +13,8 @@ from pathlib import Path
 from typing import Any
 
 RECORD = "process.json"
+MARK = "OCTOFORM_ENDPOINT"
+"""The variable by which what tools leave behind is known; whoever starts this process sets it."""
 _LOCK = "owner.lock"
 
 
@@ -46,6 +48,7 @@ class Owner:
             "boot": boot(),
             "argv": command_line(os.getpid()),
             "instance": self.instance,
+            "mark": os.environ.get(MARK),
             "since": datetime.now(UTC).isoformat(timespec="seconds"),
             **facts,
         }

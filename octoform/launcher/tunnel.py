@@ -23,7 +23,7 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import urlsplit
 
-from . import revoking
+from . import owner, revoking
 from .owner import boot, replace, start_of
 from .revoking import MARK, RECORD, Proof
 
@@ -137,7 +137,7 @@ class Tunnel:
                 stdin=subprocess.PIPE,
                 stdout=subprocess.PIPE,
                 stderr=subprocess.STDOUT,
-                env={**os.environ, MARK: mark},
+                env={**{key: value for key, value in os.environ.items() if key != owner.MARK}, MARK: mark},
                 start_new_session=True,
             )
             record: dict[str, Any] = {
