@@ -8,7 +8,8 @@ nothing but its client makes room. A flood of half-open connections therefore co
 import asyncio
 import itertools
 import logging
-from typing import Any
+from collections.abc import Mapping
+from typing import Any, ClassVar
 
 import h11
 from uvicorn.protocols.http.h11_impl import H11Protocol
@@ -31,7 +32,11 @@ _births = itertools.count()
 class Connection(H11Protocol):
     """One connection of a client."""
 
-    head_seconds = HEAD_SECONDS
+    seconds: ClassVar[Mapping[str, float]] = {
+        "head": HEAD_SECONDS,
+        "body": BODY_SECONDS,
+        "linger": LINGER_SECONDS,
+    }
 
     def __init__(self, *given: Any, **named: Any) -> None:
         super().__init__(*given, **named)
@@ -82,8 +87,7 @@ class Connection(H11Protocol):
         self._cancel()
         self._phase = phase
         if phase is not None and not self.transport.is_closing():
-            seconds = {"head": self.head_seconds, "body": BODY_SECONDS, "linger": LINGER_SECONDS}[phase[0]]
-            self._deadline = self.loop.call_later(seconds, self._give_up, phase[0])
+            self._deadline = self.loop.call_later(self.seconds[phase[0]], self._give_up, phase[0])
 
     def _now(self) -> tuple[str, object] | None:
         """What the client owes, and for which request; None while it owes nothing."""

@@ -1,0 +1,253 @@
+"""Strangers and broken clients at the HTTP door: nobody gets in, nothing hangs for the others."""
+
+import asyncio
+import contextlib
+import json
+import resource
+import socket
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from web_doors import ALL, INITIALIZE, Door, bearer, door, until, write_tokens
+
+from octoform.launcher.connections import MOST_CONNECTIONS, Connection
+
+MEGABYTE = 1 << 20
+
+
+@pytest.fixture
+def opened(tmp_path: Path) -> Iterator[Door]:
+    (tmp_path / "run").mkdir()
+    write_tokens(tmp_path / "run", {"all": ("secret", ALL, None)})
+    with door(tmp_path) as found:
+        yield found
+
+
+@pytest.fixture(scope="module")
+def shared(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Door]:
+    folder = tmp_path_factory.mktemp("door")
+    (folder / "run").mkdir()
+    write_tokens(folder / "run", {"all": ("secret", ALL, None)})
+    with door(folder) as found:
+        yield found
+
+
+def serves(opened: Door) -> float:
+    """A real client's call; the seconds that it took."""
+
+    async def call() -> None:
+        async with opened.client("secret") as client:
+            assert (await client.call_tool("who")).data["name"] == "all"
+
+    began = time.monotonic()
+    asyncio.run(call())
+    return time.monotonic() - began
+
+
+def head(opened: Door, *lines: str, token: str | None = "secret") -> bytes:
+    given = ["POST /mcp HTTP/1.1", f"Host: 127.0.0.1:{opened.port}", "Content-Type: application/json"]
+    given.append("Accept: application/json, text/event-stream")
+    given += [f"Authorization: Bearer {token}"] if token else []
+    return "\r\n".join([*given, *lines, "", ""]).encode()
+
+
+def pour(connection: socket.socket, megabytes: int, chunked: bool) -> None:
+    """Send a body of so many MB, unless the other side has enough before."""
+    block = b"x" * MEGABYTE
+    framed = b"%x\r\n%s\r\n" % (len(block), block) if chunked else block
+    connection.settimeout(10)
+    with contextlib.suppress(ConnectionError, TimeoutError):
+        for _ in range(megabytes):
+            connection.sendall(framed)
+
+
+@pytest.mark.parametrize("token", ["secret", None])
+@pytest.mark.parametrize("chunked", [False, True])
+def test_body_of_100_mb_is_refused_and_not_kept(opened: Door, token: str | None, chunked: bool) -> None:
+    before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    length = "Transfer-Encoding: chunked" if chunked else f"Content-Length: {100 * MEGABYTE}"
+    with opened.connect() as connection:
+        connection.sendall(head(opened, length, token=token))
+        if not chunked or token is None:
+            # The answer does not wait for the body.
+            connection.settimeout(10)
+            assert connection.recv(4096).startswith(b"HTTP/1.1 413" if token else b"HTTP/1.1 401")
+            pour(connection, 100, chunked)
+        else:
+            pour(connection, 100, chunked)
+            assert connection.recv(4096).startswith(b"HTTP/1.1 413")
+    assert serves(opened) < 10
+    assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before < 40_000
+    until(lambda: len(opened.web._uvicorn.server_state.connections) <= 1)
+
+
+def test_sender_who_goes_on_after_the_answer_is_cut_off(opened: Door, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(Connection, "seconds", {**Connection.seconds, "linger": 0.2})
+    with opened.connect() as connection:
+        connection.sendall(head(opened, "Transfer-Encoding: chunked", token=None))
+        assert connection.recv(4096).startswith(b"HTTP/1.1 401")
+        began = time.monotonic()
+        with pytest.raises(ConnectionError):
+            while time.monotonic() - began < 20:
+                connection.sendall(b"1\r\nx\r\n")
+                time.sleep(0.01)
+
+
+def test_half_open_connections_keep_nobody_out(opened: Door, monkeypatch: pytest.MonkeyPatch) -> None:
+    with contextlib.ExitStack() as stack:
+        silent = [stack.enter_context(opened.connect()) for _ in range(200)]
+        for connection in silent[::2]:
+            connection.sendall(b"POST /mcp HTTP/1.1\r\nHost: 127")
+        assert max(serves(opened) for _ in range(3)) < 10
+
+
+def test_more_connections_than_there_is_room_for(opened: Door) -> None:
+    with contextlib.ExitStack() as stack:
+        silent = [stack.enter_context(opened.connect()) for _ in range(MOST_CONNECTIONS + 60)]
+        assert serves(opened) < 10
+        # The oldest of those that only wait made room; what was taken is bounded.
+        until(lambda: len(opened.web._uvicorn.server_state.connections) <= MOST_CONNECTIONS)
+        silent[0].settimeout(5)
+        with contextlib.suppress(ConnectionError):
+            assert silent[0].recv(1) == b""
+
+
+def test_request_under_way_is_never_the_one_that_makes_room(opened: Door) -> None:
+    async def call() -> object:
+        async with opened.client("secret", "legacy") as client:
+            waiting = asyncio.ensure_future(client.call_tool("wait"))
+            await asyncio.to_thread(until, opened.mcp.slow.is_set)  # type: ignore[attr-defined]
+            with contextlib.ExitStack() as stack:
+                for _ in range(MOST_CONNECTIONS + 20):
+                    stack.enter_context(opened.connect())
+                assert (await client.call_tool("who")).data["name"] == "all"
+                assert not waiting.done()
+            waiting.cancel()
+            return await asyncio.gather(waiting, return_exceptions=True)
+
+    asyncio.run(asyncio.wait_for(call(), 30))
+
+
+@pytest.mark.parametrize(
+    ("sent", "phase"),
+    [
+        (b"", "head"),
+        (b"POST /mcp HTTP/1.1\r\nHost: 127.0.0.1\r\n", "head"),
+        (
+            b"POST /mcp HTTP/1.1\r\nHost: 127.0.0.1\r\nAuthorization: Bearer secret\r\nContent-Length: 9\r\n\r\n{",
+            "body",
+        ),
+    ],
+)
+def test_what_does_not_come_in_time_is_not_waited_for(
+    opened: Door, monkeypatch: pytest.MonkeyPatch, sent: bytes, phase: str
+) -> None:
+    monkeypatch.setattr(Connection, "seconds", {**Connection.seconds, phase: 0.3})
+    with opened.connect() as connection:
+        connection.sendall(sent)
+        connection.settimeout(10)
+        with contextlib.suppress(ConnectionError):
+            while connection.recv(4096):
+                pass
+    assert serves(opened) < 10
+
+
+def test_headers_that_drip_do_not_move_the_deadline(opened: Door, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(Connection, "seconds", {**Connection.seconds, "head": 0.5})
+    with opened.connect() as connection:
+        began = time.monotonic()
+        with pytest.raises(ConnectionError):
+            while time.monotonic() - began < 20:
+                connection.sendall(b"X")
+                time.sleep(0.02)
+        assert time.monotonic() - began < 10
+
+
+def test_deadline_holds_for_the_second_request_too(opened: Door, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(Connection, "seconds", {**Connection.seconds, "head": 0.5})
+    with opened.connect() as connection:
+        connection.sendall(b"GET /health HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n")
+        assert connection.recv(4096).startswith(b"HTTP/1.1 200")
+        connection.sendall(b"GET /hea")
+        connection.settimeout(10)
+        with contextlib.suppress(ConnectionError):
+            while connection.recv(4096):
+                pass
+
+
+@pytest.mark.parametrize(
+    "body",
+    [
+        b"",
+        b"{",
+        b"\xff\xfe",
+        b"null",
+        b"[]",
+        b'"text"',
+        b"123",
+        b'{"jsonrpc": "1.0", "id": 1, "method": "ping"}',
+        b'{"jsonrpc": "2.0"}',
+        b'{"jsonrpc": "2.0", "id": {}, "method": "ping"}',
+        b'{"jsonrpc": "2.0", "id": 1, "method": 5}',
+        b'{"jsonrpc": "2.0", "id": 1, "method": "initialize", "params": []}',
+        b'{"jsonrpc": "2.0", "id": 1, "method": "tools/call", "params": {"name": "who"}}',
+        b"[" * 100_000,
+        b'{"a":' * 50_000,
+        b"9" * 100_000,
+    ],
+)
+@pytest.mark.parametrize("version", [None, "2025-11-25", "2026-07-28", "nonsense"])
+def test_what_is_no_message_is_refused(shared: Door, body: bytes, version: str | None) -> None:
+    headers = bearer("secret") | ({"MCP-Protocol-Version": version} if version else {})
+    status, _, answer = shared.ask("POST", "/mcp", body=body, headers=headers)
+    assert 400 <= status < 500, answer
+    assert b"Traceback" not in answer
+
+
+@pytest.mark.parametrize(
+    "sent",
+    [
+        b"\x16\x03\x01\x02\x00\x01\x00\x01\xfc\x03\x03",
+        b"HELLO\r\n\r\n",
+        b"GET / HTTP/9.9\r\n\r\n",
+        b"GET /health HTTP/1.1\r\n\r\n",
+        b"GET /health HTTP/1.1\r\nHost: 127.0.0.1\r\nHost: evil.example.com\r\n\r\n",
+        b"POST /mcp HTTP/1.1\r\nHost: 127.0.0.1\r\nContent-Length: 1\r\nTransfer-Encoding: chunked\r\n\r\n0\r\n\r\n",
+        b"POST /mcp HTTP/1.1\r\nHost: 127.0.0.1\r\nContent-Length: -1\r\n\r\n",
+        b"GET /health HTTP/1.1\r\nHost: 127.0.0.1\r\nX: " + b"y" * 400_000 + b"\r\n\r\n",
+        b"GET /" + b"a" * 100_000,
+    ],
+)
+def test_what_is_no_request_is_refused(shared: Door, sent: bytes) -> None:
+    with shared.connect() as connection:
+        with contextlib.suppress(ConnectionError):
+            connection.sendall(sent)
+        connection.settimeout(15)
+        answer = b""
+        with contextlib.suppress(ConnectionError):
+            answer = connection.recv(4096)
+        assert answer[9:12] in (b"400", b"401", b"421", b""), answer
+    assert shared.ask("GET", "/health")[0] == 200
+
+
+def test_sessions_are_bounded(opened: Door) -> None:
+    sessions = opened.web._open.sessions  # type: ignore[union-attr]
+    sessions.max_sessions = 3
+    statuses = [opened.ask("POST", "/mcp", body=INITIALIZE, headers=bearer("secret"))[0] for _ in range(5)]
+    assert statuses == [200, 200, 200, 503, 503]
+
+
+def test_pipelined_requests_are_each_checked(opened: Door) -> None:
+    body = json.dumps({"jsonrpc": "2.0", "id": 1, "method": "ping"}).encode()
+    good = head(opened, f"Content-Length: {len(body)}") + body
+    bad = head(opened, f"Content-Length: {len(body)}", "Connection: close", token="wrong") + body
+    with opened.connect() as connection:
+        connection.sendall(good + bad)
+        answer = b""
+        connection.settimeout(10)
+        while part := connection.recv(65536):
+            answer += part
+    statuses = [part[:3] for part in answer.split(b"HTTP/1.1 ")[1:]]
+    assert statuses == [b"400", b"401"]
