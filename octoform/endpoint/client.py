@@ -1,21 +1,46 @@
-"""The endpoint for a person at a terminal: list its tools, call one of them."""
+"""The endpoint for a person at a terminal: list its tools, call one of them. Light.
 
-import base64
-import binascii
-from collections.abc import Mapping
-from dataclasses import dataclass
-from pathlib import Path
-from typing import Any
+A call is judged by the tool's own schemas before it reaches a device, so that a wrong name or value is answered with
+a hint and not with a fault. Where the policy wants a call confirmed, the endpoint asks back and the person answers.
+"""
+
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from functools import partial
+from socket import socket
+from typing import Any, Protocol
 
 from octoform.diagnostics import Diagnostic, did_you_mean, error
-from octoform.endpoint.errand import Call, Report, recorded_environment, send
-from octoform.endpoint.files import private_folder
-from octoform.endpoint.sighting import record_sight
-from octoform.state.files import write_atomic
+from octoform.endpoint.media import save_media
+from octoform.endpoint.reaching import down, knock, reach
+from octoform.endpoint.scripts.toolschema import as_tool, converted, first_fault, said
+from octoform.endpoint.sighting import Sight, published, record_sight, seen_of
+from octoform.endpoint.wire import Wire, WireError
 from octoform.state.layout import Layout
 
-_MEDIA = {"image": "image", "audio": "audio"}
-_ENDINGS = {"image/jpeg": "jpg", "image/png": "png", "audio/wav": "wav", "audio/x-wav": "wav"}
+__all__ = ["CallResult", "Nobody", "Person", "Wanted", "call", "list_tools", "save_media"]
+
+LIST_SECONDS = 15.0
+"""What the list of tools may take: the endpoint answers it by itself, whatever its devices do."""
+DRY_RUN = "octoform/dry_run"
+"""Asks for a dry run in a call's _meta, and marks what was none but that in its result's."""
+MOST_QUESTIONS = 10
+
+
+@dataclass(frozen=True, slots=True)
+class Wanted:
+    """A call to make; at most ``seconds`` for each of its answers.
+
+    ``texts`` are arguments as a command line has them (``channel=2``); they are converted by the tool's own input
+    schema. With ``dry_run`` the endpoint tells what it would do, and does nothing.
+    """
+
+    tool: str
+    arguments: Mapping[str, Any] = field(default_factory=dict)
+    texts: Mapping[str, str] = field(default_factory=dict)
+    seconds: float = 60.0
+    dry_run: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,107 +57,172 @@ class CallResult:
     ms: float
 
 
+class Person(Protocol):
+    """Whoever waits for a call, as far as they are told and asked before its result is there."""
+
+    def waiting(self) -> None:
+        """The endpoint is being started, and that takes more than a second."""
+
+    def progress(self, done: float, total: float | None, message: str) -> None:
+        """How far the tool is, in its own words."""
+
+    def approves(self, tool: str, arguments: Mapping[str, Any], message: str) -> bool | None:
+        """Whether the call may be made, as ``message`` asks; None when nobody can be asked."""
+
+
+class Nobody:
+    """Nobody waits, nobody can be asked."""
+
+    def waiting(self) -> None:
+        """Nobody is told."""
+
+    def progress(self, done: float, total: float | None, message: str) -> None:
+        """Nobody is told."""
+
+    def approves(self, tool: str, arguments: Mapping[str, Any], message: str) -> bool | None:
+        """Nobody answers: None."""
+
+
 Tools = tuple[tuple[dict[str, Any], ...], tuple[Diagnostic, ...]]
 Called = tuple[CallResult | None, tuple[Diagnostic, ...]]
 
 
-def list_tools(layout: Layout, mode: str = "auto") -> Tools:
-    """The tools of the live endpoint (name, description, input_schema, output_schema, annotations), by name."""
-    report = _ask(layout, (), mode)
-    if isinstance(report, Diagnostic):
-        return (), (report,)
-    return tuple(sorted(report.tools, key=lambda tool: str(tool["name"]))), ()
+def list_tools(layout: Layout, waiting: Callable[[], None] | None = None, *, start: bool = True) -> Tools:
+    """The tools of the live endpoint (name, description, input_schema, output_schema, annotations), by name.
 
-
-def call(
-    layout: Layout,
-    tool: str,
-    arguments: Mapping[str, Any],
-    texts: Mapping[str, str] | None = None,
-    timeout: float = 60.0,
-) -> Called:
-    """Call a tool of the live endpoint; at most ``timeout`` seconds for its answer.
-
-    ``texts`` are arguments as a command line has them (``channel=2``); they are converted by the tool's own input
-    schema. What the tool says of itself is in the result; a wrong name, a wrong argument or a dead endpoint are
-    diagnostics.
+    With ``start`` it is started when nothing runs; ``waiting`` is called when that takes more than a second.
     """
-    report = _ask(layout, (Call(tool, arguments, texts or {}, timeout),), "auto")
-    if isinstance(report, Diagnostic):
-        return None, (report,)
-    if not report.calls:
-        return None, (_down(report),)
-    answer = report.calls[0]
-    if answer["problem"] is not None:
-        return None, (_problem(answer, report, timeout),)
-    result = CallResult(
-        tuple(answer["content"]), answer["structured"], answer["is_error"], answer["message"], answer["ms"]
-    )
-    return result, ()
+    found = _opened(layout, partial(reach, layout, waiting) if start else partial(knock, layout))
+    if isinstance(found, Diagnostic):
+        return (), (found,)
+    wire, tools = found
+    wire.close()
+    return tools, ()
 
 
-def save_media(result: CallResult, folder: Path, stem: str) -> tuple[list[Path], list[Diagnostic]]:
-    """Write the answer's pictures and sounds as ``<stem>-<n>.<ending>`` (mode 0600); gives the files."""
-    saved: list[Path] = []
-    for block in result.content:
-        if block.get("type") not in _MEDIA:
-            continue
+def call(layout: Layout, wanted: Wanted, person: Person | None = None) -> Called:
+    """Call a tool of the live endpoint, which is started when nothing runs.
+
+    What the tool says of itself is in the result; a wrong name, a wrong argument, a call that is not approved or a
+    dead endpoint are diagnostics.
+    """
+    somebody = person or Nobody()
+    found = _opened(layout, partial(reach, layout, somebody.waiting))
+    if isinstance(found, Diagnostic):
+        return None, (found,)
+    wire, tools = found
+    try:
+        return _Call(wire, wanted, somebody).made(tools)
+    except WireError as problem:
+        return None, (_broken(wanted, problem),)
+    finally:
+        wire.close()
+
+
+def _opened(
+    layout: Layout, connect: Callable[[], socket | Diagnostic]
+) -> tuple[Wire, tuple[dict[str, Any], ...]] | Diagnostic:
+    """A connection to the endpoint and its tools by name; what was seen of it is kept for the next plan."""
+    asked = published(layout)
+    connection = connect()
+    if isinstance(connection, Diagnostic):
+        if connection.code != "ENDPOINT-NOT-APPLIED":
+            record_sight(layout, asked, Sight(False, connection.detail or connection.summary))
+        return connection
+    wire = Wire(connection)
+    try:
+        tools = _listed(wire)
+    except WireError as fault:
+        wire.close()
+        record_sight(layout, asked, Sight(False, str(fault)))
+        return down(str(fault))
+    except BaseException:
+        wire.close()
+        raise
+    record_sight(layout, asked, seen_of(tool["name"] for tool in tools))
+    return wire, tools
+
+
+def _listed(wire: Wire) -> tuple[dict[str, Any], ...]:
+    found: list[dict[str, Any]] = []
+    params: dict[str, Any] = {}
+    while True:
+        result = wire.ask("tools/list", params, LIST_SECONDS)
         try:
-            data = base64.b64decode(block.get("data", ""), validate=True)
-        except binascii.Error as fault:
-            return saved, [
-                error("ENDPOINT-OUTPUT-INVALID", "the answer holds media that are not base64", detail=str(fault))
-            ]
-        ending = _ENDINGS.get(str(block.get("mimeType")), "bin")
-        path = private_folder(folder) / f"{stem}-{len(saved) + 1}.{ending}"
-        if problem := write_atomic(path, data, 0o600):
-            return saved, [problem]
-        saved.append(path)
-    return saved, []
+            found += [as_tool(tool) for tool in result["tools"]]
+        except (LookupError, TypeError) as problem:
+            raise WireError("refused", f"its list of tools is none ({problem!r})") from problem
+        if not result.get("nextCursor"):
+            return tuple(sorted(found, key=lambda tool: str(tool["name"])))
+        params = {"cursor": result["nextCursor"]}
 
 
-def _ask(layout: Layout, calls: tuple[Call, ...], mode: str) -> Report | Diagnostic:
-    environment = recorded_environment(layout)
-    if environment is None:
-        return error(
-            "ENDPOINT-NOT-APPLIED", f"{layout.host} has no endpoint yet", hint="run octoform apply, which builds it"
-        )
-    report = send(layout, environment, calls, mode=mode, keep_content=True)
-    record_sight(layout, environment, report)
-    return report if report.answered else _down(report)
+class _Call:
+    """One call with the questions that the endpoint has before it makes it."""
+
+    def __init__(self, wire: Wire, wanted: Wanted, person: Person) -> None:
+        self._wire = wire
+        self._wanted = wanted
+        self._person = person
+        self._answer: bool | None = True
+        """The person's last answer; True while nothing was asked."""
+
+    def made(self, tools: tuple[dict[str, Any], ...]) -> Called:
+        """The result, or what is wrong with the call or with the answer."""
+        wanted = self._wanted
+        tool = next((tool for tool in tools if tool["name"] == wanted.tool), None)
+        if tool is None:
+            return None, (_unknown(wanted.tool, [str(tool["name"]) for tool in tools]),)
+        schema = tool["input_schema"]
+        arguments = {**wanted.arguments, **converted(wanted.texts, schema)}
+        if fault := first_fault(arguments, schema):
+            return None, (_bad_argument(wanted.tool, schema, fault["field"], fault["message"]),)
+        began = time.monotonic()
+        result = self._asked(arguments)
+        ms = round((time.monotonic() - began) * 1000, 1)
+        if not self._answer:
+            return None, (_not_approved(wanted.tool, said(result), self._answer),)
+        # A tool whose schema has no room for it can only tell of a dry run as an error.
+        dry = wanted.dry_run and (result.get("_meta") or {}).get(DRY_RUN) is True
+        content, structured = tuple(result.get("content", ())), result.get("structuredContent")
+        return CallResult(content, structured, bool(result.get("isError")) and not dry, said(result), ms), ()
+
+    def _asked(self, arguments: Mapping[str, Any]) -> dict[str, Any]:
+        """The final result, after every question was answered."""
+        params: dict[str, Any] = {"name": self._wanted.tool, "arguments": dict(arguments)}
+        meta = {DRY_RUN: True} if self._wanted.dry_run else None
+        more: dict[str, Any] = {}
+        for _ in range(MOST_QUESTIONS):
+            seconds, progress = self._wanted.seconds, self._person.progress
+            result = self._wire.ask("tools/call", params | more, seconds, progress=progress, meta=meta)
+            if result.get("resultType") != "input_required":
+                return result
+            questions = result.get("inputRequests") or {}
+            more = {"inputResponses": {key: self._response(asked, arguments) for key, asked in questions.items()}}
+            if "requestState" in result:
+                more["requestState"] = result["requestState"]
+        raise WireError("refused", f"it asked more than {MOST_QUESTIONS} times")
+
+    def _response(self, request: Mapping[str, Any], arguments: Mapping[str, Any]) -> dict[str, Any]:
+        """The person's answer to a question that can be answered with yes or no; every other one is declined."""
+        params = request.get("params", {})
+        fields = params.get("requestedSchema", {}).get("properties", {})
+        simple = all(given.get("type") == "boolean" for given in fields.values())
+        if request.get("method") != "elicitation/create" or not simple:
+            raise WireError("refused", "it asked for what cannot be answered with yes or no")
+        self._answer = self._person.approves(self._wanted.tool, arguments, str(params.get("message", "")))
+        if not self._answer:
+            return {"action": "decline"}
+        return {"action": "accept", "content": dict.fromkeys(fields, True)}
 
 
-def _down(report: Report) -> Diagnostic:
-    return error(
-        "ENDPOINT-DOWN",
-        "the endpoint does not answer",
-        detail=report.error or "the connection ended",
-        hint="octoform plan tells what differs from what was applied; octoform apply repairs it",
-    )
+def _unknown(tool: str, known: list[str]) -> Diagnostic:
+    meant = did_you_mean(tool, known)
+    hint = f"did you mean {meant!r}?" if meant else "octoform tools lists them"
+    return error("ENDPOINT-UNKNOWN-TOOL", f"the endpoint has no tool {tool!r}", hint=hint)
 
 
-def _problem(answer: Mapping[str, Any], report: Report, timeout: float) -> Diagnostic:
-    tool, kind = answer["tool"], answer["problem"]
-    if kind == "unknown_tool":
-        meant = did_you_mean(tool, [str(item["name"]) for item in report.tools])
-        hint = f"did you mean {meant!r}?" if meant else "octoform tools lists them"
-        return error("ENDPOINT-UNKNOWN-TOOL", f"the endpoint has no tool {tool!r}", hint=hint)
-    if kind == "bad_argument":
-        return _bad_argument(answer, report)
-    if kind == "timeout":
-        summary = f"{tool} gave no answer within {timeout:g} s"
-        return error(
-            "ENDPOINT-CALL-TIMEOUT", summary, hint="the device may be busy or gone; octoform status tells more"
-        )
-    if kind == "output_schema":
-        summary = f"{tool} gives a result that its own output schema refuses"
-        return error("ENDPOINT-OUTPUT-INVALID", summary, detail=answer["message"])
-    return error("ENDPOINT-DOWN", f"the endpoint broke off during {tool}", detail=answer["message"] or report.error)
-
-
-def _bad_argument(answer: Mapping[str, Any], report: Report) -> Diagnostic:
-    tool, field = answer["tool"], answer["field"]
-    schema = next(item["input_schema"] for item in report.tools if item["name"] == tool)
+def _bad_argument(tool: str, schema: Mapping[str, Any], field: str | None, message: str) -> Diagnostic:
     known = list(schema.get("properties", {}))
     where = f"argument {field!r}" if field else "the arguments"
     hint = f"{tool} takes {', '.join(known)}" if known else f"{tool} takes no arguments"
@@ -140,4 +230,23 @@ def _bad_argument(answer: Mapping[str, Any], report: Report) -> Diagnostic:
         hint = f"did you mean {meant!r}?"
     elif isinstance(schema.get("properties", {}).get(field), dict):
         hint = schema["properties"][field].get("description") or hint
-    return error("ENDPOINT-BAD-ARGUMENT", f"{where} of {tool}: {answer['message']}", hint=hint)
+    return error("ENDPOINT-BAD-ARGUMENT", f"{where} of {tool}: {message}", hint=hint)
+
+
+def _not_approved(tool: str, told: str, answer: bool | None) -> Diagnostic:
+    if answer is None:
+        hint = "call it at a terminal, where you are asked, or give -auto-approve"
+        return error("ENDPOINT-CALL-NOT-APPROVED", f"{tool} wants an approval", detail=told or None, hint=hint)
+    return error("ENDPOINT-CALL-NOT-APPROVED", f"{tool} was not approved", detail=told or None)
+
+
+def _broken(wanted: Wanted, problem: WireError) -> Diagnostic:
+    tool = wanted.tool
+    if problem.kind == "timeout":
+        summary = f"{tool} gave no answer within {wanted.seconds:g} s"
+        hint = "the device may be busy or gone; octoform status tells more"
+        return error("ENDPOINT-CALL-TIMEOUT", summary, hint=hint)
+    if problem.kind == "refused":
+        return error("ENDPOINT-CALL-REFUSED", f"the endpoint refused the call of {tool}", detail=str(problem))
+    hint = "octoform logs shows what the endpoint printed last"
+    return error("ENDPOINT-DOWN", f"the endpoint broke off during {tool}", detail=str(problem), hint=hint)

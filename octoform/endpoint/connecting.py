@@ -2,10 +2,10 @@
 
 from pathlib import Path
 
+from octoform.diagnostics import Diagnostic
 from octoform.endpoint.files import LAUNCHER
 from octoform.endpoint.piping import pipe
-from octoform.endpoint.sockets import connect as open_socket
-from octoform.endpoint.supervising import start
+from octoform.endpoint.reaching import reach
 from octoform.manifest.host_name import is_legal
 from octoform.state.layout import Layout
 
@@ -15,13 +15,9 @@ def connect(project: Path, host: str | None) -> str | None:
     layout = _layout(project, host)
     if isinstance(layout, str):
         return layout
-    try:
-        connection = open_socket(layout.socket, 5.0)
-    except OSError:
-        _, problem = start(layout)
-        if problem is not None:
-            return ": ".join(filter(None, (problem.summary, problem.detail)))
-        connection = open_socket(layout.socket, 5.0)
+    connection = reach(layout)
+    if isinstance(connection, Diagnostic):
+        return ": ".join(filter(None, (connection.summary, connection.detail)))
     with connection:
         return None if pipe(connection) else f"the endpoint of {layout.host} was stopped"
 

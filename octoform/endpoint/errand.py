@@ -21,11 +21,10 @@ REFUSAL = "octoform: refused:"
 
 @dataclass(frozen=True, slots=True)
 class Call:
-    """A call to make: arguments as values, ``texts`` as a command line has them, ``seconds`` for its answer."""
+    """A call to make, with ``seconds`` for its answer."""
 
     tool: str
     arguments: Mapping[str, Any] = field(default_factory=dict)
-    texts: Mapping[str, str] = field(default_factory=dict)
     seconds: float = 15.0
 
 
@@ -56,7 +55,6 @@ def send(
     calls: Sequence[Call] = (),
     *,
     mode: str = "auto",
-    keep_content: bool = False,
 ) -> Report:
     """Connect as any client does, list the tools, make the calls; blocks until the client is gone again.
 
@@ -67,11 +65,7 @@ def send(
         "command": client_command(layout),
         "mode": mode,
         "start_seconds": START_SECONDS,
-        "keep_content": keep_content,
-        "calls": [
-            {"tool": call.tool, "arguments": dict(call.arguments), "texts": dict(call.texts), "seconds": call.seconds}
-            for call in calls
-        ],
+        "calls": [{"tool": call.tool, "arguments": dict(call.arguments), "seconds": call.seconds} for call in calls],
     }
     finished = run(
         [str(environment.python), "-I", str(SCRIPT)],

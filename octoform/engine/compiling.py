@@ -6,6 +6,7 @@ from pathlib import Path
 
 from octoform import profiles as profile_reader
 from octoform.diagnostics import Diagnostic, has_errors
+from octoform.engine import memo
 from octoform.graph.compile import compile_graph
 from octoform.graph.model import Graph
 from octoform.manifest.loading import load as load_manifest
@@ -17,7 +18,7 @@ from octoform.protocol.loading import load as load_specs
 from octoform.protocol.loading import schema_dir
 from octoform.state.layout import Layout
 
-MANIFEST = "octopus.yaml"
+MANIFEST = memo.MANIFEST
 
 
 @dataclass(frozen=True, slots=True)

@@ -23,6 +23,7 @@ from octoform.state.layout import Layout
 from octoform.state.revision import head_revision, repository
 
 FORMAT = 1
+MANIFEST = "octopus.yaml"
 LOCAL = ("journal.jsonl", "instances.json")
 SETTINGS = ("OCTOFORM_SYSROOT",)
 PACKAGE = Path(octoform.__file__).parent
@@ -46,6 +47,17 @@ def recall(project: Path, environ: Mapping[str, str]) -> Plan | None:
         return plan
     dirty = _dirty(project, memo)
     return replace(plan, revision=revision, dirty=dirty) if dirty is not None else None
+
+
+def host_of(project: Path) -> str | None:
+    """The host's name, where the manifest is the very file that the memo was made from; whatever else has moved.
+
+    Who wants to know only which host is meant need not compile the project again for a spec that was edited.
+    """
+    memo, manifest = _read(path_of(project)), str(project / MANIFEST)
+    if memo is None or manifest not in memo["files"] or memo["files"][manifest] != _digest(project / manifest):
+        return None
+    return from_json(memo["plan"]).host
 
 
 def _read(path: Path) -> dict[str, Any] | None:

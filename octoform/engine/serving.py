@@ -1,36 +1,28 @@
-"""The live endpoint for a person: status on two axes, tools, one call. (Heavy.)"""
+"""The live endpoint for a person: its tools, one call. Light where apply's memo knows the host."""
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from octoform.diagnostics import Diagnostic, error, has_errors
-from octoform.endpoint.client import CallResult, list_tools, save_media
+from octoform.endpoint.client import CallResult, Person, Wanted, list_tools, save_media
 from octoform.endpoint.client import call as call_tool
-from octoform.endpoint.observing import observe
+from octoform.endpoint.promise import promised
 from octoform.engine import memo
-from octoform.engine.compiling import compile_project
-from octoform.engine.planning import Request, prepare
-from octoform.plan.model import Plan
 from octoform.state.layout import Layout
 
 
 @dataclass(frozen=True, slots=True)
-class Status:
-    """In sync or not, and healthy, unhealthy or unknown: two separate things.
+class Request:
+    """A call as a command line has it: ``name=value`` pairs and one JSON object; ``seconds`` for its answer."""
 
-    ``health`` is ``healthy`` only when the endpoint answered just now with the tools of INTERFACE.
-    """
-
-    host: str
-    sync: bool | None
-    health: str
-    reasons: tuple[str, ...] = ()
-    plan: Plan | None = None
-    tools: tuple[str, ...] = ()
-    diagnostics: tuple[Diagnostic, ...] = ()
+    tool: str
+    pairs: Sequence[str] = ()
+    document: str | None = None
+    seconds: float = 60.0
+    dry_run: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,72 +33,47 @@ class Answer:
     files: tuple[Path, ...]
 
 
-def status(project: Path, environ: Mapping[str, str]) -> Status:
-    """Compare with the manifest, and ask the endpoint; starts the launcher once."""
-    plan = memo.recall(project, environ)
-    if plan is None:
-        outlook, found = prepare(Request(project, environ))
-        if outlook is None:
-            return Status("", None, "unknown", diagnostics=tuple(found))
-        plan = outlook.plan
-    layout = Layout(project, plan.host)
-    facts = observe(layout)
-    if not facts.present:
-        return Status(plan.host, plan.empty, "unknown", ("there is no endpoint yet",), plan)
-    listed, problems = list_tools(layout)
-    reasons = [*facts.reasons, *(_told(item) for item in problems)]
-    names = tuple(tool["name"] for tool in listed)
-    if not problems and set(names) != set(_promised(layout)):
-        reasons.append("the endpoint's tools are not those of INTERFACE")
-    health = "unhealthy" if reasons else "healthy"
-    return Status(plan.host, plan.empty, health, tuple(reasons), plan, names, problems)
+def tools(
+    project: Path, environ: Mapping[str, str], waiting: Callable[[], None] | None = None
+) -> tuple[list[dict[str, Any]] | None, list[Diagnostic]]:
+    """The tools that the endpoint lists, with effect and devices from the INTERFACE artifact.
 
-
-def _told(item: Diagnostic) -> str:
-    return f"{item.summary}: {item.detail.splitlines()[0]}" if item.detail else item.summary
-
-
-def _promised(layout: Layout) -> dict[str, Any]:
-    """The tools of the INTERFACE artifact by name; none when it can be read no more, which the plan tells."""
-    try:
-        return {tool["name"]: tool for tool in json.loads(layout.output("interface").read_bytes())["tools"]}
-    except (OSError, ValueError, LookupError, TypeError):
-        return {}
-
-
-def tools(project: Path, environ: Mapping[str, str]) -> tuple[list[dict[str, Any]] | None, list[Diagnostic]]:
-    """The tools that the endpoint lists, with effect and devices from the INTERFACE artifact."""
+    The endpoint is started when nothing runs; ``waiting`` is called when that takes more than a second.
+    """
     layout, found = layout_of(project, environ)
     if layout is None:
         return None, found
-    listed, problems = list_tools(layout)
+    listed, problems = list_tools(layout, waiting)
     if has_errors(problems):
         return None, list(problems)
-    promised = _promised(layout)
+    known = promised(layout)
     extra = ("effect", "devices")
-    return [{**tool, **{key: promised.get(tool["name"], {}).get(key) for key in extra}} for tool in listed], []
+    return [{**tool, **{key: known.get(tool["name"], {}).get(key) for key in extra}} for tool in listed], []
 
 
 def call(
-    project: Path, environ: Mapping[str, str], tool: str, pairs: Sequence[str], document: str | None, seconds: float
+    project: Path, environ: Mapping[str, str], request: Request, person: Person | None = None
 ) -> tuple[Answer | None, list[Diagnostic]]:
-    """Call a tool with ``name=value`` pairs or one JSON object; media go to files in the working folder's .octoform."""
-    given, texts, found = _arguments(pairs, document)
+    """Call a tool; media go to files in the working folder's .octoform."""
+    given, texts, found = _arguments(request.pairs, request.document)
     layout, more = layout_of(project, environ)
     if layout is None or found:
         return None, [*found, *more]
-    result, problems = call_tool(layout, tool, given, texts, seconds)
+    wanted = Wanted(request.tool, given, texts, request.seconds, request.dry_run)
+    result, problems = call_tool(layout, wanted, person)
     if result is None:
         return None, list(problems)
-    saved, more = save_media(result, layout.local / "results", tool)
+    saved, more = save_media(result.content, layout.local / "results", request.tool)
     return Answer(result, tuple(saved)), more
 
 
 def layout_of(project: Path, environ: Mapping[str, str]) -> tuple[Layout | None, list[Diagnostic]]:
     """The paths of the project's host, from the memo where it holds; the diagnostics where there is none."""
-    plan = memo.recall(project, environ)
-    if plan is not None:
-        return Layout(project, plan.host), []
+    host = memo.host_of(project)
+    if host is not None:
+        return Layout(project, host), []
+    from octoform.engine.compiling import compile_project  # the one heavy import that the memo saves
+
     compiled, found = compile_project(project, environ)
     return (compiled.layout if compiled else None), found
 

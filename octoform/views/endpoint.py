@@ -1,40 +1,12 @@
-"""The live endpoint for a person and for a program: status, tools, an answer."""
+"""The live endpoint for a person and for a program: its tools, an answer."""
 
 import json
 from typing import Any
 
-from octoform.engine.serving import Answer, Status
+from octoform.engine.serving import Answer
 from octoform.escaping import escaped_json
-from octoform.views import sentences
 from octoform.views.console import Console
 from octoform.views.text import escape, one_line
-
-_HEALTH = {"healthy": "green", "unhealthy": "red", "unknown": "yellow"}
-
-
-def status(console: Console, found: Status, *, as_json: bool) -> int:
-    """Both axes with their reasons; exit code 0 only for in sync and healthy."""
-    good = bool(found.sync) and found.health == "healthy"
-    if as_json:
-        document = {
-            "format": 1,
-            "host": found.host,
-            "in_sync": found.sync,
-            "health": found.health,
-            "reasons": list(found.reasons),
-            "tools": list(found.tools),
-        }
-        _json(console, document)
-        return 0 if good else 1
-    sync = console.paint("in sync", "green") if found.sync else console.paint("out of sync", "yellow")
-    console.line(f"host {found.host}: {sync}, {console.paint(found.health, _HEALTH[found.health])}")
-    if found.plan is not None and not found.sync:
-        console.line(f"  {sentences.summary(found.plan).splitlines()[0]}  (octoform plan tells why)")
-    for reason in found.reasons:
-        console.line(f"  {reason}")
-    if found.health == "healthy":
-        console.line(f"  the endpoint answers with {sentences.counted(len(found.tools), 'tool')}")
-    return 0 if good else 1
 
 
 def tools(console: Console, listed: list[dict[str, Any]], *, as_json: bool) -> int:

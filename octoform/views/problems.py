@@ -21,15 +21,15 @@ def usage(console: Console, message: str, usage_line: str) -> int:
     return 1
 
 
-def interrupted(console: Console) -> int:
-    """Ctrl-C; exit code 130."""
-    console.problem(f"\noctoform: interrupted; {GOES_ON}")
+def interrupted(console: Console, said: str = GOES_ON) -> int:
+    """Ctrl-C; exit code 130. ``said`` is what that means for the work at hand."""
+    console.problem(f"\noctoform: interrupted; {said}")
     return 130
 
 
-def stopped(console: Console, number: int) -> int:
+def stopped(console: Console, number: int, said: str = GOES_ON) -> int:
     """Ended by a signal; exit code 128 and its number, as a shell has it."""
-    console.problem(f"octoform: stopped by {signal.Signals(number).name}; {GOES_ON}")
+    console.problem(f"octoform: stopped by {signal.Signals(number).name}; {said}")
     return 128 + number
 
 

@@ -5,17 +5,26 @@ from argparse import Namespace
 from pathlib import Path
 
 from octoform.cli.parser import seconds
-from octoform.engine.serving import call
+from octoform.cli.stopping import Stopped
+from octoform.engine.serving import Request, call
 from octoform.views import endpoint, problems
+from octoform.views.calling import attended
 from octoform.views.console import Console
 
 
 def run(arguments: Namespace, project: Path, screen: Console) -> int:
     """Exit code 1 when the tool answered with an error."""
-    given = arguments.json_arguments or None
-    as_json = arguments.json_arguments is not None
-    result, found = call(project, os.environ, arguments.tool, arguments.arg, given, seconds(arguments.timeout))
-    if result is None:
+    as_json, document = arguments.json_arguments is not None, arguments.json_arguments or None
+    request = Request(arguments.tool, arguments.arg, document, seconds(arguments.timeout), arguments.dry_run)
+    given_up = f"the call of {arguments.tool} was given up"
+    try:
+        with attended(screen, approved=arguments.auto_approve) as person:
+            answer, found = call(project, os.environ, request, person)
+    except Stopped as stopped:
+        return problems.stopped(screen, stopped.number, given_up)
+    except KeyboardInterrupt:
+        return problems.interrupted(screen, given_up)
+    if answer is None:
         return problems.show(screen, found, as_json=as_json)
     problems.show(screen, found)
-    return endpoint.answer(screen, arguments.tool, result, as_json=as_json)
+    return endpoint.answer(screen, arguments.tool, answer, as_json=as_json)

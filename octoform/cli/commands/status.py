@@ -1,11 +1,11 @@
-"""``status``: in sync or not, healthy or not."""
+"""``status``: in sync or not, healthy or not, and what runs."""
 
 import os
 from argparse import Namespace
 from pathlib import Path
 
-from octoform.engine.serving import status
-from octoform.views import endpoint, problems
+from octoform.engine.health import status
+from octoform.views import health, problems
 from octoform.views.console import Console
 
 
@@ -14,4 +14,4 @@ def run(arguments: Namespace, project: Path, screen: Console) -> int:
     found = status(project, os.environ)
     if found.sync is None:
         return problems.show(screen, found.diagnostics, as_json=arguments.json)
-    return endpoint.status(screen, found, as_json=arguments.json)
+    return health.status(screen, found, as_json=arguments.json)

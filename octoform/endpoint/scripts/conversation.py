@@ -4,7 +4,6 @@ Heavy (FastMCP); imported by mcp_client.py while the server starts, because eith
 """
 
 import contextlib
-import json
 import subprocess
 import time
 from collections.abc import AsyncIterator
@@ -12,11 +11,11 @@ from io import TextIOWrapper
 from typing import Any
 
 import anyio
-import jsonschema
 from fastmcp import Client
 from fastmcp.client.transports.base import ClientTransport, TransportOptions
 from mcp.server.stdio import stdio_server
 from picture import figures
+from toolschema import as_tool, first_fault, said
 
 CLOSE_SECONDS = 3.0
 """What a server has for its end after its stdin was closed."""
@@ -80,24 +79,13 @@ async def errand(task: dict[str, Any], process: "subprocess.Popen[bytes]") -> di
             report["tools"] = [as_tool(tool) for tool in wire]
             schemas = {tool["name"]: tool["inputSchema"] for tool in wire}
             for call in task["calls"]:
-                report["calls"].append(await one_call(client, call, schemas, task["keep_content"]))
+                report["calls"].append(await one_call(client, call, schemas))
     except Exception as problem:  # noqa: BLE001 - the answer is the only way to tell the caller
         report["error"] = f"{type(problem).__name__}: {problem}"[:1000]
     return report
 
 
-def as_tool(wire: dict[str, Any]) -> dict[str, Any]:
-    """A tool under the report's names."""
-    return {
-        "name": wire["name"],
-        "description": wire.get("description", ""),
-        "input_schema": wire["inputSchema"],
-        "output_schema": wire.get("outputSchema"),
-        "annotations": wire.get("annotations"),
-    }
-
-
-async def one_call(client: Client[Any], call: dict[str, Any], schemas: dict[str, Any], keep: bool) -> dict[str, Any]:
+async def one_call(client: Client[Any], call: dict[str, Any], schemas: dict[str, Any]) -> dict[str, Any]:
     """One call, its problem classified."""
     answer: dict[str, Any] = {
         "tool": call["tool"],
@@ -106,7 +94,6 @@ async def one_call(client: Client[Any], call: dict[str, Any], schemas: dict[str,
         "problem": None,
         "field": None,
         "message": "",
-        "content": [],
         "structured": None,
         "pictures": [],
         "ms": 0.0,
@@ -114,8 +101,7 @@ async def one_call(client: Client[Any], call: dict[str, Any], schemas: dict[str,
     schema = schemas.get(call["tool"])
     if schema is None:
         return {**answer, "problem": "unknown_tool"}
-    arguments = {**call["arguments"], **converted(call["texts"], schema)}
-    answer["arguments"] = arguments
+    arguments = call["arguments"]
     if fault := first_fault(arguments, schema):
         return {**answer, "problem": "bad_argument", **fault}
     started = time.monotonic()
@@ -123,7 +109,7 @@ async def one_call(client: Client[Any], call: dict[str, Any], schemas: dict[str,
         with anyio.fail_after(call["seconds"]):
             result = await client.call_tool_mcp(call["tool"], arguments, timeout=call["seconds"])
         wire = result.model_dump(mode="json", by_alias=True, exclude_none=True)
-        answer.update(outcome(wire, keep))
+        answer.update(outcome(wire))
     except Exception as problem:  # noqa: BLE001 - classified and reported
         answer.update(problem=problem_kind(problem), message=str(problem)[:1000])
     answer["ms"] = round((time.monotonic() - started) * 1000, 1)
@@ -138,43 +124,11 @@ def problem_kind(problem: Exception) -> str:
     return "output_schema" if "structured content" in text.lower() or "output schema" in text.lower() else "protocol"
 
 
-def outcome(wire: dict[str, Any], keep: bool) -> dict[str, Any]:
-    """The parts of a result; picture data only when the caller keeps content."""
-    content = wire.get("content", [])
-    texts = [item.get("text", "") for item in content if item.get("type") == "text"]
+def outcome(wire: dict[str, Any]) -> dict[str, Any]:
+    """The parts of a result; of pictures only what they look like."""
     return {
         "is_error": bool(wire.get("isError")),
-        "message": "\n".join(texts)[:1000],
+        "message": said(wire),
         "structured": wire.get("structuredContent"),
-        "content": content if keep else [],
-        "pictures": [figures(item["data"]) for item in content if item.get("type") == "image"],
+        "pictures": [figures(item["data"]) for item in wire.get("content", []) if item.get("type") == "image"],
     }
-
-
-def converted(texts: dict[str, str], schema: dict[str, Any]) -> dict[str, Any]:
-    """Texts from a command line as the values that the schema wants; what does not convert stays text."""
-    properties = schema.get("properties", {})
-    return {name: convert(text, properties.get(name, {})) for name, text in texts.items()}
-
-
-def convert(text: str, schema: dict[str, Any]) -> Any:
-    """``text`` itself where the schema takes it, else its value as JSON where there is one."""
-    if jsonschema.Draft202012Validator(schema).is_valid(text) and schema:
-        return text
-    try:
-        return json.loads(text)
-    except ValueError:
-        return text
-
-
-def first_fault(arguments: dict[str, Any], schema: dict[str, Any]) -> dict[str, Any] | None:
-    """Field and message of the first argument that breaks the input schema."""
-    problem = jsonschema.exceptions.best_match(jsonschema.Draft202012Validator(schema).iter_errors(arguments))
-    if problem is None:
-        return None
-    field = str(problem.absolute_path[0]) if problem.absolute_path else None
-    if problem.validator == "required":
-        field = next((name for name in problem.validator_value if name not in arguments), None)
-    elif problem.validator == "additionalProperties":
-        field = next((name for name in arguments if name not in schema.get("properties", {})), None)
-    return {"field": field, "message": problem.message[:500]}

@@ -3,11 +3,11 @@
 Run as ``python -I mcp_client.py`` with one JSON object on stdin::
 
     {"command": ["..."], "mode": "auto" | "legacy", "start_seconds": 30.0, "calls":
-     [{"tool": "...", "arguments": {}, "texts": {"name": "text to convert"}, "seconds": 15.0}], "keep_content": true}
+     [{"tool": "...", "arguments": {}, "seconds": 15.0}]}
 
 One JSON object on stdout: ``{"answered", "error", "protocol", "server", "tools", "calls"}``; each call is
-``{"tool", "arguments", "is_error", "problem", "field", "message", "content", "structured", "pictures", "ms"}`` where
-``problem`` is null, ``unknown_tool``, ``bad_argument``, ``timeout``, ``output_schema`` or ``protocol``.
+``{"tool", "arguments", "is_error", "problem", "field", "message", "structured", "pictures", "ms"}`` where ``problem``
+is null, ``unknown_tool``, ``bad_argument``, ``timeout``, ``output_schema`` or ``protocol``.
 """
 
 import json

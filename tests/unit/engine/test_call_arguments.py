@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from octoform.engine.serving import call
+from octoform.engine.serving import Request, call
 
 
 @pytest.mark.parametrize(
@@ -20,7 +20,7 @@ from octoform.engine.serving import call
 )
 def test_arguments_that_cannot_be_meant(tmp_path: Path, pairs: list[str], document: str | None, words: str) -> None:
     (tmp_path / "octopus.yaml").write_text("version: 1\nhost: bench\n")
-    answer, (problem,) = call(tmp_path, {}, "read_clock", pairs, document, 1.0)
+    answer, (problem,) = call(tmp_path, {}, Request("read_clock", pairs, document))
     assert answer is None
     assert problem.code == "CALL-BAD-ARGUMENT"
     assert problem.summary.startswith(words)

@@ -1,0 +1,56 @@
+"""A connection to the endpoint of a host, which is started first where nothing runs yet. Light."""
+
+import socket
+from collections.abc import Callable
+
+from octoform.diagnostics import Diagnostic, error
+from octoform.endpoint.sockets import connect
+from octoform.endpoint.supervising import start
+from octoform.state.layout import Layout
+
+CONNECT_SECONDS = 5.0
+PATIENCE_SECONDS = 1.0
+"""How long a start may take before whoever waits is told of it."""
+
+
+def reach(layout: Layout, waiting: Callable[[], None] | None = None) -> socket.socket | Diagnostic:
+    """A connected socket, or why there is none; ``waiting`` is called when a start takes more than a second."""
+    try:
+        return connect(layout.socket, CONNECT_SECONDS)
+    except OSError:
+        pass  # nothing runs, or nothing that takes clients: `start` knows
+    problem = _started(layout, waiting)
+    if problem is not None:
+        return problem
+    try:
+        return connect(layout.socket, CONNECT_SECONDS)
+    except OSError as fault:
+        return down(f"it was started and takes no client ({fault.strerror})")
+
+
+def _started(layout: Layout, waiting: Callable[[], None] | None) -> Diagnostic | None:
+    if waiting is None:
+        return start(layout)[1]
+    import threading  # here, so that a pipe to a running endpoint does not load it
+
+    timer = threading.Timer(PATIENCE_SECONDS, waiting)
+    timer.daemon = True
+    timer.start()
+    try:
+        return start(layout)[1]
+    finally:
+        timer.cancel()
+
+
+def knock(layout: Layout) -> socket.socket | Diagnostic:
+    """A connected socket of the endpoint that runs, or why there is none; nothing is started."""
+    try:
+        return connect(layout.socket, CONNECT_SECONDS)
+    except OSError as fault:
+        return down(f"nothing takes clients ({fault.strerror or fault})")
+
+
+def down(why: str) -> Diagnostic:
+    """The endpoint does not answer, and why."""
+    hint = "octoform plan tells what differs from what was applied; octoform apply repairs it"
+    return error("ENDPOINT-DOWN", "the endpoint does not answer", detail=why, hint=hint)

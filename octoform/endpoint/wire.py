@@ -1,0 +1,160 @@
+"""A small MCP client for octoform's own commands: the newest protocol, whose requests each say all that they need.
+
+The SDK's client takes more than a second of a processor only to be loaded; a person who reads one sensor would wait
+for that. The stateless protocol needs neither a handshake nor a session, so sockets and JSON are enough. Light.
+"""
+
+import contextlib
+import json
+import socket
+import time
+from collections.abc import Callable, Iterator, Mapping
+from typing import Any
+
+import octoform
+
+VERSION = "2026-07-28"
+MOST_BYTES = 128_000_000
+"""Of one message: a result may hold pictures, and what is longer is no result."""
+_CHUNK = 1 << 16
+_FAREWELL_SECONDS = 1.0
+_LEAST_SECONDS = 0.25
+"""What sending may take at least: a socket without any time would not wait at all."""
+
+Progress = Callable[[float, float | None, str], None]
+
+
+class WireError(Exception):
+    """No result came. ``kind``: ``timeout``; ``closed``, the connection ended; ``refused``, an error was answered."""
+
+    def __init__(self, kind: str, text: str) -> None:
+        super().__init__(text)
+        self.kind = kind
+
+
+class Wire:
+    """One connection to the endpoint, for one request after the other; closes ``connection`` with `close`."""
+
+    def __init__(self, connection: socket.socket) -> None:
+        self._connection = connection
+        self._rest = bytearray()
+        self._number = 0
+
+    def close(self) -> None:
+        """End the connection, and with it whatever still runs for it."""
+        self._connection.close()
+
+    def ask(
+        self,
+        method: str,
+        params: Mapping[str, Any],
+        seconds: float,
+        *,
+        progress: Progress | None = None,
+        meta: Mapping[str, Any] | None = None,
+    ) -> dict[str, Any]:
+        """The result of a request; WireError when none comes within ``seconds``.
+
+        A request that is given up, also by an interrupt, is cancelled: the endpoint stops the work on it.
+        """
+        self._number += 1
+        number, end = self._number, time.monotonic() + seconds
+        envelope = {**_envelope(), **(meta or {})}
+        if progress is not None:
+            envelope["progressToken"] = number
+        self._send({"id": number, "method": method, "params": {**params, "_meta": envelope}}, end)
+        try:
+            for message in self._messages(end):
+                if message.get("id") == number and "method" not in message:
+                    return _result(message)
+                if progress is not None:
+                    _report(message, number, progress)
+        except WireError as problem:
+            if problem.kind == "timeout":
+                self._cancel(number, "it took too long")
+            raise
+        except BaseException:
+            self._cancel(number, "it was interrupted")
+            raise
+        raise WireError("closed", "the connection ended before the answer")
+
+    def _send(self, message: Mapping[str, Any], end: float) -> None:
+        line = json.dumps({"jsonrpc": "2.0", **message}).encode() + b"\n"
+        self._connection.settimeout(max(_LEAST_SECONDS, end - time.monotonic()))
+        try:
+            self._connection.sendall(line)
+        except TimeoutError as problem:
+            raise WireError("timeout", "the endpoint does not read") from problem
+        except OSError as problem:
+            raise WireError("closed", problem.strerror or "the connection ended") from problem
+
+    def _cancel(self, number: int, why: str) -> None:
+        message = {"method": "notifications/cancelled", "params": {"requestId": number, "reason": why}}
+        with contextlib.suppress(WireError):
+            self._send(message, time.monotonic() + _FAREWELL_SECONDS)
+
+    def _messages(self, end: float) -> Iterator[dict[str, Any]]:
+        """Messages as they come, until the connection ends; WireError at the time ``end``."""
+        while (line := self._line(end)) is not None:
+            try:
+                message = json.loads(line)
+            except ValueError as problem:
+                raise WireError("closed", f"the endpoint sent what is no message: {problem}") from problem
+            if isinstance(message, dict):
+                yield message
+
+    def _line(self, end: float) -> bytes | None:
+        searched = 0
+        while (found := self._rest.find(b"\n", searched)) < 0:
+            searched = len(self._rest)
+            if searched > MOST_BYTES:
+                raise WireError("closed", f"the endpoint sent a message of more than {MOST_BYTES} bytes")
+            part = self._receive(end)
+            if not part:
+                return None
+            self._rest += part
+        line = bytes(self._rest[:found])
+        del self._rest[: found + 1]
+        return line
+
+    def _receive(self, end: float) -> bytes:
+        left = end - time.monotonic()
+        if left <= 0:
+            raise WireError("timeout", "no answer in time")
+        self._connection.settimeout(left)
+        try:
+            return self._connection.recv(_CHUNK)
+        except TimeoutError as problem:
+            raise WireError("timeout", "no answer in time") from problem
+        except OSError as problem:
+            raise WireError("closed", problem.strerror or "the connection ended") from problem
+
+
+def _envelope() -> dict[str, Any]:
+    """What each request says of its sender: elicitation, so that the endpoint may ask for an approval."""
+    prefix = "io.modelcontextprotocol"
+    return {
+        f"{prefix}/protocolVersion": VERSION,
+        f"{prefix}/clientInfo": {"name": "octoform", "version": octoform.__version__},
+        f"{prefix}/clientCapabilities": {"elicitation": {"form": {}}},
+    }
+
+
+def _result(message: Mapping[str, Any]) -> dict[str, Any]:
+    if "error" in message:
+        fault = message["error"]
+        raise WireError("refused", str(fault.get("message", fault)) if isinstance(fault, dict) else str(fault))
+    result = message.get("result")
+    if not isinstance(result, dict):
+        raise WireError("closed", "the endpoint sent what is no result")
+    return result
+
+
+def _report(message: Mapping[str, Any], number: int, progress: Progress) -> None:
+    """Tell of a progress notification of this very request; every other notification is nobody's."""
+    told = message.get("params")
+    if message.get("method") != "notifications/progress" or not isinstance(told, dict):
+        return
+    done, total = told.get("progress"), told.get("total")
+    if told.get("progressToken") == number and isinstance(done, int | float):
+        progress(done, total if isinstance(total, int | float) else None, str(told.get("message") or ""))

@@ -1,0 +1,106 @@
+"""Status: in sync or not, healthy or not, and what the process that serves the endpoint says of itself. (Heavy.)"""
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from octoform.diagnostics import Diagnostic
+from octoform.endpoint import control, tokens
+from octoform.endpoint.client import list_tools
+from octoform.endpoint.observing import observe
+from octoform.endpoint.promise import hidden, promised
+from octoform.endpoint.running import Running, running
+from octoform.engine import memo
+from octoform.engine.planning import Request, prepare
+from octoform.plan.model import Plan
+from octoform.state.layout import Layout
+
+NOT_RUNNING = "the endpoint is not running"
+
+
+@dataclass(frozen=True, slots=True)
+class Process:
+    """What serves the endpoint now, if anything does.
+
+    ``told`` is the process's own answer, whose members grow with the endpoint: ``clients``, ``stuck``, ``estop``,
+    ``tunnel``. None when nothing runs, or when what runs did not answer. ``estop`` is what latched the emergency stop,
+    which outlives the process; ``tokens`` how many open the endpoint over the network.
+    """
+
+    running: Running | None = None
+    told: Mapping[str, Any] | None = None
+    estop: Mapping[str, Any] | None = None
+    tokens: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class Status:
+    """In sync or not, and healthy, unhealthy or unknown: two separate things.
+
+    ``health`` is ``healthy`` only when the endpoint answered just now with the tools that it promises.
+    """
+
+    host: str
+    sync: bool | None
+    health: str
+    reasons: tuple[str, ...] = ()
+    plan: Plan | None = None
+    tools: tuple[str, ...] = ()
+    process: Process = field(default_factory=Process)
+    diagnostics: tuple[Diagnostic, ...] = ()
+
+
+def status(project: Path, environ: Mapping[str, str]) -> Status:
+    """Compare with the manifest, and ask the endpoint; starts nothing."""
+    plan = memo.recall(project, environ)
+    if plan is None:
+        outlook, found = prepare(Request(project, environ))
+        if outlook is None:
+            return Status("", None, "unknown", diagnostics=tuple(found))
+        plan = outlook.plan
+    layout = Layout(project, plan.host)
+    facts = observe(layout)
+    if not facts.present:
+        return Status(plan.host, plan.empty, "unknown", ("there is no endpoint yet",), plan)
+    process = _process(layout)
+    if process.running is None:
+        reasons = (NOT_RUNNING, *(reason for reason in facts.reasons if reason != NOT_RUNNING))
+        return Status(plan.host, plan.empty, "unhealthy", reasons, plan, process=process)
+    listed, problems = list_tools(layout, start=False)
+    names = tuple(str(tool["name"]) for tool in listed)
+    reasons = _reasons(facts.reasons, process, problems)
+    if not problems and set(names) != set(promised(layout)) - hidden(layout):
+        reasons = (*reasons, "the endpoint's tools are not those of INTERFACE")
+    health = "unhealthy" if reasons else "healthy"
+    return Status(plan.host, plan.empty, health, reasons, plan, names, process, problems)
+
+
+def _process(layout: Layout) -> Process:
+    found = running(layout)
+    told = control.ask(layout, {"op": "status"}) if found else None
+    count = sum(1 for token in tokens.listed(layout)[0] if not token.ended)
+    return Process(found, told, _latched(layout), count)
+
+
+def _latched(layout: Layout) -> Mapping[str, Any] | None:
+    """What latched the emergency stop; whatever stands in the latch's place holds it, readable or not."""
+    try:
+        words = json.loads((layout.run / "estop.json").read_bytes())
+        return {name: str(words[name]) for name in ("by", "reason", "since")}
+    except FileNotFoundError:
+        return None
+    except (OSError, ValueError, LookupError, TypeError):
+        return {"by": "unknown", "reason": "its latch cannot be read", "since": ""}
+
+
+def _reasons(drift: Sequence[str], process: Process, problems: Sequence[Diagnostic]) -> tuple[str, ...]:
+    reasons = [*drift, *(_told(item) for item in problems)]
+    if process.told is None or "error" in process.told:
+        reasons.append("the endpoint's process does not answer octoform's own questions")
+    return tuple(reasons)
+
+
+def _told(item: Diagnostic) -> str:
+    return f"{item.summary}: {item.detail.splitlines()[0]}" if item.detail else item.summary

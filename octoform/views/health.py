@@ -1,0 +1,103 @@
+"""Status for a person and for a program: both axes with their reasons, and what the process says of itself."""
+
+import json
+from collections.abc import Iterator, Mapping
+from dataclasses import asdict
+from typing import Any
+
+from octoform.engine.health import Process, Status
+from octoform.escaping import escaped_json
+from octoform.views import sentences
+from octoform.views.console import Console
+from octoform.views.text import one_line
+
+WIDTH = 150
+_HEALTH = {"healthy": "green", "unhealthy": "red", "unknown": "yellow"}
+_MODES = {
+    "shadow": "the policy only watches (mode shadow): nothing is refused",
+    "dry_run": "every call is a dry run (mode dry_run): nothing is done",
+}
+
+
+def status(console: Console, found: Status, *, as_json: bool) -> int:
+    """Exit code 0 only for in sync and healthy."""
+    good = bool(found.sync) and found.health == "healthy"
+    if as_json:
+        console.line(escaped_json(json.dumps(_document(found), ensure_ascii=False, indent=2)))
+        return 0 if good else 1
+    sync = console.paint("in sync", "green") if found.sync else console.paint("out of sync", "yellow")
+    console.line(f"host {found.host}: {sync}, {console.paint(found.health, _HEALTH[found.health])}")
+    if found.plan is not None and not found.sync:
+        console.line(f"  {sentences.summary(found.plan).splitlines()[0]}  (octoform plan tells why)")
+    for reason in found.reasons:
+        console.line(f"  {one_line(reason, WIDTH)}")
+    if found.health == "healthy":
+        console.line(f"  the endpoint answers with {sentences.counted(len(found.tools), 'tool')}")
+    for line in _process(found.process):
+        console.line(f"  {one_line(line, WIDTH)}")
+    if found.process.estop is not None:
+        console.line(console.paint(f"  {one_line(_estop(found.process.estop), WIDTH)}", "red"))
+    return 0 if good else 1
+
+
+def _document(found: Status) -> dict[str, Any]:
+    process = found.process
+    return {
+        "format": 1,
+        "host": found.host,
+        "in_sync": found.sync,
+        "health": found.health,
+        "reasons": list(found.reasons),
+        "tools": list(found.tools),
+        "running": process.running is not None,
+        "process": None if process.running is None else {**asdict(process.running), **(process.told or {})},
+        "estop": process.estop,
+        "tokens": process.tokens,
+    }
+
+
+def _process(process: Process) -> Iterator[str]:
+    """What there is to tell of the process; members of its answer that this octoform does not know are left out."""
+    running, told = process.running, process.told or {}
+    if running is None:
+        return
+    clients = told.get("clients")
+    count = f", {sentences.counted(clients, 'local client')}" if isinstance(clients, int) else ""
+    yield f"process {running.pid} since {running.since}, scope {running.scope}{count}"
+    if running.url:
+        yield f"at {running.url}, open to {sentences.counted(process.tokens, 'token')}"
+    if isinstance(told.get("tunnel"), Mapping):
+        yield _tunnel(told["tunnel"])
+    gate = told.get("gate")
+    if isinstance(gate, Mapping):
+        yield from _gate(gate)
+
+
+def _gate(gate: Mapping[str, Any]) -> Iterator[str]:
+    if gate.get("mode") in _MODES:
+        yield _MODES[gate["mode"]]
+    for stuck in gate.get("stuck") or ():
+        yield _stuck(stuck)
+    if gate.get("approvals"):
+        yield f"{sentences.counted(int(gate['approvals']), 'call')} waiting for an approval"
+    if gate.get("audit"):
+        yield f"the audit log cannot be written: {gate['audit']}"
+
+
+def _stuck(call: Mapping[str, Any]) -> str:
+    buses = f", which keeps {', '.join(call['buses'])}" if call.get("buses") else ""
+    return f"stuck: {call.get('tool')} for {call.get('seconds')} s{buses}  (octoform restart ends it)"
+
+
+def _tunnel(tunnel: Mapping[str, Any]) -> str:
+    state = tunnel.get("state")
+    if state == "running":
+        return f"tunnel: {tunnel.get('url')} since {tunnel.get('since')}"
+    reason = tunnel.get("reason")
+    return f"tunnel: {state}{f' ({reason})' if reason else ''}"
+
+
+def _estop(estop: Mapping[str, Any]) -> str:
+    reason = f": {estop['reason']}" if estop.get("reason") else ""
+    since = f" at {estop['since']}" if estop.get("since") else ""
+    return f"emergency stop latched by {estop.get('by')}{since}{reason}  (octoform estop -clear opens it)"
