@@ -172,15 +172,16 @@ class Audit:
 
         Never goes back behind what is known or sealed: a log that lost records gets a gap that verifying shows.
         """
+        known = [(self._seq, self._hash), sealed(os.pread(self._seal, SEAL_BYTES, 0)) or (0, ORIGIN)]
         for _ in range(3):
             status = os.fstat(self._log)
             seq, digest, fragment, rotated = _last(self._log, status.st_size)
+            known.append((seq, digest))
             if status.st_nlink and not rotated:
                 break
             self._reopen()
         self._size = status.st_size
-        seal = sealed(os.pread(self._seal, SEAL_BYTES, 0)) or (0, ORIGIN)
-        self._seq, self._hash = max((self._seq, self._hash), seal, (seq, digest), key=lambda known: known[0])
+        self._seq, self._hash = max(known, key=lambda each: each[0])
         if fragment:
             told = {"bytes": len(fragment), "sha256": hashlib.sha256(fragment).hexdigest()}
             self._append("audit_torn", told, before=b"\n")

@@ -125,7 +125,7 @@ class _Check:
         elif self._seal is not None and self._seal[0] > self._seq:
             last = self._seal[0]
             gap = f"record {last}" if last == self._seq + 1 else f"records {self._seq + 1} to {last}"
-            self._wrong(f"{gap} went missing at the end: cut off", self._file, self._line + 1)
+            self._wrong(f"{gap} went missing at the end: cut off", self._file, self._line + (0 if self._note else 1))
         elif not self._records:
             self._note = "nothing was recorded yet"
 

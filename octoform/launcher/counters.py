@@ -14,9 +14,10 @@ from fractions import Fraction
 from pathlib import Path
 from typing import Any
 
+from .owner import boot
+
 FORMAT = 1
 _SIZE = 4_000_000
-_BOOT = Path("/proc/sys/kernel/random/boot_id")
 
 
 class CountersUnwritable(OSError):
@@ -51,7 +52,7 @@ class Counters:
     def __init__(self, path: Path, names: set[str], clock: Callable[[], float], wall: Callable[[], float]) -> None:
         self.names = frozenset(names)
         self.damage = ""
-        self._path, self._clock, self._wall, self._boot = path, clock, wall, _boot()
+        self._path, self._clock, self._wall, self._boot = path, clock, wall, boot()
         self._used: dict[str, Used] = {}
         try:
             self._used = self._read()
@@ -135,14 +136,6 @@ class Counters:
         if boot and boot == self._boot and clock <= self._clock():
             return 0.0
         return self._clock() - max(0.0, self._wall() - wall) - clock
-
-
-def _boot() -> str:
-    """What the kernel calls this run of the machine; empty where it does not say."""
-    try:
-        return _BOOT.read_text().strip()
-    except OSError:
-        return ""
 
 
 def _used(item: Mapping[str, Any], shift: float, now: float) -> Used:

@@ -104,6 +104,24 @@ def parse(document: Any) -> Policy:
     return Policy(mode, tools, stop)
 
 
+def stop_actions(path: Path) -> tuple[tuple[StopAction, ...], tuple[str, ...]]:
+    """The stop actions of a policy file and what is wrong with it: an emergency stop does all that can be done.
+
+    Nothing else of the file is looked at, and an action that cannot be understood hinders no other.
+    """
+    try:
+        items = _array(_object(json.loads(path.read_bytes()), "the policy").get("stop", []), "stop")
+    except (OSError, ValueError, RecursionError) as problem:
+        return (), (f"{path}: the stop actions cannot be read: {problem}",)
+    found, problems = [], []
+    for index, item in enumerate(items):
+        try:
+            found.append(_stop(item, f"stop[{index}]"))
+        except PolicyInvalid as problem:
+            problems.append(f"{path}: {problem}")
+    return tuple(found), tuple(problems)
+
+
 def _tool(document: Any, place: str) -> ToolPolicy:
     item = _object(document, place)
     limits = _array(item.get("limits", []), f"{place}.limits")

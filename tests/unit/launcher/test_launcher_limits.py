@@ -1,5 +1,6 @@
 """The limits: nothing over a bound gets through, nothing within is refused, and a restart forgets nothing."""
 
+import itertools
 import json
 import threading
 from collections.abc import Mapping
@@ -367,7 +368,7 @@ def held(limit: dict[str, Any], accepted: list[tuple[float, dict[str, Any]]]) ->
     """Whether a limit was kept by all accepted calls, worked out from the list alone."""
     moments = [moment for moment, _ in accepted]
     if limit["kind"] == "cooldown":
-        return all(after - before >= limit["seconds"] for before, after in zip(moments, moments[1:], strict=False))
+        return all(after - before >= limit["seconds"] for before, after in itertools.pairwise(moments))
     if limit["kind"] == "rate":
         return all(
             sum(begin <= each < begin + limit["seconds"] for each in moments) <= limit["calls"] for begin in moments
@@ -380,5 +381,5 @@ def held(limit: dict[str, Any], accepted: list[tuple[float, dict[str, Any]]]) ->
         return all(limit["minimum"] <= value <= limit["maximum"] for value in values)
     most = exact(limit["most"])
     if limit["kind"] == "step":
-        return all(abs(after - before) <= most for before, after in zip(values, values[1:], strict=False))
+        return all(abs(after - before) <= most for before, after in itertools.pairwise(values))
     return all(abs(sum(values[: end + 1], Fraction(0))) <= most for end in range(len(values)))
