@@ -4,11 +4,13 @@ from octoform import digest
 from octoform.apply.context import Context
 from octoform.apply.gate import Verdict
 from octoform.apply.result import Finished
+from octoform.apply.service import service_of
 from octoform.apply.serving import calls_said, publish
 from octoform.apply.settling import counted
 from octoform.diagnostics import Diagnostic, error, has_errors
 from octoform.endpoint.building import build
 from octoform.endpoint.observing import observe
+from octoform.endpoint.publishing import is_published
 from octoform.harness.port import Usage
 
 
@@ -29,7 +31,7 @@ def _publish(context: Context, anew: bool) -> Verdict:
         return Verdict((error("ENDPOINT-NO-LOCK", "the lock of the endpoint is gone", path=str(lock_path), hint=hint),))
     lock = lock_path.read_text(encoding="utf-8")
     facts = observe(context.layout)
-    if not facts.reasons and not anew:
+    if not facts.reasons and not anew and is_published(context.layout, service_of(context), context.environ):
         return _verdict(context, [], lock, f"{counted(len(facts.tools), 'tool')}, as DEPLOY left it")
     # A server that fell silent although every file is in place is broken inside its packages.
     environment, problems = build(context.layout, lock, anew=anew or facts.answered is False)

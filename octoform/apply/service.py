@@ -1,30 +1,30 @@
 """What the accepted artifacts, the manifest and the profiles make of the endpoint: tools, scope, policy."""
 
+from dataclasses import asdict
+from typing import Any
+
 from octoform.apply.context import Context
 from octoform.apply.reading import accepted
+from octoform.endpoint.policy import resolve
 from octoform.endpoint.service import Service
+from octoform.profiles.applying import holds
 
 
 def service_of(context: Context) -> Service:
     """The endpoint as it is to be published."""
+    manifest = context.manifest
     tools = accepted(context, "interface")["tools"]
-    described = accepted(context, "identify")["devices"]
-    devices = [{"id": item["id"], "name": item["identified_as"], "category": item["category"]} for item in described]
-    policy = {
-        "format": 1,
-        "mode": "enforce",
-        "stop": [],
-        "tools": {
-            tool["name"]: {
-                "effect": tool["effect"],
-                "decision": "allow",
-                "source": "x",
-                "timeout": 30.0,
-                "result_bytes": 10_000_000,
-                "buses": tool["devices"],
-                "limits": [],
-            }
-            for tool in tools
-        },
-    }
-    return Service(tools=tools, policy=policy, devices=devices)
+    probe = accepted(context, "probe")
+    held = [(profile, holds(profile, probe)) for profile in context.profiles]
+    return Service(
+        tools=tools,
+        policy=resolve(manifest.policy, tools, [(profile, ids) for profile, ids in held if ids]),
+        devices=[_device(item) for item in accepted(context, "identify")["devices"]],
+        scope=manifest.scope,
+        network=asdict(manifest.network) if manifest.network is not None else None,
+        tunnel={"command": list(manifest.tunnel.command)} if manifest.tunnel is not None else None,
+    )
+
+
+def _device(item: dict[str, Any]) -> dict[str, Any]:
+    return {"id": item["id"], "name": item["identified_as"], "category": item["category"]}

@@ -25,6 +25,7 @@ from octoform.endpoint.promise import shown
 from octoform.endpoint.publishing import write_endpoint
 from octoform.endpoint.resolving import resolve
 from octoform.endpoint.supervising import stop
+from octoform.endpoint.tokens import ensure_default
 from octoform.harness.port import Task
 
 IMPORT_SECONDS = 30.0
@@ -70,7 +71,10 @@ def prove_deploy(context: Context, _: Task, deploy: Mapping[str, Any]) -> Proof:
 def publish(context: Context, environment: Environment, found: list[Diagnostic], node: str) -> CheckReport | None:
     """Write descriptor, snippets and launcher, start the endpoint, call every read tool; problems join ``found``."""
     stop(context.layout)
-    found += write_endpoint(context.layout, environment, service_of(context), context.environ)
+    service = service_of(context)
+    found += write_endpoint(context.layout, environment, service, context.environ)
+    if service.network is not None:
+        found += ensure_default(context.layout)
     if has_errors(found):
         return None
     context.emit(events.Checking(node, "starting the endpoint and calling its read tools"))

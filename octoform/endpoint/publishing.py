@@ -15,7 +15,7 @@ from typing import Any
 from octoform.diagnostics import Diagnostic
 from octoform.digest import of_bytes
 from octoform.endpoint.building import prune
-from octoform.endpoint.environment import Environment
+from octoform.endpoint.environment import Environment, at
 from octoform.endpoint.files import (
     CHECK,
     CLIENTS,
@@ -75,6 +75,17 @@ def write_endpoint(
         return [problem]
     prune(layout, {Path(str(manifest[name])) for name in ("environment", "previous_environment") if manifest[name]})
     return []
+
+
+def is_published(layout: Layout, service: Service, environ: Mapping[str, str] | None = None) -> bool:
+    """True when the endpoint that was written last is this very service, byte for byte."""
+    manifest = read_manifest(layout)
+    environment = at(Path(str(manifest["environment"]))) if manifest is not None else None
+    if manifest is None or environment is None:
+        return False
+    descriptor = _descriptor(layout, service, os.environ if environ is None else environ)
+    files = _files(layout, environment, service, descriptor)
+    return bool(manifest["files"] == {name: of_bytes(data) for name, (data, _) in files.items()})
 
 
 def _files(

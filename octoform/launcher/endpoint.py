@@ -3,9 +3,10 @@
 import asyncio
 import os
 import signal
+import sys
 from collections.abc import Mapping
 from dataclasses import asdict
-from typing import Any
+from typing import TYPE_CHECKING, Any
 from urllib.parse import urlsplit
 
 from . import policy
@@ -18,12 +19,15 @@ from .limits import Ledger
 from .offering import offer
 from .owner import Owner
 from .socketfile import listen
-from .tokens import Tokens
-from .tunnel import Tunnel
 from .unix import LocalClients
-from .web import PATH, Web
+
+if TYPE_CHECKING:
+    from .tunnel import Tunnel
+    from .web import Web
 
 SOCKET = "endpoint.sock"
+LOOK_SECONDS = 10.0
+"""How often the process looks whether its folder is still there: what serves a host must be findable."""
 
 
 class Endpoint:
@@ -43,7 +47,7 @@ class Endpoint:
         self._gate.on_result = self._offer.frames.keep
         server.add_middleware(self._gate)
         self._clients = LocalClients(server)
-        self._tunnel: Tunnel | None = None
+        self._tunnel: "Tunnel | None" = None
         self._url: str | None = None
 
     async def serve(self) -> None:
@@ -58,7 +62,7 @@ class Endpoint:
             self._answer()
             self._owner.record(scope=self._descriptor.scope, url=self._url)
             self._audit.write("started", instance=self._owner.instance, scope=self._descriptor.scope)
-            await stopping.wait()
+            await self._told_to_stop(stopping)
             self._control.stop()
             if self._tunnel is not None:
                 self._tunnel.stop()
@@ -71,11 +75,24 @@ class Endpoint:
             self._audit.write("stopped", instance=self._owner.instance)
             self._audit.close()
 
+    async def _told_to_stop(self, stopping: asyncio.Event) -> None:
+        """Wait for the word, or until nobody could say it any more because the record of this process is gone."""
+        while self._owner.is_recorded():
+            try:
+                await asyncio.wait_for(stopping.wait(), LOOK_SECONDS)
+            except TimeoutError:
+                continue
+            return
+        print("octoform: the record of this process is gone, so it ends", file=sys.stderr, flush=True)
+
     def _open(self) -> list["asyncio.Task[None]"]:
         """The doors: the socket of this machine's clients always, HTTP and the tunnel where the scope has them."""
         descriptor = self._descriptor
         doors = [asyncio.create_task(self._clients.serve(listen(descriptor.run / SOCKET)))]
         if descriptor.network is not None:
+            from .tokens import Tokens  # here, so that scope local carries no web server in its memory
+            from .web import PATH, Web
+
             tokens = Tokens(descriptor.run / "tokens.json")
             web = Web(self._server, descriptor, tokens, instance=self._owner.instance)
             listening = web.open()
@@ -86,7 +103,9 @@ class Endpoint:
         self._offer.presence.start()
         return doors
 
-    def _dig(self, web: Web, local_url: str) -> None:
+    def _dig(self, web: "Web", local_url: str) -> None:
+        from .tunnel import Tunnel
+
         assert self._descriptor.tunnel is not None
 
         def changed(url: str | None) -> None:

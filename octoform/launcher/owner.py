@@ -54,9 +54,20 @@ class Owner:
         }
         replace(self._folder / RECORD, json.dumps(document, indent=1).encode())
 
+    def is_recorded(self) -> bool:
+        """False once the record is gone or tells of another start."""
+        try:
+            found = json.loads((self._folder / RECORD).read_bytes())
+        except FileNotFoundError:
+            return False
+        except (OSError, ValueError):
+            return True  # not gone, only not to be read now
+        return bool(found.get("instance") == self.instance)
+
     def release(self) -> None:
         """Take the record away and let the next one own the endpoint."""
-        (self._folder / RECORD).unlink(missing_ok=True)
+        if self.is_recorded():
+            (self._folder / RECORD).unlink(missing_ok=True)
         os.close(self._lock)
 
 
