@@ -26,6 +26,8 @@ from .owner import boot, replace
 RECORD = "tunnel.json"
 REVOKED = "tunnel-revoked.json"
 MARK = "OCTOFORM_TUNNEL"
+INSTANCE_HEADER = "Octoform-Instance"
+"""The header by which the door can be told from whatever else answers at an address."""
 GRACE_SECONDS = 3.0
 """What the program has for its own end before it is killed."""
 PROOF_SECONDS = 12.0
@@ -111,7 +113,11 @@ def members(record: Mapping[str, Any]) -> Iterator[int]:
 
 
 def answers(url: str, instance: str) -> bool:
-    """True when whoever answers at ``url`` is the endpoint with this instance id."""
+    """True when whoever answers at ``url`` is the endpoint with this instance id, whatever it answers.
+
+    The endpoint's door refuses the name of a revoked address at once, and a refusal that comes through the tunnel shows
+    that the tunnel is there. So every answer of the door bears the id.
+    """
     parts = urlsplit(url)
     host = parts.hostname or ""
     kind = http.client.HTTPSConnection if parts.scheme == "https" else http.client.HTTPConnection
@@ -119,12 +125,11 @@ def answers(url: str, instance: str) -> bool:
     connection = kind("127.0.0.1" if host.endswith(".localhost") else host, parts.port, timeout=_ASK_SECONDS)
     try:
         connection.request("GET", "/health", headers={"Host": parts.netloc, "Connection": "close"})
-        document = json.loads(connection.getresponse().read(65536))
+        return connection.getresponse().getheader(INSTANCE_HEADER) == instance
     except (OSError, http.client.HTTPException, ValueError):
         return False
     finally:
         connection.close()
-    return isinstance(document, dict) and document.get("instance") == instance
 
 
 def _still_answers(url: str, instance: str) -> bool:

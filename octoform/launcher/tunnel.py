@@ -96,10 +96,15 @@ class Tunnel:
                 continue
             began = time.monotonic()
             self._once()
-            delay = FIRST_DELAY if time.monotonic() - began > STEADY_SECONDS else min(delay * 2, LONGEST_DELAY)
+            if time.monotonic() - began > STEADY_SECONDS:
+                delay = FIRST_DELAY
             self._wake.clear()
-            if not self._stopping.is_set() and not revoking.forbidden(self._run):
+            if not self._over():
                 self._wake.wait(delay)
+            delay = min(delay * 2, LONGEST_DELAY)
+
+    def _over(self) -> bool:
+        return self._stopping.is_set() or revoking.forbidden(self._run)
 
     def _once(self) -> None:
         """One run of the program, from its start to its end."""
@@ -123,14 +128,16 @@ class Tunnel:
         # The record stays: whoever revokes later looks whether that address is really silent.
         self._publish({**record, "ended": _now()})
         self._changed(None)
-        last = next((line for line in reversed(lines) if line.strip()), "it printed nothing")
-        self._tell("not running", f"{self._command[0]} ended with status {status}: {ascii(last)[1:-1][:300]}")
+        if not self._over():
+            last = next((line for line in reversed(lines) if line.strip()), "it printed nothing")
+            shown = ascii(_ESCAPES.sub("", last).strip())[1:-1][:300]
+            self._tell("not running", f"{self._command[0]} ended with status {status}: {shown}")
 
     def _spawn(self, command: Sequence[str]) -> tuple["subprocess.Popen[bytes]", dict[str, Any]] | None:
         """Start the program below its warden; None when the tunnel was revoked in this very moment."""
         mark = secrets.token_hex(8)
         with self._lock:
-            if revoking.forbidden(self._run) or self._stopping.is_set():
+            if self._over():
                 return None
             process = subprocess.Popen(
                 [sys.executable, "-I", "-S", str(_WARDEN), *command],

@@ -12,7 +12,6 @@ import signal
 import subprocess
 import sys
 import threading
-import time
 from collections.abc import Sequence
 
 GRACE_SECONDS = 2.0
@@ -20,27 +19,35 @@ CANNOT_START = 127
 _PR_SET_PDEATHSIG = 1
 
 
+class _Told(BaseException):
+    """SIGTERM came: from the endpoint's process, or because that process is gone."""
+
+
 def main(command: Sequence[str]) -> int:
     """Run ``command`` until it ends or the endpoint's process is gone; the command's exit status."""
-    _die_with_parent(signal.SIGTERM)
+    signal.signal(signal.SIGTERM, _told)
     process: subprocess.Popen[bytes] | None = None
-
-    def finish(*_: object) -> None:
-        _end_group(process)
-
-    signal.signal(signal.SIGTERM, finish)
-    threading.Thread(target=_watch_parent, daemon=True).start()
     try:
+        _die_with_parent(signal.SIGTERM)
+        threading.Thread(target=_watch_parent, daemon=True).start()
         process = subprocess.Popen(
             command, stdin=subprocess.DEVNULL, preexec_fn=lambda: _die_with_parent(signal.SIGKILL)
         )
+        status = process.wait()
+    except _Told:
+        _end_group(process)
+        raise
     except OSError as problem:
         print(f"{command[0]}: {problem.strerror}", file=sys.stderr)
         return CANNOT_START
-    status = process.wait()
     signal.signal(signal.SIGTERM, signal.SIG_IGN)
     os.killpg(0, signal.SIGTERM)
     return status if status >= 0 else 128 - status
+
+
+def _told(*_: object) -> None:
+    signal.signal(signal.SIGTERM, signal.SIG_IGN)
+    raise _Told
 
 
 def _watch_parent() -> None:
@@ -51,11 +58,11 @@ def _watch_parent() -> None:
 
 
 def _end_group(process: "subprocess.Popen[bytes] | None") -> None:
-    signal.signal(signal.SIGTERM, signal.SIG_IGN)
+    """All that is in the group, this process too."""
     os.killpg(0, signal.SIGTERM)
-    deadline = time.monotonic() + GRACE_SECONDS
-    while process is not None and process.poll() is None and time.monotonic() < deadline:
-        time.sleep(0.02)
+    if process is not None:
+        with contextlib.suppress(subprocess.TimeoutExpired):
+            process.wait(GRACE_SECONDS)
     os.killpg(0, signal.SIGKILL)
 
 

@@ -29,6 +29,7 @@ from .connections import BACKLOG, KEEP_ALIVE_SECONDS, Connection
 from .descriptor import Descriptor
 from .quiet import Throttle
 from .resuming import RETRY_MS, Recent
+from .revoking import INSTANCE_HEADER
 from .tokens import Tokens
 
 PATH = "/mcp"
@@ -69,6 +70,7 @@ class Web:
                 access_log=False,
                 proxy_headers=False,
                 server_header=False,
+                headers=[(INSTANCE_HEADER, instance)],
                 timeout_keep_alive=KEEP_ALIVE_SECONDS,
                 timeout_graceful_shutdown=STOP_SECONDS,
                 backlog=BACKLOG,
