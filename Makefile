@@ -26,6 +26,7 @@ lint: setup
 # Beside lint, so that `make -j2 test` does both at a time: one waits for the network, the other computes.
 programs: setup
 	@.venv/bin/octoform install $(HARNESSES)
+	@$(PYTHON) tests/conformance/suites.py
 
 test: lint programs
 	@$(PYTHON) -m pytest -n auto --dist worksteal -m "$(MARKED)"

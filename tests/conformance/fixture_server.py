@@ -345,6 +345,12 @@ mcp.add_tool(
 
 
 @mcp.tool
+def read_thermometer() -> str:
+    """Read the invented thermometer; the list of tools says when it is unplugged."""
+    return "21 degrees"
+
+
+@mcp.tool
 def test_trigger_tool_change() -> str:
     """Unplug the invented thermometer, or plug it in again."""
     here = Path(os.environ["OCTOFORM_SYSROOT"]) / "sys/class/hwmon"

@@ -16,7 +16,7 @@ from typing import Any
 
 from octoform.diagnostics import Diagnostic
 from octoform.engine.installing import _fetch
-from octoform.harness.installed import Pin, folder
+from octoform.harness.installed import RECORD, Pin, folder
 from octoform.harness.installing import home_of, install
 from octoform.harness.slots import Setup
 
@@ -46,6 +46,12 @@ class Report:
         return sorted(set(self.scenarios) - set(self.passed()))
 
 
+def missing() -> list[str]:
+    """The programs that are not installed."""
+    pins = (HANDSHAKE, LATER, INSPECTOR)
+    return [f"{pin.package} {pin.version}" for pin in pins if not (home_of(pin, os.environ) / RECORD).exists()]
+
+
 def judge(pin: Pin, url: str, output: Path, *options: str) -> Report:
     """Run a conformance suite against a server; ``options`` say which scenarios."""
     done = run(pin, "server", "--url", url, "-o", str(output), *options)
@@ -65,7 +71,7 @@ def judge(pin: Pin, url: str, output: Path, *options: str) -> Report:
 def run(pin: Pin, *arguments: str) -> subprocess.CompletedProcess[str]:
     """Run one of the programs to its end."""
     home = home_of(pin, os.environ)
-    record = json.loads((home / "installed.json").read_text())
+    record = json.loads((home / RECORD).read_text())
     path = os.pathsep.join(filter(None, (record["node"], os.environ.get("PATH"))))
     environ = os.environ | {"PATH": path, "MCP_INSPECTOR_SECRET_STORE": "memory", "NO_COLOR": "1"}
     program = home / "node_modules" / ".bin" / pin.binary

@@ -1,55 +1,19 @@
 """Which devices are there: what counts as absent, what triggers a look, and that nothing is claimed that is unknown."""
 
-import json
 import os
-import shutil
 import socket
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 from offered import runtime_beside, until
+from plugged import CAMERA, SENSOR, Host
 
 from octoform.launcher import presence
 from octoform.launcher.presence import Presence
 
-CAMERA, SENSOR = "usb-046d-0825", "hwmon-k10temp"
 DEVICES = [{"id": CAMERA, "name": "C270 HD Webcam"}, {"id": SENSOR, "name": ""}]
 TOOLS = [{"name": "capture_image", "devices": [CAMERA]}, {"name": "read_both", "devices": [SENSOR, CAMERA]}]
-
-
-class Host:
-    """A tree with a camera and a sensor, one at a time or both."""
-
-    def __init__(self, root: Path) -> None:
-        self.root = root
-        for folder in ("sys/bus/usb/devices", "sys/class/hwmon"):
-            (root / folder).mkdir(parents=True)
-
-    def plug(self, *which: str) -> None:
-        if CAMERA in which:
-            self._add("sys/devices/usb1/1-5", "sys/bus/usb", {"idVendor": "046d", "idProduct": "0825"})
-            (self.root / "sys/bus/usb/devices/1-5").symlink_to(self.root / "sys/devices/usb1/1-5")
-        if SENSOR in which:
-            self._add("sys/devices/hwmon/hwmon0", "sys/class/hwmon", {"name": "k10temp"})
-            (self.root / "sys/class/hwmon/hwmon0").symlink_to(self.root / "sys/devices/hwmon/hwmon0")
-
-    def unplug_camera(self) -> None:
-        (self.root / "sys/bus/usb/devices/1-5").unlink()
-        shutil.rmtree(self.root / "sys/devices/usb1/1-5")
-
-    def record(self, place: str | None) -> None:
-        path = self.root / "instances.json"
-        devices = {CAMERA: {"strength": "positional", "port": "1-5"} | ({"sysfs": place} if place else {})}
-        path.write_text(json.dumps({"format": 1, "devices": devices}))
-        os.environ["OCTOFORM_INSTANCES"] = str(path)
-
-    def _add(self, place: str, subsystem: str, attributes: dict[str, str]) -> None:
-        folder = self.root / place
-        folder.mkdir(parents=True)
-        (folder / "subsystem").symlink_to(self.root / subsystem)
-        for name, value in attributes.items():
-            (folder / name).write_text(value + "\n")
 
 
 @pytest.fixture
@@ -98,9 +62,9 @@ def test_a_device_that_goes_and_comes_is_absent_in_between(host: Host) -> None:
         assert watched.presence.absent("capture_image") == []
 
 
-def test_what_was_never_seen_and_has_no_place_is_unknown(host: Host) -> None:
+def test_what_was_never_seen_and_has_no_place_is_unknown(host: Host, monkeypatch: pytest.MonkeyPatch) -> None:
     host.plug(SENSOR)
-    host.record(None)
+    monkeypatch.setenv("OCTOFORM_INSTANCES", str(host.record(None)))
     with Watched() as watched:
         until(lambda: watched.presence.present(SENSOR) is True)
         assert watched.presence.present(CAMERA) is None
@@ -111,9 +75,9 @@ def test_what_was_never_seen_and_has_no_place_is_unknown(host: Host) -> None:
     assert watched.presence.present(CAMERA) is True
 
 
-def test_what_has_a_recorded_place_is_absent_from_the_start(host: Host) -> None:
+def test_what_has_a_recorded_place_is_absent_from_the_start(host: Host, monkeypatch: pytest.MonkeyPatch) -> None:
     host.plug(SENSOR)
-    host.record("/sys/devices/usb1/1-5")
+    monkeypatch.setenv("OCTOFORM_INSTANCES", str(host.record("/sys/devices/usb1/1-5")))
     with Watched() as watched:
         until(lambda: watched.told == [{CAMERA}])
         assert watched.presence.absent("capture_image") == ["C270 HD Webcam"]
