@@ -7,7 +7,6 @@ import sys
 from collections.abc import Mapping
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
-from urllib.parse import urlsplit
 
 from . import policy
 from .audit import Audit
@@ -47,7 +46,7 @@ class Endpoint:
         self._gate.on_result = self._offer.frames.keep
         server.add_middleware(self._gate)
         self._clients = LocalClients(server)
-        self._tunnel: "Tunnel | None" = None
+        self._tunnel: Tunnel | None = None
         self._url: str | None = None
 
     async def serve(self) -> None:
@@ -65,7 +64,7 @@ class Endpoint:
             await self._told_to_stop(stopping)
             self._control.stop()
             if self._tunnel is not None:
-                self._tunnel.stop()
+                await asyncio.to_thread(self._tunnel.stop)
             self._gate.disarm()
             for door in doors:
                 door.cancel()
@@ -107,13 +106,9 @@ class Endpoint:
         from .tunnel import Tunnel
 
         assert self._descriptor.tunnel is not None
-
-        def changed(url: str | None) -> None:
-            host = urlsplit(url).hostname if url else None
-            web.trust([host] if host else [])
-
         command, run = self._descriptor.tunnel["command"], self._descriptor.run
-        self._tunnel = Tunnel(command, run, local_url=local_url, instance=self._owner.instance, changed=changed)
+        instance = self._owner.instance
+        self._tunnel = Tunnel(command, run, local_url=local_url, instance=instance, changed=web.published)
         self._tunnel.start()
 
     def _answer(self) -> None:
