@@ -18,6 +18,7 @@ from .limits import Ledger
 from .offering import offer
 from .owner import Owner
 from .socketfile import listen
+from .stopping import Emergency
 from .unix import LocalClients
 
 if TYPE_CHECKING:
@@ -41,6 +42,7 @@ class Endpoint:
         self._audit = Audit.open(descriptor.log)
         self._ledger = Ledger(rules, descriptor.run / "limits.json")
         self._latch = Latch(descriptor.run / "estop.json")
+        self._emergency = Emergency(self._latch, self._audit, rules.stop)
         self._offer = offer(server, descriptor.devices, descriptor.tools, rules)
         self._gate = Gate(rules, self._ledger, self._audit, self._latch, self._offer.presence)
         self._gate.on_result = self._offer.frames.keep
@@ -116,7 +118,13 @@ class Endpoint:
         self._control.on("limits", lambda _: {"used": self._ledger.used()})
         self._control.on("limits_reset", self._reset)
         self._control.on("revoke_tunnel", self._revoke)
+        self._control.on("estop", self._stop)
+        self._control.on("clear_estop", lambda asked: self._emergency.clear(str(asked.get("by") or "unknown")))
         self._control.start()
+
+    def _stop(self, question: Mapping[str, Any]) -> Mapping[str, Any]:
+        by, reason = str(question.get("by") or "unknown"), str(question.get("reason") or "")
+        return self._emergency.stop(by, reason, meanwhile=self._gate.halt)
 
     def _reset(self, question: Mapping[str, Any]) -> Mapping[str, Any]:
         tool = question.get("tool")

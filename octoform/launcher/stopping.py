@@ -54,7 +54,7 @@ class Emergency:
     problems: tuple[str, ...] = ()
 
     def stop(
-        self, by: str, reason: str, find: "Find | None" = None, meanwhile: Callable[[], None] | None = None
+        self, by: str, reason: str, find: "Find | None" = None, meanwhile: Callable[[], object] | None = None
     ) -> dict[str, Any]:
         """Latch, run the stop actions, record; ``meanwhile`` is called once both are under way.
 
@@ -65,8 +65,11 @@ class Emergency:
         with _told(problems, "the latch could not be written, so it holds in this process alone"):
             self.latch.engage(by, reason)
         jobs = _begin(self.actions, find or node_of)
-        if meanwhile is not None:
-            meanwhile()
+        try:
+            if meanwhile is not None:
+                meanwhile()
+        except Exception as problem:  # noqa: BLE001 - the stop goes on, and this is told
+            problems.append(f"what ran could not be interrupted: {_sentence(problem)}")
         with self.latch.held(_ENGAGE_WAIT):
             with suppress(OSError):  # said above; here it only comes after a clear that was faster
                 self.latch.engage(by, reason)

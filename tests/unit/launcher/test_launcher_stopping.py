@@ -167,6 +167,13 @@ def test_stop_latches_acts_and_records(tmp_path: Path, lines: list[Line]) -> Non
     assert verify(tmp_path / "log").ok
 
 
+def test_a_clear_that_comes_between_does_not_undo_a_stop(tmp_path: Path) -> None:
+    stop = emergency(tmp_path)
+    answer = stop.stop("ada", "smoke", meanwhile=lambda: stop.clear("eve"))
+    assert (answer["ok"], answer["latched"], stop.latch.engaged() is not None) == (True, True, True)
+    assert [item["event"] for item in events(tmp_path)] == ["estop_cleared", "estop", "estop_actions"]
+
+
 def test_a_failed_action_is_no_success_but_latches(tmp_path: Path) -> None:
     answer = emergency(tmp_path, action("arm")).stop("ada", "", lambda *_: "/dev/octoform-is-not-there")
     assert (answer["ok"], answer["latched"], answer["stopped"][0]["ok"]) == (False, True, False)
