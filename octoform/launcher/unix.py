@@ -92,8 +92,12 @@ async def _read(reader: asyncio.StreamReader, writer: asyncio.StreamWriter, inco
                 continue
             try:
                 message = mcp_types.jsonrpc_message_adapter.validate_json(line, by_name=False)
-            except ValueError as problem:
-                await _refuse(writer, line, problem)
+            except ValueError:
+                await _refuse(writer, line)
+                continue
+            if isinstance(message, mcp_types.JSONRPCNotification) and b'"id"' in line and "id" in json.loads(line):
+                # A request whose id is no id would pass for a notification, and its sender would wait for ever.
+                await _refuse(writer, line)
                 continue
             try:
                 await incoming.send(SessionMessage(message))
@@ -131,7 +135,7 @@ class _Lines:
         return line
 
 
-async def _refuse(writer: asyncio.StreamWriter, line: bytes, problem: ValueError) -> None:
+async def _refuse(writer: asyncio.StreamWriter, line: bytes) -> None:
     """Answer what is no message as JSON-RPC has it: -32700 for no JSON, -32600 for JSON that is no message."""
     try:
         value = json.loads(line)
@@ -140,7 +144,7 @@ async def _refuse(writer: asyncio.StreamWriter, line: bytes, problem: ValueError
         return
     identity = value.get("id") if isinstance(value, dict) else None
     known = identity if isinstance(identity, str | int) and not isinstance(identity, bool) else None
-    await _send_error(writer, known, -32600, f"this is no JSON-RPC message: {type(problem).__name__}")
+    await _send_error(writer, known, -32600, "this is no JSON-RPC message")
 
 
 async def _send_error(writer: asyncio.StreamWriter, identity: str | int | None, code: int, text: str) -> None:
