@@ -33,7 +33,7 @@ class Attended:
         """One moving line on a terminal, once the call has taken more than a second."""
         if not self._console.err.isatty() or self._clock() - self._began < PATIENCE_SECONDS:
             return
-        text = f"{done:g}" if total is None else f"{done:g} of {total:g}"
+        text = f"{done:.12g}" if total is None else f"{done:.12g} of {total:.12g}"
         width = get_terminal_size((80, 24)).columns - 1
         self._draw(one_line(f"  {text}  {message}".rstrip(), width))
 

@@ -1,82 +1,23 @@
 """What a person at a terminal sees and does: a line that moves, a question, Ctrl-C; and what a pipe gets instead."""
 
-import fcntl
 import os
-import pty
 import signal
 import subprocess
-import termios
-import threading
-import time
 from pathlib import Path
 
-import pyte
 import pytest
 from projects import OCTOFORM, Project
+from terminals import Terminal
 
-LINES, COLUMNS = 40, 100
 
-
-class Terminal:
-    """octoform on a pseudo terminal; every screen that it has shown is kept."""
-
-    def __init__(self, project: Project, *arguments: str, **environ: str) -> None:
-        self._screen = pyte.Screen(COLUMNS, LINES)
-        self._stream = pyte.ByteStream(self._screen)
-        self.screens: list[list[str]] = []
-        self.raw = b""
-        self._master, slave = pty.openpty()
-        settings = {"TERM": "xterm", "COLUMNS": str(COLUMNS), "LINES": str(LINES)}
-        self.process = subprocess.Popen(
-            [str(OCTOFORM), *arguments],
-            cwd=project.folder,
-            env={**project.environment(), **settings, **environ},
-            stdin=slave,
-            stdout=slave,
-            stderr=slave,
-            start_new_session=True,
-            preexec_fn=lambda: fcntl.ioctl(0, termios.TIOCSCTTY, 0),  # so that Ctrl-C becomes a signal
-        )
-        os.close(slave)
-        self._reader = threading.Thread(target=self._read, daemon=True)
-        self._reader.start()
-
-    def _read(self) -> None:
-        while True:
-            try:
-                data = os.read(self._master, 65536)
-            except OSError:  # the other side is closed
-                return
-            if not data:
-                return
-            self.raw += data
-            self._stream.feed(data)
-            self.screens.append([line.rstrip() for line in self._screen.display])
-
-    def type(self, text: str) -> None:
-        os.write(self._master, text.encode())
-
-    def wait_for(self, text: str) -> None:
-        deadline = time.monotonic() + 60
-        while not any(text in line for screen in self.screens[-1:] for line in screen):
-            assert time.monotonic() < deadline, (text, self.screens[-1:])
-            time.sleep(0.02)
-
-    def end(self) -> tuple[int, list[str]]:
-        """The exit status and the last screen."""
-        try:
-            status = self.process.wait(timeout=60)
-        finally:
-            self.process.kill()
-        self._reader.join(timeout=10)
-        os.close(self._master)
-        return status, self.screens[-1]
+def on_terminal(project: Project, *arguments: str, **environ: str) -> Terminal:
+    return Terminal(project.folder, {**project.environment(), **environ}, *arguments)
 
 
 def test_a_run_on_a_terminal_shows_a_moving_line_and_leaves_a_clean_screen(project: Project) -> None:
     project.script = {"probe": [{"say": "looking at 41 devices", "copy": str(GOOD), "sleep": 1}]}
     project.write()
-    terminal = Terminal(project, "apply", "-target", "identify")
+    terminal = on_terminal(project, "apply", "-target", "identify")
     terminal.wait_for("Enter a value:")
     terminal.type("yes\n")
     status, last = terminal.end()
@@ -98,7 +39,7 @@ GOOD = Path(__file__).parents[1] / "agent" / "good" / "probe.json"
 
 @pytest.mark.parametrize("answer", ["no\n", "y\n", "\x04"])
 def test_only_yes_is_yes(project: Project, answer: str) -> None:
-    terminal = Terminal(project, "apply", "-target", "probe", NO_COLOR="1")
+    terminal = on_terminal(project, "apply", "-target", "probe", NO_COLOR="1")
     terminal.wait_for("Enter a value:")
     terminal.type(answer)
     status, last = terminal.end()
@@ -111,7 +52,7 @@ def test_only_yes_is_yes(project: Project, answer: str) -> None:
 def test_ctrl_c_ends_the_agent_with_130_and_the_next_apply_goes_on(project: Project) -> None:
     project.script = {"identify": [{"grandchild": 300, "sleep": 300}]}
     project.write()
-    terminal = Terminal(project, "apply", "-auto-approve", "-target", "identify")
+    terminal = on_terminal(project, "apply", "-auto-approve", "-target", "identify")
     agent = project.wait_for_agent(2)
     terminal.wait_for("identify")
     terminal.type("\x03")
