@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from octoform import digest
+from octoform.graph import endpoint_parts
 from octoform.graph.model import Agent, Graph, Node, NodeKind
 from octoform.manifest.model import MODEL_FREE, HarnessSpec, Manifest
 from octoform.profiles import Profile
@@ -15,7 +16,7 @@ ENDPOINT = "endpoint"
 def compile_graph(manifest: Manifest, specs: Mapping[str, Spec], profiles: tuple[Profile, ...]) -> Graph:
     """Five stages in a chain, and the endpoint that octoform itself makes of the last three."""
     nodes = [_stage(name, manifest, specs[name], profiles) for name in STAGES]
-    parts = {"setting.scope": str(manifest.scope)}
+    parts = endpoint_parts.parts(manifest, profiles)
     nodes.append(Node(ENDPOINT, NodeKind.ENDPOINT, ("interface", "serve", "deploy"), parts))
     return Graph(tuple(nodes))
 

@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 
 from octoform import digest
+from octoform.graph.endpoint_parts import SCOPE, in_force
 from octoform.plan.model import Action, Cause, Loan, Plan, PlannedAction, Reason
 from octoform.views import hardware
 
@@ -72,32 +73,35 @@ def reasons(plan: Plan, item: PlannedAction) -> list[str]:
     """Why a node is worked on, one line a reason; what it waits for is one line in all."""
     if plan.operation == "destroy":
         return []
-    told = [_reason(plan, item.node, one) for one in item.reasons if one.cause is not Cause.UPSTREAM]
+    told = [_reason(plan, item, one) for one in item.reasons if one.cause is not Cause.UPSTREAM]
     waits = [(one.part or "").removeprefix("input.") for one in item.reasons if one.cause is Cause.UPSTREAM]
     return [*told, f"only if the output of {listed(waits, 'or')} comes out different"] if waits else told
 
 
-def _reason(plan: Plan, node: str, item: Reason) -> str:
+def _reason(plan: Plan, action: PlannedAction, item: Reason) -> str:
     if item.cause is Cause.NEW:
-        purpose = _PURPOSES.get(node)
+        purpose = _PURPOSES.get(action.node)
         return f"not in the state yet: {purpose}" if purpose else "not in the state yet"
     if item.cause is Cause.CHANGED:
-        return _changed(plan, node, item)
-    text = _CAUSES[item.cause].format(place=f"state/{plan.host}/{node}")
+        return _changed(plan, action, item)
+    text = _CAUSES[item.cause].format(place=f"state/{plan.host}/{action.node}")
     if item.before and item.after:
         text += f" ({show(item.before)} -> {show(item.after)})"
     return f"{text}: {item.text}" if item.text else text
 
 
-def _changed(plan: Plan, node: str, item: Reason) -> str:
+def _changed(plan: Plan, action: PlannedAction, item: Reason) -> str:
     part = item.part or ""
     if part == "hardware":
         return f"hardware: {_moved(plan)}"
     if part == "spec":
-        return f"spec: protocol/{node}.md changed ({show(item.before)} -> {show(item.after)})"
+        return f"spec: protocol/{action.node}.md changed ({show(item.before)} -> {show(item.after)})"
     label = f"output of {part.removeprefix('input.')}" if part.startswith("input.") else part.replace(".", " ", 1)
     if not _is_digest(item.before) and not _is_digest(item.after):
-        return f"{label}: {show(item.before)} -> {show(item.after)}"
+        scope = next((one for one in action.reasons if one.part == SCOPE), Reason(Cause.CHANGED))
+        before = in_force(part, scope.before) if item.before is None else item.before
+        after = in_force(part, scope.after) if item.after is None else item.after
+        return f"{label}: {show(before)} -> {show(after)}"
     if item.before and item.after:
         return f"{label}: changed ({show(item.before)} -> {show(item.after)})"
     return f"{label}: new ({show(item.after)})" if item.after else f"{label}: no longer there"
