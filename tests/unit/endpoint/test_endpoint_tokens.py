@@ -1,0 +1,230 @@
+"""Tokens as a person makes and ends them, and what the serving process makes of them."""
+
+import json
+import os
+import stat
+import threading
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from octoform.cli.main import main
+from octoform.endpoint import tokens
+from octoform.launcher.tokens import Tokens
+from octoform.state.layout import Layout
+
+MANIFEST = "version: 1\nhost: bench\nharness: builtin\nscope: intranet\n"
+
+
+@pytest.fixture
+def layout(tmp_path: Path) -> Layout:
+    return Layout(tmp_path, "bench")
+
+
+@pytest.fixture
+def project(tmp_path: Path) -> Path:
+    (tmp_path / "octopus.yaml").write_text(MANIFEST)
+    return tmp_path
+
+
+def octoform(project: Path, *words: str) -> int:
+    return main([f"-chdir={project}", *words])
+
+
+def served(layout: Layout) -> Tokens:
+    return Tokens(layout.run / "tokens.json")
+
+
+def made(layout: Layout, name: str, effects: Sequence[str] = ("read",), seconds: float | None = None) -> str:
+    found, problems = tokens.create(layout, name, effects, seconds)
+    assert found is not None, problems
+    return found.value
+
+
+def test_value_opens_the_door_until_the_token_ends(layout: Layout) -> None:
+    door = served(layout)
+    assert door.find("anything") is None
+    value = made(layout, "laptop", ("actuate", "read"))
+    found = door.find(value)
+    assert found is not None
+    assert (found.name, found.effects, found.expires) == ("laptop", {"read", "actuate"}, None)
+    assert door.find(value + "x") is None
+    second, problems = tokens.rotate(layout, "laptop")
+    assert second is not None, problems
+    assert second.value != value
+    assert (door.find(value), door.find(second.value) is not None) == (None, True)
+    assert tokens.revoke(layout, "laptop") == []
+    assert door.find(second.value) is None
+    assert door.valid() == frozenset()
+
+
+def test_value_is_private_and_only_its_digest_is_in_the_record(layout: Layout) -> None:
+    before = os.umask(0)
+    try:
+        value = made(layout, "laptop")
+    finally:
+        os.umask(before)
+    path = tokens.path_of(layout, "laptop")
+    assert path.read_text() == value + "\n"
+    assert value.startswith("octoform_")
+    assert len(value) > 48
+    for private, mode in (
+        (path, 0o600),
+        (layout.run / "tokens.json", 0o600),
+        (path.parent, 0o700),
+        (layout.run, 0o700),
+    ):
+        assert stat.S_IMODE(private.stat().st_mode) == mode, private
+    assert value not in (layout.run / "tokens.json").read_text()
+    tokens.revoke(layout, "laptop")
+    assert not path.exists()
+
+
+def test_token_ends_by_itself(layout: Layout) -> None:
+    value = made(layout, "guest", seconds=60)
+    now = [0.0]
+    door = Tokens(layout.run / "tokens.json", now=lambda: now[0])
+    found = door.find(value)
+    assert found is not None
+    assert found.expires is not None
+    now[0] = found.expires - 0.001
+    assert door.find(value) == found
+    now[0] = found.expires
+    assert (door.find(value), door.valid()) == (None, frozenset())
+
+
+def test_ended_token_is_listed_and_cannot_be_rotated(layout: Layout) -> None:
+    made(layout, "guest", seconds=-1)
+    listed, _ = tokens.listed(layout)
+    assert [(token.name, token.ended) for token in listed] == [("guest", True)]
+    _, problems = tokens.rotate(layout, "guest")
+    assert [item.code for item in problems] == ["TOKEN-ENDED"]
+
+
+def test_first_token_is_made_once(layout: Layout) -> None:
+    assert tokens.ensure_default(layout) == []
+    value, _ = tokens.value_of(layout, "default")
+    assert tokens.ensure_default(layout) == []
+    assert tokens.value_of(layout, "default") == (value, [])
+    assert value is not None
+    found = served(layout).find(value)
+    assert found is not None
+    assert found.effects == {"read", "actuate", "irreversible"}
+    tokens.revoke(layout, "default")
+    tokens.ensure_default(layout)
+    assert tokens.listed(layout) == ((), [])
+
+
+@pytest.mark.parametrize("name", ["", ".", "..", "../x", "a/b", "-x", ".x", "a b", "a\n", "ä", "x" * 65, "a\x00"])
+def test_name_is_plain(layout: Layout, name: str) -> None:
+    found, problems = tokens.create(layout, name, ("read",), None)
+    assert found is None
+    assert [item.code for item in problems] == ["TOKEN-BAD-NAME"]
+    assert not (layout.run / "tokens.json").exists()
+
+
+@pytest.mark.parametrize(
+    ("effects", "hint"), [(("raed",), "did you mean 'read'?"), ((), "effects are"), (("",), "effects")]
+)
+def test_effects_are_known(layout: Layout, effects: Sequence[str], hint: str) -> None:
+    found, problems = tokens.create(layout, "laptop", effects, None)
+    assert found is None
+    assert [item.code for item in problems] == ["TOKEN-BAD-EFFECT"]
+    assert hint in str(problems[0].hint)
+
+
+def test_token_that_is_there_is_not_made_again(layout: Layout) -> None:
+    value = made(layout, "laptop")
+    _, problems = tokens.create(layout, "laptop", ("read",), None)
+    assert [item.code for item in problems] == ["TOKEN-EXISTS"]
+    assert served(layout).find(value) is not None
+
+
+DAMAGED = [
+    "{",
+    "[]",
+    "null",
+    '{"format": 2, "tokens": []}',
+    '{"format": 1}',
+    '{"format": 1, "tokens": {}, "x": 1}',
+    '{"format": 1, "tokens": [{"name": "a"}]}',
+    '{"format": 1, "tokens": [{"name": "a", "sha256": "zz", "effects": [], "created": "", "expires": null}]}',
+    '{"format": 1, "tokens": [{"name": "a", "sha256": "00", "effects": "read", "created": "", "expires": null}]}',
+    '{"format": 1, "tokens": [{"name": "a", "sha256": "00", "effects": [], "created": "", "expires": "soon"}]}',
+    '{"format": 1, "tokens": ["a"]}',
+]
+
+
+@pytest.mark.parametrize("text", DAMAGED)
+def test_damaged_record_lets_nobody_in_and_says_so_once(
+    layout: Layout, text: str, capfd: pytest.CaptureFixture[str]
+) -> None:
+    value = made(layout, "laptop")
+    door = served(layout)
+    assert door.find(value) is not None
+    (layout.run / "tokens.json").write_text(text)
+    assert [door.find(value) for _ in range(5)] == [None] * 5
+    if "{}" not in text:
+        assert capfd.readouterr().err.count("nobody gets in") == 1
+
+
+def test_damaged_record_is_not_overwritten(layout: Layout) -> None:
+    made(layout, "laptop")
+    (layout.run / "tokens.json").write_text("{")
+    for _, problems in (
+        tokens.create(layout, "other", ("read",), None),
+        tokens.rotate(layout, "laptop"),
+        tokens.value_of(layout, "laptop"),
+        tokens.listed(layout),
+        (None, tokens.revoke(layout, "laptop")),
+    ):
+        assert [item.code for item in problems] == ["TOKEN-FILE"]
+    assert (layout.run / "tokens.json").read_text() == "{"
+
+
+def test_lost_value_is_told(layout: Layout) -> None:
+    made(layout, "laptop")
+    tokens.path_of(layout, "laptop").unlink()
+    _, problems = tokens.value_of(layout, "laptop")
+    assert [item.code for item in problems] == ["TOKEN-VALUE-GONE"]
+
+
+def test_changes_at_once_lose_none(layout: Layout) -> None:
+    threads = [threading.Thread(target=made, args=(layout, f"t{number}")) for number in range(12)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert len(tokens.listed(layout)[0]) == 12
+
+
+def test_commands(project: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert octoform(project, "token", "list") == 0
+    assert "nobody gets in" in capsys.readouterr().out
+    assert octoform(project, "token", "create", "laptop", "-effects", "read,actuate", "-expires", "24h", "-json") == 0
+    document: dict[str, Any] = json.loads(capsys.readouterr().out)
+    value = document["value"]
+    assert (document["name"], document["effects"]) == ("laptop", ["read", "actuate"])
+    assert octoform(project, "token", "show", "laptop") == 0
+    assert capsys.readouterr().out == value + "\n"
+    for words in (["token", "list"], ["token", "list", "-json"]):
+        assert octoform(project, *words) == 0
+        shown = capsys.readouterr().out
+        assert "laptop" in shown
+        assert value not in shown
+    assert octoform(project, "token", "rotate", "laptop") == 0
+    assert value not in capsys.readouterr().out
+    assert octoform(project, "token", "revoke", "laptop") == 0
+    assert octoform(project, "token", "show", "laptop") == 1
+    assert "TOKEN-UNKNOWN" in capsys.readouterr().err
+
+
+def test_token_may_only_read_unless_more_is_said(project: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert octoform(project, "token", "create", "laptop") == 0
+    out = capsys.readouterr().out
+    assert "it may call read." in out
+    listed, _ = tokens.listed(Layout(project, "bench"))
+    assert listed[0].effects == ("read",)
+    assert octoform(project, "token", "create", "other", "-expires", "1d") == 1
