@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from octoform.diagnostics import Diagnostic, did_you_mean, error, warning
+from octoform.endpoint import tokens
 from octoform.endpoint.clients import formats, installing, merging
 from octoform.endpoint.clients.formats import CLIENTS, Client
 from octoform.endpoint.clients.installing import Outcome, Server, Sight
@@ -184,12 +185,12 @@ def _no_http(reason: str) -> Diagnostic:
 
 def _token(layout: Layout) -> str | None:
     """The value of the token that octoform made itself, or of the only one."""
-    folder = layout.run / "tokens"
+    folder = tokens.path_of(layout, tokens.DEFAULT).parent
     try:
         values = {path.name: path.read_text(encoding="ascii").strip() for path in folder.iterdir() if path.is_file()}
     except OSError:
         return None
-    return values.get("default") or (next(iter(values.values())) if len(values) == 1 else None)
+    return values.get(tokens.DEFAULT) or (next(iter(values.values())) if len(values) == 1 else None)
 
 
 def _url(layout: Layout) -> str | None:

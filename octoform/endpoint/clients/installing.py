@@ -70,15 +70,26 @@ class Sight:
     problem: Diagnostic | None = None
 
 
-def file_of(client: Client, around: Surroundings) -> Path:
-    """The file that the client would read: the first that is there, else the preferred one."""
+def file_of(client: Client, around: Surroundings, server: Server | None = None) -> Path:
+    """The file that the client would read: the one with the server, else the first there is, else the preferred one."""
     places = client.places(around)
-    return next((path for path in places if path.exists()), places[0])
+    there = [path for path in places if path.exists()]
+    if server is not None and len(there) > 1:
+        there.sort(key=lambda path: not _holds(client, path, server))
+    return there[0] if there else places[0]
+
+
+def _holds(client: Client, path: Path, server: Server) -> bool:
+    found = config_file.find(path)
+    if isinstance(found, Diagnostic):
+        return False
+    content = merging.NOTATIONS[client.notation].read(found.text)
+    return not isinstance(content, Unreadable) and _standing(client, content, server) is not None
 
 
 def look(client: Client, around: Surroundings, server: Server) -> Sight:
     """Whether the endpoint is in the client's file; nothing is written."""
-    path = file_of(client, around)
+    path = file_of(client, around, server)
     found = config_file.find(path)
     if isinstance(found, Diagnostic):
         return Sight(client, path, True, "unreadable", problem=found)
@@ -97,7 +108,7 @@ def look(client: Client, around: Surroundings, server: Server) -> Sight:
 
 def install(client: Client, around: Surroundings, server: Server) -> Outcome | Diagnostic:
     """Bring the endpoint in; the file is as it was when that cannot be done."""
-    path = file_of(client, around)
+    path = file_of(client, around, server)
     for _ in range(TRIES):
         found = config_file.find(path)
         if isinstance(found, Diagnostic):
@@ -118,7 +129,7 @@ def install(client: Client, around: Surroundings, server: Server) -> Outcome | D
 
 def remove(client: Client, around: Surroundings, server: Server) -> Outcome | Diagnostic:
     """Take the endpoint out; what was there before stands there again, byte for byte when nothing else changed."""
-    path = file_of(client, around)
+    path = file_of(client, around, server)
     for _ in range(TRIES):
         found = config_file.find(path)
         if isinstance(found, Diagnostic):

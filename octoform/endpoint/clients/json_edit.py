@@ -196,18 +196,32 @@ def _without(text: str, node: Node, member: Member | None) -> str:
     begin = node.start + 1
     if before is not None:
         begin = before.comma + 1 if before.comma is not None else before.node.end
+    comments = [found[0] for found in COMMENT.finditer(text, begin, member.start)]
     begin = _after_comments(text, begin, member.start)
+    cuts = [(begin, member.node.end)]
     if member.comma is not None:
-        text = text[:begin] + text[member.node.end : member.comma] + text[member.comma + 1 :]
+        cuts.append((member.comma, member.comma + 1))
     elif before is not None and before.comma is not None:
-        text = text[: before.comma] + text[before.comma + 1 : begin] + text[member.node.end :]
-    else:
-        text = text[:begin] + text[member.node.end :]
-    left = len(node.members) == 1
-    closing = node.end - 1 - (member.node.end - begin) - (member.comma is not None)
-    if left and not text[node.start + 1 : closing].strip():
-        text = text[: node.start + 1] + text[closing:]
-    return text
+        cuts.insert(0, (before.comma, before.comma + 1))
+    kept = "".join(text[start:end] for start, end in _between(cuts, node.start + 1, node.end - 1))
+    if len(node.members) == 1 and not kept.strip():
+        kept = ""
+    elif comments and comments[-1].startswith("//") and not _broken(_blanks(text, cuts[-1][1])):
+        # What follows would become part of the comment.
+        lead = begin - (node.start + 1) - sum(end - start for start, end in cuts if end <= begin)
+        kept = kept[:lead] + line_end(text) + kept[lead:]
+    return text[: node.start + 1] + kept + text[node.end - 1 :]
+
+
+def _between(cuts: list[tuple[int, int]], start: int, end: int) -> list[tuple[int, int]]:
+    """The spans that stay."""
+    edges = [start, *(edge for cut in cuts for edge in cut), end]
+    return list(zip(edges[::2], edges[1::2], strict=True))
+
+
+def _blanks(text: str, begin: int) -> str:
+    """The blanks from a place on, to the end of the line and over it."""
+    return text[begin : len(text) - len(text[begin:].lstrip())]
 
 
 def _after_comments(text: str, begin: int, end: int) -> int:

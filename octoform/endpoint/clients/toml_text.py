@@ -13,8 +13,8 @@ from typing import Any
 from octoform.endpoint.clients.text import Notation, Path, Unreadable, at, line_end, nested
 
 _BARE = re.compile(r"[A-Za-z0-9_-]+")
-_HEADER = re.compile(r"^[ \t]*\[[ \t]*([^\[\]\r\n][^\r\n]*?)[ \t]*\][ \t]*(?:#[^\r\n]*)?\r?$", re.MULTILINE)
-_ANY_HEADER = re.compile(r"^[ \t]*\[", re.MULTILINE)
+_HEADER = re.compile(r"^[ \t]*\[(?:\[([^\[\]\r\n]+)\]|([^\[\]\r\n]+))\][ \t]*(?:#[^\r\n]*)?\r?$", re.MULTILINE)
+_COMMENT = re.compile(r"^[ \t]*#.*$", re.MULTILINE)
 _WHERE = re.compile(r"\(at line (\d+), column (\d+)\)|\(at end of document\)")
 
 
@@ -62,7 +62,8 @@ def drop(text: str, path: Path) -> str | Unreadable:
 
 def where(text: str, path: Path) -> int | None:
     """Where the table at a path has its header; a table without one has no place."""
-    return next((found.start() for found in _HEADER.finditer(text) if _path(found[1]) == path), None)
+    headers = ((found.start(), _path(found[1] or found[2])) for found in _HEADER.finditer(text))
+    return next((start for start, keys in headers if keys == path), None)
 
 
 TOML = Notation(read, put, drop, where)
@@ -95,33 +96,17 @@ def _value(value: Any) -> str:
 
 def _without_table(text: str, path: Path) -> str | None:
     """The text without the lines of a table and of the tables in it; None when that is not what would be gone."""
-    begin = end = None
-    for found in _HEADER.finditer(text):
-        if begin is None and _path(found[1]) == path:
-            begin = found.start()
-        elif begin is not None and _path(found[1])[: len(path)] != path:
-            end = found.start()
-            break
-    if begin is None:
+    headers = [(found.start(), _path(found[1] or found[2])) for found in _HEADER.finditer(text)]
+    ends = [start for start, _ in headers[1:]] + [len(text)]
+    shorter = text
+    for (start, keys), end in reversed(list(zip(headers, ends, strict=True))):
+        if keys[: len(path)] == path:
+            before, after = text[:start], shorter[start + len(_content(text[start:end])) :]
+            # The blank line above parted the table from what stands before.
+            shorter = (before if after.strip() else re.sub(r"(\r?\n)[ \t]*\r?\n\Z", r"\1", before)) + after
+    if shorter == text:
         return None
-    end = _first_array(text, begin, len(text) if end is None else end, path)
-    end = begin + len(_content(text[begin:end]))
-    before = text[:begin]
-    after = text[end:]
-    if not after:
-        # The blank line above parted the table from what stands before.
-        before = re.sub(r"(\r?\n)[ \t]*\r?\n\Z", r"\1", before)
-    shorter = before + after
-    wanted = _taken(read(text), path)
-    return shorter if _same(read(shorter), wanted) else None
-
-
-def _first_array(text: str, begin: int, end: int, path: Path) -> int:
-    """Where the first ``[[header]]`` stands that is not inside the table, if it comes before the end."""
-    for found in re.finditer(r"^[ \t]*\[\[[ \t]*([^\[\]\r\n]+?)[ \t]*\]\]", text[begin:end], re.MULTILINE):
-        if _path(found[1])[: len(path)] != path:
-            return begin + found.start()
-    return end
+    return shorter if _same(read(shorter), _taken(read(text), path)) else None
 
 
 def _content(lines: str) -> str:
@@ -189,4 +174,6 @@ def _edited(text: str, path: Path, value: Any, *, remove: bool) -> str | Unreada
         out = tomlkit.dumps(document)
     except (TOMLKitError, TypeError, KeyError) as problem:
         return Unreadable(f"the table has no room for a change: {problem}")
+    if sorted(_COMMENT.findall(out)) != sorted(_COMMENT.findall(text)):
+        return Unreadable("a comment would be lost")
     return re.sub(r"(?<!\r)\n", newline, out) if newline == "\r\n" and not re.search(r"(?<!\r)\n", text) else out

@@ -6,12 +6,14 @@ alone. What comes in is written with JSON's strings and lists, which every YAML 
 """
 
 import json
+import re
 from dataclasses import dataclass
 from typing import Any
 
 from octoform.endpoint.clients.text import Notation, Path, Unreadable, line_end, line_start, rest_of_line
 
 _STEP = "  "
+_ALIAS = re.compile(r"\*[^\s,\[\]{}]+")
 
 
 def read(text: str) -> dict[str, Any] | Unreadable:
@@ -121,22 +123,27 @@ def _composed(text: str) -> _Node | Unreadable | None:
     if isinstance(content, Unreadable):
         return content
     root = Library(typ="safe", pure=True).compose(text)
-    return None if root is None or root.value == "" else _node(root)
+    return None if root is None or root.value == "" else _node(root, text, 0)
 
 
-def _node(found: Any) -> _Node:
+def _node(found: Any, text: str, after: int) -> _Node:
+    """The node of a value that stands behind ``after``; an alias is none of what it refers to."""
+    if found.start_mark.index < after:
+        alias = _ALIAS.search(text, after)
+        end = alias.end() if alias else after
+        return _Node(alias.start() if alias else after, end, "alias", True, [])
     pairs: list[_Pair] = []
     last = None
     if found.id == "mapping":
         for key, value in found.value:
-            inner = _node(value)
             mark = key.start_mark
+            inner = _node(value, text, mark.index)
             pair = _Pair(str(key.value), mark.index, key.end_mark.index, mark.column, inner)
             inner.parent = pair
             pairs.append(pair)
             last = inner
     elif found.id == "sequence" and found.value:
-        last = _node(found.value[-1])
+        last = _node(found.value[-1], text, found.start_mark.index)
     flow = bool(found.flow_style) if found.id != "scalar" else True
     return _Node(found.start_mark.index, found.end_mark.index, found.id, flow, pairs, None, last)
 
