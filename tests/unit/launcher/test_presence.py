@@ -109,6 +109,23 @@ def test_an_event_of_the_kernel_makes_it_look_and_a_change_event_does_not(
         until(lambda: watched.told == [{CAMERA}])
 
 
+@pytest.mark.parametrize(
+    ("event", "counts"),
+    [
+        (b"add@/devices/usb1/1-5\0ACTION=add\0", True),
+        (b"unbind@/devices/usb1/1-5\0", True),
+        (b"change@/devices/power_supply/BAT0\0ACTION=change\0", False),
+        (b"libudev\0\xfe\xed\xca\xfe", False),
+        (b"", False),
+    ],
+)
+def test_what_neither_comes_nor_goes_is_no_reason_to_look(event: bytes, counts: bool) -> None:
+    kernel, events = socket.socketpair(socket.AF_UNIX, socket.SOCK_DGRAM)
+    with kernel, events:
+        kernel.send(event)
+        assert presence._is_plugging(events) is counts
+
+
 def test_only_the_kernel_is_believed() -> None:
     events = presence.kernel_events()
     if events is None:
