@@ -1,46 +1,18 @@
-"""The entry point: parse, run the one command, leave with its exit code.
+"""The entry point. A client's pipe is taken up before anything else is loaded: clients start it for each conversation."""
 
-A command's module is imported only when it is chosen; ``--help`` and a plan with nothing to do import next to nothing.
-"""
-
-import os
 import sys
-from argparse import Namespace
 from collections.abc import Sequence
-from importlib import import_module
-from pathlib import Path
-
-from octoform.cli.options import UsageError
-from octoform.cli.parser import parse
-from octoform.cli.stopping import Stopped, orderly
-from octoform.views import console, problems
 
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the command line; the exit codes are those of ``octoform --help``."""
-    screen = console.for_process()
-    try:
-        with orderly():
-            arguments = parse(sys.argv[1:] if argv is None else argv)
-            if arguments.version:
-                return problems.version(screen)
-            return _run(arguments, screen)
-    except UsageError as problem:
-        return problems.usage(screen, str(problem), problem.usage)
-    except Stopped as stopped:
-        return problems.stopped(screen, stopped.number)
-    except KeyboardInterrupt:
-        return problems.interrupted(screen)
-    except BrokenPipeError:
-        # Whoever read the output is gone; there is nobody left to tell, and Python must not try again at exit.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        return 1
+    words = sys.argv[1:] if argv is None else list(argv)
+    if words[-2:-1] == ["connect"]:
+        from octoform.cli.shortcut import connected
 
+        status = connected(words)
+        if status is not None:
+            return status
+    from octoform.cli.dispatch import dispatch
 
-def _run(arguments: Namespace, screen: console.Console) -> int:
-    project = Path(arguments.chdir).resolve()
-    if not project.is_dir():
-        raise UsageError(f"-chdir: {arguments.chdir} is not a folder", "")
-    command = import_module(f"octoform.cli.commands.{arguments.command.replace('-', '_')}")
-    status: int = command.run(arguments, project, screen)
-    return status
+    return dispatch(words)

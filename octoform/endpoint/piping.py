@@ -7,21 +7,22 @@ clients, so it loads nothing that a pipe does not need.
 import os
 import select
 import socket
-from dataclasses import dataclass
 
 CHUNK = 1 << 16
 MOST_WAITING = 1 << 20
 """Bytes that may wait for a slow reader before its writer is made to wait too."""
 
 
-@dataclass(slots=True)
 class _Way:
     """One direction: bytes read that are not yet written."""
 
-    source: int
-    target: int
-    waiting: bytes = b""
-    ended: bool = False
+    __slots__ = ("ended", "source", "target", "waiting")
+
+    def __init__(self, source: int, target: int) -> None:
+        self.source = source
+        self.target = target
+        self.waiting = b""
+        self.ended = False
 
 
 def pipe(connection: socket.socket, stdin: int = 0, stdout: int = 1) -> bool:

@@ -26,7 +26,7 @@ def test_a_signal_becomes_an_exception_with_its_number(number: int) -> None:
 
 
 def test_nothing_stays_installed_and_nothing_is_at_import() -> None:
-    code = "import signal, octoform.cli.main; print([signal.getsignal(n) is signal.SIG_DFL for n in (15, 1)])"
+    code = "import signal, octoform.cli.dispatch; print([signal.getsignal(n) is signal.SIG_DFL for n in (15, 1)])"
     command = [sys.executable, "-c", code]
     assert subprocess.run(command, capture_output=True, text=True, check=True).stdout == "[True, True]\n"
     with orderly():

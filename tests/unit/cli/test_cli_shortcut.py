@@ -1,0 +1,37 @@
+"""The short way of a client's pipe leads where the long one does."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from octoform.cli import shortcut
+from octoform.state.layout import Layout
+
+LEAN = ("argparse", "asyncio", "dataclasses", "fastmcp", "inspect", "json", "pathlib", "pydantic", "re", "subprocess")
+
+
+def test_the_socket_is_the_hosts_own() -> None:
+    layout = Layout(Path("/srv/bench"), "left-arm")
+    assert f"/srv/bench{shortcut.PLACE.format(host='left-arm')}" == str(layout.socket)
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ["connect", "../elsewhere"],
+        ["connect", ""],
+        ["-json", "connect", "bench"],
+        ["-chdir=/nowhere", "extra", "connect", "bench"],
+        ["-chdir=/nowhere", "connect", "bench"],
+    ],
+)
+def test_what_is_not_that_simple_takes_the_long_way(words: list[str]) -> None:
+    assert shortcut.connected(words) is None
+
+
+def test_the_short_way_loads_next_to_nothing() -> None:
+    code = f"import sys, octoform.cli.main, octoform.cli.shortcut; print(sorted(set(sys.modules) & set({LEAN!r})))"
+    done = subprocess.run([sys.executable, "-I", "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "[]"
