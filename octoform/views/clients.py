@@ -12,6 +12,7 @@ from octoform.views import problems
 from octoform.views.console import Console
 from octoform.views.text import escape
 
+_WIDTH = 160
 _SAID = {
     "added": "added to",
     "updated": "brought up to date in",
@@ -64,15 +65,21 @@ def outcome(console: Console, done: Outcome, diagnostics: Sequence[Diagnostic], 
     kind = f" ({done.transport})" if done.transport else ""
     console.line(f"{done.client.title}: the endpoint{kind} {_SAID[done.state]} {escape(str(done.file))}")
     for hunk in done.hunks:
-        for mark, text, colour in (("-", hunk.removed, "red"), ("+", hunk.added, "green")):
-            for line in text.strip(",\r\n").splitlines():
-                if line.strip():
-                    console.line(console.paint(f"  {hunk.line:>5} {mark} {escape(line)}", colour))
+        for line in _lines(hunk.removed):
+            console.line(console.paint(f"        - {line}", "red"))
+        for number, line in enumerate(_lines(hunk.added), hunk.line):
+            console.line(console.paint(f"  {number:>5} + {line}", "green"))
     if done.backup is not None:
         console.line(f"  the file as it was: {escape(str(done.backup))}")
     for note in notes(done):
         console.line(f"  {note}")
     return 0
+
+
+def _lines(text: str) -> list[str]:
+    """The lines of a change, without the comma and line end that part it from what stands before."""
+    lines = [escape(line) for line in text.lstrip(",\r\n").rstrip().splitlines()]
+    return [line if len(line) <= _WIDTH else line[:_WIDTH] + "…" for line in lines]
 
 
 def _outcome(done: Outcome) -> dict[str, Any]:
