@@ -52,11 +52,10 @@ class Line:
             self.unplug()
 
 
-def host(root: Path, lines: dict[str, Line]) -> Path:
-    """An endpoint's folder on a host that has these lines as USB serial devices (ids ``usb-<vid>-<pid>``)."""
-    folder = root / "endpoint"
-    folder.mkdir()
-    system, instances, stop = root / "system", {}, []
+def plant(root: Path, lines: dict[str, Line]) -> tuple[Path, Path]:
+    """The system root of a host that has these lines as USB serial devices (ids ``usb-<vid>-<pid>``), and its
+    instances file."""
+    system, instances = root / "system", {}
     for number, (name, line) in enumerate(lines.items(), 1):
         unit = system / f"sys/devices/usb1/1-{number}"
         member = unit / f"tty/ttyACM{number}"
@@ -72,8 +71,16 @@ def host(root: Path, lines: dict[str, Line]) -> Path:
         (system / "dev").mkdir(exist_ok=True)
         (system / f"dev/ttyACM{number}").symlink_to(line.node)
         instances[name] = {"sysfs": f"/sys/devices/usb1/1-{number}", "port": f"1-{number}", "strength": "positional"}
-        stop.append({"device": name, "class": "tty", "baud": 115200, "write": STOP, "source": "profile arm"})
     (root / "instances.json").write_text(json.dumps({"format": 1, "devices": instances}))
+    return system, root / "instances.json"
+
+
+def host(root: Path, lines: dict[str, Line]) -> Path:
+    """An endpoint's folder on such a host, with a stop action for every line."""
+    system, _ = plant(root, lines)
+    folder = root / "endpoint"
+    folder.mkdir()
+    stop = [{"device": name, "class": "tty", "baud": 115200, "write": STOP, "source": "profile arm"} for name in lines]
     policy = {"format": 1, "mode": "enforce", "tools": {}, "stop": stop}
     (folder / "policy.json").write_text(json.dumps(policy))
     connection = {"environment": {"OCTOFORM_SYSROOT": str(system)}, "server": {"path": "/nowhere/server.py"}}

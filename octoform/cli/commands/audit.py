@@ -1,0 +1,25 @@
+"""``audit``: what was allowed, refused, approved, stopped; ``audit -verify``: whether the log is as it was written."""
+
+import os
+from argparse import Namespace
+from pathlib import Path
+
+from octoform.cli.options import UsageError
+from octoform.engine.guarding import check_records, records
+from octoform.views import guarding, problems
+from octoform.views.console import Console
+
+
+def run(arguments: Namespace, project: Path, screen: Console) -> int:
+    """Exit code 1 when something was done to the log."""
+    if arguments.verify:
+        checked, found = check_records(project, os.environ)
+        if checked is None:
+            return problems.show(screen, found, as_json=arguments.json)
+        return guarding.checked(screen, checked, found, as_json=arguments.json)
+    if not arguments.n.isdecimal():
+        raise UsageError(f"-n: {arguments.n!r} is no number of lines", "")
+    latest, found = records(project, os.environ, int(arguments.n))
+    if latest is None:
+        return problems.show(screen, found, as_json=arguments.json)
+    return guarding.records(screen, latest, as_json=arguments.json)

@@ -1,0 +1,18 @@
+"""``estop``: everything that moves, now; ``estop -clear`` lets it move again."""
+
+from argparse import Namespace
+from pathlib import Path
+
+from octoform.engine.guarding import clear, stop
+from octoform.views import guarding, problems
+from octoform.views.console import Console
+
+
+def run(arguments: Namespace, project: Path, screen: Console) -> int:
+    """Exit code 0 only when it is latched and every stop action was done; with -clear, when it is open."""
+    done, found = clear(project) if arguments.clear else stop(project, arguments.reason or "")
+    if found:
+        return problems.show(screen, found, as_json=arguments.json)
+    if arguments.clear:
+        return guarding.cleared(screen, done, as_json=arguments.json)
+    return guarding.stopped(screen, done, as_json=arguments.json)

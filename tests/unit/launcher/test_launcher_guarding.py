@@ -1,0 +1,219 @@
+"""Emergency stop, audit log and limits at the terminal, against an endpoint that runs, hangs, or is not there."""
+
+import asyncio
+import json
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import threading
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from launched import Launched, launched, tool
+from launcher_lines import STOP, Line, plant
+
+SOURCE = '''
+from fastmcp import FastMCP
+mcp = FastMCP("bench")
+
+@mcp.tool
+def read_steps() -> dict[str, int]:
+    """How far it is."""
+    return {"steps": 1}
+
+@mcp.tool
+def move_rail(steps: int) -> dict[str, int]:
+    """Move the rail."""
+    return {"steps": steps}
+'''
+DEVICE = "usb-1a86-7523"
+LIMITS = [
+    {"kind": "range", "parameter": "steps", "minimum": -100, "maximum": 100, "unit": "raw", "source": "profile rail"},
+    {"kind": "cumulative", "parameter": "steps", "most": 150, "source": "policy.limits[0]"},
+    {"kind": "rate", "calls": 100, "seconds": 60.0, "source": "policy.limits[1]"},
+]
+POLICY = {
+    "tools": {"move_rail": {"limits": LIMITS, "source": "default for actuate tools"}},
+    "stop": [{"device": DEVICE, "class": "tty", "baud": 115200, "write": STOP, "source": "profile rail"}],
+}
+MANIFEST = "version: 1\nhost: bench\nharness: builtin\n"
+
+
+@pytest.fixture
+def line() -> Iterator[Line]:
+    made = Line()
+    yield made
+    made.close()
+
+
+@pytest.fixture
+def bench(tmp_path: Path, line: Line) -> Iterator[Launched]:
+    (tmp_path / "octopus.yaml").write_text(MANIFEST)
+    system, instances = plant(tmp_path, {DEVICE: line})
+    (tmp_path / ".octoform/bench").mkdir(parents=True)
+    shutil.copy(instances, tmp_path / ".octoform/bench/instances.json")
+    tools = [tool("read_steps"), tool("move_rail", "actuate", DEVICE)]
+    with launched(tmp_path, SOURCE, tools, policy=POLICY, environ={"OCTOFORM_SYSROOT": str(system)}) as endpoint:
+        yield endpoint
+
+
+def octoform(endpoint: Launched, *arguments: str) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-m", "octoform.cli", f"-chdir={endpoint.layout.project}", *arguments]
+    environ = {**os.environ, "OCTOFORM_SYSROOT": str(endpoint.layout.project / "system")}
+    return subprocess.run(command, capture_output=True, text=True, timeout=60, env=environ, check=False)
+
+
+def answer(endpoint: Launched, *arguments: str) -> tuple[int, dict[str, Any]]:
+    done = octoform(endpoint, *arguments, "-json")
+    return done.returncode, json.loads(done.stdout)
+
+
+def call(endpoint: Launched, name: str, **arguments: Any) -> str:
+    """The text of a call's error; empty when it went well."""
+
+    async def asked() -> str:
+        async with endpoint.client() as client:
+            result = await client.call_tool(name, arguments, raise_on_error=False)
+            return result.content[0].text if result.is_error else ""
+
+    return asyncio.run(asked())
+
+
+def test_estop_of_a_running_endpoint(bench: Launched, line: Line) -> None:
+    assert call(bench, "move_rail", steps=1) == ""
+    done = octoform(bench, "estop", "-reason", "smoke")
+    assert (done.returncode, done.stderr) == (0, "")
+    assert "bench: stopped. Nothing that moves is called until it is cleared." in done.stdout
+    assert "at the terminal at 20" in done.stdout and ": smoke" in done.stdout
+    assert f"done  {DEVICE}: wrote 8 bytes to " in done.stdout
+    assert "octoform did it itself" not in done.stdout
+    assert line.received(8) == bytes.fromhex(STOP)
+    assert "estop" in call(bench, "move_rail", steps=1)
+    assert call(bench, "read_steps") == ""
+    status, cleared = answer(bench, "estop", "-clear")
+    assert (status, cleared["ok"], cleared["endpoints"][0]["reason"]) == (0, True, "smoke")
+    assert call(bench, "move_rail", steps=1) == ""
+    assert "was not latched" in octoform(bench, "estop", "-clear").stdout
+    events = [record["event"] for record in answer(bench, "audit")[1]["records"]]
+    assert [event for event in events if event.startswith("estop")] == ["estop", "estop_actions", "estop_cleared"]
+
+
+def test_estop_without_a_process_and_without_a_manifest(bench: Launched, line: Line) -> None:
+    bench.stop()
+    (bench.layout.project / "octopus.yaml").write_text("broken: [")
+    status, stopped = answer(bench, "estop")
+    assert (status, stopped["ok"], stopped["endpoints"][0]["direct"]) == (0, True, True)
+    assert line.received(8) == bytes.fromhex(STOP)
+    bench.start()
+    assert "estop" in call(bench, "move_rail", steps=1)
+    assert octoform(bench, "estop", "-clear").returncode == 0
+    assert call(bench, "move_rail", steps=1) == ""
+
+
+def test_estop_of_a_process_that_hangs(bench: Launched, line: Line) -> None:
+    pid = bench.process.pid
+    os.kill(pid, signal.SIGSTOP)
+    try:
+        status, stopped = answer(bench, "estop")
+    finally:
+        os.kill(pid, signal.SIGCONT)
+    found = stopped["endpoints"][0]
+    assert (status, found["latched"], found["stopped"][0]["ok"]) == (1, True, True)
+    assert any(f"(pid {pid}) but did not answer" in text for text in found["problems"])
+    assert line.received(8) == bytes.fromhex(STOP)
+    assert "estop" in call(bench, "move_rail", steps=1)
+    assert answer(bench, "audit", "-verify")[1]["ok"] is True
+
+
+def test_a_device_that_is_gone_is_told_and_exit_status_is_1(bench: Launched, line: Line) -> None:
+    line.unplug()
+    done = octoform(bench, "estop")
+    assert done.returncode == 1
+    assert f"FAILED  {DEVICE}: " in done.stdout
+    assert "bench: stopped." in done.stdout
+
+
+def test_many_terminals_at_once(bench: Launched) -> None:
+    results: list[tuple[int, dict[str, Any]]] = []
+    kinds = [("estop",), ("estop", "-clear")] * 4
+    threads = [threading.Thread(target=lambda kind=kind: results.append(answer(bench, *kind))) for kind in kinds]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join(60)
+    assert len(results) == 8
+    records = answer(bench, "audit", "-n", "1000")[1]["records"]
+    last = [record["event"] for record in records if record["event"] in ("estop", "estop_cleared")]
+    assert last.count("estop") == 4
+    latched = bench.ask("status")["estop"] is not None
+    assert latched is (last[-1] == "estop")
+    assert answer(bench, "audit", "-verify")[1]["ok"] is True
+
+
+def test_no_endpoint_is_said(tmp_path: Path) -> None:
+    command = [sys.executable, "-m", "octoform.cli", f"-chdir={tmp_path}", "estop"]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
+    assert done.returncode == 1
+    assert "error[ENDPOINT-NOT-APPLIED]: there is no endpoint in this folder" in done.stderr
+
+
+@pytest.mark.parametrize("runs", [True, False], ids=["running", "stopped"])
+def test_limits_are_shown_and_set_back(bench: Launched, runs: bool) -> None:
+    assert call(bench, "move_rail", steps=100) == ""
+    assert "would bring the sum over all calls to 200" in call(bench, "move_rail", steps=100)
+    if not runs:
+        bench.stop()
+    done = octoform(bench, "limits")
+    assert done.returncode == 0
+    assert done.stdout.splitlines() == [
+        "move_rail  actuate, allow  (default for actuate tools)",
+        "    steps: -100 to 100 raw  (profile rail)",
+        "    steps: sum of all calls 150 at most; it is 100  (policy.limits[0])",
+        "    100 calls in 60 s; 1 used  (policy.limits[1])",
+        "read_steps  read, allow  (default)",
+    ]
+    assert "did you mean" in octoform(bench, "limits", "-reset", "move_rails").stderr
+    assert octoform(bench, "limits", "-reset", "move_rail").returncode == 0
+    assert answer(bench, "limits")[1]["tools"][0]["sums"] == {}
+    assert call(bench, "move_rail", steps=100) == ""
+    assert "limits_reset" in octoform(bench, "audit").stdout
+
+
+def test_the_audit_log_at_the_terminal(bench: Launched) -> None:
+    assert call(bench, "move_rail", steps=5) == ""
+    assert "above the most" in call(bench, "move_rail", steps=1000)
+    lines = octoform(bench, "audit", "-n", "3").stdout.splitlines()
+    assert len(lines) == 3
+    assert "refuse           move_rail local steps=1000 steps 1000 raw is above the most" in lines[2]
+    done = octoform(bench, "audit", "-verify")
+    assert done.returncode == 0
+    assert "The audit log is as it was written:" in done.stdout
+    bench.stop()
+    log = bench.layout.logs / "audit.jsonl"
+    log.write_bytes(log.read_bytes().replace(b'"steps":5', b'"steps":6', 1))
+    done = octoform(bench, "audit", "-verify")
+    assert done.returncode == 1
+    assert "error[AUDIT-BROKEN]: record " in done.stderr and "audit.jsonl:" in done.stderr
+    status, verdict = answer(bench, "audit", "-verify")
+    assert (status, verdict["ok"], verdict["diagnostics"][0]["code"]) == (1, False, "AUDIT-BROKEN")
+
+
+def test_the_latest_records_come_from_logs_set_aside_too(tmp_path: Path) -> None:
+    from octoform.endpoint import auditing
+    from octoform.launcher.audit import Audit
+    from octoform.state.layout import Layout
+
+    layout = Layout(tmp_path, "bench")
+    assert auditing.latest(layout, 5) == ([], [])
+    audit = Audit.open(layout.logs, rotate_bytes=2000)
+    for number in range(60):
+        audit.write("call", number=number)
+    for count in (0, 1, 7, 45, 1000):
+        found, _ = auditing.latest(layout, count)
+        sequence = [record["seq"] for record in found]
+        assert sequence == list(range(audit.head[0] + 1))[1:][-count:] if count else sequence == []
+    assert len(list(layout.logs.glob("audit-*.jsonl"))) > 4
