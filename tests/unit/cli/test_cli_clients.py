@@ -1,0 +1,135 @@
+"""`clients` and `connect -print` as a person and a program use them, without any client installed."""
+
+import json
+import re
+import tomllib
+from pathlib import Path
+from typing import Any
+
+import pytest
+from ruamel.yaml import YAML
+
+from octoform.cli.main import main
+from octoform.endpoint.clients.formats import CLIENTS
+from octoform.endpoint.publishing import client_command
+from octoform.endpoint.snippets import snippets
+from octoform.state.layout import Layout
+
+DOCUMENT = Path(__file__).parents[3] / "docs" / "clients.md"
+MANIFEST = "version: 1\nhost: bench\nharness: builtin\n"
+URL = "http://127.0.0.1:7777/mcp"
+
+
+@pytest.fixture
+def project(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A project whose host has an endpoint, and a home folder of its own."""
+    for name in ("XDG_CONFIG_HOME", "CODEX_HOME", "CLAUDE_CONFIG_DIR", "GEMINI_CLI_HOME", "VSCODE_PORTABLE"):
+        monkeypatch.delenv(name, raising=False)
+    monkeypatch.setenv("HOME", str(tmp_path / "home"))
+    (tmp_path / "home").mkdir()
+    folder = tmp_path / "rig"
+    folder.mkdir()
+    (folder / "octopus.yaml").write_text(MANIFEST)
+    Layout(folder, "bench").endpoint.mkdir(parents=True)
+    return folder
+
+
+def parsed(file: str, text: str) -> Any:
+    if file.endswith(".toml"):
+        return tomllib.loads(text)
+    return YAML(typ="safe").load(text) if file.endswith(".yaml") else json.loads(text)
+
+
+@pytest.mark.parametrize("client", CLIENTS.values(), ids=list(CLIENTS))
+def test_what_is_printed_is_what_is_installed(client: Any, project: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main([f"-chdir={project}", "connect", "-print", client.key]) == 0
+    printed = capsys.readouterr()
+    assert main([f"-chdir={project}", "clients", "install", client.key, "-json"]) == 0
+    done = json.loads(capsys.readouterr().out)
+    assert (done["state"], done["transport"], done["backup"], done["diagnostics"]) == ("added", "stdio", None, [])
+    assert Path(done["file"]).read_text() == printed.out
+    assert f"for {done['file']}\n" == printed.err
+    content = parsed(client.file, printed.out)
+    for key in client.table:
+        content = content[key]
+    said = json.dumps(content["octoform-bench"])
+    assert all(json.dumps(word) in said for word in client_command(Layout(project, "bench")))
+    assert printed.out == snippets("octoform-bench", client_command(Layout(project, "bench")))[client.file]
+    assert main([f"-chdir={project}", "clients", "list", "-json"]) == 0
+    listed = {item["client"]: item["state"] for item in json.loads(capsys.readouterr().out)["clients"]}
+    assert listed == {key: "installed" if key == client.key else "absent" for key in CLIENTS}
+    assert main([f"-chdir={project}", "clients", "remove", client.key]) == 0
+    assert "removed from" in capsys.readouterr().out
+    assert not Path(done["file"]).exists()
+
+
+@pytest.mark.parametrize(
+    "word, hint",
+    [("gemni", "gemini-cli"), ("Claud Code", "claude-code"), ("vscodium", "vscode"), ("nothing", "known clients: ")],
+)
+def test_a_slip_in_a_name_is_understood(
+    project: Path, capsys: pytest.CaptureFixture[str], word: str, hint: str
+) -> None:
+    assert main([f"-chdir={project}", "clients", "install", word]) == 1
+    said = capsys.readouterr().err
+    assert "CLIENT-UNKNOWN" in said and hint in said
+
+
+@pytest.mark.parametrize("word", ["Claude Code", "claude_code", "CLAUDE", "claude-code"])
+def test_a_name_may_be_spelt_as_it_is_spoken(project: Path, capsys: pytest.CaptureFixture[str], word: str) -> None:
+    assert main([f"-chdir={project}", "connect", "-print", word]) == 0
+    assert "mcpServers" in capsys.readouterr().out
+
+
+def test_http_is_refused_where_there_is_no_address(project: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    for client in ("cursor", "claude-desktop"):
+        assert main([f"-chdir={project}", "clients", "install", client, "-transport", "http"]) == 1
+        assert "CLIENT-NO-HTTP" in capsys.readouterr().err
+    assert main([f"-chdir={project}", "clients", "install", "cursor", "-transport", "smoke"]) == 1
+    assert "neither stdio nor http" in capsys.readouterr().err
+    assert list((project.parent / "home").iterdir()) == []
+
+
+def test_without_an_endpoint_nothing_is_written(project: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    Layout(project, "bench").endpoint.rmdir()
+    for words in (["clients", "install", "cursor"], ["connect", "-print", "cursor"], ["clients", "list"]):
+        assert main([f"-chdir={project}", *words]) == 1
+        assert "ENDPOINT-NOT-APPLIED" in capsys.readouterr().err
+    assert list((project.parent / "home").iterdir()) == []
+
+
+def test_a_broken_file_is_shown_with_its_line(project: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = project.parent / "home" / ".cursor" / "mcp.json"
+    path.parent.mkdir()
+    path.write_text('{\n  "mcpServers" {}\n}\n')
+    assert main([f"-chdir={project}", "clients", "install", "cursor"]) == 1
+    said = capsys.readouterr().err
+    assert "CLIENT-FILE-SYNTAX" in said and "mcp.json:2:16" in said and "a colon is expected here" in said
+    assert main([f"-chdir={project}", "clients", "list"]) == 0
+    assert "cannot be read" in capsys.readouterr().out
+
+
+def test_the_document_tells_every_client_and_its_file(
+    project: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    rows = re.findall(r"^\| ([\w ]+) \| `([\w-]+)` \| `(~[^`]+)` \| `([\w.]+)` \|$", DOCUMENT.read_text(), re.MULTILINE)
+    assert main([f"-chdir={project}", "clients", "list", "-json"]) == 0
+    listed = json.loads(capsys.readouterr().out)["clients"]
+    home = str(project.parent / "home")
+    told = [(row["title"], row["client"], row["file"].replace(home, "~")) for row in listed]
+    assert [(title, key, file) for title, key, file, _ in rows] == told
+    assert {key: table for _, key, _, table in rows} == {key: ".".join(item.table) for key, item in CLIENTS.items()}
+
+
+def test_the_examples_of_the_document_are_what_is_written() -> None:
+    text = DOCUMENT.read_text()
+    blocks = re.findall(r"^```(json|toml)\n(.*?)^```", text, re.MULTILINE | re.DOTALL)
+    command = ["/opt/octoform/bin/python", "-I", "-m", "octoform.cli", "-chdir=/home/me/rig", "connect", "bench"]
+    stdio, http = snippets("octoform-bench", command), snippets("octoform-bench", command, URL)
+    written = [stdio["claude-code.json"], http["claude-code.json"], http["codex.toml"]]
+    assert [parsed(f"x.{kind}", block) for kind, block in blocks] == [
+        parsed(f"x.{kind}", made) for (kind, _), made in zip(blocks, written, strict=True)
+    ]
+    for client in CLIENTS.values():
+        if client.reference and client.prompt is None and client.key != "codex":
+            assert f"`{client.reference}`" in text
