@@ -45,6 +45,6 @@ def _publish(context: Context, anew: bool) -> Verdict:
 
 
 def _verdict(context: Context, found: list[Diagnostic], lock: str, said: str) -> Verdict:
-    names = ("interface", "serve", "deploy")
-    outputs = {name: context.store.snapshot.nodes[name].output_digest for name in names}
+    consumed = context.graph.node("endpoint").consumes
+    outputs = {name: context.store.snapshot.nodes[name].output_digest for name in consumed}
     return Verdict(tuple(found), digest=digest.of_value({**outputs, "lock": lock}), found=said)

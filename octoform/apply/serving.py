@@ -11,7 +11,7 @@ from typing import Any
 from octoform import events
 from octoform.apply.context import Context
 from octoform.apply.reading import accepted
-from octoform.apply.service import service_of
+from octoform.apply.service import doubts_of, service_of
 from octoform.apply.settling import counted, runtime_files
 from octoform.contracts.deploying import deploy_lock
 from octoform.contracts.header import declared_requirements
@@ -72,6 +72,7 @@ def publish(context: Context, environment: Environment, found: list[Diagnostic],
     """Write descriptor, snippets and launcher, start the endpoint, call every read tool; problems join ``found``."""
     stop(context.layout)
     service = service_of(context)
+    found += doubts_of(context)
     found += write_endpoint(context.layout, environment, service, context.environ)
     if service.network is not None:
         found += ensure_default(context.layout)

@@ -14,10 +14,13 @@ ENDPOINT = "endpoint"
 
 
 def compile_graph(manifest: Manifest, specs: Mapping[str, Spec], profiles: tuple[Profile, ...]) -> Graph:
-    """Five stages in a chain, and the endpoint that octoform itself makes of the last three."""
+    """Five stages in a chain, and the endpoint that octoform itself makes of them.
+
+    Of PROBE it takes for which devices a profile holds, of IDENTIFY the devices' names, of the others the server.
+    """
     nodes = [_stage(name, manifest, specs[name], profiles) for name in STAGES]
     parts = endpoint_parts.parts(manifest, profiles)
-    nodes.append(Node(ENDPOINT, NodeKind.ENDPOINT, ("interface", "serve", "deploy"), parts))
+    nodes.append(Node(ENDPOINT, NodeKind.ENDPOINT, tuple(STAGES), parts))
     return Graph(tuple(nodes))
 
 
