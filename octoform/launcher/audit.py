@@ -3,7 +3,7 @@
 Append-only JSON lines. Each record carries the hash of the one before it, and a seal beside the log holds the last
 one, so a record that was changed, removed, added, moved or cut off shows (``chain`` holds the rule and the check).
 
-A record is one write to a descriptor opened for appending. Several processes may write (an emergency stop while the
+Records are one write to a descriptor opened for appending. Several processes may write (an emergency stop while the
 endpoint hangs): each takes the file's lock for its write and goes on from the record that it finds last.
 """
 
@@ -14,7 +14,7 @@ import os
 import re
 import threading
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from functools import lru_cache
 from pathlib import Path
@@ -70,7 +70,7 @@ class Audit:
         seal = sealed(os.pread(self._seal, SEAL_BYTES, 0))
         self._go_on()
         if self._seq and seal is None:
-            self._append("audit_seal_lost", {})
+            self._append([("audit_seal_lost", {})])
         self._stamp()
 
     @property
@@ -84,16 +84,22 @@ class Audit:
         Fields are bounded: long text is cut, deep or long collections are abridged, values of arguments whose names
         speak of secrets are left out. Any text passes, whatever characters it has.
         """
-        if not _RESERVED.isdisjoint(fields):
-            raise ValueError(f"an audit record has its own {', '.join(sorted(_RESERVED & fields.keys()))}")
+        return self.write_all([(event, fields)])
+
+    def write_all(self, records: Sequence[tuple[str, Mapping[str, Any]]]) -> str:
+        """`write` several records, events with their fields, as one write: all of them are on the log, or none."""
+        bounded = []
+        for event, fields in records:
+            if not _RESERVED.isdisjoint(fields):
+                raise ValueError(f"an audit record has its own {', '.join(sorted(_RESERVED & fields.keys()))}")
+            bounded.append((event, {name: _bounded(value, DEPTH) for name, value in fields.items()}))
         if self._seal < 0:
             raise AuditFailed(f"{self._path}: the log is closed")
-        bounded = {name: _bounded(value, DEPTH) for name, value in fields.items()}
         with self._lock:
             try:
                 self._enter()
                 try:
-                    return self._record(event, bounded)
+                    return self._record(bounded)
                 finally:
                     self._leave()
             except OSError as problem:
@@ -109,13 +115,13 @@ class Audit:
                     os.close(descriptor)
             self._log = self._seal = -1
 
-    def _record(self, event: str, fields: Mapping[str, Any]) -> str:
+    def _record(self, records: Sequence[tuple[str, Mapping[str, Any]]]) -> str:
         status = os.fstat(self._log)
         if status.st_size != self._size or not status.st_nlink:
             self._go_on()
         if self._size >= self._rotate_bytes:
             self._rotate()
-        self._append(event, fields)
+        self._append(records)
         self._stamp()
         return self._hash
 
@@ -141,26 +147,35 @@ class Audit:
                     raise AuditFailed(f"{self._path}: another process holds the log and does not let go") from problem
                 time.sleep(_PAUSE)
 
-    def _append(self, event: str, fields: Mapping[str, Any], before: bytes = b"") -> None:
-        """One record as one write. A write that the disk took only in part is taken back."""
-        body = _encode({"seq": self._seq + 1, "time": self._now(), "event": event, **fields})
-        if len(body) > LINE_BYTES:
-            kept = {name: value for name, value in fields.items() if len(_encode(value)) <= TEXT_CHARS}
-            body = _encode({"seq": self._seq + 1, "time": self._now(), "event": event, **kept, "abridged": True})
-        digest = rule(self._hash.encode("ascii"), body[:-1].encode("ascii"))
-        line = before + f'{body[:-1]},"prev":"{self._hash}","hash":"{digest}"}}\n'.encode("ascii")
+    def _append(self, records: Sequence[tuple[str, Mapping[str, Any]]], before: bytes = b"") -> None:
+        """Records as one write. A write that the disk took only in part is taken back."""
+        seq, digest, text = self._seq, self._hash, ""
+        for event, fields in records:
+            seq += 1
+            body = self._body(seq, event, fields)
+            prev, digest = digest, rule(digest.encode("ascii"), body.encode("ascii"))
+            text += f'{body},"prev":"{prev}","hash":"{digest}"}}\n'
+        lines = before + text.encode("ascii")
         size, written = self._size, -1
         try:
-            written = os.write(self._log, line)
+            written = os.write(self._log, lines)
         finally:
-            if written != len(line):
+            if written != len(lines):
                 self._size = -1  # look again before the next record
                 with suppress(OSError):  # a fragment that stays is closed off by the next record
                     os.ftruncate(self._log, size)
-        if written != len(line):
-            raise AuditFailed(f"{self._path}: the disk took only {written} of {len(line)} bytes of a record")
+        if written != len(lines):
+            raise AuditFailed(f"{self._path}: the disk took only {written} of {len(lines)} bytes of a record")
         self._size = size + written
-        self._seq, self._hash = self._seq + 1, digest
+        self._seq, self._hash = seq, digest
+
+    def _body(self, seq: int, event: str, fields: Mapping[str, Any]) -> str:
+        """A record without its end: the text that the rule of the hash is about."""
+        body = _encode({"seq": seq, "time": self._now(), "event": event, **fields})
+        if len(body) > LINE_BYTES:
+            kept = {name: value for name, value in fields.items() if len(_encode(value)) <= TEXT_CHARS}
+            body = _encode({"seq": seq, "time": self._now(), "event": event, **kept, "abridged": True})
+        return body[:-1]
 
     def _stamp(self) -> None:
         """Seal the last record: in place, always the same length, so that it costs no more than a write."""
@@ -184,13 +199,13 @@ class Audit:
         self._seq, self._hash = max(known, key=lambda each: each[0])
         if fragment:
             told = {"bytes": len(fragment), "sha256": hashlib.sha256(fragment).hexdigest()}
-            self._append("audit_torn", told, before=b"\n")
+            self._append([("audit_torn", told)], before=b"\n")
 
     def _rotate(self) -> None:
         """Set the full file aside under the number of its first record; the chain goes on in a new one."""
         first = RECORD.match(os.pread(self._log, 2 * LINE_BYTES, 0))
         aside = self._folder / f"audit-{int(first['seq']) if first else self._seq:015d}.jsonl"
-        self._append("audit_rotated", {"file": aside.name})
+        self._append([("audit_rotated", {"file": aside.name})])
         os.fsync(self._log)
         self._path.rename(aside)
         self._reopen()

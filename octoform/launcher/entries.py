@@ -5,6 +5,7 @@ queues it stands in. A tool that the policy does not know has no entry, and with
 """
 
 import dataclasses
+import inspect
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -12,6 +13,7 @@ from typing import Any
 from fastmcp.server.context import Context
 from fastmcp.tools.base import Tool
 from fastmcp.tools.function_tool import FunctionTool
+from fastmcp.utilities.json_schema import dereference_refs
 from fastmcp.utilities.types import find_kwarg_by_type
 
 from .buses import Bus
@@ -25,9 +27,14 @@ OF_ONE_TOOL = 8
 """Calls of one tool without a bus that run at the same time."""
 
 
+CHANGING = frozenset({"enable_components", "disable_components", "reset_visibility"})
+"""What a tool calls to show and hide tools for one session."""
+
+
 @dataclass(frozen=True, slots=True)
 class Entry:
-    """One tool. ``queues`` in the order in which they are taken; ``silent`` when the tool cannot report progress."""
+    """One tool. ``queues`` in the order in which they are taken; ``silent`` when the tool cannot report progress;
+    ``schema`` is that of its arguments; ``pinned`` the tool itself where its name always means it."""
 
     name: str
     version: str | None
@@ -37,6 +44,8 @@ class Entry:
     queues: tuple[Bus, ...]
     guarded: bool
     silent: bool
+    schema: Mapping[str, Any]
+    pinned: Tool | None
 
 
 class Entries:
@@ -86,7 +95,9 @@ class Entries:
                 tool.timeout = None
         fits = check(tool.output_schema) if isinstance(tool.output_schema, Mapping) else None
         queues = (*self._queues(tool.name, policy), self._total)
-        entry = Entry(tool.name, tool.version, policy, coerce, fits, queues, guarded, silent)
+        entry = Entry(
+            tool.name, tool.version, policy, coerce, fits, queues, guarded, silent, _schema(tool), _pinned(tool)
+        )
         self._known[tool.name] = entry
         return entry
 
@@ -94,3 +105,17 @@ class Entries:
         if not policy.buses:
             return [self._buses.setdefault(f"tool:{name}", Bus(f"the tool {name}", OF_ONE_TOOL))]
         return [self._buses.setdefault(bus, Bus(bus)) for bus in sorted(policy.buses)]
+
+
+def _pinned(tool: Tool) -> Tool | None:
+    """The tool itself where nobody but its own server decides who may call it; else None."""
+    if not isinstance(tool, FunctionTool) or tool.auth is not None:
+        return None
+    code = getattr(inspect.unwrap(tool.fn), "__code__", None)
+    return tool if code is not None and CHANGING.isdisjoint(code.co_names) else None
+
+
+def _schema(tool: Tool) -> Mapping[str, Any]:
+    """The input schema as tools/list shows it, without references."""
+    parameters = tool.parameters
+    return dereference_refs(parameters) if "$ref" in str(parameters) else parameters

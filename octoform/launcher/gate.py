@@ -31,6 +31,7 @@ from .entries import Entries, Entry
 from .guarding import FRAMES, Patience, Stopped, TooLarge, Work, current, masked
 from .latch import Latch
 from .limits import Ledger
+from .pinning import pin
 from .policy import Policy
 from .presence import Presence
 from .sizes import exceeds
@@ -66,11 +67,13 @@ class Gate(Middleware):
         """Put every tool of the server under guard, mask what its code says by accident, and watch this loop."""
         server._mask_error_details = True
         await self._entries.fill(server)
+        pin(server, self._entries)
         WATCHDOG.arm(FRAMES)
 
     def disarm(self) -> None:
         """Stop what runs and let the threads go; the server ends."""
         self.halt("shutdown", everything=True)
+        self._records.flush()
         self._workers.close()
         WATCHDOG.disarm()
 
@@ -253,6 +256,7 @@ class Gate(Middleware):
         entry = call.entry
         work = call.work = Work(entry.name, self._workers, self.patience, entry.policy.result_bytes)
         work.on_end, work.on_stuck = partial(self._ended, call), partial(self._abandon, call)
+        work.pinned = entry.pinned
         self._running.add(call)
         token = current.set(work)
         work.limit(call.began + entry.policy.timeout - time.monotonic())

@@ -19,6 +19,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from fastmcp.exceptions import FastMCPError, ToolError
+from fastmcp.tools.base import Tool
 from fastmcp.tools.function_tool import FunctionTool
 from mcp.shared.exceptions import MCPError
 from mcp_types import MISSING_REQUIRED_CLIENT_CAPABILITY
@@ -69,7 +70,7 @@ class Work:
 
     __slots__ = (
         "_again", "_future", "_job", "_loop", "_task", "_timer", "_workers", "begun", "bound", "cause", "deadline",
-        "ended", "halted", "inline", "on_end", "on_stuck", "patience", "reference", "stuck", "told", "tool",
+        "ended", "halted", "inline", "on_end", "on_stuck", "patience", "pinned", "reference", "stuck", "told", "tool",
     )  # fmt: skip
 
     def __init__(self, tool: str, workers: Workers, patience: Patience, bound: int) -> None:
@@ -82,6 +83,7 @@ class Work:
         self.cause = self.halted = ""
         self.deadline = math.inf
         self.told: BaseException | None = None
+        self.pinned: Tool | None = None
         self.reference = ""
         self._workers = workers
         self._loop = asyncio.get_running_loop()

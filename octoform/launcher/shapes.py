@@ -37,10 +37,12 @@ def coercion(function: Callable[..., Any], strict: bool) -> Coerce:
     bare = without_injected_parameters(function, run_in_thread=False)
     signature = inspect.signature(bare)
 
+    names = tuple(signature.parameters)
+    defaults = {name: each.default for name, each in signature.parameters.items() if each.default is not each.empty}
+
     def collect(*args: Any, **kwargs: Any) -> dict[str, Any]:
-        bound = signature.bind(*args, **kwargs)
-        bound.apply_defaults()
-        return dict(bound.arguments)
+        given = dict(zip(names, args, strict=False)) if args else {}
+        return {**defaults, **given, **kwargs}
 
     try:
         hints = get_type_hints(bare, include_extras=True)

@@ -1,4 +1,4 @@
-"""A server behind the real gate, in this process: the policy as the core would have written it, everything else real."""
+"""A server behind the real gate, in this process; the policy as the core would have written it, the rest as it is."""
 
 import contextlib
 import json
