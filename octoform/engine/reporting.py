@@ -5,6 +5,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from octoform.endpoint.observing import observe
+from octoform.endpoint.promise import shown
 from octoform.engine.results import EndpointSummary, Funnel
 from octoform.state.layout import Layout
 
@@ -28,17 +29,18 @@ def endpoint(layout: Layout, artifacts: Mapping[str, Any]) -> EndpointSummary | 
     """The endpoint as it was last checked; None when there is none."""
     interface = artifacts.get("interface")
     facts = observe(layout)
-    if interface is None or facts.reasons or not (layout.endpoint / "launch").exists():
+    if interface is None or facts.reasons or facts.process is None:
         return None
-    readers = [tool for tool in interface["tools"] if tool["effect"] == "read"]
+    tools = shown(layout, interface)["tools"]
+    readers = [tool for tool in tools if tool["effect"] == "read"]
     calls = _trial_calls(layout)
     good = {call["tool"]: call for call in calls if call.get("ok")}
     easy = [tool["name"] for tool in readers if not tool["input_schema"].get("required")]
     return EndpointSummary(
-        command=str(layout.endpoint / "launch"),
-        scope="local",
-        transport="stdio",
-        tools=tuple(tool["name"] for tool in interface["tools"]),
+        command=f"octoform connect {layout.host}",
+        scope=facts.process.scope,
+        url=facts.process.url,
+        tools=tuple(tool["name"] for tool in tools),
         answered=_said(calls, good),
         example=next((name for name in easy if name in good), easy[0] if easy else None),
     )

@@ -19,11 +19,14 @@ class Funnel:
 
 @dataclass(frozen=True, slots=True)
 class EndpointSummary:
-    """The live endpoint: how a client starts it, its tools, and a read tool that answered."""
+    """The live endpoint: what a client of this machine starts, its tools, and a read tool that answered.
+
+    ``url`` is where it answers over HTTP; None in scope local.
+    """
 
     command: str
     scope: str
-    transport: str
+    url: str | None
     tools: tuple[str, ...]
     answered: str | None = None
     example: str | None = None

@@ -224,13 +224,16 @@ class RunHuman:
             return
         say = self._console.line
         say(f"\n  endpoint    {endpoint.command}")
+        if endpoint.url:
+            say(f"              {endpoint.url}, with a token: octoform token show default")
         offered = sentences.counted(len(endpoint.tools), "tool")
-        say(f"              scope {endpoint.scope}, {endpoint.transport}, {offered}")
+        say(f"              scope {endpoint.scope}, {offered}")
         if endpoint.answered:
             say(f"  answered    {endpoint.answered}")
         say("  next        octoform tools")
         if endpoint.example:
             say(f"              octoform call {endpoint.example}")
+        say("              octoform clients install claude-code")
 
 
 def closing(result: RunResult) -> str:

@@ -70,7 +70,9 @@ def test_every_event_is_a_line_and_nothing_foreign_reaches_the_terminal() -> Non
 
 
 def test_a_good_end_names_the_endpoint_and_the_next_command() -> None:
-    endpoint = EndpointSummary("/x/launch", "local", "stdio", ("read_clock",), "read_clock answered", "read_clock")
+    endpoint = EndpointSummary(
+        "octoform connect bench", "local", None, ("read_clock",), "read_clock answered", "read_clock"
+    )
     out, err = shown(RunResult("apply", "bench", added=6, endpoint=endpoint, commit="0123456789abcdef"))
     assert "Apply complete! Resources: 6 added, 0 changed, 0 destroyed." in out
     assert "octoform call read_clock" in out
