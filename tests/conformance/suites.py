@@ -7,6 +7,7 @@ They are installed like the agent programs, with the node that octoform brings, 
 
 import json
 import os
+import re
 import subprocess
 import sys
 from collections.abc import Mapping
@@ -26,6 +27,7 @@ LATER = Pin("@modelcontextprotocol/conformance", "0.2.0-alpha.12", "conformance"
 """The one that has the requirements of revision 2026-07-28."""
 INSPECTOR = Pin("@modelcontextprotocol/inspector", "2.12.0", "mcp-inspector", (22, 19))
 SECONDS = 120.0
+_STAMP = re.compile(r"-\d{4}-\d\d-\d\dT[\d-]+Z$")
 
 
 @dataclass(frozen=True)
@@ -58,7 +60,7 @@ def judge(pin: Pin, url: str, output: Path, *options: str) -> Report:
     scenarios: dict[str, Mapping[str, int]] = {}
     failures: list[str] = []
     for found in sorted(output.glob("*/checks.json")):
-        name = found.parent.name.removeprefix("server-").split("-20", 1)[0]
+        name = _STAMP.sub("", found.parent.name.removeprefix("server-"))
         checks: list[dict[str, Any]] = json.loads(found.read_text())
         statuses = [str(check["status"]) for check in checks]
         scenarios[name] = {status: statuses.count(status) for status in statuses}
