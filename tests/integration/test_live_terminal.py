@@ -81,6 +81,11 @@ def on_terminal(endpoint: Launched, *arguments: str) -> Terminal:
     return Terminal(endpoint.layout.project, ENVIRON, *arguments)
 
 
+def logged(endpoint: Launched) -> str:
+    log = endpoint.layout.call_log
+    return log.read_text() if log.exists() else ""
+
+
 def until(holds: Callable[[], object]) -> None:
     end = time.monotonic() + 20
     while not holds():
@@ -124,32 +129,32 @@ def test_an_approval_is_asked_for_at_the_terminal_and_the_answer_goes_to_the_pip
 
 @pytest.mark.parametrize("answer", ["n\n", "\n", "yess\n", "\x04"])
 def test_every_other_answer_is_no(bench: Launched, answer: str) -> None:
-    before = bench.layout.call_log.read_text()
+    before = logged(bench)
     terminal = on_terminal(bench, "call", "move_rail", "-arg", "steps=7")
     terminal.wait_for("[y/N]")
     terminal.type(answer)
     status, screen = terminal.end()
     assert status == 1
     assert "ENDPOINT-CALL-NOT-APPROVED" in "\n".join(screen)
-    assert bench.layout.call_log.read_text() == before
+    assert logged(bench) == before
 
 
 def test_without_a_terminal_a_call_is_denied_unless_it_was_approved_beforehand(bench: Launched) -> None:
-    before = bench.layout.call_log.read_text()
+    before = logged(bench)
     done = octoform(bench, "call", "move_rail", "-arg", "steps=7")
     assert done.returncode == 1
     assert "ENDPOINT-CALL-NOT-APPROVED" in done.stderr and "-auto-approve" in done.stderr
-    assert bench.layout.call_log.read_text() == before
+    assert logged(bench) == before
     done = octoform(bench, "call", "move_rail", "-arg", "steps=7", "-auto-approve")
     assert (done.returncode, json.loads(done.stdout)) == (0, {"result": "moved by 7"})
 
 
 def test_a_dry_run_moves_nothing(bench: Launched) -> None:
-    before = bench.layout.call_log.read_text()
+    before = logged(bench)
     done = octoform(bench, "call", "move_rail", "-arg", "steps=7", "-dry-run")
     assert done.returncode == 0, done.stderr
     assert "dry run: nothing was done" in done.stdout
-    assert bench.layout.call_log.read_text() == before
+    assert logged(bench) == before
 
 
 def test_progress_is_one_line_that_is_gone_at_the_end(bench: Launched, tmp_path: Path) -> None:
@@ -228,3 +233,47 @@ def test_sigterm_gives_a_call_up(bench: Launched, tmp_path: Path) -> None:
     assert process.returncode == 143
     assert "the call of scan was given up" in said
     until(mark.exists)
+
+
+def test_logs_show_calls_with_their_results_and_what_was_printed(bench: Launched) -> None:
+    octoform(bench, "call", "read_voltage", "-arg", "channel=8")
+    with bench.layout.server_log.open("a") as log:
+        log.write("printed \x1b[31mred\x1b[0m Authorization: Bearer abcdefgh12345678\n")
+    done = octoform(bench, "logs")
+    assert done.returncode == 0, done.stderr
+    assert "read_voltage channel=8  ok  " in done.stdout
+    assert "\x1b" not in done.stdout and "printed \\x1b[31mred" in done.stdout
+    assert "abcdefgh12345678" not in done.stdout
+    assert len(octoform(bench, "logs", "-n", "1").stdout.splitlines()) == 1
+    assert octoform(bench, "logs", "-n", "0").stdout == ""
+    objects = [json.loads(line) for line in octoform(bench, "logs", "-json", "-n", "1000").stdout.splitlines()]
+    assert {"calls", "server"} == {item["log"] for item in objects}
+    assert [item["event"] for item in objects if item.get("arguments") == {"channel": 8}] == ["call"]
+    refused = octoform(bench, "logs", "-n", "many")
+    assert (refused.returncode, refused.stdout) == (1, "")
+
+
+@pytest.mark.parametrize("form", [[], ["-json"]])
+def test_followed_logs_go_on_over_a_new_file_and_end_with_ctrl_c(bench: Launched, form: list[str]) -> None:
+    octoform(bench, "call", "read_voltage", "-arg", "channel=4")
+    terminal = on_terminal(bench, "logs", "-f", "-n", "1", *form)
+    terminal.wait_for("ms")
+    log = bench.layout.call_log
+    octoform(bench, "call", "read_voltage", "-arg", "channel=5")
+    terminal.wait_for("channel=5  ok" if not form else '"channel": 5')
+    log.rename(log.with_name("octoform.jsonl.1"))
+    octoform(bench, "call", "read_voltage", "-arg", "channel=6")
+    terminal.wait_for("channel=6  ok" if not form else '"channel": 6')
+    terminal.type("\x03")
+    status, screen = terminal.end()
+    assert status == 130
+    assert not any("Traceback" in line or "interrupted" in line for line in screen)
+
+
+def test_followed_logs_end_when_their_reader_goes(bench: Launched) -> None:
+    octoform(bench, "call", "read_voltage")
+    command = f"'{OCTOFORM}' logs -f -n 1 | head -n 1"
+    done = subprocess.run(
+        ["sh", "-c", command], cwd=bench.layout.project, env=ENVIRON, capture_output=True, text=True, timeout=20
+    )
+    assert (done.stdout.count("\n"), done.stderr) == (1, "")

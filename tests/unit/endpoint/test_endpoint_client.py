@@ -96,6 +96,11 @@ def bench(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Launched]:
         yield endpoint
 
 
+def logged(endpoint: Launched) -> str:
+    log = endpoint.layout.call_log
+    return log.read_text() if log.exists() else ""
+
+
 def until(holds: Callable[[], object], seconds: float = 10.0) -> None:
     end = time.monotonic() + seconds
     while not holds():
@@ -117,21 +122,20 @@ def test_texts_of_a_command_line_become_what_the_schema_asks_for(bench: Launched
     assert result is not None and not result.is_error
     assert result.structured == {"result": 3.0}
     assert result.content[0]["text"] == "3.0"
-    assert '"label": "7"' in bench.layout.call_log.read_text()
+    assert '"label": "7"' in logged(bench)
 
 
 @pytest.mark.parametrize(("arguments", "names", "hint"), WRONG)
 def test_a_wrong_argument_is_named_and_reaches_no_device(
     bench: Launched, arguments: dict[str, object], names: str, hint: str
 ) -> None:
-    log = bench.layout.call_log
-    before = log.read_text() if log.exists() else ""
+    before = logged(bench)
     result, (problem,) = call(bench.layout, Wanted("read_voltage", arguments))
     assert result is None
     assert problem.code == "ENDPOINT-BAD-ARGUMENT"
     assert names in problem.summary
     assert problem.hint == hint
-    assert (log.read_text() if log.exists() else "") == before
+    assert logged(bench) == before
 
 
 def test_an_unknown_tool_gets_a_suggestion(bench: Launched) -> None:
@@ -176,22 +180,22 @@ def test_a_call_is_made_when_the_person_approves_it(bench: Launched) -> None:
 
 @pytest.mark.parametrize(("answer", "words"), [(False, "move was not approved"), (None, "move wants an approval")])
 def test_a_call_that_nobody_approves_is_not_made(bench: Launched, answer: bool | None, words: str) -> None:
-    before = bench.layout.call_log.read_text()
+    before = logged(bench)
     result, (problem,) = call(bench.layout, Wanted("move", {"steps": 7}), Somebody(answer))
     assert result is None
     assert (problem.code, problem.summary) == ("ENDPOINT-CALL-NOT-APPROVED", words)
     assert ("-auto-approve" in str(problem.hint)) == (answer is None)
-    assert "move" not in bench.layout.call_log.read_text().removeprefix(before)
+    assert "move" not in logged(bench).removeprefix(before)
 
 
 def test_a_dry_run_asks_nobody_and_calls_nothing(bench: Launched) -> None:
-    person, before = Somebody(True), bench.layout.call_log.read_text()
+    person, before = Somebody(True), logged(bench)
     result, problems = call(bench.layout, Wanted("move", {"steps": 7}, dry_run=True), person)
     assert problems == ()
     assert result is not None and not result.is_error
     assert "dry run" in result.message.lower()
     assert person.asked == []
-    assert bench.layout.call_log.read_text() == before
+    assert logged(bench) == before
 
 
 def test_progress_is_told_while_the_tool_works(bench: Launched, tmp_path: Path) -> None:
