@@ -42,7 +42,8 @@ def coercion(function: Callable[..., Any], strict: bool) -> Coerce:
 
     def collect(*args: Any, **kwargs: Any) -> dict[str, Any]:
         given = dict(zip(names, args, strict=False)) if args else {}
-        return {**defaults, **given, **kwargs}
+        whole = {**defaults, **given, **kwargs}
+        return {name: whole[name] for name in names if name in whole}
 
     try:
         hints = get_type_hints(bare, include_extras=True)
