@@ -108,26 +108,28 @@ def test_more_connections_than_there_is_room_for(opened: Door) -> None:
         silent = [stack.enter_context(opened.connect()) for _ in range(MOST_CONNECTIONS + 60)]
         assert serves(opened) < 10
         # The oldest of those that only wait made room; what was taken is bounded.
-        until(lambda: len(opened.web._uvicorn.server_state.connections) <= MOST_CONNECTIONS)
+        until(lambda: len(opened.web._uvicorn.server_state.connections) <= MOST_CONNECTIONS, seconds=5)
         silent[0].settimeout(5)
         with contextlib.suppress(ConnectionError):
             assert silent[0].recv(1) == b""
 
 
 def test_request_under_way_is_never_the_one_that_makes_room(opened: Door) -> None:
-    async def call() -> object:
-        async with opened.client("secret", "legacy") as client:
-            waiting = asyncio.ensure_future(client.call_tool("wait"))
-            await asyncio.to_thread(until, opened.mcp.slow.is_set)  # type: ignore[attr-defined]
-            with contextlib.ExitStack() as stack:
-                for _ in range(MOST_CONNECTIONS + 20):
-                    stack.enter_context(opened.connect())
-                assert (await client.call_tool("who")).data["name"] == "all"
-                assert not waiting.done()
-            waiting.cancel()
-            return await asyncio.gather(waiting, return_exceptions=True)
-
-    asyncio.run(asyncio.wait_for(call(), 30))
+    _, headers, _ = opened.ask("POST", "/mcp", body=INITIALIZE, headers=bearer("secret"))
+    lines = [f"Host: 127.0.0.1:{opened.port}", "Accept: text/event-stream", "Authorization: Bearer secret"]
+    lines.append(f"Mcp-Session-Id: {headers['mcp-session-id']}")
+    with contextlib.ExitStack() as stack:
+        stream = stack.enter_context(opened.connect())
+        stream.sendall("\r\n".join(["GET /mcp HTTP/1.1", *lines, "", ""]).encode())
+        assert stream.recv(4096).startswith(b"HTTP/1.1 200")
+        silent = [stack.enter_context(opened.connect()) for _ in range(MOST_CONNECTIONS + 20)]
+        silent[0].settimeout(5)
+        with contextlib.suppress(ConnectionError):
+            assert silent[0].recv(1) == b""
+        stream.settimeout(0.3)
+        with pytest.raises(TimeoutError):
+            while stream.recv(4096):
+                pass
 
 
 @pytest.mark.parametrize(
