@@ -8,8 +8,6 @@ from pathlib import Path
 from .addresses import NoAddressError
 from .audit import AuditFailed
 from .descriptor import RefusedError, read
-from .endpoint import Endpoint
-from .loading import load
 from .owner import Owner
 from .policy import PolicyInvalid
 
@@ -27,6 +25,9 @@ def main(folder: Path) -> int:
         if owner is None:
             print("octoform: another process serves this endpoint already", file=sys.stderr)
             return TAKEN
+        from .endpoint import Endpoint  # only now: whoever may not serve is told at once
+        from .loading import load
+
         endpoint = Endpoint(descriptor, owner, load(descriptor))
     except (RefusedError, PolicyInvalid, AuditFailed) as problem:
         return _refuse(problem)
