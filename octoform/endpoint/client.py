@@ -124,23 +124,34 @@ def _opened(
 ) -> tuple[Wire, tuple[dict[str, Any], ...]] | Diagnostic:
     """A connection to the endpoint and its tools by name; what was seen of it is kept for the next plan."""
     asked = published(layout)
+    found = _answered(connect)
+    if isinstance(found, WireError) and found.kind == "closed":
+        # It may just have been ending: a list may be asked for twice, and what is started answers.
+        found = _answered(connect)
+    if isinstance(found, WireError):
+        found = down(str(found))
+    if not isinstance(found, Diagnostic):
+        record_sight(layout, asked, seen_of(tool["name"] for tool in found[1]))
+    elif found.code != "ENDPOINT-NOT-APPLIED":
+        record_sight(layout, asked, Sight(False, found.detail or found.summary))
+    return found
+
+
+def _answered(
+    connect: Callable[[], socket | Diagnostic],
+) -> tuple[Wire, tuple[dict[str, Any], ...]] | Diagnostic | WireError:
     connection = connect()
     if isinstance(connection, Diagnostic):
-        if connection.code != "ENDPOINT-NOT-APPLIED":
-            record_sight(layout, asked, Sight(False, connection.detail or connection.summary))
         return connection
     wire = Wire(connection)
     try:
-        tools = _listed(wire)
+        return wire, _listed(wire)
     except WireError as fault:
         wire.close()
-        record_sight(layout, asked, Sight(False, str(fault)))
-        return down(str(fault))
+        return fault
     except BaseException:
         wire.close()
         raise
-    record_sight(layout, asked, seen_of(tool["name"] for tool in tools))
-    return wire, tools
 
 
 def _listed(wire: Wire) -> tuple[dict[str, Any], ...]:
