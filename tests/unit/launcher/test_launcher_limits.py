@@ -2,6 +2,8 @@
 
 import itertools
 import json
+import subprocess
+import sys
 import threading
 from collections.abc import Mapping
 from datetime import datetime, timedelta
@@ -30,8 +32,23 @@ RATE = {"kind": "rate", "calls": 3, "seconds": 60.0, "source": "policy.limits[2]
 COOLDOWN = {"kind": "cooldown", "seconds": 2.0, "source": "policy.limits[3]"}
 QUIET = {"kind": "quiet_hours", "from": "22:00", "to": "07:00", "source": "policy.limits[4]"}
 NO_NUMBERS = [float("nan"), float("inf"), -float("inf"), True, False, "10", "", None, [1], {"value": 1}, 10**400]
-DOCUMENT = b'{"format":1,"boot":"","wall":0,"clock":0,"tools":%s}'
-NO_SUM = b'{"move":{"sums":{"steps":"x"},"last":{},"calls":[],"damaged":false}}'
+HEADER = b'{"format": 1}\n'
+LINE = (
+    HEADER + b'{"tool":"move","boot":"","wall":0,"clock":0,"sums":{"steps":"3"},"last":{},"calls":[],"damaged":false}\n'
+)
+DAMAGED = {
+    "empty": b"",
+    "zeros": bytes(200),
+    "no header": LINE.removeprefix(HEADER),
+    "another format": LINE.replace(b"1}", b"2}"),
+    "cut off": LINE[:-1],
+    "cut off within": LINE[:-9],
+    "no text": LINE + b"\xff\xfe\n",
+    "no number": LINE.replace(b'"3"', b'"x"'),
+    "a key is missing": LINE.replace(b'"last":{},', b""),
+    "a list": LINE + b"[]\n",
+    "too deep": LINE + b"[" * 100_000 + b"\n",
+}
 
 
 class Time:
@@ -222,8 +239,9 @@ def test_all_counters_survive_a_restart(tmp_path: Path, time: Time) -> None:
 
 def anew(folder: Path, time: Time, gone: float) -> None:
     """The machine was started anew: its clock begins at zero, and the wall clock says how long it was off."""
-    document = json.loads((folder / "limits.json").read_bytes())
-    (folder / "limits.json").write_text(json.dumps({**document, "boot": "another"}))
+    lines = [json.loads(line) for line in (folder / "limits.json").read_text().splitlines()]
+    lines = [{**line, "boot": "another"} if "boot" in line else line for line in lines]
+    (folder / "limits.json").write_text("".join(json.dumps(line) + "\n" for line in lines))
     time.clock = 5.0
     time.wall += timedelta(seconds=gone)
 
@@ -256,11 +274,7 @@ def test_the_wall_clock_does_not_matter_while_the_machine_runs(tmp_path: Path, t
     assert refused(ledger(tmp_path, time, COOLDOWN)) == ""
 
 
-@pytest.mark.parametrize(
-    "damage",
-    [b"", b"{", b"[]", b'{"format":2}', b"\xff\xfe", *(DOCUMENT % tools for tools in (b"[]", b'{"move":{}}', NO_SUM))],
-    ids=repr,
-)
+@pytest.mark.parametrize("damage", DAMAGED.values(), ids=DAMAGED)
 def test_a_damaged_file_never_means_nothing_counted(tmp_path: Path, time: Time, damage: bytes) -> None:
     (tmp_path / "limits.json").write_bytes(damage)
     found = ledger(tmp_path, time, SUM, other=[COOLDOWN], still=[RANGE, QUIET])
@@ -288,6 +302,32 @@ def test_what_cannot_be_kept_is_refused_and_not_counted(tmp_path: Path, time: Ti
     assert refused(found, steps=1).startswith("counters_unwritable: move is refused: ")
     (tmp_path / "limits.new").rmdir()
     assert refused(found, steps=10000) == ""
+
+
+def test_the_file_stays_small(tmp_path: Path, time: Time) -> None:
+    found = ledger(tmp_path, time, SUM)
+    for number in range(4000):
+        assert refused(found, steps=1 if number % 2 else -1) == ""
+    assert (tmp_path / "limits.json").stat().st_size < 300_000
+    assert ledger(tmp_path, time, SUM).used() == found.used()
+
+
+def test_a_full_disk_counts_nothing_and_leaves_a_whole_file(tmp_path: Path) -> None:
+    program = f"""
+import resource, signal, sys
+from pathlib import Path
+sys.path[:0] = [{str(Path(__file__).parent)!r}, {str(Path(policy.__file__).parents[2])!r}]
+from test_launcher_limits import SUM, Time, ledger
+signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+found = ledger(Path({str(tmp_path)!r}), Time(), SUM)
+resource.setrlimit(resource.RLIMIT_FSIZE, (2000, resource.RLIM_INFINITY))
+print(sum(found.reserve("move", {{"steps": 1}}) is None for _ in range(40)))
+"""
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=60, check=True)
+    again = ledger(tmp_path, Time(), SUM)
+    assert 3 < int(done.stdout) < 40
+    assert again.used()["move"]["sums"] == {"steps": int(done.stdout)}
+    assert again.reserve("move", {"steps": 1}) is None
 
 
 def test_only_what_counts_is_written(tmp_path: Path, time: Time) -> None:
