@@ -3,12 +3,13 @@
 import json
 import shutil
 import subprocess
+import sys
 import tomllib
 from pathlib import Path
 from typing import Any
 
 import pytest
-from endpoint_servers import CLOCK, VOLTAGE, publish
+from endpoint_servers import CLOCK, VOLTAGE, publish, service_of
 from ruamel.yaml import YAML
 
 from octoform.endpoint.environment import Environment
@@ -23,26 +24,42 @@ INITIALIZE = {
 }
 
 
-def started(launcher: Path, *lines: dict[str, Any], cwd: Path | None = None) -> subprocess.CompletedProcess[str]:
-    text = "".join(json.dumps(line) + "\n" for line in lines)
-    return subprocess.run([launcher], input=text, capture_output=True, text=True, timeout=60, cwd=cwd, check=False)
+Done = subprocess.CompletedProcess[str]
 
 
-def test_the_launcher_speaks_the_protocol_from_any_folder(layout: Layout, serving: Environment, tmp_path: Path) -> None:
+def launched(layout: Layout) -> Done:
+    """The launcher by hand, to its end."""
+    return subprocess.run([layout.endpoint / "launch"], capture_output=True, text=True, timeout=60, check=False)
+
+
+def asked(layout: Layout, line: dict[str, Any], cwd: Path) -> Done:
+    """A client's command with one message."""
+    command = json.loads((layout.endpoint / "connection.json").read_bytes())["command"]
+    process = subprocess.Popen(
+        command, cwd=cwd, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    )
+    assert process.stdin is not None and process.stdout is not None
+    process.stdin.write(json.dumps(line) + "\n")
+    process.stdin.flush()
+    answer = process.stdout.readline()
+    rest, errors = process.communicate(timeout=60)
+    return Done(command, process.returncode, answer + rest, errors)
+
+
+def test_a_client_reaches_the_endpoint_from_any_folder(layout: Layout, serving: Environment, tmp_path: Path) -> None:
     publish(layout, serving)
     (tmp_path / ".env").write_text("FASTMCP_LOG_LEVEL=nonsense\n")
-    done = started(layout.endpoint / "launch", INITIALIZE, cwd=tmp_path)
-    assert done.returncode == 0
+    done = asked(layout, INITIALIZE, tmp_path)
+    assert (done.returncode, done.stderr) == (0, "")
     (answer,) = done.stdout.splitlines()
     assert json.loads(answer)["result"]["serverInfo"]["name"] == "bench"
-    assert done.stderr == ""
 
 
 def test_edited_code_is_refused_in_one_line(layout: Layout, serving: Environment) -> None:
     publish(layout, serving)
     server = layout.output("serve")
     server.write_text(server.read_text() + "\n# improved\n")
-    done = started(layout.endpoint / "launch", INITIALIZE)
+    done = launched(layout)
     assert (done.returncode, done.stdout) == (78, "")
     assert done.stderr.splitlines() == [
         f"octoform: refused: {server} is not the file that was accepted; run octoform plan to see what would be done"
@@ -56,14 +73,14 @@ def test_an_edited_runtime_is_refused_too(layout: Layout, serving: Environment, 
     module.unlink()
     if damage == "edited":
         module.write_text("def logged(tool):\n    return tool\n")
-    done = started(layout.endpoint / "launch", INITIALIZE)
+    done = launched(layout)
     assert done.returncode == 78
     assert str(module) in done.stderr
 
 
 def test_serving_leaves_no_bytecode_beside_the_committed_server(layout: Layout, serving: Environment) -> None:
     publish(layout, serving)
-    started(layout.endpoint / "launch", INITIALIZE)
+    asked(layout, INITIALIZE, layout.project)
     assert list(layout.committed.rglob("__pycache__")) == []
 
 
@@ -72,8 +89,12 @@ def test_the_descriptor_tells_what_is_served_and_how(layout: Layout, serving: En
     descriptor = json.loads((layout.endpoint / "connection.json").read_bytes())
     assert descriptor["host"] == "bench"
     assert (descriptor["scope"], descriptor["transport"]) == ("local", "stdio")
-    assert descriptor["command"] == [str(layout.endpoint / "launch")]
-    assert descriptor["tools"] == [{"name": "read_clock", "effect": "read"}, {"name": "read_voltage", "effect": "read"}]
+    own = [f"-chdir={layout.project}", "connect", "bench"]
+    assert descriptor["command"] == [sys.executable, "-I", "-m", "octoform.cli", *own]
+    assert [(item["name"], item["effect"]) for item in descriptor["tools"]] == [
+        ("read_clock", "read"),
+        ("read_voltage", "read"),
+    ]
     assert descriptor["environment"]["OCTOFORM_CALL_LOG"] == str(layout.call_log)
     assert "OCTOFORM_SYSROOT" not in descriptor["environment"]
 
@@ -87,17 +108,18 @@ def test_a_system_root_in_use_at_apply_is_kept(layout: Layout, serving: Environm
 
 def test_every_client_gets_its_own_format_with_absolute_paths(layout: Layout, serving: Environment) -> None:
     publish(layout, serving)
-    command = str(layout.endpoint / "launch")
-    folder = layout.endpoint / "clients"
+    program, *arguments = json.loads((layout.endpoint / "connection.json").read_bytes())["command"]
     name = "octoform-bench"
-    seen = {path.name: path.read_text() for path in folder.iterdir()}
+    seen = {path.name: path.read_text() for path in (layout.endpoint / "clients").iterdir()}
+    own = {"command": program, "args": arguments}
     for client in ("claude-code", "claude-desktop", "gemini-cli", "cursor", "lm-studio"):
-        assert json.loads(seen.pop(f"{client}.json"))["mcpServers"][name]["command"] == command
-    assert json.loads(seen.pop("vscode.json"))["servers"][name]["command"] == command
-    assert json.loads(seen.pop("opencode.json"))["mcp"]["servers"][name]["command"] == [command]
-    assert tomllib.loads(seen.pop("codex.toml"))["mcp_servers"][name]["command"] == command
-    goose = YAML(typ="safe").load(seen.pop("goose.yaml"))
-    assert goose["extensions"][name]["cmd"] == command
+        assert json.loads(seen.pop(f"{client}.json"))["mcpServers"][name].items() >= own.items()
+    assert json.loads(seen.pop("vscode.json"))["servers"][name].items() >= own.items()
+    assert json.loads(seen.pop("openclaw.json"))["mcp"]["servers"][name].items() >= own.items()
+    assert json.loads(seen.pop("opencode.json"))["mcp"]["servers"][name]["command"] == [program, *arguments]
+    assert tomllib.loads(seen.pop("codex.toml"))["mcp_servers"][name].items() >= own.items()
+    goose = YAML(typ="safe").load(seen.pop("goose.yaml"))["extensions"][name]
+    assert (goose["cmd"], goose["args"]) == (program, arguments)
     assert seen == {}
 
 

@@ -61,7 +61,7 @@ def gone(pid: int) -> bool:
 
 def network_sockets(pid: int) -> list[str]:
     """The lines of /proc/net of a process's sockets that have an address of a network."""
-    links = [os.readlink(entry) for entry in Path(f"/proc/{pid}/fd").iterdir() if entry.is_symlink()]
+    links = [str(entry.readlink()) for entry in Path(f"/proc/{pid}/fd").iterdir() if entry.is_symlink()]
     inodes = {link[8:-1] for link in links if link.startswith("socket:[")}
     lines = []
     for table in ("tcp", "tcp6", "udp", "udp6", "raw", "raw6"):
