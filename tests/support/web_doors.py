@@ -144,6 +144,13 @@ def until(condition: Callable[[], bool], seconds: float = 20.0) -> None:
         time.sleep(0.01)
 
 
+def listeners(pid: int) -> set[int]:
+    """The TCP ports on which a process listens, as the kernel tells them (proc(5))."""
+    ours = {str(link.readlink()) for link in Path(f"/proc/{pid}/fd").iterdir() if link.is_symlink()}
+    rows = [line.split() for table in ("tcp", "tcp6") for line in Path(f"/proc/net/{table}").read_text().splitlines()]
+    return {int(row[1].rpartition(":")[2], 16) for row in rows if row[3] == "0A" and f"socket:[{row[9]}]" in ours}
+
+
 INITIALIZE = json.dumps(
     {
         "jsonrpc": "2.0",
