@@ -66,10 +66,12 @@ def test_yaml_examples_are_valid_manifests(tmp_path: Path) -> None:
 @pytest.mark.slow
 def test_the_readmes_commands_run_in_their_order(tmp_path: Path, planted: Callable[..., Path]) -> None:
     tree = planted("laptop")
-    environ = {name: os.environ[name] for name in ("PATH", "HOME") if name in os.environ}
-    environ |= {"OCTOFORM_SYSROOT": str(tree)}
+    environ = {"PATH": os.environ["PATH"], "HOME": str(tmp_path / "home"), "OCTOFORM_SYSROOT": str(tree)}
+    environ["UV_CACHE_DIR"] = os.environ.get("UV_CACHE_DIR", str(Path("~/.cache/uv").expanduser()))
     used = commands(ROOT / "README.md")
-    assert [words[0] for words in used] == ["init", "plan", "apply", "status", "tools", "call", "attempts", "destroy"]
+    assert [words[0] for words in used] == [
+        *("init", "plan", "apply", "status", "tools", "call", "attempts", "clients", "estop", "audit", "destroy")
+    ]
     for words in used:
         done = subprocess.run(
             [OCTOFORM, *words], cwd=tmp_path, env=environ, input="yes\n", capture_output=True, text=True, timeout=120
