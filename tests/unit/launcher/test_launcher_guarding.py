@@ -16,6 +16,8 @@ import pytest
 from launched import Launched, launched, tool
 from launcher_lines import STOP, Line, plant
 
+from octoform.launcher.control import Control
+
 SOURCE = '''
 from fastmcp import FastMCP
 mcp = FastMCP("bench")
@@ -127,6 +129,19 @@ def test_estop_of_a_process_that_hangs(bench: Launched, line: Line) -> None:
     assert line.received(8) == bytes.fromhex(STOP)
     assert "estop" in call(bench, "move_rail", steps=1)
     assert answer(bench, "audit", "-verify")[1]["ok"] is True
+
+
+def test_estop_where_the_process_does_not_know_how(bench: Launched, line: Line) -> None:
+    bench.stop()
+    door = Control(bench.layout.run)
+    door.on("status", lambda _: {})
+    door.start()
+    try:
+        status, stopped = answer(bench, "estop")
+    finally:
+        door.stop()
+    assert (status, stopped["endpoints"][0]["direct"], stopped["endpoints"][0]["latched"]) == (0, True, True)
+    assert line.received(8) == bytes.fromhex(STOP)
 
 
 def test_a_device_that_is_gone_is_told_and_exit_status_is_1(bench: Launched, line: Line) -> None:
