@@ -104,11 +104,15 @@ def imported(argv: Sequence[str], folder: Path) -> list[str]:
 
 @contextmanager
 def scratch() -> Iterator[Path]:
-    """A folder that is gone afterwards."""
+    """A folder that is gone afterwards, with the endpoints that were started in it."""
+    sys.path.insert(0, str(SUPPORT))
+    from endings import end_endpoints
+
     folder = Path(tempfile.mkdtemp(prefix="octoform-bench-"))
     try:
         yield folder
     finally:
+        end_endpoints(folder)
         shutil.rmtree(folder)
 
 

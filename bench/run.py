@@ -4,7 +4,10 @@ import subprocess
 import sys
 from pathlib import Path
 
-NAMES = ("plan_noop", "call_cost", "apply_scripted", "apply_builtin", "second_apply", "attempt_cpu", "prompt_bytes")
+NAMES = (
+    *("plan_noop", "call_cost", "endpoint_process", "gate_overhead"),
+    *("apply_scripted", "apply_builtin", "second_apply", "attempt_cpu", "prompt_bytes"),
+)
 
 
 def main(names: list[str]) -> int:
