@@ -6,12 +6,14 @@ open is kept by the token that opened it, and ends soon after that token was rev
 
 import contextlib
 import logging
+from collections import Counter
 from collections.abc import Iterator
 from typing import Any
 
 import anyio
 from fastmcp.server.auth import AccessToken, TokenVerifier
 from mcp.server.auth.middleware.bearer_auth import AuthenticatedUser
+from starlette.datastructures import Headers
 from starlette.responses import JSONResponse
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
@@ -53,6 +55,7 @@ class Open:
         self.app = app
         self._tokens = tokens
         self._requests: dict[str, set[anyio.CancelScope]] = {}
+        self._busy: Counter[str | None] = Counter()
         self.sessions: Any = None
         """The SDK's session manager, once it runs."""
 
@@ -69,7 +72,12 @@ class Open:
             begun, finished = True, message["type"] == "http.response.body" and not message.get("more_body", False)
             await send(message)
 
-        with self._kept(str(user.access_token.subject)) as under_way:
+        headers = Headers(scope=scope)
+        session = headers.get("mcp-session-id")
+        if session is None and "mcp-protocol-version" not in headers:
+            # Only such a request can open one: the era without sessions names its version in each.
+            await self._make_room()
+        with self._kept(str(user.access_token.subject), session) as under_way:
             await self.app(scope, receive, noted)
         if not under_way.cancelled_caught or finished:
             return
@@ -79,16 +87,35 @@ class Open:
             await _UNAUTHORIZED(scope, receive, send)
 
     @contextlib.contextmanager
-    def _kept(self, digest: str) -> Iterator[anyio.CancelScope]:
+    def _kept(self, digest: str, session: str | None) -> Iterator[anyio.CancelScope]:
         with anyio.CancelScope() as under_way:
             mine = self._requests.setdefault(digest, set())
             mine.add(under_way)
+            self._busy[session] += 1
             try:
                 yield under_way
             finally:
                 mine.discard(under_way)
                 if not mine:
                     self._requests.pop(digest, None)
+                self._busy[session] -= 1
+                if not self._busy[session]:
+                    del self._busy[session]
+
+    async def _make_room(self) -> None:
+        """When no more session may open, end the oldest one of the token that has the most, unless it is in use.
+
+        A client that opens one after the other and ends none then costs only its own token's idle ones.
+        """
+        sessions = self.sessions
+        if sessions is None or len(sessions._server_instances) < sessions.max_sessions:
+            return
+        owners = {identity: owner["subject"] for identity, owner in sessions._session_owners.items()}
+        most = Counter(owners.values()).most_common(1)[0][0]
+        for identity, transport in tuple(sessions._server_instances.items()):
+            if owners.get(identity) == most and identity not in self._busy:
+                await sessions._discard_session(identity, transport)
+                return
 
     def end_all(self) -> None:
         """End every request: the door closes."""

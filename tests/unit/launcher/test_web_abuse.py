@@ -234,11 +234,37 @@ def test_what_is_no_request_is_refused(shared: Door, sent: bytes) -> None:
     assert shared.ask("GET", "/health")[0] == 200
 
 
-def test_sessions_are_bounded(opened: Door) -> None:
+def test_client_that_ends_no_session_costs_nobody_else_his(opened: Door) -> None:
+    write_tokens(opened.run, {"all": ("secret", ALL, None), "other": ("other", ALL, None)})
     sessions = opened.web._open.sessions  # type: ignore[union-attr]
-    sessions.max_sessions = 3
-    statuses = [opened.ask("POST", "/mcp", body=INITIALIZE, headers=bearer("secret"))[0] for _ in range(5)]
-    assert statuses == [200, 200, 200, 503, 503]
+    sessions.max_sessions = 4
+    ping = json.dumps({"jsonrpc": "2.0", "id": 2, "method": "ping"})
+
+    def begin(value: str) -> dict[str, str]:
+        status, headers, _ = opened.ask("POST", "/mcp", body=INITIALIZE, headers=bearer(value))
+        assert status == 200
+        return bearer(value) | {"Mcp-Session-Id": headers["mcp-session-id"]}
+
+    other = begin("other")
+    mine = [begin("secret") for _ in range(10)]
+    assert len(sessions._server_instances) == 4
+    assert opened.ask("POST", "/mcp", body=ping, headers=other)[0] == 200
+    assert opened.ask("POST", "/mcp", body=ping, headers=mine[0])[0] == 404
+    assert opened.ask("POST", "/mcp", body=ping, headers=mine[-1])[0] == 200
+
+
+def test_sessions_in_use_are_bounded(opened: Door) -> None:
+    sessions = opened.web._open.sessions  # type: ignore[union-attr]
+    sessions.max_sessions = 2
+    with contextlib.ExitStack() as stack:
+        for _ in range(2):
+            _, headers, _ = opened.ask("POST", "/mcp", body=INITIALIZE, headers=bearer("secret"))
+            lines = [f"Host: 127.0.0.1:{opened.port}", "Accept: text/event-stream", "Authorization: Bearer secret"]
+            lines.append(f"Mcp-Session-Id: {headers['mcp-session-id']}")
+            stream = stack.enter_context(opened.connect())
+            stream.sendall("\r\n".join(["GET /mcp HTTP/1.1", *lines, "", ""]).encode())
+            assert stream.recv(4096).startswith(b"HTTP/1.1 200")
+        assert opened.ask("POST", "/mcp", body=INITIALIZE, headers=bearer("secret"))[0] == 503
 
 
 def test_pipelined_requests_are_each_checked(opened: Door) -> None:
