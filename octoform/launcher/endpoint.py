@@ -128,11 +128,12 @@ class Endpoint:
 
     def _reset(self, question: Mapping[str, Any]) -> Mapping[str, Any]:
         tool = question.get("tool")
+        # Written first: what is not in the log must not have happened.
+        self._audit.write("limits_reset", tool=tool, by=question.get("by"))
         try:
             self._ledger.reset(tool)
         except KeyError:
             return {"error": f"{tool} is no tool of this endpoint"}
-        self._audit.write("limits_reset", tool=tool, by=question.get("by"))
         return {"reset": True}
 
     def _revoke(self, question: Mapping[str, Any]) -> Mapping[str, Any]:
