@@ -156,9 +156,10 @@ def unwritable(path: Path, reason: str) -> Diagnostic:
 def unreadable(path: Path, text: str, found: Unreadable) -> Diagnostic:
     """CLIENT-FILE-SYNTAX at its place."""
     hint = "nothing was changed; correct the file, or add the entry yourself: octoform connect -print CLIENT"
-    summary = f"{path.name} cannot be read: {found.reason}"
     if found.offset is None:
+        summary = f"{path.name} cannot be changed: {found.reason}"
         return error("CLIENT-FILE-SYNTAX", summary, path=str(path), hint=hint)
+    summary = f"{path.name} cannot be read: {found.reason}"
     line, column, source = place(text, found.offset)
     # A line of such a file may be long, and may hold a secret further on.
     shown = source if len(source) <= _SHOWN else None

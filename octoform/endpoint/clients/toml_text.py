@@ -97,7 +97,7 @@ def _value(value: Any) -> str:
 def _without_table(text: str, path: Path) -> str | None:
     """The text without the lines of a table and of the tables in it; None when that is not what would be gone."""
     headers = [(found.start(), _path(found[1] or found[2])) for found in _HEADER.finditer(text)]
-    ends = [start for start, _ in headers[1:]] + [len(text)]
+    ends = [*(start for start, _ in headers[1:]), len(text)] if headers else []
     shorter = text
     for (start, keys), end in reversed(list(zip(headers, ends, strict=True))):
         if keys[: len(path)] == path:

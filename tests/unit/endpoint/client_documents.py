@@ -25,12 +25,16 @@ SERVERS = st.dictionaries(st.sampled_from(["one", "two", "octoform-other"]), st.
 
 
 @st.composite
-def documents(draw: st.DrawFn, table: tuple[str, ...] = ("mcpServers",)) -> tuple[dict[str, Any], str]:
-    """Content in which the way to the servers is free, and a text of it."""
+def documents(
+    draw: st.DrawFn, table: tuple[str, ...] = ("mcpServers",), *, populated: bool = False
+) -> tuple[dict[str, Any], str]:
+    """Content in which the way to the servers is free, and a text of it; ``populated``: with a server."""
     content = draw(st.dictionaries(NAMES.filter(lambda name: name != table[0]), VALUES, max_size=4))
-    depth = draw(st.integers(0, len(table)))
+    depth = len(table) if populated else draw(st.integers(0, len(table)))
     if depth:
         inner: Any = draw(SERVERS) if depth == len(table) else {}
+        if populated:
+            inner = inner or {"one": draw(VALUES)}
         for key in reversed(table[:depth]):
             inner = {key: inner}
         place = draw(st.integers(0, len(content)))
