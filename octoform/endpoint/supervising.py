@@ -1,7 +1,8 @@
 """Start and stop the process that serves a host's endpoint. Light until something is really started.
 
-It is started detached, from the launcher that apply wrote. Only what is proved to be that process is ever signalled,
-through a pidfd that was opened before the proof, so that a recycled pid is never hit.
+It is started detached, from the launcher that apply wrote, or by systemd where a person had that installed. Only what
+is proved to be that process is ever signalled, through a pidfd that was opened before the proof, so that a recycled
+pid is never hit.
 """
 
 import fcntl
@@ -12,8 +13,10 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Protocol
 
 from octoform.diagnostics import Diagnostic, error
+from octoform.endpoint import systemd
 from octoform.endpoint.files import LAUNCHER
 from octoform.endpoint.running import MARK, Running, is_it, running
 from octoform.endpoint.sockets import connect
@@ -72,7 +75,8 @@ def stop(layout: Layout, seconds: float = STOP_SECONDS) -> Stopped:
     try:
         if not is_it(found):
             return Stopped(None)
-        _signal(handle, signal.SIGTERM)
+        if not systemd.stopped(layout):
+            _signal(handle, signal.SIGTERM)
         firmly = not _gone(found, time.monotonic() + seconds)
         if firmly:
             _signal(handle, signal.SIGKILL)
@@ -114,30 +118,56 @@ def _turn(layout: Layout) -> Iterator[None]:
         yield
 
 
-def _start(layout: Layout, end: float) -> tuple[Running | None, Diagnostic | None]:
-    import subprocess  # here, so that a client's pipe to a running endpoint does not load it
+class _Begun(Protocol):
+    """A start that was asked for."""
 
+    def ended(self) -> str | None:
+        """How it ended before it served; None while it may still come."""
+
+    def give_up(self) -> None:
+        """End what does not come."""
+
+
+class _Detached:
+    """A process that was started here and belongs to nobody."""
+
+    def __init__(self, layout: Layout) -> None:
+        import subprocess  # here, so that a client's pipe to a running endpoint does not load it
+
+        with os.fdopen(_private(layout.server_log), "ab") as log:
+            self._process = subprocess.Popen(
+                [str(layout.endpoint / LAUNCHER)],
+                cwd=layout.run,
+                env={**{name: os.environ[name] for name in PASSED if name in os.environ}, MARK: os.urandom(8).hex()},
+                stdin=subprocess.DEVNULL,
+                stdout=log,
+                stderr=log,
+                start_new_session=True,
+            )
+
+    def ended(self) -> str | None:
+        status = self._process.poll()
+        return None if status is None else f"its process ended with status {status}"
+
+    def give_up(self) -> None:
+        self._process.kill()
+        self._process.wait()
+
+
+def _start(layout: Layout, end: float) -> tuple[Running | None, Diagnostic | None]:
     layout.logs.mkdir(mode=0o700, parents=True, exist_ok=True)
     with os.fdopen(_private(layout.server_log), "ab") as log:
         mark = log.tell()
-        process = subprocess.Popen(
-            [str(layout.endpoint / LAUNCHER)],
-            cwd=layout.run,
-            env={**{name: os.environ[name] for name in PASSED if name in os.environ}, MARK: os.urandom(8).hex()},
-            stdin=subprocess.DEVNULL,
-            stdout=log,
-            stderr=log,
-            start_new_session=True,
-        )
+    begun: _Begun = systemd.started(layout) or _Detached(layout)
     while time.monotonic() < end:
         found = running(layout)
         if found is not None and accepts(layout):
             return found, None
-        if process.poll() is not None:
-            return None, _failed(layout, mark, f"its process ended with status {process.returncode}")
+        why = begun.ended()
+        if why is not None:
+            return None, _failed(layout, mark, why)
         time.sleep(_STEP)
-    process.kill()
-    process.wait()
+    begun.give_up()
     return None, _failed(layout, mark, "it takes no clients")
 
 

@@ -1,0 +1,50 @@
+"""``service install|uninstall``: let systemd run the endpoint. Never as another user."""
+
+import os
+from argparse import Namespace
+from pathlib import Path
+
+from octoform.engine import service as engine
+from octoform.views import problems
+from octoform.views import service as view
+from octoform.views.console import Console
+
+
+def run(arguments: Namespace, project: Path, screen: Console) -> int:
+    """Show the unit; with ``-user`` do it, after a yes."""
+    unit, found = engine.unit_of(project, os.environ, own=arguments.user)
+    if unit is None:
+        return problems.show(screen, found)
+    if arguments.verb == "install":
+        return _install(arguments, screen, unit)
+    return _uninstall(arguments, screen, unit)
+
+
+def _install(arguments: Namespace, screen: Console, unit: engine.Unit) -> int:
+    if problem := engine.missing(unit):
+        return problems.show(screen, [problem])
+    view.unit(screen, unit)
+    if not unit.own:
+        return view.machine_wide(screen, unit)
+    if problem := engine.obstacle(unit):
+        return problems.show(screen, [problem])
+    if not arguments.auto_approve and not view.approves(screen, "Write this unit and run the endpoint with it?"):
+        return problems.show(screen, [view.not_approved()])
+    process, found = engine.install(unit)
+    if process is None:
+        return problems.show(screen, found)
+    return view.installed(screen, unit, process)
+
+
+def _uninstall(arguments: Namespace, screen: Console, unit: engine.Unit) -> int:
+    if not unit.own:
+        return view.no_machine_wide(screen, unit)
+    if not unit.path.exists():
+        return view.uninstalled(screen, unit, was=False)
+    if problem := engine.obstacle(unit):
+        return problems.show(screen, [problem])
+    question = f"Stop the endpoint and remove {unit.path}?"
+    if not arguments.auto_approve and not view.approves(screen, question):
+        return problems.show(screen, [view.not_approved()])
+    was, found = engine.uninstall(unit)
+    return problems.show(screen, found) or view.uninstalled(screen, unit, was=was)

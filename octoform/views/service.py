@@ -1,0 +1,67 @@
+"""Views of service install and uninstall: the unit first, then the question, then what was done."""
+
+import sys
+
+from octoform.diagnostics import Diagnostic, error
+from octoform.endpoint.running import Running
+from octoform.engine.service import Unit
+from octoform.views.console import Console
+from octoform.views.text import escape
+
+
+def unit(console: Console, found: Unit) -> None:
+    """The unit as it would stand on the disk."""
+    console.line(f"{found.path}:\n")
+    for line in found.text.splitlines():
+        console.line(f"  {escape(line)}".rstrip())
+    console.line()
+
+
+def machine_wide(console: Console, found: Unit) -> int:
+    """Nothing was written; what a person would do who wants it for the whole machine."""
+    console.line("Nothing was written. octoform service install -user installs it for you alone.")
+    console.line("For the whole machine, put this text at the place above as root, then:")
+    console.line(f"  systemctl daemon-reload\n  systemctl enable --now {found.name}")
+    return 0
+
+
+def no_machine_wide(console: Console, found: Unit) -> int:
+    """Nothing was taken away; what a person would do."""
+    console.line("Nothing was taken away. octoform service uninstall -user takes away what was installed for you.")
+    console.line("For the whole machine, as root:")
+    console.line(f"  systemctl disable --now {found.name}\n  rm {found.path}\n  systemctl daemon-reload")
+    return 0
+
+
+def approves(console: Console, question: str) -> bool:
+    """Ask on the terminal; only ``yes`` is yes."""
+    console.line(f"{question} Only 'yes' will be accepted to approve.")
+    console.out.write("  Enter a value: ")
+    console.out.flush()
+    try:
+        answer = sys.stdin.readline() if sys.stdin is not None else ""
+    except UnicodeDecodeError:
+        answer = ""
+    console.line()
+    return answer.strip() == "yes"
+
+
+def not_approved() -> Diagnostic:
+    """The person did not say yes."""
+    hint = "answer yes, or give -auto-approve where nobody can be asked"
+    return error("SERVICE-NOT-APPROVED", "nothing was changed: it was not approved", hint=hint)
+
+
+def installed(console: Console, found: Unit, process: Running) -> int:
+    """It runs, and how it would run without a session too."""
+    console.line(f"{found.name}: the endpoint of {found.layout.host} runs under systemd (process {process.pid})")
+    console.line("To have it run while you are not logged in, once:")
+    console.line(f"  loginctl enable-linger {found.account}")
+    return 0
+
+
+def uninstalled(console: Console, found: Unit, *, was: bool) -> int:
+    """It is gone."""
+    told = "was stopped and taken away" if was else "was not installed"
+    console.line(f"{found.name} {told}")
+    return 0

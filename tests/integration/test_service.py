@@ -1,0 +1,268 @@
+"""The endpoint as a service: the unit is what systemd takes, and systemd is told what a person approved.
+
+In the place of systemctl stands a small program that keeps what it was told and starts and stops what the unit says.
+"""
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from launched import Launched, launched, tool
+from projects import OCTOFORM
+from terminals import Terminal
+
+from octoform.endpoint.running import running
+from octoform.endpoint.supervising import start, stop
+from octoform.endpoint.systemd import unit_text
+from octoform.state.layout import Layout
+
+SYSTEMCTL = """#!{python}
+import json, os, shlex, signal, subprocess, sys
+from pathlib import Path
+
+folder = Path({folder!r})
+user, pager, verb, *rest = sys.argv[1:]
+assert (user, pager) == ("--user", "--no-pager")
+with (folder / "told").open("a") as told:
+    told.write(json.dumps([verb, *rest]) + "\\n")
+if (folder / "refuses").exists() and verb in (folder / "refuses").read_text():
+    sys.exit("Failed to connect to bus: No medium found")
+kept, name = folder / "pid", rest[-1] if rest else ""
+
+
+def alive():
+    return kept.exists() and Path("/proc", kept.read_text()).exists()
+
+
+def begin():
+    if alive():
+        return
+    unit = Path(os.environ["XDG_CONFIG_HOME"], "systemd", "user", name).read_text()
+    said = dict(line.split("=", 1) for line in unit.splitlines() if "=" in line and line[0] != "#")
+    words = [word.replace("%%", "%") for word in shlex.split(said["ExecStart"].removeprefix(":"))]
+    given = dict(word.replace("%%", "%").split("=", 1) for word in shlex.split(said["Environment"]))
+    with open(said["StandardOutput"].removeprefix("append:").replace("%%", "%"), "ab") as log:
+        apart = {"stdin": subprocess.DEVNULL, "start_new_session": True}
+        process = subprocess.Popen(words, env=given, stdout=log, stderr=log, **apart)
+    kept.write_text(str(process.pid))
+
+
+def end():
+    if kept.exists():
+        try:
+            os.kill(int(kept.read_text()), signal.SIGTERM)
+        except ProcessLookupError:
+            pass
+        kept.unlink()
+
+
+if verb == "start" or (verb == "enable" and "--now" in rest):
+    begin()
+elif verb == "stop" or (verb == "disable" and "--now" in rest):
+    end()
+elif verb == "is-active":
+    print("active" if alive() else "failed")
+    sys.exit(0 if alive() else 3)
+"""
+SOURCE = """
+from fastmcp import FastMCP
+
+mcp = FastMCP("bench")
+
+
+@mcp.tool
+def one() -> int:
+    return 1
+"""
+NAME = "octoform-bench.service"
+
+
+class Systemd:
+    """The stand-in, and the surroundings in which octoform finds it."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        self.units = folder / "config" / "systemd" / "user"
+        programs = folder / "bin"
+        programs.mkdir(parents=True)
+        program = programs / "systemctl"
+        program.write_text(SYSTEMCTL.replace("{python}", sys.executable).replace("{folder!r}", repr(str(folder))))
+        program.chmod(0o700)
+        path = f"{programs}:{os.environ['PATH']}"
+        self.environ = {"PATH": path, "HOME": str(folder), "XDG_CONFIG_HOME": str(folder / "config")}
+
+    def told(self) -> list[list[str]]:
+        """What it was told so far, questions left out."""
+        kept = self.folder / "told"
+        words = [json.loads(line) for line in kept.read_text().splitlines()] if kept.exists() else []
+        return [item for item in words if item[0] not in ("show-environment", "is-active")]
+
+    def refuse(self, verb: str) -> None:
+        (self.folder / "refuses").write_text(verb)
+
+
+@pytest.fixture
+def systemd(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Systemd:
+    """A person's own systemd, for the commands and for what runs in the test itself."""
+    found = Systemd(tmp_path / "systemd")
+    for name, value in found.environ.items():
+        monkeypatch.setenv(name, value)
+    return found
+
+
+@pytest.fixture
+def bench(systemd: Systemd, tmp_path: Path) -> Iterator[Launched]:
+    """A project, in a folder with everything in its name that a unit has to mind, whose endpoint runs by itself."""
+    folder = tmp_path / "the owner's 100% bench $HOME"
+    folder.mkdir()
+    (folder / "octopus.yaml").write_text("version: 1\nhost: bench\nharness: builtin\n")
+    with launched(folder, SOURCE, [tool("one")]) as endpoint:
+        yield endpoint
+
+
+def octoform(systemd: Systemd, endpoint: Launched, *arguments: str) -> "subprocess.CompletedProcess[str]":
+    command = [str(OCTOFORM), *arguments]
+    return subprocess.run(
+        command,
+        cwd=endpoint.layout.project,
+        env=systemd.environ,
+        stdin=subprocess.DEVNULL,
+        capture_output=True,
+        text=True,
+        timeout=60,
+    )
+
+
+@pytest.mark.parametrize("folder", ["plain", "with blanks", "100%h", "$HOME", 'o\'brien "q" \\x', "größe"])
+@pytest.mark.parametrize("account", [None, "root"])
+def test_the_unit_is_one_that_systemd_takes(tmp_path: Path, folder: str, account: str | None) -> None:
+    program = shutil.which("systemd-analyze")
+    if program is None:
+        pytest.skip("no systemd here to ask")
+    layout = Layout(tmp_path / folder, "bench")
+    layout.endpoint.mkdir(parents=True)
+    layout.run.mkdir()
+    (layout.endpoint / "launch").write_text("#!/bin/sh\n")
+    (layout.endpoint / "launch").chmod(0o700)
+    unit = tmp_path / NAME
+    unit.write_text(unit_text(layout, "/usr/bin:/opt/my tools/100%", account))
+    kind = ["--user"] if account is None else []
+    environ = {"PATH": os.environ["PATH"], "HOME": str(tmp_path), "XDG_RUNTIME_DIR": str(tmp_path)}
+    done = subprocess.run(
+        [program, *kind, "verify", str(unit)], env=environ, capture_output=True, text=True, timeout=60
+    )
+    assert (done.returncode, done.stderr) == (0, "")
+
+
+def test_a_unit_is_shown_asked_for_written_and_given_to_systemd(systemd: Systemd, bench: Launched) -> None:
+    before = bench.process.pid
+    terminal = Terminal(bench.layout.project, systemd.environ, "service", "install", "-user")
+    terminal.wait_for("Enter a value:")
+    assert not systemd.units.exists() and systemd.told() == []
+    assert running(bench.layout) is not None
+    terminal.type("yes\n")
+    status, screen = terminal.end()
+    assert status == 0, screen
+    assert any("loginctl enable-linger" in line for line in screen)
+    unit = systemd.units / NAME
+    assert unit.stat().st_mode & 0o777 == 0o600
+    assert systemd.told()[:2] == [["daemon-reload"], ["enable", "--now", NAME]]
+    assert bench.process.pid != before, "the process that belonged to nobody was stopped first"
+    assert bench.process.pid == int((systemd.folder / "pid").read_text())
+
+
+def test_while_it_is_installed_systemd_starts_and_stops_the_endpoint(systemd: Systemd, bench: Launched) -> None:
+    assert octoform(systemd, bench, "service", "install", "-user", "-auto-approve").returncode == 0
+    told = len(systemd.told())
+    assert stop(bench.layout).process is not None
+    assert running(bench.layout) is None
+    assert systemd.told()[told:] == [["stop", NAME]]
+    process, problem = start(bench.layout)
+    assert problem is None and process is not None
+    assert systemd.told()[told:] == [["stop", NAME], ["start", NAME]]
+    assert process.pid == int((systemd.folder / "pid").read_text())
+
+
+def test_a_start_that_systemd_reports_as_failed_is_told_with_its_reason(systemd: Systemd, bench: Launched) -> None:
+    assert octoform(systemd, bench, "service", "install", "-user", "-auto-approve").returncode == 0
+    bench.stop()
+    server = bench.layout.output("serve")
+    good = server.read_bytes()
+    server.unlink()
+    process, problem = start(bench.layout)
+    server.write_bytes(good)
+    assert process is None and problem is not None
+    assert problem.code == "ENDPOINT-START-FAILED"
+    assert f"systemd says that {NAME} is failed" in problem.summary
+    assert "cannot be read" in str(problem.detail)
+
+
+def test_uninstall_stops_the_endpoint_and_leaves_nothing(systemd: Systemd, bench: Launched) -> None:
+    octoform(systemd, bench, "service", "install", "-user", "-auto-approve")
+    done = octoform(systemd, bench, "service", "uninstall", "-user")
+    assert done.returncode == 1 and "SERVICE-NOT-APPROVED" in done.stderr
+    assert (systemd.units / NAME).exists() and running(bench.layout) is not None
+    done = octoform(systemd, bench, "service", "uninstall", "-user", "-auto-approve")
+    assert done.returncode == 0, done.stderr
+    assert list(systemd.units.iterdir()) == []
+    assert running(bench.layout) is None
+    assert ["disable", "--now", NAME] in systemd.told() and systemd.told()[-1] == ["daemon-reload"]
+    assert "was not installed" in octoform(systemd, bench, "service", "uninstall", "-user").stdout
+
+
+@pytest.mark.parametrize("verb", ["install", "uninstall"])
+def test_without_user_nothing_is_written_and_systemd_is_not_asked(systemd: Systemd, bench: Launched, verb: str) -> None:
+    done = octoform(systemd, bench, "service", verb)
+    assert done.returncode == 0
+    assert f"/etc/systemd/system/{NAME}" in done.stdout
+    assert ("WantedBy=multi-user.target" in done.stdout) == (verb == "install")
+    assert "sudo" not in done.stdout
+    assert not systemd.units.exists() and not (systemd.folder / "told").exists()
+
+
+def test_without_a_yes_nothing_is_written(systemd: Systemd, bench: Launched) -> None:
+    before = bench.process.pid
+    done = octoform(systemd, bench, "service", "install", "-user")
+    assert done.returncode == 1 and "SERVICE-NOT-APPROVED" in done.stderr
+    assert "ExecStart=" in done.stdout
+    assert not systemd.units.exists() and systemd.told() == []
+    assert bench.process.pid == before
+
+
+def test_where_no_systemd_answers_the_unit_is_shown_and_nothing_is_touched(systemd: Systemd, bench: Launched) -> None:
+    before = bench.process.pid
+    systemd.refuse("show-environment")
+    done = octoform(systemd, bench, "service", "install", "-user", "-auto-approve")
+    assert done.returncode == 1
+    assert "SERVICE-NO-SYSTEMD" in done.stderr and "No medium found" in done.stderr
+    assert "ExecStart=" in done.stdout
+    (systemd.folder / "bin" / "systemctl").unlink()
+    lonely = {**systemd.environ, "PATH": str(systemd.folder / "bin")}
+    command = [str(OCTOFORM), "service", "install", "-user", "-auto-approve"]
+    done = subprocess.run(command, cwd=bench.layout.project, env=lonely, capture_output=True, text=True, timeout=60)
+    assert done.returncode == 1 and "systemctl cannot be started" in done.stderr
+    assert not systemd.units.exists() and bench.process.pid == before
+
+
+def test_a_unit_of_something_else_is_left_alone(systemd: Systemd, bench: Launched) -> None:
+    systemd.units.mkdir(parents=True)
+    (systemd.units / NAME).write_text("[Service]\nExecStart=/bin/true\n")
+    for verb in ("install", "uninstall"):
+        done = octoform(systemd, bench, "service", verb, "-user", "-auto-approve")
+        assert done.returncode == 1 and "SERVICE-FOREIGN-UNIT" in done.stderr
+    assert (systemd.units / NAME).read_text() == "[Service]\nExecStart=/bin/true\n"
+    bench.stop()
+    bench.start()
+    assert systemd.told() == []
+
+
+def test_what_systemctl_refuses_is_told(systemd: Systemd, bench: Launched) -> None:
+    systemd.refuse("enable")
+    done = octoform(systemd, bench, "service", "install", "-user", "-auto-approve")
+    assert done.returncode == 1
+    assert f"systemctl --user enable --now {NAME} failed" in done.stderr
