@@ -64,6 +64,7 @@ class Endpoint:
             self._owner.record(scope=self._descriptor.scope, url=self._url)
             self._audit.write("started", instance=self._owner.instance, scope=self._descriptor.scope)
             await self._told_to_stop(stopping)
+            self._offer.changes.close()
             self._control.stop()
             if self._tunnel is not None:
                 await asyncio.to_thread(self._tunnel.stop)
