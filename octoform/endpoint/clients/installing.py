@@ -1,7 +1,7 @@
 """Put this host's endpoint into a client's own file, look for it there, and take it out again.
 
 Nothing else of the file is touched. What stands there under our name counts as ours only when it starts our command
-or refers to our token; anything else was put there by a person and is refused.
+or refers to a token of octoform's; anything else was put there by a person and is refused.
 """
 
 import json
@@ -18,6 +18,7 @@ from octoform.endpoint.clients.merging import Edited, Hunk, Taken, Wish
 from octoform.endpoint.clients.places import Surroundings
 from octoform.endpoint.clients.text import Path as Way
 from octoform.endpoint.clients.text import Unreadable, at, place
+from octoform.endpoint.tokens import PREFIX
 
 TRIES = 3
 """How often a file is read anew that its client changed meanwhile."""
@@ -42,7 +43,7 @@ class Server:
         if said and said[1:] == self.command[1:]:
             return True
         address = formats.address(entry)
-        marks = (formats.VARIABLE, formats.INPUT, *((self.bearer,) if self.bearer else ()))
+        marks = (formats.VARIABLE, formats.INPUT, f"Bearer {PREFIX}")
         return address is not None and (address == self.url or any(mark in json.dumps(entry) for mark in marks))
 
 

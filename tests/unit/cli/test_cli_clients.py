@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from launched import LOOPBACK, launched, tool
 from ruamel.yaml import YAML
 
 from octoform.cli.main import main
@@ -133,3 +134,35 @@ def test_the_examples_of_the_document_are_what_is_written() -> None:
     for client in CLIENTS.values():
         if client.reference and client.prompt is None and client.key != "codex":
             assert f"`{client.reference}`" in text
+
+
+def test_a_running_endpoint_with_an_address_is_given_over_http(
+    project: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    source = 'from fastmcp import FastMCP\n\nmcp = FastMCP("bench")\n'
+    source += '\n\n@mcp.tool\ndef read_clock() -> str:\n    return "x"\n'
+    with launched(project, source, [tool("read_clock")], network={**LOOPBACK, "port": 7950}) as endpoint:
+        for client in ("vscode", "openclaw", "goose"):
+            assert main([f"-chdir={project}", "clients", "install", client, "-json"]) == 0
+            done = json.loads(capsys.readouterr().out)
+            assert (done["transport"], len(done["notes"])) == ("http", 2)
+            assert endpoint.url in Path(done["file"]).read_text()
+            assert endpoint.token() not in Path(done["file"]).read_text()
+        assert main([f"-chdir={project}", "connect", "-print", "lm-studio", "-transport", "http"]) == 0
+        printed = capsys.readouterr()
+        assert "${OCTOFORM_TOKEN}" in printed.out and "put the token itself" in printed.err
+        assert main([f"-chdir={project}", "clients", "install", "lm-studio"]) == 0
+        assert "(stdio)" in capsys.readouterr().out, "a value is only written when that is asked for"
+        assert main([f"-chdir={project}", "clients", "install", "lm-studio", "-transport", "http"]) == 0
+        said = capsys.readouterr()
+        assert "CLIENT-TOKEN-WRITTEN" in said.err and endpoint.token() not in said.out + said.err
+        file = project.parent / "home" / ".lmstudio" / "mcp.json"
+        headers = json.loads(file.read_text())["mcpServers"]["octoform-bench"]["headers"]
+        assert headers == {"Authorization": f"Bearer {endpoint.token()}"}
+        assert file.stat().st_mode & 0o777 == 0o600
+        for path in (endpoint.layout.run / "tokens").iterdir():
+            path.unlink()
+        assert main([f"-chdir={project}", "clients", "install", "lm-studio", "-transport", "http"]) == 1
+        assert "CLIENT-NO-TOKEN" in capsys.readouterr().err
+    assert main([f"-chdir={project}", "clients", "remove", "lm-studio"]) == 0
+    assert not file.exists()
