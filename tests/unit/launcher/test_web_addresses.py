@@ -141,6 +141,15 @@ def test_ipv6_address(tmp_path: Path) -> None:
             socket.create_connection(("::1", found.port), timeout=5).close()
 
 
+def test_answers_do_not_wait_for_an_acknowledgement(tmp_path: Path) -> None:
+    with door(tmp_path, {"port": FIRST}) as opened, opened.connect() as client:
+        client.sendall(b"GET /health HTTP/1.1\r\nHost: localhost\r\n\r\n")
+        assert client.recv(4096).startswith(b"HTTP/1.1 200")
+        (connection,) = opened.web._uvicorn.server_state.connections
+        accepted = connection.transport.get_extra_info("socket")
+        assert accepted.getsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY)
+
+
 def test_own_names_are_answered(tmp_path: Path) -> None:
     with door(tmp_path, {"interface": "lo", "port": FIRST}) as opened:
         name = socket.gethostname()
