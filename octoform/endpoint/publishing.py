@@ -123,6 +123,8 @@ def _descriptor(layout: Layout, service: Service, environ: Mapping[str, str]) ->
         "OCTOFORM_CALL_LOG": str(layout.call_log),
         "FASTMCP_CHECK_FOR_UPDATES": "off",
         "FASTMCP_SHOW_SERVER_BANNER": "false",
+        # What tools say to their clients is not for the process's own log.
+        "FASTMCP_LOG_LEVEL": "ERROR",
         # FastMCP would otherwise read a .env of whatever folder the process was started in.
         "FASTMCP_ENV_FILE": os.devnull,
     }

@@ -20,7 +20,6 @@ def load(descriptor: Descriptor) -> Any:
     """The FastMCP server that server.py defines; RefusedError when its bytes are not the accepted ones."""
     source = accepted(descriptor)
     path = Path(descriptor.server["path"])
-    os.environ.update(descriptor.environment)
     sys.path.insert(0, str(path.parent))
     with stdout_diverted():
         return _execute(path, source)

@@ -25,7 +25,8 @@ def main(folder: Path) -> int:
         if owner is None:
             print("octoform: another process serves this endpoint already", file=sys.stderr)
             return TAKEN
-        from .endpoint import Endpoint  # only now: whoever may not serve is told at once
+        os.environ.update(descriptor.environment)
+        from .endpoint import Endpoint  # only now: FastMCP reads its settings from the environment as it is loaded
         from .loading import load
 
         endpoint = Endpoint(descriptor, owner, load(descriptor))
