@@ -86,7 +86,7 @@ def _gate(gate: Mapping[str, Any]) -> Iterator[str]:
 
 def _stuck(call: Mapping[str, Any]) -> str:
     buses = f", which keeps {', '.join(call['buses'])}" if call.get("buses") else ""
-    return f"stuck: {call.get('tool')} for {call.get('seconds')} s{buses}  (octoform restart ends it)"
+    return f"stuck: {call.get('tool')} for {call.get('seconds')} s{buses} (octoform restart ends it)"
 
 
 def _tunnel(tunnel: Mapping[str, Any]) -> str:
@@ -100,4 +100,4 @@ def _tunnel(tunnel: Mapping[str, Any]) -> str:
 def _estop(estop: Mapping[str, Any]) -> str:
     reason = f": {estop['reason']}" if estop.get("reason") else ""
     since = f" at {estop['since']}" if estop.get("since") else ""
-    return f"emergency stop latched by {estop.get('by')}{since}{reason}  (octoform estop -clear opens it)"
+    return f"emergency stop latched by {estop.get('by')}{since}{reason} (octoform estop -clear opens it)"

@@ -1,0 +1,90 @@
+"""Healthy is an endpoint that answers just now with what it promises, and nothing else."""
+
+import json
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+from launched import Launched, launched, tool
+
+from octoform.engine import health, memo
+from octoform.engine.planning import Request, prepare
+from octoform.plan.model import Plan
+
+SOURCE = """
+from fastmcp import FastMCP
+
+mcp = FastMCP("bench")
+
+
+@mcp.tool
+def one() -> int:
+    return 1
+
+
+@mcp.tool
+def two() -> int:
+    return 2
+"""
+TOOLS = [tool("one"), tool("two", "irreversible")]
+
+
+@pytest.fixture(scope="module")
+def bench(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Launched]:
+    """A running endpoint whose policy denies one of its two tools."""
+    folder = tmp_path_factory.mktemp("health")
+    (folder / "octopus.yaml").write_text("version: 1\nhost: bench\nharness: builtin\n")
+    with launched(folder, SOURCE, TOOLS, policy={"tools": {"two": {"decision": "deny"}}}) as endpoint:
+        endpoint.layout.output("interface").parent.mkdir(parents=True)
+        yield endpoint
+
+
+def status(bench: Launched, tools: list[dict[str, Any]]) -> health.Status:
+    bench.layout.output("interface").write_text(json.dumps({"tools": tools}))
+    return health.status(bench.layout.project, {})
+
+
+DIFFERENT = "the endpoint's tools are not those of INTERFACE"
+
+
+def test_a_tool_that_the_policy_denies_is_not_missed(bench: Launched) -> None:
+    found = status(bench, TOOLS)
+    assert found.tools == ("one",)
+    assert DIFFERENT not in found.reasons
+
+
+@pytest.mark.parametrize("tools", [[tool("two")], [tool("one"), tool("three")]])
+def test_another_set_of_tools_is_unhealthy(bench: Launched, tools: list[dict[str, Any]]) -> None:
+    found = status(bench, tools)
+    assert DIFFERENT in found.reasons
+    assert found.health == "unhealthy"
+
+
+def test_a_process_that_does_not_answer_octoform_is_unhealthy(bench: Launched, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("octoform.endpoint.control.SOCKET", "gone.sock")
+    found = status(bench, TOOLS)
+    assert found.process.running is not None and found.process.told is None
+    assert "the endpoint's process does not answer octoform's own questions" in found.reasons
+
+
+def test_the_host_is_known_while_its_manifest_is_the_one_of_the_memo_whatever_else_moves(tmp_path: Path) -> None:
+    manifest = tmp_path / "octopus.yaml"
+    manifest.write_text("version: 1\nhost: bench\nharness: builtin\n")
+    assert memo.host_of(tmp_path) is None
+    ground: Mapping[str, Any] = memo.rests_on(tmp_path, "bench", [str(manifest)], [], {})
+    memo.path_of(tmp_path).parent.mkdir()
+    memo.path_of(tmp_path).write_bytes(memo.document(_plan(tmp_path), ground))
+    (tmp_path / "protocol").mkdir()
+    (tmp_path / "protocol" / "probe.md").write_text("edited")
+    assert memo.recall(tmp_path, {}) is None
+    assert memo.host_of(tmp_path) == "bench"
+    manifest.write_text(manifest.read_text() + "\n")
+    assert memo.host_of(tmp_path) is None
+
+
+def _plan(project: Path) -> Plan:
+    outlook, found = prepare(Request(project, {}))
+    assert outlook is not None, found
+    return replace(outlook.plan, actions=())

@@ -1,0 +1,92 @@
+"""Status as a person and as a program read it, whatever the process tells of itself."""
+
+import io
+import json
+from collections.abc import Mapping
+from typing import Any
+
+from octoform.endpoint.running import Running
+from octoform.engine.health import Process, Status
+from octoform.views import health
+from octoform.views.console import Console
+
+RUNNING = Running(
+    41, 7, ("python", "serve.py"), "aa", "2026-01-01T00:00:00+00:00", "internet", "http://10.0.0.2:7777/mcp"
+)
+TOLD: dict[str, Any] = {
+    "pid": 41,
+    "clients": 1,
+    "tunnel": {"state": "running", "url": "https://x.example", "since": "2026-01-01T00:00:09Z", "reason": None},
+    "gate": {
+        "mode": "shadow",
+        "running": 1,
+        "stuck": [{"tool": "move_rail", "caller": "local", "buses": ["usb-1"], "seconds": 12.5}],
+        "approvals": 2,
+        "audit": "No space left on device",
+    },
+    "later": {"nobody": "knows"},
+}
+
+
+def shown(found: Status, *, as_json: bool = False) -> tuple[int, str]:
+    out = io.StringIO()
+    console = Console(out, io.StringIO(), colour=False, colour_err=False, interactive=False)
+    return health.status(console, found, as_json=as_json), out.getvalue()
+
+
+def status(told: Mapping[str, Any] | None = None, **more: Any) -> Status:
+    process = Process(RUNNING, TOLD if told is None else told, None, 3)
+    return Status("bench", True, "healthy", tools=("a", "b"), process=process, **more)
+
+
+def test_a_healthy_host_tells_what_runs() -> None:
+    code, text = shown(status())
+    assert code == 0
+    assert text.splitlines() == [
+        "host bench: in sync, healthy",
+        "  the endpoint answers with 2 tools",
+        "  process 41 since 2026-01-01T00:00:00+00:00, scope internet, 1 local client",
+        "  at http://10.0.0.2:7777/mcp, open to 3 tokens",
+        "  tunnel: https://x.example since 2026-01-01T00:00:09Z",
+        "  the policy only watches (mode shadow): nothing is refused",
+        "  stuck: move_rail for 12.5 s, which keeps usb-1 (octoform restart ends it)",
+        "  2 calls waiting for an approval",
+        "  the audit log cannot be written: No space left on device",
+    ]
+
+
+def test_a_tunnel_that_is_not_there_says_why() -> None:
+    for state, reason in (
+        ("revoked", "revoked; octoform start opens a new one"),
+        ("not running", "there is no program"),
+    ):
+        _, text = shown(status({"tunnel": {"state": state, "url": None, "reason": reason}}))
+        assert f"  tunnel: {state} ({reason})" in text.splitlines()
+
+
+def test_what_a_process_of_another_version_does_not_tell_is_left_out() -> None:
+    _, text = shown(status({}))
+    assert text.splitlines()[2:] == [
+        "  process 41 since 2026-01-01T00:00:00+00:00, scope internet",
+        "  at http://10.0.0.2:7777/mcp, open to 3 tokens",
+    ]
+
+
+def test_nothing_that_is_told_acts_on_the_terminal() -> None:
+    estop = {"by": "\x1b[1manna", "reason": "smoke\nhost bench: in sync", "since": ""}
+    process = Process(RUNNING, {"tunnel": {"state": "x", "reason": "\x1b]0;title\x07"}}, estop)
+    code, text = shown(Status("bench", True, "unhealthy", ("why \x1b[2J",), process=process))
+    assert code == 1
+    assert "\x1b" not in text and "\x07" not in text
+    assert "  emergency stop latched by \\x1b[1manna: smoke host bench: in sync" in text
+
+
+def test_a_program_reads_everything_that_the_process_told() -> None:
+    code, text = shown(status(), as_json=True)
+    found = json.loads(text)
+    assert code == 0
+    assert (found["in_sync"], found["health"], found["running"], found["tokens"]) == (True, "healthy", True, 3)
+    assert found["process"]["url"] == RUNNING.url
+    assert found["process"]["later"] == {"nobody": "knows"}
+    code, text = shown(Status("bench", True, "unhealthy", ("the endpoint is not running",)), as_json=True)
+    assert (code, json.loads(text)["process"], json.loads(text)["running"]) == (1, None, False)
