@@ -38,11 +38,10 @@ def coercion(function: Callable[..., Any], strict: bool) -> Coerce:
     signature = inspect.signature(bare)
 
     names = tuple(signature.parameters)
-    defaults = {name: each.default for name, each in signature.parameters.items() if each.default is not each.empty}
 
     def collect(*args: Any, **kwargs: Any) -> dict[str, Any]:
         given = dict(zip(names, args, strict=False)) if args else {}
-        whole = {**defaults, **given, **kwargs}
+        whole = {**given, **kwargs}  # the validation filled in the defaults
         return {name: whole[name] for name in names if name in whole}
 
     try:

@@ -203,11 +203,14 @@ def test_the_server_is_asked_when_it_shows_and_hides_tools_itself(tmp_path: Path
     async def scenario() -> None:
         async with gated(tmp_path, {look: tool_policy("read")}) as gate, gate.client() as client:
             assert (await client.call_tool("look", {})).data == 7
-            gate.server.disable(names={"look"})
+            tool = await gate.server.get_tool("look")
+            assert tool is not None
+            gate.server.local_provider.remove_tool("look")
             with pytest.raises(ToolError, match="Unknown tool"):
                 await client.call_tool("look", {})
-            gate.server.enable(names={"look"})
-            gate.server.local_provider.remove_tool("look")
+            gate.server.add_tool(tool)
+            assert (await client.call_tool("look", {})).data == 7
+            gate.server.disable(names={"look"})
             with pytest.raises(ToolError, match="Unknown tool"):
                 await client.call_tool("look", {})
 

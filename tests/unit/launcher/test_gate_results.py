@@ -109,6 +109,15 @@ def broken(kind: str) -> str:
     raise ValueError("secret /dev/ttyUSB7")
 
 
+def unspeakable() -> dict[str, Any]:
+    return {"port": Secretive()}
+
+
+class Secretive:
+    def __repr__(self) -> str:
+        return "secret /dev/ttyUSB7"
+
+
 async def broken_async(kind: str) -> str:
     return broken(kind)
 
@@ -134,6 +143,15 @@ def test_what_a_tool_did_not_mean_to_say_is_a_reference(
 
     with caplog.at_level(logging.ERROR, logger="octoform.launcher"):
         asyncio.run(scenario())
+
+
+def test_a_result_that_cannot_be_said_is_a_reference_too(tmp_path: Path) -> None:
+    async def scenario() -> None:
+        async with gated(tmp_path, {unspeakable: tool_policy("read")}) as gate, gate.client() as client:
+            result = await client.call_tool("unspeakable", {}, raise_on_error=False)
+            assert result.is_error and "(reference " in result.content[0].text, result
+
+    asyncio.run(scenario())
 
 
 def liar() -> int:

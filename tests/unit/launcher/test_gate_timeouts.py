@@ -11,6 +11,7 @@ import pytest
 from gated import MODES, Gated, gated, tool_policy
 
 from octoform.launcher.guarding import Patience
+from octoform.launcher.workers import Interrupted, Job, Workers
 
 HASTE = {"timeout": 0.2, "buses": ["rail"]}
 ended = threading.Event()
@@ -122,9 +123,12 @@ def test_a_call_that_cannot_be_stopped_holds_its_bus_and_nothing_else(tmp_path: 
             waiting = asyncio.create_task(error(other, "quick"))
             await until(gate.gate.stuck)
             assert gate.gate.stuck()[0]["tool"] == tool.__name__ and gate.gate.stuck()[0]["buses"] == ["rail"]
-            # Who waited already hears it as soon as whoever comes now.
+            # Who waited already hears it as soon as whoever comes now, long before the 10 s of the waiting call.
+            before = time.monotonic()
             for text in (await waiting, await error(other, "quick"), await error(client, tool.__name__)):
                 assert f"rail is held by a call of {tool.__name__} that did not return" in text
+            assert time.monotonic() - before < 5
+            assert {each["code"] for each in gate.records("decision") if "code" in each} == {"stuck"}
             assert (await other.call_tool("free", {})).data == 2
             gate_open.set()
             await until(lambda: not gate.gate.stuck())
@@ -256,6 +260,36 @@ def late_interrupts() -> int:
     return 3
 
 
+def test_what_is_raised_in_a_thread_hits_its_own_job_alone() -> None:
+    async def scenario() -> None:
+        workers = Workers()
+        loop = asyncio.get_running_loop()
+
+        def start(function: Callable[[], Any]) -> tuple[Job, asyncio.Future[Any]]:
+            over: asyncio.Future[Any] = loop.create_future()
+            return workers.start(function, lambda value, problem: over.set_result((value, problem))), over
+
+        first, over = start(threading.current_thread)
+        thread, _ = await over
+        first.interrupt()
+        second, over = start(lambda: (time.sleep(0.05), threading.current_thread())[1])
+        first.interrupt()
+        assert await over == (thread, None)  # the same thread, and nothing was raised in it
+
+        third, over = start(spin)
+        await until(begun.is_set)
+        third.interrupt()
+        _, problem = await over
+        assert isinstance(problem, Interrupted)
+        _, over = start(threading.current_thread)
+        assert (await over)[0] is not thread  # a thread in which something was raised takes no other job
+        second.interrupt()
+        workers.close()
+
+    asyncio.run(scenario())
+
+
+@pytest.mark.filterwarnings("error")
 def test_an_interrupt_never_hits_another_call(tmp_path: Path) -> None:
     async def scenario() -> None:
         tools = {late_interrupts: tool_policy("read", timeout=0.02), free: tool_policy("read")}
