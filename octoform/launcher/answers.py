@@ -30,7 +30,7 @@ def estop(stop: Estop) -> Refused:
         "estop",
         f"emergency stop: latched by {stop.by} at {stop.since or 'an unknown time'} "
         f"({stop.reason or 'no reason given'}). "
-        "Nothing that moves is called until a person runs octoform estop --clear",
+        "Nothing that moves is called until a person runs octoform estop -clear",
     )
 
 
