@@ -45,6 +45,8 @@ def stopped(call: Call, problem: Stopped) -> str:
     policy = call.entry.policy
     if problem.cause == "estop":
         text = f"emergency stop: {call.entry.name} was interrupted while it ran"
+    elif problem.cause == "shutdown":
+        text = f"{call.entry.name} was interrupted because the endpoint ends"
     else:
         text = f"{call.entry.name} did not return within its {policy.timeout:g} s and was stopped"
     if problem.ended:

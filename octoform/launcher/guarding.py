@@ -45,7 +45,7 @@ class Patience:
 
 
 class Stopped(FastMCPError):
-    """The device work was stopped; ``cause`` is timeout, cancelled or estop, ``ended`` whether it is over."""
+    """The device work was stopped; ``cause`` is timeout, cancelled, estop or shutdown, ``ended`` whether it is over."""
 
     def __init__(self, cause: str, ended: bool) -> None:
         super().__init__(cause, log_level=logging.DEBUG)
