@@ -1,4 +1,4 @@
-"""The entry point. A client's pipe is taken up before anything else is loaded: clients start it for each conversation."""
+"""The entry point. A pipe of a client is taken up before anything else is loaded: each conversation starts one."""
 
 import sys
 from collections.abc import Sequence

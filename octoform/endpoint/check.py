@@ -94,6 +94,8 @@ def _trial(name: str, answer: Mapping[str, Any] | None, entry: LoggedCall | None
         return TrialCall(name, ok=False, skipped=reason)
     if answer["problem"] == "unknown_tool":
         return TrialCall(name, ok=False, skipped="the server has no such tool")
+    if answer["refused"] is not None:
+        return TrialCall(name, ok=False, skipped=answer["message"])
     failed = answer["is_error"] or answer["problem"] is not None
     error_class = _error_class(answer, entry) if failed else None
     message = (entry.message if entry else None) or answer["message"]

@@ -73,7 +73,7 @@ def test_the_state_can_be_looked_at(live: Project) -> None:
 def test_the_graph_can_be_drawn(live: Project) -> None:
     dot = live.run("graph", status=0).out
     assert dot.startswith("digraph octoform {")
-    assert dot.count("->") == 7
+    assert dot.count("->") == 9
     assert live.run("graph", "-type", "mermaid", status=0).out.startswith("flowchart LR\n")
 
 
@@ -160,7 +160,10 @@ def test_a_server_that_was_edited_is_not_served_and_made_again(live: Project) ->
     good = server.read_bytes()
     server.write_bytes(good.replace(b"21.5", b"99.9"))
     refused = json.loads(live.run("status", "-json", status=1).out)
-    assert (refused["in_sync"], refused["health"], refused["tools"]) == (False, "unhealthy", [])
+    # The process goes on with what it was started with; the edited code is never run.
+    assert (refused["in_sync"], refused["health"]) == (False, "unhealthy")
+    assert json.loads(live.run("call", "read_temperature", "-json", status=0).out)["structured"]["celsius"] == 21.5
+    assert "is not the file that was accepted" in live.run("restart", status=1).err
     told = reasons(live)
     assert any("edited by hand" in text for text in told["serve"])
     assert any("server.py" in text for text in told["endpoint"])

@@ -17,6 +17,8 @@ from mcp.server.stdio import stdio_server
 from picture import figures
 from toolschema import as_tool, first_fault, said
 
+REFUSED = "octoform/refused"
+"""By this the gate marks what it refused before the tool began."""
 CLOSE_SECONDS = 3.0
 """What a server has for its end after its stdin was closed."""
 
@@ -93,6 +95,7 @@ async def one_call(client: Client[Any], call: dict[str, Any], schemas: dict[str,
         "is_error": True,
         "problem": None,
         "field": None,
+        "refused": None,
         "message": "",
         "structured": None,
         "pictures": [],
@@ -128,6 +131,7 @@ def outcome(wire: dict[str, Any]) -> dict[str, Any]:
     """The parts of a result; of pictures only what they look like."""
     return {
         "is_error": bool(wire.get("isError")),
+        "refused": (wire.get("_meta") or {}).get(REFUSED),
         "message": said(wire),
         "structured": wire.get("structuredContent"),
         "pictures": [figures(item["data"]) for item in wire.get("content", []) if item.get("type") == "image"],

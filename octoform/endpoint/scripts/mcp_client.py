@@ -6,8 +6,9 @@ Run as ``python -I mcp_client.py`` with one JSON object on stdin::
      [{"tool": "...", "arguments": {}, "seconds": 15.0}]}
 
 One JSON object on stdout: ``{"answered", "error", "protocol", "server", "tools", "calls"}``; each call is
-``{"tool", "arguments", "is_error", "problem", "field", "message", "structured", "pictures", "ms"}`` where ``problem``
-is null, ``unknown_tool``, ``bad_argument``, ``timeout``, ``output_schema`` or ``protocol``.
+``{"tool", "arguments", "is_error", "problem", "field", "refused", "message", "structured", "pictures", "ms"}`` where
+``problem`` is null, ``unknown_tool``, ``bad_argument``, ``timeout``, ``output_schema`` or ``protocol``, and ``refused``
+is the gate's code when it did not let the tool begin.
 """
 
 import json
