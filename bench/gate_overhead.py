@@ -1,8 +1,9 @@
 """What the gate adds to a call: the server's CPU per call with and without it, in one run, in turns.
 
-Both servers are the same FastMCP server over HTTP, with a blocking and an async tool; one has the whole gate in front
-(policy, limits, bus, audit log, output schema). The client is plain HTTP in this process, so its cost stays out of the
-figures, which come from /proc. Bound: 10 % more CPU per call than the bare server, for each tool and era.
+Both servers are the same FastMCP server over HTTP, with a blocking and an async tool; one has all of the launcher's
+middleware in front (gate with policy, limits, bus, audit log and output schema; listing, resources, notifications). The
+client is plain HTTP in this process, so its cost stays out of the figures, which come from /proc. Bound: 10 % more CPU
+per call than the bare server, for each tool and era.
 """
 
 import http.client
@@ -48,10 +49,6 @@ LIMIT = {"kind": "range", "parameter": "channel", "minimum": 0, "maximum": 7, "u
 TOOL = {"effect": "read", "decision": "allow", "source": "default", "timeout": 30.0, "result_bytes": 10_000_000,
         "buses": ["usb-1"], "limits": [LIMIT]}
 
-class There:
-    def absent(self, tool):
-        return []
-
 async def main(port, folder):
     if folder != "-":
         from octoform.launcher import policy
@@ -59,11 +56,14 @@ async def main(port, folder):
         from octoform.launcher.gate import Gate
         from octoform.launcher.latch import Latch
         from octoform.launcher.limits import Ledger
+        from octoform.launcher.offering import offer
         place = Path(folder)
         tools = {"read_voltage": TOOL, "read_level": TOOL}
         rules = policy.parse({"format": 1, "mode": "enforce", "tools": tools})
         ledger, latch = Ledger(rules, place / "limits.json"), Latch(place / "estop.json")
-        gate = Gate(rules, ledger, Audit.open(place), latch, There())
+        described = [{"name": name, "effect": "read", "devices": ["usb-1"]} for name in tools]
+        shown = offer(mcp, [{"id": "usb-1", "name": "meter", "category": "meter"}], described, rules)
+        gate = Gate(rules, ledger, Audit.open(place), latch, shown.presence)
         mcp.add_middleware(gate)
         await gate.arm(mcp)
     app = mcp.http_app()

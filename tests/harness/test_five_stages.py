@@ -42,9 +42,10 @@ def environments(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return tmp_path_factory.mktemp("environments")
 
 
-async def call(launcher: str) -> tuple[list[str], object]:
-    """The tools of the endpoint, and what its tool answers."""
-    async with Client(StdioTransport(launcher, [])) as client:
+async def call(endpoint: Path) -> tuple[list[str], object]:
+    """The tools of the endpoint, and what its tool answers, by the command that every client is given."""
+    program, *arguments = json.loads((endpoint / "connection.json").read_bytes())["command"]
+    async with Client(StdioTransport(program, arguments)) as client:
         tools = [tool.name for tool in await client.list_tools()]
         return tools, (await client.call_tool("read_temperature", {"digits": 1})).structured_content
 
@@ -74,5 +75,5 @@ def test_from_an_empty_folder_to_a_live_endpoint(subject: Subject, tmp_path: Pat
     assert SECRET not in done.text
     kept = (path for folder in (project.folder, environments) for path in folder.rglob("*") if path.is_file())
     assert [path for path in kept if SECRET.encode() in path.read_bytes()] == []
-    assert asyncio.run(call(str(project.local / "endpoint" / "launch"))) == (["read_temperature"], {"celsius": 21.5})
+    assert asyncio.run(call(project.local / "endpoint")) == (["read_temperature"], {"celsius": 21.5})
     assert project.run("plan", "-detailed-exitcode").status == 0, "there is nothing left to do"
