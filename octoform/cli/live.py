@@ -18,7 +18,8 @@ def commands_of(commands: Commands) -> None:
 
 def _running(commands: Commands) -> None:
     add(commands, "start", "start the endpoint; nothing is done when it runs")
-    add(commands, "stop", "stop the endpoint: first gracefully, then firmly")
+    stop = add(commands, "stop", "stop the endpoint: first gracefully, then firmly")
+    stop.add_argument("host", metavar="HOST", nargs="?", help="another host of this folder, also a former one")
     add(commands, "restart", "stop the endpoint and start it again")
     add(commands, "status", "tell whether the host is in sync and its endpoint healthy")
     logs = add(commands, "logs", "show what the endpoint did: its calls and what it printed")

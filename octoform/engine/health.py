@@ -9,6 +9,7 @@ from typing import Any
 from octoform.diagnostics import Diagnostic
 from octoform.endpoint import control, tokens
 from octoform.endpoint.client import list_tools
+from octoform.endpoint.neighbours import running_beside
 from octoform.endpoint.observing import observe
 from octoform.endpoint.promise import hidden, promised
 from octoform.endpoint.running import Running, running
@@ -39,7 +40,8 @@ class Process:
 class Status:
     """In sync or not, and healthy, unhealthy or unknown: two separate things.
 
-    ``health`` is ``healthy`` only when the endpoint answered just now with the tools that it promises.
+    ``health`` is ``healthy`` only when the endpoint answered just now with the tools that it promises. ``others`` are
+    hosts of the same folder whose endpoints run, and which the manifest no longer names.
     """
 
     host: str
@@ -50,6 +52,7 @@ class Status:
     tools: tuple[str, ...] = ()
     process: Process = field(default_factory=Process)
     diagnostics: tuple[Diagnostic, ...] = ()
+    others: tuple[str, ...] = ()
 
 
 def status(project: Path, environ: Mapping[str, str]) -> Status:
@@ -62,19 +65,21 @@ def status(project: Path, environ: Mapping[str, str]) -> Status:
         plan = outlook.plan
     layout = Layout(project, plan.host)
     facts = observe(layout)
+    others = running_beside(layout)
     if not facts.present:
-        return Status(plan.host, plan.empty, "unknown", ("there is no endpoint yet",), plan)
+        return Status(plan.host, plan.empty, "unknown", ("there is no endpoint yet",), plan, others=others)
     process = _process(layout)
     if process.running is None:
         reasons = (NOT_RUNNING, *(reason for reason in facts.reasons if reason != NOT_RUNNING))
-        return Status(plan.host, plan.empty, "unhealthy", reasons, plan, process=process)
+        return Status(plan.host, plan.empty, "unhealthy", reasons, plan, process=process, others=others)
     listed, problems = list_tools(layout, start=False)
     names = tuple(str(tool["name"]) for tool in listed)
-    reasons = _reasons(facts.reasons, process, problems)
+    trouble = _trouble(process, problems)
     if not problems and set(names) != set(promised(layout)) - hidden(layout):
-        reasons = (*reasons, "the endpoint's tools are not those of INTERFACE")
-    health = "unhealthy" if reasons else "healthy"
-    return Status(plan.host, plan.empty, health, reasons, plan, names, process, problems)
+        trouble = (*trouble, "the endpoint's tools are not those of INTERFACE")
+    health = "unhealthy" if trouble else "healthy"
+    # Drift is told here too, and makes nothing unhealthy: it is the other axis.
+    return Status(plan.host, plan.empty, health, (*facts.reasons, *trouble), plan, names, process, problems, others)
 
 
 def _process(layout: Layout) -> Process:
@@ -95,8 +100,8 @@ def _latched(layout: Layout) -> Mapping[str, Any] | None:
         return {"by": "unknown", "reason": "its latch cannot be read", "since": ""}
 
 
-def _reasons(drift: Sequence[str], process: Process, problems: Sequence[Diagnostic]) -> tuple[str, ...]:
-    reasons = [*drift, *(_told(item) for item in problems)]
+def _trouble(process: Process, problems: Sequence[Diagnostic]) -> tuple[str, ...]:
+    reasons = [_told(item) for item in problems]
     if process.told is None or "error" in process.told:
         reasons.append("the endpoint's process does not answer octoform's own questions")
     return tuple(reasons)

@@ -16,6 +16,7 @@ from typing import Any
 
 import octoform
 from octoform import digest, host
+from octoform.endpoint.neighbours import running_beside
 from octoform.endpoint.observing import observe
 from octoform.plan.encode import from_json, to_json
 from octoform.plan.model import Plan
@@ -40,7 +41,8 @@ def recall(project: Path, environ: Mapping[str, str]) -> Plan | None:
     if memo is None or not _same(memo, project, environ):
         return None
     plan = from_json(memo["plan"])
-    if observe(Layout(project, plan.host)).reasons:
+    layout = Layout(project, plan.host)
+    if observe(layout).reasons or running_beside(layout):
         return None
     revision = head_revision(project)
     if revision == plan.revision:

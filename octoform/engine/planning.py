@@ -6,6 +6,8 @@ from pathlib import Path
 
 import octoform
 from octoform.diagnostics import Diagnostic, did_you_mean, error, has_errors, warning
+from octoform.endpoint.neighbours import running_beside
+from octoform.endpoint.policy_check import doubts
 from octoform.engine.compiling import Compiled, compile_project
 from octoform.engine.observing import Situation, look
 from octoform.engine.results import PlanResult
@@ -15,6 +17,7 @@ from octoform.plan import encode, planfile
 from octoform.plan.diff import Wishes, diff
 from octoform.plan.lending import Offer, Offers, with_loans
 from octoform.plan.model import Action, Cause, Change, OpenQuestion, Plan, PlannedAction, Reason
+from octoform.profiles.applying import holds
 from octoform.state import donors
 from octoform.state.files import write_atomic
 from octoform.state.history import repository_facts
@@ -53,10 +56,21 @@ def make_plan(request: Request, out: Path | None = None) -> PlanResult:
     outlook, found = prepare(request)
     if outlook is None:
         return PlanResult(None, tuple(found))
+    found += [] if request.destroy else _doubts(outlook)
     if out is None:
         return PlanResult(outlook.plan, tuple(found))
     problem = write_atomic(out, save(request, outlook), 0o600)
     return PlanResult(outlook.plan, (*found, *([problem] if problem else [])), None if problem else str(out))
+
+
+def _doubts(outlook: Outlook) -> list[Diagnostic]:
+    """What the policy says of tools that are not there, as far as the tools are known and stay as they are."""
+    artifacts = outlook.situation.artifacts
+    if "interface" not in artifacts or "probe" not in artifacts or any(item.calls_agent for item in outlook.plan.work):
+        return []
+    held = [(profile, holds(profile, artifacts["probe"])) for profile in outlook.compiled.profiles]
+    holding = [(profile, ids) for profile, ids in held if ids]
+    return doubts(outlook.compiled.manifest.policy, artifacts["interface"]["tools"], holding)
 
 
 def prepare(request: Request, store: StateStore | None = None) -> tuple[Outlook | None, list[Diagnostic]]:
@@ -69,7 +83,7 @@ def prepare(request: Request, store: StateStore | None = None) -> tuple[Outlook 
     found += _prevented(compiled) if request.destroy else []
     if store is None:
         store, more = StateStore.open(compiled.layout)
-        found += [*more, *_under_way(compiled.layout)]
+        found += [*more, *_under_way(compiled.layout), *_beside(compiled.layout)]
     if store is None or has_errors(found):
         return None, found
     situation = look(compiled, store.snapshot, request.environ)
@@ -85,6 +99,15 @@ def _under_way(layout: Layout) -> list[Diagnostic]:
     summary = f"{holder.operation} is under way since {holder.created} (process {holder.process.pid})"
     hint = "what it is working on looks interrupted until it ends; plan again then"
     return [warning("PLAN-RUN-UNDER-WAY", summary, hint=hint)]
+
+
+def _beside(layout: Layout) -> list[Diagnostic]:
+    """Endpoints that are open, and that nothing in this plan concerns."""
+    summary = "the endpoint of host {} runs, and octopus.yaml does not name that host"
+    return [
+        warning("PLAN-OTHER-ENDPOINT", summary.format(host), hint=f"octoform stop {host} ends it")
+        for host in running_beside(layout)
+    ]
 
 
 def _unknown_nodes(graph: Graph, names: Iterable[str]) -> list[Diagnostic]:

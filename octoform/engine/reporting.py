@@ -6,6 +6,7 @@ from typing import Any
 
 from octoform.endpoint.observing import observe
 from octoform.endpoint.promise import shown
+from octoform.endpoint.tokens import listed
 from octoform.engine.results import EndpointSummary, Funnel
 from octoform.state.layout import Layout
 
@@ -42,6 +43,8 @@ def endpoint(layout: Layout, artifacts: Mapping[str, Any]) -> EndpointSummary | 
         url=facts.process.url,
         tools=tuple(tool["name"] for tool in tools),
         answered=_said(calls, good),
+        token=next((token.name for token in listed(layout)[0] if not token.ended), None),
+        denied=len(interface["tools"]) - len(tools),
         example=next((name for name in easy if name in good), easy[0] if easy else None),
     )
 

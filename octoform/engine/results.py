@@ -21,7 +21,8 @@ class Funnel:
 class EndpointSummary:
     """The live endpoint: what a client of this machine starts, its tools, and a read tool that answered.
 
-    ``url`` is where it answers over HTTP; None in scope local.
+    ``url`` is where it answers over HTTP; None in scope local. ``token`` names one that opens it there, ``denied``
+    counts the tools that the policy keeps from everybody.
     """
 
     command: str
@@ -30,6 +31,8 @@ class EndpointSummary:
     tools: tuple[str, ...]
     answered: str | None = None
     example: str | None = None
+    token: str | None = None
+    denied: int = 0
 
 
 @dataclass(frozen=True, slots=True)

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from octoform.diagnostics import Diagnostic
+from octoform.diagnostics import Diagnostic, did_you_mean, error
 from octoform.endpoint import supervising, tunnel
 from octoform.endpoint.running import Running, running
 from octoform.engine.serving import layout_of
@@ -53,10 +53,19 @@ def _start(layout: Layout, before: Running | None) -> tuple[Started | None, list
     return Started(layout.host, process, before), []
 
 
-def stop(project: Path, environ: Mapping[str, str]) -> tuple[Stopped | None, list[Diagnostic]]:
-    """End the endpoint's process; nothing is done when none runs."""
-    layout, found = layout_of(project, environ)
+def stop(project: Path, environ: Mapping[str, str], host: str | None) -> tuple[Stopped | None, list[Diagnostic]]:
+    """End the endpoint's process of the manifest's host, or of ``host``; nothing is done when none runs."""
+    layout, found = layout_of(project, environ) if host is None else _named(project, host)
     if layout is None:
         return None, found
     done = supervising.stop(layout)
     return Stopped(layout.host, done.process, done.firmly), []
+
+
+def _named(project: Path, host: str) -> tuple[Layout | None, list[Diagnostic]]:
+    known = sorted(path.parent.name for path in project.glob(".octoform/*/run"))
+    if host in known:
+        return Layout(project, host), []
+    near = did_you_mean(host, known)
+    hint = f"did you mean {near}?" if near else f"hosts with an endpoint: {', '.join(known) or 'none'}"
+    return None, [error("ENDPOINT-NOT-APPLIED", f"{host} has no endpoint in this folder", hint=hint)]

@@ -225,8 +225,12 @@ class RunHuman:
         say = self._console.line
         say(f"\n  endpoint    {endpoint.command}")
         if endpoint.url:
-            say(f"              {endpoint.url}, with a token: octoform token show default")
+            opened = (
+                f"octoform token show {endpoint.token}" if endpoint.token else "none yet: octoform token create NAME"
+            )
+            say(f"              {endpoint.url}, with a token ({opened})")
         offered = sentences.counted(len(endpoint.tools), "tool")
+        offered += f", {endpoint.denied} more denied by the policy" if endpoint.denied else ""
         say(f"              scope {endpoint.scope}, {offered}")
         if endpoint.answered:
             say(f"  answered    {endpoint.answered}")

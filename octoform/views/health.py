@@ -35,6 +35,8 @@ def status(console: Console, found: Status, *, as_json: bool) -> int:
         console.line(f"  the endpoint answers with {sentences.counted(len(found.tools), 'tool')}")
     for line in _process(found.process):
         console.line(f"  {one_line(line, WIDTH)}")
+    for host in found.others:
+        console.line(f"  the endpoint of {host}, which octopus.yaml does not name, runs: octoform stop {host} ends it")
     if found.process.estop is not None:
         console.line(console.paint(f"  {one_line(_estop(found.process.estop), WIDTH)}", "red"))
     return 0 if good else 1
@@ -53,6 +55,7 @@ def _document(found: Status) -> dict[str, Any]:
         "process": None if process.running is None else {**asdict(process.running), **(process.told or {})},
         "estop": process.estop,
         "tokens": process.tokens,
+        "others": list(found.others),
     }
 
 

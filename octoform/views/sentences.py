@@ -69,6 +69,14 @@ def agent(harness: str, model: str | None) -> str:
     return f"{harness}, {model}" if model else harness
 
 
+_OPENS = {
+    "local": "; only clients of this machine, no network socket",
+    "intranet": "; opens HTTP without TLS to whoever is on the network and has a token",
+    "internet": "; opens HTTP on the network and a tunnel from the internet, to whoever has a token",
+}
+"""What a scope means, where a plan changes it."""
+
+
 def reasons(plan: Plan, item: PlannedAction) -> list[str]:
     """Why a node is worked on, one line a reason; what it waits for is one line in all."""
     if plan.operation == "destroy":
@@ -101,7 +109,8 @@ def _changed(plan: Plan, action: PlannedAction, item: Reason) -> str:
         scope = next((one for one in action.reasons if one.part == SCOPE), Reason(Cause.CHANGED))
         before = in_force(part, scope.before) if item.before is None else item.before
         after = in_force(part, scope.after) if item.after is None else item.after
-        return f"{label}: {show(before)} -> {show(after)}"
+        opens = _OPENS.get(str(after), "") if part == SCOPE else ""
+        return f"{label}: {show(before)} -> {show(after)}{opens}"
     if item.before and item.after:
         return f"{label}: changed ({show(item.before)} -> {show(item.after)})"
     return f"{label}: new ({show(item.after)})" if item.after else f"{label}: no longer there"

@@ -26,7 +26,7 @@ from octoform.state.store import StateStore
 FOLDER = Path(__file__).parents[1] / "cases" / "plan"
 SHIPPED = Path(__file__).parents[2] / "protocol"
 HARDWARE = ["hwmon:benchtemp", "usb:v0A0Ap0001d0100dc00dsc00dp00icFFisc00ip00in00"]
-_BESIDE = {"case.json", "before", "plan.json", "plan.txt"}
+_BESIDE = {"case.json", "before", "plan.json", "plan.txt", "warnings.txt"}
 
 
 def _artifact(layout: Layout, name: str) -> Path:
@@ -117,8 +117,18 @@ class Case:
     def document(self) -> Any:
         return json.loads((self.folder / "plan.json").read_text("utf-8"))
 
-    def write(self, text: str, document: object) -> None:
+    @property
+    def warnings(self) -> str:
+        """What is said beside the plan; a case without the file is one without warnings."""
+        path = self.folder / "warnings.txt"
+        return path.read_text("utf-8") if path.exists() else ""
+
+    def write(self, text: str, warnings: str, document: object) -> None:
         """Take these results as the expected ones."""
+        if warnings:
+            (self.folder / "warnings.txt").write_text(warnings, "utf-8")
+        else:
+            (self.folder / "warnings.txt").unlink(missing_ok=True)
         (self.folder / "plan.txt").write_text(text, "utf-8")
         (self.folder / "plan.json").write_text(json.dumps(document, indent=2, ensure_ascii=False) + "\n", "utf-8")
 

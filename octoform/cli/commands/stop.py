@@ -11,7 +11,7 @@ from octoform.views.console import Console
 
 def run(arguments: Namespace, project: Path, screen: Console) -> int:
     """Exit code 0 when no process of the endpoint is left."""
-    done, found = stop(project, os.environ)
+    done, found = stop(project, os.environ, arguments.host)
     if done is None:
         return problems.show(screen, found, as_json=arguments.json)
     return supervising.stopped(screen, done, as_json=arguments.json)
