@@ -6,12 +6,12 @@ loop and the generated code are doing. Standard library only.
 
 import json
 import socket
-import sys
 import threading
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
+from .saying import say
 from .socketfile import is_mine, listen
 
 Handler = Callable[[Mapping[str, Any]], Mapping[str, Any]]
@@ -62,7 +62,7 @@ class Control:
                 connection.settimeout(SECONDS)
                 connection.sendall(json.dumps(answer).encode() + b"\n")
             except (OSError, ValueError) as problem:
-                print(f"octoform: a question was not answered: {problem}", file=sys.stderr, flush=True)
+                say(f"a question was not answered: {problem}")
 
     def _handle(self, question: Mapping[str, Any]) -> Mapping[str, Any]:
         handler = self._handlers.get(str(question.get("op")))
@@ -71,7 +71,7 @@ class Control:
         try:
             return handler(question)
         except Exception as problem:  # noqa: BLE001 - whoever asks is told, and the door stays open
-            print(f"octoform: {question.get('op')} failed: {problem!r}", file=sys.stderr, flush=True)
+            say(f"{question.get('op')} failed: {problem!r}")
             return {"error": f"{type(problem).__name__}: {problem}"}
 
 

@@ -3,7 +3,6 @@
 import asyncio
 import os
 import signal
-import sys
 from collections.abc import Mapping
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
@@ -17,6 +16,7 @@ from .latch import Latch
 from .limits import Ledger
 from .offering import offer
 from .owner import Owner
+from .saying import say
 from .socketfile import listen
 from .stopping import Emergency
 from .unix import LocalClients
@@ -85,7 +85,7 @@ class Endpoint:
             except TimeoutError:
                 continue
             return
-        print("octoform: the record of this process is gone, so it ends", file=sys.stderr, flush=True)
+        say("the record of this process is gone, so it ends")
 
     def _open(self) -> list["asyncio.Task[None]"]:
         """The doors: the socket of this machine's clients always, HTTP and the tunnel where the scope has them."""

@@ -1,6 +1,7 @@
 """The process behind every client of a host: check, load, own, serve, until it is asked to stop."""
 
 import asyncio
+import logging
 import os
 import sys
 from pathlib import Path
@@ -10,6 +11,7 @@ from .audit import AuditFailed
 from .descriptor import RefusedError, read
 from .owner import Owner
 from .policy import PolicyInvalid
+from .saying import Said, say
 
 REFUSED = 78
 """Exit status for a configuration that may not be served (EX_CONFIG)."""
@@ -19,11 +21,12 @@ TAKEN = 75
 
 def main(folder: Path) -> int:
     """Serve the endpoint in ``folder``; the exit status. Does not return once it has served."""
+    logging.getLogger("octoform").addHandler(Said())
     try:
         descriptor = read(folder)
         owner = Owner.take(descriptor.run)
         if owner is None:
-            print("octoform: another process serves this endpoint already", file=sys.stderr)
+            say("another process serves this endpoint already")
             return TAKEN
         os.environ.update(descriptor.environment)
         from .endpoint import Endpoint  # only now: FastMCP reads its settings from the environment as it is loaded
@@ -45,5 +48,5 @@ def main(folder: Path) -> int:
 
 
 def _refuse(problem: Exception) -> int:
-    print(f"octoform: refused: {problem}", file=sys.stderr)
+    say(f"refused: {problem}")
     return REFUSED

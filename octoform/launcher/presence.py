@@ -12,13 +12,14 @@ import json
 import os
 import select
 import socket
-import sys
 import threading
 import time
 from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from types import ModuleType
 from typing import Any
+
+from .saying import say
 
 KOBJECT_UEVENT = 15  # linux/netlink.h: NETLINK_KOBJECT_UEVENT, whose first group carries the kernel's own events
 BUFFER = 1 << 16
@@ -113,7 +114,7 @@ def _there(runtime: ModuleType, device: str) -> bool | None:
     except runtime.DeviceAbsent:
         return False
     except (runtime.DeviceFault, OSError) as problem:
-        print(f"octoform: whether {device} is there cannot be told: {problem}", file=sys.stderr, flush=True)
+        say(f"whether {device} is there cannot be told: {problem}")
         return None
     return True
 

@@ -7,7 +7,6 @@ error and hurts nobody else; one that goes takes its running calls with it.
 import asyncio
 import json
 import socket
-import sys
 from typing import Any
 
 import anyio
@@ -16,6 +15,7 @@ from fastmcp.server.context import reset_transport, set_transport
 from mcp.shared._context_streams import ContextReceiveStream, ContextSendStream, create_context_streams
 from mcp.shared.message import SessionMessage
 
+from .saying import say
 from .socketfile import is_mine
 
 LONGEST_LINE = 8 * 1024 * 1024
@@ -55,7 +55,7 @@ class LocalClients:
 
     def _admit(self, connection: socket.socket) -> None:
         if not is_mine(connection) or len(self._tasks) >= MOST_CLIENTS:
-            print("octoform: a local client was turned away", file=sys.stderr, flush=True)
+            say("a local client was turned away")
             connection.close()
             return
         task = asyncio.create_task(self._client(connection))
@@ -65,7 +65,7 @@ class LocalClients:
     def _gone(self, task: "asyncio.Task[None]") -> None:
         self._tasks.discard(task)
         if not task.cancelled() and (problem := task.exception()) is not None:
-            print(f"octoform: a local client's connection failed: {problem!r}", file=sys.stderr, flush=True)
+            say(f"a local client's connection failed: {problem!r}")
 
     async def _client(self, connection: socket.socket) -> None:
         reader, writer = await asyncio.open_unix_connection(sock=connection, limit=_CHUNK)

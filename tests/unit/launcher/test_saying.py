@@ -1,18 +1,32 @@
 """A sentence for the log never breaks what it is about, whatever room the log has."""
 
 import io
+import logging
 import os
 import sys
+import time
+from datetime import datetime
 from pathlib import Path
 
 import pytest
 
-from octoform.launcher.saying import say
+from octoform.launcher.saying import Said, say
 
 
 def test_a_line_is_said(capsys: pytest.CaptureFixture[str]) -> None:
+    before = time.time()
     say("a door is closed")
-    assert capsys.readouterr().err == "octoform: a door is closed\n"
+    stamp, _, said = capsys.readouterr().err.partition(" ")
+    assert said == "octoform: a door is closed\n"
+    assert before - 0.002 <= datetime.fromisoformat(stamp).timestamp() <= time.time()
+
+
+def test_what_is_logged_has_the_same_form(capsys: pytest.CaptureFixture[str]) -> None:
+    logger = logging.Logger("octoform.any")
+    logger.addHandler(Said())
+    logger.error("the tool %s failed inside", "move")
+    stamp, _, said = capsys.readouterr().err.partition(" ")
+    assert (stamp[-1], said) == ("Z", "octoform: the tool move failed inside\n")
 
 
 def test_a_full_disk_takes_the_line_and_nothing_else(monkeypatch: pytest.MonkeyPatch) -> None:
