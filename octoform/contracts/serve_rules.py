@@ -1,8 +1,8 @@
-"""The whole SERVE contract over one source text: it compiles, and then every rule of the three families."""
+"""The whole SERVE contract over one source text: it compiles, and then every rule of the four families."""
 
 from dataclasses import replace
 
-from octoform.contracts import serve_code_rules, serve_device_rules, serve_tool_rules
+from octoform.contracts import serve_code_rules, serve_device_rules, serve_loop_rules, serve_tool_rules
 from octoform.contracts.model import Artifacts, JsonObject, Rule
 from octoform.contracts.source import Source, read_source
 from octoform.diagnostics import Diagnostic
@@ -19,6 +19,7 @@ RULES = (
     Rule("SERVE-SYNTAX", syntax),
     *serve_code_rules.RULES,
     *serve_device_rules.RULES,
+    *serve_loop_rules.RULES,
     *serve_tool_rules.RULES,
 )
 

@@ -1,7 +1,7 @@
-"""Rules for SERVE about its tools: exactly those of INTERFACE, each logged, none a raw pipe.
+"""Rules for SERVE about its tools: exactly those of INTERFACE, each logged, none a raw pipe, and nothing besides.
 
 The log is what shows later that a tool was really called and what came of it, so a tool without it is as good as
-not there.
+not there. The gate stands before tools alone, so whatever else a server could offer would go around it.
 """
 
 import ast
@@ -13,6 +13,13 @@ from octoform.contracts.naming import is_passthrough
 from octoform.contracts.source import Source, needed_source
 from octoform.contracts.text import listed, shown
 from octoform.diagnostics import Diagnostic, Span, error
+
+_PLAIN_USES = frozenset({"tool", "add_tool", "run", "run_async", "name"})
+_PLAIN_OPTIONS = frozenset(
+    {"name", "instructions", "version", "website_url", "icons", "on_duplicate", "mask_error_details"}
+    | {"dereference_schemas", "strict_input_validation"}
+)
+"""What a server may be made with: words about it, and how strict it is. All else acts on requests, or adds to them."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,8 +88,35 @@ def passthrough(value: str, _: Artifacts) -> list[Diagnostic]:
     ]
 
 
+def beyond_tools(value: str, _: Artifacts) -> list[Diagnostic]:
+    """The server offers tools alone: no resource, no prompt, no middleware, no other server."""
+    source = needed_source(value)
+    servers = _servers(source)
+    hint = (
+        "serve tools with @mcp.tool and nothing else; of the server, only mcp.tool, mcp.add_tool and mcp.run are used"
+    )
+    out = []
+    for node in ast.walk(source.tree):
+        if isinstance(node, ast.Call) and source.dotted(node.func).rpartition(".")[2] == "FastMCP":
+            names = [item.arg or "**" for item in node.keywords if item.arg not in _PLAIN_OPTIONS]
+            out += [
+                source.problem("SERVE-BEYOND-TOOLS", node, f"the server is made with {shown(name)}", hint)
+                for name in names
+            ]
+        elif isinstance(node, ast.Name) and isinstance(node.ctx, ast.Load) and node.id in servers:
+            above = source.parents.get(node)
+            if not isinstance(above, ast.Attribute):
+                summary = f"{shown(node.id)} is handed on, so what is registered on it cannot be seen"
+                out.append(source.problem("SERVE-BEYOND-TOOLS", node, summary, hint))
+            elif above.attr not in _PLAIN_USES:
+                summary = f"{shown(source.dotted(above))} reaches past the tools"
+                out.append(source.problem("SERVE-BEYOND-TOOLS", above, summary, hint))
+    return out
+
+
 RULES = (
     Rule("SERVE-NO-SERVER", no_server),
+    Rule("SERVE-BEYOND-TOOLS", beyond_tools),
     Rule("SERVE-TOOLS-DIFFER", tools_differ),
     Rule("SERVE-TOOL-NOT-LOGGED", tool_not_logged),
     Rule("SERVE-PASSTHROUGH", passthrough),

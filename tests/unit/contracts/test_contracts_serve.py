@@ -71,6 +71,22 @@ CASES = [
     ("SERVE-TOOL-NOT-LOGGED", "@mcp.tool\n@runtime.logged\ndef read_fan", "@runtime.logged\n@mcp.tool\ndef read_fan"),
     ("SERVE-LISTENS", "    mcp.run()", '    mcp.run(transport="http", port=7777)'),
     ("SERVE-LISTENS", "    mcp.run()", "    import socketserver\n    socketserver.TCPServer(('', 1), None)"),
+    ("SERVE-BEYOND-TOOLS", END, "\n\n@mcp.resource('x://fan')\ndef fan() -> int:\n    return 1" + END),
+    ("SERVE-BEYOND-TOOLS", END, "\n\n@mcp.prompt\ndef fan() -> str:\n    return 'move'" + END),
+    ("SERVE-BEYOND-TOOLS", END, "\n\nserver = mcp" + END),
+    ("SERVE-BEYOND-TOOLS", END, "\n\ngetattr(mcp, 'resource')('x://fan')(_fan)" + END),
+    ("SERVE-BEYOND-TOOLS", END, "\n\nmcp._mcp_server.middleware.clear()" + END),
+    ("SERVE-BEYOND-TOOLS", 'FastMCP("bench")', 'FastMCP("bench", middleware=[])'),
+    ("SERVE-BEYOND-TOOLS", 'FastMCP("bench")', 'FastMCP("bench", **{"providers": []})'),
+    ("SERVE-ASYNC-BLOCKS", END, "\n\nasync def rest() -> None:\n    import time\n    time.sleep(9)" + END),
+    ("SERVE-ASYNC-BLOCKS", END, "\n\nasync def rest() -> None:\n    subprocess.run(['lampctl'])" + END),
+    (
+        "SERVE-ASYNC-BLOCKS",
+        END,
+        "\n\ndef inner() -> None:\n    import time as t\n    t.sleep(9)"
+        "\n\n\ndef outer() -> None:\n    inner()"
+        "\n\n\nasync def rest() -> None:\n    outer()" + END,
+    ),
     ("SERVE-PRINTS", "def _fan() -> int:\n", "def _fan() -> int:\n    print('fan')\n"),
 ]
 ALSO = {"SERVE-NO-SERVER": {"SERVE-TOOLS-DIFFER"}, "SERVE-HEADER": {"SERVE-IMPORT-UNDECLARED"}}
@@ -120,6 +136,15 @@ GOOD_VARIANTS = [
     ("def _fan() -> int:\n", "def _fan() -> int:\n    import sys\n    print('fan', file=sys.stderr)\n"),
     ("        camera = cv2.VideoCapture(", "        camera = cv2.VideoCapture(*[0][:0], "),
     ("def _fan() -> int:", "def compile() -> int:\n    return 1\n\n\ndef _fan() -> int:"),
+    (END, "\n\nasync def rest() -> None:\n    import asyncio\n    await asyncio.sleep(9)" + END),
+    (END, "\n\nasync def rest() -> None:\n    import asyncio, time\n    await asyncio.to_thread(time.sleep, 9)" + END),
+    (
+        END,
+        "\n\nasync def rest() -> None:\n    import asyncio, time"
+        "\n    await asyncio.to_thread(lambda: time.sleep(9))\n\n    def later() -> None:\n        time.sleep(9)"
+        "\n\n    await asyncio.to_thread(later)" + END,
+    ),
+    ('FastMCP("bench")', 'FastMCP("bench", instructions="Look before you move.")'),
     ("    return int(path.read_text())", "    import re\n    return len(re.compile('x').findall(path.read_text()))"),
 ]
 
