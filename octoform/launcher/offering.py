@@ -10,6 +10,7 @@ from typing import Any
 
 from .changes import Changes
 from .listing import Listing
+from .onlytools import only_tools
 from .policy import Policy
 from .presence import Presence
 from .resources import DEVICES, Frames, Resources
@@ -28,7 +29,11 @@ class Offer:
 def offer(
     server: Any, devices: Iterable[Mapping[str, Any]], tools: Iterable[Mapping[str, Any]], policy: Policy
 ) -> Offer:
-    """Add listing, resources and notifications to a FastMCP server; devices and tools are the descriptor's."""
+    """Add listing, resources and notifications to a FastMCP server; devices and tools are the descriptor's.
+
+    Of what the server has itself, its tools alone are left.
+    """
+    nothing_else = only_tools(server)
     changes = Changes(server)
 
     def plugged(_: frozenset[str]) -> None:
@@ -41,4 +46,5 @@ def offer(
     frames = Frames(changes)
     server.add_middleware(listing)
     server.add_middleware(Resources(devices, tools, presence, frames, listing.visible))
+    server.add_middleware(nothing_else)
     return Offer(changes, presence, frames, listing)

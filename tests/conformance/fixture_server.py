@@ -4,7 +4,8 @@
 # ///
 """A server with what the conformance suites ask for by name, as if an agent had written it for an invented host.
 
-It goes through the launcher unchanged like every other one, so what the suites see is what clients of a real host see.
+It goes through the launcher like every other one, so what the suites see is what clients of a real host see; only that
+its resources, prompts and completions are served, which the launcher otherwise leaves out.
 One device of that host can be unplugged by a call: the list of tools then changes the way it does in a room.
 """
 

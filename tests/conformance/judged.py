@@ -23,6 +23,7 @@ from octoform.builtin.serve.stage import render
 
 HERE = Path(__file__).parent
 FIXTURES = HERE / "fixture_server.py"
+START = HERE / "serve_with_fixtures.py"
 BASELINE = HERE / "baseline-2026-07-28.yml"
 SENSOR = {"id": "hwmon-k10temp", "name": "AMD K10 temperature sensor", "category": "sensor"}
 DEVICES_OF = {"read_thermometer": [SENSOR["id"]]}
@@ -60,11 +61,14 @@ NEEDS_A_FIXTURE = {
 
 @contextmanager
 def fixtures(folder: Path) -> Iterator[Launched]:
-    """The server that was made for the suites, behind the launcher."""
+    """The server that was made for the suites, behind the launcher, which serves its resources and prompts as well."""
     environ = {"OCTOFORM_SYSROOT": str(_thermometer(folder / "root"))}
     tools = [tool(name, "read", *DEVICES_OF.get(name, ())) for name in _names_of(FIXTURES)]
     source = FIXTURES.read_text()
     with launched(folder, source, tools, network=LOOPBACK, devices=[SENSOR], environ=environ) as endpoint:
+        endpoint.stop()
+        (endpoint.layout.endpoint / "serve.py").write_text(START.read_text())
+        endpoint.start()
         yield endpoint
 
 
