@@ -21,6 +21,7 @@ from pathlib import Path
 from typing import Any
 
 from .chain import LOG, LONGEST_LINE, ORIGIN, RECORD, SEAL, SEAL_BYTES, Verdict, rule, sealed, verify
+from .ownfile import OwnFile
 
 __all__ = ["Audit", "AuditFailed", "Verdict", "verify"]
 
@@ -45,7 +46,9 @@ class Audit:
         self._path = folder / LOG
         self._rotate_bytes = rotate_bytes
         self._lock = threading.Lock()
-        self._log = self._seal = self._size = -1
+        self._log: OwnFile | None = None
+        self._seal: OwnFile | None = None
+        self._size = -1
         self._seq, self._hash = 0, ORIGIN
         self._second, self._clock = -1, ""
 
@@ -55,7 +58,7 @@ class Audit:
         audit = cls(folder, rotate_bytes)
         try:
             folder.mkdir(mode=0o700, parents=True, exist_ok=True)
-            audit._seal = _opened(folder / SEAL, os.O_RDWR)
+            audit._seal = OwnFile(folder / SEAL, os.O_RDWR)
             audit._enter()
             try:
                 audit._begin()
@@ -67,7 +70,7 @@ class Audit:
         return audit
 
     def _begin(self) -> None:
-        seal = sealed(os.pread(self._seal, SEAL_BYTES, 0))
+        seal = self._sealed()
         self._go_on()
         if self._seq and seal is None:
             self._append([("audit_seal_lost", {})])
@@ -93,7 +96,7 @@ class Audit:
             if not _RESERVED.isdisjoint(fields):
                 raise ValueError(f"an audit record has its own {', '.join(sorted(_RESERVED & fields.keys()))}")
             bounded.append((event, {name: _bounded(value, DEPTH) for name, value in fields.items()}))
-        if self._seal < 0:
+        if self._seal is None:
             raise AuditFailed(f"{self._path}: the log is closed")
         with self._lock:
             try:
@@ -108,15 +111,15 @@ class Audit:
     def close(self) -> None:
         """Put log and seal on the disk and let go of them; the log can be opened again."""
         with self._lock:
-            for descriptor in (self._log, self._seal):
-                if descriptor >= 0:
+            for file in (self._log, self._seal):
+                if file is not None and file.held():
                     with suppress(OSError):  # what was written is with the kernel already; there is nobody to tell
-                        os.fsync(descriptor)
-                    os.close(descriptor)
-            self._log = self._seal = -1
+                        os.fsync(file.number)
+                    file.close()
+            self._log = self._seal = None
 
     def _record(self, records: Sequence[tuple[str, Mapping[str, Any]]]) -> str:
-        status = os.fstat(self._log)
+        status = os.fstat(self._file)
         if status.st_size != self._size or not status.st_nlink:
             self._go_on()
         if self._size >= self._rotate_bytes:
@@ -127,14 +130,30 @@ class Audit:
 
     def _enter(self) -> None:
         """Take the lock of the file that is the log now."""
-        if self._log < 0:
-            self._reopen()
+        if self._log is not None and self._log.held():
+            self._take(self._log.number)
         else:
-            self._take(self._log)
+            self._reopen()
 
     def _leave(self) -> None:
-        if self._log >= 0:
-            fcntl.flock(self._log, fcntl.LOCK_UN)
+        if self._log is not None and self._log.held():
+            fcntl.flock(self._log.number, fcntl.LOCK_UN)
+
+    @property
+    def _file(self) -> int:
+        """The log's descriptor, after a look whether it is still the log's; AuditFailed when it is not."""
+        if self._log is None or not self._log.held():
+            raise AuditFailed(f"{self._path}: something else in this process took the log's descriptor away")
+        return self._log.number
+
+    def _sealing(self) -> int:
+        """The seal's descriptor, opened anew when something took it away."""
+        if self._seal is None or not self._seal.held():
+            self._seal = OwnFile(self._folder / SEAL, os.O_RDWR)
+        return self._seal.number
+
+    def _sealed(self) -> tuple[int, str] | None:
+        return sealed(os.pread(self._sealing(), SEAL_BYTES, 0))
 
     def _take(self, descriptor: int) -> None:
         """Bounded, so that a process that was halted while it held the lock cannot hang this one."""
@@ -158,12 +177,12 @@ class Audit:
         lines = before + text.encode("ascii")
         size, written = self._size, -1
         try:
-            written = os.write(self._log, lines)
+            written = os.write(self._file, lines)
         finally:
             if written != len(lines):
                 self._size = -1  # look again before the next record
                 with suppress(OSError):  # a fragment that stays is closed off by the next record
-                    os.ftruncate(self._log, size)
+                    os.ftruncate(self._file, size)
         if written != len(lines):
             raise AuditFailed(f"{self._path}: the disk took only {written} of {len(lines)} bytes of a record")
         self._size = size + written
@@ -180,21 +199,25 @@ class Audit:
     def _stamp(self) -> None:
         """Seal the last record: in place, always the same length, so that it costs no more than a write."""
         text = f'{{"format":1,"seq":{self._seq},"hash":"{self._hash}"}}'
-        os.pwrite(self._seal, f"{text:<{SEAL_BYTES - 1}}\n".encode("ascii"), 0)
+        os.pwrite(self._sealing(), f"{text:<{SEAL_BYTES - 1}}\n".encode("ascii"), 0)
 
     def _go_on(self) -> None:
         """Find the last record: at the start, and when another process wrote, rotated or did worse.
 
         Never goes back behind what is known or sealed: a log that lost records gets a gap that verifying shows.
         """
-        known = [(self._seq, self._hash), sealed(os.pread(self._seal, SEAL_BYTES, 0)) or (0, ORIGIN)]
-        for _ in range(3):
-            status = os.fstat(self._log)
-            seq, digest, fragment, rotated = _last(self._log, status.st_size)
+        known = [(self._seq, self._hash)]
+        deadline = time.monotonic() + _LOCK_SECONDS
+        while True:
+            status = os.fstat(self._file)
+            seq, digest, fragment, rotated = _last(self._file, status.st_size)
             known.append((seq, digest))
             if status.st_nlink and not rotated:
                 break
+            if time.monotonic() >= deadline:
+                raise AuditFailed(f"{self._path}: it is set aside again and again before it can be written")
             self._reopen()
+        known.append(self._sealed() or (0, ORIGIN))  # with the lock of the file that is the log now
         self._size = status.st_size
         self._seq, self._hash = max(known, key=lambda each: each[0])
         if fragment:
@@ -203,24 +226,25 @@ class Audit:
 
     def _rotate(self) -> None:
         """Set the full file aside under the number of its first record; the chain goes on in a new one."""
-        first = RECORD.match(os.pread(self._log, 2 * LINE_BYTES, 0))
+        first = RECORD.match(os.pread(self._file, 2 * LINE_BYTES, 0))
         aside = self._folder / f"audit-{int(first['seq']) if first else self._seq:015d}.jsonl"
         self._append([("audit_rotated", {"file": aside.name})])
-        os.fsync(self._log)
+        self._stamp()  # before the new file can be seen: whoever opens only that one goes on from the seal
+        os.fsync(self._file)
         self._path.rename(aside)
         self._reopen()
         self._go_on()
 
     def _reopen(self) -> None:
         """The file that bears the log's name now, with its lock; the lock of the former one is given up first."""
-        if self._log >= 0:
-            os.close(self._log)
-        self._log = -1
-        fresh = _opened(self._path, os.O_RDWR | os.O_APPEND)
+        if self._log is not None:
+            self._log.close()
+        self._log = None
+        fresh = OwnFile(self._path, os.O_RDWR | os.O_APPEND)
         try:
-            self._take(fresh)
+            self._take(fresh.number)
         except OSError:
-            os.close(fresh)
+            fresh.close()
             raise
         self._log, self._size = fresh, -1
 
@@ -240,13 +264,6 @@ def _last(log: int, size: int) -> tuple[int, str, bytes, bool]:
         if found := RECORD.fullmatch(line + b"\n"):
             return int(found["seq"]), found["hash"].decode("ascii"), fragment, found["event"] == b"audit_rotated"
     return 0, ORIGIN, fragment, False
-
-
-def _opened(path: Path, how: int) -> int:
-    descriptor = os.open(path, how | os.O_CREAT | os.O_CLOEXEC | os.O_NOFOLLOW, 0o600)
-    if os.fstat(descriptor).st_mode & 0o077:
-        os.fchmod(descriptor, 0o600)
-    return descriptor
 
 
 def _failed(path: Path, problem: OSError) -> AuditFailed:

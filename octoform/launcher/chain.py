@@ -47,8 +47,13 @@ def verify(folder: Path) -> Verdict:
     """
     while True:
         names = _files(folder)
-        verdict = _Check(folder).all(names)
-        if verdict.ok or names == _files(folder):  # otherwise the log was rotated meanwhile
+        try:
+            verdict = _Check(folder).all(names)
+        except FileNotFoundError:
+            if names == _files(folder):
+                raise
+            continue  # the log was rotated meanwhile
+        if verdict.ok or names == _files(folder):  # otherwise it was, too
             return verdict
 
 

@@ -2,6 +2,7 @@
 
 import dataclasses
 import json
+import os
 import resource
 import signal
 import subprocess
@@ -325,6 +326,34 @@ def test_a_link_in_place_of_the_log_is_not_followed(tmp_path: Path) -> None:
     (tmp_path / "log/audit.jsonl").symlink_to(tmp_path / "elsewhere")
     with pytest.raises(AuditFailed):
         Audit.open(tmp_path / "log")
+
+
+@pytest.mark.parametrize("name", ["audit.jsonl", "audit.head"])
+def test_nothing_is_written_into_what_took_the_number_of_a_file(tmp_path: Path, name: str) -> None:
+    """A tool closed a descriptor twice, so a device got the number of the log."""
+    audit = written(tmp_path / "log", 2)
+    links = {str(each.readlink()): int(each.name) for each in Path("/proc/self/fd").iterdir() if each.is_symlink()}
+    number = links[str(tmp_path / "log" / name)]
+    with (tmp_path / "device").open("w+b") as device:
+        os.dup2(device.fileno(), number)
+        try:
+            audit.write("call", number=2)
+            audit.close()
+            assert os.fstat(number).st_ino == os.fstat(device.fileno()).st_ino  # not ours to close
+            assert device.read() == b""
+        finally:
+            os.close(number)
+    verdict = verify(tmp_path / "log")
+    assert (verdict.ok, verdict.records) == (True, 3)
+
+
+def test_a_descriptor_that_was_closed_is_opened_anew(tmp_path: Path) -> None:
+    audit = written(tmp_path, 1)
+    for each in Path("/proc/self/fd").iterdir():
+        if each.is_symlink() and str(each.readlink()).startswith(str(tmp_path)):
+            os.close(int(each.name))
+    audit.write("call", number=1)
+    assert verify(tmp_path).records == 2
 
 
 def test_the_program_tells_the_same(tmp_path: Path) -> None:
