@@ -15,6 +15,8 @@ from typing import Any
 from octoform.state.layout import Layout
 
 LAUNCHER = Path(__file__).resolve().parent.parent / "launcher"
+SEAL = "audit.head"
+"""In the folder of the logs, and in that of what the process keeps, which is the witness."""
 SECONDS = 20.0
 
 
@@ -28,7 +30,7 @@ def ask(layout: Layout, verb: str, asked: Mapping[str, Any]) -> dict[str, Any]:
 
 def verify(layout: Layout) -> dict[str, Any]:
     """The verdict of ``launcher/chain.py verify`` on this host's audit log, or ``ok`` false with ``problems``."""
-    return run(LAUNCHER / "chain.py", "verify", str(layout.logs))
+    return run(LAUNCHER / "chain.py", "verify", str(layout.logs), str(layout.run / SEAL))
 
 
 def run(program: Path, *arguments: str) -> dict[str, Any]:

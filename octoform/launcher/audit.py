@@ -1,7 +1,8 @@
 """The audit log: what was allowed, refused, approved and stopped, so that a change to it afterwards is noticed.
 
 Append-only JSON lines. Each record carries the hash of the one before it, and a seal beside the log holds the last
-one, so a record that was changed, removed, added, moved or cut off shows (``chain`` holds the rule and the check).
+one, so a record that was changed, removed, added, moved or cut off shows (``chain`` holds the rule and the check). A
+witness in another folder holds the same as the seal, so that log and seal cannot go together unnoticed.
 
 Records are one write to a descriptor opened for appending. Several processes may write (an emergency stop while the
 endpoint hangs): each takes the file's lock for its write and goes on from the record that it finds last.
@@ -41,24 +42,30 @@ class AuditFailed(OSError):
 class Audit:
     """An open log. Made with ``Audit.open``; safe to use from threads."""
 
-    def __init__(self, folder: Path, rotate_bytes: int) -> None:
+    def __init__(self, folder: Path, rotate_bytes: int, witness: Path | None) -> None:
         self._folder = folder
         self._path = folder / LOG
         self._rotate_bytes = rotate_bytes
         self._lock = threading.Lock()
         self._log: OwnFile | None = None
-        self._seal: OwnFile | None = None
+        self._seals: dict[Path, OwnFile] = {}
+        self._sealed_at = [folder / SEAL] if witness is None else [folder / SEAL, witness]
+        self._open = False
         self._size = -1
         self._seq, self._hash = 0, ORIGIN
         self._second, self._clock = -1, ""
 
     @classmethod
-    def open(cls, folder: Path, rotate_bytes: int = ROTATE_BYTES) -> "Audit":
-        """The log in this folder, made if it is not there; AuditFailed when it cannot be opened or read."""
-        audit = cls(folder, rotate_bytes)
+    def open(cls, folder: Path, rotate_bytes: int = ROTATE_BYTES, witness: Path | None = None) -> "Audit":
+        """The log in this folder, made if it is not there; AuditFailed when it cannot be opened or read.
+
+        ``witness`` is a file elsewhere that keeps number and hash of the last record, as the seal does.
+        """
+        audit = cls(folder, rotate_bytes, witness)
         try:
-            folder.mkdir(mode=0o700, parents=True, exist_ok=True)
-            audit._seal = OwnFile(folder / SEAL, os.O_RDWR)
+            for path in audit._sealed_at:
+                path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
+            audit._open = True
             audit._enter()
             try:
                 audit._begin()
@@ -70,7 +77,7 @@ class Audit:
         return audit
 
     def _begin(self) -> None:
-        seal = self._sealed()
+        seal = self._sealed(self._sealed_at[0])
         self._go_on()
         if self._seq and seal is None:
             self._append([("audit_seal_lost", {})])
@@ -96,7 +103,7 @@ class Audit:
             if not _RESERVED.isdisjoint(fields):
                 raise ValueError(f"an audit record has its own {', '.join(sorted(_RESERVED & fields.keys()))}")
             bounded.append((event, {name: _bounded(value, DEPTH) for name, value in fields.items()}))
-        if self._seal is None:
+        if not self._open:
             raise AuditFailed(f"{self._path}: the log is closed")
         with self._lock:
             try:
@@ -111,12 +118,13 @@ class Audit:
     def close(self) -> None:
         """Put log and seal on the disk and let go of them; the log can be opened again."""
         with self._lock:
-            for file in (self._log, self._seal):
+            for file in (self._log, *self._seals.values()):
                 if file is not None and file.held():
                     with suppress(OSError):  # what was written is with the kernel already; there is nobody to tell
                         os.fsync(file.number)
                     file.close()
-            self._log = self._seal = None
+            self._log, self._open = None, False
+            self._seals.clear()
 
     def _record(self, records: Sequence[tuple[str, Mapping[str, Any]]]) -> str:
         status = os.fstat(self._file)
@@ -146,14 +154,15 @@ class Audit:
             raise AuditFailed(f"{self._path}: something else in this process took the log's descriptor away")
         return self._log.number
 
-    def _sealing(self) -> int:
-        """The seal's descriptor, opened anew when something took it away."""
-        if self._seal is None or not self._seal.held():
-            self._seal = OwnFile(self._folder / SEAL, os.O_RDWR)
-        return self._seal.number
+    def _sealing(self, path: Path) -> int:
+        """A seal's descriptor, opened anew when something took it away."""
+        seal = self._seals.get(path)
+        if seal is None or not seal.held():
+            seal = self._seals[path] = OwnFile(path, os.O_RDWR)
+        return seal.number
 
-    def _sealed(self) -> tuple[int, str] | None:
-        return sealed(os.pread(self._sealing(), SEAL_BYTES, 0))
+    def _sealed(self, path: Path) -> tuple[int, str] | None:
+        return sealed(os.pread(self._sealing(path), SEAL_BYTES, 0))
 
     def _take(self, descriptor: int) -> None:
         """Bounded, so that a process that was halted while it held the lock cannot hang this one."""
@@ -199,7 +208,9 @@ class Audit:
     def _stamp(self) -> None:
         """Seal the last record: in place, always the same length, so that it costs no more than a write."""
         text = f'{{"format":1,"seq":{self._seq},"hash":"{self._hash}"}}'
-        os.pwrite(self._sealing(), f"{text:<{SEAL_BYTES - 1}}\n".encode("ascii"), 0)
+        line = f"{text:<{SEAL_BYTES - 1}}\n".encode("ascii")
+        for path in self._sealed_at:
+            os.pwrite(self._sealing(path), line, 0)
 
     def _go_on(self) -> None:
         """Find the last record: at the start, and when another process wrote, rotated or did worse.
@@ -217,7 +228,9 @@ class Audit:
             if time.monotonic() >= deadline:
                 raise AuditFailed(f"{self._path}: it is set aside again and again before it can be written")
             self._reopen()
-        known.append(self._sealed() or (0, ORIGIN))  # with the lock of the file that is the log now
+        known += [
+            self._sealed(path) or (0, ORIGIN) for path in self._sealed_at
+        ]  # with the lock of the file that is the log now
         self._size = status.st_size
         self._seq, self._hash = max(known, key=lambda each: each[0])
         if fragment:

@@ -1,7 +1,7 @@
 """The chain of the audit log: the one rule of its hash, and the check that every record is as it was written.
 
 Alone in a file that imports nothing of the launcher, so that it is a program as well: ``python -I chain.py verify
-FOLDER``. The process writes by this rule, whoever doubts the log checks by it, and no second copy of it exists.
+FOLDER [WITNESS]``. The process writes by this rule, whoever doubts the log checks by it, and no second copy exists.
 
 A record is one line: ``{"seq":...,"time":...,"event":...,...,"prev":"<hash>","hash":"<hash>"}``. Its hash is sha256
 over the hash of the record before it and its own bytes up to where ``prev`` begins.
@@ -40,15 +40,16 @@ class Verdict:
     note: str = ""
 
 
-def verify(folder: Path) -> Verdict:
+def verify(folder: Path, witness: Path | None = None) -> Verdict:
     """Check every record of a folder's logs, the oldest first, and the last one against the seal. Changes nothing.
 
-    May run while the log is written. OSError when a file cannot be read.
+    ``witness`` is a seal in another folder: it shows that log and seal went away together, or were put back older; that
+    there is none shows nothing. May run while the log is written. OSError when a file cannot be read.
     """
     while True:
         names = _files(folder)
         try:
-            verdict = _Check(folder).all(names)
+            verdict = _Check(folder, witness).all(names)
         except FileNotFoundError:
             if names == _files(folder):
                 raise
@@ -60,9 +61,10 @@ def verify(folder: Path) -> Verdict:
 class _Check:
     """One run over all records; goes on after a fault with what the faulty record says, to count further ones."""
 
-    def __init__(self, folder: Path) -> None:
+    def __init__(self, folder: Path, witness: Path | None) -> None:
         self._folder = folder
-        self._seal = _seal_of(folder)
+        self._seal = _seal_at(folder / SEAL)
+        self._witness = None if witness is None else _seal_at(witness)
         self._records = self._seq = self._line = 0
         self._hash, self._file, self._note = ORIGIN, LOG, ""
         self._unreadable: tuple[str, int, bytes] | None = None
@@ -93,7 +95,7 @@ class _Check:
             self._wrong(f"record {number} was changed")
         elif number != self._seq + 1 or prev != self._hash.encode("ascii"):
             self._wrong(self._misplaced(number))
-        elif self._seal and number == self._seal[0] and digest != self._seal[1]:
+        elif any(seal and number == seal[0] and digest != seal[1] for seal in (self._seal, self._witness)):
             self._wrong(f"record {number} is not the one that was sealed: the log was written anew")
         elif found["event"] == b"audit_seal_lost":
             self._wrong(f"the seal was missing when record {number} was written: the end may have been cut off before")
@@ -128,11 +130,15 @@ class _Check:
         if self._seal is None and any_file:
             self._wrong(f"the seal {SEAL} is missing or damaged: whether the end was cut off cannot be told", SEAL, 1)
         elif self._seal is not None and self._seal[0] > self._seq:
-            last = self._seal[0]
-            gap = f"record {last}" if last == self._seq + 1 else f"records {self._seq + 1} to {last}"
-            self._wrong(f"{gap} went missing at the end: cut off", self._file, self._line + (0 if self._note else 1))
+            self._cut(self._seal[0], "cut off")
+        elif self._witness is not None and self._witness[0] > self._seq:
+            self._cut(self._witness[0], "log and seal were taken away together, or older ones put in their place")
         elif not self._records:
             self._note = "nothing was recorded yet"
+
+    def _cut(self, last: int, how: str) -> None:
+        gap = f"record {last}" if last == self._seq + 1 else f"records {self._seq + 1} to {last}"
+        self._wrong(f"{gap} went missing at the end: {how}", self._file, self._line + (0 if self._note else 1))
 
     def _wrong(self, text: str, file: str = "", line: int = 0) -> None:
         self._faults += 1
@@ -150,9 +156,9 @@ def _files(folder: Path) -> list[str]:
     return [*aside, LOG] if (folder / LOG).exists() else aside
 
 
-def _seal_of(folder: Path) -> tuple[int, str] | None:
+def _seal_at(path: Path) -> tuple[int, str] | None:
     try:
-        with (folder / SEAL).open("rb") as seal:
+        with path.open("rb") as seal:
             return sealed(seal.read(SEAL_BYTES))
     except FileNotFoundError:
         return None
@@ -169,12 +175,12 @@ def sealed(data: bytes) -> tuple[int, str] | None:
 
 
 def main(arguments: list[str]) -> int:
-    """``verify FOLDER``: the verdict as one JSON object on standard output; exit status 0 when nothing is wrong."""
-    if len(arguments) != 2 or arguments[0] != "verify":
-        print("usage: chain.py verify FOLDER", file=sys.stderr)
+    """``verify FOLDER [WITNESS]``: the verdict as one JSON object on standard output; exit status 0 without fault."""
+    if not 2 <= len(arguments) <= 3 or arguments[0] != "verify":
+        print("usage: chain.py verify FOLDER [WITNESS]", file=sys.stderr)
         return 2
     try:
-        verdict = verify(Path(arguments[1]))
+        verdict = verify(*map(Path, arguments[1:]))
     except OSError as problem:
         print(f"{arguments[1]}: the log cannot be read: {problem.strerror or problem}", file=sys.stderr)
         return 3

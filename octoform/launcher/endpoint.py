@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from . import policy
 from .audit import Audit
+from .chain import SEAL
 from .control import Control
 from .descriptor import Descriptor
 from .gate import Gate
@@ -39,7 +40,7 @@ class Endpoint:
         self._owner = owner
         self._server = server
         self._control = Control(descriptor.run)
-        self._audit = Audit.open(descriptor.log)
+        self._audit = Audit.open(descriptor.log, witness=descriptor.run / SEAL)
         self._ledger = Ledger(rules, descriptor.run / "limits.json")
         self._latch = Latch(descriptor.run / "estop.json")
         self._emergency = Emergency(self._latch, self._audit, rules.stop)

@@ -56,11 +56,11 @@ def _limits(folder: Path, _: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _reset(folder: Path, asked: Mapping[str, Any]) -> dict[str, Any]:
-    policy, limits, audit = _module("policy"), _module("limits"), _module("audit")
+    policy, limits = _module("policy"), _module("limits")
     tool = asked.get("tool")
     try:
         ledger = limits.Ledger(policy.read(folder / "policy.json"), _beside(folder, "run") / "limits.json")
-        log = audit.Audit.open(_beside(folder, "log"))
+        log = _log(folder)
         log.write("limits_reset", tool=tool, by=str(asked.get("by") or "unknown"))
         ledger.reset(tool)
     except KeyError:
@@ -72,10 +72,10 @@ def _reset(folder: Path, asked: Mapping[str, Any]) -> dict[str, Any]:
 
 def _emergency(folder: Path, *, stopping: bool) -> Any:
     """All that there is: what cannot be had is told, and hinders nothing else."""
-    audit, latch, policy = _module("audit"), _module("latch"), _module("policy")
+    latch, policy = _module("latch"), _module("policy")
     problems: list[str] = []
     try:
-        log = audit.Audit.open(_beside(folder, "log"))
+        log = _log(folder)
     except OSError as problem:
         log = None
         problems.append(f"the audit log has no record of it: {problem}")
@@ -84,7 +84,8 @@ def _emergency(folder: Path, *, stopping: bool) -> Any:
         actions, wrong = policy.stop_actions(folder / "policy.json")
         problems.extend(wrong)
     place = latch.Latch(_beside(folder, "run") / "estop.json")
-    return _module("stopping").Emergency(place, log, actions, tuple(problems))
+    unwritten = "the latch could not be written, so nothing is latched"
+    return _module("stopping").Emergency(place, log, actions, tuple(problems), unwritten)
 
 
 def _runtime(folder: Path) -> None:
@@ -107,6 +108,12 @@ def _connection(folder: Path) -> Mapping[str, Any]:
     except (OSError, ValueError):  # stopping goes on with what lies in its usual place
         return {}
     return document if isinstance(document, dict) else {}
+
+
+def _log(folder: Path) -> Any:
+    """The audit log; AuditFailed when it cannot be written."""
+    audit = _module("audit")
+    return audit.Audit.open(_beside(folder, "log"), witness=_beside(folder, "run") / audit.SEAL)
 
 
 def _beside(folder: Path, name: str) -> Path:

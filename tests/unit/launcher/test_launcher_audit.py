@@ -328,6 +328,45 @@ def test_a_link_in_place_of_the_log_is_not_followed(tmp_path: Path) -> None:
         Audit.open(tmp_path / "log")
 
 
+def test_log_and_seal_cannot_go_together(tmp_path: Path) -> None:
+    log, witness = tmp_path / "log", tmp_path / "run/audit.head"
+    written(log, 5, witness=witness).close()
+    assert (verify(log, witness).ok, witness.stat().st_mode & 0o777) == (True, 0o600)
+    old = {path.name: path.read_bytes() for path in log.iterdir()}
+    written(log, 2, witness=witness).close()
+    for path in log.iterdir():
+        path.write_bytes(old[path.name])  # an older copy, complete in itself
+    assert verify(log).ok
+    assert verify(log, witness).problem.startswith("records 6 to 7 went missing at the end: log and seal were taken")
+    for path in log.iterdir():
+        path.unlink()
+    assert verify(log).ok
+    assert verify(log, witness).problem.startswith("records 1 to 7 went missing at the end: log and seal were taken")
+    command = [sys.executable, "-I", "-S", chain.__file__, "verify", str(log), str(witness)]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=30, check=False)
+    assert (done.returncode, json.loads(done.stdout)) == (1, dataclasses.asdict(verify(log, witness)))
+    written(log, 1, witness=witness).close()  # going on hides nothing
+    assert not verify(log, witness).ok and "records 1 to 7 before record 8 went missing" in verify(log).problem
+
+
+def test_a_log_of_the_same_length_does_not_fit_the_witness(tmp_path: Path) -> None:
+    written(tmp_path / "log", 3, witness=tmp_path / "witness").close()
+    for path in (tmp_path / "log").iterdir():
+        path.unlink()
+    other = Audit.open(tmp_path / "log")
+    for _ in range(3):
+        other.write("harmless")
+    assert verify(tmp_path / "log").ok
+    assert "the log was written anew" in verify(tmp_path / "log", tmp_path / "witness").problem
+
+
+def test_a_log_from_before_there_was_a_witness_goes_on(tmp_path: Path) -> None:
+    written(tmp_path / "log", 3).close()
+    assert verify(tmp_path / "log", tmp_path / "witness").ok
+    written(tmp_path / "log", 1, witness=tmp_path / "witness").close()
+    assert verify(tmp_path / "log", tmp_path / "witness").records == 4
+
+
 @pytest.mark.parametrize("name", ["audit.jsonl", "audit.head"])
 def test_nothing_is_written_into_what_took_the_number_of_a_file(tmp_path: Path, name: str) -> None:
     """A tool closed a descriptor twice, so a device got the number of the log."""
