@@ -20,8 +20,8 @@ PROOF_SECONDS = 60.0
 
 @dataclass(frozen=True, slots=True)
 class Revocation:
-    """What was found. ``answered_before`` tells whether the address could be reached from here before (None: there was
-    no address); ``asked`` whether a process that serves took part."""
+    """What was found. ``answered_before`` tells whether the address answered just before (None: there was no address);
+    ``asked`` whether a process that serves took part."""
 
     pid: int | None
     url: str | None
@@ -63,8 +63,13 @@ def revoke(layout: Layout) -> tuple[Revocation | None, list[Diagnostic]]:
 
 def _left(found: dict[str, object]) -> str:
     if not found["process_gone"]:
-        return f"its process (pid {found['pid']}) could not be ended"
-    return f"{found['url']} still answers as this endpoint"
+        return f"a process of it (pid {found['pid']}, or one that it started) could not be ended"
+    if found["answers"]:
+        return f"{found['url']} still answers as this endpoint"
+    return (
+        f"no process of it lives, but {found['url']} was never heard to answer as this endpoint from here, "
+        "so its silence proves nothing"
+    )
 
 
 def _not_proved(detail: str) -> Diagnostic:

@@ -2,9 +2,10 @@
 
     python -m octoform.launcher.revoking RUN-FOLDER
 
-Exactly the process group that this host's endpoint started is ended, known by the leader's pid, start time and boot,
-or, once the leader is gone, by a mark in the environment of what is left of the group. The proof has two parts: nothing
-of the group lives, and the public address no longer answers with this endpoint's identity.
+Exactly what this host's endpoint started is ended: the leader, known by its pid, start time and boot, all that is below
+it or in its group, and whatever bears the leader's mark in its environment, in any group and under any parent. The
+proof has two parts: none of these lives, and the public address no longer answers with this endpoint's identity, which
+it was seen to do before. Silence of an address that was never heard proves nothing.
 """
 
 import contextlib
@@ -33,14 +34,16 @@ GRACE_SECONDS = 3.0
 PROOF_SECONDS = 12.0
 """How long the address may go on answering (a provider's edge takes a moment) before the proof fails."""
 _ASK_SECONDS = 3.0
+_MOST_BYTES = 65_536
 _PROC = Path("/proc")
 
 
 @dataclass(frozen=True, slots=True)
 class Proof:
-    """What was found. ``answered_before`` tells whether the address could be reached from here at all.
+    """What was found. ``answered_before``: whether the address answered just before; ``known``: whether it ever did.
 
-    ``answers`` is None when no address is known. ``proved``: the group is gone, and the address answers no more.
+    These and ``answers`` are None when no address is known. ``proved``: the processes are gone, and an address that is
+    known to lead here answers no more.
     """
 
     pid: int | None
@@ -48,6 +51,7 @@ class Proof:
     was_running: bool
     process_gone: bool
     answered_before: bool | None
+    known: bool | None
     answers: bool | None
     proved: bool
     seconds: float
@@ -59,14 +63,25 @@ def revoke(run: Path) -> Proof:
     forbid(run)
     record = read(run)
     if record is None:
-        return Proof(None, None, False, True, None, None, True, 0.0)
+        return Proof(None, None, False, True, None, None, None, True, 0.0)
     pid, url = int(record["pid"]), record["url"]
     before = None if url is None else answers(url, record["instance"])
+    known = None if url is None else before or record.get("answered") is True
+    if before:
+        publish(run, {**record, "answered": True})
     was_running = end(record)
     gone = not list(members(record))
     after = None if url is None else _still_answers(url, record["instance"])
-    proved = gone and not after
-    return Proof(pid, url, was_running, gone, before, after, proved, round(time.monotonic() - began, 1))
+    proved = gone and not after and known is not False
+    return Proof(pid, url, was_running, gone, before, known, after, proved, round(time.monotonic() - began, 1))
+
+
+def publish(run: Path, record: Mapping[str, Any]) -> None:
+    """Write the record; that its address once answered is never forgotten."""
+    former = read(run)
+    if former is not None and former["mark"] == record["mark"] and former["url"] == record["url"]:
+        record = {**record, "answered": record.get("answered") is True or former.get("answered") is True}
+    replace(run / RECORD, json.dumps(record, indent=1).encode())
 
 
 def forbid(run: Path) -> None:
@@ -91,7 +106,7 @@ def read(run: Path) -> dict[str, Any] | None:
 
 
 def end(record: Mapping[str, Any]) -> bool:
-    """End the group of the record: SIGTERM, then SIGKILL; True when there was something to end."""
+    """End what belongs to the record: SIGTERM, then SIGKILL; True when there was something to end."""
     if not list(members(record)):
         return False
     _signal(record, signal.SIGTERM)
@@ -102,13 +117,21 @@ def end(record: Mapping[str, Any]) -> bool:
 
 
 def members(record: Mapping[str, Any]) -> Iterator[int]:
-    """The live processes of the record's group that are proved to be ours."""
-    group = int(record["pid"])
+    """The live processes that are proved to be the record's, in whatever group or session they are."""
     if record["boot"] != boot():
         return
-    ours = _stat(group)[1] == record["start"]
-    for pid in [int(entry.name) for entry in _PROC.iterdir() if entry.name.isdigit()]:
-        if _stat(pid)[0] == group and (ours or _marked(pid, str(record["mark"]))):
+    leader, mark = int(record["pid"]), str(record["mark"])
+    found = {int(entry.name): _stat(int(entry.name)) for entry in _PROC.iterdir() if entry.name.isdigit()}
+    alive = {pid: stat for pid, stat in found.items() if stat is not None}
+    ours: set[int] = set()
+    if leader in alive and alive[leader].start == record["start"]:
+        ours = {pid for pid, stat in alive.items() if stat.group == leader}
+        more = {leader}
+        while more:
+            ours |= more
+            more = {pid for pid, stat in alive.items() if stat.parent in ours} - ours
+    for pid in sorted(alive):
+        if pid in ours or _marked(pid, mark):
             yield pid
 
 
@@ -116,7 +139,8 @@ def answers(url: str, instance: str) -> bool:
     """True when whoever answers at ``url`` is the endpoint with this instance id, whatever it answers.
 
     The endpoint's door refuses the name of a revoked address at once, and a refusal that comes through the tunnel shows
-    that the tunnel is there. So every answer of the door bears the id.
+    that the tunnel is there. So every answer of the door bears the id, and these two bear it in their body as well,
+    because there are tunnels that pass on no header which they do not know.
     """
     parts = urlsplit(url)
     host = parts.hostname or ""
@@ -125,7 +149,11 @@ def answers(url: str, instance: str) -> bool:
     connection = kind("127.0.0.1" if host.endswith(".localhost") else host, parts.port, timeout=_ASK_SECONDS)
     try:
         connection.request("GET", "/health", headers={"Host": parts.netloc, "Connection": "close"})
-        return connection.getresponse().getheader(INSTANCE_HEADER) == instance
+        answer = connection.getresponse()
+        if answer.getheader(INSTANCE_HEADER) == instance:
+            return True
+        told = json.loads(answer.read(_MOST_BYTES))
+        return isinstance(told, dict) and told.get("instance") == instance
     except (OSError, http.client.HTTPException, ValueError):
         return False
     finally:
@@ -159,14 +187,23 @@ def _gone_within(record: Mapping[str, Any], seconds: float) -> bool:
     return True
 
 
-def _stat(pid: int) -> tuple[int | None, int | None]:
-    """Process group and start time (clock ticks since boot) of a live process; two None when there is none."""
+@dataclass(frozen=True, slots=True)
+class _Stat:
+    """Of a process: its parent, its group, its start time (clock ticks since boot)."""
+
+    parent: int
+    group: int
+    start: int
+
+
+def _stat(pid: int) -> _Stat | None:
+    """What /proc says of a live process; None when there is none."""
     try:
         text = (_PROC / str(pid) / "stat").read_text(errors="replace")
         fields = text[text.rindex(")") + 2 :].split()
-        return (None, None) if fields[0] in "ZX" else (int(fields[2]), int(fields[19]))
+        return None if fields[0] in "ZX" else _Stat(int(fields[1]), int(fields[2]), int(fields[19]))
     except (OSError, ValueError, IndexError):
-        return None, None
+        return None
 
 
 def _marked(pid: int, mark: str) -> bool:

@@ -6,7 +6,6 @@ told. Standard library only.
 """
 
 import ipaddress
-import json
 import os
 import re
 import secrets
@@ -24,13 +23,15 @@ from typing import Any
 from urllib.parse import urlsplit
 
 from . import owner, revoking
-from .owner import boot, replace, start_of
-from .revoking import MARK, RECORD, Proof
+from .owner import boot, start_of
+from .revoking import MARK, Proof
 
 FIRST_DELAY, LONGEST_DELAY = 1.0, 300.0
 STEADY_SECONDS = 60.0
 """A program that ran so long is started again at once when it ends."""
 LOOK_SECONDS = 0.25
+HEAR_SECONDS = (3.0, 5.0, 10.0, 20.0, 40.0, 80.0, 160.0, 300.0)
+"""Pauses between the tries to hear the endpoint through its address; a provider's names take a moment to be there."""
 _LINE_BYTES = 4096
 _LINES_KEPT = 20
 _ADDRESS = re.compile(r"https?://[^\s|\"'`<>()\[\]{},;]+")
@@ -87,6 +88,9 @@ class Tunnel:
         return proof
 
     def _keep(self) -> None:
+        former = revoking.read(self._run)
+        if former is not None and former["instance"] != self._instance:
+            revoking.end(former)  # of a process that could not end it any more
         delay = FIRST_DELAY
         while not self._stopping.is_set():
             if revoking.forbidden(self._run):
@@ -126,7 +130,7 @@ class Tunnel:
         status = process.wait()
         _close(process)
         # The record stays: whoever revokes later looks whether that address is really silent.
-        self._publish({**record, "ended": _now()})
+        revoking.publish(self._run, {**record, "ended": _now()})
         self._changed(None)
         if not self._over():
             last = next((line for line in reversed(lines) if line.strip()), "it printed nothing")
@@ -158,7 +162,7 @@ class Tunnel:
                 "url": None,
                 "since": _now(),
             }
-            self._publish(record)
+            revoking.publish(self._run, record)
             self._facts = {**self._facts, "starts": self._facts["starts"] + 1}
         self._tell("starting", "it has printed no address yet", since=record["since"])
         if revoking.forbidden(self._run):
@@ -174,12 +178,22 @@ class Tunnel:
             if revoking.forbidden(self._run):
                 return
             record["url"] = url
-            self._publish(record)
+            revoking.publish(self._run, record)
             self._changed(url)
         self._tell("running", None, url=url, since=record["since"])
+        threading.Thread(target=self._hear, args=(url, record), name="tunnel-heard", daemon=True).start()
 
-    def _publish(self, record: Mapping[str, Any]) -> None:
-        replace(self._run / RECORD, json.dumps(record, indent=1).encode())
+    def _hear(self, url: str, record: dict[str, Any]) -> None:
+        """See whether the address leads here, so that its silence means something when the tunnel is revoked."""
+        for pause in HEAR_SECONDS:
+            if self._stopping.wait(pause) or self._facts["url"] != url:
+                return
+            if revoking.answers(url, self._instance):
+                with self._lock:
+                    if self._facts["url"] == url:
+                        record["answered"] = True
+                        revoking.publish(self._run, record)
+                return
 
     def _tell(self, state: str, reason: str | None, *, url: str | None = None, since: str | None = None) -> None:
         before = self._facts

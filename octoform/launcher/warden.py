@@ -1,8 +1,9 @@
-"""The leader of the tunnel's process group: it ends the group when the endpoint's process is gone, however it went.
+"""The process above the tunnel's: it ends all below it when the endpoint's process is gone, however it went.
 
 A tunnel program that is a script starts others, and only the direct child of a process can be made to die with it. So
-this small program stands between: it is the child, and whatever runs below it is in its group. Standard library only;
-started as a program, with the write end of its standard input held by the endpoint's process.
+this small program stands between: it is the child, it leads the group, and what leaves the group or loses its parent
+becomes a child of this one. Standard library only; started as a program, with the write end of its standard input held
+by the endpoint's process.
 """
 
 import contextlib
@@ -13,10 +14,12 @@ import subprocess
 import sys
 import threading
 from collections.abc import Sequence
+from pathlib import Path
 
 GRACE_SECONDS = 2.0
 CANNOT_START = 127
 _PR_SET_PDEATHSIG = 1
+_PR_SET_CHILD_SUBREAPER = 36
 
 
 class _Told(BaseException):
@@ -29,11 +32,12 @@ def main(command: Sequence[str]) -> int:
     process: subprocess.Popen[bytes] | None = None
     try:
         _die_with_parent(signal.SIGTERM)
+        _take_orphans()
         threading.Thread(target=_watch_parent, daemon=True).start()
         process = subprocess.Popen(
             command, stdin=subprocess.DEVNULL, preexec_fn=lambda: _die_with_parent(signal.SIGKILL)
         )
-        status = process.wait()
+        status = _ended(process)
     except _Told:
         _end_group(process)
         raise
@@ -41,7 +45,7 @@ def main(command: Sequence[str]) -> int:
         print(f"{command[0]}: {problem.strerror}", file=sys.stderr)
         return CANNOT_START
     signal.signal(signal.SIGTERM, signal.SIG_IGN)
-    os.killpg(0, signal.SIGTERM)
+    _signal_all(signal.SIGTERM)
     return status if status >= 0 else 128 - status
 
 
@@ -57,13 +61,50 @@ def _watch_parent() -> None:
     os.kill(os.getpid(), signal.SIGTERM)
 
 
+def _ended(process: "subprocess.Popen[bytes]") -> int:
+    """Wait for the command; what else ends meanwhile is taken away, because it has no other parent any more."""
+    while True:
+        pid, status = os.wait()
+        if pid == process.pid:
+            process.returncode = os.waitstatus_to_exitcode(status)
+            return process.returncode
+
+
 def _end_group(process: "subprocess.Popen[bytes] | None") -> None:
-    """All that is in the group, this process too."""
-    os.killpg(0, signal.SIGTERM)
+    """All that is below this process or in its group, this process too."""
+    _signal_all(signal.SIGTERM)
     if process is not None:
         with contextlib.suppress(subprocess.TimeoutExpired):
             process.wait(GRACE_SECONDS)
-    os.killpg(0, signal.SIGKILL)
+    _signal_all(signal.SIGKILL)
+
+
+def _signal_all(number: signal.Signals) -> None:
+    for pid in _below(os.getpid()):
+        with contextlib.suppress(ProcessLookupError, PermissionError):
+            os.kill(pid, number)
+    os.killpg(0, number)
+
+
+def _below(pid: int) -> set[int]:
+    """The processes below one, as Linux tells them; elsewhere none."""
+    parents: dict[int, int] = {}
+    for path in Path("/proc").glob("[0-9]*/stat"):
+        with contextlib.suppress(OSError, ValueError, IndexError):
+            text = path.read_text(errors="replace")
+            parents[int(path.parent.name)] = int(text[text.rindex(")") + 2 :].split()[1])
+    found: set[int] = set()
+    more = {pid}
+    while more:
+        found |= more
+        more = {child for child, parent in parents.items() if parent in found} - found
+    return found - {pid}
+
+
+def _take_orphans() -> None:
+    """Linux: what loses its parent below this process becomes its child, and not that of the first process."""
+    with contextlib.suppress(OSError, AttributeError):
+        ctypes.CDLL(None).prctl(_PR_SET_CHILD_SUBREAPER, 1, 0, 0, 0)
 
 
 def _die_with_parent(number: signal.Signals) -> None:

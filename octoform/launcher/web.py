@@ -62,7 +62,7 @@ class Web:
         )
         self._uvicorn = _Uvicorn(
             uvicorn.Config(
-                _Refusals(self._guard),
+                _Refusals(self._guard, instance),
                 http=Connection,
                 ws="none",
                 lifespan="on",
@@ -204,18 +204,27 @@ class _Refusals:
     What was let in stands in the call log. The line has no query and no header.
     """
 
-    def __init__(self, app: ASGIApp) -> None:
+    def __init__(self, app: ASGIApp, instance: str) -> None:
         self._app = app
+        # A tunnel that passes on no header must still show whose refusal it is: that it is there is what it proves.
+        self._misdirected = JSONResponse({"error": "misdirected_request", "instance": instance}, 421)
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         if scope["type"] != "http":
             await self._app(scope, receive, send)
             return
 
+        replaced = False
+
         async def noted(message: Message) -> None:
+            nonlocal replaced
             if message["type"] == "http.response.start" and message["status"] >= 400:
                 _tell(scope, message["status"])
-            await send(message)
+                replaced = message["status"] == 421
+                if replaced:
+                    await self._misdirected(scope, receive, send)
+            if not replaced:
+                await send(message)
 
         if _has_token(scope.get("query_string", b"")):
             text = "a token belongs into the Authorization header, never into the address"

@@ -74,7 +74,7 @@ def revoked(console: Console, found: Revocation, *, as_json: bool) -> int:
     if found.url is not None:
         console.line(f"{escape(found.url)} no longer answers as this endpoint.")
         if found.answered_before is False:
-            console.line("It did not answer from here before either, so the end of its process is the proof.")
+            console.line("It did not answer just before either; it was heard to while the tunnel was open.")
     console.line("It stays closed until octoform start.")
     return 0
 

@@ -16,6 +16,7 @@ import pytest
 from web_doors import ALL, INSTANCE, Door, door, until, write_tokens
 
 from octoform.launcher import revoking, tunnel
+from octoform.launcher.owner import boot
 from octoform.launcher.tunnel import Tunnel, public_address
 
 PROGRAM = str(Path(__file__).parents[2] / "support" / "local_tunnel.py")
@@ -101,6 +102,83 @@ def test_public_address_leads_here_until_it_is_revoked(tmp_path: Path, options: 
         assert found.door.ask("GET", "/health")[0] == 200
         host = url.removeprefix("http://")
         assert found.door.ask("GET", "/health", headers={"Host": host})[0] == 421
+
+
+@pytest.mark.parametrize("options", [("--apart",), ("--apart", "--filter")])
+def test_worker_that_left_the_group_and_its_parent_is_ended(tmp_path: Path, options: tuple[str, ...]) -> None:
+    with opened(tmp_path, *options) as found:
+        url = found.url
+        assert revoking.answers(url, INSTANCE)
+        record = revoking.read(found.run)
+        assert record is not None
+        workers = [pid for pid in alive(found.run) if os.getpgid(pid) != record["pid"]]
+        assert len(workers) == 1
+        proof = found.tunnel.revoke()
+        assert (proof.proved, proof.process_gone, proof.known, proof.answers) == (True, True, True, False)
+        assert revoking._stat(workers[0]) is None
+
+
+def test_worker_apart_goes_with_its_server_and_does_not_outlive_it(tmp_path: Path) -> None:
+    with opened(tmp_path, "--apart") as found:
+        url = found.url
+    assert not revoking.answers(url, INSTANCE)
+
+
+def test_what_another_start_left_behind_is_ended_first(tmp_path: Path) -> None:
+    (tmp_path / "run").mkdir()
+    environment = {**os.environ, revoking.MARK: "f" * 16}
+    left = subprocess.Popen([sys.executable, "-c", "import time; time.sleep(60)"], env=environment)
+    try:
+        record = {"pid": 1 << 22, "start": 1, "boot": boot(), "mark": "f" * 16, "instance": "before", "url": None}
+        (tmp_path / "run" / "tunnel.json").write_text(json.dumps(record))
+        with opened(tmp_path) as found:
+            assert found.url
+            assert left.wait(10) == -signal.SIGTERM
+    finally:
+        left.kill()
+        left.wait()
+
+
+@pytest.mark.parametrize("options", [(), ("--filter",)])
+def test_refusal_through_a_tunnel_that_filters_headers_is_an_answer_too(
+    tmp_path: Path, options: tuple[str, ...]
+) -> None:
+    with opened(tmp_path, *options) as found:
+        url = found.url
+        assert revoking.answers(url, INSTANCE)
+        found.door.web.published(None)
+        assert revoking.answers(url, INSTANCE)
+        assert not revoking.answers(url, "of-another-start")
+
+
+def gone_tunnel(run: Path, **more: object) -> None:
+    """The record of a tunnel whose processes have ended, and whose address nobody answers."""
+    url = "http://words.localhost:9"
+    record = {"pid": 1 << 22, "start": 1, "boot": boot(), "mark": "0" * 16, "instance": INSTANCE, "url": url, **more}
+    (run / "tunnel.json").write_text(json.dumps(record))
+
+
+def test_silence_of_an_address_that_was_never_heard_is_no_proof(tmp_path: Path) -> None:
+    gone_tunnel(tmp_path)
+    proof = revoking.revoke(tmp_path)
+    assert (proof.process_gone, proof.answers, proof.known, proof.proved) == (True, False, False, False)
+
+
+def test_silence_of_an_address_that_was_heard_once_is_proof(tmp_path: Path) -> None:
+    gone_tunnel(tmp_path, answered=True)
+    proof = revoking.revoke(tmp_path)
+    assert (proof.answered_before, proof.answers, proof.known, proof.proved) == (False, False, True, True)
+
+
+def test_address_is_heard_while_the_tunnel_runs_and_that_stays_known(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(tunnel, "HEAR_SECONDS", (0.01,) * 100)
+    with opened(tmp_path) as found:
+        assert found.url
+        until(lambda: bool((revoking.read(found.run) or {}).get("answered")))
+        found.tunnel.stop()
+        assert revoking.revoke(found.run).proved
 
 
 def test_revoked_tunnel_stays_so_until_it_is_allowed(tmp_path: Path) -> None:

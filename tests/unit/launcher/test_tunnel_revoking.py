@@ -76,6 +76,7 @@ def test_tunnel_that_was_ended_before_is_looked_at_again(bench: Launched, capsys
 
 def test_killed_endpoint_takes_its_tunnel_along(bench: Launched, capsys: pytest.CaptureFixture[str]) -> None:
     url, instance = address(bench), bench.process.instance
+    until(lambda: bool((revoking.read(bench.layout.run) or {}).get("answered")))
     record = revoking.read(bench.layout.run)
     assert record is not None
     os.kill(bench.process.pid, signal.SIGKILL)
@@ -137,6 +138,17 @@ def test_address_that_still_answers_is_no_proof(tmp_path: Path, capsys: pytest.C
     assert "TUNNEL-NOT-REVOKED" in err
     assert f"{url} still answers as this endpoint" in err
     assert (run / tunnel.REVOKED).exists()
+
+
+def test_address_that_was_never_heard_is_no_proof(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "octopus.yaml").write_text(MANIFEST)
+    run = tmp_path / ".octoform" / "bench" / "run"
+    run.mkdir(parents=True)
+    url = "http://words.localhost:9"
+    record = {"pid": 1 << 22, "start": 1, "boot": boot(), "mark": "0" * 16, "instance": "i", "url": url}
+    (run / "tunnel.json").write_text(json.dumps(record))
+    assert main([f"-chdir={tmp_path}", "revoke"]) == 1
+    assert f"{url} was never heard to answer as this endpoint from here" in capsys.readouterr().err
 
 
 def test_no_tunnel_ever(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
