@@ -288,7 +288,8 @@ class Gate(Middleware):
         if (size := _size(result, entry.policy.result_bytes)) is not None:
             raise TooLarge(size)
         if result.is_error:
-            self._records.outcome(call, "error")
+            texts = [str(block.text) for block in result.content if hasattr(block, "text")]
+            self._records.outcome(call, "error", text=" ".join(texts))
             return result
         if entry.fits is not None and (problem := entry.fits(result.structured_content)) is not None:
             text = f"the tool's result does not fit its output schema: the result{problem[:MESSAGE_CHARS]}"
@@ -311,7 +312,8 @@ class Gate(Middleware):
             return answers.error(f"the result is too large: {problem.size} bytes or more, of at most {bound}")
         if problem is not work.told and not isinstance(problem, ArgumentsInvalid):
             problem = masked(work, problem.__cause__ or problem)
-        self._records.outcome(call, "error", **({"reference": work.reference} if work.reference else {}))
+        told = {"reference": work.reference} if work.reference else {"text": str(problem)}
+        self._records.outcome(call, "error", **told)
         return answers.error(str(problem))
 
     def _ended(self, call: Call) -> None:

@@ -1,0 +1,128 @@
+"""The audit log for a person: a sentence for each record, of real calls and of every kind of record there is."""
+
+import io
+import json
+import re
+from pathlib import Path
+from typing import Any
+
+import pytest
+from launched import launched, tool
+
+from octoform.cli.main import main
+from octoform.views import audit
+from octoform.views.console import Console
+
+SOURCE = '''
+from fastmcp import FastMCP
+from fastmcp.exceptions import ToolError
+mcp = FastMCP("bench")
+
+@mcp.tool
+def move_rail(steps: int) -> int:
+    """Moves the rail."""
+    if steps > 1000:
+        raise ToolError("the rail ends at 1000")
+    if steps < 0:
+        raise RuntimeError("private words")
+    return steps
+
+@mcp.tool
+def read_gpio() -> str:
+    """Reads lines."""
+    return "0"
+'''
+TOOLS = [tool("move_rail", "actuate"), tool("read_gpio")]
+LAUNCHER = Path(__file__).parents[3] / "octoform" / "launcher"
+
+
+def lines(*records: dict[str, Any]) -> list[str]:
+    out = io.StringIO()
+    console = Console(out, io.StringIO(), colour=False, colour_err=False, interactive=False)
+    stamped = [{"seq": 7, "time": "2026-05-04T12:00:00.123Z", "prev": "0", "hash": "1", **item} for item in records]
+    assert audit.records(console, stamped, 50, as_json=False) == 0
+    return out.getvalue().splitlines()
+
+
+def test_calls_are_told_in_sentences_with_what_came_of_them(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "octopus.yaml").write_text("version: 1\nhost: bench\nharness: builtin\n")
+    words = [f"-chdir={tmp_path}"]
+    with launched(tmp_path, SOURCE, TOOLS):
+        for steps in (3, 2000, -1):
+            main([*words, "call", "move_rail", "-arg", f"steps={steps}"])
+        main([*words, "estop", "-reason", "smoke"])
+        main([*words, "call", "move_rail", "-arg", "steps=4"])
+        capsys.readouterr()
+        assert main([*words, "audit"]) == 0
+        said = capsys.readouterr().out
+        assert main([*words, "audit", "-n", "0"]) == 0
+        assert capsys.readouterr().out == ""
+    for pattern in (
+        r"^ +1  \d{4}-\d\d-\d\dT\d\d:\d\d:\d\dZ  started     the endpoint started, scope local$",
+        r"  allowed     move_rail\(steps=3\) for local$",
+        r"  done        move_rail answered in \d+ ms$",
+        r"  failed      move_rail answered with an error after \d+ ms: the rail ends at 1000$",
+        r"  failed      move_rail answered with an error after \d+ ms: octoform logs has the exception under \w{8}$",
+        r"  estop       emergency stop by .+ at the terminal: smoke$",
+        r"  estop       no profile names a stop action: nothing was sent to any device$",
+        r"  refused     move_rail\(steps=4\) for local: emergency stop: latched by ",
+    ):
+        assert re.search(pattern, said, re.MULTILINE), (pattern, said)
+    assert "private words" not in said and "{" not in said
+
+
+def test_what_a_stop_did_has_a_line_for_each_device() -> None:
+    stopped = [
+        {"device": "usb-1", "kind": "tty", "ok": True, "detail": "wrote 3 bytes to /dev/ttyUSB0", "ms": 4.2},
+        {"device": "usb-2", "kind": "tty", "ok": False, "detail": "/dev/ttyUSB1: No such file", "ms": 0.1},
+    ]
+    assert lines({"event": "estop_actions", "by": "anna", "stopped": stopped}) == [
+        "     7  2026-05-04T12:00:00Z  estop       done: usb-1: wrote 3 bytes to /dev/ttyUSB0 (4 ms)",
+        "                                          FAILED: usb-2: /dev/ttyUSB1: No such file (0 ms)",
+    ]
+
+
+def test_shadow_mode_says_what_would_have_been_refused() -> None:
+    told = lines({
+        "event": "decision", "tool": "move_rail", "caller": "cell", "decision": "allow", "arguments": {"steps": 5},
+        "shadow": ["range: steps is 5, more than 4", "denied: by policy.rules[0]"],
+    })  # fmt: skip
+    assert [line[42:] for line in told] == [
+        "move_rail(steps=5) for cell",
+        "would have been refused: range: steps is 5, more than 4",
+        "would have been refused: denied: by policy.rules[0]",
+    ]
+
+
+def test_an_emergency_stop_that_came_second_names_the_first() -> None:
+    latched = {"by": "anna", "reason": "smoke", "since": "2026-05-04T11:00:00Z"}
+    (told,) = lines({"event": "estop", "by": "ben", "reason": "", "latched": latched})
+    assert told[42:] == (
+        "emergency stop by ben, who gave no reason; latched already, since 2026-05-04T11:00:00Z by anna"
+    )
+    (told,) = lines({"event": "estop", "by": "ben", "reason": "hot", "latched": None})
+    assert told[42:] == "emergency stop by ben: hot; NOT latched"
+
+
+@pytest.mark.parametrize(
+    "record", [{"event": "of tomorrow", "colour": "red"}, {"event": "outcome"}, {"event": "estop"}]
+)
+def test_a_record_of_another_version_is_shown_as_it_stands(record: dict[str, Any]) -> None:
+    (told,) = lines(record)
+    assert f"  {record['event']}" in told
+    assert all(json.loads(json.dumps(value)) in told for name, value in record.items() if name != "event")
+
+
+def test_nothing_in_a_record_acts_on_the_terminal() -> None:
+    (told,) = lines({"event": "estop", "by": "\x1b[1manna", "reason": "smoke\nbench: cleared", "latched": None})
+    assert "\x1b" not in told and "\\x1b" in told
+
+
+def test_every_event_that_the_launcher_writes_has_a_sentence() -> None:
+    written = set()
+    for path in LAUNCHER.glob("*.py"):
+        text = path.read_text()
+        written |= set(re.findall(r"(?:write|_record)\(\s*(?:problems, )?\"(\w+)\"", text))
+        written |= set(re.findall(r"\(\(?\"(audit_\w+)\"", text))
+    assert {"decision", "estop", "estop_actions", "stuck", "audit_torn"} <= written
+    assert written <= set(audit._EVENTS)
