@@ -38,9 +38,21 @@ def dispatch(argv: Sequence[str]) -> int:
 
 
 def _run(arguments: Namespace, screen: console.Console) -> int:
-    project = Path(arguments.chdir).resolve()
-    if not project.is_dir():
-        raise UsageError(f"-chdir: {arguments.chdir} is not a folder", "")
-    command = import_module(f"octoform.cli.commands.{arguments.command.replace('-', '_')}")
-    status: int = command.run(arguments, project, screen)
+    """The command itself; where the operating system refuses it something, it ends with that as a problem."""
+    try:
+        project = Path(arguments.chdir).resolve()
+        if not project.is_dir():
+            raise UsageError(f"-chdir: {arguments.chdir} is not a folder", "")
+        command = import_module(f"octoform.cli.commands.{arguments.command.replace('-', '_')}")
+        status: int = command.run(arguments, project, screen)
+    except BrokenPipeError:
+        raise
+    except OSError as problem:
+        from octoform.state.refusals import refusal  # only a refusal pays for it
+
+        return problems.show(screen, [refusal(problem)], as_json=_as_json(arguments))
     return status
+
+
+def _as_json(arguments: Namespace) -> bool:
+    return bool(getattr(arguments, "json", False)) or getattr(arguments, "json_arguments", None) is not None

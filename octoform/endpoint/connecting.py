@@ -7,6 +7,7 @@ from octoform.endpoint.files import LAUNCHER
 from octoform.endpoint.piping import pipe
 from octoform.endpoint.reaching import reach
 from octoform.manifest.host_name import is_legal
+from octoform.state.belonging import foreign_among
 from octoform.state.layout import Layout
 
 
@@ -24,12 +25,16 @@ def connect(project: Path, host: str | None) -> str | None:
 
 def _layout(project: Path, host: str | None) -> Layout | str:
     """The host that is meant, or why none is."""
-    applied = sorted(path.parents[1].name for path in project.glob(f".octoform/*/endpoint/{LAUNCHER}"))
     if host is not None and not is_legal(host):
         return f"{host!r} is no name of a host"
-    if host is not None:
-        return Layout(project, host) if host in applied else f"{host} has no endpoint in {project}; run octoform apply"
-    if len(applied) == 1:
+    applied = sorted(path.parents[1].name for path in project.glob(f".octoform/*/endpoint/{LAUNCHER}"))
+    if host in applied:
+        return Layout(project, host)
+    if host is None and len(applied) == 1:
         return Layout(project, applied[0])
+    if (host is not None or not applied) and (shut := foreign_among(project, host)):
+        return shut.summary
+    if host is not None:
+        return f"{host} has no endpoint in {project}; run octoform apply"
     known = f"; say which: {', '.join(applied)}" if applied else "; run octoform apply"
     return f"{project} has {len(applied) or 'no'} endpoint{'s' if len(applied) > 1 else ''}{known}"

@@ -3,6 +3,7 @@
 It asks for nothing that could be in the way: no manifest, no environment, no lock. Light.
 """
 
+import os
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -11,6 +12,7 @@ from octoform.endpoint import control, offline
 from octoform.endpoint.running import running
 from octoform.state.layout import Layout
 
+LATCH = "estop.json"
 ALIVE_SECONDS = 1.0
 """What a process that works has to show that it does."""
 ANSWER_SECONDS = 15.0
@@ -29,7 +31,8 @@ class StopAction:
 @dataclass(frozen=True, slots=True)
 class Estop:
     """What was done. ``ok``: all of it. ``by``, ``reason``, ``since``: of the latch as it is, or as it was before it
-    was cleared; None when it was open. ``direct``: no process answered, so octoform did it itself."""
+    was cleared; None when it was open. ``direct``: no process answered, so octoform did it itself. ``lasting``: it is
+    latched on the disk; where it is latched and this is false, it holds while the process runs, and no longer."""
 
     host: str
     ok: bool
@@ -40,6 +43,7 @@ class Estop:
     stopped: tuple[StopAction, ...]
     problems: tuple[str, ...]
     direct: bool
+    lasting: bool
 
 
 def stop(layout: Layout, by: str, reason: str) -> Estop:
@@ -65,15 +69,18 @@ def _done(layout: Layout, op: str, verb: str, asked: Mapping[str, Any]) -> Estop
                 f"the endpoint runs (pid {process.pid}) but did not answer, so what it is doing now was not "
                 "interrupted; octoform stop ends it"
             )
-    return _told(layout.host, answer, problems, direct)
+    return _told(layout, answer, problems, direct)
 
 
-def _told(host: str, answer: Mapping[str, Any], problems: list[str], direct: bool) -> Estop:
-    estop = answer.get("estop") or {}
+def _told(layout: Layout, answer: Mapping[str, Any], problems: list[str], direct: bool) -> Estop:
+    lasting = _stands(layout)
+    # What a program of octoform's own held in its memory has ended with that program.
+    latched = bool(answer.get("latched")) and (lasting or not direct)
+    estop = (answer.get("estop") if latched or answer.get("ok") else None) or {}
     return Estop(
-        host=host,
+        host=layout.host,
         ok=bool(answer.get("ok")) and not problems,
-        latched=bool(answer.get("latched")),
+        latched=latched,
         by=estop.get("by"),
         reason=estop.get("reason"),
         since=estop.get("since"),
@@ -83,4 +90,16 @@ def _told(host: str, answer: Mapping[str, Any], problems: list[str], direct: boo
         ),
         problems=(*(str(text) for text in answer.get("problems", ())), *problems),
         direct=direct,
+        lasting=lasting,
     )
+
+
+def _stands(layout: Layout) -> bool:
+    """Whether the latch is on the disk; a place that cannot be looked at counts as latched, as for the gate."""
+    try:
+        os.lstat(layout.run / LATCH)
+    except FileNotFoundError:
+        return False
+    except OSError:
+        return True
+    return True

@@ -19,6 +19,7 @@ from octoform.endpoint.publishing import client_command
 from octoform.endpoint.running import running
 from octoform.engine import memo
 from octoform.engine.compiling import compile_project
+from octoform.state.belonging import foreign
 from octoform.state.layout import Layout
 
 STDIO, HTTP = "stdio", "http"
@@ -153,6 +154,8 @@ def _layout(project: Path, environ: Mapping[str, str], host: str | None) -> tupl
     else:
         compiled, found = compile_project(project, environ)
         layout = compiled.layout if compiled else None
+    if layout is not None and (shut := foreign(layout)):
+        return None, [*found, shut]
     if layout is not None and not layout.committed.exists() and not layout.endpoint.exists():
         hint = "run octoform apply, which builds it"
         return None, [*found, error("ENDPOINT-NOT-APPLIED", f"{layout.host} has no endpoint yet", hint=hint)]

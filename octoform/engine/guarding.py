@@ -12,18 +12,22 @@ from octoform.endpoint import auditing, estop, limiting
 from octoform.endpoint.auditing import Checked
 from octoform.endpoint.estop import Estop
 from octoform.endpoint.limiting import Limits
+from octoform.state.belonging import foreign_among
 from octoform.state.layout import Layout
 
 Environ = Mapping[str, str]
 
 
 def stop(project: Path, reason: str) -> tuple[list[Estop], list[Diagnostic]]:
-    """Stop every endpoint of this folder: whose manifest cannot be read has devices that move all the same."""
-    return _each(project, lambda layout: estop.stop(layout, person(), reason))
+    """Stop every endpoint of this folder: whose manifest cannot be read has devices that move all the same.
+
+    From a folder inside of a project that is the project; nobody has the time to look for its top.
+    """
+    return _each(_nearest(project), lambda layout: estop.stop(layout, person(), reason))
 
 
 def clear(project: Path) -> tuple[list[Estop], list[Diagnostic]]:
-    """Let the actuators of every endpoint of this folder be called again."""
+    """Let the actuators of every endpoint of exactly this folder be called again."""
     return _each(project, lambda layout: estop.clear(layout, person()))
 
 
@@ -63,12 +67,32 @@ def person() -> str:
 
 
 def _each(project: Path, do: Callable[[Layout], Estop]) -> tuple[list[Estop], list[Diagnostic]]:
-    layouts = [Layout(project, path.parent.name) for path in sorted((project / ".octoform").glob("*/endpoint"))]
+    """What came of it for each endpoint; a problem where there is none, or one that this user may not see."""
+    layouts = _layouts(project)
+    shut = foreign_among(project)
+    found = [shut] if shut else []
     if not layouts:
-        hint = "go to the folder of octopus.yaml, or name it with -chdir"
-        return [], [error("ENDPOINT-NOT-APPLIED", "there is no endpoint in this folder", path=str(project), hint=hint)]
+        return [], found or [_nothing(project)]
     with ThreadPoolExecutor(len(layouts)) as pool:
-        return list(pool.map(do, layouts)), []
+        return list(pool.map(do, layouts)), found
+
+
+def _layouts(project: Path) -> list[Layout]:
+    return [Layout(project, path.parent.name) for path in sorted((project / ".octoform").glob("*/endpoint"))]
+
+
+def _nearest(folder: Path) -> Path:
+    """The folder, or the nearest one above it, that has an endpoint; the folder itself where none has."""
+    above = (place for place in (folder, *folder.parents) if _layouts(place) or foreign_among(place))
+    return next(above, folder)
+
+
+def _nothing(project: Path) -> Diagnostic:
+    hint = "go to the folder of octopus.yaml, or name it with -chdir"
+    place = _nearest(project)
+    if place != project:
+        hint = f"the project is {place}: octoform -chdir={place} estop -clear"
+    return error("ENDPOINT-NOT-APPLIED", "there is no endpoint in this folder", path=str(project), hint=hint)
 
 
 def _layout(project: Path, environ: Environ) -> tuple[Layout | None, list[Diagnostic]]:

@@ -11,6 +11,7 @@ from octoform.endpoint.client import CallResult, Person, Wanted, list_tools, sav
 from octoform.endpoint.client import call as call_tool
 from octoform.endpoint.promise import promised
 from octoform.engine import memo
+from octoform.state.belonging import foreign
 from octoform.state.layout import Layout
 
 
@@ -68,14 +69,22 @@ def call(
 
 
 def layout_of(project: Path, environ: Mapping[str, str]) -> tuple[Layout | None, list[Diagnostic]]:
-    """The paths of the project's host, from the memo where it holds; the diagnostics where there is none."""
+    """The paths of the project's host, from the memo where it holds; the diagnostics where there is none.
+
+    What another user keeps to himself is such a problem: nothing that is in there can be told from what is not there.
+    """
     host = memo.host_of(project)
     if host is not None:
-        return Layout(project, host), []
+        return _open(Layout(project, host))
     from octoform.engine.compiling import compile_project  # the one heavy import that the memo saves
 
     compiled, found = compile_project(project, environ)
-    return (compiled.layout if compiled else None), found
+    return (None, found) if compiled is None else _open(compiled.layout, found)
+
+
+def _open(layout: Layout, found: Sequence[Diagnostic] = ()) -> tuple[Layout | None, list[Diagnostic]]:
+    closed = foreign(layout)
+    return (layout, list(found)) if closed is None else (None, [*found, closed])
 
 
 def _arguments(pairs: Sequence[str], document: str | None) -> tuple[dict[str, Any], dict[str, str], list[Diagnostic]]:

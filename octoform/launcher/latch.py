@@ -5,6 +5,7 @@ latched, readable or not: a damaged latch must never set an arm free. Latching n
 """
 
 import contextlib
+import errno
 import fcntl
 import json
 import os
@@ -35,6 +36,8 @@ class Latch:
         self._place = str(path)
         self._seen: tuple[tuple[int, int, int], Estop] | None = None
         self._forced: Estop | None = None
+        self.wordless: OSError | None = None
+        """Why the latch that this object made says neither who nor why; None when it does."""
 
     def engaged(self) -> Estop | None:
         """What latched it; None when it is open. A place that cannot be looked at counts as latched."""
@@ -44,7 +47,7 @@ class Latch:
             return self._forced
         except OSError as problem:
             return Estop("unknown", f"the latch {self.path} cannot be looked at: {problem.strerror}", "")
-        stamp = (status.st_ino, status.st_mtime_ns, status.st_size)
+        stamp = _stamp(status)
         seen = self._seen
         if seen is None or seen[0] != stamp:
             self._seen = seen = (stamp, self._read(status.st_mtime))
@@ -83,7 +86,7 @@ class Latch:
         before = self.engaged()
         with contextlib.suppress(FileNotFoundError):
             self.path.unlink()
-        self._forced = None
+        self._forced = self.wordless = None
         return before
 
     @contextlib.contextmanager
@@ -106,22 +109,33 @@ class Latch:
     def _create(self, estop: Estop) -> None:
         """Appears whole or not at all, and never replaces another; empty where the disk has no room for words."""
         temporary = self.path.with_name(f".{self.path.name}.{os.urandom(6).hex()}")
-        words = {"format": 1, "by": estop.by, "reason": estop.reason, "since": estop.since}
+        told = {"format": 1, "by": estop.by, "reason": estop.reason, "since": estop.since}
+        words = json.dumps(told).encode("ascii")
         try:
             descriptor = os.open(temporary, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o600)
             try:
-                os.write(descriptor, json.dumps(words).encode("ascii"))
+                if os.write(descriptor, words) != len(words):
+                    raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
             finally:
                 os.close(descriptor)
             os.link(temporary, self.path)
         except FileExistsError:
             return
-        except OSError:
+        except OSError as problem:
             with contextlib.suppress(FileExistsError):
-                os.close(os.open(self.path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o600))
+                self._create_empty(estop, problem)
         finally:
             with contextlib.suppress(OSError):
                 temporary.unlink()
+
+    def _create_empty(self, estop: Estop, problem: OSError) -> None:
+        """The latch without words; this object knows them for as long as that very file stands."""
+        descriptor = os.open(self.path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o600)
+        try:
+            self._seen = (_stamp(os.fstat(descriptor)), estop)
+            self.wordless = problem
+        finally:
+            os.close(descriptor)
 
     def _read(self, changed: float) -> Estop:
         try:
@@ -134,6 +148,10 @@ class Latch:
         except (OSError, ValueError, LookupError, TypeError, RecursionError) as problem:
             reason = f"the latch {self.path} is there but cannot be read ({type(problem).__name__})"
             return Estop("unknown", reason, _utc(changed))
+
+
+def _stamp(status: os.stat_result) -> tuple[int, int, int]:
+    return status.st_ino, status.st_mtime_ns, status.st_size
 
 
 def _locked(lock: int, deadline: float) -> bool:

@@ -46,12 +46,16 @@ class Stopped:
 
 @dataclass(frozen=True, slots=True)
 class Emergency:
-    """What an emergency stop needs. ``audit`` is None where the log cannot be opened; ``problems`` says why."""
+    """What an emergency stop needs. ``audit`` is None where the log cannot be opened; ``problems`` says why.
+
+    ``unwritten`` says what it means here when the latch cannot be written.
+    """
 
     latch: Latch
     audit: Audit | None
     actions: tuple[StopAction, ...]
     problems: tuple[str, ...] = ()
+    unwritten: str = "the latch could not be written, so it holds in this process alone"
 
     def stop(
         self, by: str, reason: str, find: "Find | None" = None, meanwhile: Callable[[], object] | None = None
@@ -62,8 +66,10 @@ class Emergency:
         first one's where it was latched already), ``stopped``, ``problems`` (sentences).
         """
         problems = list(self.problems)
-        with _told(problems, "the latch could not be written, so it holds in this process alone"):
+        with _told(problems, self.unwritten):
             self.latch.engage(by, reason)
+        if (why := self.latch.wordless) is not None:
+            problems.append(f"the latch stands, but has no room for who latched it and why: {_sentence(why)}")
         jobs = _begin(self.actions, find or node_of)
         try:
             if meanwhile is not None:
@@ -76,8 +82,8 @@ class Emergency:
             self._record(problems, "estop", by=by, reason=reason, latched=_words(self.latch.engaged()))
         stopped = _outcomes(jobs)
         self._record(problems, "estop_actions", by=by, stopped=[asdict(item) for item in stopped])
-        with _told(problems, "the latch is not on the disk yet"):
-            self.latch.keep()
+        with _told(problems, "the latch is not on the disk yet"), suppress(FileNotFoundError):
+            self.latch.keep()  # one that could not be written was told of above
         estop = self.latch.engaged()
         return {
             "ok": estop is not None and all(item.ok for item in stopped) and not problems,

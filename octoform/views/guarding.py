@@ -1,6 +1,5 @@
-"""Emergency stop, audit log and limits for a person and for a program."""
+"""Emergency stop, limits and the verdict on the audit log for a person and for a program."""
 
-import json
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from typing import Any
@@ -11,34 +10,32 @@ from octoform.endpoint.estop import Estop
 from octoform.endpoint.limiting import Limited, Limits
 from octoform.views import problems
 from octoform.views.console import Console
-from octoform.views.text import escape, one_line
+from octoform.views.text import escape
 from octoform.views.texts import document
 
-_WORDS = {"allow": "green", "deny": "red", "refuse": "red", "failed": "red", "estop": "red"}
-_OWN = frozenset({"seq", "time", "event", "prev", "hash", "tool", "caller", "decision", "outcome", "arguments", "text"})
-_QUIET = frozenset({"call", "effect", "transport", "ms"})
 
-
-def stopped(console: Console, done: Sequence[Estop], *, as_json: bool) -> int:
-    """What the emergency stop did; exit code 0 only when all of it was done."""
+def stopped(console: Console, done: Sequence[Estop], found: Sequence[Diagnostic], *, as_json: bool) -> int:
+    """What the emergency stop did; exit code 0 only when all of it was done, everywhere."""
+    ok = not found and all(item.ok for item in done)
     if as_json:
-        document(
-            console, {"format": 1, "ok": all(item.ok for item in done), "endpoints": [asdict(one) for one in done]}
-        )
-    else:
-        for item in done:
-            _stopped(console, item)
-    return 0 if all(item.ok for item in done) else 1
+        _document(console, done, found, ok=ok)
+        return 0 if ok else 1
+    for item in done:
+        _stopped(console, item)
+    problems.show(console, found)
+    return 0 if ok else 1
 
 
 def _stopped(console: Console, done: Estop) -> None:
-    if done.latched:
-        console.line(console.paint(f"{done.host}: stopped. Nothing that moves is called until it is cleared.", "bold"))
-        console.line(f"  latched by {_by(done)}")
+    head = f"{done.host}: {_held(done)}"
+    if not done.latched:
+        console.problem(console.paint(head, "red"))
     else:
-        console.problem(console.paint(f"{done.host}: NOT latched. Actuators can still be called.", "red"))
+        console.line(console.paint(head, "bold"))
+        console.line(f"  latched by {_by(done)}")
     if done.direct:
-        console.line("  no process of the endpoint answered, so octoform did it itself")
+        tried = "did" if done.latched else "tried"
+        console.line(f"  no process of the endpoint answered, so octoform {tried} it itself")
     if not done.stopped:
         console.line("  no profile names a stop action: nothing was sent to any device")
     for action in done.stopped:
@@ -46,60 +43,45 @@ def _stopped(console: Console, done: Estop) -> None:
         console.line(f"  {mark}  {escape(action.device)}: {escape(action.detail)} ({action.ms:.0f} ms)")
     for text in done.problems:
         console.problem(f"  {escape(text)}")
-    console.line("  octoform estop -clear lets actuators be called again")
+    if done.latched:
+        console.line("  octoform estop -clear lets actuators be called again")
 
 
-def cleared(console: Console, done: Sequence[Estop], *, as_json: bool) -> int:
-    """Who had latched it and when; exit code 0 when it is open."""
+def _held(done: Estop) -> str:
+    """How far the stop holds: for good, until the process ends, or not at all."""
+    if not done.latched:
+        return "NOT latched. Actuators can be called, now or once the endpoint runs."
+    if not done.lasting:
+        return "stopped while its process runs; NOT latched beyond that. Actuators can be called once it is restarted."
+    return "stopped. Nothing that moves is called until it is cleared."
+
+
+def cleared(console: Console, done: Sequence[Estop], found: Sequence[Diagnostic], *, as_json: bool) -> int:
+    """Who had latched it and when; exit code 0 when all are open."""
+    ok = not found and all(item.ok for item in done)
     if as_json:
-        document(
-            console, {"format": 1, "ok": all(item.ok for item in done), "endpoints": [asdict(one) for one in done]}
-        )
-        return 0 if all(item.ok for item in done) else 1
+        _document(console, done, found, ok=ok)
+        return 0 if ok else 1
     for item in done:
         if item.by is None and not item.latched:
             console.line(f"{item.host}: was not latched.")
-            continue
-        state = "Still latched" if item.latched else "Cleared: actuators can be called again"
-        console.line(f"{item.host}: {state}. It was latched by {_by(item)}")
+        else:
+            state = "Still latched" if item.latched else "Cleared: actuators can be called again"
+            console.line(f"{item.host}: {state}. It was latched by {_by(item)}")
         for text in item.problems:
             console.problem(f"  {escape(text)}")
-    return 0 if all(item.ok for item in done) else 1
+    problems.show(console, found)
+    return 0 if ok else 1
+
+
+def _document(console: Console, done: Sequence[Estop], found: Sequence[Diagnostic], *, ok: bool) -> None:
+    listed = {"endpoints": [asdict(one) for one in done], "diagnostics": [to_json(item) for item in found]}
+    document(console, {"format": 1, "ok": ok, **listed})
 
 
 def _by(done: Estop) -> str:
     reason = f": {escape(done.reason)}" if done.reason else ", who gave no reason"
     return f"{escape(done.by or 'somebody')} at {escape(done.since or 'an unknown time')}{reason}"
-
-
-def records(console: Console, found: Sequence[Mapping[str, Any]], *, as_json: bool) -> int:
-    """One line a record, the latest last."""
-    if as_json:
-        return document(console, {"format": 1, "records": list(found)})
-    if not found:
-        console.line("Nothing was recorded yet.")
-    for record in found:
-        console.line(_record(console, record))
-    return 0
-
-
-def _record(console: Console, record: Mapping[str, Any]) -> str:
-    word = str(record.get("decision") or record.get("outcome") or record["event"])
-    parts = [str(record[name]) for name in ("tool", "caller") if record.get(name)]
-    arguments = record.get("arguments")
-    if isinstance(arguments, Mapping) and arguments:
-        parts.append(", ".join(f"{name}={_plain(value)}" for name, value in arguments.items()))
-    if record.get("text"):
-        parts.append(str(record["text"]))
-    parts.extend(f"{name}: {_plain(value)}" for name, value in record.items() if name not in _OWN | _QUIET and value)
-    moment = str(record.get("time", ""))[:19].replace("T", " ")
-    text = one_line("  ".join(parts), max(40, console.width - 44))
-    painted = console.paint(f"{one_line(word, 16):16}", *([_WORDS[word]] if word in _WORDS else []))
-    return f"{record.get('seq', ''):>6}  {one_line(moment, 19)}  {painted} {text}"
-
-
-def _plain(value: Any) -> str:
-    return value if isinstance(value, str) else json.dumps(value)
 
 
 def checked(console: Console, found: Checked, faults: Sequence[Diagnostic], *, as_json: bool) -> int:

@@ -10,6 +10,7 @@ from pathlib import Path
 
 MOUNT = 'mount -t tmpfs -o "$1" octoform-test "$0" && shift && exec "$@"'
 LIMIT = 'ulimit -f "$0" && exec "$@"'
+READ_ONLY = 'mount --bind "$0" "$0" && mount -o remount,bind,ro "$0" && cd "$0" && exec "$@"'
 SPACE = ["unshare", "--map-root-user", "--mount", "sh", "-c"]
 
 
@@ -45,3 +46,11 @@ def closed_folder(folder: Path) -> list[str]:
     else:
         folder.chmod(0o555)
     return ["env"]
+
+
+def read_only(folder: Path) -> list[str]:
+    """The beginning of a command that works in ``folder``, which is there as it is and takes no change.
+
+    Only where mounts are permitted.
+    """
+    return [*SPACE, READ_ONLY, str(folder)]

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from octoform.cli.options import UsageError
 from octoform.engine.guarding import check_records, records
-from octoform.views import guarding, problems
+from octoform.views import audit, guarding, problems
 from octoform.views.console import Console
 
 
@@ -17,9 +17,10 @@ def run(arguments: Namespace, project: Path, screen: Console) -> int:
         if checked is None:
             return problems.show(screen, found, as_json=arguments.json)
         return guarding.checked(screen, checked, found, as_json=arguments.json)
-    if not arguments.n.isdecimal():
+    if not arguments.n.isascii() or not arguments.n.isdigit():
         raise UsageError(f"-n: {arguments.n!r} is no number of lines", "")
-    latest, found = records(project, os.environ, int(arguments.n))
+    count = int(arguments.n)
+    latest, found = records(project, os.environ, count)
     if latest is None:
         return problems.show(screen, found, as_json=arguments.json)
-    return guarding.records(screen, latest, as_json=arguments.json)
+    return audit.records(screen, latest, count, as_json=arguments.json)

@@ -11,8 +11,8 @@ from octoform.views.console import Console
 def run(arguments: Namespace, project: Path, screen: Console) -> int:
     """Exit code 0 only when it is latched and every stop action was done; with -clear, when it is open."""
     done, found = clear(project) if arguments.clear else stop(project, arguments.reason or "")
-    if found:
+    if not done:
         return problems.show(screen, found, as_json=arguments.json)
     if arguments.clear:
-        return guarding.cleared(screen, done, as_json=arguments.json)
-    return guarding.stopped(screen, done, as_json=arguments.json)
+        return guarding.cleared(screen, done, found, as_json=arguments.json)
+    return guarding.stopped(screen, done, found, as_json=arguments.json)

@@ -1,0 +1,166 @@
+"""What a person reads when the operating system refuses: a closed folder, a read-only disk, a full one."""
+
+import json
+import os
+import subprocess
+import sys
+import tempfile
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+import pytest
+from disks import mounts_are_permitted, read_only, small_disk
+from launched import Launched, launched, tool, write
+from projects import OCTOFORM
+
+from octoform.endpoint.service import Service
+from octoform.state.layout import Layout
+
+SOURCE = '''
+from fastmcp import FastMCP
+mcp = FastMCP("bench")
+
+@mcp.tool
+def move_rail(steps: int) -> int:
+    """Moves the rail."""
+    return steps
+'''
+TOOLS = [tool("move_rail", "actuate")]
+NOBODY = ["setpriv", "--reuid=65534", "--regid=65534", "--clear-groups"]
+as_root = pytest.mark.skipif(os.getuid() != 0, reason="only root can act as another user")
+with_mounts = pytest.mark.skipif(not mounts_are_permitted(), reason="no mounts here")
+
+
+def octoform(folder: Path, *words: str, prefix: Sequence[str] = ()) -> "subprocess.CompletedProcess[str]":
+    environ = {"PATH": os.environ["PATH"], "HOME": str(folder)}
+    done = subprocess.run(
+        [*prefix, str(OCTOFORM), *words], cwd=folder, env=environ, stdin=subprocess.DEVNULL, capture_output=True,
+        text=True, timeout=60,
+    )  # fmt: skip
+    assert "Traceback" not in done.stderr, done.stderr
+    return done
+
+
+@pytest.fixture(scope="module")
+def bench() -> Iterator[Launched]:
+    """A project of this user, as apply leaves it, where others can come; its endpoint runs.
+
+    Not among pytest's own folders, which every run of it closes anew.
+    """
+    with tempfile.TemporaryDirectory(prefix="octoform-refusals-") as name:
+        folder = Path(name)
+        folder.chmod(0o755)
+        (folder / "octopus.yaml").write_text("version: 1\nhost: bench\nharness: builtin\n")
+        with launched(folder, SOURCE, TOOLS) as endpoint:
+            endpoint.layout.local.chmod(0o700)
+            yield endpoint
+
+
+@pytest.fixture
+def stopped(tmp_path: Path) -> Layout:
+    """The same with an endpoint that does not run."""
+    (tmp_path / "octopus.yaml").write_text("version: 1\nhost: bench\nharness: builtin\n")
+    policy = {"format": 1, "mode": "enforce", "stop": [], "tools": {}}
+    return write(tmp_path, SOURCE, Service(TOOLS, policy, [], "local", None, None))
+
+
+COMMANDS = [
+    "call move_rail", "tools", "audit", "audit -verify", "logs", "start", "stop", "restart", "estop", "estop -clear",
+    "limits", "limits -reset all", "token list", "token create x", "revoke", "clients install cursor",
+    "connect -print cursor",
+]  # fmt: skip
+
+
+@as_root
+@pytest.mark.parametrize("words", COMMANDS)
+@pytest.mark.parametrize("closed", [".octoform", ".octoform/bench"])
+def test_another_user_is_told_whose_it_is(bench: Launched, words: str, closed: str) -> None:
+    folder = bench.layout.project
+    (folder / ".octoform").chmod(0o700 if closed == ".octoform" else 0o755)
+    done = octoform(folder, *words.split(), prefix=NOBODY)
+    assert done.returncode == 1
+    assert "PROJECT-FOREIGN" in done.stderr and f"{closed} belongs to user root" in done.stderr
+    assert "not running" not in done.stdout + done.stderr
+    assert bench.process
+
+
+@as_root
+def test_another_user_is_told_so_by_a_pipe_and_inside_the_project(bench: Launched) -> None:
+    folder = bench.layout.project
+    (folder / ".octoform").chmod(0o755)
+    for words in (["connect"], ["connect", "bench"]):
+        done = octoform(folder, *words, prefix=NOBODY)
+        assert (done.returncode, done.stdout) == (1, "")
+        assert done.stderr == f"octoform: {folder}/.octoform/bench belongs to user root, and is closed to others\n"
+    inside = folder / "state" / "bench"
+    assert "belongs to user root" in octoform(inside, "estop", prefix=NOBODY).stderr
+
+
+@as_root
+def test_what_nobody_foresaw_ends_in_a_problem_too(bench: Launched) -> None:
+    folder = bench.layout.project
+    (folder / ".octoform").chmod(0o755)
+    done = octoform(folder, "attempts", "-json", prefix=NOBODY)
+    (found,) = json.loads(done.stdout)["diagnostics"]
+    assert (done.returncode, found["code"]) == (1, "SYSTEM-REFUSED")
+    assert found["summary"] == "the operating system refused: Permission denied"
+    assert found["path"].endswith(".octoform/bench/attempts")
+    assert found["hint"] == "it belongs to user root; run it as that user"
+
+
+def test_an_emergency_stop_works_from_inside_the_project_and_its_clearing_names_the_folder(bench: Launched) -> None:
+    folder = bench.layout.project
+    inside = folder / "state" / "bench"
+    assert octoform(inside, "estop", "-reason", "hot").returncode == 0
+    assert bench.ask("status")["estop"]["reason"] == "hot"
+    refused = octoform(inside, "estop", "-clear")
+    assert refused.returncode == 1 and f"octoform -chdir={folder} estop -clear" in refused.stderr
+    assert bench.ask("status")["estop"]["reason"] == "hot"
+    assert octoform(folder, "estop", "-clear").returncode == 0
+    assert bench.ask("status")["estop"] is None
+
+
+@with_mounts
+@pytest.mark.parametrize("words", ["start", "restart", "call move_rail", "tools", "token create x", "connect bench"])
+def test_a_read_only_project_is_told_with_the_file(stopped: Layout, words: str) -> None:
+    done = octoform(stopped.project, *words.split(), prefix=read_only(stopped.project))
+    assert done.returncode == 1
+    assert "error[SYSTEM-REFUSED]: the operating system refused: Read-only file system" in done.stderr
+    assert ".octoform/bench/run" in done.stderr and "mounted read-only" in done.stderr
+
+
+@with_mounts
+def test_an_emergency_stop_that_nothing_latched_does_not_say_so(stopped: Layout) -> None:
+    done = octoform(stopped.project, "estop", "-reason", "hot", prefix=read_only(stopped.project))
+    assert done.returncode == 1
+    assert "bench: NOT latched. Actuators can be called" in done.stderr
+    assert "so nothing is latched" in done.stderr and "in this process alone" not in done.stderr
+    assert "stopped" not in done.stdout and "latched by" not in done.stdout
+    done = octoform(stopped.project, "estop", "-json", prefix=read_only(stopped.project))
+    (told,) = json.loads(done.stdout)["endpoints"]
+    assert (told["latched"], told["lasting"], told["ok"], told["by"]) == (False, False, False, None)
+
+
+@with_mounts
+def test_an_emergency_stop_on_a_full_disk_keeps_its_reason(tmp_path: Path) -> None:
+    program = Path(__file__).parents[3] / "octoform" / "launcher" / "offline.py"
+    script = (
+        "import os, subprocess, sys\n"
+        "run = sys.argv[1] + '/run'\n"
+        "os.makedirs(sys.argv[1] + '/endpoint'); os.makedirs(run)\n"
+        "with open(run + '/filling', 'wb', buffering=0) as file:\n"
+        "    try:\n"
+        "        while True: file.write(bytes(4096))\n"
+        "    except OSError: pass\n"
+        f"command = [sys.executable, '-I', '-S', {str(program)!r}, 'stop', sys.argv[1] + '/endpoint', sys.argv[2]]\n"
+        "subprocess.run(command)\n"
+        "print(os.path.exists(run + '/estop.json'), file=sys.stderr)\n"
+    )
+    asked = json.dumps({"by": "anna", "reason": "hot"})
+    command = [*small_disk(tmp_path / "disk", 64), sys.executable, "-c", script, str(tmp_path / "disk"), asked]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
+    told = json.loads(done.stdout)
+    assert done.stderr == "True\n"
+    assert (told["latched"], told["ok"]) == (True, False)
+    assert (told["estop"]["by"], told["estop"]["reason"]) == ("anna", "hot")
+    assert any("no room for who latched it and why: No space left on device" in text for text in told["problems"])
