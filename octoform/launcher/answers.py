@@ -34,6 +34,15 @@ def estop(stop: Estop) -> Refused:
     )
 
 
+def overtaken() -> Refused:
+    """An emergency stop came, and was cleared perhaps, while the call waited."""
+    return Refused(
+        "estop",
+        "emergency stop: it came after this call did, so the call is not made, whoever approved it before. "
+        "Call the tool again if it still has to be done",
+    )
+
+
 def absent(names: list[str]) -> Refused:
     return Refused(
         "absent", f"device absent: {', '.join(names)}. Nothing was done; the tool works again once it is there"
@@ -43,6 +52,9 @@ def absent(names: list[str]) -> Refused:
 def stopped(call: Call, problem: Stopped) -> str:
     """What a client hears of a call that was stopped while it ran."""
     policy = call.entry.policy
+    if call.work is not None and not call.work.begun:
+        why = "the endpoint ends" if problem.cause == "shutdown" else "an emergency stop came"
+        return f"{call.entry.name} was not begun, because {why}"
     if problem.cause == "estop":
         text = f"emergency stop: {call.entry.name} was interrupted while it ran"
     elif problem.cause == "shutdown":

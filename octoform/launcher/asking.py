@@ -2,8 +2,8 @@
 
 The handshake era has a way back to the client, on which the question goes while the call waits. From 2026-07-28 on the
 question *is* the answer, and the client sends the call again with what the person said. An approval lives in this
-process alone: it holds once, for ten minutes, for exactly this tool, these arguments and this caller, so whoever sends
-an old answer again is refused.
+process alone: it holds once, for ten minutes and until an emergency stop comes, for exactly this tool, these arguments
+and this caller, so whoever sends an old answer again is refused.
 
 The call that is asked about holds no bus meanwhile. What a model wrote into the arguments is shown as JSON in ASCII:
 it cannot add lines of its own to the question.
@@ -22,6 +22,7 @@ from fastmcp.exceptions import ToolError
 from fastmcp.server.context import Context
 from fastmcp.server.dependencies import FastMCPRequestContext
 from fastmcp.tools.base import InputRequiredToolResult
+from mcp.server.request_state import RequestStateBoundary
 from mcp.shared.exceptions import MCPError
 from mcp_types import (
     CallToolRequestParams,
@@ -47,7 +48,8 @@ SCHEMA: dict[str, Any] = {
 
 @dataclass(frozen=True, slots=True)
 class Question:
-    """What the person is asked: may ``caller`` call ``tool`` with ``arguments``?"""
+    """What the person is asked: may ``caller`` call ``tool`` with ``arguments``? ``stops``: how many emergency stops
+    there had been when the call came."""
 
     tool: str
     effect: str
@@ -55,6 +57,7 @@ class Question:
     caller: str
     given: Mapping[str, Any]
     arguments: Mapping[str, Any]
+    stops: int = 0
 
     def text(self) -> str:
         """One paragraph for a person; hostile text in the arguments stays inside their JSON."""
@@ -67,8 +70,9 @@ class Question:
         )
 
     def digest(self) -> str:
-        """Of tool, caller and exactly the arguments that came, in canonical form."""
-        whole = json.dumps([self.tool, self.caller, dict(self.given)], sort_keys=True, separators=(",", ":"))
+        """Of tool, caller, exactly the arguments that came, and how often everything was stopped, in canonical form."""
+        said = [self.tool, self.caller, dict(self.given), self.stops]
+        whole = json.dumps(said, sort_keys=True, separators=(",", ":"))
         return hashlib.sha256(whole.encode()).hexdigest()
 
 
@@ -89,7 +93,8 @@ UNABLE = Reply(
 )
 REPLAYED = Reply(
     "replayed",
-    "this approval is not valid: it was used already, it expired, or it was given for another call. "
+    "this approval is not valid: it was used already, it expired, an emergency stop came after it, or it was given for "
+    "another call. "
     "Call the tool again without it, and the person will be asked again",
 )
 DECLINED = Reply("declined", "the person declined this call. Do not try it again unless they ask for it")
@@ -156,6 +161,31 @@ class Approvals:
         except (MCPError, ToolError):  # the connection has no way back, or the client refused the question
             return UNABLE
         return _reply(answer)
+
+
+def overhear(server: Any, heard: Callable[[str, str], None]) -> None:
+    """Call ``heard`` with tool and reason for every answer that the protocol's library turns away before the gate.
+
+    It seals what goes out with a question, and refuses by itself what comes back altered, late, or with another call.
+    """
+    # FastMCP has no public way to see this; the version of it is pinned.
+    for each in server._mcp_server.middleware:
+        if isinstance(each, RequestStateBoundary):
+            _overhear(each, heard)
+
+
+def _overhear(boundary: Any, heard: Callable[[str, str], None]) -> None:
+    unseal = boundary._unseal
+
+    def unsealed(context: Any) -> Any:
+        try:
+            return unseal(context)
+        except MCPError as problem:
+            if context.method == "tools/call":
+                heard(str((context.params or {}).get("name")), problem.error.message)
+            raise
+
+    boundary._unseal = unsealed
 
 
 def _can_ask(context: Context) -> bool:

@@ -1,26 +1,27 @@
 """One call on its way through the gate, and what is written about it.
 
-Each executed call leaves two records: what was decided, before anything moves, and what came of it. A refused one
+Each executed call leaves two records: what was decided, before its code begins, and what came of it. A refused one
 leaves one. When a record cannot be written, nothing that moves may happen; a reading goes on, and says so.
 """
 
 import asyncio
 import itertools
 import os
-import sys
 import time
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
+from . import principal
 from .audit import Audit, AuditFailed
 from .buses import Holder
 from .entries import Entry
 from .guarding import Work
 from .principal import Principal
+from .saying import say
+from .shapes import NOTHING, Effective
 
 READ = "read"
-ALLOW = "allow"
 HELD = 0.25
 Record = tuple[str, Mapping[str, Any]]
 
@@ -35,8 +36,9 @@ class Refused(Exception):
 
 @dataclass(eq=False, slots=True)
 class Call:
-    """``given`` are the arguments as they came, ``arguments`` as the tool will see them; ``began`` in monotonic
-    seconds; ``noted`` what shadow mode let pass."""
+    """``given`` are the arguments as they came, ``effective`` as the tool will see them; ``began`` in monotonic
+    seconds, of its way here, and once it waited for a person or a bus from then on; ``stops`` how many emergency stops
+    there had been when it came; ``noted`` what shadow mode let pass."""
 
     identity: str
     entry: Entry
@@ -44,12 +46,18 @@ class Call:
     given: Mapping[str, Any]
     dry: bool
     began: float
+    stops: int = 0
     beats: bool = False
-    arguments: Mapping[str, Any] = field(default_factory=dict)
+    effective: Effective = NOTHING
     noted: list[str] = field(default_factory=list)
     holder: Holder | None = None
     work: Work | None = None
     answered: bool = False
+
+    @property
+    def arguments(self) -> Mapping[str, Any]:
+        """The arguments as the tool will see them, by the names of its schema."""
+        return self.effective.shown
 
     @property
     def moves(self) -> bool:
@@ -60,8 +68,9 @@ class Call:
 class Records:
     """Writes the records of calls; ``problem`` says why the last one could not be written, else None.
 
-    The decision about what moves is on the log before anything moves. That of a reading is kept back until its outcome
-    is known, at most ``HELD`` seconds, and both are one write: the disk's share is half of what the gate costs.
+    Every decision is on the log before the tool begins, and the outcome of what moves before the answer goes. That of a
+    reading is kept back for the next record, at most ``HELD`` seconds, and both are one write: otherwise the disk would
+    take more of a call than all the rest of the gate.
     """
 
     def __init__(self, audit: Audit) -> None:
@@ -78,38 +87,52 @@ class Records:
 
     def decided(self, call: Call, decision: str, **more: Any) -> bool:
         """Record what was decided about a call; False when it could not be written."""
-        record = ("decision", _decision(call, decision, more))
-        if decision != ALLOW or call.moves:
-            return self._write(record)
-        if not self._held:
-            self._timer = asyncio.get_running_loop().call_later(HELD, self.flush)
-        self._held.append(record)
-        return True
+        return self._write(("decision", _decision(call, decision, more)))
 
     def outcome(self, call: Call, outcome: str, **more: Any) -> bool:
-        """Record what came of a call that ran."""
+        """Record what came of a call that ran; False when the log could not be written just before."""
         took = round((time.monotonic() - call.began) * 1000, 2)
         call.answered = True
-        return self.write("outcome", call=call.identity, tool=call.entry.name, outcome=outcome, ms=took, **more)
+        record = {"call": call.identity, "tool": call.entry.name, "outcome": outcome, "ms": took, **more}
+        if call.moves:
+            return self._write(("outcome", record))
+        if self._timer is None:
+            self._timer = asyncio.get_running_loop().call_later(HELD, self._due)
+        self._held.append(("outcome", record))
+        return self.problem is None
 
     def write(self, event: str, **fields: Any) -> bool:
         """Write a record, after those that were kept back; False when it could not be written."""
         return self._write((event, fields))
 
+    def turned_away(self, tool: str, reason: str) -> None:
+        """Record an answer to a question that never reached the gate."""
+        caller = principal.current()
+        self.write(
+            "decision",
+            tool=tool,
+            caller=caller.name,
+            transport=caller.transport,
+            decision="refuse",
+            code="replayed",
+            text=f"an approval that is not for this call: {reason}",
+        )
+
     def flush(self) -> bool:
         """Write what was kept back."""
         return self._write() if self._held else True
 
+    def _due(self) -> None:
+        self._timer = None
+        self.flush()
+
     def _write(self, *records: Record) -> bool:
         whole, self._held = [*self._held, *records], []
-        if self._timer is not None:
-            self._timer.cancel()
-            self._timer = None
         try:
             self._audit.write_all(whole)
         except AuditFailed as problem:
             if self.problem is None:
-                print(f"octoform: the audit log cannot be written: {problem}", file=sys.stderr, flush=True)
+                say(f"the audit log cannot be written: {problem}")
             self.problem = str(problem)
             return False
         self.problem = None

@@ -3,7 +3,7 @@
 import asyncio
 import os
 import signal
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
@@ -31,6 +31,10 @@ LOOK_SECONDS = 10.0
 """How often the process looks whether its folder is still there: what serves a host must be findable."""
 
 
+class DoorFailedError(Exception):
+    """A door of the endpoint ended by itself; the text is one line for a person."""
+
+
 class Endpoint:
     """The endpoint of one host, from `serve` until the process is asked to stop."""
 
@@ -53,18 +57,22 @@ class Endpoint:
         self._url: str | None = None
 
     async def serve(self) -> None:
-        """Open the doors, record who serves, wait for the word to stop, close them."""
+        """Open the doors, record who serves, wait for the word to stop, close them.
+
+        DoorFailedError, after all is closed in order, when one of them ended by itself: what answers nobody must not
+        live on and own the devices.
+        """
         stopping = asyncio.Event()
         loop = asyncio.get_running_loop()
         for number in (signal.SIGTERM, signal.SIGINT):
             loop.add_signal_handler(number, stopping.set)
-        await self._gate.arm(self._server)
         async with self._server._lifespan_manager():
+            await self._gate.arm(self._server)  # only now: nobody waits yet, so what begins may take its time
             doors = self._open()
-            self._answer()
+            control = self._answer()
             self._owner.record(scope=self._descriptor.scope, url=self._url)
             self._audit.write("started", instance=self._owner.instance, scope=self._descriptor.scope)
-            await self._told_to_stop(stopping)
+            failed = await self._told_to_stop(stopping, [*doors, control])
             self._offer.changes.close()
             self._control.stop()
             if self._tunnel is not None:
@@ -77,21 +85,33 @@ class Endpoint:
             self._offer.presence.stop()
             self._audit.write("stopped", instance=self._owner.instance)
             self._audit.close()
+        if failed:
+            raise DoorFailedError(failed)
 
-    async def _told_to_stop(self, stopping: asyncio.Event) -> None:
-        """Wait for the word, or until nobody could say it any more because the record of this process is gone."""
-        while self._owner.is_recorded():
-            try:
-                await asyncio.wait_for(stopping.wait(), LOOK_SECONDS)
-            except TimeoutError:
-                continue
-            return
+    async def _told_to_stop(self, stopping: asyncio.Event, doors: Sequence["asyncio.Future[None]"]) -> str:
+        """Wait for the word, or until nobody could say it any more because the record of this process is gone.
+
+        Empty, or which door ended before.
+        """
+        told = asyncio.create_task(stopping.wait())
+        waited: set[asyncio.Future[Any]] = {told, *doors}
+        try:
+            while self._owner.is_recorded():
+                done, _ = await asyncio.wait(waited, timeout=LOOK_SECONDS, return_when=asyncio.FIRST_COMPLETED)
+                if told in done:
+                    return ""
+                for door in done:
+                    name = door.get_name() if isinstance(door, asyncio.Task) else "control"
+                    return f"the door {name} ended: {door.exception()!r}"
+        finally:
+            told.cancel()
         say("the record of this process is gone, so it ends")
+        return ""
 
     def _open(self) -> list["asyncio.Task[None]"]:
         """The doors: the socket of this machine's clients always, HTTP and the tunnel where the scope has them."""
         descriptor = self._descriptor
-        doors = [asyncio.create_task(self._clients.serve(listen(descriptor.run / SOCKET)))]
+        doors = [asyncio.create_task(self._clients.serve(listen(descriptor.run / SOCKET)), name="of local clients")]
         if descriptor.network is not None:
             from .tokens import Tokens  # here, so that scope local carries no web server in its memory
             from .web import PATH, Web
@@ -100,7 +120,7 @@ class Endpoint:
             web = Web(self._server, descriptor, tokens, instance=self._owner.instance)
             listening = web.open()
             self._url = listening.url + PATH
-            doors.append(asyncio.create_task(web.serve()))
+            doors.append(asyncio.create_task(web.serve(), name="of HTTP"))
             if descriptor.tunnel is not None:
                 self._dig(web, listening.local_url)
         self._offer.presence.start()
@@ -115,18 +135,26 @@ class Endpoint:
         self._tunnel = Tunnel(command, run, local_url=local_url, instance=instance, changed=web.published)
         self._tunnel.start()
 
-    def _answer(self) -> None:
+    def _answer(self) -> "asyncio.Future[None]":
+        """Answer octoform's questions; what comes back is done should that end by itself."""
         self._control.on("status", lambda _: self._status())
         self._control.on("limits", lambda _: {"used": self._ledger.used()})
         self._control.on("limits_reset", self._reset)
         self._control.on("revoke_tunnel", self._revoke)
         self._control.on("estop", self._stop)
-        self._control.on("clear_estop", lambda asked: self._emergency.clear(str(asked.get("by") or "unknown")))
-        self._control.start()
+        self._control.on("clear_estop", self._clear)
+        loop = asyncio.get_running_loop()
+        over: asyncio.Future[None] = loop.create_future()
+        self._control.start(ended=lambda: loop.call_soon_threadsafe(over.set_result, None) and None)
+        return over
 
     def _stop(self, question: Mapping[str, Any]) -> Mapping[str, Any]:
         by, reason = str(question.get("by") or "unknown"), str(question.get("reason") or "")
-        return self._emergency.stop(by, reason, meanwhile=self._gate.halt)
+        return self._emergency.stop(by, reason, interrupt=self._gate.halt)
+
+    def _clear(self, question: Mapping[str, Any]) -> Mapping[str, Any]:
+        self._gate.void()  # before anything may move: what waited while it was latched waits for nothing any more
+        return self._emergency.clear(str(question.get("by") or "unknown"))
 
     def _reset(self, question: Mapping[str, Any]) -> Mapping[str, Any]:
         tool = question.get("tool")

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from fastmcp.server.context import Context
+from fastmcp.server.dependencies import without_injected_parameters
 from fastmcp.tools.base import Tool
 from fastmcp.tools.function_tool import FunctionTool
 from fastmcp.utilities.json_schema import dereference_refs
@@ -19,7 +20,7 @@ from fastmcp.utilities.types import find_kwarg_by_type
 from .buses import Bus
 from .guarding import guard
 from .policy import Policy, ToolPolicy
-from .shapes import Check, Coerce, check, coercion
+from .shapes import Check, Coerce, Effective, check, coercion
 
 AT_ONCE = 64
 """Calls that run at the same time, whatever they call."""
@@ -34,7 +35,8 @@ CHANGING = frozenset({"enable_components", "disable_components", "reset_visibili
 @dataclass(frozen=True, slots=True)
 class Entry:
     """One tool. ``queues`` in the order in which they are taken; ``silent`` when the tool cannot report progress;
-    ``schema`` is that of its arguments; ``pinned`` the tool itself where its name always means it."""
+    ``schema`` is that of its arguments; ``pinned`` the tool itself where its name always means it, ``plain`` the same
+    where its function needs nothing but its arguments; ``flaw`` says which limit is about no argument of it, if any."""
 
     name: str
     version: str | None
@@ -45,7 +47,9 @@ class Entry:
     guarded: bool
     silent: bool
     schema: Mapping[str, Any]
-    pinned: Tool | None
+    pinned: FunctionTool | None
+    plain: FunctionTool | None
+    flaw: str
 
 
 class Entries:
@@ -82,7 +86,7 @@ class Entries:
         policy = self._policy.tools.get(tool.name)
         if policy is None:
             return None
-        coerce: Coerce = dict
+        coerce: Coerce = _as_given
         guarded = isinstance(tool, FunctionTool)
         silent = True
         if isinstance(tool, FunctionTool):
@@ -95,8 +99,11 @@ class Entries:
                 tool.timeout = None
         fits = check(tool.output_schema) if isinstance(tool.output_schema, Mapping) else None
         queues = (*self._queues(tool.name, policy), self._total)
+        schema, pinned = _schema(tool), _pinned(tool)
+        flaw = _flaw(policy, schema)
+        plain = pinned if pinned is not None and _plain(pinned) else None
         entry = Entry(
-            tool.name, tool.version, policy, coerce, fits, queues, guarded, silent, _schema(tool), _pinned(tool)
+            tool.name, tool.version, policy, coerce, fits, queues, guarded, silent, schema, pinned, plain, flaw
         )
         self._known[tool.name] = entry
         return entry
@@ -107,12 +114,31 @@ class Entries:
         return [self._buses.setdefault(bus, Bus(bus)) for bus in sorted(policy.buses)]
 
 
-def _pinned(tool: Tool) -> Tool | None:
+def _pinned(tool: Tool) -> FunctionTool | None:
     """The tool itself where nobody but its own server decides who may call it; else None."""
     if not isinstance(tool, FunctionTool) or tool.auth is not None:
         return None
     code = getattr(inspect.unwrap(tool.fn), "__code__", None)
     return tool if code is not None and CHANGING.isdisjoint(code.co_names) else None
+
+
+def _plain(tool: FunctionTool) -> bool:
+    """Whether calling its function with the arguments and converting what it returns is all that the tool does."""
+    whole = without_injected_parameters(tool.fn) is tool.fn
+    return whole and type(tool) is FunctionTool and tool.task_config.mode == "forbidden"
+
+
+def _as_given(arguments: Mapping[str, Any]) -> Effective:
+    return Effective(dict(arguments))
+
+
+def _flaw(policy: ToolPolicy, schema: Mapping[str, Any]) -> str:
+    """A limit that finds nothing to judge would let everything pass without anybody's knowing."""
+    known = schema.get("properties") or {}
+    for limit in policy.limits:
+        if limit.parameter and limit.parameter not in known:
+            return f"its limit on {limit.parameter} ({limit.source}) cannot be kept, because it has no such argument"
+    return ""
 
 
 def _schema(tool: Tool) -> Mapping[str, Any]:

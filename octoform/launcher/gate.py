@@ -3,10 +3,12 @@
 It is middleware of the process that serves, outside of the generated code, so nothing an agent wrote can leave it out.
 The order is fixed: what a caller may not know of does not exist; the emergency stop is looked at before everything
 else; arguments are checked before a limit counts or a person is asked; limits count when the call has its buses, just
-before it runs, and whatever may have changed while it waited is looked at once more there.
+before it runs, and whatever may have changed while it waited is looked at once more there. From before that look on an
+emergency stop finds the call among those that it interrupts: there is no moment in which it is seen by neither.
 """
 
 import asyncio
+import itertools
 import time
 from collections.abc import Callable, Mapping
 from functools import partial
@@ -22,7 +24,7 @@ from mcp_types import CallToolRequestParams
 from pydantic import ValidationError
 
 from . import answers, principal
-from .asking import Approvals, Question
+from .asking import Approvals, Question, overhear
 from .audit import Audit
 from .beating import Beat
 from .buses import Busy, Holder, abandon, release, take, take_free
@@ -31,7 +33,7 @@ from .entries import Entries, Entry
 from .guarding import FRAMES, Patience, Stopped, TooLarge, Work, current, masked
 from .latch import Latch
 from .limits import Ledger
-from .pinning import pin
+from .pinning import innermost, pin, straight
 from .policy import Policy
 from .presence import Presence
 from .sizes import exceeds
@@ -59,6 +61,9 @@ class Gate(Middleware):
         self._entries = Entries(policy)
         self._workers = Workers()
         self._running: set[Call] = set()
+        self._stops = 0
+        self._stop_numbers = itertools.count(1)
+        self._server: Any = None
         self.approvals = Approvals()
         self.patience = Patience()
         self.on_result: Callable[[str, ToolResult], None] | None = None
@@ -68,6 +73,8 @@ class Gate(Middleware):
         server._mask_error_details = True
         await self._entries.fill(server)
         pin(server, self._entries)
+        overhear(server, self._records.turned_away)
+        self._server = server
         WATCHDOG.arm(FRAMES)
 
     def disarm(self) -> None:
@@ -77,13 +84,20 @@ class Gate(Middleware):
         self._workers.close()
         WATCHDOG.disarm()
 
-    def halt(self, cause: str = "estop", everything: bool = False) -> int:
-        """Interrupt what moves, from any thread; ``everything``: readings too. How many calls were told to stop."""
-        calls = [call for call in tuple(self._running) if call.work is not None and (everything or call.moves)]
-        for call in calls:
-            if call.work is not None:
-                call.work.halt(cause)
-        return len(calls)
+    def halt(self, cause: str = "estop", everything: bool = False) -> list[Work]:
+        """Interrupt what moves, from any thread; ``everything``: readings too. What was told to stop.
+
+        To be called once the latch is closed: what is not among these has not looked at it yet.
+        """
+        self.void()
+        works = [call.work for call in tuple(self._running) if call.work is not None and (everything or call.moves)]
+        for work in works:
+            work.halt(cause)
+        return works
+
+    def void(self) -> None:
+        """What came before this moves nothing any more, from any thread: no call that waits, and no approval."""
+        self._stops = next(self._stop_numbers)
 
     def stuck(self) -> list[dict[str, Any]]:
         """The calls whose code did not end although they were stopped: tool, caller, buses, seconds since it began."""
@@ -151,6 +165,7 @@ class Gate(Middleware):
             context.message.arguments or {},
             dry and entry.policy.effect != "read",
             time.monotonic(),
+            self._stops,
         )
         call.beats = entry.silent and "progressToken" in meta
         return call
@@ -162,9 +177,11 @@ class Gate(Middleware):
         if entry.policy.decision == "deny":
             self._object(call, "denied", f"{entry.name} is denied by {entry.policy.source}")
         try:
-            call.arguments = entry.coerce(call.given)
+            call.effective = entry.coerce(call.given)
         except ValidationError as problem:
             raise Refused("invalid", str(problem)) from None
+        if entry.flaw:
+            self._object(call, "limit_without_argument", f"{entry.name} is refused: {entry.flaw}")
         # A call that runs at once is judged when it is counted; the others hear now what they would wait for in vain.
         waits = call.dry or entry.policy.decision == "confirm" or not all(queue.free() for queue in entry.queues)
         if waits and entry.policy.limits and (refusal := self._ledger.judge(entry.name, call.arguments)) is not None:
@@ -172,8 +189,11 @@ class Gate(Middleware):
 
     def _look_again(self, call: Call) -> None:
         """What may have changed while the call waited for a person or for a bus."""
-        if call.moves and (stop := self._latch.engaged()) is not None:
-            raise answers.estop(stop)
+        if call.moves:
+            if (stop := self._latch.engaged()) is not None:
+                raise answers.estop(stop)
+            if call.stops != self._stops:
+                raise answers.overtaken()
         if absent := self._presence.absent(call.entry.name):
             raise answers.absent(absent)
 
@@ -189,7 +209,13 @@ class Gate(Middleware):
         """Ask a person; None when the call may go on, the question itself where that is the answer."""
         entry = call.entry
         question = Question(
-            entry.name, entry.policy.effect, entry.policy.source, call.caller.name, call.given, call.arguments
+            entry.name,
+            entry.policy.effect,
+            entry.policy.source,
+            call.caller.name,
+            call.given,
+            call.arguments,
+            call.stops,
         )
         reply = self.approvals.answered(question, context.message)
         if reply is None:
@@ -208,41 +234,57 @@ class Gate(Middleware):
             return reply.ask
         if reply.code != "approved":
             raise Refused(reply.code, reply.text)
+        if call.stops != self._stops:
+            raise answers.overtaken()
         call.began = time.monotonic()  # the person's time is not the call's
         self._look_again(call)
         return None
 
     async def _pass(self, call: Call, context: Context, call_next: Next) -> ToolResult:
-        """Take the buses, count the limits, write it down, run."""
+        """Take the buses, count, write it down, run. On every way out the buses are free, but for code that goes on."""
         entry = call.entry
         call.holder = holder = Holder(entry.name, call.caller.name)
         beat = Beat(context.fastmcp_context, partial(_words, call)) if call.beats else None
         try:
             if not take_free(entry.queues, holder):
-                try:
-                    await take(entry.queues, holder, call.began + entry.policy.timeout)
-                except Busy as busy:
-                    raise Refused(busy.code, str(busy)) from None
-                except asyncio.CancelledError:
-                    self._records.decided(call, "refuse", code="cancelled", text="cancelled while it waited for a bus")
-                    raise
-                try:
-                    self._look_again(call)
-                except Refused:
-                    release(entry.queues, holder)
-                    raise
+                await self._wait(call, holder)
+            work = self._begin(call)
             try:
+                self._look_again(call)
                 self._count(call)
-            except Refused:
-                release(entry.queues, holder)
-                raise
-            return await self._run(call, context, call_next)
+                return await self._run(call, work, context, call_next)
+            finally:
+                work.close()
         finally:
+            if call.work is None:
+                release(entry.queues, holder)
             if beat is not None:
                 beat.stop()
 
+    async def _wait(self, call: Call, holder: Holder) -> None:
+        """Stand in line for the buses, as long as the call may run afterwards."""
+        entry = call.entry
+        try:
+            await take(entry.queues, holder, call.began + entry.policy.timeout)
+        except Busy as busy:
+            raise Refused(busy.code, str(busy)) from None
+        except asyncio.CancelledError:
+            self._records.decided(call, "refuse", code="cancelled", text="cancelled while it waited for a bus")
+            raise
+        call.began = time.monotonic()  # what moves must not be cut off in the middle because it had to wait
+
+    def _begin(self, call: Call) -> Work:
+        """The work of the call, which from here on can be halted."""
+        entry = call.entry
+        work = Work(entry.name, self._workers, self.patience, entry.policy.result_bytes)
+        work.on_end, work.on_stuck = partial(self._ended, call), partial(self._abandon, call)
+        work.pinned = entry.pinned
+        call.work = work
+        self._running.add(call)
+        return work
+
     def _count(self, call: Call) -> None:
-        """The last word: limits are judged and counted at once; the decision is on the log before anything moves."""
+        """The last word: limits are judged and counted at once; the decision is on the log before anything begins."""
         entry = call.entry
         if entry.policy.limits and (refusal := self._ledger.reserve(entry.name, call.arguments)) is not None:
             self._object(call, refusal.code, refusal.text)
@@ -251,17 +293,17 @@ class Gate(Middleware):
                 "audit", f"the audit log cannot be written, so nothing that moves is called: {self._records.problem}"
             )
 
-    async def _run(self, call: Call, context: Context, call_next: Next) -> ToolResult:
+    async def _run(self, call: Call, work: Work, context: Context, call_next: Next) -> ToolResult:
         """Run the tool's code as work that can be stopped, and make an answer of whatever comes of it."""
         entry = call.entry
-        work = call.work = Work(entry.name, self._workers, self.patience, entry.policy.result_bytes)
-        work.on_end, work.on_stuck = partial(self._ended, call), partial(self._abandon, call)
-        work.pinned = entry.pinned
-        self._running.add(call)
         token = current.set(work)
-        work.limit(call.began + entry.policy.timeout - time.monotonic())
+        work.limit(entry.policy.timeout)
         try:
-            if entry.guarded:
+            if call.moves and self._latch.engaged() is not None:  # by another process, while the record was written
+                raise Stopped("estop", ended=True)
+            if entry.plain is not None and innermost(self._server, self, entry.plain):
+                result = await straight(entry.plain, call.effective)
+            elif entry.guarded:
                 result = await call_next(context)
             else:
                 result = await work.run_async(partial(_awaited, call_next, context))
@@ -277,7 +319,6 @@ class Gate(Middleware):
             return self._failed(call, work, problem)
         finally:
             current.reset(token)
-            work.close()
 
     def _answer(self, call: Call, result: ToolResult) -> ToolResult:
         """The tool's result, unless it is too large or not what the tool's output schema promises."""

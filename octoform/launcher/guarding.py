@@ -14,6 +14,7 @@ import math
 import os
 import time
 from collections.abc import Awaitable, Callable, Coroutine
+from contextlib import aclosing, suppress
 from contextvars import ContextVar
 from dataclasses import dataclass
 from typing import Any
@@ -100,8 +101,9 @@ class Work:
 
     async def run(self, function: Callable[[], Any]) -> Any:
         """The value of a blocking function, run in a thread."""
+        self._job = job = Job(function, self._report)  # before the look: a halt that comes after it finds the job
         self._begin()
-        self._job = self._workers.start(function, self._report)
+        self._workers.start(job)
         return await self._outcome()
 
     async def run_async(self, function: Callable[[], Coroutine[Any, Any, Any]]) -> Any:
@@ -142,13 +144,23 @@ class Work:
         self._interrupt()
         self._again = self._loop.call_later(self.patience.answer, self._give_up)
 
+    @property
+    def over(self) -> bool:
+        """Whether none of its code runs, nor ever will; from any thread, also while the event loop is blocked."""
+        unbegun = bool(self.halted) and not self.begun
+        return self.ended or unbegun or (self._job is not None and self._job.over)
+
     def halt(self, cause: str) -> None:
-        """`stop`, from any thread, also while the event loop is blocked by this very work."""
+        """`stop`, from any thread, also while the event loop is blocked by this very work. What has not begun when
+        this returns does not begin any more."""
+        if self.halted:
+            return
         self.deadline = min(self.deadline, time.monotonic())
         self.halted = cause
         if self._job is not None:
             self._job.interrupt()
-        self._loop.call_soon_threadsafe(self.stop, cause)
+        with suppress(RuntimeError):  # the loop is closed, and with it everybody who waited
+            self._loop.call_soon_threadsafe(self.stop, cause)
 
     def close(self) -> None:
         """The call is over: no deadline any more. Work that never began is over with it."""
@@ -158,9 +170,10 @@ class Work:
             self._end()
 
     def _begin(self) -> None:
-        if self.cause:
-            raise self._stopped(ended=True)
         self.begun = True
+        if self.cause or self.halted:  # looked at last, so that a halt either is seen here or sees that it began
+            self.begun = False
+            raise self._stopped(ended=True)
 
     async def _outcome(self) -> Any:
         self._future = self._loop.create_future()
@@ -170,8 +183,13 @@ class Work:
         return Stopped(self.cause or self.halted or "timeout", ended)
 
     def _report(self, value: Any, problem: BaseException | None) -> None:
-        """On the event loop: the tool's code has ended."""
-        self._end()
+        """On the event loop: the tool's code has ended. Whatever ending it raises, whoever waits is told."""
+        try:
+            self._end()
+        finally:
+            self._tell(value, problem)
+
+    def _tell(self, value: Any, problem: BaseException | None) -> None:
         future = self._future
         if future is None or future.done():
             return
@@ -229,7 +247,9 @@ def guarded(function: Callable[..., Any], in_thread: bool = True) -> Callable[..
     async def in_task(*args: Any, **kwargs: Any) -> Any:
         work = current.get()
         bare = functools.partial(function, *args, **kwargs)
-        return await (_collected(bare) if work is None else work.run_async(functools.partial(_collected, bare)))
+        if work is None:
+            return await _collected(bare, math.inf)
+        return await work.run_async(functools.partial(_collected, bare, work.bound))
 
     async def in_worker(*args: Any, **kwargs: Any) -> Any:
         bare = functools.partial(function, *args, **kwargs)
@@ -283,6 +303,8 @@ async def _in_task(work: Work, function: Callable[[], Coroutine[Any, Any, Any]])
     """The frame that the watchdog looks for, so that it interrupts nothing but a tool."""
     value, problem = None, None
     try:
+        if work.cause or work.halted:  # between the making of the task and its first step
+            raise work._stopped(ended=True)
         value = await function()
         _bounded(work, value)
     except BaseException as raised:  # noqa: BLE001 - whatever a tool raises is reported
@@ -298,11 +320,26 @@ def _on_loop(work: Work, function: Callable[[], Any]) -> Any:
 FRAMES = frozenset({_in_task.__code__, _on_loop.__code__})
 
 
-async def _collected(function: Callable[[], Any]) -> Any:
+async def _collected(function: Callable[[], Any], bound: float) -> Any:
+    """On the event loop: the tool's value, an async generator drawn until it is far too large to be worked on."""
     value = function()
-    if inspect.isasyncgen(value):
-        return [item async for item in value]
-    return await value
+    if not inspect.isasyncgen(value):
+        return await value
+    drawn: list[Any] = []
+    size = 0
+    async with aclosing(value):
+        async for item in value:
+            size = _more(drawn, item, size, bound)
+    return drawn
+
+
+def _more(drawn: list[Any], item: Any, size: int, bound: float) -> int:
+    """Keep one more item of a generator; the size of all, TooLarge when that is over the bound."""
+    drawn.append(item)
+    size += at_least(item, bound)
+    if size > bound:
+        raise TooLarge(size)
+    return size
 
 
 def _gathered(work: Work, function: Callable[[], Any]) -> Any:
@@ -311,12 +348,10 @@ def _gathered(work: Work, function: Callable[[], Any]) -> Any:
     if inspect.isawaitable(value) and not work.inline:
         value = work.awaited(value)
     if inspect.isgenerator(value):
-        drawn, size = [], 0
+        drawn: list[Any] = []
+        size = 0
         for item in value:
-            drawn.append(item)
-            size += at_least(item, work.bound)
-            if size > work.bound:
-                raise TooLarge(size)
+            size = _more(drawn, item, size, work.bound)
         return drawn
     _bounded(work, value)
     return value

@@ -10,14 +10,25 @@ import inspect
 import math
 import re
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any, cast, get_type_hints
+from typing import Any, NamedTuple, cast, get_type_hints
 
 from fastmcp.server.dependencies import without_injected_parameters
 from pydantic import TypeAdapter
 
 Check = Callable[[Any], str | None]
 """What is wrong with a value, as words that follow its place; None when it fits."""
-Coerce = Callable[[Mapping[str, Any]], dict[str, Any]]
+
+
+class Effective(NamedTuple):
+    """Arguments as a tool receives them: ``shown`` by the names of its schema, then the call of its function."""
+
+    shown: Mapping[str, Any]
+    args: tuple[Any, ...] = ()
+    kwargs: Mapping[str, Any] = {}
+
+
+NOTHING = Effective({})
+Coerce = Callable[[Mapping[str, Any]], Effective]
 
 _KINDS: dict[str, Callable[[Any], bool]] = {
     "object": lambda value: isinstance(value, dict),
@@ -33,16 +44,20 @@ _KINDS: dict[str, Callable[[Any], bool]] = {
 
 
 def coercion(function: Callable[..., Any], strict: bool) -> Coerce:
-    """What gives the arguments as ``function`` will receive them, with defaults; raises pydantic's ValidationError."""
+    """What gives the arguments as ``function`` will receive them, with defaults; raises pydantic's ValidationError.
+
+    A parameter may bear another name in the schema than in the code (an alias). Whoever calls, limits and approves
+    knows the schema alone, so that name is the one that counts.
+    """
     bare = without_injected_parameters(function, run_in_thread=False)
     signature = inspect.signature(bare)
 
     names = tuple(signature.parameters)
 
-    def collect(*args: Any, **kwargs: Any) -> dict[str, Any]:
-        given = dict(zip(names, args, strict=False)) if args else {}
-        whole = {**given, **kwargs}  # the validation filled in the defaults
-        return {name: whole[name] for name in names if name in whole}
+    def collect(*args: Any, **kwargs: Any) -> Effective:
+        whole = {**dict(zip(names, args, strict=False)), **kwargs} if args else kwargs
+        # The validation filled in the defaults.
+        return Effective({name: whole[own] for own, name in schema_names if own in whole}, args, kwargs)
 
     try:
         hints = get_type_hints(bare, include_extras=True)
@@ -55,9 +70,11 @@ def coercion(function: Callable[..., Any], strict: bool) -> Coerce:
         if name in hints or each.annotation is not inspect.Parameter.empty
     }
     collect.__name__ = collect.__qualname__ = getattr(function, "__name__", "call")
-    validator = TypeAdapter(cast(Any, collect)).validator
+    adapter = TypeAdapter(cast(Any, collect))
+    schema_names = tuple(zip(names, adapter.json_schema().get("properties", {}), strict=True))
+    validator = adapter.validator
     if strict:
-        return lambda arguments: cast("dict[str, Any]", validator.validate_json(_json(arguments), strict=True))
+        return lambda arguments: cast(Effective, validator.validate_json(_json(arguments), strict=True))
     return cast(Coerce, validator.validate_python)
 
 

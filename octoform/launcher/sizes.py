@@ -13,7 +13,7 @@ ESCAPE = 8
 """How far the estimate may be below the size: a control character takes six bytes, a fraction up to 24 for three."""
 
 
-def at_least(value: Any, bound: int) -> int:
+def at_least(value: Any, bound: float) -> int:
     """A lower bound of the bytes of ``value`` as JSON; the walk ends once it is over ``bound``.
 
     One byte of every part is counted with what it is in, so that a long list is refused before it is walked.

@@ -1,8 +1,9 @@
-"""The emergency stop: latch, write each device's stop bytes, record. Needs no model and nothing that was generated.
+"""The emergency stop: latch, interrupt, write each device's stop bytes, record. Needs no model, no generated code.
 
 The bytes come from the profiles, the nodes from the runtime's way to find a device by identity. All devices are
 written to at once, each in a thread of its own with a bounded time, because one that hangs must not keep the others
-moving. No lock of a bus is waited for: whatever holds it may be what has to be stopped.
+moving. No lock of a bus is waited for: whatever holds it may be what has to be stopped. What was interrupted may still
+tidy up, and send its device something after the stop bytes: they are written again once its code has ended.
 """
 
 import errno
@@ -17,8 +18,9 @@ import tty
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import asdict, dataclass, field
+from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 from .audit import Audit
 from .latch import Estop, Latch
@@ -26,11 +28,26 @@ from .policy import Policy, StopAction
 
 SECONDS = 2.0
 """What one stop action may take."""
+ENDING = 2.0
+"""Seconds that interrupted code has to end in before the answer says that it has not."""
 _ENGAGE_WAIT, _CLEAR_WAIT = 0.2, 2.0
-_PAUSE = 0.005
+_PAUSE, _LATER = 0.005, 0.05
 
 Find = Callable[[str, str], str]
 """Device id and class to the path of the device's node; raises what says that there is none."""
+
+
+class Running(Protocol):
+    """The code of a call that was told to stop; ``over`` once none of it runs any more, asked from any thread."""
+
+    tool: str
+
+    @property
+    def over(self) -> bool: ...
+
+
+Interrupt = Callable[[], Sequence[Running]]
+"""Tells everything that moves to stop, and gives back what was told so."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,30 +75,33 @@ class Emergency:
     unwritten: str = "the latch could not be written, so it holds in this process alone"
 
     def stop(
-        self, by: str, reason: str, find: "Find | None" = None, meanwhile: Callable[[], object] | None = None
+        self, by: str, reason: str, find: "Find | None" = None, interrupt: "Interrupt | None" = None
     ) -> dict[str, Any]:
-        """Latch, run the stop actions, record; ``meanwhile`` is called once both are under way.
+        """Latch, interrupt what moves, run the stop actions, record, run the actions again as what moved has ended.
 
-        The answer: ``ok`` (latched, every action done, nothing wrong), ``latched``, ``estop`` (by, reason, since; the
-        first one's where it was latched already), ``stopped``, ``problems`` (sentences).
+        The answer: ``ok`` (latched, every action done, nothing goes on, nothing wrong), ``latched``, ``estop`` (by,
+        reason, since; the first one's where it was latched already), ``stopped`` (of the last time that each action
+        was run), ``problems`` (sentences).
         """
         problems = list(self.problems)
         with _told(problems, self.unwritten):
             self.latch.engage(by, reason)
         if (why := self.latch.wordless) is not None:
             problems.append(f"the latch stands, but has no room for who latched it and why: {_sentence(why)}")
-        jobs = _begin(self.actions, find or node_of)
-        try:
-            if meanwhile is not None:
-                meanwhile()
-        except Exception as problem:  # noqa: BLE001 - the stop goes on, and this is told
-            problems.append(f"what ran could not be interrupted: {_sentence(problem)}")
+        running = _interrupted(interrupt, problems)
+        act = partial(_begin, self.actions, find or node_of)
+        jobs = act()
         with self.latch.held(_ENGAGE_WAIT):
             with suppress(OSError):  # said above; here it only comes after a clear that was faster
                 self.latch.engage(by, reason)
             self._record(problems, "estop", by=by, reason=reason, latched=_words(self.latch.engaged()))
+        running.update(_interrupted(interrupt, problems))
         stopped = _outcomes(jobs)
+        left, stopped = _again(list(running.values()), act, stopped)
+        problems.extend(f"{each.tool} was interrupted, but its code has not ended yet" for each in left)
         self._record(problems, "estop_actions", by=by, stopped=[asdict(item) for item in stopped])
+        if left:
+            threading.Thread(target=self._later, args=(left, act, by), name="stop later", daemon=True).start()
         with _told(problems, "the latch is not on the disk yet"), suppress(FileNotFoundError):
             self.latch.keep()  # one that could not be written was told of above
         estop = self.latch.engaged()
@@ -92,6 +112,15 @@ class Emergency:
             "stopped": [asdict(item) for item in stopped],
             "problems": problems,
         }
+
+    def _later(self, left: "list[Running]", act: "Callable[[], list[_Job]]", by: str) -> None:
+        """Nobody waits any more, but what ends while the latch is closed ends with the stop bytes."""
+        while left and self.latch.engaged() is not None:
+            going = [each for each in left if not each.over]
+            if len(going) < len(left):
+                self._record([], "estop_actions", by=by, stopped=[asdict(item) for item in _outcomes(act())])
+            left = going
+            time.sleep(_LATER)
 
     def clear(self, by: str) -> dict[str, Any]:
         """Open the latch, once that is recorded. The answer: ``ok``, ``latched``, ``estop`` (what had latched it, or
@@ -116,6 +145,31 @@ class Emergency:
         with _told(problems, "the audit log has no record of it"):
             self.audit.write(event, **fields)
         return len(problems) == before
+
+
+def _interrupted(interrupt: "Interrupt | None", problems: list[str]) -> "dict[int, Running]":
+    try:
+        return {id(each): each for each in interrupt()} if interrupt is not None else {}
+    except Exception as problem:  # noqa: BLE001 - the stop goes on, and this is told
+        problems.append(f"what ran could not be interrupted: {_sentence(problem)}")
+        return {}
+
+
+def _again(
+    left: "list[Running]", act: "Callable[[], list[_Job]]", stopped: list[Stopped]
+) -> tuple["list[Running]", list[Stopped]]:
+    """Run the actions once more whenever something has ended; what has not ended in time, and what came of it last."""
+    deadline = time.monotonic() + ENDING
+    while left:
+        going = [each for each in left if not each.over]
+        if len(going) < len(left):
+            stopped = _outcomes(act())
+        elif time.monotonic() >= deadline:
+            break
+        else:
+            time.sleep(_PAUSE)
+        left = going
+    return left, stopped
 
 
 def run(policy: Policy, find: "Find | None" = None, seconds: float = SECONDS) -> list[Stopped]:

@@ -28,18 +28,23 @@ Report = Callable[[Any, BaseException | None], None]
 
 
 class Job:
-    """A function, the context it runs in, and who hears what became of it (on the event loop)."""
+    """A function, the context it runs in, and who hears what became of it (on the event loop).
 
-    __slots__ = ("context", "function", "report", "worker")
+    ``stopped`` once it was interrupted: it does not begin any more; ``over`` once its thread has left the function.
+    """
+
+    __slots__ = ("context", "function", "over", "report", "stopped", "worker")
 
     def __init__(self, function: Callable[[], Any], report: Report) -> None:
         self.function = function
         self.report = report
         self.context = contextvars.copy_context()
         self.worker: Worker | None = None
+        self.stopped = self.over = False
 
     def interrupt(self) -> None:
-        """Raise Interrupted in the function if it still runs; from any thread."""
+        """Raise Interrupted in the function if it runs, and keep it from beginning if it does not; from any thread."""
+        self.stopped = True
         if self.worker is not None:
             self.worker.interrupt(self)
 
@@ -50,9 +55,8 @@ class Workers:
     def __init__(self) -> None:
         self._idle: list[Worker] = []
 
-    def start(self, function: Callable[[], Any], report: Report) -> Job:
-        """Run ``function`` in a thread, with the caller's context; ``report`` is called on this event loop."""
-        job = Job(function, report)
+    def start(self, job: Job) -> None:
+        """Run a job in a thread; its report is called on this event loop."""
         if self._idle:
             worker = self._idle.pop()
         else:
@@ -60,7 +64,6 @@ class Workers:
             worker.start()
         job.worker = worker
         worker.inbox.put(job)
-        return job
 
     def close(self) -> None:
         """End the threads that wait."""
@@ -119,12 +122,15 @@ class Worker(threading.Thread):
         while True:
             try:
                 self._leave()
+                job.over = True
                 return value, problem
             except Interrupted:  # came in the moment in which the function returned
                 continue
 
     def _enter(self, job: Job) -> None:
         with self._lock:
+            if job.stopped:
+                raise Interrupted
             self._current = job
 
     def _leave(self) -> None:

@@ -46,6 +46,7 @@ class Gated:
         return Client(self.server, mode=mode, **more)
 
     def records(self, event: str | None = None) -> list[dict[str, Any]]:
+        self.gate._records.flush()
         lines = (self.folder / "log" / "audit.jsonl").read_text().splitlines()
         found = [json.loads(line) for line in lines]
         return [each for each in found if event is None or each["event"] == event]

@@ -207,7 +207,7 @@ def test_arguments_are_coerced_as_the_tool_will_see_them() -> None:
     def tool(count: int, ratio: float = 1.5, *, context: Context, name: str = "x") -> None:
         raise AssertionError
 
-    assert coercion(tool, strict=False)({"count": "10", "ratio": 2}) == {"count": 10, "ratio": 2.0, "name": "x"}
+    assert coercion(tool, strict=False)({"count": "10", "ratio": 2}).shown == {"count": 10, "ratio": 2.0, "name": "x"}
     with pytest.raises(ValueError, match="count"):
         coercion(tool, strict=True)({"count": "10"})
 

@@ -267,7 +267,9 @@ def test_what_is_raised_in_a_thread_hits_its_own_job_alone() -> None:
 
         def start(function: Callable[[], Any]) -> tuple[Job, asyncio.Future[Any]]:
             over: asyncio.Future[Any] = loop.create_future()
-            return workers.start(function, lambda value, problem: over.set_result((value, problem))), over
+            job = Job(function, lambda value, problem: over.set_result((value, problem)))
+            workers.start(job)
+            return job, over
 
         first, over = start(threading.current_thread)
         thread, _ = await over

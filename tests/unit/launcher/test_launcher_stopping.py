@@ -151,7 +151,12 @@ def events(folder: Path) -> list[dict[str, Any]]:
 def test_stop_latches_acts_and_records(tmp_path: Path, lines: list[Line]) -> None:
     stop, seen = emergency(tmp_path, action("arm")), []
     latch = Latch(tmp_path / "run/estop.json")
-    answer = stop.stop("ada", "smoke", lambda *_: lines[0].node, lambda: seen.append(latch.engaged()))
+
+    def interrupt() -> list[stopping.Running]:
+        seen.append(latch.engaged())
+        return []
+
+    answer = stop.stop("ada", "smoke", lambda *_: lines[0].node, interrupt)
     assert (answer["ok"], answer["latched"], answer["problems"]) == (True, True, [])
     assert answer["estop"]["by"] == seen[0].by == "ada"
     assert lines[0].received(8) == DATA
@@ -169,7 +174,14 @@ def test_stop_latches_acts_and_records(tmp_path: Path, lines: list[Line]) -> Non
 
 def test_a_clear_that_comes_between_does_not_undo_a_stop(tmp_path: Path) -> None:
     stop = emergency(tmp_path)
-    answer = stop.stop("ada", "smoke", meanwhile=lambda: stop.clear("eve"))
+    clears = iter([stop.clear])
+
+    def interrupt() -> list[stopping.Running]:
+        for clear in clears:
+            clear("eve")
+        return []
+
+    answer = stop.stop("ada", "smoke", interrupt=interrupt)
     assert (answer["ok"], answer["latched"], stop.latch.engaged() is not None) == (True, True, True)
     assert [item["event"] for item in events(tmp_path)] == ["estop_cleared", "estop", "estop_actions"]
 
