@@ -13,6 +13,7 @@ from typing import Any, Protocol
 
 from octoform.diagnostics import Diagnostic, did_you_mean, error
 from octoform.endpoint.media import save_media
+from octoform.endpoint.promise import hidden
 from octoform.endpoint.reaching import down, knock, reach
 from octoform.endpoint.scripts.toolschema import as_tool, converted, first_fault, said
 from octoform.endpoint.sighting import Sight, published, record_sight, seen_of
@@ -112,7 +113,13 @@ def call(layout: Layout, wanted: Wanted, person: Person | None = None) -> Called
         return None, (found,)
     wire, tools = found
     try:
-        return _Call(wire, wanted, somebody).made(tools)
+        known = next((tool for tool in tools if tool["name"] == wanted.tool), None)
+        if known is None and wanted.tool in hidden(layout):
+            # No client is shown it. The endpoint says why, and its log has that somebody tried.
+            known = {"name": wanted.tool, "input_schema": {}}
+        if known is None:
+            return None, (_unknown(wanted.tool, [str(tool["name"]) for tool in tools]),)
+        return _Call(wire, wanted, somebody).made(known)
     except WireError as problem:
         return None, (_broken(wanted, problem),)
     finally:
@@ -178,12 +185,9 @@ class _Call:
         self._answer: bool | None = True
         """The person's last answer; True while nothing was asked."""
 
-    def made(self, tools: tuple[dict[str, Any], ...]) -> Called:
+    def made(self, tool: Mapping[str, Any]) -> Called:
         """The result, or what is wrong with the call or with the answer."""
         wanted = self._wanted
-        tool = next((tool for tool in tools if tool["name"] == wanted.tool), None)
-        if tool is None:
-            return None, (_unknown(wanted.tool, [str(tool["name"]) for tool in tools]),)
         schema = tool["input_schema"]
         arguments = {**wanted.arguments, **converted(wanted.texts, schema)}
         if fault := first_fault(arguments, schema):
@@ -234,14 +238,22 @@ def _unknown(tool: str, known: list[str]) -> Diagnostic:
 
 
 def _bad_argument(tool: str, schema: Mapping[str, Any], field: str | None, message: str) -> Diagnostic:
-    known = list(schema.get("properties", {}))
+    known = schema.get("properties", {})
     where = f"argument {field!r}" if field else "the arguments"
     hint = f"{tool} takes {', '.join(known)}" if known else f"{tool} takes no arguments"
-    if field and field not in known and (meant := did_you_mean(field, known)):
+    if field and field not in known and (meant := did_you_mean(field, list(known))):
         hint = f"did you mean {meant!r}?"
-    elif isinstance(schema.get("properties", {}).get(field), dict):
-        hint = schema["properties"][field].get("description") or hint
+    elif field and isinstance(known.get(field), dict):
+        hint = _about(field, known[field]) or hint
     return error("ENDPOINT-BAD-ARGUMENT", f"{where} of {tool}: {message}", hint=hint)
+
+
+def _about(name: str, given: Mapping[str, Any]) -> str:
+    """What a parameter is, and the values that it may have where they can be counted."""
+    told = [str(given["description"])] if given.get("description") else []
+    ways = given.get("anyOf", [given])
+    values = [value for way in ways for value in way.get("enum", [way["const"]] if "const" in way else [])]
+    return "; ".join([*told, f"{name} is one of {', '.join(map(str, values))}"] if values else told)
 
 
 def _not_approved(tool: str, told: str, answer: bool | None) -> Diagnostic:

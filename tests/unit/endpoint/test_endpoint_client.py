@@ -288,3 +288,28 @@ def test_what_was_seen_of_a_former_endpoint_says_nothing_of_the_present_one(benc
     record.write_text(json.dumps({"answered": True, "tools": NAMES}))
     record_sight(bench.layout, f"{published(bench.layout)}-former", Sight(False, "gone"))
     assert json.loads(record.read_text())["answered"] is True
+
+
+WORDS = "from typing import Annotated, Literal\n\nfrom pydantic import Field\n\nimport runtime"
+DEVICE = "device: Annotated[Literal['usb-1', 'usb-2'], Field(description='device id')]"
+CHOSEN = (
+    HEADER.replace("import runtime", WORDS)
+    + tool("return 20.5", name="read_temperature", head=DEVICE)
+    + tool("return 1.0", name="read_lines")
+)
+
+
+def test_a_denied_tool_is_refused_in_the_words_of_the_policy_and_an_argument_tells_what_it_may_be(
+    tmp_path: Path,
+) -> None:
+    policy = {"tools": {"read_lines": {"decision": "deny", "source": "policy.rules[0]"}}}
+    with launched(tmp_path, CHOSEN, [told("read_temperature"), told("read_lines")], policy=policy) as endpoint:
+        assert [item["name"] for item in list_tools(endpoint.layout)[0]] == ["read_temperature"]
+        result, problems = call(endpoint.layout, Wanted("read_lines"))
+        assert problems == () and result is not None and result.is_error
+        assert result.message == "read_lines is denied by policy.rules[0]"
+        assert '"code":"denied"' in (endpoint.layout.logs / "audit.jsonl").read_text()
+        result, (problem,) = call(endpoint.layout, Wanted("read_temperature"))
+        assert result is None and problem.hint == "device id; device is one of usb-1, usb-2"
+        result, (problem,) = call(endpoint.layout, Wanted("read_line"))
+        assert problem.code == "ENDPOINT-UNKNOWN-TOOL"
