@@ -2,6 +2,8 @@
 
 A request is checked when it comes, but a stream may stay open for days and a session is only a number. So whatever is
 open is kept by the token that opened it, and ends soon after that token was revoked, given a new value, or ran out.
+One token cannot take the room of the others: it may have as many requests open as are left for them, and a few in any
+case.
 """
 
 import contextlib
@@ -22,8 +24,17 @@ from .tokens import Tokens
 
 LOOK_SECONDS = 0.25
 """How often open streams and sessions are held against the tokens."""
+MOST_OPEN = 448
+"""Requests that may be open at a time, of all tokens: fewer than connections, so that the rest can be told."""
+LEAST_OPEN = 4
+"""What a token may have open however many others are."""
 LOGGER = logging.getLogger("octoform.admission")
 LOGGER.addFilter(Throttle())
+_TOO_MANY = JSONResponse(
+    {"error": "too_many_requests", "error_description": "this token has too many requests open"},
+    429,
+    {"Retry-After": "1"},
+)
 _UNAUTHORIZED = JSONResponse({"error": "invalid_token"}, 401, {"WWW-Authenticate": 'Bearer error="invalid_token"'})
 
 
@@ -65,6 +76,10 @@ class Open:
         if not isinstance(user, AuthenticatedUser):
             await self.app(scope, receive, send)
             return
+        digest = str(user.access_token.subject)
+        if not self._has_room(digest):
+            await _TOO_MANY(scope, receive, send)
+            return
         begun = finished = False
 
         async def noted(message: Message) -> None:
@@ -77,7 +92,7 @@ class Open:
         if session is None and "mcp-protocol-version" not in headers:
             # Only such a request can open one: the era without sessions names its version in each.
             await self._make_room()
-        with self._kept(str(user.access_token.subject), session) as under_way:
+        with self._kept(digest, session) as under_way:
             await self.app(scope, receive, noted)
         if not under_way.cancelled_caught or finished:
             return
@@ -85,6 +100,11 @@ class Open:
             await send({"type": "http.response.body", "body": b""})
         else:
             await _UNAUTHORIZED(scope, receive, send)
+
+    def _has_room(self, digest: str) -> bool:
+        """Whether a token may have one request more: not more than are still free for others, alone half of all."""
+        free = MOST_OPEN - sum(map(len, self._requests.values()))
+        return len(self._requests.get(digest, ())) < max(free, LEAST_OPEN)
 
     @contextlib.contextmanager
     def _kept(self, digest: str, session: str | None) -> Iterator[anyio.CancelScope]:

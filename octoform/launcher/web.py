@@ -34,7 +34,7 @@ from .tokens import Tokens
 
 PATH = "/mcp"
 HEALTH = "/health"
-MOST_SESSIONS = 256
+MOST_SESSIONS = 512
 STOP_SECONDS = 2
 """What streams have for their end when the endpoint stops."""
 LOGGER = logging.getLogger("octoform.web")

@@ -9,10 +9,15 @@ import time
 from collections.abc import Iterator
 from pathlib import Path
 
+import anyio
 import pytest
-from web_doors import ALL, INITIALIZE, Door, bearer, door, until, write_tokens
+from starlette.applications import Starlette
+from web_doors import ALL, INITIALIZE, Door, bearer, door, server, until, write_tokens
 
+from octoform.launcher.admission import LEAST_OPEN, MOST_OPEN, Open
+from octoform.launcher.changes import Changes
 from octoform.launcher.connections import MOST_CONNECTIONS, Connection
+from octoform.launcher.tokens import Tokens
 
 MEGABYTE = 1 << 20
 
@@ -112,6 +117,46 @@ def test_more_connections_than_there_is_room_for(opened: Door) -> None:
         silent[0].settimeout(5)
         with contextlib.suppress(ConnectionError):
             assert silent[0].recv(1) == b""
+
+
+def test_one_token_cannot_take_the_room_of_the_others(tmp_path: Path) -> None:
+    (tmp_path / "run").mkdir()
+    write_tokens(tmp_path / "run", {"all": ("secret", ALL, None), "guest": ("other", ("read",), None)})
+    meta = {
+        "io.modelcontextprotocol/protocolVersion": "2026-07-28",
+        "io.modelcontextprotocol/clientInfo": {"name": "test", "version": "1"},
+        "io.modelcontextprotocol/clientCapabilities": {},
+    }
+    params = {"notifications": {"toolsListChanged": True}, "_meta": meta}
+    body = json.dumps({"jsonrpc": "2.0", "id": 1, "method": "subscriptions/listen", "params": params}).encode()
+    era = ["MCP-Protocol-Version: 2026-07-28", "Mcp-Method: subscriptions/listen", f"Content-Length: {len(body)}"]
+    mcp = server()
+    Changes(mcp)
+    with door(tmp_path, mcp=mcp) as opened, contextlib.ExitStack() as stack:
+
+        def stream() -> bytes:
+            connection = stack.enter_context(opened.connect())
+            connection.sendall(head(opened, *era, token="other") + body)
+            return connection.recv(4096)
+
+        answers = [stream() for _ in range(MOST_OPEN)]
+        taken = sum(answer.startswith(b"HTTP/1.1 200") for answer in answers)
+        assert taken == MOST_OPEN // 2, answers[0]
+        assert all(answer.startswith(b"HTTP/1.1 429") for answer in answers[taken:])
+        assert serves(opened) < 10
+        assert opened.ask("GET", "/health")[0] == 200
+
+
+@pytest.mark.anyio
+async def test_however_many_tokens_take_what_they_can_one_more_finds_room() -> None:
+    opened = Open(Starlette(), Tokens(Path("nowhere")))
+    for number in range(12):
+        mine = opened._requests.setdefault(str(number), set())
+        while opened._has_room(str(number)):
+            mine.add(anyio.CancelScope())
+        assert len(mine) >= LEAST_OPEN
+    assert opened._has_room("one more")
+    assert sum(map(len, opened._requests.values())) < MOST_CONNECTIONS
 
 
 def test_request_under_way_is_never_the_one_that_makes_room(opened: Door) -> None:
