@@ -29,6 +29,7 @@ from octoform.state import donors
 from octoform.state.artifacts import observe
 from octoform.state.files import check_writable, write_atomic
 from octoform.state.history import repository_facts
+from octoform.state.layout import Layout
 from octoform.state.lock import Waiting, acquire
 from octoform.state.model import GitRecord
 from octoform.state.store import Context as RunFacts
@@ -49,6 +50,11 @@ class Options:
 def apply(request: Request, options: Options, view: RunView) -> RunResult:
     """Run the apply; the result tells how it ended, and the view has shown it."""
     result = _locked(request, options, view)
+    if request.destroy and result.failed is None:
+        from octoform.engine.clients import left_behind  # only a destroy pays for it
+
+        layout = Layout(request.project, result.host)
+        result = replace(result, diagnostics=(*result.diagnostics, *left_behind(layout, request.environ)))
     view.ended(result)
     return result
 

@@ -8,13 +8,15 @@ import sys
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
+from urllib.parse import urlsplit
 
 from octoform.diagnostics import Diagnostic, did_you_mean, error, warning
-from octoform.endpoint import tokens
+from octoform.endpoint import public, tokens
 from octoform.endpoint.clients import formats, installing, merging
 from octoform.endpoint.clients.formats import CLIENTS, Client
-from octoform.endpoint.clients.installing import Outcome, Server, Sight
+from octoform.endpoint.clients.installing import Outcome, Reach, Server, Sight
 from octoform.endpoint.clients.places import Surroundings
+from octoform.endpoint.public import TunnelSight
 from octoform.endpoint.publishing import client_command
 from octoform.endpoint.running import running
 from octoform.engine import memo
@@ -55,11 +57,11 @@ def printed(
     server, more = _server(layout, chosen, transport)
     if server is None:
         return None, [*found, *more]
-    server = replace(server, bearer=None)
+    server, told = _outward(layout, replace(server, bearer=None))
     entry = formats.form(chosen, server.name, server.command, server.url)
     assert entry is not None
     wish = merging.Wish(chosen.table, server.name, entry, prompted=server.url is not None)
-    notes = () if server.url is None else tuple(_token_notes(chosen))
+    notes = () if server.url is None else (*told, *_token_notes(chosen))
     file = installing.file_of(chosen, _around(environ))
     kind = STDIO if server.url is None else HTTP
     return Printed(chosen, file, merging.written(chosen, wish), kind, notes), found
@@ -70,10 +72,31 @@ def listed(project: Path, environ: Mapping[str, str]) -> tuple[Listing | None, l
     layout, found = _layout(project, environ, None)
     if layout is None:
         return None, found
-    server = Server(_name(layout), tuple(client_command(layout)), _url(layout))
+    return Listing(layout.host, _sights(layout, environ)), found
+
+
+def left_behind(layout: Layout, environ: Mapping[str, str]) -> list[Diagnostic]:
+    """CLIENT-ENTRY-LEFT for each client that would still start or call the endpoint of a host that is destroyed."""
+    return [
+        warning(
+            "CLIENT-ENTRY-LEFT",
+            f"{sight.client.title} still has {_name(layout)}, which leads nowhere now",
+            path=str(sight.file),
+            hint=f"octoform clients remove {sight.client.key} takes it out",
+        )
+        for sight in _sights(layout, environ)
+        if sight.state == "installed"
+    ]
+
+
+def _sights(layout: Layout, environ: Mapping[str, str]) -> tuple[Sight, ...]:
+    url, tunnel = _url(layout), public.tunnel_now(layout)
+    urls = [url] if url else []
+    urls += [_at_tunnel(url, tunnel)] if url and tunnel and tunnel.running else []
+    server = Server(_name(layout), tuple(client_command(layout)), url)
+    reach = Reach(public.networked(layout), tuple(urls), tuple(_tokens(layout).values()))
     around = _around(environ)
-    sights = tuple(installing.look(client, around, server) for client in CLIENTS.values())
-    return Listing(layout.host, sights), found
+    return tuple(installing.look(client, around, server, reach) for client in CLIENTS.values())
 
 
 def install(
@@ -93,8 +116,8 @@ def install(
 
 
 def remove(project: Path, environ: Mapping[str, str], client: str) -> tuple[Outcome | None, list[Diagnostic]]:
-    """Take the endpoint out of a client's own file."""
-    chosen, layout, found = _chosen(project, environ, client, None)
+    """Take the endpoint out of a client's own file, also when it is there no more."""
+    chosen, layout, found = _chosen(project, environ, client, None, gone=True)
     if chosen is None or layout is None:
         return None, found
     server = Server(_name(layout), tuple(client_command(layout)), _url(layout))
@@ -131,9 +154,9 @@ def _written(done: Outcome) -> Diagnostic:
 
 
 def _chosen(
-    project: Path, environ: Mapping[str, str], client: str, host: str | None
+    project: Path, environ: Mapping[str, str], client: str, host: str | None, *, gone: bool = False
 ) -> tuple[Client | None, Layout | None, list[Diagnostic]]:
-    """The client of a name in any of its spellings, and the layout of the host."""
+    """The client of a name in any of its spellings, and the layout of the host; with ``gone`` also of a former one."""
     name = client.strip().lower().replace(" ", "-").replace("_", "-")
     known = {spelling: item for item in CLIENTS.values() for spelling in (item.key, *item.aliases)}
     chosen = known.get(name)
@@ -141,11 +164,13 @@ def _chosen(
         near = did_you_mean(name, list(known))
         hint = f"did you mean {known[near].key}?" if near else f"known clients: {', '.join(CLIENTS)}"
         return None, None, [error("CLIENT-UNKNOWN", f"there is no client {client!r}", hint=hint)]
-    layout, found = _layout(project, environ, host)
+    layout, found = _layout(project, environ, host, gone=gone)
     return chosen, layout, found
 
 
-def _layout(project: Path, environ: Mapping[str, str], host: str | None) -> tuple[Layout | None, list[Diagnostic]]:
+def _layout(
+    project: Path, environ: Mapping[str, str], host: str | None, *, gone: bool = False
+) -> tuple[Layout | None, list[Diagnostic]]:
     if host is not None:
         layout: Layout | None = Layout(project, host)
         found: list[Diagnostic] = []
@@ -156,7 +181,7 @@ def _layout(project: Path, environ: Mapping[str, str], host: str | None) -> tupl
         layout = compiled.layout if compiled else None
     if layout is not None and (shut := foreign(layout)):
         return None, [*found, shut]
-    if layout is not None and not layout.committed.exists() and not layout.endpoint.exists():
+    if layout is not None and not gone and not layout.committed.exists() and not layout.endpoint.exists():
         hint = "run octoform apply, which builds it"
         return None, [*found, error("ENDPOINT-NOT-APPLIED", f"{layout.host} has no endpoint yet", hint=hint)]
     return layout, found
@@ -188,12 +213,34 @@ def _no_http(reason: str) -> Diagnostic:
 
 def _token(layout: Layout) -> str | None:
     """The value of the token that octoform made itself, or of the only one."""
+    values = _tokens(layout)
+    return values.get(tokens.DEFAULT) or (next(iter(values.values())) if len(values) == 1 else None)
+
+
+def _tokens(layout: Layout) -> dict[str, str]:
+    """The values of the tokens that can be read, by name."""
     folder = tokens.path_of(layout, tokens.DEFAULT).parent
     try:
-        values = {path.name: path.read_text(encoding="ascii").strip() for path in folder.iterdir() if path.is_file()}
+        return {path.name: path.read_text(encoding="ascii").strip() for path in folder.iterdir() if path.is_file()}
     except OSError:
-        return None
-    return values.get(tokens.DEFAULT) or (next(iter(values.values())) if len(values) == 1 else None)
+        return {}
+
+
+def _outward(layout: Layout, server: Server) -> tuple[Server, tuple[str, ...]]:
+    """The server at its public address where it has one, and what to know of that: what is printed may go anywhere."""
+    tunnel = public.tunnel_now(layout) if server.url is not None else None
+    if server.url is None or tunnel is None:
+        return server, ()
+    if not tunnel.running:
+        reason = f" ({tunnel.reason})" if tunnel.reason else ""
+        return server, (f"the tunnel does not run{reason}, so this is the address for this machine and its network",)
+    told = "this is the address of the tunnel: it is another one after each start, unless its provider keeps it"
+    return replace(server, url=_at_tunnel(server.url, tunnel)), (told,)
+
+
+def _at_tunnel(url: str, tunnel: TunnelSight) -> str:
+    """The endpoint's own URL as it is called through the tunnel."""
+    return f"{tunnel.url}{urlsplit(url).path}"
 
 
 def _url(layout: Layout) -> str | None:

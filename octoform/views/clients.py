@@ -37,11 +37,17 @@ def listing(console: Console, found: Listing, diagnostics: Sequence[Diagnostic],
     problems.show(console, diagnostics)
     width = max(len(item.client.key) for item in found.sights)
     for item in found.sights:
-        said = f"installed ({item.transport})" if item.state == "installed" else _STATES[item.state]
         missing = "" if item.there else ", no file yet"
-        painted = console.paint(said, _COLOURS[item.state]) if item.state in _COLOURS else said
-        console.line(f"{item.client.key:<{width}}  {painted}{missing}  {escape(str(item.file))}")
+        console.line(f"{item.client.key:<{width}}  {_state(console, item)}{missing}  {escape(str(item.file))}")
     return 0
+
+
+def _state(console: Console, item: Sight) -> str:
+    if item.state == "installed" and not item.current:
+        renew = f"octoform clients install {item.client.key} renews it"
+        return console.paint(f"installed ({item.transport}), out of date: {renew}", "yellow")
+    said = f"installed ({item.transport})" if item.state == "installed" else _STATES[item.state]
+    return console.paint(said, _COLOURS[item.state]) if item.state in _COLOURS else said
 
 
 def _sight(item: Sight) -> dict[str, Any]:
@@ -52,6 +58,7 @@ def _sight(item: Sight) -> dict[str, Any]:
         "exists": item.there,
         "state": item.state,
         "transport": item.transport,
+        "current": item.current if item.state == "installed" else None,
         "diagnostics": [to_json(item.problem)] if item.problem else [],
     }
 

@@ -211,8 +211,12 @@ def test_destroy_takes_away_what_is_ours_and_nothing_else(live: Project) -> None
     for path in mine:
         path.write_text("mine\n")
     assert summary(live, "-destroy")["changes"]["remove"] == 6
+    live.environ["HOME"] = str(live.outside / "home")
+    live.run("clients", "install", "cursor", status=0)
     done = live.run("destroy", "-auto-approve", status=0)
     assert "6 destroyed" in done.out
+    assert "CLIENT-ENTRY-LEFT" in done.err and "octoform clients remove cursor" in done.err
+    live.run("clients", "remove", "cursor", status=0)
     assert all(path.read_text() == "mine\n" for path in mine)
     kept = {path.name for path in live.state.iterdir()}
     assert kept == {"state.json", "notes.md"}

@@ -48,6 +48,16 @@ class Server:
 
 
 @dataclass(frozen=True, slots=True)
+class Reach:
+    """What an entry may say and still lead to the endpoint: whether it answers over HTTP when it runs, at which
+    addresses it does now (none: it does not run), the values of its tokens."""
+
+    http: bool
+    urls: tuple[str, ...] = ()
+    tokens: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
 class Outcome:
     """What was done to a file: ``state`` is added, updated, present, removed or absent."""
 
@@ -61,7 +71,10 @@ class Outcome:
 
 @dataclass(frozen=True, slots=True)
 class Sight:
-    """What is seen of a client: ``state`` is installed, absent, foreign or unreadable; ``there`` tells of the file."""
+    """What is seen of a client: ``state`` is installed, absent, foreign or unreadable; ``there`` tells of the file.
+
+    ``current``: what is installed is what would be written now, so it leads to the endpoint.
+    """
 
     client: Client
     file: Path
@@ -69,6 +82,7 @@ class Sight:
     state: str
     transport: str | None = None
     problem: Diagnostic | None = None
+    current: bool = True
 
 
 def file_of(client: Client, around: Surroundings, server: Server | None = None) -> Path:
@@ -88,7 +102,7 @@ def _holds(client: Client, path: Path, server: Server) -> bool:
     return not isinstance(content, Unreadable) and _standing(client, content, server) is not None
 
 
-def look(client: Client, around: Surroundings, server: Server) -> Sight:
+def look(client: Client, around: Surroundings, server: Server, reach: Reach) -> Sight:
     """Whether the endpoint is in the client's file; nothing is written."""
     path = file_of(client, around, server)
     found = config_file.find(path)
@@ -104,7 +118,22 @@ def look(client: Client, around: Surroundings, server: Server) -> Sight:
     entry = at(content, way)
     if not isinstance(entry, dict) or not server.owns(entry):
         return Sight(client, path, there, "foreign")
-    return Sight(client, path, there, "installed", _transport(entry))
+    current = _current(client, found.text, entry, server, reach)
+    return Sight(client, path, there, "installed", _transport(entry), current=current)
+
+
+def _current(client: Client, text: str, entry: Mapping[str, Any], server: Server, reach: Reach) -> bool:
+    """Whether bringing in an entry of the same transport would change nothing."""
+    address = formats.address(entry)
+    if address is None:
+        wanted = replace(server, url=None, bearer=None)
+    elif not reach.http or (reach.urls and address not in reach.urls):
+        return False
+    else:
+        held = next((value for value in reach.tokens if value in json.dumps(entry)), None)
+        wanted = replace(server, url=address, bearer=held if client.reference is None else None)
+    done = merging.merge(client, text, _wish(client, text, wanted), server.owns)
+    return isinstance(done, Edited) and done.state == "present"
 
 
 def install(client: Client, around: Surroundings, server: Server) -> Outcome | Diagnostic:

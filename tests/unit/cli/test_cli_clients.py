@@ -1,7 +1,9 @@
 """`clients` and `connect -print` as a person and a program use them, without any client installed."""
 
 import json
+import os
 import re
+import sys
 import tomllib
 from pathlib import Path
 from typing import Any
@@ -12,11 +14,14 @@ from ruamel.yaml import YAML
 
 from octoform.cli.main import main
 from octoform.endpoint.clients.formats import CLIENTS
+from octoform.endpoint.public import no_tunnel, tunnel_opened
 from octoform.endpoint.publishing import client_command
 from octoform.endpoint.snippets import snippets
+from octoform.engine.clients import left_behind
 from octoform.state.layout import Layout
 
 DOCUMENT = Path(__file__).parents[3] / "docs" / "clients.md"
+TUNNEL = Path(__file__).parents[2] / "support" / "local_tunnel.py"
 MANIFEST = "version: 1\nhost: bench\nharness: builtin\n"
 URL = "http://127.0.0.1:7777/mcp"
 
@@ -166,3 +171,69 @@ def test_a_running_endpoint_with_an_address_is_given_over_http(
         assert "CLIENT-NO-TOKEN" in capsys.readouterr().err
     assert main([f"-chdir={project}", "clients", "remove", "lm-studio"]) == 0
     assert not file.exists()
+
+
+def test_the_list_tells_entries_that_lead_nowhere(project: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    def listed() -> dict[str, Any]:
+        assert main([f"-chdir={project}", "clients", "list", "-json"]) == 0
+        return {item["client"]: item for item in json.loads(capsys.readouterr().out)["clients"]}
+
+    source = 'from fastmcp import FastMCP\n\nmcp = FastMCP("bench")\n'
+    source += '\n\n@mcp.tool\ndef read_clock() -> str:\n    return "x"\n'
+    with launched(project, source, [tool("read_clock")], network={**LOOPBACK, "port": 7960}):
+        for client in ("cursor", "codex"):
+            assert main([f"-chdir={project}", "clients", "install", client]) == 0
+        capsys.readouterr()
+        assert (listed()["cursor"]["state"], listed()["cursor"]["current"]) == ("installed", True)
+    assert listed()["codex"]["current"] is True, "it does not run, but will answer there"
+    with launched(project, source, [tool("read_clock")]):
+        assert listed()["cursor"]["current"] is False
+        assert listed()["vscode"]["current"] is None
+        assert main([f"-chdir={project}", "clients", "list"]) == 0
+        said = capsys.readouterr().out
+        assert "installed (http), out of date: octoform clients install cursor renews it" in said
+        assert main([f"-chdir={project}", "clients", "install", "cursor"]) == 0
+        capsys.readouterr()
+        assert (listed()["cursor"]["transport"], listed()["cursor"]["current"]) == ("stdio", True)
+
+
+def test_an_entry_can_be_taken_out_when_the_endpoint_is_gone(project: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main([f"-chdir={project}", "clients", "install", "cursor"]) == 0
+    layout = Layout(project, "bench")
+    layout.endpoint.rmdir()
+    (found,) = left_behind(layout, os.environ)
+    assert (found.severity, found.code) == ("warning", "CLIENT-ENTRY-LEFT")
+    assert found.path == str(project.parent / "home" / ".cursor" / "mcp.json")
+    assert found.hint == "octoform clients remove cursor takes it out"
+    capsys.readouterr()
+    assert main([f"-chdir={project}", "clients", "remove", "cursor"]) == 0
+    assert "removed from" in capsys.readouterr().out
+    assert left_behind(layout, os.environ) == []
+
+
+def test_what_is_printed_in_scope_internet_leads_through_the_tunnel(
+    project: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    source = 'from fastmcp import FastMCP\n\nmcp = FastMCP("bench")\n'
+    source += '\n\n@mcp.tool\ndef read_clock() -> str:\n    return "x"\n'
+    network = {**LOOPBACK, "port": 7970}
+    for program, state in ((str(TUNNEL), "running"), ("/nowhere/tunnel", "not running")):
+        command = [sys.executable, program, "{url}"] if state == "running" else [program, "{url}"]
+        with launched(project, source, [tool("read_clock")], network=network, tunnel={"command": command}) as endpoint:
+            found = tunnel_opened(endpoint.layout)
+            assert found is not None and found.state == state
+            assert main([f"-chdir={project}", "connect", "-print", "cursor", "-transport", "http"]) == 0
+            printed = capsys.readouterr()
+            given = json.loads(printed.out)["mcpServers"]["octoform-bench"]["url"]
+            if state == "running":
+                assert given == f"{found.url}/mcp" and no_tunnel(found) is None
+                assert "it is another one after each start" in printed.err
+            else:
+                problem = no_tunnel(found)
+                assert given == endpoint.url
+                assert problem is not None and problem.code == "TUNNEL-NOT-RUNNING"
+                assert problem.detail is not None and "there is no program '/nowhere/tunnel'" in problem.detail
+                assert "the tunnel does not run (there is no program" in printed.err
+            assert main([f"-chdir={project}", "connect", "-print", "cursor", "-transport", "stdio"]) == 0
+            assert "url" not in capsys.readouterr().out
+    assert tunnel_opened(Layout(project, "nobody")) is None

@@ -11,11 +11,12 @@ import pytest
 from octoform.diagnostics import Diagnostic
 from octoform.endpoint.clients import config_file, installing
 from octoform.endpoint.clients.formats import CLIENTS, Client
-from octoform.endpoint.clients.installing import Outcome, Server
+from octoform.endpoint.clients.installing import Outcome, Reach, Server
 from octoform.endpoint.clients.places import Surroundings
 
 COMMAND = ("/venv/bin/python", "-I", "-m", "octoform.cli", "-chdir=/home/me/rig", "connect", "bench")
 SERVER = Server("octoform-bench", COMMAND)
+REACH = Reach(http=True)
 URL = "http://10.0.0.2:7777/mcp"
 CURSOR = CLIENTS["cursor"]
 OTHERS = '{\n  // mine\n  "mcpServers": {\n    "other": {"command": "x"},\n  },\n}\n'
@@ -45,11 +46,11 @@ def refused(outcome: Outcome | Diagnostic) -> Diagnostic:
 
 @pytest.mark.parametrize("client", CLIENTS.values(), ids=list(CLIENTS))
 def test_every_client_gets_the_endpoint_in_a_new_file_and_loses_it_again(client: Client, around: Surroundings) -> None:
-    assert installing.look(client, around, SERVER).state == "absent"
+    assert installing.look(client, around, SERVER, REACH).state == "absent"
     outcome = done(installing.install(client, around, SERVER))
     assert (outcome.state, outcome.transport, outcome.backup) == ("added", "stdio", None)
     assert stat.S_IMODE(outcome.file.stat().st_mode) == 0o600
-    seen = installing.look(client, around, SERVER)
+    seen = installing.look(client, around, SERVER, REACH)
     assert (seen.state, seen.transport, seen.there) == ("installed", "stdio", True)
     assert done(installing.install(client, around, SERVER)).state == "present"
     assert done(installing.remove(client, around, SERVER)).state == "removed"
@@ -106,7 +107,7 @@ def test_from_stdio_to_http_and_back(around: Surroundings) -> None:
         before = path.read_bytes()
         there = Server(SERVER.name, COMMAND, URL)
         assert done(installing.install(client, around, there)).transport == "http"
-        assert installing.look(client, around, there).transport == "http"
+        assert installing.look(client, around, there, REACH).transport == "http"
         assert b"connect" not in path.read_bytes()
         moved = Server(SERVER.name, COMMAND, URL.replace("7777", "7778"))
         if client.reference:
@@ -186,7 +187,7 @@ def test_a_file_that_cannot_be_changed_is_told_with_its_place(
     assert path.read_bytes() == (data if isinstance(data, bytes) else data.encode())
     assert [item.name for item in path.parent.iterdir()] == ["mcp.json"]
     if code != "CLIENT-PLACE-TAKEN":
-        assert installing.look(CURSOR, around, SERVER).state in ("unreadable", "foreign")
+        assert installing.look(CURSOR, around, SERVER, REACH).state in ("unreadable", "foreign")
 
 
 def test_an_entry_of_another_project_is_shown_beside_ours_without_its_secrets(around: Surroundings) -> None:
@@ -314,7 +315,31 @@ def test_an_entry_is_found_in_whichever_of_the_clients_files_it_stands(around: S
     (folder / "opencode.json").write_text("{}")
     done(installing.install(client, around, SERVER))
     (folder / "opencode.jsonc").write_text('{"$schema": "x"}')
-    assert installing.look(client, around, SERVER).file == folder / "opencode.json"
+    assert installing.look(client, around, SERVER, REACH).file == folder / "opencode.json"
     assert done(installing.install(client, around, SERVER)).state == "present"
     assert done(installing.remove(client, around, SERVER)).state == "removed"
     assert (folder / "opencode.json").read_text() == "{}"
+
+
+@pytest.mark.parametrize("client", CLIENTS.values(), ids=list(CLIENTS))
+def test_an_entry_is_current_while_it_is_what_would_be_written_now(client: Client, around: Surroundings) -> None:
+    def current(reach: Reach, command: tuple[str, ...] = COMMAND) -> bool:
+        seen = installing.look(
+            client, around, Server(SERVER.name, command, reach.urls[0] if reach.urls else None), reach
+        )
+        assert seen.state == "installed"
+        return seen.current
+
+    done(installing.install(client, around, SERVER))
+    assert current(Reach(http=False)) and current(Reach(http=True)) and current(Reach(True, (URL,)))
+    assert not current(Reach(http=False), ("/other/python", *COMMAND[1:]))
+    if client.http is None:
+        return
+    bearer = None if client.reference else "octoform_value"
+    done(installing.install(client, around, Server(SERVER.name, COMMAND, URL, bearer)))
+    tokens = ("octoform_other", "octoform_value")
+    assert current(Reach(True, (URL,), tokens)) and current(Reach(True, (), tokens))
+    assert current(Reach(True, ("https://tunnel.example.org/mcp", URL), tokens))
+    assert not current(Reach(True, (URL.replace("7777", "7778"),), tokens))
+    assert not current(Reach(http=False, tokens=tokens))
+    assert current(Reach(True, (URL,), ("octoform_rotated",))) == (bearer is None)
