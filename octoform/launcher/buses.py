@@ -28,10 +28,13 @@ class Busy(Exception):
 
 @dataclass(eq=False, slots=True)
 class Holder:
-    """A call on its buses: the tool, when it took the first of them (monotonic seconds), and whether it is stuck."""
+    """A call on its buses: the tool and its effect, who called, the effects that the caller may know of, when it took
+    the first bus (monotonic seconds), and whether it is stuck."""
 
     tool: str
     caller: str
+    effect: str
+    sees: frozenset[str]
     since: float = 0.0
     stuck: bool = False
 
@@ -53,17 +56,17 @@ class Bus:
 
     async def take(self, holder: Holder, deadline: float) -> None:
         """Hold the bus, waiting in line until ``deadline`` (the loop's time); Busy when it cannot be had."""
-        self.refuse_when_stuck()
+        self.refuse_when_stuck(holder)
         if self.free():
             self.holders.append(holder)
             return
         if len(self._waiting) >= WAITING:
-            raise Busy("busy", f"{self.words()}, and {WAITING} calls wait for it already")
+            raise Busy("busy", f"{self.words(holder)}, and {WAITING} calls wait for it already")
         loop = asyncio.get_running_loop()
         turn: asyncio.Future[None] = loop.create_future()
         entry = (turn, holder)
         self._waiting.append(entry)
-        timer = loop.call_at(deadline, self._expire, turn)
+        timer = loop.call_at(deadline, self._expire, turn, holder)
         try:
             await turn
         except BaseException:
@@ -88,35 +91,37 @@ class Bus:
 
     def turn_away(self) -> None:
         """Everybody in line hears that the bus is stuck."""
-        for turn, _ in self._waiting:
+        for turn, asks in self._waiting:
             if not turn.done():
-                turn.set_exception(Busy("stuck", self.words()))
+                turn.set_exception(Busy("stuck", self.words(asks)))
         self._waiting.clear()
 
-    def refuse_when_stuck(self) -> None:
+    def refuse_when_stuck(self, asks: Holder) -> None:
         """Busy at once when a call that holds the bus did not return."""
         if self._stuck():
-            raise Busy("stuck", self.words())
+            raise Busy("stuck", self.words(asks))
 
-    def words(self) -> str:
-        """Who holds the bus, as a sentence without its end."""
+    def words(self, asks: Holder) -> str:
+        """Who holds the bus, as a sentence without its end; no name of a tool that ``asks`` may not know of."""
         holder = next((each for each in self.holders if each.stuck), self.holders[0] if self.holders else None)
         if holder is None:
             return f"{self.title} is busy"
         seconds = time.monotonic() - holder.since
+        known = holder.effect in asks.sees
         if holder.stuck:
             return (
-                f"{self.title} is held by a call of {holder.tool} that did not return; it began {seconds:.0f} s ago. "
+                f"{self.title} is held by a call{f' of {holder.tool}' if known else ''} that did not return; it began {seconds:.0f} s ago. "
                 "It is free again when that call returns, or after octoform restart"
             )
-        return f"{self.title} is busy: {holder.tool} (called by {holder.caller}) has held it for {seconds:.1f} s"
+        who = f"{holder.tool} (called by {holder.caller})" if known else "another call"
+        return f"{self.title} is busy: {who} has held it for {seconds:.1f} s"
 
     def _stuck(self) -> bool:
         return any(holder.stuck for holder in self.holders)
 
-    def _expire(self, turn: asyncio.Future[None]) -> None:
+    def _expire(self, turn: asyncio.Future[None], asks: Holder) -> None:
         if not turn.done():
-            turn.set_exception(Busy("busy", self.words()))
+            turn.set_exception(Busy("busy", self.words(asks)))
 
 
 def take_free(buses: Sequence[Bus], holder: Holder) -> bool:
@@ -133,7 +138,7 @@ def take_free(buses: Sequence[Bus], holder: Holder) -> bool:
 async def take(buses: Sequence[Bus], holder: Holder, deadline: float) -> None:
     """Hold all of them, taken in their order, or none; Busy when one cannot be had by ``deadline``."""
     for bus in buses:
-        bus.refuse_when_stuck()
+        bus.refuse_when_stuck(holder)
     taken: list[Bus] = []
     try:
         for bus in buses:

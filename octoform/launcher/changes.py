@@ -47,12 +47,13 @@ Message = tuple[str, str | None]
 
 
 class Changes:
-    """The notifications of one server (FastMCP).
+    """The notifications of one server (FastMCP). ``readable`` says which URIs the caller of a request may know of.
 
     ``tools``, ``resources`` and ``updated`` may be called from any thread. They return at once and send later.
     """
 
-    def __init__(self, server: Any) -> None:
+    def __init__(self, server: Any, readable: Callable[[str], bool] = lambda _: True) -> None:
+        self._readable = readable
         self._loop: asyncio.AbstractEventLoop | None = None
         self._bus = InMemorySubscriptionBus()
         self._streams = ListenHandler(self._bus)
@@ -132,11 +133,14 @@ class Changes:
 
     async def _listen(self, context: Context, params: SubscriptionsListenRequestParams) -> SubscriptionsListenResult:
         wanted = params.notifications
-        _check([str(uri) for uri in wanted.resource_subscriptions or ()])
-        never: dict[str, None] = {"prompts_list_changed": None}
+        uris = wanted.resource_subscriptions
+        _check([str(uri) for uri in uris or ()])
+        granted: dict[str, Any] = {"prompts_list_changed": None}
         if "read" not in current().effects:
-            never |= {"resources_list_changed": None, "resource_subscriptions": None}
-        given = params.model_copy(update={"notifications": wanted.model_copy(update=never)})
+            granted |= {"resources_list_changed": None, "resource_subscriptions": None}
+        elif uris is not None:
+            granted["resource_subscriptions"] = [uri for uri in uris if self._readable(str(uri))]
+        given = params.model_copy(update={"notifications": wanted.model_copy(update=granted)})
         return await self._streams(context, given)
 
     async def _subscribe(self, context: Context, params: SubscribeRequestParams) -> EmptyResult:
@@ -144,6 +148,8 @@ class Changes:
         _check([*uris, str(params.uri)])
         if "read" not in current().effects:
             raise MCPError(code=INVALID_PARAMS, message="this token may read no resource")
+        if not self._readable(str(params.uri)):
+            raise MCPError(code=INVALID_PARAMS, message=f"there is no resource {params.uri}")
         uris.add(str(params.uri))
         return EmptyResult()
 

@@ -243,7 +243,7 @@ class Gate(Middleware):
     async def _pass(self, call: Call, context: Context, call_next: Next) -> ToolResult:
         """Take the buses, count, write it down, run. On every way out the buses are free, but for code that goes on."""
         entry = call.entry
-        call.holder = holder = Holder(entry.name, call.caller.name)
+        call.holder = holder = Holder(entry.name, call.caller.name, entry.policy.effect, call.caller.effects)
         beat = Beat(context.fastmcp_context, partial(_words, call)) if call.beats else None
         try:
             if not take_free(entry.queues, holder):
@@ -390,9 +390,9 @@ def _size(result: ToolResult, bound: int) -> int | None:
 
 
 def _words(call: Call) -> str:
-    if call.work is not None:
+    if call.work is not None or call.holder is None:
         return f"{call.entry.name} is running"
-    waiting = next((queue.words() for queue in call.entry.queues if not queue.free()), "it waits")
+    waiting = next((queue.words(call.holder) for queue in call.entry.queues if not queue.free()), "it waits")
     return f"{call.entry.name} has not begun: {waiting}"
 
 

@@ -13,7 +13,7 @@ from .listing import Listing
 from .onlytools import only_tools
 from .policy import Policy
 from .presence import Presence
-from .resources import DEVICES, Frames, Resources
+from .resources import DEVICES, FRAMES, Frames, Resources
 
 
 @dataclass(frozen=True)
@@ -34,15 +34,18 @@ def offer(
     Of what the server has itself, its tools alone are left.
     """
     nothing_else = only_tools(server)
-    changes = Changes(server)
 
     def plugged(_: frozenset[str]) -> None:
         changes.tools()
         changes.updated(DEVICES)
 
+    def readable(uri: str) -> bool:
+        return not uri.startswith(FRAMES) or listing.visible(uri.removeprefix(FRAMES))
+
     devices, tools = list(devices), list(tools)
     presence = Presence(devices, tools, plugged)
     listing = Listing(tools, policy, presence)
+    changes = Changes(server, readable)
     frames = Frames(changes)
     server.add_middleware(listing)
     server.add_middleware(Resources(devices, tools, presence, frames, listing.visible))

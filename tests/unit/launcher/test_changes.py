@@ -18,7 +18,7 @@ from mcp_types import (
 )
 from offered import DEVICES, ERAS, heard_all, hearing, offered, picture
 
-from octoform.launcher import changes
+from octoform.launcher import changes, listing
 from octoform.launcher.principal import Principal
 
 FRAME = "octoform://frames/capture_image"
@@ -100,10 +100,34 @@ async def test_a_token_that_may_not_read_hears_of_no_resource(era: str, monkeypa
         await heard_all(heard, [("tools", "")])
 
 
+@pytest.mark.parametrize("era", ERAS)
+@pytest.mark.parametrize("tool", ["move_rail", "no_such_tool"])
+@pytest.mark.anyio
+async def test_pictures_of_a_tool_that_a_token_may_not_know_of_are_not_told(
+    era: str, tool: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    guest = Principal("guest", frozenset({"read"}), "http")
+    for module in (changes, listing):
+        monkeypatch.setattr(module, "current", lambda: guest)
+    server, offer = offered()
+    offer.frames.keep(tool, picture())
+    uri = f"octoform://frames/{tool}"
+    if era == "legacy":
+        async with Client(server, mode=era) as client:
+            with pytest.raises(MCPError, match=f"there is no resource {uri}"):
+                await subscribe(client, uri)
+        return
+    async with hearing(partial(Client, server), era, uri, FRAME) as (_, heard):
+        offer.frames.keep(tool, picture(b"newer"))
+        offer.changes.updated(FRAME)
+
+        await heard_all(heard, [("updated", FRAME)])
+
+
 @pytest.mark.anyio
 async def test_subscriptions_are_bounded() -> None:
     server, _ = offered()
-    uris = [f"octoform://frames/{number}" for number in range(changes.MOST_URIS + 1)]
+    uris = [f"octoform://other/{number}" for number in range(changes.MOST_URIS + 1)]
     async with Client(server, mode="legacy") as client:
         for uri in uris[:-1]:
             await subscribe(client, uri)
