@@ -109,8 +109,9 @@ class Bus:
         seconds = time.monotonic() - holder.since
         known = holder.effect in asks.sees
         if holder.stuck:
+            what = f"a call of {holder.tool}" if known else "a call"
             return (
-                f"{self.title} is held by a call{f' of {holder.tool}' if known else ''} that did not return; it began {seconds:.0f} s ago. "
+                f"{self.title} is held by {what} that did not return; it began {seconds:.0f} s ago. "
                 "It is free again when that call returns, or after octoform restart"
             )
         who = f"{holder.tool} (called by {holder.caller})" if known else "another call"

@@ -43,13 +43,17 @@ async def test_who_holds_a_bus_is_named_to_those_alone_who_may_know(
     async def progress(_: float, __: float | None, message: str | None) -> None:
         heard.append(message or "")
 
-    async with gated(tmp_path, tools) as gate, gate.client(mode) as first, gate.client(mode) as second:
-        async with anyio.create_task_group() as group:
-            group.start_soon(first.call_tool, "secret_arm")
-            await anyio.to_thread.run_sync(HELD[-1].wait, 20)
-            who["now"] = caller
-            answer = await second.call_tool("look", raise_on_error=False, progress_handler=progress)
-            MAY_GO[-1].set()
+    async with (
+        gated(tmp_path, tools) as gate,
+        gate.client(mode) as first,
+        gate.client(mode) as second,
+        anyio.create_task_group() as group,
+    ):
+        group.start_soon(first.call_tool, "secret_arm")
+        await anyio.to_thread.run_sync(HELD[-1].wait, 20)
+        who["now"] = caller
+        answer = await second.call_tool("look", raise_on_error=False, progress_handler=progress)
+        MAY_GO[-1].set()
 
     told = [answer.content[0].text, *heard]
     assert len(told) > 1 and all("rail is busy" in text for text in told), told
