@@ -68,9 +68,8 @@ class Call:
 class Records:
     """Writes the records of calls; ``problem`` says why the last one could not be written, else None.
 
-    Every decision is on the log before the tool begins, and the outcome of what moves before the answer goes. That of a
-    reading is kept back for the next record, at most ``HELD`` seconds, and both are one write: otherwise the disk would
-    take more of a call than all the rest of the gate.
+    Every decision is on the log before the tool begins, and the outcome of what moves before the answer goes. Outcomes of
+    readings are kept back for at most ``HELD`` seconds and go in one write: it would be half of what the gate costs.
     """
 
     def __init__(self, audit: Audit) -> None:
@@ -87,7 +86,8 @@ class Records:
 
     def decided(self, call: Call, decision: str, **more: Any) -> bool:
         """Record what was decided about a call; False when it could not be written."""
-        return self._write(("decision", _decision(call, decision, more)))
+        record = ("decision", _decision(call, decision, more))
+        return self._write(record) if call.moves else self._append([record])
 
     def outcome(self, call: Call, outcome: str, **more: Any) -> bool:
         """Record what came of a call that ran; False when the log could not be written just before."""
@@ -127,9 +127,13 @@ class Records:
         self.flush()
 
     def _write(self, *records: Record) -> bool:
+        """Write records behind those that were kept back."""
         whole, self._held = [*self._held, *records], []
+        return self._append(whole)
+
+    def _append(self, records: list[Record]) -> bool:
         try:
-            self._audit.write_all(whole)
+            self._audit.write_all(records)
         except AuditFailed as problem:
             if self.problem is None:
                 say(f"the audit log cannot be written: {problem}")
