@@ -100,6 +100,8 @@ class Endpoint:
                 done, _ = await asyncio.wait(waited, timeout=LOOK_SECONDS, return_when=asyncio.FIRST_COMPLETED)
                 if told in done:
                     return ""
+                if self._clients.lost:
+                    return "the door of local clients lost its socket"
                 for door in done:
                     name = door.get_name() if isinstance(door, asyncio.Task) else "control"
                     return f"the door {name} ended: {door.exception()!r}"
@@ -145,7 +147,11 @@ class Endpoint:
         self._control.on("clear_estop", self._clear)
         loop = asyncio.get_running_loop()
         over: asyncio.Future[None] = loop.create_future()
-        self._control.start(ended=lambda: loop.call_soon_threadsafe(over.set_result, None) and None)
+
+        def ended() -> None:
+            loop.call_soon_threadsafe(over.set_result, None)
+
+        self._control.start(ended)
         return over
 
     def _stop(self, question: Mapping[str, Any]) -> Mapping[str, Any]:

@@ -15,13 +15,16 @@ from .saying import Said, say
 
 REFUSED = 78
 """Exit status for a configuration that may not be served (EX_CONFIG)."""
+FAILED = 70
+"""Exit status when it served and could not go on (EX_SOFTWARE): whoever supervises it starts it again."""
 TAKEN = 75
 """Exit status when another process owns the endpoint (EX_TEMPFAIL)."""
 
 
 def main(folder: Path) -> int:
     """Serve the endpoint in ``folder``; the exit status. Does not return once it has served."""
-    logging.getLogger("octoform").addHandler(Said())
+    logger = logging.getLogger("octoform")
+    logger.addHandler(Said())
     try:
         descriptor = read(folder)
         owner = Owner.take(descriptor.run)
@@ -29,7 +32,10 @@ def main(folder: Path) -> int:
             say("another process serves this endpoint already")
             return TAKEN
         os.environ.update(descriptor.environment)
-        from .endpoint import Endpoint  # only now: FastMCP reads its settings from the environment as it is loaded
+        from .endpoint import (
+            DoorFailedError,
+            Endpoint,
+        )  # only now: FastMCP reads its settings from the environment as it is loaded
         from .loading import load
 
         endpoint = Endpoint(descriptor, owner, load(descriptor))
@@ -40,6 +46,12 @@ def main(folder: Path) -> int:
         asyncio.run(endpoint.serve())
     except (NoAddressError, AuditFailed) as problem:
         status = _refuse(problem)
+    except DoorFailedError as problem:
+        say(f"it ends: {problem}")
+        status = FAILED
+    except Exception:  # whatever it is: threads of tools must not keep alive what serves nobody
+        logger.exception("it ends")
+        status = FAILED
     owner.release()
     sys.stdout.flush()
     sys.stderr.flush()

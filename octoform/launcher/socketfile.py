@@ -1,5 +1,6 @@
 """A listening Unix socket in a private folder, and who is at its other end. Standard library only."""
 
+import errno
 import os
 import socket
 import struct
@@ -7,6 +8,11 @@ from pathlib import Path
 
 LONGEST = 100
 """Bytes of a path that every system takes for a socket (unix(7): 108 with the end)."""
+
+PASSING = frozenset({errno.EMFILE, errno.ENFILE, errno.ENOMEM, errno.ENOBUFS, errno.ECONNABORTED, errno.EINTR})
+"""What accept(2) says in a shortage that ends again, or of one client alone: no reason to close a door."""
+PAUSE = 0.1
+"""Seconds until a door tries again in a shortage."""
 
 
 def listen(path: Path, backlog: int = 64) -> socket.socket:

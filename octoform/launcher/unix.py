@@ -1,12 +1,16 @@
 """Clients of this machine: each connection to the Unix socket is an MCP client with the framing of stdio.
 
 One process owns the devices and serves them all. A client that sends what is no message, or too large a one, gets an
-error and hurts nobody else; one that goes takes its running calls with it.
+error and hurts nobody else; one that goes takes its running calls with it; one that does not read is sent away before
+what waits for it fills the memory. A shortage of descriptors closes the door only for as long as it lasts.
 """
 
 import asyncio
 import json
+import logging
+import os
 import socket
+from collections.abc import Callable
 from typing import Any
 
 import anyio
@@ -15,13 +19,19 @@ from fastmcp.server.context import reset_transport, set_transport
 from mcp.shared._context_streams import ContextReceiveStream, ContextSendStream, create_context_streams
 from mcp.shared.message import SessionMessage
 
-from .saying import say
-from .socketfile import is_mine
+from .quiet import Throttle
+from .socketfile import PASSING, PAUSE, is_mine
 
 LONGEST_LINE = 8 * 1024 * 1024
 """Bytes of one message from a client."""
 MOST_CLIENTS = 100
+MOST_WAITING = 64 * 1024 * 1024
+"""Bytes that may wait for a client when the next message comes for it."""
+READ_SECONDS = 30.0
+"""How long a client may take nothing of what waits for it."""
 _CHUNK = 1 << 16
+LOGGER = logging.getLogger("octoform.unix")
+LOGGER.addFilter(Throttle())
 
 Incoming = ContextSendStream[SessionMessage | Exception]
 Outgoing = ContextReceiveStream[SessionMessage]
@@ -33,6 +43,18 @@ class LocalClients:
     def __init__(self, server: Any) -> None:
         self._server = server
         self._tasks: set[asyncio.Task[None]] = set()
+        self._listener: tuple[socket.socket, int] | None = None
+
+    @property
+    def lost(self) -> bool:
+        """True when something else in this process took the door's descriptor away: nobody can come in any more."""
+        if self._listener is None:
+            return False
+        listener, inode = self._listener
+        try:
+            return os.fstat(listener.fileno()).st_ino != inode
+        except OSError:
+            return True
 
     @property
     def count(self) -> int:
@@ -42,12 +64,14 @@ class LocalClients:
     async def serve(self, listener: socket.socket) -> None:
         """Take clients until cancelled; all of them are gone when this returns."""
         listener.setblocking(False)
-        loop = asyncio.get_running_loop()
+        self._listener = listener, os.fstat(listener.fileno()).st_ino
         try:
             while True:
-                connection, _ = await loop.sock_accept(listener)
-                self._admit(connection)
+                self._admit(await _accepted(listener))
         finally:
+            if self.lost:
+                listener.detach()  # the number is not ours to close
+            self._listener = None
             listener.close()
             for task in self._tasks:
                 task.cancel()
@@ -55,7 +79,7 @@ class LocalClients:
 
     def _admit(self, connection: socket.socket) -> None:
         if not is_mine(connection) or len(self._tasks) >= MOST_CLIENTS:
-            say("a local client was turned away")
+            LOGGER.error("a local client was turned away")
             connection.close()
             return
         task = asyncio.create_task(self._client(connection))
@@ -65,7 +89,7 @@ class LocalClients:
     def _gone(self, task: "asyncio.Task[None]") -> None:
         self._tasks.discard(task)
         if not task.cancelled() and (problem := task.exception()) is not None:
-            say(f"a local client's connection failed: {problem!r}")
+            LOGGER.error("a local client's connection failed: %r", problem)
 
     async def _client(self, connection: socket.socket) -> None:
         reader, writer = await asyncio.open_unix_connection(sock=connection, limit=_CHUNK)
@@ -75,8 +99,9 @@ class LocalClients:
         low_level = self._server._mcp_server
         try:
             async with anyio.create_task_group() as group:
-                group.start_soon(_read, reader, writer, to_server)
-                group.start_soon(_write, writer, from_server)
+                outbox = _Outbox(writer, group.cancel_scope.cancel)
+                group.start_soon(_read, reader, outbox, to_server)
+                group.start_soon(_write, outbox, from_server)
                 await low_level.run(read, write, low_level.create_initialization_options())
                 group.cancel_scope.cancel()
         finally:
@@ -84,7 +109,65 @@ class LocalClients:
             writer.close()
 
 
-async def _read(reader: asyncio.StreamReader, writer: asyncio.StreamWriter, incoming: Incoming) -> None:
+async def _accepted(listener: socket.socket) -> socket.socket:
+    """The next connection; in a shortage it comes as soon as there is room again."""
+    short = False
+    while True:
+        try:
+            connection, _ = await asyncio.get_running_loop().sock_accept(listener)
+            return connection
+        except OSError as problem:
+            if problem.errno not in PASSING:
+                raise
+            if not short:
+                LOGGER.error("no local client can be taken now: %s", problem)
+            short = True
+        await asyncio.sleep(PAUSE)
+
+
+class _Outbox:
+    """What goes to a client. ``leave`` is called when it has to go because it does not read."""
+
+    def __init__(self, writer: asyncio.StreamWriter, leave: Callable[[], None]) -> None:
+        self._transport = writer.transport
+        self._leave = leave
+        self._sent = 0
+        self._taken = -1
+        self._timer: asyncio.TimerHandle | None = None
+
+    def put(self, message: bytes) -> None:
+        """Send one message, which waits where the client is not ready for it."""
+        if self._transport.is_closing():
+            return
+        waiting = self._transport.get_write_buffer_size()
+        if waiting > MOST_WAITING:
+            self._give_up(f"{waiting} bytes wait for it")
+            return
+        self._transport.write(message + b"\n")
+        self._sent += len(message) + 1
+        if self._timer is None:
+            self._look()
+
+    def _look(self) -> None:
+        """As long as something waits, see that some of it was taken since the last look."""
+        self._timer = None
+        waiting = self._transport.get_write_buffer_size()
+        taken = self._sent - waiting
+        if not waiting:
+            return
+        if taken == self._taken:
+            self._give_up(f"it took nothing for {READ_SECONDS:.0f} s")
+            return
+        self._taken = taken
+        self._timer = asyncio.get_running_loop().call_later(READ_SECONDS, self._look)
+
+    def _give_up(self, why: str) -> None:
+        LOGGER.error("a local client that does not read was sent away: %s", why)
+        self._transport.abort()
+        self._leave()
+
+
+async def _read(reader: asyncio.StreamReader, outbox: _Outbox, incoming: Incoming) -> None:
     async with incoming:
         lines = _Lines(reader)
         while (line := await lines.next()) is not None:
@@ -93,18 +176,20 @@ async def _read(reader: asyncio.StreamReader, writer: asyncio.StreamWriter, inco
             try:
                 message = mcp_types.jsonrpc_message_adapter.validate_json(line, by_name=False)
             except ValueError:
-                await _refuse(writer, line)
+                _refuse(outbox, line)
+                await asyncio.sleep(0)  # others get their turn, however much of it there is
                 continue
             if isinstance(message, mcp_types.JSONRPCNotification) and b'"id"' in line and "id" in json.loads(line):
                 # A request whose id is no id would pass for a notification, and its sender would wait for ever.
-                await _refuse(writer, line)
+                _refuse(outbox, line)
+                await asyncio.sleep(0)  # others get their turn, however much of it there is
                 continue
             try:
                 await incoming.send(SessionMessage(message))
             except (anyio.BrokenResourceError, anyio.ClosedResourceError):
                 return
         if lines.too_long:
-            await _send_error(writer, None, -32600, f"a message may have at most {LONGEST_LINE} bytes")
+            _send_error(outbox, None, -32600, f"a message may have at most {LONGEST_LINE} bytes")
 
 
 class _Lines:
@@ -135,33 +220,24 @@ class _Lines:
         return line
 
 
-async def _refuse(writer: asyncio.StreamWriter, line: bytes) -> None:
+def _refuse(outbox: _Outbox, line: bytes) -> None:
     """Answer what is no message as JSON-RPC has it: -32700 for no JSON, -32600 for JSON that is no message."""
     try:
         value = json.loads(line)
     except (ValueError, RecursionError):
-        await _send_error(writer, None, -32700, "this is no JSON")
+        _send_error(outbox, None, -32700, "this is no JSON")
         return
     identity = value.get("id") if isinstance(value, dict) else None
     known = identity if isinstance(identity, str | int) and not isinstance(identity, bool) else None
-    await _send_error(writer, known, -32600, "this is no JSON-RPC message")
+    _send_error(outbox, known, -32600, "this is no JSON-RPC message")
 
 
-async def _send_error(writer: asyncio.StreamWriter, identity: str | int | None, code: int, text: str) -> None:
+def _send_error(outbox: _Outbox, identity: str | int | None, code: int, text: str) -> None:
     answer = {"jsonrpc": "2.0", "id": identity, "error": {"code": code, "message": text}}
-    writer.write(json.dumps(answer).encode() + b"\n")
-    try:
-        await writer.drain()
-    except ConnectionError:
-        return
+    outbox.put(json.dumps(answer).encode())
 
 
-async def _write(writer: asyncio.StreamWriter, outgoing: Outgoing) -> None:
+async def _write(outbox: _Outbox, outgoing: Outgoing) -> None:
     async with outgoing:
         async for message in outgoing:
-            text = message.message.model_dump_json(by_alias=True, exclude_unset=True)
-            writer.write(text.encode() + b"\n")
-            try:
-                await writer.drain()
-            except ConnectionError:
-                return
+            outbox.put(message.message.model_dump_json(by_alias=True, exclude_unset=True).encode())

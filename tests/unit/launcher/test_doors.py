@@ -1,0 +1,379 @@
+"""The doors of the process: a shortage closes none for good, silence fills nothing, and without one it ends."""
+
+import asyncio
+import contextlib
+import json
+import logging
+import os
+import resource
+import socket
+import threading
+import time
+from collections.abc import AsyncIterator, Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from fastmcp import FastMCP
+from launched import launched, policy_of, tool, write
+from mcp.shared.message import SessionMessage
+from mcp_types import jsonrpc_message_adapter
+from raw_mcp import RawClient, call, connected
+
+from octoform.endpoint.auditing import latest
+from octoform.endpoint.running import is_it
+from octoform.endpoint.service import Service
+from octoform.launcher import control as module
+from octoform.launcher import unix
+from octoform.launcher.control import Control
+from octoform.launcher.descriptor import read
+from octoform.launcher.endpoint import Endpoint
+from octoform.launcher.owner import Owner
+from octoform.launcher.socketfile import listen
+
+SOURCE = """
+import os, resource, socket
+from fastmcp import FastMCP
+mcp = FastMCP("bench")
+held = []
+
+@mcp.tool
+def take() -> int:
+    resource.setrlimit(resource.RLIMIT_NOFILE, (len(os.listdir("/proc/self/fd")) + 5, 4096))
+    while True:
+        try:
+            held.append(os.open("/dev/null", os.O_RDONLY))
+        except OSError:
+            return len(held)
+
+@mcp.tool
+def give() -> int:
+    while held:
+        os.close(held.pop())
+    return 0
+
+@mcp.tool
+def shut(name: str) -> int:
+    shut = 0
+    for number in os.listdir("/proc/self/fd"):
+        try:
+            with socket.socket(fileno=os.dup(int(number))) as door:
+                if str(door.getsockname()).endswith(name) and door.getsockopt(socket.SOL_SOCKET, socket.SO_ACCEPTCONN):
+                    shut += 1
+                    door.shutdown(socket.SHUT_RDWR)
+        except OSError:
+            continue
+    return shut
+"""
+TOOLS = [tool("take"), tool("give"), tool("shut")]
+
+
+def until(true: Callable[[], bool], seconds: float = 20.0) -> None:
+    """Wait for something that has to come."""
+    end = time.monotonic() + seconds
+    while not true():
+        assert time.monotonic() < end
+        time.sleep(0.01)
+
+
+@pytest.fixture
+def said(monkeypatch: pytest.MonkeyPatch) -> list[str]:
+    """What the doors log."""
+    lines: list[str] = []
+
+    class Kept(logging.Handler):
+        def emit(self, record: logging.LogRecord) -> None:
+            lines.append(record.getMessage())
+
+    for logger in (module.LOGGER, unix.LOGGER):
+        monkeypatch.setattr(logger, "handlers", [Kept()])
+        monkeypatch.setattr(logger, "filters", [])
+    return lines
+
+
+@pytest.fixture
+def control(tmp_path: Path) -> Iterator[Control]:
+    door = Control(tmp_path)
+    door.on("status", lambda _: {"fine": True})
+    yield door
+    door.stop()
+
+
+def asked(connection: socket.socket, **question: object) -> dict[str, object]:
+    connection.settimeout(20)
+    connection.sendall(json.dumps(question).encode() + b"\n")
+    answer: dict[str, object] = json.loads(connection.makefile().readline())
+    return answer
+
+
+def test_a_control_door_outlives_a_lack_of_descriptors(control: Control, tmp_path: Path, said: list[str]) -> None:
+    control.start()
+    before = resource.getrlimit(resource.RLIMIT_NOFILE)
+    with socket.socket(socket.AF_UNIX) as client:
+        resource.setrlimit(resource.RLIMIT_NOFILE, (client.fileno() + 1, before[1]))
+        held = []
+        try:
+            with contextlib.suppress(OSError):
+                while True:
+                    held.append(os.open(os.devnull, os.O_RDONLY))
+            client.connect(str(tmp_path / "control.sock"))
+            until(lambda: "no connection can be taken at the control door now" in "".join(said))
+        finally:
+            for number in held:
+                os.close(number)
+            resource.setrlimit(resource.RLIMIT_NOFILE, before)
+        assert asked(client, op="status") == {"fine": True}
+
+
+def test_a_control_door_outlives_a_lack_of_threads(
+    control: Control, tmp_path: Path, said: list[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    control.start()
+    begin = threading.Thread.start
+
+    def start(thread: threading.Thread) -> None:
+        if thread.name == "control-answer":
+            raise RuntimeError("can't start new thread")
+        begin(thread)
+
+    monkeypatch.setattr(threading.Thread, "start", start)
+    with connected(tmp_path / "control.sock") as refused:
+        refused.settimeout(20)
+        assert refused.recv(1) == b""
+    monkeypatch.setattr(threading.Thread, "start", begin)
+    with connected(tmp_path / "control.sock") as client:
+        assert asked(client, op="status") == {"fine": True}
+    assert "can't start new thread" in "".join(said)
+
+
+def test_connections_that_ask_nothing_make_room(control: Control, tmp_path: Path) -> None:
+    control.start()
+    silent = [connected(tmp_path / "control.sock") for _ in range(module.MOST + 10)]
+    try:
+        with connected(tmp_path / "control.sock") as client:
+            assert asked(client, op="status") == {"fine": True}
+        for connection in silent[:10]:  # the oldest had to go, long before their own time was over
+            connection.settimeout(module.SECONDS / 2)
+            assert connection.recv(1) == b""
+        assert sum(thread.name == "control-answer" for thread in threading.enumerate()) <= module.MOST
+    finally:
+        for connection in silent:
+            connection.close()
+
+
+def test_many_questions_leave_room_for_an_emergency_stop(control: Control, tmp_path: Path) -> None:
+    go = threading.Event()
+    control.on("slow", lambda _: {"waited": go.wait(20)})
+    control.on("estop", lambda _: {"stopped": True})
+    control.start()
+    slow = [connected(tmp_path / "control.sock") for _ in range(module.MOST)]
+    try:
+        for connection in slow:
+            connection.sendall(b'{"op": "slow"}\n')
+        until(lambda: control._answering == module.MOST)
+        with connected(tmp_path / "control.sock") as other:
+            assert "too many questions" in str(asked(other, op="status")["error"])
+        with connected(tmp_path / "control.sock") as person:
+            assert asked(person, op="estop") == {"stopped": True}
+    finally:
+        go.set()
+        for connection in slow:
+            connection.close()
+
+
+@pytest.mark.parametrize("question", [b"[]\n", b"[" * 60_000 + b"\n", b"\xff\n"])
+def test_what_is_no_question_hurts_nobody(control: Control, tmp_path: Path, said: list[str], question: bytes) -> None:
+    control.start()
+    with connected(tmp_path / "control.sock") as client:
+        client.sendall(question)
+        client.settimeout(20)
+        client.makefile().readline()
+    with connected(tmp_path / "control.sock") as client:
+        assert asked(client, op="status") == {"fine": True}
+    assert len(said) <= 1
+
+
+def test_the_doors_of_a_process_outlive_a_shortage(tmp_path: Path) -> None:
+    async def scenario() -> None:
+        with launched(tmp_path, SOURCE, TOOLS) as endpoint:
+            async with RawClient(endpoint.layout.socket) as first:
+                await first.ask(call("give"))  # what the first call imports is imported now
+                taken = await first.ask(call("take"))
+                assert "result" in taken, taken
+                with connected(endpoint.layout.run / "control.sock") as person:
+                    async with RawClient(endpoint.layout.socket) as late:
+                        asking = asyncio.create_task(late.ask(call("give"), 30))
+                        await asyncio.to_thread(until, lambda: "no local client can be taken" in endpoint.printed())
+                        await asyncio.to_thread(until, lambda: "taken at the control door" in endpoint.printed())
+                        await first.ask(call("give"))
+                        assert (await asking)["result"]["structuredContent"]["result"] == 0
+                    assert (await asyncio.to_thread(asked, person, op="status"))["scope"] == "local"
+
+    asyncio.run(scenario())
+
+
+def test_a_door_that_ends_ends_the_process(tmp_path: Path) -> None:
+    """Its successor can own the devices; a process that nobody reaches would only keep them."""
+
+    async def scenario() -> None:
+        with launched(tmp_path, SOURCE, TOOLS) as endpoint:
+            process = endpoint.process
+            async with RawClient(endpoint.layout.socket) as client:
+                asking = asyncio.create_task(client.ask(call("shut", {"name": "control.sock"}), 20))
+                await asyncio.to_thread(until, lambda: not is_it(process))
+                asking.cancel()
+            assert "it ends: the door control ended" in endpoint.printed()
+            assert latest(endpoint.layout, 1)[0][0]["event"] == "stopped"
+            endpoint.start()
+            assert endpoint.ask("status")["pid"] != process.pid
+
+    asyncio.run(scenario())
+
+
+def test_every_door_is_watched(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("octoform.launcher.endpoint.LOOK_SECONDS", 0.01)
+    layout = write(tmp_path, SOURCE, Service(TOOLS, policy_of(TOOLS)))
+    owner = Owner.take(layout.run)
+    assert owner is not None
+    endpoint = Endpoint(read(layout.endpoint), owner, FastMCP("bench"))
+    owner.record(scope="local", url=None)
+
+    async def scenario() -> None:
+        async with asyncio.timeout(20):
+            ended = asyncio.get_running_loop().create_future()
+            ended.set_exception(OSError("it broke"))
+            assert "it broke" in await endpoint._told_to_stop(asyncio.Event(), [ended])
+            listener = listen(layout.socket)
+            door = asyncio.create_task(endpoint._clients.serve(listener))
+            told = asyncio.create_task(endpoint._told_to_stop(asyncio.Event(), [door]))
+            async with RawClient(layout.socket) as client:
+                assert "result" in await client.ask(call("anything"))
+                assert not told.done()
+            with (tmp_path / "device").open("w") as device:  # a tool closed the door's descriptor, a device got it
+                os.dup2(device.fileno(), listener.fileno())
+            assert "lost its socket" in await told
+            door.cancel()
+            await asyncio.gather(door, return_exceptions=True)
+
+    asyncio.run(scenario())
+    owner.release()
+
+
+class Talkative:
+    """A server that answers each message with a million bytes, as a session of the protocol would."""
+
+    def __init__(self) -> None:
+        self._mcp_server = self
+        self.answers = 0
+        self.gone = asyncio.Event()
+
+    def create_initialization_options(self) -> None:
+        return None
+
+    async def run(self, read: Any, write: Any, _: None) -> None:
+        try:
+            async for message in read:
+                answer = {"jsonrpc": "2.0", "id": message.message.id, "result": {"text": "x" * 1_000_000}}
+                await write.send(SessionMessage(jsonrpc_message_adapter.validate_python(answer, by_name=False)))
+                self.answers += 1
+        finally:
+            self.gone.set()
+
+
+@contextlib.asynccontextmanager
+async def talking(folder: Path, requests: int) -> AsyncIterator[tuple[Talkative, socket.socket]]:
+    """A client of it that sent so many requests; it reads only if the test does."""
+    server = Talkative()
+    door = asyncio.create_task(unix.LocalClients(server).serve(listen(folder / "endpoint.sock")))
+    try:
+        with connected(folder / "endpoint.sock") as client:
+            client.setblocking(False)
+            sent = b"".join(json.dumps(call("any")).encode() + b"\n" for _ in range(requests))
+            async with asyncio.timeout(60):
+                await asyncio.get_running_loop().sock_sendall(client, sent)
+                yield server, client
+    finally:
+        door.cancel()
+        await asyncio.gather(door, return_exceptions=True)
+
+
+def test_a_client_that_does_not_read_fills_no_memory(
+    tmp_path: Path, said: list[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(unix, "MOST_WAITING", 5_000_000)
+
+    async def scenario() -> None:
+        async with talking(tmp_path, 40) as (server, _):
+            await server.gone.wait()
+            assert 5 <= server.answers <= 10
+
+    asyncio.run(scenario())
+    assert "a local client that does not read was sent away" in "".join(said)
+
+
+def test_a_client_that_takes_nothing_is_sent_away(
+    tmp_path: Path, said: list[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(unix, "READ_SECONDS", 0.05)
+
+    async def scenario() -> None:
+        async with talking(tmp_path, 1) as (server, _):
+            await server.gone.wait()
+
+    asyncio.run(scenario())
+    assert "it took nothing for" in "".join(said)
+
+
+def test_a_client_that_reads_gets_everything(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Also when it closes its own side as soon as it has asked."""
+    monkeypatch.setattr(unix, "MOST_WAITING", 50_000_000)
+
+    async def scenario() -> None:
+        async with talking(tmp_path, 20) as (server, client):
+            client.shutdown(socket.SHUT_WR)
+            reader, writer = await asyncio.open_unix_connection(sock=client, limit=1 << 22)
+            for _ in range(20):
+                assert len(await reader.readline()) > 1_000_000
+            assert await reader.readline() == b""
+            assert server.answers == 20
+            writer.close()
+
+    asyncio.run(scenario())
+
+
+class Pipe:
+    """A transport that tells how much waits in it."""
+
+    def __init__(self) -> None:
+        self.transport = self
+        self.waiting = 0
+        self.aborted = False
+
+    def write(self, data: bytes) -> None:
+        self.waiting += len(data)
+
+    def get_write_buffer_size(self) -> int:
+        return self.waiting
+
+    def is_closing(self) -> bool:
+        return self.aborted
+
+    def abort(self) -> None:
+        self.aborted = True
+
+
+def test_a_slow_client_is_kept_as_long_as_it_takes_something(said: list[str]) -> None:
+    async def scenario() -> None:
+        pipe, left = Pipe(), []
+        outbox = unix._Outbox(pipe, lambda: left.append(True))  # type: ignore[arg-type]
+        outbox.put(b"x" * 1000)
+        for _ in range(50):
+            pipe.waiting -= 10  # it took a little until the next look, while more came
+            outbox.put(b"y" * 20)
+            outbox._look()
+            assert not left
+        outbox._look()
+        assert left and pipe.aborted
+
+    asyncio.run(scenario())
+    assert "it took nothing" in "".join(said)
