@@ -8,6 +8,7 @@ import time
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
+from urllib.parse import urlsplit
 
 from octoform.diagnostics import Diagnostic, warning
 from octoform.endpoint import control
@@ -18,6 +19,7 @@ OPENING, RUNNING = "starting", "running"
 OPEN_SECONDS = 15.0
 """What a tunnel may take for its address before a person is told that it has none."""
 _STEP = 0.1
+_WORDS = {"revoked": "the tunnel is revoked", OPENING: "the tunnel has no address yet"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,11 +65,16 @@ def tunnel_opened(layout: Layout, seconds: float = OPEN_SECONDS) -> TunnelSight 
     return found
 
 
+def through(tunnel: TunnelSight, url: str) -> str:
+    """The endpoint's own URL as it is called through its tunnel."""
+    return f"{tunnel.url}{urlsplit(url).path}"
+
+
 def no_tunnel(found: TunnelSight | None) -> Diagnostic | None:
     """TUNNEL-NOT-RUNNING, a warning, for a tunnel that ought to run and does not; None for every other."""
     if found is None or found.running:
         return None
-    summary = "the tunnel is revoked" if found.state == "revoked" else "the tunnel does not run"
+    summary = _WORDS.get(found.state, "the tunnel does not run")
     hint = "octoform start opens a new one" if found.state == "revoked" else "octoform doctor looks for its program"
     return warning(
         "TUNNEL-NOT-RUNNING",

@@ -50,13 +50,20 @@ class Options:
 def apply(request: Request, options: Options, view: RunView) -> RunResult:
     """Run the apply; the result tells how it ended, and the view has shown it."""
     result = _locked(request, options, view)
-    if request.destroy and result.failed is None:
-        from octoform.engine.clients import left_behind  # only a destroy pays for it
-
-        layout = Layout(request.project, result.host)
-        result = replace(result, diagnostics=(*result.diagnostics, *left_behind(layout, request.environ)))
+    if result.failed is None:
+        result = _rounded(request, result)
     view.ended(result)
     return result
+
+
+def _rounded(request: Request, result: RunResult) -> RunResult:
+    """The result with what lies outside of this host's folders: its tunnel, or entries of clients that are left."""
+    layout = Layout(request.project, result.host)
+    if not request.destroy:
+        return reporting.outside(layout, result)
+    from octoform.engine.clients import left_behind  # only a destroy pays for it
+
+    return replace(result, diagnostics=(*result.diagnostics, *left_behind(layout, request.environ)))
 
 
 def _locked(request: Request, options: Options, view: RunView) -> RunResult:

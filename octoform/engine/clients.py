@@ -8,7 +8,6 @@ import sys
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from urllib.parse import urlsplit
 
 from octoform.diagnostics import Diagnostic, did_you_mean, error, warning
 from octoform.endpoint import public, tokens
@@ -16,7 +15,6 @@ from octoform.endpoint.clients import formats, installing, merging
 from octoform.endpoint.clients.formats import CLIENTS, Client
 from octoform.endpoint.clients.installing import Outcome, Reach, Server, Sight
 from octoform.endpoint.clients.places import Surroundings
-from octoform.endpoint.public import TunnelSight
 from octoform.endpoint.publishing import client_command
 from octoform.endpoint.running import running
 from octoform.engine import memo
@@ -92,7 +90,7 @@ def left_behind(layout: Layout, environ: Mapping[str, str]) -> list[Diagnostic]:
 def _sights(layout: Layout, environ: Mapping[str, str]) -> tuple[Sight, ...]:
     url, tunnel = _url(layout), public.tunnel_now(layout)
     urls = [url] if url else []
-    urls += [_at_tunnel(url, tunnel)] if url and tunnel and tunnel.running else []
+    urls += [public.through(tunnel, url)] if url and tunnel and tunnel.running else []
     server = Server(_name(layout), tuple(client_command(layout)), url)
     reach = Reach(public.networked(layout), tuple(urls), tuple(_tokens(layout).values()))
     around = _around(environ)
@@ -235,12 +233,7 @@ def _outward(layout: Layout, server: Server) -> tuple[Server, tuple[str, ...]]:
         reason = f" ({tunnel.reason})" if tunnel.reason else ""
         return server, (f"the tunnel does not run{reason}, so this is the address for this machine and its network",)
     told = "this is the address of the tunnel: it is another one after each start, unless its provider keeps it"
-    return replace(server, url=_at_tunnel(server.url, tunnel)), (told,)
-
-
-def _at_tunnel(url: str, tunnel: TunnelSight) -> str:
-    """The endpoint's own URL as it is called through the tunnel."""
-    return f"{tunnel.url}{urlsplit(url).path}"
+    return replace(server, url=public.through(tunnel, server.url)), (told,)
 
 
 def _url(layout: Layout) -> str | None:

@@ -1,4 +1,4 @@
-"""``doctor``: is everything there that the agents of the manifest need? It looks, asks and starts, and changes nothing.
+"""``doctor``: is everything there that the manifest needs? It looks, asks and starts, and changes nothing.
 
 Agents that are the same in program, settings and model are looked at once, whatever the number of their stages.
 """
@@ -75,7 +75,7 @@ def diagnose(project: Path, environ: Mapping[str, str]) -> Diagnosis:
         Group(agent.harness.name, agent.model, tuple(uses), tuple(rounds.checks(agent)))
         for agent, uses in _agents(manifest).items()
     )
-    return Diagnosis(manifest.host, groups, (_git(manifest, environ),), tuple(found))
+    return Diagnosis(manifest.host, groups, (_git(manifest, environ), *_tunnel(manifest, environ)), tuple(found))
 
 
 def _agents(manifest: Manifest) -> dict[Agent, list[str]]:
@@ -195,3 +195,15 @@ def _git(manifest: Manifest, environ: Mapping[str, str]) -> Check:
         return passed("git", path)
     hint = "install git; without it no revision is recorded and nothing is committed"
     return (failed if manifest.git.commit else unknown)("git", "there is no git on PATH", hint)
+
+
+def _tunnel(manifest: Manifest, environ: Mapping[str, str]) -> tuple[Check, ...]:
+    """The program of the tunnel, which is only found missing once the endpoint runs."""
+    if manifest.tunnel is None:
+        return ()
+    program = manifest.tunnel.command[0]
+    path = shutil.which(program, path=environ.get("PATH"))
+    if path is not None:
+        return (passed("tunnel", path),)
+    hint = "install it, or name another as tunnel.command; until then the endpoint is not reached from the internet"
+    return (failed("tunnel", f"there is no program {program!r}", hint),)

@@ -12,6 +12,7 @@ from octoform.endpoint.client import list_tools
 from octoform.endpoint.neighbours import running_beside
 from octoform.endpoint.observing import observe
 from octoform.endpoint.promise import hidden, promised
+from octoform.endpoint.public import no_tunnel, tunnel_now
 from octoform.endpoint.running import Running, running
 from octoform.engine import memo
 from octoform.engine.planning import Request, prepare
@@ -74,7 +75,7 @@ def status(project: Path, environ: Mapping[str, str]) -> Status:
         return Status(plan.host, plan.empty, "unhealthy", reasons, plan, process=process, others=others)
     listed, problems = list_tools(layout, start=False)
     names = tuple(str(tool["name"]) for tool in listed)
-    trouble = _trouble(process, problems)
+    trouble = (*_trouble(process, problems), *_tunnel(layout, process))
     if not problems and set(names) != set(promised(layout)) - hidden(layout):
         trouble = (*trouble, "the endpoint's tools are not those of INTERFACE")
     health = "unhealthy" if trouble else "healthy"
@@ -105,6 +106,13 @@ def _trouble(process: Process, problems: Sequence[Diagnostic]) -> tuple[str, ...
     if process.told is None or "error" in process.told:
         reasons.append("the endpoint's process does not answer octoform's own questions")
     return tuple(reasons)
+
+
+def _tunnel(layout: Layout, process: Process) -> list[str]:
+    """What is promised to the internet and cannot be reached from there; a process that is silent is told already."""
+    if process.told is None or "error" in process.told or (problem := no_tunnel(tunnel_now(layout))) is None:
+        return []
+    return [_told(problem)]
 
 
 def _told(item: Diagnostic) -> str:

@@ -2,12 +2,14 @@
 
 import json
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 
 from octoform.endpoint.observing import observe
 from octoform.endpoint.promise import shown
+from octoform.endpoint.public import no_tunnel, through, tunnel_opened
 from octoform.endpoint.tokens import listed
-from octoform.engine.results import EndpointSummary, Funnel
+from octoform.engine.results import EndpointSummary, Funnel, RunResult
 from octoform.state.layout import Layout
 
 
@@ -47,6 +49,18 @@ def endpoint(layout: Layout, artifacts: Mapping[str, Any]) -> EndpointSummary | 
         denied=len(interface["tools"]) - len(tools),
         example=next((name for name in easy if name in good), easy[0] if easy else None),
     )
+
+
+def outside(layout: Layout, result: RunResult) -> RunResult:
+    """The result with the address of the tunnel, or a warning that nobody gets in there; waits until one is known."""
+    told = result.endpoint
+    tunnel = tunnel_opened(layout) if told is not None else None
+    if told is None or tunnel is None:
+        return result
+    problem = no_tunnel(tunnel)
+    if problem is not None:
+        return replace(result, diagnostics=(*result.diagnostics, problem))
+    return replace(result, endpoint=replace(told, public=through(tunnel, told.url or "")))
 
 
 def _trial_calls(layout: Layout) -> list[dict[str, Any]]:

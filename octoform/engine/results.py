@@ -22,7 +22,8 @@ class EndpointSummary:
     """The live endpoint: what a client of this machine starts, its tools, and a read tool that answered.
 
     ``url`` is where it answers over HTTP; None in scope local. ``token`` names one that opens it there, ``denied``
-    counts the tools that the policy keeps from everybody.
+    counts the tools that the policy keeps from everybody. ``public`` is where it answers through the tunnel of scope
+    internet; None where there is none, or none that runs.
     """
 
     command: str
@@ -33,6 +34,7 @@ class EndpointSummary:
     example: str | None = None
     token: str | None = None
     denied: int = 0
+    public: str | None = None
 
 
 @dataclass(frozen=True, slots=True)

@@ -229,6 +229,8 @@ class RunHuman:
                 f"octoform token show {endpoint.token}" if endpoint.token else "none yet: octoform token create NAME"
             )
             say(f"              {endpoint.url}, with a token ({opened})")
+        if endpoint.public:
+            say(f"              {endpoint.public} from the internet, until the tunnel starts anew")
         offered = sentences.counted(len(endpoint.tools), "tool")
         offered += f", {endpoint.denied} more denied by the policy" if endpoint.denied else ""
         say(f"              scope {endpoint.scope}, {offered}")

@@ -323,3 +323,17 @@ def test_the_command_line(bench: Bench, monkeypatch: pytest.MonkeyPatch, capsys:
     bench.manifest("harness: nonsense")
     assert main(["-chdir", str(bench.folder), "doctor"]) == 1
     assert "nonsense" in capsys.readouterr().err
+
+
+def test_the_program_of_the_tunnel_is_looked_for_in_scope_internet_alone(tmp_path: Path) -> None:
+    bench = Bench(tmp_path, {"PATH": str(tmp_path / "bin")})
+    bench.manifest("harness: builtin", "scope: internet")
+    (found,) = [check for check in diagnose(bench.folder, bench.environ).machine if check.name == "tunnel"]
+    assert (found.status, found.detail) == (Status.FAIL, "there is no program 'cloudflared'")
+    assert found.hint is not None and "tunnel.command" in found.hint
+    bench.program("my-tunnel", "")
+    bench.manifest("harness: builtin", "scope: internet", 'tunnel: {command: [my-tunnel, --to, "{url}"]}')
+    (found,) = [check for check in diagnose(bench.folder, bench.environ).machine if check.name == "tunnel"]
+    assert (found.status, found.detail) == (Status.PASS, str(bench.bin / "my-tunnel"))
+    bench.manifest("harness: builtin")
+    assert [check.name for check in diagnose(bench.folder, bench.environ).machine] == ["git"]

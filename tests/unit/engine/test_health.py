@@ -1,17 +1,24 @@
 """Healthy is an endpoint that answers just now with what it promises, and nothing else."""
 
+import io
 import json
+import sys
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import pytest
-from launched import Launched, launched, tool
+from launched import LOOPBACK, Launched, launched, tool
 
-from octoform.engine import health, memo
+from octoform.engine import health, memo, reporting
 from octoform.engine.planning import Request, prepare
+from octoform.engine.results import EndpointSummary, RunResult
 from octoform.plan.model import Plan
+from octoform.views.apply import RunHuman
+from octoform.views.console import Console
+
+TUNNEL = Path(__file__).parents[2] / "support" / "local_tunnel.py"
 
 SOURCE = """
 from fastmcp import FastMCP
@@ -88,3 +95,38 @@ def _plan(project: Path) -> Plan:
     outlook, found = prepare(Request(project, {}))
     assert outlook is not None, found
     return replace(outlook.plan, actions=())
+
+
+def test_scope_internet_is_healthy_only_while_its_tunnel_runs_and_the_end_of_an_apply_tells_it(tmp_path: Path) -> None:
+    (tmp_path / "octopus.yaml").write_text("version: 1\nhost: bench\nharness: builtin\n")
+    end = RunResult("apply", "bench", endpoint=EndpointSummary("octoform connect bench", "internet", None, ()))
+    for command in ([sys.executable, str(TUNNEL), "{url}"], ["/nowhere/tunnel", "{url}"]):
+        network = {**LOOPBACK, "port": 7980}
+        with launched(tmp_path, SOURCE, TOOLS, network=network, tunnel={"command": command}) as endpoint:
+            endpoint.layout.output("interface").parent.mkdir(parents=True, exist_ok=True)
+            assert end.endpoint is not None
+            known = replace(end, endpoint=replace(end.endpoint, url=endpoint.url))
+            told = reporting.outside(endpoint.layout, known)
+            found = status(endpoint, TOOLS)
+            if command[0] == sys.executable:
+                address = endpoint.ask("status")["tunnel"]["url"]
+                assert told.endpoint is not None and told.endpoint.public == f"{address}/mcp"
+                assert told.diagnostics == () and found.health == "healthy"
+                assert shown(told).count(f"{address}/mcp from the internet") == 1
+                endpoint.ask("revoke_tunnel")
+                assert "revoked" in " ".join(status(endpoint, TOOLS).reasons)
+                (problem,) = reporting.outside(endpoint.layout, known).diagnostics
+                assert problem.summary.startswith("the tunnel is revoked")
+                (endpoint.layout.run / "tunnel-revoked.json").unlink()
+            else:
+                (problem,) = told.diagnostics
+                assert (problem.severity, problem.code) == ("warning", "TUNNEL-NOT-RUNNING")
+                assert told.endpoint is not None and told.endpoint.public is None
+                assert found.health == "unhealthy"
+                assert any("there is no program '/nowhere/tunnel'" in reason for reason in found.reasons)
+
+
+def shown(result: RunResult) -> str:
+    out = io.StringIO()
+    RunHuman(Console(out, io.StringIO(), colour=False, colour_err=False, interactive=False)).ended(result)
+    return out.getvalue()
