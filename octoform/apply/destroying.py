@@ -5,10 +5,12 @@ import shutil
 from octoform import events
 from octoform.apply.context import Context
 from octoform.apply.runner import Tally
-from octoform.diagnostics import Diagnostic, has_errors
-from octoform.endpoint.removing import remove
+from octoform.diagnostics import Diagnostic, has_errors, warning
+from octoform.endpoint.removing import remove, stopped
+from octoform.endpoint.systemd import is_ours, unit_path
 from octoform.plan.model import Plan
 from octoform.state.files import refused
+from octoform.state.layout import Layout
 
 
 def destroy(context: Context, plan: Plan) -> Tally:
@@ -30,20 +32,45 @@ def destroy(context: Context, plan: Plan) -> Tally:
     return tally
 
 
+def left_behind(layout: Layout) -> list[Diagnostic]:
+    """What an endpoint that was taken away leaves, and a person should know of: its emergency stop, its service."""
+    found = []
+    if stopped(layout):
+        found.append(
+            warning(
+                "DESTROY-ESTOP-KEPT",
+                f"the emergency stop of {layout.host} stays engaged, also for the next endpoint",
+                path=str(layout.run),
+                hint="octoform estop -clear, after the next octoform apply",
+            )
+        )
+    unit = unit_path(layout)
+    if is_ours(layout, unit):
+        found.append(
+            warning(
+                "DESTROY-UNIT-LEFT",
+                f"a service of systemd would start the endpoint of {layout.host}, which is gone",
+                path=str(unit),
+                hint="octoform service uninstall -user takes it away",
+            )
+        )
+    return found
+
+
 def _remove(context: Context, node: str) -> list[Diagnostic]:
     layout = context.layout
     try:
         if node == "endpoint":
             remove(layout)
-        else:
-            folder = layout.output(node).parent
-            if folder.is_symlink():
-                folder.unlink()
-            elif folder.exists():
-                shutil.rmtree(folder)
-            if node == "probe":
-                layout.instances.unlink(missing_ok=True)
-                layout.fingerprint.unlink(missing_ok=True)
+            return left_behind(layout)
+        folder = layout.output(node).parent
+        if folder.is_symlink():
+            folder.unlink()
+        elif folder.exists():
+            shutil.rmtree(folder)
+        if node == "probe":
+            layout.instances.unlink(missing_ok=True)
+            layout.fingerprint.unlink(missing_ok=True)
     except OSError as problem:
         return [refused(problem, layout.output(node).parent if node != "endpoint" else layout.endpoint)]
     return []

@@ -1,9 +1,11 @@
 """Take the endpoint away: exactly what apply made, nothing that a person put beside it."""
 
+import os
 import shutil
 from pathlib import Path
 
 from octoform.endpoint.environment import FOLDER_NAME, MARKER
+from octoform.endpoint.estop import LATCH
 from octoform.endpoint.files import (
     CHECK,
     CLIENTS,
@@ -23,12 +25,13 @@ def remove(layout: Layout) -> list[Path]:
     """Remove endpoint and environments of this host; gives the files and folders that are not ours and stayed.
 
     The launcher goes first, so that no client starts a server from what is being removed; then the process is ended,
-    and its tokens and counters go with it. The logs stay. OSError when the system refuses.
+    and its tokens and counters go with it. The logs stay, and so does an emergency stop: what was stopped for a reason
+    must not move after the next apply because nobody remembers it. OSError when the system refuses.
     """
     folder = layout.endpoint
     _unlink(folder, LAUNCHER)
     stop(layout)
-    shutil.rmtree(layout.run, ignore_errors=True)
+    _empty(layout.run)
     for name in (SERVE_SCRIPT, CONNECTION, POLICY, CHECK, MANIFEST):
         _unlink(folder, name)
     for name in snippets("", []):
@@ -40,6 +43,27 @@ def remove(layout: Layout) -> list[Path]:
     for path in sorted(layout.environments.glob(".*.lock")):
         path.unlink()
     return [*_sweep(folder / CLIENTS), *_sweep(folder), *_sweep(layout.environments)]
+
+
+def stopped(layout: Layout) -> bool:
+    """True while an emergency stop is engaged; whatever stands in the latch's place counts."""
+    return _latched(layout.run)
+
+
+def _latched(run: Path) -> bool:
+    return os.path.lexists(run / LATCH)
+
+
+def _empty(run: Path) -> None:
+    """Remove what the process kept, but for the latch of the emergency stop."""
+    if not _latched(run):
+        shutil.rmtree(run, ignore_errors=True)
+        return
+    for path in run.iterdir():
+        if path.is_dir() and not path.is_symlink():
+            shutil.rmtree(path, ignore_errors=True)
+        elif path.name != LATCH:
+            path.unlink(missing_ok=True)
 
 
 def _unlink(folder: Path, name: str) -> None:

@@ -213,8 +213,12 @@ def test_destroy_takes_away_what_is_ours_and_nothing_else(live: Project) -> None
     assert summary(live, "-destroy")["changes"]["remove"] == 6
     live.environ["HOME"] = str(live.outside / "home")
     live.run("clients", "install", "cursor", status=0)
+    latch = live.local / "run" / "estop.json"
+    latch.write_text('{"format": 1, "by": "ada", "reason": "arm at the window", "since": ""}')
     done = live.run("destroy", "-auto-approve", status=0)
     assert "6 destroyed" in done.out
+    assert "DESTROY-ESTOP-KEPT" in done.err
+    assert list(latch.parent.iterdir()) == [latch]
     assert "CLIENT-ENTRY-LEFT" in done.err and "octoform clients remove cursor" in done.err
     live.run("clients", "remove", "cursor", status=0)
     assert all(path.read_text() == "mine\n" for path in mine)

@@ -12,6 +12,9 @@ import pytest
 from endings import record_running
 from endpoint_servers import publish
 
+from octoform.apply.destroying import left_behind
+from octoform.diagnostics import Severity
+from octoform.endpoint import systemd
 from octoform.endpoint.environment import MARKER, Environment, packages_of
 from octoform.endpoint.files import CHECK
 from octoform.endpoint.observing import Expected, observe
@@ -174,6 +177,31 @@ def test_removal_takes_what_is_ours_and_leaves_the_rest(applied: Layout) -> None
     assert remove(applied) == []
     assert not applied.endpoint.exists() and not applied.environments.exists()
     assert applied.output("serve").is_file()
+
+
+@pytest.mark.parametrize("words", ['{"format": 1, "by": "ada", "reason": "arm at the window", "since": ""}', "damaged"])
+def test_an_emergency_stop_outlives_its_endpoint(applied: Layout, words: str) -> None:
+    (applied.run / "tokens").mkdir(parents=True, exist_ok=True)
+    (applied.run / "limits.json").touch()
+    (applied.run / "estop.json").write_text(words)
+    remove(applied)
+    assert [path.name for path in applied.run.iterdir()] == ["estop.json"]
+    assert (applied.run / "estop.json").read_text() == words
+    [found] = left_behind(applied)
+    assert found.code == "DESTROY-ESTOP-KEPT" and found.severity is Severity.WARNING
+
+
+def test_a_service_that_is_left_is_told(applied: Layout, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("XDG_CONFIG_HOME", str(tmp_path / "config"))
+    remove(applied)
+    assert left_behind(applied) == []
+    unit = systemd.unit_path(applied)
+    unit.parent.mkdir(parents=True)
+    unit.write_text("[Service]\nExecStart=/of/another/project\n")
+    assert left_behind(applied) == []
+    unit.write_text(systemd.unit_text(applied, "/usr/bin"))
+    [found] = left_behind(applied)
+    assert found.code == "DESTROY-UNIT-LEFT" and "service uninstall -user" in str(found.hint)
 
 
 def test_removing_nothing_is_no_error(layout: Layout) -> None:
