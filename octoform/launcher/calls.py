@@ -68,7 +68,7 @@ class Call:
 class Records:
     """Writes the records of calls; ``problem`` says why the last one could not be written, else None.
 
-    Every decision is on the log before the tool begins, and the outcome of what moves before the answer goes. Outcomes of
+    Every decision is on the log before the tool begins, the outcome of what moves before the answer goes. Outcomes of
     readings are kept back for at most ``HELD`` seconds and go in one write: it would be half of what the gate costs.
     """
 
