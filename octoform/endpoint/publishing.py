@@ -12,6 +12,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+import octoform
 from octoform.diagnostics import Diagnostic
 from octoform.digest import of_bytes
 from octoform.endpoint.building import prune
@@ -134,6 +135,7 @@ def _descriptor(layout: Layout, service: Service, environ: Mapping[str, str]) ->
     told = ("name", "effect", "devices", "annotations", "output_schema")
     return {
         "format": 2,
+        "octoform": octoform.__version__,
         "host": layout.host,
         "scope": service.scope,
         "transport": "stdio",

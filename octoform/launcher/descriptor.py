@@ -1,5 +1,6 @@
 """What the endpoint is: the connection descriptor as octoform wrote it beside this package. Standard library only."""
 
+import hashlib
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -17,13 +18,14 @@ class RefusedError(Exception):
 class Descriptor:
     """connection.json of the endpoint in ``folder``.
 
-    ``tools`` have name, effect, devices and annotations; ``devices`` have id, name and category. ``run`` and ``log``
-    are the folders of what the process keeps and writes. ``network`` is None in scope local, ``tunnel`` in all but
-    internet.
+    ``version`` is that of the octoform which wrote it. ``tools`` have name, effect, devices and annotations;
+    ``devices`` have id, name and category. ``run`` and ``log`` are the folders of what the process keeps and writes.
+    ``network`` is None in scope local, ``tunnel`` in all but internet.
     """
 
     folder: Path
     host: str
+    version: str
     scope: str
     environment: Mapping[str, str]
     tools: tuple[Mapping[str, Any], ...]
@@ -54,6 +56,7 @@ def read(folder: Path) -> Descriptor:
         return Descriptor(
             folder=folder,
             host=value["host"],
+            version=value["octoform"],
             scope=value["scope"],
             environment=value["environment"],
             tools=tuple(value["tools"]),
@@ -66,3 +69,24 @@ def read(folder: Path) -> Descriptor:
         )
     except (OSError, ValueError, LookupError, TypeError) as problem:
         raise RefusedError(f"the connection descriptor cannot be read ({problem}); run octoform apply") from problem
+
+
+def untouched(folder: Path) -> None:
+    """RefusedError when a file that decides what is let through is not the one that octoform published.
+
+    The manifest of the endpoint has their digests. The clients' configurations decide nothing and may be edited.
+    """
+    try:
+        files = json.loads((folder / "manifest.json").read_bytes())["files"]
+        wanted = {name: digest for name, digest in files.items() if not name.startswith("clients/")}
+    except (OSError, ValueError, LookupError, TypeError, AttributeError) as problem:
+        raise RefusedError(f"the endpoint's manifest cannot be read ({problem}); run octoform apply") from problem
+    for name, digest in sorted(wanted.items()):
+        path = folder / name
+        if not path.is_file() or digest_of(path.read_bytes()) != digest:
+            raise RefusedError(f"{path} is not the file that was published; run octoform apply")
+
+
+def digest_of(data: bytes) -> str:
+    """The digest of a file's bytes, as octoform writes it."""
+    return "sha256:" + hashlib.sha256(data).hexdigest()

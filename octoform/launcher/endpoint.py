@@ -5,6 +5,7 @@ import os
 import signal
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from . import policy
@@ -13,6 +14,7 @@ from .chain import SEAL
 from .control import Control
 from .descriptor import Descriptor
 from .gate import Gate
+from .introducing import introduce
 from .latch import Latch
 from .limits import Ledger
 from .offering import offer
@@ -21,6 +23,7 @@ from .saying import say
 from .socketfile import listen
 from .stopping import Emergency
 from .unix import LocalClients
+from .watchdog import WATCHDOG
 
 if TYPE_CHECKING:
     from .tunnel import Tunnel
@@ -48,10 +51,12 @@ class Endpoint:
         self._ledger = Ledger(rules, descriptor.run / "limits.json")
         self._latch = Latch(descriptor.run / "estop.json")
         self._emergency = Emergency(self._latch, self._audit, rules.stop)
+        introduce(server, descriptor)
         self._offer = offer(server, descriptor.devices, descriptor.tools, rules)
         self._gate = Gate(rules, self._ledger, self._audit, self._latch, self._offer.presence)
         self._gate.on_result = self._offer.frames.keep
         server.add_middleware(self._gate)
+        WATCHDOG.cover(Path(descriptor.server["path"]).parent)
         self._clients = LocalClients(server)
         self._tunnel: Tunnel | None = None
         self._url: str | None = None

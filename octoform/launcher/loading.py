@@ -4,7 +4,6 @@ Hand-edited code is never served silently, so the server's digest and the runtim
 them runs.
 """
 
-import hashlib
 import os
 import sys
 import types
@@ -13,7 +12,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from .descriptor import Descriptor, RefusedError
+from .descriptor import Descriptor, RefusedError, digest_of
 
 
 def load(descriptor: Descriptor) -> Any:
@@ -32,17 +31,13 @@ def accepted(descriptor: Descriptor) -> bytes:
         source = path.read_bytes()
     except OSError as problem:
         raise RefusedError(f"{path} cannot be read ({problem.strerror}); run octoform apply") from problem
-    if _digest(source) != descriptor.server["digest"]:
+    if digest_of(source) != descriptor.server["digest"]:
         raise RefusedError(f"{path} is not the file that was accepted; run octoform plan to see what would be done")
     for name, digest in descriptor.server["runtime"].items():
         file = path.parent / name
-        if not file.is_file() or _digest(file.read_bytes()) != digest:
+        if not file.is_file() or digest_of(file.read_bytes()) != digest:
             raise RefusedError(f"{file} is not the file that was accepted; run octoform apply")
     return source
-
-
-def _digest(data: bytes) -> str:
-    return "sha256:" + hashlib.sha256(data).hexdigest()
 
 
 def _execute(path: Path, source: bytes) -> Any:

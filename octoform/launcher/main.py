@@ -8,7 +8,7 @@ from pathlib import Path
 
 from .addresses import NoAddressError
 from .audit import AuditFailed
-from .descriptor import RefusedError, read
+from .descriptor import RefusedError, read, untouched
 from .owner import Owner
 from .policy import PolicyInvalid
 from .saying import Said, say
@@ -26,6 +26,7 @@ def main(folder: Path) -> int:
     logger = logging.getLogger("octoform")
     logger.addHandler(Said())
     try:
+        untouched(folder)
         descriptor = read(folder)
         owner = Owner.take(descriptor.run)
         if owner is None:

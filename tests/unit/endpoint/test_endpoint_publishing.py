@@ -52,7 +52,7 @@ def test_a_client_reaches_the_endpoint_from_any_folder(layout: Layout, serving: 
     done = asked(layout, INITIALIZE, tmp_path)
     assert (done.returncode, done.stderr) == (0, "")
     (answer,) = done.stdout.splitlines()
-    assert json.loads(answer)["result"]["serverInfo"]["name"] == "bench"
+    assert json.loads(answer)["result"]["serverInfo"]["name"] == "octoform-bench"
 
 
 def test_edited_code_is_refused_in_one_line(layout: Layout, serving: Environment) -> None:
@@ -64,6 +64,16 @@ def test_edited_code_is_refused_in_one_line(layout: Layout, serving: Environment
     assert [line.partition(" ")[2] for line in done.stderr.splitlines()] == [
         f"octoform: refused: {server} is not the file that was accepted; run octoform plan to see what would be done"
     ]
+
+
+@pytest.mark.parametrize("name", ["policy.json", "connection.json", "launcher/gate.py", "serve.py"])
+def test_what_guards_the_endpoint_is_not_edited_unseen(layout: Layout, serving: Environment, name: str) -> None:
+    publish(layout, serving)
+    path = layout.endpoint / name
+    path.write_text(path.read_text() + "\n")
+    done = launched(layout)
+    assert done.returncode == 78
+    assert done.stderr.rstrip().endswith(f"{path} is not the file that was published; run octoform apply")
 
 
 @pytest.mark.parametrize("damage", ["edited", "gone"])
