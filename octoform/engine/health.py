@@ -112,7 +112,7 @@ def _tunnel(layout: Layout, process: Process) -> list[str]:
     """What is promised to the internet and cannot be reached from there; a process that is silent is told already."""
     if process.told is None or "error" in process.told or (problem := no_tunnel(tunnel_now(layout))) is None:
         return []
-    return [_told(problem)]
+    return [problem.summary]  # why is told with what the process says of its tunnel
 
 
 def _told(item: Diagnostic) -> str:

@@ -123,7 +123,7 @@ def test_scope_internet_is_healthy_only_while_its_tunnel_runs_and_the_end_of_an_
                 assert (problem.severity, problem.code) == ("warning", "TUNNEL-NOT-RUNNING")
                 assert told.endpoint is not None and told.endpoint.public is None
                 assert found.health == "unhealthy"
-                assert any("there is no program '/nowhere/tunnel'" in reason for reason in found.reasons)
+                assert any(reason.startswith("the tunnel does not run") for reason in found.reasons)
 
 
 def shown(result: RunResult) -> str:
