@@ -6,7 +6,7 @@ clients install` puts into a client's own file, see `clients.formats`.
 
 from collections.abc import Sequence
 
-from octoform.endpoint.clients.formats import CLIENTS, Client, form
+from octoform.endpoint.clients.formats import CLIENTS, Client, form, of
 from octoform.endpoint.clients.merging import Wish, written
 
 
@@ -20,6 +20,7 @@ def snippets(name: str, command: Sequence[str], url: str | None = None) -> dict[
 
 def snippet(client: Client, name: str, command: Sequence[str], url: str | None = None) -> str:
     """The text of one client's configuration that holds this server and nothing else."""
+    client = of(client, name)
     entry = form(client, name, command, url) or form(client, name, command, None)
     assert entry is not None
     with_prompt = url is not None and client.http is not None

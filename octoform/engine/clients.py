@@ -94,7 +94,7 @@ def _sights(layout: Layout, environ: Mapping[str, str]) -> tuple[Sight, ...]:
     server = Server(_name(layout), tuple(client_command(layout)), url)
     reach = Reach(public.networked(layout), tuple(urls), tuple(_tokens(layout).values()))
     around = _around(environ)
-    return tuple(installing.look(client, around, server, reach) for client in CLIENTS.values())
+    return tuple(installing.look(formats.of(client, server.name), around, server, reach) for client in CLIENTS.values())
 
 
 def install(
@@ -137,9 +137,9 @@ def _token_notes(client: Client) -> list[str]:
         return [f"{client.title} asks for the token when it starts the server; {show}"]
     if client.reference is None:
         return [
-            f"{client.title} expands no variables: put the token itself in the place of ${{{formats.VARIABLE}}}; {show}"
+            f"{client.title} expands no variables: put the token itself in the place of ${{{client.variable}}}; {show}"
         ]
-    return [f"set {formats.VARIABLE} where {client.title} starts; {show}"]
+    return [f"set {client.variable} where {client.title} starts; {show}"]
 
 
 def _written(done: Outcome) -> Diagnostic:
@@ -163,7 +163,7 @@ def _chosen(
         hint = f"did you mean {known[near].key}?" if near else f"known clients: {', '.join(CLIENTS)}"
         return None, None, [error("CLIENT-UNKNOWN", f"there is no client {client!r}", hint=hint)]
     layout, found = _layout(project, environ, host, gone=gone)
-    return chosen, layout, found
+    return (chosen if layout is None else formats.of(chosen, _name(layout))), layout, found
 
 
 def _layout(
@@ -242,7 +242,7 @@ def _url(layout: Layout) -> str | None:
 
 
 def _name(layout: Layout) -> str:
-    return f"octoform-{layout.host}"
+    return f"{formats.PREFIX}{layout.host}"
 
 
 def _around(environ: Mapping[str, str]) -> Surroundings:

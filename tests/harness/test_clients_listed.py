@@ -75,7 +75,7 @@ class Rig:
         found = program(name).locate(self.environ)
         assert found is not None
         path = os.pathsep.join([*found.path, self.environ["PATH"]])
-        token = {"OCTOFORM_TOKEN": self.endpoint.token()} if self.endpoint.process.url else {}
+        token = {"OCTOFORM_TOKEN_BENCH": self.endpoint.token()} if self.endpoint.process.url else {}
         done = subprocess.run(
             [*found.argv, "mcp", "list"],
             env={**self.environ, **token, "PATH": path},

@@ -5,15 +5,18 @@ token's value is never part of a form: where the client expands variables it is 
 a client can do neither (``reference`` is None) the caller has to give the value.
 """
 
+import re
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, TypeAlias
 
 from octoform.endpoint.clients import places
 from octoform.endpoint.clients.text import Path
 
 VARIABLE = "OCTOFORM_TOKEN"
-"""The variable that holds the token's value in the surroundings of a client."""
+"""Begins the variable that holds a token's value in the surroundings of a client; the host follows, see `of`."""
+PREFIX = "octoform-"
+"""Begins the name of a server; the host follows."""
 STARTUP_SECONDS = 60
 """A small board needs ten times the second or two that a server's start takes elsewhere."""
 GOOSE_SECONDS = 300
@@ -26,8 +29,8 @@ class Client:
 
     ``table`` leads to its servers in the file. ``stdio(command)`` and ``http(url, bearer)`` are its forms of a
     server, ``http`` None where it has none. ``bearer`` is what stands for the token: ``reference``, or a value.
-    ``prompt`` is an element of a list of the file that belongs to the HTTP form. ``after`` says what a person has to
-    do until the client sees a change.
+    ``variable`` is what holds it. ``prompt`` is an element of a list of the file that belongs to the HTTP form.
+    ``after`` says what a person has to do until the client sees a change.
     """
 
     key: str
@@ -44,6 +47,22 @@ class Client:
     older: Path | None = None
     prompt: tuple[Path, Form] | None = None
     named: bool = field(default=False)
+    variable: str = VARIABLE
+
+
+def of(client: Client, name: str) -> Client:
+    """The client as it refers to the token of the server ``name``; each host has its own variable.
+
+    One client may have several hosts, and their tokens differ. `CLIENTS` has what is the same for all servers.
+    """
+    host = name.removeprefix(PREFIX)
+    variable = f"{VARIABLE}_{re.sub('[^A-Z0-9]', '_', host.upper())}"
+    reference, prompt = client.reference, client.prompt
+    if reference is not None:
+        reference = reference.replace(VARIABLE, variable).replace(INPUT, f"{INPUT}-{host}")
+    if prompt is not None:
+        prompt = (prompt[0], {**prompt[1], "id": f"{INPUT}-{host}", "description": f"Token of octoform's {host}"})
+    return replace(client, reference=reference, prompt=prompt, variable=variable)
 
 
 def form(client: Client, name: str, command: Sequence[str], url: str | None, bearer: str | None = None) -> Form | None:
@@ -53,7 +72,7 @@ def form(client: Client, name: str, command: Sequence[str], url: str | None, bea
     elif client.http is None:
         return None
     else:
-        entry = client.http(url, bearer or client.reference or f"${{{VARIABLE}}}")
+        entry = client.http(url, bearer or client.reference or f"${{{client.variable}}}")
     return {"name": name, **entry} if client.named else entry
 
 
@@ -132,7 +151,8 @@ def _opencode_http(url: str, bearer: str) -> Form:
 
 
 def _goose_http(url: str, bearer: str) -> Form:
-    form: Form = {"type": "streamable_http", "uri": url, **_bearer(bearer), "env_keys": [VARIABLE]}
+    keys = re.findall(rf"{VARIABLE}\w*", bearer)
+    form: Form = {"type": "streamable_http", "uri": url, **_bearer(bearer), "env_keys": keys}
     return {**form, "enabled": True, "timeout": GOOSE_SECONDS}
 
 

@@ -13,7 +13,7 @@ from launched import LOOPBACK, launched, tool
 from ruamel.yaml import YAML
 
 from octoform.cli.main import main
-from octoform.endpoint.clients.formats import CLIENTS
+from octoform.endpoint.clients.formats import CLIENTS, of
 from octoform.endpoint.public import no_tunnel, tunnel_opened
 from octoform.endpoint.publishing import client_command
 from octoform.endpoint.snippets import snippets
@@ -138,7 +138,20 @@ def test_the_examples_of_the_document_are_what_is_written() -> None:
     ]
     for client in CLIENTS.values():
         if client.reference and client.prompt is None and client.key != "codex":
-            assert f"`{client.reference}`" in text
+            assert f"`{of(client, 'octoform-bench').reference}`" in text
+
+
+def test_two_hosts_in_one_client_have_each_their_own_token() -> None:
+    command = ["/python", "-m", "octoform.cli"]
+    bench, rig = snippets("octoform-bench", command, URL), snippets("octoform-rig-2", command, URL)
+    for client in CLIENTS.values():
+        if client.reference is None:
+            continue
+        texts = bench[client.file], rig[client.file]
+        names = ("octoform-token-bench", "octoform-token-rig-2") if client.prompt else ("TOKEN_BENCH", "TOKEN_RIG_2")
+        for text, mine, other in zip(texts, names, reversed(names), strict=True):
+            assert mine in text and other not in text, text
+            assert re.findall(r"OCTOFORM_TOKEN\b", text) == []
 
 
 def test_a_running_endpoint_with_an_address_is_given_over_http(
@@ -155,7 +168,7 @@ def test_a_running_endpoint_with_an_address_is_given_over_http(
             assert endpoint.token() not in Path(done["file"]).read_text()
         assert main([f"-chdir={project}", "connect", "-print", "lm-studio", "-transport", "http"]) == 0
         printed = capsys.readouterr()
-        assert "${OCTOFORM_TOKEN}" in printed.out and "put the token itself" in printed.err
+        assert "${OCTOFORM_TOKEN_BENCH}" in printed.out and "put the token itself" in printed.err
         assert main([f"-chdir={project}", "clients", "install", "lm-studio"]) == 0
         assert "(stdio)" in capsys.readouterr().out, "a value is only written when that is asked for"
         assert main([f"-chdir={project}", "clients", "install", "lm-studio", "-transport", "http"]) == 0
