@@ -1,9 +1,10 @@
 """What is on the log at which moment, and what happens while nothing can be written anywhere."""
 
 import asyncio
+import contextlib
 import os
 import sys
-from collections.abc import Iterator
+from collections.abc import AsyncIterator
 from pathlib import Path
 from typing import Any
 
@@ -18,16 +19,18 @@ place: list[Path] = []
 moved: list[int] = []
 
 
-@pytest.fixture
-def full(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
-    """The process's own log stands on a disk without room."""
+@contextlib.asynccontextmanager
+async def full(monkeypatch: pytest.MonkeyPatch) -> AsyncIterator[None]:
+    """Inside this the process's own log stands on a disk without room."""
     with Path("/dev/full").open("w", encoding="utf-8") as stderr:
         monkeypatch.setattr(sys, "stderr", stderr)
-        yield
-        monkeypatch.undo()
-        somewhere = os.open(os.devnull, os.O_WRONLY)
-        os.dup2(somewhere, stderr.fileno())
-        os.close(somewhere)
+        try:
+            yield
+        finally:
+            monkeypatch.undo()
+            somewhere = os.open(os.devnull, os.O_WRONLY)  # closing writes what is left
+            os.dup2(somewhere, stderr.fileno())
+            os.close(somewhere)
 
 
 def peek() -> str:
@@ -77,14 +80,15 @@ def test_the_outcome_of_a_reading_comes_with_the_others_of_its_quarter_second(tm
     asyncio.run(scenario())
 
 
-@pytest.mark.usefixtures("full")
 @pytest.mark.parametrize("mode", MODES)
-def test_without_any_room_nothing_moves_readings_go_on_and_no_bus_is_kept(tmp_path: Path, mode: str) -> None:
+def test_without_any_room_nothing_moves_readings_go_on_and_no_bus_is_kept(
+    tmp_path: Path, mode: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
     moved.clear()
 
     async def scenario() -> None:
         tools = {look: tool_policy("read", buses=["arm"]), move: tool_policy(buses=["arm"])}
-        async with gated(tmp_path, tools) as gate, gate.client(mode) as client:
+        async with gated(tmp_path, tools) as gate, gate.client(mode) as client, full(monkeypatch):
             gate.gate._records._audit.close()  # as any other reason why nothing can be written
             for _ in range(3):
                 refused = await client.call_tool("move", {}, raise_on_error=False)

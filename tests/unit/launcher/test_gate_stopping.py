@@ -143,6 +143,20 @@ def test_a_call_that_was_judged_before_a_stop_does_not_begin_after_it(
     assert moved == ["move"]
 
 
+@pytest.mark.parametrize("which", [move, amove], ids=["blocking", "async"])
+def test_a_halt_alone_keeps_a_call_from_beginning(tmp_path: Path, which: Callable[[], Any]) -> None:
+    async def scenario() -> None:
+        moment = Moment()
+        policy = tool_policy("read", limits=[RATE])
+        async with gated(tmp_path, {which: policy}, clock=moment) as gate, gate.client() as client:
+            moment.work = lambda: gate.gate.halt("shutdown", everything=True)
+            assert "was not begun, because the endpoint ends" in await text_of(client, which.__name__)
+            assert [each.over for each in moment.answer] == [True]
+
+    asyncio.run(scenario())
+    assert moved == []
+
+
 def test_work_that_was_halted_on_its_way_to_its_thread_does_not_begin() -> None:
     async def scenario() -> None:
         workers = Workers()
