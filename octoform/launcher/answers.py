@@ -59,6 +59,8 @@ def stopped(call: Call, problem: Stopped) -> str:
         text = f"emergency stop: {call.entry.name} was interrupted while it ran"
     elif problem.cause == "shutdown":
         text = f"{call.entry.name} was interrupted because the endpoint ends"
+    elif problem.cause == "blocked":
+        text = f"{call.entry.name} blocked every other call and was interrupted"
     else:
         text = f"{call.entry.name} did not return within its {policy.timeout:g} s and was stopped"
     if problem.ended:

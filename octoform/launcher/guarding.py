@@ -46,7 +46,10 @@ class Patience:
 
 
 class Stopped(FastMCPError):
-    """The device work was stopped; ``cause`` is timeout, cancelled, estop or shutdown, ``ended`` whether it is over."""
+    """The device work was stopped; ``ended`` says whether it is over.
+
+    ``cause`` is timeout, blocked (it held up every other call), cancelled, estop or shutdown.
+    """
 
     def __init__(self, cause: str, ended: bool) -> None:
         super().__init__(cause, log_level=logging.DEBUG)
@@ -70,8 +73,9 @@ class Work:
     """
 
     __slots__ = (
-        "_again", "_future", "_job", "_loop", "_task", "_timer", "_workers", "begun", "bound", "cause", "deadline",
-        "ended", "halted", "inline", "on_end", "on_stuck", "patience", "pinned", "reference", "stuck", "told", "tool",
+        "_again", "_future", "_job", "_loop", "_task", "_timer", "_workers", "begun", "blocked", "bound", "cause",
+        "deadline", "ended", "halted", "inline", "on_end", "on_stuck", "patience", "pinned", "reference", "stuck",
+        "told", "tool",
     )  # fmt: skip
 
     def __init__(self, tool: str, workers: Workers, patience: Patience, bound: int) -> None:
@@ -80,7 +84,7 @@ class Work:
         self.patience = patience
         self.on_end: Callable[[], None] | None = None
         self.on_stuck: Callable[[], None] | None = None
-        self.begun = self.ended = self.stuck = self.inline = False
+        self.begun = self.ended = self.stuck = self.inline = self.blocked = False
         self.cause = self.halted = ""
         self.deadline = math.inf
         self.told: BaseException | None = None
@@ -180,7 +184,7 @@ class Work:
         return await self._future
 
     def _stopped(self, ended: bool) -> Stopped:
-        return Stopped(self.cause or self.halted or "timeout", ended)
+        return Stopped(self.cause or self.halted or ("blocked" if self.blocked else "timeout"), ended)
 
     def _report(self, value: Any, problem: BaseException | None) -> None:
         """On the event loop: the tool's code has ended. Whatever ending it raises, whoever waits is told."""

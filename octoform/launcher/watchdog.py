@@ -1,16 +1,21 @@
-"""An async tool that blocks the event loop stops everybody: no deadline comes, no other client is answered.
+"""Generated code that blocks the event loop stops everybody: no deadline comes, no other client is answered.
 
-A thread looks every now and then whether a call on the loop is over its deadline. Only then, if the loop does not turn
-and the frame of that very call stands on the main thread, a signal is sent whose handler raises inside the tool. A
-signal also ends a system call that waits, which an exception alone cannot.
+A thread asks the loop for a turn again and again. When none comes, the main thread's stack says whose fault it is, and
+a signal is sent whose handler raises there; a signal also ends a system call that waits, which an exception alone
+cannot. It raises only where generated code runs, or what that called: never while this package's own code does, which
+then ends what it began, and never in another call than the one that was found.
 """
 
 import asyncio
 import logging
+import os
 import signal
 import sys
 import threading
 import time
+from collections import deque
+from dataclasses import dataclass
+from pathlib import Path
 from types import CodeType, FrameType
 from typing import Any, Protocol
 
@@ -18,14 +23,39 @@ from .workers import Interrupted
 
 LOG = logging.getLogger("octoform.launcher")
 EVERY = 0.5
-"""Seconds between two looks, and what a loop has for one turn."""
+"""Seconds between two looks, and what a loop has for one turn when a call on it is over its time."""
+BLOCKED_SECONDS = 2.0
+"""What a loop has for one turn else. Counted in looks, so that a machine that slept or had no time blames nobody."""
+_LOOP = asyncio.Handle._run.__code__
+"""Where the event loop calls what is ready."""
+_PACKAGE = f"{Path(__file__).parent}{os.sep}"
+
+
+class Blocked(Exception):
+    """Raised in generated code that our own code had called, as any exception of that code might have been."""
 
 
 class Overdue(Protocol):
-    """A call on the event loop with its deadline (monotonic seconds)."""
+    """A call on the event loop with its deadline (monotonic seconds); ``blocked`` once it was interrupted before."""
 
     deadline: float
     tool: str
+    blocked: bool
+
+
+@dataclass(frozen=True, slots=True)
+class Fault:
+    """Generated code on the main thread: the call that it runs for, else its outermost frame, and what ends it."""
+
+    owner: object
+    call: Any
+    raised: type[BaseException]
+    where: str
+
+    @property
+    def overdue(self) -> bool:
+        """True when it is a call whose time is over."""
+        return self.call is not None and time.monotonic() > self.call.deadline
 
 
 class Watchdog:
@@ -34,15 +64,21 @@ class Watchdog:
     def __init__(self) -> None:
         self._calls: set[Any] = set()
         self._frames: frozenset[CodeType] = frozenset()
-        self._loop: asyncio.AbstractEventLoop | None = None
-        self._thread: threading.Thread | None = None
+        self._generated: str | None = None
         self._ended = threading.Event()
+        self._suspect: object = None
+        self._blocked = False
+        self._done: deque[Fault] = deque()
 
     def watch(self, call: Overdue) -> None:
         self._calls.add(call)
 
     def forget(self, call: Overdue) -> None:
         self._calls.discard(call)
+
+    def cover(self, folder: Path) -> None:
+        """Files below ``folder`` are generated code, whoever runs it: also a task that a tool left behind."""
+        self._generated = str(folder) + os.sep
 
     def arm(self, frames: frozenset[CodeType]) -> bool:
         """Watch the running loop; ``frames`` are the functions that a tool runs in, with its call as ``work``.
@@ -51,54 +87,94 @@ class Watchdog:
         """
         if threading.current_thread() is not threading.main_thread():
             return False
+        self.disarm()
         self._frames = frames
-        self._loop = asyncio.get_running_loop()
+        self._ended = threading.Event()
         signal.signal(signal.SIGUSR2, self._handle)
-        if self._thread is None or not self._thread.is_alive():
-            self._ended.clear()
-            self._thread = threading.Thread(target=self._look, name="watchdog", daemon=True)
-            self._thread.start()
+        looks = (asyncio.get_running_loop(), self._ended)
+        threading.Thread(target=self._look, args=looks, name="watchdog", daemon=True).start()
         return True
 
     def disarm(self) -> None:
         """Watch no more."""
         self._ended.set()
 
-    def _look(self) -> None:
-        while not self._ended.wait(EVERY):
-            loop = self._loop
-            if loop is None or not self._overdue() or loop.is_closed() or self._turns(loop):
+    def _look(self, loop: asyncio.AbstractEventLoop, ended: threading.Event) -> None:
+        turned, silent = _asked(loop), 0
+        while not ended.wait(EVERY):
+            self._tell()
+            if turned.is_set():
+                turned, silent = _asked(loop), 0
                 continue
-            if self._guilty(sys._current_frames().get(threading.main_thread().ident or 0)) is not None:
-                signal.pthread_kill(threading.main_thread().ident or 0, signal.SIGUSR2)
+            silent += 1
+            blocked = silent * EVERY >= BLOCKED_SECONDS
+            if blocked or self._overdue():
+                self._accuse(blocked)
+
+    def _accuse(self, blocked: bool) -> None:
+        """Interrupt whose code stands on the main thread: any when it is ``blocked``, else a call over its time."""
+        main = threading.main_thread().ident or 0
+        fault = self._fault(sys._current_frames().get(main))
+        if fault is not None and (blocked or fault.overdue):
+            self._blocked, self._suspect = blocked, fault.owner
+            signal.pthread_kill(main, signal.SIGUSR2)
 
     def _overdue(self) -> bool:
         now = time.monotonic()
         return any(now > call.deadline for call in tuple(self._calls))
 
-    def _turns(self, loop: asyncio.AbstractEventLoop) -> bool:
-        turned = threading.Event()
-        try:
-            loop.call_soon_threadsafe(turned.set)
-        except RuntimeError:  # closed in this moment
-            return True
-        return turned.wait(EVERY)
-
-    def _guilty(self, frame: FrameType | None) -> Any:
-        """The overdue call in whose code the main thread is; None when it is anywhere else."""
-        while frame is not None:
-            if frame.f_code in self._frames:
-                work: Any = frame.f_locals.get("work")
-                return work if work in self._calls and time.monotonic() > work.deadline else None
-            frame = frame.f_back
-        return None
+    def _fault(self, frame: FrameType | None) -> Fault | None:
+        """Whose code the main thread is in; None while it is our own, the loop's, or a library's that we called."""
+        outermost, where, generated = None, "", False
+        while frame is not None and not _is_ours(frame) and frame.f_code is not _LOOP:
+            if self._generated is not None and frame.f_code.co_filename.startswith(self._generated):
+                generated = True
+                where = where or f"{frame.f_code.co_filename}:{frame.f_lineno}"
+            outermost, frame = frame, frame.f_back
+        if outermost is None:
+            return None
+        caller = frame
+        while caller is not None and _is_ours(caller):
+            if caller.f_code in self._frames:
+                work: Any = caller.f_locals.get("work")
+                return Fault(work, work, Interrupted, where) if work in self._calls else None
+            caller = caller.f_back
+        if not generated:
+            return None
+        called = frame is not None and frame.f_code is not _LOOP
+        return Fault(outermost, None, Blocked if called else Interrupted, where)
 
     def _handle(self, _: int, frame: FrameType | None) -> None:
-        """In the main thread, between two of its instructions."""
-        work = self._guilty(frame)
-        if work is not None:
-            LOG.error("the tool %s blocked every other call and is over its time: it was interrupted", work.tool)
-            raise Interrupted
+        """In the main thread, between two of its instructions. Nothing is written here: it may be in a write."""
+        suspect, self._suspect = self._suspect, None
+        fault = self._fault(frame)
+        if fault is None or fault.owner is not suspect or not (self._blocked or fault.overdue):
+            return  # it went on in the meantime
+        if fault.call is not None and not fault.overdue:
+            fault.call.blocked = True
+        self._done.append(fault)
+        raise fault.raised
+
+    def _tell(self) -> None:
+        """In the watching thread: what was interrupted since the last look."""
+        while self._done:
+            fault = self._done.popleft()
+            who = f"the tool {fault.call.tool}" if fault.call is not None else "code that a tool left behind"
+            LOG.error("%s blocked every other call and was interrupted %s", who, fault.where and f"at {fault.where}")
+
+
+def _is_ours(frame: FrameType) -> bool:
+    return frame.f_code.co_filename.startswith(_PACKAGE)
+
+
+def _asked(loop: asyncio.AbstractEventLoop) -> threading.Event:
+    """An event that is set once the loop turns; at once when the loop is closed."""
+    turned = threading.Event()
+    try:
+        loop.call_soon_threadsafe(turned.set)
+    except RuntimeError:
+        turned.set()
+    return turned
 
 
 WATCHDOG = Watchdog()

@@ -31,6 +31,7 @@ _OUTCOMES = {
     "asks": ("asks", "{tool} asks its caller something"),
     "invalid_result": ("failed", "{tool} answered after {ms} ms with what is no result of it"),
     "too_large": ("failed", "{tool} answered with a result of {bytes} bytes or more, which is too large"),
+    "blocked": ("interrupted", "{tool} held up every other call, after {ms} ms"),
     "timeout": ("interrupted", "{tool} was not done after {ms} ms"),
     "cancelled": ("interrupted", "{tool} was given up by its caller after {ms} ms"),
     "estop": ("interrupted", "{tool} was interrupted by the emergency stop after {ms} ms"),
