@@ -362,7 +362,7 @@ class Gate(Middleware):
         self._running.discard(call)
         if call.holder is not None:
             release(call.entry.queues, call.holder)
-        if call.answered:
+        if call.answered and call.work is not None and call.work.begun:
             took = round((time.monotonic() - call.began) * 1000, 2)
             self._records.write("ended", call=call.identity, tool=call.entry.name, ms=took)
 
