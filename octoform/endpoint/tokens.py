@@ -2,7 +2,8 @@
 
 The process that serves reads the digests (`tokens.json`) before each request, so a change counts at once. Values are
 kept beside it, one private file each, because a client's configuration points to them; only what is asked for a value
-shows one. Light.
+shows one. Each change is a record of the audit log: a new way in is made only when that is written, and one is closed
+in any case. Light.
 """
 
 import contextlib
@@ -18,13 +19,16 @@ from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import Any
 
-from octoform.diagnostics import Diagnostic, did_you_mean, error
+from octoform.diagnostics import Diagnostic, did_you_mean, error, warning
+from octoform.endpoint import offline
 from octoform.state.files import write_atomic
 from octoform.state.layout import Layout
 
 RECORD = "tokens.json"
 VALUES = "tokens"
 DEFAULT = "default"
+APPLY = "octoform apply"
+"""Who made the first token."""
 EFFECTS = ("read", "actuate", "irreversible")
 PREFIX = "octoform_"
 """Begins every value, so that whoever finds one knows what it opens."""
@@ -84,9 +88,9 @@ def listed(layout: Layout) -> tuple[tuple[Token, ...], list[Diagnostic]]:
 
 
 def create(
-    layout: Layout, name: str, effects: Sequence[str], seconds: float | None
+    layout: Layout, name: str, effects: Sequence[str], seconds: float | None, by: str = APPLY
 ) -> tuple[Made | None, list[Diagnostic]]:
-    """Make a token that may call tools of ``effects`` and ends after ``seconds`` (None: never)."""
+    """Make a token that may call tools of ``effects`` and ends after ``seconds`` (None: never); ``by`` did so."""
     found = _wrong(name, effects)
     if found:
         return None, found
@@ -100,10 +104,12 @@ def create(
         now = datetime.now(UTC)
         ends = None if seconds is None else _text(now + timedelta(seconds=seconds))
         ordered = tuple(effect for effect in EFFECTS if effect in effects)
-        return _keep(layout, tokens, Token(name, "", ordered, _text(now), ends))
+        token = Token(name, "", ordered, _text(now), ends)
+        refused = _recorded(layout, "token_created", token, by)
+        return (None, [refused]) if refused is not None else _keep(layout, tokens, token)
 
 
-def rotate(layout: Layout, name: str) -> tuple[Made | None, list[Diagnostic]]:
+def rotate(layout: Layout, name: str, by: str) -> tuple[Made | None, list[Diagnostic]]:
     """Give a token a new value; the old one ends, with all that it has open. Name, effects and end stay."""
     with _alone(layout):
         tokens, found = listed(layout)
@@ -113,19 +119,25 @@ def rotate(layout: Layout, name: str) -> tuple[Made | None, list[Diagnostic]]:
         if known[name].ended:
             hint = f"octoform token revoke {name}, then octoform token create {name}"
             return None, [error("TOKEN-ENDED", f"the token {name!r} ended {known[name].expires}", hint=hint)]
+        refused = _recorded(layout, "token_rotated", known[name], by)
+        if refused is not None:
+            return None, [refused]
         return _keep(layout, [token for token in tokens if token.name != name], known[name])
 
 
-def revoke(layout: Layout, name: str) -> list[Diagnostic]:
-    """End a token, with all that it has open."""
+def revoke(layout: Layout, name: str, by: str) -> list[Diagnostic]:
+    """End a token, with all that it has open; a warning when only the record of it could not be written."""
     with _alone(layout):
         tokens, found = listed(layout)
-        if found or all(token.name != name for token in tokens):
+        known = {token.name: token for token in tokens}
+        if found or name not in known:
             return found or [_unknown(name, tokens)]
         refused = _write(layout, [token for token in tokens if token.name != name])
-        if refused is None:
-            path_of(layout, name).unlink(missing_ok=True)
-        return [] if refused is None else [refused]
+        if refused is not None:
+            return [refused]
+        path_of(layout, name).unlink(missing_ok=True)
+        unwritten = _recorded(layout, "token_revoked", known[name], by)
+        return [] if unwritten is None else [warning(unwritten.code, unwritten.summary, detail=unwritten.detail)]
 
 
 def value_of(layout: Layout, name: str) -> tuple[str | None, list[Diagnostic]]:
@@ -151,6 +163,17 @@ def _alone(layout: Layout) -> Iterator[None]:
         yield
     finally:
         os.close(descriptor)
+
+
+def _recorded(layout: Layout, event: str, token: Token, by: str) -> Diagnostic | None:
+    """Write into the audit log what is done to a token, whether a process runs or not."""
+    fields = {"token": token.name, "effects": list(token.effects), "expires": token.expires, "by": by}
+    answer = offline.ask(layout, "note", {"event": event, **fields})
+    if answer["ok"]:
+        return None
+    text = f"the audit log has no record of what was done to the token {token.name!r}"
+    hint = "nothing was changed; octoform audit -verify tells of the log"
+    return error("TOKEN-NOT-RECORDED", text, detail="; ".join(map(str, answer["problems"])), hint=hint)
 
 
 def _keep(layout: Layout, others: Sequence[Token], token: Token) -> tuple[Made | None, list[Diagnostic]]:

@@ -10,6 +10,7 @@ import sys
 from dataclasses import dataclass
 
 from octoform.diagnostics import Diagnostic, error
+from octoform.endpoint import offline
 from octoform.endpoint.control import ask
 from octoform.state.layout import Layout
 
@@ -36,10 +37,10 @@ def allow(layout: Layout) -> None:
     (layout.run / REVOKED).unlink(missing_ok=True)
 
 
-def revoke(layout: Layout) -> tuple[Revocation | None, list[Diagnostic]]:
-    """End the tunnel for good; a Revocation only when it is proved to be gone."""
+def revoke(layout: Layout, by: str) -> tuple[Revocation | None, list[Diagnostic]]:
+    """End the tunnel for good, as ``by`` wants; a Revocation only when it is proved to be gone."""
     layout.run.mkdir(mode=0o700, parents=True, exist_ok=True)
-    told = ask(layout, {"op": "revoke_tunnel"}, ASK_SECONDS)
+    told = ask(layout, {"op": "revoke_tunnel", "by": by}, ASK_SECONDS)
     # In isolated mode, by the module's name: the launcher is no part of the core, and its word is read as text.
     command = [sys.executable, "-I", "-m", "octoform.launcher.revoking", str(layout.run)]
     try:
@@ -48,6 +49,9 @@ def revoke(layout: Layout) -> tuple[Revocation | None, list[Diagnostic]]:
         proved = done.returncode == 0 and found["proved"] is True
     except (OSError, subprocess.TimeoutExpired, ValueError, LookupError, TypeError) as problem:
         return None, [_not_proved(f"the proof could not be made: {problem}")]
+    if (told is None or "proved" not in told) and found["pid"] is not None:
+        # No process has written it. The tunnel is gone either way, so a log that cannot be written changes nothing.
+        offline.ask(layout, "note", {"event": "tunnel_revoked", "by": by, **found})
     if not proved:
         return None, [_not_proved(_left(found))]
     first = told if told is not None and "proved" in told else found

@@ -9,6 +9,7 @@ from octoform.endpoint import tokens
 from octoform.endpoint.tokens import Made, Token
 from octoform.endpoint.tunnel import Revocation
 from octoform.endpoint.tunnel import revoke as end_tunnel
+from octoform.engine.guarding import person
 from octoform.engine.serving import layout_of
 
 Environ = Mapping[str, str]
@@ -27,7 +28,7 @@ def create_token(
 ) -> tuple[Made | None, list[Diagnostic]]:
     """Make a token."""
     layout, found = layout_of(project, environ)
-    return (None, found) if layout is None else tokens.create(layout, name, effects, seconds)
+    return (None, found) if layout is None else tokens.create(layout, name, effects, seconds, person())
 
 
 def list_tokens(project: Path, environ: Environ) -> tuple[tuple[Token, ...] | None, list[Diagnostic]]:
@@ -51,16 +52,16 @@ def show_token(project: Path, environ: Environ, name: str) -> tuple[Shown | None
 def rotate_token(project: Path, environ: Environ, name: str) -> tuple[Made | None, list[Diagnostic]]:
     """Give a token a new value."""
     layout, found = layout_of(project, environ)
-    return (None, found) if layout is None else tokens.rotate(layout, name)
+    return (None, found) if layout is None else tokens.rotate(layout, name, person())
 
 
 def revoke_token(project: Path, environ: Environ, name: str) -> list[Diagnostic]:
     """End a token."""
     layout, found = layout_of(project, environ)
-    return found if layout is None else tokens.revoke(layout, name)
+    return found if layout is None else tokens.revoke(layout, name, person())
 
 
 def revoke_tunnel(project: Path, environ: Environ) -> tuple[Revocation | None, list[Diagnostic]]:
     """End the tunnel, and find proof that it is gone."""
     layout, found = layout_of(project, environ)
-    return (None, found) if layout is None else end_tunnel(layout)
+    return (None, found) if layout is None else end_tunnel(layout, person())

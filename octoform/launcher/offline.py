@@ -1,4 +1,5 @@
-"""What a person can do to the endpoint while no process answers: stop, clear, look at the limits, set them back.
+"""What a person can do to the endpoint while no process answers: stop, clear, look at the limits, set them back, and
+leave a record of what was done beside it.
 
 A program: ``python -I offline.py VERB ENDPOINT-FOLDER [JSON]``; one JSON object on standard output, exit status 0 when
 its ``ok`` is true. It needs no serving environment, only the standard library, this folder, and the runtime beside it
@@ -19,8 +20,9 @@ _PACKAGE = "octoform_launcher"
 
 
 def main(arguments: list[str]) -> int:
-    """``stop``, ``clear`` ({"by", "reason"}), ``limits``, ``reset`` ({"tool", "by"}; tool null is all)."""
-    verbs = {"stop": _stop, "clear": _clear, "limits": _limits, "reset": _reset}
+    """``stop``, ``clear`` ({"by", "reason"}), ``limits``, ``reset`` ({"tool", "by"}; tool null is all), ``note``
+    ({"event", ...}: a record with these fields)."""
+    verbs = {"stop": _stop, "clear": _clear, "limits": _limits, "reset": _reset, "note": _note}
     if not 2 <= len(arguments) <= 3 or arguments[0] not in verbs:
         print(f"usage: offline.py {'|'.join(verbs)} FOLDER [JSON]", file=sys.stderr)
         return 2
@@ -66,6 +68,14 @@ def _reset(folder: Path, asked: Mapping[str, Any]) -> dict[str, Any]:
     except KeyError:
         return {"ok": False, "problems": [f"{tool} is no tool of this endpoint"], "unknown": True}
     except (OSError, policy.PolicyInvalid) as problem:
+        return {"ok": False, "problems": [str(problem)]}
+    return {"ok": True, "problems": []}
+
+
+def _note(folder: Path, asked: Mapping[str, Any]) -> dict[str, Any]:
+    try:
+        _log(folder).write(asked["event"], **{name: value for name, value in asked.items() if name != "event"})
+    except OSError as problem:
         return {"ok": False, "problems": [str(problem)]}
     return {"ok": True, "problems": []}
 

@@ -135,6 +135,13 @@ def _tunnel(record: Record) -> list[str]:
     return ["revoked", f"the tunnel {record.get('url') or ''} was ended{by}, {proof}".replace("  ", " ")]
 
 
+def _token(record: Record) -> list[str]:
+    done = {"token_created": "was made", "token_rotated": "got a new value", "token_revoked": "was revoked"}
+    may = ", ".join(map(str, record["effects"]))
+    until = f" until {record['expires']}" if record.get("expires") else ""
+    return ["token", f"the token {record['token']} ({may}{until}) {done[record['event']]} by {record['by']}"]
+
+
 def _stuck(record: Record) -> list[str]:
     keeps = f", and keeps {', '.join(record['buses'])}" if record.get("buses") else ""
     return ["STUCK", f"{record['tool']} was stopped and goes on{keeps}; octoform restart ends it"]
@@ -150,6 +157,9 @@ _EVENTS: Mapping[str, Callable[[Record], list[str]]] = {
     "estop_cleared": _cleared,
     "limits_reset": _reset,
     "tunnel_revoked": _tunnel,
+    "token_created": _token,
+    "token_rotated": _token,
+    "token_revoked": _token,
     "started": lambda record: ["started", f"the endpoint started, scope {record['scope']}"],
     "stopped": lambda _: ["stopped", "the endpoint stopped"],
     "audit_rotated": lambda record: [

@@ -11,7 +11,9 @@ from typing import Any
 import pytest
 
 from octoform.cli.main import main
+from octoform.diagnostics import Severity
 from octoform.endpoint import tokens
+from octoform.engine.guarding import person
 from octoform.launcher.tokens import Tokens
 from octoform.state.layout import Layout
 
@@ -51,11 +53,11 @@ def test_value_opens_the_door_until_the_token_ends(layout: Layout) -> None:
     assert found is not None
     assert (found.name, found.effects, found.expires) == ("laptop", {"read", "actuate"}, None)
     assert door.find(value + "x") is None
-    second, problems = tokens.rotate(layout, "laptop")
+    second, problems = tokens.rotate(layout, "laptop", "test")
     assert second is not None, problems
     assert second.value != value
     assert (door.find(value), door.find(second.value) is not None) == (None, True)
-    assert tokens.revoke(layout, "laptop") == []
+    assert tokens.revoke(layout, "laptop", "test") == []
     assert door.find(second.value) is None
     assert door.valid() == frozenset()
 
@@ -78,7 +80,7 @@ def test_value_is_private_and_only_its_digest_is_in_the_record(layout: Layout) -
     ):
         assert stat.S_IMODE(private.stat().st_mode) == mode, private
     assert value not in (layout.run / "tokens.json").read_text()
-    tokens.revoke(layout, "laptop")
+    tokens.revoke(layout, "laptop", "test")
     assert not path.exists()
 
 
@@ -99,8 +101,49 @@ def test_ended_token_is_listed_and_cannot_be_rotated(layout: Layout) -> None:
     made(layout, "guest", seconds=-1)
     listed, _ = tokens.listed(layout)
     assert [(token.name, token.ended) for token in listed] == [("guest", True)]
-    _, problems = tokens.rotate(layout, "guest")
+    _, problems = tokens.rotate(layout, "guest", "test")
     assert [item.code for item in problems] == ["TOKEN-ENDED"]
+
+
+def records(layout: Layout) -> list[dict[str, Any]]:
+    return [json.loads(line) for line in (layout.logs / "audit.jsonl").read_text().splitlines()]
+
+
+def test_each_change_is_on_the_audit_log_without_the_value(project: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    layout = Layout(project, "bench")
+    assert octoform(project, "token", "create", "laptop", "-effects", "read,actuate") == 0
+    first, _ = tokens.value_of(layout, "laptop")
+    assert octoform(project, "token", "rotate", "laptop") == 0
+    second, _ = tokens.value_of(layout, "laptop")
+    assert octoform(project, "token", "revoke", "laptop") == 0
+    assert octoform(project, "token", "revoke", "laptop") == 1
+    told = [(each["event"], each["token"], each["effects"]) for each in records(layout)]
+    effects = ["read", "actuate"]
+    assert told == [(f"token_{what}", "laptop", effects) for what in ("created", "rotated", "revoked")]
+    assert {each["by"] for each in records(layout)} == {person()}
+    text = (layout.logs / "audit.jsonl").read_text()
+    assert first and second and first not in text and second not in text
+    capsys.readouterr()
+    assert octoform(project, "audit") == 0
+    assert f"the token laptop (read, actuate) got a new value by {person()}" in " ".join(
+        capsys.readouterr().out.split()
+    )
+    assert octoform(project, "audit", "-verify") == 0
+
+
+def test_nothing_is_opened_without_a_record_and_everything_closed(layout: Layout) -> None:
+    value = made(layout, "laptop")
+    log = layout.logs / "audit.jsonl"
+    log.unlink()
+    log.mkdir()  # as unwritable as a full disk
+    found, problems = tokens.create(layout, "other", ("read",), None, "test")
+    assert (found, [item.code for item in problems]) == (None, ["TOKEN-NOT-RECORDED"])
+    found, problems = tokens.rotate(layout, "laptop", "test")
+    assert (found, [item.code for item in problems]) == (None, ["TOKEN-NOT-RECORDED"])
+    assert served(layout).find(value) is not None
+    [problem] = tokens.revoke(layout, "laptop", "test")
+    assert (problem.code, problem.severity) == ("TOKEN-NOT-RECORDED", Severity.WARNING)
+    assert served(layout).valid() == frozenset()
 
 
 def test_first_token_is_made_once(layout: Layout) -> None:
@@ -112,7 +155,7 @@ def test_first_token_is_made_once(layout: Layout) -> None:
     found = served(layout).find(value)
     assert found is not None
     assert found.effects == {"read", "actuate", "irreversible"}
-    tokens.revoke(layout, "default")
+    tokens.revoke(layout, "default", "test")
     tokens.ensure_default(layout)
     assert tokens.listed(layout) == ((), [])
 
@@ -175,10 +218,10 @@ def test_damaged_record_is_not_overwritten(layout: Layout) -> None:
     (layout.run / "tokens.json").write_text("{")
     for _, problems in (
         tokens.create(layout, "other", ("read",), None),
-        tokens.rotate(layout, "laptop"),
+        tokens.rotate(layout, "laptop", "test"),
         tokens.value_of(layout, "laptop"),
         tokens.listed(layout),
-        (None, tokens.revoke(layout, "laptop")),
+        (None, tokens.revoke(layout, "laptop", "test")),
     ):
         assert [item.code for item in problems] == ["TOKEN-FILE"]
     assert (layout.run / "tokens.json").read_text() == "{"

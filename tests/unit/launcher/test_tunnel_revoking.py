@@ -17,6 +17,7 @@ from web_doors import until
 
 from octoform.cli.main import main
 from octoform.endpoint import tunnel
+from octoform.engine.guarding import person
 from octoform.launcher import revoking
 from octoform.launcher.owner import boot, start_of
 
@@ -104,6 +105,8 @@ def test_tunnel_that_outlived_its_endpoint_is_ended(tmp_path: Path, capsys: pyte
         assert main([f"-chdir={tmp_path}", "revoke"]) == 0
         assert left.wait(10) == -signal.SIGTERM
         assert f"no process of it lives (pid {left.pid})" in capsys.readouterr().out
+        [noted] = [json.loads(line) for line in (run.parent / "log" / "audit.jsonl").read_text().splitlines()]
+        assert (noted["event"], noted["by"], noted["proved"]) == ("tunnel_revoked", person(), True)
     finally:
         left.kill()
         left.wait()
