@@ -1,7 +1,7 @@
 """What the gate adds to a call: the server's CPU per call with and without it, in one run, in turns.
 
 Both servers are the same FastMCP server over HTTP, with a blocking and an async tool; one has all of the launcher's
-middleware in front (gate with policy, limits, bus, audit log and output schema; listing, resources, notifications). The
+middleware in front (gate with policy, limits, bus, audit log with its witness and output schema; listing, resources, notifications). The
 client is plain HTTP in this process, so its cost stays out of the figures, which come from /proc. Bound: 10 % more CPU
 per call than the bare server, for each tool and era.
 """
@@ -63,7 +63,8 @@ async def main(port, folder):
         ledger, latch = Ledger(rules, place / "limits.json"), Latch(place / "estop.json")
         described = [{"name": name, "effect": "read", "devices": ["usb-1"]} for name in tools]
         shown = offer(mcp, [{"id": "usb-1", "name": "meter", "category": "meter"}], described, rules)
-        gate = Gate(rules, ledger, Audit.open(place), latch, shown.presence)
+        audit = Audit.open(place, witness=place / "audit.witness")
+        gate = Gate(rules, ledger, audit, latch, shown.presence)
         mcp.add_middleware(gate)
         await gate.arm(mcp)
     app = mcp.http_app()
