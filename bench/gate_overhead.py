@@ -1,9 +1,9 @@
 """What the gate adds to a call: the server's CPU per call with and without it, in one run, in turns.
 
 Both servers are the same FastMCP server over HTTP, with a blocking and an async tool; one has all of the launcher's
-middleware in front (gate with policy, limits, bus, audit log with its witness and output schema; listing, resources, notifications). The
-client is plain HTTP in this process, so its cost stays out of the figures, which come from /proc. Bound: 10 % more CPU
-per call than the bare server, for each tool and era.
+middleware in front (gate with policy, limits, bus, audit log with its witness and output schema; listing, resources,
+notifications). The client is plain HTTP in this process, so its cost stays out of the figures, which come from /proc.
+Bound: 10 % more CPU per call than the bare server, for each tool and era.
 """
 
 import http.client
