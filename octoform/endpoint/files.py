@@ -5,6 +5,7 @@ Light: used by the observation that every plan makes.
 
 import json
 import os
+import stat
 from pathlib import Path
 from typing import Any
 
@@ -53,6 +54,22 @@ def private_folder(path: Path) -> Path:
         path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
         path.mkdir(mode=0o700, exist_ok=True)
     return path
+
+
+def not_ours(folder: Path) -> str | None:
+    """Why nothing may be written below the folder: a link or another user's; None when it is ours, or not there.
+
+    Whether it is open to others is looked at, and repaired, by the process that is started.
+    """
+    try:
+        status = folder.lstat()
+    except FileNotFoundError:
+        return None
+    if stat.S_ISLNK(status.st_mode):
+        return f"{folder} is a link; a folder has to stand there"
+    if status.st_uid != os.geteuid():
+        return f"{folder} belongs to another user (uid {status.st_uid}); nothing of it can be trusted"
+    return None
 
 
 def read_manifest(layout: Layout) -> dict[str, Any] | None:

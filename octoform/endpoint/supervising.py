@@ -17,7 +17,7 @@ from typing import Protocol
 
 from octoform.diagnostics import Diagnostic, error
 from octoform.endpoint import systemd
-from octoform.endpoint.files import LAUNCHER
+from octoform.endpoint.files import LAUNCHER, not_ours
 from octoform.endpoint.running import MARK, Running, is_it, running
 from octoform.endpoint.sockets import connect
 from octoform.state.layout import Layout
@@ -26,6 +26,8 @@ START_SECONDS = 45.0
 """For a start on a small board; a second or two elsewhere."""
 STOP_SECONDS = 8.0
 """What a graceful end may take before a firm one."""
+LARGE_LOG = 10_000_000
+"""Bytes of the process's own log above which a start begins a new one."""
 PASSED = ("HOME", "PATH", "LANG", "LC_ALL", "TMPDIR", "TZ", "USER", "LOGNAME", "XDG_RUNTIME_DIR")
 """Variables that the process gets of whoever starts it: no secrets, and the same from every place."""
 _STEP = 0.02
@@ -47,6 +49,9 @@ def start(layout: Layout, seconds: float = START_SECONDS) -> tuple[Running | Non
     if not (layout.endpoint / LAUNCHER).is_file():
         hint = "run octoform apply, which builds it"
         return None, error("ENDPOINT-NOT-APPLIED", f"{layout.host} has no endpoint yet", hint=hint)
+    for folder in (layout.run, layout.logs):
+        if foreign := not_ours(folder):
+            return None, error("ENDPOINT-START-FAILED", "the endpoint is not started", detail=foreign)
     with _turn(layout):
         found = running(layout)
         if found is not None and accepts(layout):
@@ -113,7 +118,7 @@ def _gone(process: Running, end: float) -> bool:
 def _turn(layout: Layout) -> Iterator[None]:
     """One start at a time; the kernel gives the lock back when its holder dies."""
     layout.run.mkdir(mode=0o700, parents=True, exist_ok=True)
-    with (layout.run / "start.lock").open("wb") as file:
+    with os.fdopen(_private(layout.run / "start.lock"), "ab") as file:
         fcntl.flock(file, fcntl.LOCK_EX)
         yield
 
@@ -156,6 +161,7 @@ class _Detached:
 
 def _start(layout: Layout, end: float) -> tuple[Running | None, Diagnostic | None]:
     layout.logs.mkdir(mode=0o700, parents=True, exist_ok=True)
+    _set_aside(layout.server_log)
     with os.fdopen(_private(layout.server_log), "ab") as log:
         mark = log.tell()
     begun: _Begun = systemd.started(layout) or _Detached(layout)
@@ -171,8 +177,17 @@ def _start(layout: Layout, end: float) -> tuple[Running | None, Diagnostic | Non
     return None, _failed(layout, mark, "it takes no clients")
 
 
+def _set_aside(log: Path) -> None:
+    """A log that has grown large makes room for a new one; the one that was set aside before is gone then."""
+    try:
+        if log.lstat().st_size > LARGE_LOG:
+            log.rename(log.with_name(f"{log.name}.1"))
+    except FileNotFoundError:
+        return
+
+
 def _private(path: Path) -> int:
-    return os.open(path, os.O_WRONLY | os.O_APPEND | os.O_CREAT | os.O_CLOEXEC, 0o600)
+    return os.open(path, os.O_WRONLY | os.O_APPEND | os.O_CREAT | os.O_CLOEXEC | os.O_NOFOLLOW, 0o600)
 
 
 def _failed(layout: Layout, mark: int, why: str) -> Diagnostic:

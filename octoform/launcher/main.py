@@ -9,6 +9,7 @@ from pathlib import Path
 from .addresses import NoAddressError
 from .audit import AuditFailed
 from .descriptor import RefusedError, read, untouched
+from .folders import NotOursError, private
 from .owner import Owner
 from .policy import PolicyInvalid
 from .saying import Said, say
@@ -28,6 +29,8 @@ def main(folder: Path) -> int:
     try:
         untouched(folder)
         descriptor = read(folder)
+        for kept in (descriptor.run, descriptor.log):
+            private(kept)
         owner = Owner.take(descriptor.run)
         if owner is None:
             say("another process serves this endpoint already")
@@ -40,7 +43,7 @@ def main(folder: Path) -> int:
         from .loading import load
 
         endpoint = Endpoint(descriptor, owner, load(descriptor))
-    except (RefusedError, PolicyInvalid, AuditFailed) as problem:
+    except (RefusedError, NotOursError, PolicyInvalid, AuditFailed) as problem:
         return _refuse(problem)
     status = 0
     try:

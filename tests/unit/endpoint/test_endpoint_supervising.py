@@ -83,6 +83,20 @@ def test_a_second_owner_is_refused(bench: Launched) -> None:
     assert done.stderr.partition(" ")[2] == "octoform: another process serves this endpoint already\n"
 
 
+def test_a_log_that_grew_large_is_set_aside(bench: Launched, monkeypatch: pytest.MonkeyPatch) -> None:
+    log = bench.layout.server_log
+    bench.stop()
+    log.write_text("what was printed\n")
+    bench.start()
+    assert log.read_text().startswith("what was printed\n")
+    bench.stop()
+    monkeypatch.setattr(supervising, "LARGE_LOG", 16)
+    bench.start()
+    assert (bench.layout.logs / "server.log.1").read_text().startswith("what was printed\n")
+    assert "what was printed" not in log.read_text()
+    assert log.stat().st_mode & 0o777 == 0o600
+
+
 def test_scope_local_has_no_socket_of_a_network(bench: Launched) -> None:
     assert network_sockets(bench.process.pid) == []
 
