@@ -85,11 +85,18 @@ def test_many_calls_at_once_lose_nothing(bench: Launched) -> None:
             return sum(await asyncio.gather(*(adds(client, 1000 * at, 50) for at, client in enumerate(clients))))
 
     assert asyncio.run(flood()) == 32 * 50
-    added = [json.loads(line) for line in records.read_bytes().splitlines()[before:]]
-    decided = [entry["call"] for entry in added if entry["event"] == "decision"]
-    ended = [entry["call"] for entry in added if entry["event"] == "outcome"]
+
+    def named(event: str) -> list[str]:
+        added = [json.loads(line) for line in records.read_bytes().splitlines()[before:]]
+        return [entry["call"] for entry in added if entry["event"] == event]
+
+    decided = named("decision")
     assert len(set(decided)) == len(decided) == 32 * 50
-    assert sorted(decided) == sorted(ended)
+    deadline = time.monotonic() + 10
+    while len(named("outcome")) < 32 * 50:  # those of readings follow in a moment
+        assert time.monotonic() < deadline, "outcomes are missing"
+        time.sleep(0.05)
+    assert sorted(decided) == sorted(named("outcome"))
 
 
 @pytest.mark.parametrize("name", ["hang", "block"])
