@@ -6,7 +6,6 @@ cannot be understood lets nobody in, because the last good reading may hold a to
 
 import hashlib
 import json
-import sys
 import threading
 import time
 from collections.abc import Callable, Mapping
@@ -14,6 +13,8 @@ from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
 from typing import Any
+
+from .saying import say
 
 FORMAT = 1
 
@@ -77,10 +78,10 @@ class Tokens:
                 raise ValueError("another format")
             tokens = [_token(item) for item in document["tokens"]]
         except FileNotFoundError:
-            _say("there are no tokens, so nobody gets in over the network; octoform token create makes one")
+            say("there are no tokens, so nobody gets in over the network; octoform token create makes one")
             return {}
         except (OSError, ValueError, LookupError, TypeError, AttributeError) as problem:
-            _say(f"the tokens cannot be read ({problem!r}), so nobody gets in over the network: {self._path}")
+            say(f"the tokens cannot be read ({problem!r}), so nobody gets in over the network: {self._path}")
             return {}
         return {token.digest: token for token in tokens}
 
@@ -97,7 +98,3 @@ def _token(item: Mapping[str, Any]) -> Token:
     if len(bytes.fromhex(digest)) != 32:
         raise ValueError("a digest must be a SHA-256")
     return Token(str(item["name"]), digest, frozenset(effects), None if expires is None else expires.timestamp())
-
-
-def _say(text: str) -> None:
-    print(f"octoform: {text}", file=sys.stderr, flush=True)

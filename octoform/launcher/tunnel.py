@@ -25,6 +25,7 @@ from urllib.parse import urlsplit
 from . import owner, revoking
 from .owner import boot, start_of
 from .revoking import MARK, Proof
+from .saying import say
 
 FIRST_DELAY, LONGEST_DELAY = 1.0, 300.0
 STEADY_SECONDS = 60.0
@@ -199,7 +200,7 @@ class Tunnel:
         before = self._facts
         self._facts = {**before, "state": state, "reason": reason, "url": url, "since": since}
         if (before["state"], before["reason"], before["url"]) != (state, reason, url):
-            print(f"octoform: tunnel: {state}: {url or reason}", file=sys.stderr, flush=True)
+            say(f"tunnel: {state}: {url or reason}")
 
 
 def public_address(line: str, local_url: str) -> str | None:

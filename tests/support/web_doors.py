@@ -31,7 +31,7 @@ def descriptor_in(folder: Path, network: Mapping[str, Any] | None = None) -> Des
     run.mkdir(mode=0o700, parents=True, exist_ok=True)
     given = {"interface": "127.0.0.1", "port": 17770, "hosts": [], "origins": [], **(network or {})}
     tools = ({"name": "who", "effect": "read", "devices": []},)
-    return Descriptor(folder, "bench", "intranet", {}, tools, (), {}, run, folder / "log", given, None)
+    return Descriptor(folder, "bench", "1.0", "intranet", {}, tools, (), {}, run, folder / "log", given, None)
 
 
 def write_tokens(run: Path, tokens: Mapping[str, tuple[str, Sequence[str], str | None]]) -> None:

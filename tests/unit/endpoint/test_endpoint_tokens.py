@@ -1,5 +1,6 @@
 """Tokens as a person makes and ends them, and what the serving process makes of them."""
 
+import contextlib
 import json
 import os
 import stat
@@ -211,6 +212,20 @@ def test_damaged_record_lets_nobody_in_and_says_so_once(
     assert [door.find(value) for _ in range(5)] == [None] * 5
     if "{}" not in text:
         assert capfd.readouterr().err.count("nobody gets in") == 1
+
+
+def test_complaint_that_finds_no_room_lets_nobody_in_and_breaks_nothing(
+    layout: Layout, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    value = made(layout, "laptop")
+    door = served(layout)
+    (layout.run / "tokens.json").write_text("{")
+    with Path("/dev/full").open("w", buffering=1) as full:
+        monkeypatch.setattr("sys.stderr", full)
+        assert door.find(value) is None
+        monkeypatch.undo()
+        with contextlib.suppress(OSError):
+            full.close()
 
 
 def test_damaged_record_is_not_overwritten(layout: Layout) -> None:
