@@ -1,8 +1,9 @@
 """What was counted for the limits, and the file that keeps it over a restart.
 
-Each counted call appends one line, which holds all that is counted for its tool, before the call goes on; the last line
-of a tool counts. (Replacing the file for each call would cost a tenth of a millisecond.) A file that is cut off, empty
-or not wholly understood is damaged: nobody knows what it lost.
+Each counted call appends one line before the call goes on: the sums and last values of its tool, and its own moment
+alone, however many moments there are already. When the lines outgrow what they stand for, the file is written anew
+with one line for each tool, which holds all. (Replacing it for each call would cost a tenth of a millisecond.) A file
+that is cut off, empty or not wholly understood is damaged: nobody knows what it lost.
 
 Times are those of the clock that only goes forward; they hold as they are while the machine has not been started anew.
 After that the wall clock says how much time went by, and where it went backwards, none did: a cooldown then lasts once
@@ -22,7 +23,8 @@ from .owner import boot
 
 HEADER = {"format": 1}
 _COMPACT_BYTES = 262_144
-_LARGEST = 4_000_000
+_LARGEST = 256_000_000
+"""Bytes that are read: several times what the moments of a host's tools can come to."""
 _APPEND = os.O_WRONLY | os.O_APPEND | os.O_CREAT | os.O_CLOEXEC | os.O_NOFOLLOW
 
 
@@ -60,6 +62,8 @@ class Counters:
         self.damage = ""
         self._path, self._clock, self._wall, self._boot = path, clock, wall, boot()
         self._used: dict[str, Used] = {}
+        self._compacted = 0
+        """Bytes of the file when it was last written as a whole."""
         self._whole = True
         """Whether the next change writes the whole file: there is none, or it cannot be added to."""
         try:
@@ -88,7 +92,8 @@ class Counters:
         if self._whole:
             self._replace({**self._used, tool: used})
         else:
-            self._whole = self._append(self._line(tool, used)) > _COMPACT_BYTES
+            size = self._append(self._line(tool, used, self._used.get(tool)))
+            self._whole = size > max(_COMPACT_BYTES, 2 * self._compacted)
         self._used[tool] = used
 
     def reset(self, tool: str | None) -> None:
@@ -99,7 +104,15 @@ class Counters:
         if not any(item.damaged for item in used.values()):
             self.damage = ""
 
-    def _line(self, tool: str, used: Used) -> bytes:
+    def _line(self, tool: str, used: Used, before: Used | None = None) -> bytes:
+        """All that a tool has used; after a line with ``before``, the moments only as far as they are new.
+
+        ``kept`` is how many of the moments count, the latest ones.
+        """
+        kept = len(used.calls)
+        calls, more = used.calls, {}
+        if before is not None and kept and used.calls[:-1] == before.calls[len(before.calls) - kept + 1 :]:
+            calls, more = used.calls[-1:], {"kept": kept}
         document = {
             "tool": tool,
             "boot": self._boot,
@@ -107,8 +120,9 @@ class Counters:
             "clock": self._clock(),
             "sums": {name: str(value) for name, value in used.sums.items()},
             "last": {name: str(value) for name, value in used.last.items()},
-            "calls": used.calls,
+            "calls": calls,
             "damaged": used.damaged,
+            **more,
         }
         return _encoded(document)
 
@@ -144,7 +158,7 @@ class Counters:
             temporary.replace(self._path)
         except OSError as problem:
             raise self._unwritable(problem) from problem
-        self._whole = False
+        self._whole, self._compacted = False, len(data)
 
     def _unwritable(self, problem: OSError) -> CountersUnwritable:
         if isinstance(problem, CountersUnwritable):
@@ -160,16 +174,29 @@ class Counters:
             lines = file.read(_LARGEST).split(b"\n")
         if lines.pop() or not lines or json.loads(lines[0]) != HEADER:
             raise ValueError("it is cut off, or of another format")
-        latest = {str(item["tool"]): item for item in map(json.loads, lines[1:])}
-        used = {name: self._of(item) for name, item in latest.items()}
+        latest: dict[str, Mapping[str, Any]] = {}
+        moments: dict[str, list[float]] = {}
+        for item in map(json.loads, lines[1:]):
+            name = str(item["tool"])
+            shift = self._shift(str(item["boot"]), float(item["wall"]), float(item["clock"]))
+            calls = [float(moment) + shift for moment in item["calls"]]
+            if "kept" in item:
+                moments[name] += calls
+            else:
+                moments[name] = calls
+            latest[name] = item
+        used = {name: self._of(item, moments[name]) for name, item in latest.items()}
         self._whole = False
         if any(item.damaged for item in used.values()):
             self.damage = f"{self._path} had been damaged"
         return used
 
-    def _of(self, item: Mapping[str, Any]) -> Used:
-        shift = self._shift(str(item["boot"]), float(item["wall"]), float(item["clock"]))
-        calls = tuple(sorted(min(self._clock(), float(moment) + shift) for moment in item["calls"]))
+    def _of(self, item: Mapping[str, Any], moments: list[float]) -> Used:
+        """What the last line of a tool says, with the moments of all its lines."""
+        kept, now = int(item.get("kept", len(moments))), self._clock()
+        if not 0 <= kept <= len(moments):
+            raise ValueError("it has lost moments of calls")
+        calls = tuple(sorted(min(now, moment) for moment in moments[len(moments) - kept :]))
         sums, last = ({key: Fraction(value) for key, value in item[name].items()} for name in ("sums", "last"))
         return Used(sums, last, calls, bool(item["damaged"]))
 

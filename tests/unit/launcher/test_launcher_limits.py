@@ -423,3 +423,49 @@ def held(limit: dict[str, Any], accepted: list[tuple[float, dict[str, Any]]]) ->
     if limit["kind"] == "step":
         return all(abs(after - before) <= most for before, after in itertools.pairwise(values))
     return all(abs(sum(values[: end + 1], Fraction(0))) <= most for end in range(len(values)))
+
+
+def test_many_calls_of_many_tools_are_kept_and_read_again(tmp_path: Path, time: Time) -> None:
+    """More of them than fitted into what was read once, which then counted as damaged."""
+    often = {**RATE, "calls": 10_000, "seconds": 3600.0}
+    tools = {f"tool{number}": [often] for number in range(40)}
+    line: dict[str, Any] = {"boot": "another", "wall": time.wall.timestamp(), "clock": 1000.0, "sums": {}, "last": {}}
+    calls = [990.0 + number * 0.0012345 for number in range(9000)]
+    lines = [json.dumps({"tool": name, **line, "calls": calls, "damaged": False}) for name in tools]
+    (tmp_path / "limits.json").write_text("\n".join([HEADER.decode().strip(), *lines, ""]))
+    assert (tmp_path / "limits.json").stat().st_size > 4_000_000
+    for round_ in range(3):
+        found = ledger(tmp_path, time, **tools)
+        assert [len(item["calls"]) for item in found.used().values()] == [9000 + round_] * 40
+        assert all(found.reserve(name, {}) is None for name in tools)
+    before = (tmp_path / "limits.json").stat().st_size
+    assert found.reserve("tool0", {}) is None
+    assert 0 < (tmp_path / "limits.json").stat().st_size - before < 300
+
+
+@settings(max_examples=30, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(steps=st.lists(st.tuples(st.sampled_from("abc"), st.integers(0, 30), st.booleans()), max_size=60))
+def test_what_is_kept_is_what_was_counted(
+    tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.MonkeyPatch, steps: list[tuple[str, int, bool]]
+) -> None:
+    """Through restarts, and through the file being written anew."""
+    monkeypatch.setattr("octoform.launcher.counters._COMPACT_BYTES", 900)
+    folder, time = tmp_path_factory.mktemp("kept"), Time()
+    tools = {"a": [RATE], "b": [{**RATE, "calls": 20}, {**SUM, "most": 10**9}], "c": [STEP, COOLDOWN]}
+    found = ledger(folder, time, **tools)
+    for name, gone, again in steps:
+        time.on(gone)
+        found.reserve(name, {"steps": gone, "position": gone})
+        if again:
+            used = found.used()
+            found = ledger(folder, time, **tools)
+            assert found.used() == used
+
+
+def test_a_file_that_lost_moments_is_damaged(tmp_path: Path, time: Time) -> None:
+    found = ledger(tmp_path, time, {**RATE, "calls": 9})
+    for _ in range(4):
+        assert refused(found) == ""
+    lines = (tmp_path / "limits.json").read_text().splitlines(keepends=True)
+    (tmp_path / "limits.json").write_text("".join([*lines[:2], *lines[3:]]))
+    assert refused(ledger(tmp_path, time, {**RATE, "calls": 9})).startswith("counters_damaged")
