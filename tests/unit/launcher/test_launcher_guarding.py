@@ -195,7 +195,7 @@ def test_limits_are_shown_and_set_back(bench: Launched, runs: bool) -> None:
     assert octoform(bench, "limits", "-reset", "move_rail").returncode == 0
     assert answer(bench, "limits")[1]["tools"][0]["sums"] == {}
     assert call(bench, "move_rail", steps=100) == ""
-    assert "limits_reset" in octoform(bench, "audit").stdout
+    assert "reset       the limits of move_rail were set back by " in octoform(bench, "audit").stdout
 
 
 def test_the_audit_log_at_the_terminal(bench: Launched) -> None:
@@ -203,7 +203,7 @@ def test_the_audit_log_at_the_terminal(bench: Launched) -> None:
     assert "above the most" in call(bench, "move_rail", steps=1000)
     lines = octoform(bench, "audit", "-n", "3").stdout.splitlines()
     assert len(lines) == 3
-    assert "refuse           move_rail local steps=1000 steps 1000 raw is above the most" in lines[2]
+    assert "refused     move_rail(steps=1000) for local: steps 1000 raw is above the most" in lines[2]
     done = octoform(bench, "audit", "-verify")
     assert done.returncode == 0
     assert "The audit log is as it was written:" in done.stdout
