@@ -157,13 +157,14 @@ class Gate(Middleware):
             code = "unknown_tool" if entry is None else "hidden_tool"
             self._records.write("decision", tool=name, caller=caller.name, decision="refuse", code=code)
             raise NotFoundError(f"Unknown tool: {name!r}")
-        dry = self._policy.mode == "dry_run" or meta.get(answers.DRY) is True
+        wants = meta.get(answers.DRY) is True
+        dry = wants or (self._policy.mode == "dry_run" and entry.policy.effect != "read")
         call = Call(
             self._records.identity(),
             entry,
             caller,
             context.message.arguments or {},
-            dry and entry.policy.effect != "read",
+            dry,
             time.monotonic(),
             self._stops,
         )

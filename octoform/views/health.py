@@ -15,7 +15,7 @@ WIDTH = 150
 _HEALTH = {"healthy": "green", "unhealthy": "red", "unknown": "yellow"}
 _MODES = {
     "shadow": "the policy only watches (mode shadow): nothing is refused",
-    "dry_run": "every call is a dry run (mode dry_run): nothing is done",
+    "dry_run": "what would move is a dry run (mode dry_run): only readings are done",
 }
 
 

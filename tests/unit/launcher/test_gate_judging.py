@@ -155,8 +155,10 @@ def test_a_dry_run_touches_nothing_and_counts_nothing(tmp_path: Path, mode: str)
                 assert result.meta is not None and result.meta["octoform/dry_run"] is True
             result = await client.call_tool("empty", {}, meta=asked)
             assert not result.is_error and "nothing was done" in result.content[0].text
-            assert (await client.call_tool("look", {}, meta=asked)).data == 7
-            assert moved == ["look"]
+            result = await client.call_tool("look", {}, meta=asked, raise_on_error=False)
+            assert "look would be called" in result.content[0].text
+            assert [each["decision"] for each in gate.records("decision")] == ["dry_run"] * 4
+            assert moved == [], "a reading neither: it may be a picture"
             assert (await client.call_tool("move", {"steps": 5})).data == 5
 
     asyncio.run(scenario())

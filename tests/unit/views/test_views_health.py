@@ -64,6 +64,11 @@ def test_a_tunnel_that_is_not_there_says_why() -> None:
         assert f"  tunnel: {state} ({reason})" in text.splitlines()
 
 
+def test_a_dry_run_of_everything_says_that_readings_are_done() -> None:
+    _, text = shown(status({"gate": {"mode": "dry_run"}}))
+    assert "  what would move is a dry run (mode dry_run): only readings are done" in text.splitlines()
+
+
 def test_what_a_process_of_another_version_does_not_tell_is_left_out() -> None:
     _, text = shown(status({}))
     assert text.splitlines()[2:] == [
