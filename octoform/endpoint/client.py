@@ -84,6 +84,10 @@ class Nobody:
         """Nobody answers: None."""
 
 
+class _NobodyAsked(Exception):
+    """A question came, and there is nobody to ask: no answer is sent, since every one would be a person's word."""
+
+
 Tools = tuple[tuple[dict[str, Any], ...], tuple[Diagnostic, ...]]
 Called = tuple[CallResult | None, tuple[Diagnostic, ...]]
 
@@ -120,6 +124,9 @@ def call(layout: Layout, wanted: Wanted, person: Person | None = None) -> Called
         if known is None:
             return None, (_unknown(wanted.tool, [str(tool["name"]) for tool in tools]),)
         return _Call(wire, wanted, somebody).made(known)
+    except _NobodyAsked:
+        words = "nobody could be asked: there is no terminal; -auto-approve approves"
+        return None, (error("ENDPOINT-CALL-NOT-APPROVED", f"{wanted.tool} wants an approval", detail=words),)
     except WireError as problem:
         return None, (_broken(wanted, problem),)
     finally:
@@ -182,7 +189,7 @@ class _Call:
         self._wire = wire
         self._wanted = wanted
         self._person = person
-        self._answer: bool | None = True
+        self._answer = True
         """The person's last answer; True while nothing was asked."""
 
     def made(self, tool: Mapping[str, Any]) -> Called:
@@ -196,7 +203,8 @@ class _Call:
         result = self._asked(arguments)
         ms = round((time.monotonic() - began) * 1000, 1)
         if not self._answer:
-            return None, (_not_approved(wanted.tool, said(result), self._answer),)
+            summary = f"{wanted.tool} was not approved"
+            return None, (error("ENDPOINT-CALL-NOT-APPROVED", summary, detail=said(result) or None),)
         # A tool whose schema has no room for it can only tell of a dry run as an error.
         dry = wanted.dry_run and (result.get("_meta") or {}).get(DRY_RUN) is True
         content, structured = tuple(result.get("content", ())), result.get("structuredContent")
@@ -219,14 +227,17 @@ class _Call:
         raise WireError("refused", f"it asked more than {MOST_QUESTIONS} times")
 
     def _response(self, request: Mapping[str, Any], arguments: Mapping[str, Any]) -> dict[str, Any]:
-        """The person's answer to a question that can be answered with yes or no; every other one is declined."""
+        """The person's answer to a question that can be answered with yes or no."""
         params = request.get("params", {})
         fields = params.get("requestedSchema", {}).get("properties", {})
         simple = all(given.get("type") == "boolean" for given in fields.values())
         if request.get("method") != "elicitation/create" or not simple:
             raise WireError("refused", "it asked for what cannot be answered with yes or no")
-        self._answer = self._person.approves(self._wanted.tool, arguments, str(params.get("message", "")))
-        if not self._answer:
+        answer = self._person.approves(self._wanted.tool, arguments, str(params.get("message", "")))
+        if answer is None:
+            raise _NobodyAsked
+        self._answer = answer
+        if not answer:
             return {"action": "decline"}
         return {"action": "accept", "content": dict.fromkeys(fields, True)}
 
@@ -254,13 +265,6 @@ def _about(name: str, given: Mapping[str, Any]) -> str:
     ways = given.get("anyOf", [given])
     values = [value for way in ways for value in way.get("enum", [way["const"]] if "const" in way else [])]
     return "; ".join([*told, f"{name} is one of {', '.join(map(str, values))}"] if values else told)
-
-
-def _not_approved(tool: str, told: str, answer: bool | None) -> Diagnostic:
-    if answer is None:
-        hint = "call it at a terminal, where you are asked, or give -auto-approve"
-        return error("ENDPOINT-CALL-NOT-APPROVED", f"{tool} wants an approval", detail=told or None, hint=hint)
-    return error("ENDPOINT-CALL-NOT-APPROVED", f"{tool} was not approved", detail=told or None)
 
 
 def _broken(wanted: Wanted, problem: WireError) -> Diagnostic:

@@ -184,7 +184,14 @@ def test_a_call_that_nobody_approves_is_not_made(bench: Launched, answer: bool |
     result, (problem,) = call(bench.layout, Wanted("move", {"steps": 7}), Somebody(answer))
     assert result is None
     assert (problem.code, problem.summary) == ("ENDPOINT-CALL-NOT-APPROVED", words)
-    assert ("-auto-approve" in str(problem.hint)) == (answer is None)
+    records = [json.loads(line) for line in (bench.layout.logs / "audit.jsonl").read_text().splitlines()]
+    last = [each for each in records if each["event"] == "decision"][-1]
+    if answer is None:
+        assert problem.detail == "nobody could be asked: there is no terminal; -auto-approve approves"
+        assert last["decision"] == "ask", "no word of a person is on the log that nobody gave"
+    else:
+        assert str(problem.detail).startswith("the person declined this call")
+        assert last["code"] == "declined"
     assert "move" not in logged(bench).removeprefix(before)
 
 
