@@ -161,7 +161,8 @@ def test_a_server_that_was_edited_is_not_served_and_made_again(live: Project) ->
     server.write_bytes(good.replace(b"21.5", b"99.9"))
     refused = json.loads(live.run("status", "-json", status=1).out)
     # The process goes on with what it was started with; the edited code is never run.
-    assert (refused["in_sync"], refused["health"]) == (False, "unhealthy")
+    assert (refused["in_sync"], refused["health"]) == (False, "healthy")
+    assert "server.py is not the one that the endpoint was made for" in refused["reasons"]
     assert json.loads(live.run("call", "read_temperature", "-json", status=0).out)["structured"]["celsius"] == 21.5
     assert "is not the file that was accepted" in live.run("restart", status=1).err
     told = reasons(live)
