@@ -64,6 +64,13 @@ class Call:
         """Whether anything but a reading happens."""
         return self.entry.policy.effect != READ
 
+    def words(self) -> str:
+        """How far it is, for whoever waits for it."""
+        if self.work is not None or self.holder is None:
+            return f"{self.entry.name} is running"
+        waiting = next((queue.words(self.holder) for queue in self.entry.queues if not queue.free()), "it waits")
+        return f"{self.entry.name} has not begun: {waiting}"
+
 
 class Records:
     """Writes the records of calls; ``problem`` says why the last one could not be written, else None.

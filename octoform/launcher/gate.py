@@ -23,7 +23,7 @@ from mcp.shared.exceptions import MCPError
 from mcp_types import CallToolRequestParams
 from pydantic import ValidationError
 
-from . import answers, principal
+from . import answers, misfits, principal
 from .asking import Approvals, Question, overhear
 from .audit import Audit
 from .beating import Beat
@@ -180,7 +180,7 @@ class Gate(Middleware):
         try:
             call.effective = entry.coerce(call.given)
         except ValidationError as problem:
-            raise Refused("invalid", str(problem)) from None
+            raise Refused("invalid", misfits.told(entry.name, problem, entry.schema)) from None
         if entry.flaw:
             self._object(call, "limit_without_argument", f"{entry.name} is refused: {entry.flaw}")
         # A call that runs at once is judged when it is counted; the others hear now what they would wait for in vain.
@@ -245,7 +245,7 @@ class Gate(Middleware):
         """Take the buses, count, write it down, run. On every way out the buses are free, but for code that goes on."""
         entry = call.entry
         call.holder = holder = Holder(entry.name, call.caller.name, entry.policy.effect, call.caller.effects)
-        beat = Beat(context.fastmcp_context, partial(_words, call)) if call.beats else None
+        beat = Beat(context.fastmcp_context, call.words) if call.beats else None
         try:
             if not take_free(entry.queues, holder):
                 await self._wait(call, holder)
@@ -352,7 +352,9 @@ class Gate(Middleware):
             self._records.outcome(call, "too_large", bytes=problem.size)
             bound = call.entry.policy.result_bytes
             return answers.error(f"the result is too large: {problem.size} bytes or more, of at most {bound}")
-        if problem is not work.told and not isinstance(problem, ArgumentsInvalid):
+        if isinstance(problem, ArgumentsInvalid) and isinstance(problem.__cause__, ValidationError):
+            problem = ArgumentsInvalid(misfits.told(call.entry.name, problem.__cause__, call.entry.schema))
+        elif problem is not work.told and not isinstance(problem, ArgumentsInvalid):
             problem = masked(work, problem.__cause__ or problem)
         told = {"reference": work.reference} if work.reference else {"text": str(problem)}
         self._records.outcome(call, "error", **told)
@@ -388,13 +390,6 @@ def _size(result: ToolResult, bound: int) -> int | None:
     if result.structured_content is not None:
         parts.append(result.structured_content)
     return exceeds(parts, bound)
-
-
-def _words(call: Call) -> str:
-    if call.work is not None or call.holder is None:
-        return f"{call.entry.name} is running"
-    waiting = next((queue.words(call.holder) for queue in call.entry.queues if not queue.free()), "it waits")
-    return f"{call.entry.name} has not begun: {waiting}"
 
 
 async def _awaited(call_next: Next, context: Context) -> ToolResult:
