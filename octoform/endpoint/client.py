@@ -17,7 +17,7 @@ from octoform.endpoint.promise import hidden
 from octoform.endpoint.reaching import down, knock, reach
 from octoform.endpoint.scripts.toolschema import as_tool, converted, first_fault, said
 from octoform.endpoint.sighting import Sight, published, record_sight, seen_of
-from octoform.endpoint.wire import Wire, WireError
+from octoform.endpoint.wire import Wire, WireError, sender
 from octoform.state.layout import Layout
 
 __all__ = ["CallResult", "Nobody", "Person", "Wanted", "call", "list_tools", "save_media"]
@@ -26,6 +26,8 @@ LIST_SECONDS = 15.0
 """What the list of tools may take: the endpoint answers it by itself, whatever its devices do."""
 DRY_RUN = "octoform/dry_run"
 """Asks for a dry run in a call's _meta, and marks what was none but that in its result's."""
+BEFOREHAND = "octoform -auto-approve"
+"""How this client calls itself when nobody will read what it is asked."""
 MOST_QUESTIONS = 10
 
 
@@ -34,7 +36,8 @@ class Wanted:
     """A call to make; at most ``seconds`` for each of its answers.
 
     ``texts`` are arguments as a command line has them (``channel=2``); they are converted by the tool's own input
-    schema. With ``dry_run`` the endpoint tells what it would do, and does nothing.
+    schema. With ``dry_run`` the endpoint tells what it would do, and does nothing. ``approved``: a person said yes
+    before they knew what would be asked, which the audit log must not take for an answer.
     """
 
     tool: str
@@ -42,6 +45,7 @@ class Wanted:
     texts: Mapping[str, str] = field(default_factory=dict)
     seconds: float = 60.0
     dry_run: bool = False
+    approved: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -213,7 +217,9 @@ class _Call:
     def _asked(self, arguments: Mapping[str, Any]) -> dict[str, Any]:
         """The final result, after every question was answered."""
         params: dict[str, Any] = {"name": self._wanted.tool, "arguments": dict(arguments)}
-        meta = {DRY_RUN: True} if self._wanted.dry_run else None
+        meta: dict[str, Any] = {DRY_RUN: True} if self._wanted.dry_run else {}
+        if self._wanted.approved:
+            meta |= sender(BEFOREHAND)
         more: dict[str, Any] = {}
         for _ in range(MOST_QUESTIONS):
             seconds, progress = self._wanted.seconds, self._person.progress

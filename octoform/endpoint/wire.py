@@ -16,6 +16,7 @@ import octoform
 VERSION = "2026-07-28"
 MOST_BYTES = 128_000_000
 """Of one message: a result may hold pictures, and what is longer is no result."""
+_PREFIX = "io.modelcontextprotocol"
 _CHUNK = 1 << 16
 _FAREWELL_SECONDS = 1.0
 _LEAST_SECONDS = 0.25
@@ -130,13 +131,17 @@ class Wire:
             raise WireError("closed", problem.strerror or "the connection ended") from problem
 
 
+def sender(name: str) -> dict[str, Any]:
+    """What a request says of its sender's name, as members of its _meta."""
+    return {f"{_PREFIX}/clientInfo": {"name": name, "version": octoform.__version__}}
+
+
 def _envelope() -> dict[str, Any]:
     """What each request says of its sender: elicitation, so that the endpoint may ask for an approval."""
-    prefix = "io.modelcontextprotocol"
     return {
-        f"{prefix}/protocolVersion": VERSION,
-        f"{prefix}/clientInfo": {"name": "octoform", "version": octoform.__version__},
-        f"{prefix}/clientCapabilities": {"elicitation": {"form": {}}},
+        f"{_PREFIX}/protocolVersion": VERSION,
+        **sender("octoform"),
+        f"{_PREFIX}/clientCapabilities": {"elicitation": {"form": {}}},
     }
 
 

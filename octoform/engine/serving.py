@@ -24,6 +24,7 @@ class Request:
     document: str | None = None
     seconds: float = 60.0
     dry_run: bool = False
+    approved: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,7 +61,7 @@ def call(
     layout, more = layout_of(project, environ)
     if layout is None or found:
         return None, [*found, *more]
-    wanted = Wanted(request.tool, given, texts, request.seconds, request.dry_run)
+    wanted = Wanted(request.tool, given, texts, request.seconds, request.dry_run, request.approved)
     result, problems = call_tool(layout, wanted, person)
     if result is None:
         return None, list(problems)

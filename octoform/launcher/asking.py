@@ -5,10 +5,15 @@ question *is* the answer, and the client sends the call again with what the pers
 process alone: it holds once, for ten minutes and until an emergency stop comes, for exactly this tool, these arguments
 and this caller, so whoever sends an old answer again is refused.
 
+Question and answer bear the same number, by which the audit log has them together: in the newer era they are two calls,
+and an answer may never come. That number opens nothing.
+
 The call that is asked about holds no bus meanwhile. What a model wrote into the arguments is shown as JSON in ASCII:
 it cannot add lines of its own to the question.
 """
 
+import asyncio
+import dataclasses
 import hashlib
 import json
 import secrets
@@ -79,11 +84,17 @@ class Question:
 @dataclass(frozen=True, slots=True)
 class Reply:
     """What came of asking. ``code`` is approved, asked, declined, cancelled, unanswered, unable or replayed;
-    ``ask`` is the answer to send for asked, ``text`` what the client is told of everything but approved."""
+    ``ask`` is the answer to send for asked, ``text`` what the client is told of everything but approved, ``approval``
+    the number of the question."""
 
     code: str
     text: str = ""
     ask: InputRequiredToolResult | None = None
+    approval: str = ""
+
+
+Heard = Callable[[Reply], None]
+"""Is told asked when the question goes out, and unanswered when nothing came back to it."""
 
 
 UNABLE = Reply(
@@ -102,53 +113,79 @@ CANCELLED = Reply("cancelled", "the person closed the question without an answer
 UNANSWERED = Reply("unanswered", f"nobody answered within {VALID_SECONDS:.0f} s, so the call was not made")
 
 
+@dataclass(frozen=True, slots=True)
+class _Open:
+    """A question that went out; ``expires`` in seconds of the clock, ``timer`` ends it."""
+
+    approval: str
+    digest: str
+    expires: float
+    heard: Heard
+    timer: asyncio.TimerHandle
+
+
 class Approvals:
     """The questions that are open. In memory alone: after a restart every person is asked again."""
 
     def __init__(self, clock: Callable[[], float] = time.monotonic, seconds: float = VALID_SECONDS) -> None:
         self._clock = clock
         self._seconds = seconds
-        self._open: dict[str, tuple[str, float]] = {}
+        self._open: dict[str, _Open] = {}
 
     def __len__(self) -> int:
         return len(self._open)
 
-    async def ask(self, question: Question, request: FastMCPRequestContext | None, context: Context) -> Reply:
-        """Ask in the era of this request, or take the answer that it brings."""
+    async def ask(
+        self, question: Question, request: FastMCPRequestContext | None, context: Context, heard: Heard
+    ) -> Reply:
+        """Ask in the era of this request: the answer, or asked when the client will send the call again with it."""
         if request is None or not _can_ask(context):
             return UNABLE
+        approval = secrets.token_hex(4)
+        heard(Reply("asked", approval=approval))
         if request.protocol_version in MODERN_PROTOCOL_VERSIONS:
-            return self._ask_modern(question)
-        return await self._ask_now(question, context)
+            return self._ask_modern(question, approval, heard)
+        return dataclasses.replace(await self._ask_now(question, context), approval=approval)
 
     def answered(self, question: Question, message: CallToolRequestParams) -> Reply | None:
         """The person's answer, when the call brings one; None when nobody was asked yet. An answer counts once."""
         nonce = _nonce(message.request_state)
         if nonce is None:
             return None if message.request_state is None and not message.input_responses else REPLAYED
-        digest, expires = self._open.pop(nonce, ("", 0.0))
-        if not secrets.compare_digest(digest, question.digest()) or self._clock() > expires:
+        asked = self._open.pop(nonce, None)
+        if asked is None:
             return REPLAYED
-        answer = (message.input_responses or {}).get(KEY)
-        if not isinstance(answer, ElicitResult):
-            return CANCELLED
-        return _reply(answer)
+        asked.timer.cancel()
+        reply = REPLAYED
+        if secrets.compare_digest(asked.digest, question.digest()) and self._clock() <= asked.expires:
+            answer = (message.input_responses or {}).get(KEY)
+            reply = _reply(answer) if isinstance(answer, ElicitResult) else CANCELLED
+        return dataclasses.replace(reply, approval=asked.approval)
 
-    def _ask_modern(self, question: Question) -> Reply:
-        now = self._clock()
-        for nonce in [each for each, (_, expires) in self._open.items() if now > expires]:
-            del self._open[nonce]
+    def end(self) -> None:
+        """Close every question; nobody can answer any more."""
+        for nonce in tuple(self._open):
+            self._lapse(nonce, "the endpoint ended before anybody answered, so the call was not made")
+
+    def _lapse(self, nonce: str, text: str = UNANSWERED.text) -> None:
+        asked = self._open.pop(nonce, None)
+        if asked is not None:
+            asked.timer.cancel()
+            asked.heard(Reply("unanswered", text, approval=asked.approval))
+
+    def _ask_modern(self, question: Question, approval: str, heard: Heard) -> Reply:
         while len(self._open) >= OPEN:
-            del self._open[next(iter(self._open))]
+            self._lapse(next(iter(self._open)), f"{OPEN} newer questions came before anybody answered")
         nonce = secrets.token_urlsafe(24)
-        self._open[nonce] = (question.digest(), now + self._seconds)
+        timer = asyncio.get_running_loop().call_later(self._seconds, self._lapse, nonce)
+        self._open[nonce] = _Open(approval, question.digest(), self._clock() + self._seconds, heard, timer)
         params = ElicitRequestFormParams(message=question.text(), requested_schema=SCHEMA)
         ask = InputRequiredResult(
             result_type="input_required",
             input_requests={KEY: ElicitRequest(params=params)},
             request_state=json.dumps({MARK: nonce}),
         )
-        return Reply("asked", ask=InputRequiredToolResult(ask))
+        return Reply("asked", ask=InputRequiredToolResult(ask), approval=approval)
 
     async def _ask_now(self, question: Question, context: Context) -> Reply:
         try:
@@ -186,6 +223,12 @@ def _overhear(boundary: Any, heard: Callable[[str, str], None]) -> None:
             raise
 
     boundary._unseal = unsealed
+
+
+def client_of(request: FastMCPRequestContext | None) -> str:
+    """How the client calls itself, with its version; empty when it does not say. Nobody checks that."""
+    params = request.session.client_params if request is not None else None
+    return f"{params.client_info.name} {params.client_info.version}".strip() if params is not None else ""
 
 
 def _can_ask(context: Context) -> bool:

@@ -38,7 +38,8 @@ class Refused(Exception):
 class Call:
     """``given`` are the arguments as they came, ``effective`` as the tool will see them; ``began`` in monotonic
     seconds, of its way here, and once it waited for a person or a bus from then on; ``stops`` how many emergency stops
-    there had been when it came; ``noted`` what shadow mode let pass."""
+    there had been when it came; ``noted`` what shadow mode let pass; ``asked`` what its records say of asking a person:
+    approval (the same for question and answer), answer, client."""
 
     identity: str
     entry: Entry
@@ -50,6 +51,7 @@ class Call:
     beats: bool = False
     effective: Effective = NOTHING
     noted: list[str] = field(default_factory=list)
+    asked: dict[str, str] = field(default_factory=dict)
     holder: Holder | None = None
     work: Work | None = None
     answered: bool = False
@@ -163,5 +165,6 @@ def _decision(call: Call, decision: str, more: dict[str, Any]) -> dict[str, Any]
         "decision": decision,
         "source": policy.source,
         "arguments": call.arguments or call.given,
+        **{name: said for name, said in call.asked.items() if said},
         **more,
     }

@@ -24,7 +24,7 @@ from mcp_types import CallToolRequestParams
 from pydantic import ValidationError
 
 from . import answers, misfits, principal
-from .asking import Approvals, Question, overhear
+from .asking import Approvals, Question, Reply, client_of, overhear
 from .audit import Audit
 from .beating import Beat
 from .buses import Busy, Holder, abandon, release, take, take_free
@@ -36,7 +36,7 @@ from .limits import Ledger
 from .pinning import innermost, pin, straight
 from .policy import Policy
 from .presence import Presence
-from .sizes import exceeds
+from .sizes import of_result
 from .watchdog import WATCHDOG
 from .workers import Workers
 
@@ -80,6 +80,7 @@ class Gate(Middleware):
     def disarm(self) -> None:
         """Stop what runs and let the threads go; the server ends."""
         self.halt("shutdown", everything=True)
+        self.approvals.end()
         self._records.flush()
         self._workers.close()
         WATCHDOG.disarm()
@@ -208,7 +209,8 @@ class Gate(Middleware):
 
     async def _confirm(self, call: Call, context: Context) -> ToolResult | None:
         """Ask a person; None when the call may go on, the question itself where that is the answer."""
-        entry = call.entry
+        entry, request = call.entry, fastmcp_request_ctx.get()
+        call.asked["client"] = client_of(request)
         question = Question(
             entry.name,
             entry.policy.effect,
@@ -226,13 +228,13 @@ class Gate(Middleware):
             if context.fastmcp_context is None:
                 raise Refused("unable", "a person has to confirm this call, and it came from no client")
             try:
-                reply = await self.approvals.ask(question, fastmcp_request_ctx.get(), context.fastmcp_context)
+                reply = await self.approvals.ask(question, request, context.fastmcp_context, partial(self._heard, call))
             except asyncio.CancelledError:
                 self._records.decided(call, "refuse", code="cancelled", text="cancelled while a person was asked")
                 raise
         if reply.ask is not None:
-            self._records.decided(call, "ask")
             return reply.ask
+        call.asked |= {"approval": reply.approval, "answer": reply.code}
         if reply.code != "approved":
             raise Refused(reply.code, reply.text)
         if call.stops != self._stops:
@@ -240,6 +242,15 @@ class Gate(Middleware):
         call.began = time.monotonic()  # the person's time is not the call's
         self._look_again(call)
         return None
+
+    def _heard(self, call: Call, reply: Reply) -> None:
+        """Record that a person is asked, before the question goes out, or that no answer came to it."""
+        call.asked["approval"] = reply.approval
+        if reply.code == "asked":
+            self._records.decided(call, "ask")
+        else:
+            call.asked["answer"] = reply.code
+            self._records.decided(call, "refuse", code=reply.code, text=reply.text)
 
     async def _pass(self, call: Call, context: Context, call_next: Next) -> ToolResult:
         """Take the buses, count, write it down, run. On every way out the buses are free, but for code that goes on."""
@@ -327,7 +338,7 @@ class Gate(Middleware):
         if isinstance(result, InputRequiredToolResult):
             self._records.outcome(call, "asks")
             return result
-        if (size := _size(result, entry.policy.result_bytes)) is not None:
+        if (size := of_result(result, entry.policy.result_bytes)) is not None:
             raise TooLarge(size)
         if result.is_error:
             texts = [str(block.text) for block in result.content if hasattr(block, "text")]
@@ -380,16 +391,6 @@ def _same_version(entry: Entry, meta: Mapping[str, Any]) -> bool:
     """Whether the call means the version of the tool that was put under guard."""
     wanted = meta.get("fastmcp")
     return not isinstance(wanted, Mapping) or wanted.get("version") in (None, entry.version)
-
-
-def _size(result: ToolResult, bound: int) -> int | None:
-    """The size of a result in bytes when it is over its bound."""
-    parts: list[Any] = [
-        getattr(block, "text", None) or getattr(block, "data", None) or block for block in result.content
-    ]
-    if result.structured_content is not None:
-        parts.append(result.structured_content)
-    return exceeds(parts, bound)
 
 
 async def _awaited(call_next: Next, context: Context) -> ToolResult:

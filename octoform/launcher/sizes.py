@@ -7,6 +7,7 @@ it stops as soon as it knows. Only a result near its bound is really serialised 
 from collections.abc import Mapping
 from typing import Any
 
+from fastmcp.tools.base import ToolResult
 from pydantic_core import to_json
 
 ESCAPE = 8
@@ -51,6 +52,16 @@ def exceeds(value: Any, bound: int) -> int | None:
         return None
     size = len(to_json(value, fallback=str, serialize_unknown=True))
     return size if size > bound else None
+
+
+def of_result(result: ToolResult, bound: int) -> int | None:
+    """The size of a tool's result in bytes when it is over its bound, else None."""
+    parts: list[Any] = [
+        getattr(block, "text", None) or getattr(block, "data", None) or block for block in result.content
+    ]
+    if result.structured_content is not None:
+        parts.append(result.structured_content)
+    return exceeds(parts, bound)
 
 
 def _other(item: Any, rest: list[Any]) -> int:

@@ -8,6 +8,7 @@ import json
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
+from octoform.endpoint.client import BEFOREHAND
 from octoform.views.console import Console
 from octoform.views.text import one_line
 from octoform.views.texts import document
@@ -77,10 +78,24 @@ def _decision(record: Record) -> list[str]:
     called = f"{record['tool']}({', '.join(f'{name}={_plain(value)}' for name, value in given.items())})"
     why = record.get("text") or _CODES.get(str(record.get("code"))) or record.get("code")
     sentences = [f"{called} for {record['caller']}{f': {why}' if why else ''}"]
-    if record["decision"] == "ask":
-        sentences[0] += ": a person has to approve it"
+    sentences[0] += _approval(record)
     sentences += [f"would have been refused: {note}" for note in record.get("shadow") or ()]
     return [word, *sentences]
+
+
+def _approval(record: Record) -> str:
+    """What a person had to do with the call, by what the client says of them and of itself."""
+    asked = record["decision"] == "ask"
+    if not asked and not record.get("answer"):
+        return ""
+    client = str(record.get("client") or "")
+    name, number = f"client {client}" if client else "", record.get("approval")
+    marks = ", ".join(filter(None, [name, f"approval {number}" if number else ""]))
+    told = ": a person has to approve it" if asked else ""
+    if record.get("answer") == "approved":
+        by = "-auto-approve" if client.startswith(BEFOREHAND) else "the client's person"
+        told = f": approved by {by}" if record["decision"] == "allow" else f"; it was approved by {by}"
+    return f"{told} ({marks})" if marks else told
 
 
 _CODES = {"unknown_tool": "there is no such tool", "hidden_tool": "its token may not call it"}

@@ -15,10 +15,11 @@ from octoform.views.console import Console
 def run(arguments: Namespace, project: Path, screen: Console) -> int:
     """Exit code 1 when the tool answered with an error."""
     as_json, document = arguments.json_arguments is not None, arguments.json_arguments or None
-    request = Request(arguments.tool, arguments.arg, document, seconds(arguments.timeout), arguments.dry_run)
+    dry, approved = arguments.dry_run, arguments.auto_approve
+    request = Request(arguments.tool, arguments.arg, document, seconds(arguments.timeout), dry, approved)
     given_up = f"the call of {arguments.tool} was given up"
     try:
-        with attended(screen, approved=arguments.auto_approve) as person:
+        with attended(screen, approved=approved) as person:
             answer, found = call(project, os.environ, request, person)
     except Stopped as stopped:
         return problems.stopped(screen, stopped.number, given_up)

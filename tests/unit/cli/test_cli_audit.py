@@ -9,6 +9,7 @@ from typing import Any
 import pytest
 from launched import launched, tool
 
+import octoform
 from octoform.cli.main import main
 from octoform.views import audit
 from octoform.views.console import Console
@@ -69,6 +70,54 @@ def test_calls_are_told_in_sentences_with_what_came_of_them(tmp_path: Path, caps
     ):
         assert re.search(pattern, said, re.MULTILINE), (pattern, said)
     assert "private words" not in said and "{" not in said
+
+
+def test_an_approval_is_told_with_who_was_asked(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "octopus.yaml").write_text("version: 1\nhost: bench\nharness: builtin\n")
+    monkeypatch.setattr("sys.stdin", io.StringIO())
+    words = [f"-chdir={tmp_path}"]
+    with launched(tmp_path, SOURCE, TOOLS, policy={"tools": {"move_rail": {"decision": "confirm"}}}):
+        move = [*words, "call", "move_rail", "-arg", "steps=3"]
+        assert main([*move, "-auto-approve"]) == 0
+        assert main(move) == 1
+        assert "nobody could be asked: there is no terminal; -auto-approve approves" in capsys.readouterr().err
+        assert main([*words, "audit"]) == 0
+        said = [line[30:] for line in capsys.readouterr().out.splitlines()[1:]]
+    client = rf"client octoform -auto-approve {re.escape(octoform.__version__)}, approval"
+    asked = re.fullmatch(
+        rf"asked       move_rail\(steps=3\) for local: a person has to approve it \({client} (\w{{8}})\)", said[0]
+    )
+    assert asked, said
+    marks = rf"\({client} {asked[1]}\)"
+    assert re.fullmatch(rf"allowed     move_rail\(steps=3\) for local: approved by -auto-approve {marks}", said[1])
+    assert said[3].startswith("asked       move_rail(steps=3) for local: a person has to approve it (client octoform ")
+    assert len(said) == 4, "nobody was asked, so nobody's word is told"
+
+
+def test_every_answer_of_a_person_has_its_words() -> None:
+    base = {"event": "decision", "tool": "fire", "caller": "anna", "arguments": {}, "client": "x 1", "approval": "ab"}
+    refused = {**base, "decision": "refuse", "code": "range", "text": "too much"}
+    told = [
+        line[30:]
+        for line in lines(
+            {**base, "decision": "ask"},
+            {**base, "decision": "allow", "answer": "approved"},
+            {**refused, "answer": "approved"},
+            {**refused, "code": "declined", "text": "the person declined", "answer": "declined"},
+            {**refused, "code": "unable", "text": "cannot ask", "answer": "unable", "approval": ""},
+            {**refused, "client": "x 1"},
+        )
+    ]
+    assert told == [
+        "asked       fire() for anna: a person has to approve it (client x 1, approval ab)",
+        "allowed     fire() for anna: approved by the client's person (client x 1, approval ab)",
+        "refused     fire() for anna: too much; it was approved by the client's person (client x 1, approval ab)",
+        "refused     fire() for anna: the person declined (client x 1, approval ab)",
+        "refused     fire() for anna: cannot ask (client x 1)",
+        "refused     fire() for anna: too much",
+    ]
 
 
 def test_what_a_stop_did_has_a_line_for_each_device() -> None:

@@ -65,7 +65,7 @@ def test_a_person_who_says_yes_is_asked_before_every_call(tmp_path: Path, mode: 
             for _ in range(2):
                 assert (await client.call_tool("fire", {"times": "3"})).data == 3
             decisions = [each["decision"] for each in gate.records("decision")]
-            assert decisions == (["ask", "allow"] * 2 if mode == "auto" else ["allow"] * 2)
+            assert decisions == ["ask", "allow"] * 2
             assert len(gate.gate.approvals) == 0
 
     asyncio.run(scenario())
@@ -84,7 +84,9 @@ def test_anything_but_yes_is_no(tmp_path: Path, mode: str, person: Person, code:
         async with armed(tmp_path) as gate, gate.client(mode, elicitation_handler=person) as client:
             result = await client.call_tool("fire", {"times": 1}, raise_on_error=False)
             assert result.is_error and result.meta is not None and result.meta["octoform/refused"] == code
-            assert gate.records("decision")[-1]["code"] == code
+            asked, decided = gate.records("decision")
+            assert (asked["decision"], decided["code"], decided["answer"]) == ("ask", code, code)
+            assert asked["approval"] == decided["approval"]
 
     asyncio.run(scenario())
     assert fired == []
@@ -97,6 +99,8 @@ def test_a_client_that_cannot_ask_hears_what_to_do(tmp_path: Path, mode: str) ->
             result = await client.call_tool("fire", {"times": 1}, raise_on_error=False)
             assert result.is_error and "elicitation" in result.content[0].text
             assert gate.counted() == [("refuse", "unable")]
+            (record,) = gate.records("decision")
+            assert record["answer"] == "unable" and record["client"].startswith("mcp") and "approval" not in record
 
     asyncio.run(scenario())
     assert fired == []
@@ -206,9 +210,67 @@ def test_nobody_answers(tmp_path: Path) -> None:
             async with gate.client("legacy", elicitation_handler=away) as client:
                 result = await client.call_tool("fire", {"times": 1}, raise_on_error=False)
                 assert code_of(result) == "unanswered"
+            asked, decided = gate.records("decision")
+            assert decided["answer"] == "unanswered" and asked["approval"] == decided["approval"]
 
     asyncio.run(scenario())
     assert fired == []
+
+
+@pytest.mark.parametrize("ends", [True, False], ids=["the-endpoint-ends", "the-time-is-over"])
+def test_a_question_whose_answer_never_comes_is_a_refusal_in_the_end(tmp_path: Path, ends: bool) -> None:
+    async def scenario() -> None:
+        async with armed(tmp_path) as gate, gate.client("auto", elicitation_handler=Person()) as client:
+            gate.gate.approvals = Approvals(seconds=600.0 if ends else 0.01)
+            asked = await first_leg(client, {"times": 1})
+            if ends:
+                gate.gate.approvals.end()
+            while len(gate.gate.approvals):
+                await asyncio.sleep(0.01)
+            first, last = gate.records("decision")
+            assert (first["decision"], last["decision"], last["answer"]) == ("ask", "refuse", "unanswered")
+            assert first["approval"] == last["approval"] and first["call"] == last["call"]
+            assert first["approval"] not in asked.request_state
+            assert code_of(await second_leg(client, {"times": 1}, asked.request_state)) == "replayed"
+
+    asyncio.run(scenario())
+    assert fired == []
+
+
+@pytest.mark.parametrize("mode", MODES)
+def test_the_audit_log_links_question_and_answer_and_names_the_client(tmp_path: Path, mode: str) -> None:
+    async def scenario() -> None:
+        who = mcp_types.Implementation(name="a-client", version="7")
+        async with armed(tmp_path) as gate:
+            for _ in range(2):
+                async with gate.client(mode, elicitation_handler=Person(), client_info=who) as client:
+                    await client.call_tool("fire", {"times": 1})
+            asked, allowed, again, _ = gate.records("decision")
+            assert [asked.get("answer"), allowed["answer"]] == [None, "approved"]
+            assert asked["approval"] == allowed["approval"] != again["approval"]
+            assert asked["client"] == allowed["client"] == "a-client 7"
+            assert (asked["call"] == allowed["call"]) == (mode == "legacy")
+            async with gate.client(mode) as client:
+                await client.call_tool("aim", {})
+            assert {"approval", "answer", "client"}.isdisjoint(gate.records("decision")[-1])
+
+    asyncio.run(scenario())
+
+
+def test_what_was_approved_and_then_refused_says_both(tmp_path: Path) -> None:
+    async def scenario() -> None:
+        async with armed(tmp_path, limits=[RATE]) as gate:
+
+            async def late(message: str, kind: Any, params: Any, context: Any) -> Any:
+                assert gate.ledger.reserve("fire", {"times": 1}) is None
+                return ElicitResult(action="accept", content={"value": True})
+
+            async with gate.client("legacy", elicitation_handler=late) as client:
+                result = await client.call_tool("fire", {"times": 1}, raise_on_error=False)
+            record = gate.records("decision")[-1]
+            assert (record["code"], record["answer"]) == (code_of(result), "approved") == ("rate", "approved")
+
+    asyncio.run(scenario())
 
 
 def test_the_arguments_cannot_write_the_question(tmp_path: Path) -> None:
