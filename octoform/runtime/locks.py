@@ -3,14 +3,17 @@
 Two servers of one host, or two clients that each started one, must not talk over each other on one device. The lock
 is a file lock (flock), which the kernel releases when a process dies, below a folder that only this user can write;
 its place depends on the user alone, because servers are started with very different environments.
+
+Each holder opens the file for itself, which keeps threads of one process apart as well. The lock lives and dies with
+the file object: a tool that is stopped by an exception at any place, also while it takes the lock, leaves none.
 """
 
 import asyncio
 import fcntl
 import hashlib
+import io
 import os
 import stat
-import threading
 import time
 from pathlib import Path
 from types import TracebackType
@@ -22,8 +25,6 @@ from .sysfs import read_text
 DEFAULT_TIMEOUT = 10.0
 _STEP = 0.005
 _LONGEST_STEP = 0.05
-_threads: dict[str, threading.Lock] = {}
-_threads_guard = threading.Lock()
 
 
 class Bus:
@@ -37,9 +38,7 @@ class Bus:
         """``name`` says what is shared: a bus's name, or a device's folder in sysfs."""
         self.name = name
         self.timeout = timeout
-        self._descriptor = -1
-        with _threads_guard:
-            self._thread = _threads.setdefault(name, threading.Lock())
+        self._file: io.FileIO | None = None
 
     def __enter__(self) -> "Bus":
         """Wait for the lock."""
@@ -61,25 +60,17 @@ class Bus:
 
     def __exit__(self, *_: type[BaseException] | BaseException | TracebackType | None) -> None:
         """Release it."""
-        os.close(self._descriptor)  # closing the only descriptor releases the file lock
-        self._descriptor = -1
-        self._thread.release()
+        held, self._file = self._file, None
+        if held is not None:
+            held.close()
 
     async def __aexit__(self, *problem: type[BaseException] | BaseException | TracebackType | None) -> None:
         """Release it."""
         self.__exit__(*problem)
 
     def _try(self) -> bool:
-        if not self._thread.acquire(blocking=False):
-            return False
-        try:
-            self._descriptor = _lock_file(_file(self.name))
-        except BaseException:
-            self._thread.release()
-            raise
-        if self._descriptor < 0:
-            self._thread.release()
-        return self._descriptor >= 0
+        self._file = _locked(_file(self.name))
+        return self._file is not None
 
     def _give_up_after(self, end: float) -> None:
         if time.monotonic() >= end:
@@ -105,20 +96,20 @@ def _file(name: str) -> Path:
     return _folder() / (hashlib.sha256(name.encode("utf-8", "surrogateescape")).hexdigest()[:24] + ".lock")
 
 
-def _lock_file(path: Path) -> int:
-    """A descriptor that holds the file's lock, or -1 when another one holds it."""
-    descriptor = os.open(path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC | os.O_NOFOLLOW, 0o600)
+def _locked(path: Path) -> io.FileIO | None:
+    """The file with its lock, or None when another one holds it."""
+    file = io.FileIO(path, "r+", opener=_opened)
     try:
-        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        os.ftruncate(descriptor, 0)
-        os.pwrite(descriptor, str(os.getpid()).encode(), 0)
+        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except BlockingIOError:
-        os.close(descriptor)
-        return -1
-    except OSError:
-        os.close(descriptor)
-        raise
-    return descriptor
+        file.close()
+        return None
+    os.pwrite(file.fileno(), f"{os.getpid()}\n".ljust(12).encode(), 0)
+    return file
+
+
+def _opened(path: str, _: int) -> int:
+    return os.open(path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC | os.O_NOFOLLOW, 0o600)
 
 
 def _folder() -> Path:

@@ -1,6 +1,7 @@
 """One lock for each bus, across threads, processes and tasks."""
 
 import asyncio
+import fcntl
 import os
 import subprocess
 import sys
@@ -64,6 +65,28 @@ def test_an_error_inside_releases_the_bus() -> None:
         raise ValueError
     with runtime.bus("line", timeout=0.05):
         pass
+
+
+class Stopped(BaseException):
+    """What the launcher raises into a tool's thread, wherever it is."""
+
+
+def test_a_tool_stopped_while_it_takes_the_bus_leaves_no_lock(monkeypatch: pytest.MonkeyPatch) -> None:
+    with monkeypatch.context() as patch:
+        for place in ("flock", "pwrite"):
+
+            def struck(*given: object, place: str = place) -> None:
+                getattr(fcntl if place == "flock" else os, f"real_{place}")(*given)
+                raise Stopped
+
+            module = fcntl if place == "flock" else os
+            patch.setattr(module, f"real_{place}", getattr(module, place), raising=False)
+            patch.setattr(module, place, struck)
+            with pytest.raises(Stopped):
+                runtime.bus("line").__enter__()
+            patch.setattr(module, place, getattr(module, f"real_{place}"))
+            with runtime.bus("line", timeout=0.05):
+                pass
 
 
 def test_another_process_holds_the_bus_until_it_ends(monkeypatch: pytest.MonkeyPatch) -> None:
