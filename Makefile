@@ -1,5 +1,6 @@
 # make test        set up and pass all tests; HARNESSES="pi codex" says which agent programs are tested (default: pi);
-#                  pi passes its whole failure matrix, other programs what needs no waiting
+#                  pi passes its whole failure matrix, other programs what needs no waiting; programs in CLIENTS only list
+#                  the endpoint
 # make test-harnesses  install all agent programs and pass all tests that run them
 # make recordings  score the embedded agent over a folder of recorded hosts: make recordings DIR=... [SAMPLE=3]
 # make bench       print the measurements of bench/
@@ -7,10 +8,14 @@
 
 PYTHON := .venv/bin/python
 HARNESSES := pi
+CLIENTS :=
 ALL_HARNESSES := pi opencode claude-code codex gemini-cli qwen-code
 # Programs go into a folder of the user that all checkouts share: OCTOFORM_AGENTS, else below the cache folder.
 # Marked `patience` are the cells of the failure matrix that let seconds pass, with all programs but pi.
-MARKED := (not harness$(foreach name,$(HARNESSES), or harness_$(subst -,_,$(name)))) and not patience
+MARKED := ((not harness$(foreach name,$(HARNESSES), or harness_$(subst -,_,$(name)))) and not patience)\
+	$(foreach name,$(CLIENTS), or (client and harness_$(subst -,_,$(name))))
+# One more than there are cores: many tests wait for a process, and seldom all at a time.
+WORKERS := $(shell expr $$(nproc) + 1)
 
 .PHONY: setup test test-harnesses programs lint recordings bench lock
 
@@ -25,11 +30,11 @@ lint: setup
 
 # Beside lint, so that `make -j2 test` does both at a time: one waits for the network, the other computes.
 programs: setup
-	@.venv/bin/octoform install $(HARNESSES)
+	@.venv/bin/octoform install $(sort $(HARNESSES) $(CLIENTS))
 	@$(PYTHON) tests/conformance/suites.py
 
 test: lint programs
-	@$(PYTHON) -m pytest -n auto --dist worksteal -m "$(MARKED)"
+	@$(PYTHON) -m pytest -n $(WORKERS) --dist worksteal -m "$(MARKED)"
 
 test-harnesses: HARNESSES := $(ALL_HARNESSES)
 test-harnesses: programs

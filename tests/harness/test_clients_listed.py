@@ -117,6 +117,7 @@ def line_of(text: str, name: str) -> str:
 
 
 @pytest.mark.harness
+@pytest.mark.client
 @pytest.mark.harness_claude_code
 def test_claude_code_connects(rig: Rig) -> None:
     file = rig.own(".claude.json", CLAUDE)
@@ -135,6 +136,7 @@ def test_claude_code_connects(rig: Rig) -> None:
 
 
 @pytest.mark.harness
+@pytest.mark.client
 @pytest.mark.harness_codex
 def test_codex_lists_it(rig: Rig) -> None:
     file = rig.own(".codex/config.toml", CODEX)
@@ -149,6 +151,7 @@ def test_codex_lists_it(rig: Rig) -> None:
 
 
 @pytest.mark.harness
+@pytest.mark.client
 @pytest.mark.harness_gemini_cli
 def test_gemini_cli_connects(rig: Rig) -> None:
     file = rig.own(".gemini/settings.json", GEMINI)
@@ -161,6 +164,7 @@ def test_gemini_cli_connects(rig: Rig) -> None:
 
 
 @pytest.mark.harness
+@pytest.mark.client
 @pytest.mark.harness_opencode
 @pytest.mark.parametrize("servers", [f'"servers": {{{OTHER}}}', OTHER], ids=["newer", "older"])
 def test_opencode_connects_in_either_notation(rig: Rig, servers: str) -> None:

@@ -2,6 +2,7 @@
 
 import asyncio
 import json
+import threading
 import logging
 import time
 from collections.abc import Iterator
@@ -212,8 +213,12 @@ def test_arguments_are_coerced_as_the_tool_will_see_them() -> None:
         coercion(tool, strict=True)({"count": "10"})
 
 
+TWICE = threading.Event()
+
+
 def patient() -> int:
-    time.sleep(0.12)
+    """Returns once its client has heard of it twice."""
+    TWICE.wait(20)
     return 1
 
 
@@ -232,8 +237,11 @@ def test_a_long_call_sends_signs_of_life_that_grow_and_end(
 
     async def note(progress: float, total: float | None, message: str | None) -> None:
         seen.append((progress, message))
+        if len(seen) == 2:
+            TWICE.set()
 
     async def scenario() -> None:
+        TWICE.clear()
         tools = {patient: tool_policy("read"), reporting: tool_policy("read")}
         async with gated(tmp_path, tools) as gate, gate.client(mode) as client:
             await client.call_tool("patient", {}, progress_handler=note)
