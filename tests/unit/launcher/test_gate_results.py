@@ -2,8 +2,8 @@
 
 import asyncio
 import json
-import threading
 import logging
+import threading
 import time
 from collections.abc import Iterator
 from pathlib import Path
