@@ -225,8 +225,9 @@ def test_a_question_whose_answer_never_comes_is_a_refusal_in_the_end(tmp_path: P
             asked = await first_leg(client, {"times": 1})
             if ends:
                 gate.gate.approvals.end()
-            while len(gate.gate.approvals):
-                await asyncio.sleep(0.01)
+            async with asyncio.timeout(10):
+                while len(gate.gate.approvals):
+                    await asyncio.sleep(0.01)
             first, last = gate.records("decision")
             assert (first["decision"], last["decision"], last["answer"]) == ("ask", "refuse", "unanswered")
             assert first["approval"] == last["approval"] and first["call"] == last["call"]
