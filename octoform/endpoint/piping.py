@@ -4,11 +4,15 @@ The process behind the socket owns the devices and speaks the protocol; this one
 clients, so it loads nothing that a pipe does not need.
 """
 
+import contextlib
+import fcntl
 import os
 import select
 import socket
 
 CHUNK = 1 << 16
+PIPE_BYTES = 1 << 20
+"""What a pipe may hold, where the system grants it: a picture then passes in a few steps instead of many."""
 MOST_WAITING = 1 << 20
 """Bytes that may wait for a slow reader before its writer is made to wait too."""
 
@@ -32,6 +36,8 @@ def pipe(connection: socket.socket, stdin: int = 0, stdout: int = 1) -> bool:
     try:
         for descriptor in before:
             os.set_blocking(descriptor, False)
+            with contextlib.suppress(OSError):  # no pipe, or more than this user may have
+                fcntl.fcntl(descriptor, fcntl.F_SETPIPE_SZ, PIPE_BYTES)
         return _carry(connection, _Way(stdin, connection.fileno()), _Way(connection.fileno(), stdout))
     finally:
         # Others may have the same terminal open.

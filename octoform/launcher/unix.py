@@ -25,6 +25,7 @@ from .socketfile import PASSING, PAUSE, is_mine
 LONGEST_LINE = 8 * 1024 * 1024
 """Bytes of one message from a client."""
 MOST_CLIENTS = 100
+SEND_BYTES = 1 << 20
 MOST_WAITING = 64 * 1024 * 1024
 """Bytes that may wait for a client when the next message comes for it."""
 READ_SECONDS = 30.0
@@ -92,6 +93,8 @@ class LocalClients:
             LOGGER.error("a local client's connection failed: %r", problem)
 
     async def _client(self, connection: socket.socket) -> None:
+        # A picture then leaves in one or two steps instead of many; the system grants what it may.
+        connection.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, SEND_BYTES)
         reader, writer = await asyncio.open_unix_connection(sock=connection, limit=_CHUNK)
         to_server, read = create_context_streams[SessionMessage | Exception](0)
         write, from_server = create_context_streams[SessionMessage](0)
