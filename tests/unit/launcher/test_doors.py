@@ -318,7 +318,7 @@ def test_a_client_that_takes_nothing_is_sent_away(
     monkeypatch.setattr(unix, "READ_SECONDS", 0.05)
 
     async def scenario() -> None:
-        async with talking(tmp_path, 1) as (server, _):
+        async with talking(tmp_path, 10) as (server, _):  # more than the socket itself holds: 2 * SEND_BYTES
             await server.gone.wait()
 
     asyncio.run(scenario())
