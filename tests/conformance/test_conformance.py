@@ -10,7 +10,10 @@ import pytest
 from launched import Launched
 from suites import missing
 
-pytestmark = pytest.mark.skipif(bool(missing()), reason=f"`make programs` installs {', '.join(missing())}")
+
+@pytest.fixture(scope="module", autouse=True)
+def installed() -> None:
+    assert not missing(), f"`make programs` installs {', '.join(missing())}"
 
 
 @pytest.fixture(scope="module")

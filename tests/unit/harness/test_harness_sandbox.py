@@ -22,11 +22,10 @@ USERS = [0, ORDINARY] if os.getuid() == 0 else [os.getuid()]
 ON: dict[str, bool] = {"network": True}
 OFF: dict[str, bool] = {"network": False}
 
-pytestmark = pytest.mark.skipif(shutil.which("bwrap") is None, reason="bubblewrap is not installed")
-
 
 @pytest.fixture(params=USERS, ids=lambda uid: f"uid{uid}")
 def host(request: pytest.FixtureRequest) -> Iterator[Host]:
+    assert shutil.which("bwrap"), "bubblewrap is missing; `make setup` installs it"
     # Not tmp_path: its parents are closed to other users.
     root = Path(tempfile.mkdtemp(prefix="octoform-sandbox-"))
     try:
