@@ -1,6 +1,7 @@
 """What tests of every package may use: the option to rewrite golden files, and the invented hosts as trees on disk."""
 
 import os
+import signal
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
@@ -18,6 +19,8 @@ def pytest_configure(config: pytest.Config) -> None:
     """A machine that only checks must not write what it should compare with."""
     if config.getoption("--update") and os.environ.get("CI"):
         raise pytest.UsageError("--update is for people: it is refused where CI is set")
+    # A shell starts what runs in the background with interrupts ignored, and programs on a test's terminal inherit that.
+    signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 @pytest.fixture
