@@ -17,6 +17,9 @@ MARKED := ((not harness$(foreach name,$(HARNESSES), or harness_$(subst -,_,$(nam
 # One more than there are cores: many tests wait for a process, and seldom all at a time.
 WORKERS := $(shell expr $$(nproc) + 1)
 
+# Where an image forbids bytecode, every process of the tests would compile what it imports again.
+unexport PYTHONDONTWRITEBYTECODE
+
 .PHONY: setup test test-harnesses programs lint recordings bench lock
 
 setup:

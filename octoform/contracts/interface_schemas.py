@@ -4,8 +4,10 @@ Heavy: imports jsonschema. A schema comes from an agent, so nothing in it is fet
 against text here (a pattern can be written to take for ever).
 """
 
+import json
 from collections.abc import Iterator, Mapping
 from fnmatch import fnmatchcase
+from functools import lru_cache
 from typing import Any
 
 from jsonschema import Draft202012Validator
@@ -171,16 +173,24 @@ def _invalid(value: JsonObject, member: str, code: str) -> list[Diagnostic]:
 def _schema_problem(schema: JsonObject) -> str | None:
     if schema.get("type") != "object":
         return f"has the type {shown(schema.get('type', 'none'))}, not object"
-    try:
-        Draft202012Validator.check_schema(schema)
-    except SchemaError as problem:
-        place = "/".join(str(part) for part in problem.absolute_path) or "its top"
-        return f"is not a valid schema at {shown(place)}: its {shown(problem.validator)} is wrong"
+    if (problem := _misshapen(json.dumps(schema))) is not None:
+        return problem
     try:
         size = _unfolded(schema, schema, {})
     except _Unusable as problem:
         return str(problem)
     return None if size <= MAX_UNFOLDED else f"unfolds to more than {MAX_UNFOLDED} parts"
+
+
+@lru_cache(maxsize=512)
+def _misshapen(schema: str) -> str | None:
+    """Why a text is no JSON Schema. Remembered: a contract is checked several times in a run, and tools are alike."""
+    try:
+        Draft202012Validator.check_schema(json.loads(schema))
+    except SchemaError as problem:
+        place = "/".join(str(part) for part in problem.absolute_path) or "its top"
+        return f"is not a valid schema at {shown(place)}: its {shown(problem.validator)} is wrong"
+    return None
 
 
 class _Unusable(Exception):

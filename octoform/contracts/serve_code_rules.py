@@ -104,9 +104,9 @@ def import_undeclared(value: str, _: Artifacts) -> list[Diagnostic]:
 def dynamic_code(value: str, _: Artifacts) -> list[Diagnostic]:
     """No code is made from text at run time."""
     source = needed_source(value)
-    own = {function.name for function in source.functions()}
+    own = {function.name for function in source.functions}
     out = []
-    for node in ast.walk(source.tree):
+    for node in source.nodes:
         if not isinstance(node, ast.Name | ast.Attribute) or not isinstance(node.ctx, ast.Load):
             continue
         name = source.dotted(node)
@@ -120,7 +120,7 @@ def shell(value: str, _: Artifacts) -> list[Diagnostic]:
     """Programs are started without a shell, by a literal list whose program name is constant."""
     source = needed_source(value)
     out = []
-    for call, name in source.calls():
+    for call, name in source.calls:
         why = None
         if _SHELL.fullmatch(name):
             why = f"{shown(name)} hands a command line to a shell or replaces the process"
@@ -138,7 +138,7 @@ def unsafe_loads(value: str, _: Artifacts) -> list[Diagnostic]:
     hint = "use json, struct or plain text"
     return [
         source.problem("SERVE-UNSAFE-LOADS", call, f"{shown(name)} can run code that stands in the data", hint)
-        for call, name in source.calls()
+        for call, name in source.calls
         if _UNSAFE_LOADS.fullmatch(name) and not _safe_loader(call)
     ]
 
@@ -147,7 +147,7 @@ def listens(value: str, _: Artifacts) -> list[Diagnostic]:
     """The server opens no port; how it is reached is octoform's business."""
     source = needed_source(value)
     out = []
-    for call, name in source.calls():
+    for call, name in source.calls:
         transport = _keyword(call, "transport")
         if transport is None and name.endswith((".run", ".run_async")) and call.args:
             transport = call.args[0]
@@ -164,7 +164,7 @@ def prints(value: str, _: Artifacts) -> list[Diagnostic]:
     source = needed_source(value)
     hint = "use logging, or print(..., file=sys.stderr)"
     out = []
-    for call, name in source.calls():
+    for call, name in source.calls:
         target = _keyword(call, "file")
         if name == "print" and (target is None or source.dotted(target) == "sys.stdout"):
             out.append(source.problem("SERVE-PRINTS", call, "print writes into the protocol's stream", hint))
@@ -232,7 +232,7 @@ def _literal(source: Source, node: ast.expr | None) -> ast.List | ast.Tuple | No
     if not isinstance(node, ast.Name):
         return None
     scopes = (source.owner(node), None)
-    for statement in ast.walk(source.tree):
+    for statement in source.nodes:
         if isinstance(statement, ast.Assign | ast.AnnAssign) and source.owner(statement) in scopes:
             targets = statement.targets if isinstance(statement, ast.Assign) else [statement.target]
             if any(isinstance(item, ast.Name) and item.id == node.id for item in targets):

@@ -62,7 +62,7 @@ def camera_held(value: str, _: Artifacts) -> list[Diagnostic]:
     source = needed_source(value)
     hint = "open it in the function that grabs, and call release() in a `finally`"
     out = []
-    for call, name in source.calls():
+    for call, name in source.calls:
         if name.rpartition(".")[2] != "VideoCapture":
             continue
         owner = source.owner(call)
@@ -144,7 +144,7 @@ def _mentions_node(source: Source, tree: ast.AST) -> bool:
 
 def _run_at_import(source: Source) -> Iterator[ast.Call]:
     """The calls that importing the module executes, in local functions too."""
-    bodies = {function.name: function for function in source.functions()}
+    bodies = {function.name: function for function in source.functions}
     entered: set[str] = set()
     queue: list[ast.AST] = [item for item in source.tree.body if not _is_main_guard(item)]
     while queue:
@@ -196,7 +196,7 @@ def _locking_managers(source: Source) -> frozenset[str]:
     while True:
         more = {
             item.name
-            for item in source.functions()
+            for item in source.functions
             if _is_manager(source, item) and _yields_locked(source, item, found)
         }
         if more == found:
@@ -216,7 +216,7 @@ def _yields_locked(source: Source, function: Function, managers: frozenset[str])
 
 def _bare_touches(source: Source) -> Iterator[tuple[str, ast.Call]]:
     """(function name, call) of each device access without a lock around it in its own function."""
-    for call, _ in source.calls():
+    for call, _ in source.calls:
         owner = source.owner(call)
         if owner is not None and _opens_device(source, call) and not _guarded(source, call):
             yield owner.name, call
@@ -224,12 +224,12 @@ def _bare_touches(source: Source) -> Iterator[tuple[str, ast.Call]]:
 
 def _exposed(source: Source) -> set[str]:
     """The functions that can be entered without the lock of a bus: called bare from one such, or from outside."""
-    known = {function.name for function in source.functions()}
+    known = {function.name for function in source.functions}
     entries: dict[str, list[tuple[str | None, bool]]] = {name: [] for name in known}
     for caller, name, locked in _references(source, known):
         entries[name].append((caller, locked))
     exposed = {
-        function.name for function in source.functions() if function.decorator_list and _is_root(source, function)
+        function.name for function in source.functions if function.decorator_list and _is_root(source, function)
     }
     exposed |= {name for name, callers in entries.items() if not callers}
     while True:
@@ -250,7 +250,7 @@ def _is_root(source: Source, function: Function) -> bool:
 def _references(source: Source, known: Iterable[str]) -> Iterator[tuple[str | None, str, bool]]:
     """(function that refers, function referred to, whether under a lock); None for module level."""
     names = set(known)
-    for node in ast.walk(source.tree):
+    for node in source.nodes:
         if isinstance(node, ast.Name) and isinstance(node.ctx, ast.Load):
             name = node.id
         elif isinstance(node, ast.Attribute) and isinstance(node.ctx, ast.Load):

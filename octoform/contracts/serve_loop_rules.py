@@ -61,7 +61,7 @@ def _blocking_functions(source: Source) -> dict[str, str]:
 
 def _direct_calls(source: Source) -> Iterator[tuple[ast.Call, Function]]:
     """Every call with the function that makes it; one in a lambda is made by whoever calls that, and left out."""
-    for call, _ in source.calls():
+    for call, _ in source.calls:
         owner = source.owner(call)
         if owner is not None and not any(isinstance(above, ast.Lambda) for above, _ in source.above(call)):
             yield call, owner

@@ -96,7 +96,7 @@ def beyond_tools(value: str, _: Artifacts) -> list[Diagnostic]:
         "serve tools with @mcp.tool and nothing else; of the server, only mcp.tool, mcp.add_tool and mcp.run are used"
     )
     out = []
-    for node in ast.walk(source.tree):
+    for node in source.nodes:
         if isinstance(node, ast.Call) and source.dotted(node.func).rpartition(".")[2] == "FastMCP":
             names = [item.arg or "**" for item in node.keywords if item.arg not in _PLAIN_OPTIONS]
             out += [
@@ -127,7 +127,7 @@ def tool_sites(source: Source) -> Iterator[ToolSite]:
     """Each place that registers a tool: a decorated function, ``mcp.tool(...)`` on one, or ``add_tool``."""
     servers = _servers(source)
     decorators: set[ast.AST] = set()
-    for function in source.functions():
+    for function in source.functions:
         for index, item in enumerate(function.decorator_list):
             call = item if isinstance(item, ast.Call) else None
             if not _registers(call.func if call else item, servers):
@@ -137,7 +137,7 @@ def tool_sites(source: Source) -> Iterator[ToolSite]:
             below = function.decorator_list[index + 1 :]
             logged = any(_is_logging(source, other) for other in below)
             yield ToolSite(function.name if name is _NO_NAME else _constant(name), function, logged)
-    for call, _ in source.calls():
+    for call, _ in source.calls:
         if call not in decorators and _registers(call.func, servers) and source.parents.get(call) not in decorators:
             yield _call_site(source, call)
 

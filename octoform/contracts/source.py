@@ -7,7 +7,7 @@ whoever means harm can hide from any static rule, which is why the import under 
 import ast
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from typing import Any
 
 from octoform.contracts.text import flattened
@@ -40,17 +40,20 @@ class Source:
             return f"{self.dotted(node.func)}()"
         return f"{self.dotted(node.value)}[]" if isinstance(node, ast.Subscript) else ""
 
-    def calls(self) -> Iterator[tuple[ast.Call, str]]:
-        """Every call with the dotted name of what is called."""
-        for node in ast.walk(self.tree):
-            if isinstance(node, ast.Call):
-                yield node, self.dotted(node.func)
+    @cached_property
+    def nodes(self) -> tuple[ast.AST, ...]:
+        """Every node, from the top down; walked once for all rules."""
+        return tuple(ast.walk(self.tree))
 
-    def functions(self) -> Iterator[Function]:
+    @cached_property
+    def calls(self) -> tuple[tuple[ast.Call, str], ...]:
+        """Every call with the dotted name of what is called."""
+        return tuple((node, self.dotted(node.func)) for node in self.nodes if isinstance(node, ast.Call))
+
+    @cached_property
+    def functions(self) -> tuple[Function, ...]:
         """Every function and method, nested ones too."""
-        for node in ast.walk(self.tree):
-            if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
-                yield node
+        return tuple(node for node in self.nodes if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef))
 
     def owner(self, node: ast.AST) -> Function | None:
         """The innermost function whose body holds ``node``; None at module or class level.
@@ -109,7 +112,7 @@ def needed_source(text: str) -> Source:
 
 def imported_modules(source: Source) -> Iterator[tuple[str, ast.Import | ast.ImportFrom, bool]]:
     """(top-level module, statement, whether it is inside a function); a relative import gives ``.``."""
-    for node in ast.walk(source.tree):
+    for node in source.nodes:
         if isinstance(node, ast.Import):
             for item in node.names:
                 yield item.name.partition(".")[0], node, source.owner(node) is not None
