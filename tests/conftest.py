@@ -19,7 +19,7 @@ def pytest_configure(config: pytest.Config) -> None:
     """A machine that only checks must not write what it should compare with."""
     if config.getoption("--update") and os.environ.get("CI"):
         raise pytest.UsageError("--update is for people: it is refused where CI is set")
-    # A shell starts what runs in the background with interrupts ignored, and programs on a test's terminal inherit that.
+    # A shell starts background jobs with interrupts ignored, and programs on a test's terminal would inherit that.
     signal.signal(signal.SIGINT, signal.default_int_handler)
 
 

@@ -195,9 +195,7 @@ def _locking_managers(source: Source) -> frozenset[str]:
     found: frozenset[str] = frozenset()
     while True:
         more = {
-            item.name
-            for item in source.functions
-            if _is_manager(source, item) and _yields_locked(source, item, found)
+            item.name for item in source.functions if _is_manager(source, item) and _yields_locked(source, item, found)
         }
         if more == found:
             return found
@@ -228,9 +226,7 @@ def _exposed(source: Source) -> set[str]:
     entries: dict[str, list[tuple[str | None, bool]]] = {name: [] for name in known}
     for caller, name, locked in _references(source, known):
         entries[name].append((caller, locked))
-    exposed = {
-        function.name for function in source.functions if function.decorator_list and _is_root(source, function)
-    }
+    exposed = {function.name for function in source.functions if function.decorator_list and _is_root(source, function)}
     exposed |= {name for name, callers in entries.items() if not callers}
     while True:
         more = {
