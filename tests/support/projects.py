@@ -11,6 +11,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+import warm
+
 OCTOFORM = Path(sys.executable).parent / "octoform"
 AGENT = Path(__file__).parents[1] / "agent" / "agent.py"
 SHIPPED = Path(__file__).parents[2] / "protocol"
@@ -104,14 +106,20 @@ class Project:
 
     def run(self, *arguments: str, status: int | None = None) -> Done:
         """Run octoform to its end; ``status`` is what it must leave with."""
-        process = self.start(*arguments)
-        try:
-            out, err = process.communicate(timeout=self.seconds)
-        finally:
-            if process.poll() is None:
-                process.kill()
-                process.wait()
-        done = Done(process.returncode, out, err)
+        if self.prefix:
+            command = [*self.prefix, str(OCTOFORM), *arguments]
+            ended = subprocess.run(
+                command,
+                cwd=self.folder,
+                env=self.environment(),
+                stdin=subprocess.DEVNULL,
+                capture_output=True,
+                text=True,
+                timeout=self.seconds,
+            )
+            done = Done(ended.returncode, ended.stdout, ended.stderr)
+        else:
+            done = Done(*warm.run(OCTOFORM, arguments, self.folder, self.environment(), self.seconds))
         assert "Traceback" not in done.text, done.text
         assert status is None or done.status == status, done.text
         return done

@@ -1,0 +1,138 @@
+"""Runs the command line without the third of a second that loading it takes: each run is a fork of a loaded process.
+
+The forked process is octoform as a shell would start it: own folder, environment, streams and exit. Tests run it some
+thousand times. What a test starts and leaves running, or sends signals to, is started as a new program instead.
+"""
+
+import contextlib
+import gc
+import importlib
+import json
+import os
+import pkgutil
+import selectors
+import socket
+import subprocess
+import sys
+import time
+from collections.abc import Iterator, Mapping, Sequence
+from functools import cache
+from pathlib import Path
+
+LARGEST = 1 << 20
+
+
+def run(
+    program: Path, arguments: Sequence[str], cwd: Path, environ: Mapping[str, str], seconds: float
+) -> tuple[int, str, str]:
+    """(exit status, what it printed, what it printed on stderr); killed, with TimeoutExpired, after so many seconds."""
+    order = json.dumps({"argv": [str(program), *arguments], "cwd": str(cwd), "environ": dict(environ)}).encode()
+    out, err = os.pipe(), os.pipe()
+    with _sockets() as (mine, its):
+        socket.send_fds(_keeper(), [order], [its.fileno(), out[1], err[1]])
+        for descriptor in (its.detach(), out[1], err[1]):
+            os.close(descriptor)
+        pid = int(mine.recv(64))
+        try:
+            printed = _read_all((out[0], err[0]), time.monotonic() + seconds)
+            mine.settimeout(seconds)
+            return int(mine.recv(64)), *printed
+        except TimeoutError:
+            os.kill(pid, 9)  # not reaped before its status was sent, so it is still this process
+            raise subprocess.TimeoutExpired([str(program), *arguments], seconds) from None
+
+
+@contextlib.contextmanager
+def _sockets() -> Iterator[tuple[socket.socket, socket.socket]]:
+    mine, its = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+    with mine, its:
+        yield mine, its
+
+
+def _read_all(descriptors: Sequence[int], deadline: float) -> tuple[str, ...]:
+    """What comes out of pipes until each is closed by all who had it; TimeoutError at the deadline."""
+    parts: dict[int, list[bytes]] = {descriptor: [] for descriptor in descriptors}
+    try:
+        with selectors.DefaultSelector() as selector:
+            for descriptor in descriptors:
+                selector.register(descriptor, selectors.EVENT_READ)
+            while selector.get_map():
+                ready = selector.select(max(0.0, deadline - time.monotonic()))
+                if not ready:
+                    raise TimeoutError
+                for key, _ in ready:
+                    parts[key.fd].append(os.read(key.fd, 1 << 16))
+                    if not parts[key.fd][-1]:
+                        selector.unregister(key.fd)
+    finally:
+        for descriptor in descriptors:
+            os.close(descriptor)
+    return tuple(b"".join(part).decode() for part in parts.values())
+
+
+@cache
+def _keeper() -> socket.socket:
+    """A connection to the loaded process, which ends with it."""
+    mine, its = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+    command = [sys.executable, __file__, str(its.fileno())]
+    subprocess.Popen(command, pass_fds=[its.fileno()], stdin=subprocess.DEVNULL)
+    its.close()
+    return mine
+
+
+def keep(orders: socket.socket) -> int:
+    """The loaded process: fork for each order, tell the exit of each fork; 0 when there is nobody left to order."""
+    from octoform.cli import commands
+
+    for module in pkgutil.iter_modules(commands.__path__):
+        importlib.import_module(f"{commands.__name__}.{module.name}")
+    gc.freeze()  # a collection in a fork would copy all that is loaded
+    selector = selectors.DefaultSelector()
+    selector.register(orders, selectors.EVENT_READ)
+    while True:
+        for key, _ in selector.select():
+            if key.data:
+                selector.unregister(key.fileobj)
+                _tell_end(*key.data)
+                continue
+            order, descriptors, _, _ = socket.recv_fds(orders, LARGEST, 3)
+            if not order:
+                return 0
+            pid = os.fork()
+            if not pid:
+                selector.close()
+                orders.detach()
+                _become(json.loads(order), *descriptors[1:])
+                from octoform.cli.main import main
+
+                return main()
+            asker = socket.socket(fileno=descriptors[0])
+            os.close(descriptors[1])
+            os.close(descriptors[2])
+            asker.send(str(pid).encode())
+            selector.register(os.pidfd_open(pid), selectors.EVENT_READ, (pid, asker))
+
+
+def _tell_end(pid: int, asker: socket.socket) -> None:
+    status = os.waitstatus_to_exitcode(os.waitpid(pid, 0)[1])
+    with asker, contextlib.suppress(BrokenPipeError):  # it waited no longer
+        asker.send(str(status).encode())
+
+
+def _become(order: dict[str, object], out: int, err: int) -> None:
+    """Take on folder, environment, arguments and streams of the order, as a new program has them."""
+    environ, argv = order["environ"], order["argv"]
+    assert isinstance(environ, dict) and isinstance(argv, list)
+    os.dup2(out, 1)
+    os.dup2(err, 2)
+    os.closerange(3, 1024)
+    sys.stdout = open(1, "w", encoding="utf-8", closefd=False)  # noqa: SIM115
+    sys.stderr = open(2, "w", encoding="utf-8", errors="backslashreplace", closefd=False)  # noqa: SIM115
+    os.chdir(str(order["cwd"]))
+    os.environ.clear()
+    os.environ.update(environ)
+    sys.argv = [str(word) for word in argv]
+
+
+if __name__ == "__main__":
+    sys.exit(keep(socket.socket(fileno=int(sys.argv[1]))))
