@@ -1,7 +1,7 @@
 """Runs the command line without the third of a second that loading it takes: each run is a fork of a loaded process.
 
 The forked process is octoform as a shell would start it: own folder, environment, streams and exit. Tests run it some
-thousand times. What a test starts and leaves running, or sends signals to, is started as a new program instead.
+hundred times. What a test starts and leaves running, or sends signals to, is started as a new program instead.
 """
 
 import contextlib
