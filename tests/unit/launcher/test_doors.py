@@ -97,6 +97,7 @@ def control(tmp_path: Path) -> Iterator[Control]:
     door.on("status", lambda _: {"fine": True})
     yield door
     door.stop()
+    until(lambda: all(thread.name != "control-answer" for thread in threading.enumerate()))  # late words are no other's
 
 
 def asked(connection: socket.socket, **question: object) -> dict[str, object]:
