@@ -93,6 +93,7 @@ def keep(orders: socket.socket) -> int:
         for key, _ in selector.select():
             if key.data:
                 selector.unregister(key.fileobj)
+                os.close(key.fd)
                 _tell_end(*key.data)
                 continue
             order, descriptors, _, _ = socket.recv_fds(orders, LARGEST, 3)

@@ -128,7 +128,10 @@ class LiteLLM:
         options = {**self._options, "tools": list(tools)} if tools else self._options
         try:
             stream = self._library.completion(messages=[dict(item) for item in messages], **options)
-            chunks = list(self._watched(stream))
+            try:
+                chunks = list(self._watched(stream))
+            finally:
+                _close(stream)
             whole = self._library.stream_chunk_builder(chunks) if chunks else None
         except self._failures as problem:
             return self._refusal(problem)
@@ -243,3 +246,16 @@ class Patient:
 def size_of(messages: Sequence[Mapping[str, Any]]) -> int:
     """Bytes of a conversation as it is sent."""
     return len(json.dumps(messages, ensure_ascii=False).encode("utf-8", "replace"))
+
+
+def _close(stream: Any) -> None:
+    """Give the connection of a stream back; read to its last word, a stream is not yet at the end of its connection.
+
+    Left to the garbage collector it might be closed within the next request, under the very lock that closing needs: a
+    wait without an end. The library's own wrapper cannot be closed, so it is what it reads from.
+    """
+    source = getattr(stream, "completion_stream", None)
+    for reader in (getattr(source, "streaming_response", None), source):
+        close = getattr(reader, "close", None)
+        if close is not None:
+            close()

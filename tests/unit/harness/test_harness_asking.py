@@ -1,5 +1,6 @@
 """Asking a model: its name and place in litellm's words, what comes back over each API, and what is tried again."""
 
+import gc
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
@@ -164,6 +165,16 @@ class TestOverEachApi:
                 assert isinstance(asker.ask([{"role": "user", "content": "x"}], declared()), Reply)
             offered = [item["tools"] for item in server.replies]
         assert ["web_search" in names for names in offered] == [True, False, False]
+
+    @pytest.mark.parametrize("model", ["openai/scripted", "anthropic/scripted"])
+    def test_no_connection_is_left_for_the_garbage_collector(self, model: str) -> None:
+        """It would close it at any moment, also under the lock of the pool, which the same thread then waits for."""
+        with serve([{"text": "done"}, {"status": 400}]) as server:
+            asker = client(server, model)
+            for _ in range(3):
+                asker.ask([{"role": "user", "content": "x"}], declared())
+                streams = [item for item in gc.get_objects() if type(item).__name__ == "PoolByteStream"]
+                assert [item for item in streams if not item._closed] == []
 
     def test_what_is_repeated_is_marked_for_the_cache(self) -> None:
         messages = Conversation("Instructions.", "Task.").messages()
