@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any, ClassVar
 
 from octoform.harness.adapters.program import Launch, ProgramHarness
+from octoform.harness.adapters.shells import command_seconds
 from octoform.harness.attempt import Invocation
 from octoform.harness.dialect import count, field, json_object, one_line, trouble
 from octoform.harness.installed import Pin
@@ -51,7 +52,6 @@ SWITCHES = (
 )
 SHELL = "octoform-shell"
 COMMAND_LIMITS = ("BASH_DEFAULT_TIMEOUT_MS", "BASH_MAX_TIMEOUT_MS")
-COMMAND_SHARE = 0.75
 BEARER, KEY = "ANTHROPIC_AUTH_TOKEN", "ANTHROPIC_API_KEY"
 PIECE = b'{"type":"stream_event","event":{"type":"content_block_'
 """Most of the stream: what a reply is made of, which says nothing that its message does not say again."""
@@ -125,7 +125,7 @@ def _settings(launch: Launch) -> dict[str, str]:
     idle = launch.task.limits.idle_seconds
     if idle is not None:
         # While a command runs there is no sign of progress, so the agent has to hear of a slow one before the limit.
-        settings |= dict.fromkeys(COMMAND_LIMITS, str(int(idle * COMMAND_SHARE * 1000)))
+        settings |= dict.fromkeys(COMMAND_LIMITS, str(int(command_seconds(idle) * 1000)))
     if os.geteuid() == 0:
         # It refuses to run without questions as root anywhere else.
         settings["IS_SANDBOX"] = "1"

@@ -11,7 +11,7 @@ from typing import Any, ClassVar
 
 from octoform.harness.access import Access
 from octoform.harness.adapters.program import Launch, ProgramHarness
-from octoform.harness.adapters.shells import COMMAND_SHARE, bounded
+from octoform.harness.adapters.shells import bounded, command_seconds
 from octoform.harness.attempt import Invocation
 from octoform.harness.dialect import count, field, json_object, one_line, trouble
 from octoform.harness.installed import Pin
@@ -101,7 +101,7 @@ def _settings(launch: Launch) -> dict[str, str]:
         "OPENCODE_EXPERIMENTAL_DISABLE_FILEWATCHER": "1",
         **({"OPENCODE_ENABLE_EXA": "1"} if launch.spec.web_search else {}),
         **({WITHHELD: key} if key and key not in launch.spec.env else {}),
-        **({COMMAND_MS: str(int(idle * COMMAND_SHARE * 1000))} if idle else {}),
+        **({COMMAND_MS: str(int(command_seconds(idle) * 1000))} if idle else {}),
     }
 
 

@@ -12,6 +12,7 @@ from typing import Any, ClassVar
 
 from octoform.harness.access import Access
 from octoform.harness.adapters.program import Launch, ProgramHarness
+from octoform.harness.adapters.shells import command_seconds
 from octoform.harness.attempt import Invocation
 from octoform.harness.dialect import count, field, json_object, one_line, trouble
 from octoform.harness.installed import Pin
@@ -38,8 +39,6 @@ PROVIDER = "octoform"
 PIECES = (b'{"type":"message_update"', b'{"type":"tool_execution_update"')
 """Most of the stream: each piece of a reply or of what a tool prints, of which the end tells all that is needed."""
 NO_KEY = b"No API key"
-COMMAND_SHARE = 0.75
-"""How much of the time without a sign of progress a command may use up."""
 NAMES = {CHAT: CHAT, RESPONSES: RESPONSES, ANTHROPIC: ANTHROPIC, GEMINI: "google-generative-ai"}
 
 
@@ -84,7 +83,7 @@ def _shell(launch: Launch) -> str:
     lines = ["#!/bin/sh"]
     if key and key not in launch.spec.env:
         lines.append(f"unset {key}")
-    bound = f"timeout --kill-after=2 {idle * COMMAND_SHARE:g} " if idle and shutil.which("timeout", path=path) else ""
+    bound = f"timeout --kill-after=2 {command_seconds(idle):g} " if idle and shutil.which("timeout", path=path) else ""
     lines.append(f'exec {bound}{"bash" if shutil.which("bash", path=path) else "sh"} "$@"')
     return "\n".join(lines) + "\n"
 

@@ -16,12 +16,17 @@ COMMAND_SHARE = 0.75
 """How much of the time without a sign of progress a command may use up."""
 
 
+def command_seconds(idle: float) -> float:
+    """How long a command may run until it is asked to end: killed, it is gone well before the run is idle."""
+    return max(idle * COMMAND_SHARE - bounded_command.GRACE_SECONDS, idle / 2)
+
+
 def bounded(launch: Launch) -> tuple[str, ...]:
     """Folders to put before PATH so that each command is bounded; writes the script below ``launch.home``."""
     program = shutil.which("bash", path=launch.task.environment.get("PATH")) or "/bin/sh"
     idle = launch.task.limits.idle_seconds or 0.0
     script = Path(bounded_command.__file__)
-    argv = (sys.executable, "-I", "-S", str(script), f"{idle * COMMAND_SHARE:g}", program)
+    argv = (sys.executable, "-I", "-S", str(script), f"{command_seconds(idle):g}", program)
     folder = launch.home / "shells"
     folder.mkdir()
     shell = folder / "bash"

@@ -156,7 +156,7 @@ def test_how_it_is_started(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> N
     assert found.settings["ANTHROPIC_BASE_URL"] == "http://127.0.0.1:8080"
     assert found.settings["CLAUDE_CONFIG_DIR"] == str(tmp_path / "home" / ".claude")
     assert found.settings["IS_SANDBOX"] == "1"
-    assert found.settings["BASH_MAX_TIMEOUT_MS"] == found.settings["BASH_DEFAULT_TIMEOUT_MS"] == "90000"
+    assert found.settings["BASH_MAX_TIMEOUT_MS"] == found.settings["BASH_DEFAULT_TIMEOUT_MS"] == "88000"
     assert (found.settings["ANTHROPIC_API_KEY"], found.settings["ANTHROPIC_AUTH_TOKEN"]) == (SECRET, "")
     assert found.named == ("LOOP_KEY",), "the value is redacted under whatever name the program gets it"
     assert SECRET not in " ".join(found.argv)

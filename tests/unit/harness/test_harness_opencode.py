@@ -105,7 +105,7 @@ def test_how_it_is_started(tmp_path: Path) -> None:
     assert found.named == ("LOOP_KEY",)
     assert found.settings["OPENCODE_DISABLE_PROJECT_CONFIG"] == "1"
     assert found.settings["OPENCODE_WATCH_WITHHELD"] == "LOOP_KEY"
-    assert found.settings["OPENCODE_WATCH_COMMAND_MS"] == "90000"
+    assert found.settings["OPENCODE_WATCH_COMMAND_MS"] == "88000"
     assert found.settings["XDG_DATA_HOME"] == str(tmp_path / "home" / ".local" / "share")
     assert "OPENCODE_ENABLE_EXA" not in found.settings
     config = configured(tmp_path)

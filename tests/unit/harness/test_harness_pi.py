@@ -95,7 +95,7 @@ def test_how_it_is_started(tmp_path: Path) -> None:
     assert (found.path, found.program) == (("/opt/node",), "pi 1.2.3")
     assert found.named == ("LOOP_KEY",)
     assert configured(tmp_path, "settings")["retry"] == {"maxRetries": 4}
-    assert shell(tmp_path) == ["#!/bin/sh", "unset LOOP_KEY", 'exec timeout --kill-after=2 90 bash "$@"']
+    assert shell(tmp_path) == ["#!/bin/sh", "unset LOOP_KEY", 'exec timeout --kill-after=2 88 bash "$@"']
     provider = configured(tmp_path, "models")["providers"]["octoform"]
     assert (provider["baseUrl"], provider["apiKey"]) == ("http://127.0.0.1:8080/v1", "$LOOP_KEY")
     assert provider["models"][0]["id"] == "google/gemini-3"
