@@ -33,6 +33,8 @@ STEADY_SECONDS = 60.0
 LOOK_SECONDS = 0.25
 HEAR_SECONDS = (3.0, 5.0, 10.0, 20.0, 40.0, 80.0, 160.0, 300.0)
 """Pauses between the tries to hear the endpoint through its address; a provider's names take a moment to be there."""
+REVOKED = ("revoked", "revoked; octoform start opens a new one")
+"""State and reason of a tunnel that a person has ended."""
 _LINE_BYTES = 4096
 _LINES_KEPT = 20
 _ADDRESS = re.compile(r"https?://[^\s|\"'`<>()\[\]{},;]+")
@@ -62,7 +64,9 @@ class Tunnel:
         self._facts: dict[str, Any] = {"state": "starting", "url": None, "since": None, "reason": None, "starts": 0}
 
     def start(self) -> None:
-        """Start it and keep it."""
+        """Start it and keep it; one that was revoked is told as that from the first moment on."""
+        if revoking.forbidden(self._run):
+            self._tell(*REVOKED)
         self._thread.start()
 
     def stop(self) -> None:
@@ -85,7 +89,7 @@ class Tunnel:
         self._changed(None)
         self._wake.set()
         proof = revoking.revoke(self._run)
-        self._tell("revoked", "revoked; octoform start opens a new one")
+        self._tell(*REVOKED)
         return proof
 
     def _keep(self) -> None:
@@ -95,7 +99,7 @@ class Tunnel:
         delay = FIRST_DELAY
         while not self._stopping.is_set():
             if revoking.forbidden(self._run):
-                self._tell("revoked", "revoked; octoform start opens a new one")
+                self._tell(*REVOKED)
                 self._stopping.wait(LOOK_SECONDS)
                 delay = FIRST_DELAY
                 continue
