@@ -3,6 +3,8 @@
 #                  the endpoint
 # make test-harnesses  install all agent programs and pass all tests that run them
 # make recordings  score the embedded agent over a folder of recorded hosts: make recordings DIR=... [SAMPLE=3]
+# make vm          boot emulated hosts with real kernels, onboard them and call their tools (docs/testing.md); needs root.
+#                  ARCHES="amd64" takes one architecture alone
 # make bench       print the measurements of bench/
 # make lock        renew the lock files of .ci/ from pyproject.toml
 
@@ -20,7 +22,7 @@ WORKERS := $(shell expr $$(nproc) + 1)
 # Where an image forbids bytecode, every process of the tests would compile what it imports again.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: setup test test-harnesses programs lint recordings bench lock
+.PHONY: setup test test-harnesses programs lint recordings vm bench lock
 
 setup:
 	@.ci/setup dev
@@ -43,8 +45,15 @@ test-harnesses: HARNESSES := $(ALL_HARNESSES)
 test-harnesses: programs
 	@$(PYTHON) -m pytest -n auto --dist worksteal -m harness
 
-recordings: setup
+recordings:
+	@.ci/setup recordings
 	@$(PYTHON) tests/recordings/run.py $(DIR) $(if $(SAMPLE),--sample $(SAMPLE))
+
+ARCHES := amd64 arm64
+vm:
+	@.ci/setup vm
+	@PYTHONPATH=tests $(PYTHON) -m vm.image $(ARCHES)
+	@$(PYTHON) -m pytest -n0 -v --durations=5 -m vm -k "$(subst $() $(), or ,$(strip $(ARCHES)))" -o faulthandler_timeout=0 tests/vm
 
 bench: setup
 	@$(PYTHON) bench/run.py

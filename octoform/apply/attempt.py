@@ -7,6 +7,7 @@ its log, and its copy of the spec where it was asked to correct that).
 
 import json
 import shutil
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -31,7 +32,7 @@ from octoform.harness.port import (
     Turn,
     Usage,
 )
-from octoform.profiles import briefing, holds
+from octoform.profiles import Profile, briefing, for_task, holds
 from octoform.protocol import Prompt, render_prompt
 from octoform.protocol.prompt import MOST_TAIL_BYTES
 from octoform.state.attempts import folders
@@ -39,6 +40,8 @@ from octoform.state.layout import OUTPUT_NAMES
 
 KEEP = 100
 FORMER = "former-server.py"
+FIRST = "probe"
+ASKED = "identify"
 
 
 @dataclass(frozen=True, slots=True)
@@ -179,6 +182,8 @@ def _document(context: Context, assignment: Assignment, task: Task, failed: Fail
         "harness": assignment.harness.name,
         "model": assignment.model,
         "limits": {"wall_seconds": task.limits.wall_seconds, "tools": assignment.budget.tools},
+        "profiles": [for_task(profile, ids) for profile, ids in _held(context, task.stage)],
+        "answers": dict(_answers(context, assignment)),
         "diagnostics": [to_json(item) for item in (failed.diagnostics if failed else ())],
     }
 
@@ -195,6 +200,7 @@ def _prompt(context: Context, assignment: Assignment, task: Task, failed: Failed
             tools=assignment.budget.tools,
             wall_seconds=task.limits.wall_seconds,
             profiles=_briefings(context, task.stage),
+            answers=_answers(context, assignment),
             failed_log=failed.log if failed else None,
             former=task.workdir / FORMER if failed and failed.former else None,
             summary=excerpt.text if excerpt.condensed else "",
@@ -205,8 +211,22 @@ def _prompt(context: Context, assignment: Assignment, task: Task, failed: Failed
 
 def _briefings(context: Context, stage: str) -> tuple[str, ...]:
     """What the profiles say, each with the devices of this host for which its evidence holds; nothing otherwise."""
-    if stage == "probe" or not context.profiles:
-        return ()
-    probe = accepted(context, "probe")
-    held = [(profile, holds(profile, probe)) for profile in context.profiles]
-    return tuple(briefing(profile, devices) for profile, devices in held if devices)
+    return tuple(briefing(profile, devices) for profile, devices in _held(context, stage))
+
+
+def _answers(context: Context, assignment: Assignment) -> Mapping[str, str]:
+    """What a person said of the devices that the agent is asked about; of no other stage's concern than IDENTIFY's."""
+    if assignment.stage != ASKED or not context.manifest.answers:
+        return {}
+    probe = json.loads(assignment.given) if assignment.given is not None else accepted(context, FIRST)
+    listed = {device["id"] for device in probe["devices"]}
+    return {device: sentence for device, sentence in context.manifest.answers.items() if device in listed}
+
+
+def _held(context: Context, stage: str) -> list[tuple[Profile, frozenset[str]]]:
+    """The profiles that hold for a device of this host, each with its devices; PROBE is told of none."""
+    if stage == FIRST or not context.profiles:
+        return []
+    probe = accepted(context, FIRST)
+    held = [(profile, holds(profile, probe, context.manifest.answers)) for profile in context.profiles]
+    return [(profile, devices) for profile, devices in held if devices]

@@ -1,5 +1,7 @@
 """Escalation: what the embedded agent left ``unknown`` goes to another agent, all of it in one assignment.
 
+So does what a person's answer alone has named and with which it can do nothing: another agent may know the product.
+
 The second agent reads a PROBE artifact that lists those devices only, so it can neither spend on nor change what was
 already certain. What it says is held to the same contract twice: on its own against what it was given, and merged
 with the first answer against the whole host.
@@ -14,6 +16,7 @@ from octoform.apply.context import Context
 from octoform.apply.gate import Verdict, artifacts, read_value, shown
 from octoform.apply.reading import accepted
 from octoform.apply.settling import text_of
+from octoform.contracts.answer_rules import METHOD as ANSWERED
 from octoform.contracts.checking import check
 from octoform.diagnostics import Diagnostic, has_errors
 from octoform.harness.port import Task
@@ -24,7 +27,7 @@ UNKNOWN = "unknown"
 def of_unknown(context: Context, stage: str, verdict: Verdict) -> Assignment | None:
     """The assignment for what an accepted first answer left unknown; None when nothing is, or nobody is to be asked."""
     settings = context.manifest.stages[stage].escalate
-    left = unknown(verdict.value) if settings is not None else []
+    left = undecided(verdict.value) if settings is not None else []
     if settings is None or not left:
         return None
     probe = accepted(context, "probe")
@@ -49,9 +52,18 @@ def unknown(identify: Mapping[str, Any]) -> list[str]:
     return [device["id"] for device in identify["devices"] if device["category"] == UNKNOWN]
 
 
+def undecided(identify: Mapping[str, Any]) -> list[str]:
+    """The ids that another agent may know more of: what is unknown, and what only a person's word has named so far."""
+    return [
+        device["id"]
+        for device in identify["devices"]
+        if device["category"] == UNKNOWN or (device["method"] == ANSWERED and not device["capabilities"])
+    ]
+
+
 def detail(first: Verdict, second: Verdict, more: Assignment) -> dict[str, object]:
     """What the state keeps of an escalation: who was asked, about how many devices, how many are still unknown."""
-    asked, left = unknown(first.value), unknown(second.value)
+    asked, left = undecided(first.value), unknown(second.value)
     return {"harness": more.harness.name, "model": more.model, "asked": len(asked), "still_unknown": len(left)}
 
 

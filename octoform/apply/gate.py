@@ -18,7 +18,7 @@ from octoform.contracts.model import Artifacts, ProfileFacts
 from octoform.contracts.parsing import parse
 from octoform.diagnostics import Diagnostic, error, has_errors
 from octoform.harness.port import ExitReason, Outcome, Task
-from octoform.profiles import holds
+from octoform.profiles import commands, holds
 from octoform.protocol.fence import tail
 
 MOST_BYTES = {"serve": 256 * 1024}
@@ -163,10 +163,13 @@ def artifacts(context: Context, stage: str, value: object) -> Artifacts:
     """The accepted artifacts before ``stage`` and the profile facts, as the rules want them."""
     loaded = accepted_before(context, stage)
     probe = value if stage == "probe" else loaded.get("probe")
+    manifest = context.manifest
+    held = {profile.name: holds(profile, probe, manifest.answers) for profile in context.profiles}
     facts = {
-        profile.name: ProfileFacts(profile.name, holds(profile, probe), profile.limits) for profile in context.profiles
+        item.name: ProfileFacts(item.name, held[item.name], item.limits, commands(item)) for item in context.profiles
     }
-    return Artifacts(**loaded, profiles=facts, tools_budget=context.manifest.budget_for("interface").tools)
+    budget = manifest.budget_for("interface").tools
+    return Artifacts(**loaded, profiles=facts, answers=manifest.answers, tools_budget=budget)
 
 
 def digest_of(context: Context, stage: str, value: object) -> str:

@@ -10,6 +10,7 @@ from octoform.apply.attempt_record import state_usage
 from octoform.apply.context import Context
 from octoform.apply.endpoint_node import run_endpoint
 from octoform.apply.gate import Verdict
+from octoform.apply.renaming import renamed
 from octoform.apply.result import Finished
 from octoform.apply.returning import JUDGE, MAKER, MOST_RETURNS, sent_back
 from octoform.apply.settling import remember
@@ -133,8 +134,9 @@ def _end(context: Context, node: Node, finished: Finished) -> list[Diagnostic]:
     """Accept or refuse; the diagnostics with errors are why the node failed."""
     verdict = finished.verdict
     before = context.store.snapshot.nodes.get(node.name)
-    found = list(verdict.diagnostics)
+    found, told = list(verdict.diagnostics), verdict.found
     if verdict.accepted:
+        told += renamed(context, node.name, verdict.value)
         found = _accept(context, node, verdict)
         if not has_errors(found):
             found = context.store.success(node.name, _state(context, node, finished))
@@ -144,7 +146,7 @@ def _end(context: Context, node: Node, finished: Finished) -> list[Diagnostic]:
     changed = before is None or before.output_digest != verdict.digest
     used = finished.usage
     spent = (used.input_tokens, used.output_tokens, used.cost_usd)
-    context.emit(events.NodeAccepted(node.name, finished.attempts, finished.seconds, verdict.found, changed, *spent))
+    context.emit(events.NodeAccepted(node.name, finished.attempts, finished.seconds, told, changed, *spent))
     return found
 
 

@@ -33,7 +33,7 @@ def doubts_of(context: Context) -> list[Diagnostic]:
 
 def _holding(context: Context) -> Holding:
     probe = accepted(context, "probe")
-    held = [(profile, holds(profile, probe)) for profile in context.profiles]
+    held = [(profile, holds(profile, probe, context.manifest.answers)) for profile in context.profiles]
     return [(profile, ids) for profile, ids in held if ids]
 
 

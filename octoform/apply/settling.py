@@ -1,22 +1,29 @@
 """From an accepted value to files: what git keeps, what stays on the machine, and the line a person reads."""
 
+import hmac
 import json
+import re
 import secrets
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import octoform
+from octoform import events
 from octoform.apply.context import Context
 from octoform.apply.gate import Verdict, digest_of
 from octoform.contracts.instance import instances, pseudonymise
+from octoform.contracts.parsing import parse
+from octoform.contracts.specimens import keep_ids
 from octoform.diagnostics import Diagnostic
-from octoform.state.files import write_atomic
-from octoform.state.instances import write_instances
+from octoform.state.files import read_regular, write_atomic
+from octoform.state.instances import read_instances, write_instances
 from octoform.state.layout import Layout
 from octoform.state.reserve import spending
 
 KEY_BYTES = 32
+MACHINE_ID = Path("/etc/machine-id")
+_IS_MACHINE_ID = re.compile(rb"[0-9a-f]{32}")
 RUNTIME = Path(octoform.__file__).parent / "runtime"
 
 
@@ -24,6 +31,7 @@ def settle(
     context: Context, stage: str, value: Any, diagnostics: list[Diagnostic], extra: Mapping[str, bytes] | None = None
 ) -> Verdict:
     """The verdict of an accepted value, with its committed files."""
+    value = _with_kept_ids(context, value) if stage == "probe" else value
     makers = {"probe": _probe, "serve": _serve}
     files = makers.get(stage, _json)(context, value)
     return Verdict(
@@ -52,23 +60,52 @@ def remember(context: Context, stage: str, value: Any) -> list[Diagnostic]:
     return [problem] if problem else []
 
 
+def _with_kept_ids(context: Context, value: Any) -> Any:
+    """PROBE's value with every specimen under the id that it has on this machine; what cannot be told is said."""
+    ledger, _ = read_instances(context.layout)
+    data, _ = read_regular(context.layout.output("probe"))
+    before = parse("probe", data, "output.json")[0] if data is not None else None
+    if not ledger or not isinstance(before, dict) or not isinstance(before.get("devices"), list):
+        return value
+    kept = keep_ids(value, pseudonymise(value, _key(context)), before, ledger)
+    for notice in kept.notices:
+        context.emit(events.Notice("probe", notice))
+    return kept.probe
+
+
 def _probe(context: Context, value: Any) -> dict[str, bytes]:
-    return {"output.json": text_of(pseudonymise(value, pseudonym_key(context.layout)))}
+    return {"output.json": text_of(pseudonymise(value, _key(context)))}
 
 
-def pseudonym_key(layout: Layout) -> bytes:
-    """32 random bytes of this host, made once and never committed: a serial number could be guessed otherwise.
+def _key(context: Context) -> bytes:
+    return pseudonym_key(context.layout, context.store.snapshot.lineage)
 
-    OSError when they cannot be kept.
+
+def pseudonym_key(layout: Layout, lineage: str = "") -> bytes:
+    """32 secret bytes of this host, made once and never committed: a serial number could be guessed otherwise.
+
+    They follow from the machine's own secret id and the lineage, so that a fresh clone on the same machine goes on with
+    the same pseudonyms; where there is no such id they are drawn. OSError when they cannot be kept.
     """
     path = layout.local / "pseudonym.key"
     if path.is_file() and path.stat().st_size == KEY_BYTES:
         return path.read_bytes()
-    key = secrets.token_bytes(KEY_BYTES)
+    machine = machine_id() if lineage else b""
+    drawn = hmac.digest(machine, f"octoform pseudonyms {lineage}".encode(), "sha256") if machine else None
+    key = drawn or secrets.token_bytes(KEY_BYTES)
     problem = spending(layout, lambda: write_atomic(path, key, 0o600))
     if problem is not None:
         raise OSError(None, problem.summary)
     return key
+
+
+def machine_id() -> bytes:
+    """128 random bits that a machine keeps for itself (machine-id(5) asks to hash them before use); may be empty."""
+    try:
+        found = MACHINE_ID.read_bytes().strip()
+    except OSError:
+        return b""
+    return found if _IS_MACHINE_ID.fullmatch(found) else b""
 
 
 def _json(_: Context, value: Any) -> dict[str, bytes]:

@@ -148,7 +148,9 @@ def _attempt(
     try:
         prepared = prepare(context, assignment, progress.attempts, limits, progress.failed)
     except PromptTooLarge as problem:
-        return None, Verdict((error("APPLY-PROMPT-TOO-LARGE", str(problem), hint="shorten the spec or the profiles"),))
+        return None, Verdict(
+            (error("APPLY-PROMPT-TOO-LARGE", str(problem), hint="shorten the spec, the profiles or the answers"),)
+        )
     except OSError as problem:
         progress.attempts -= 1
         return None, Verdict((refused(problem, context.layout.attempts),))
@@ -227,7 +229,7 @@ def _with(found: str, detail: Mapping[str, object]) -> str:
 def _watch(context: Context, task: Task) -> audit.Watch:
     """What the agent may not touch: the sources, what was accepted, and octoform's own records of this host."""
     layout, manifest = context.layout, context.manifest
-    files = [manifest.path, *manifest.profiles, *(spec.path for spec in context.specs.values())]
+    files = [manifest.path, *manifest.profile_files, *(spec.path for spec in context.specs.values())]
     files += [*layout.records(), *(layout.endpoint / name for name in (LAUNCHER, CONNECTION, SERVE_SCRIPT, MANIFEST))]
     files += [folder / attempts.FILE_NAME for folder in attempts.folders(layout) if folder != task.workdir]
     return audit.begin(layout.project, files, [layout.committed, layout.spec_edits])

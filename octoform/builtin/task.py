@@ -8,7 +8,7 @@ one more failure to diagnose.
 import json
 import os
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -27,7 +27,8 @@ class Task:
 
     ``input`` is the preceding stage's artifact (None for PROBE), ``schema`` the JSON Schema of the output where it
     has one, ``tools_budget`` the most tools that INTERFACE may declare, ``sysroot`` the folder whose sys, proc, dev
-    and run are the host (``/`` unless the environment names a recorded one).
+    and run are the host (``/`` unless the environment names a recorded one). ``profiles`` are the owner's knowledge of
+    products, each with the devices that it ``holds`` for, and ``answers`` what a person said of a device, by its id.
     """
 
     stage: str
@@ -36,6 +37,8 @@ class Task:
     output: Path
     tools_budget: int
     sysroot: Path
+    profiles: tuple[Mapping[str, Any], ...] = ()
+    answers: Mapping[str, str] = field(default_factory=dict)
 
     def read_input(self) -> dict[str, Any]:
         """The preceding artifact as a JSON object; Refused when there is none or it is no such thing."""
@@ -75,6 +78,8 @@ def read_task(path: Path, environ: Mapping[str, str] | None = None) -> Task:
         output=output,
         tools_budget=_tools(document),
         sysroot=Path(variables.get(SYSROOT_VARIABLE) or "/"),
+        profiles=_profiles(document),
+        answers=_answers(document),
     )
 
 
@@ -104,3 +109,17 @@ def _tools(document: Mapping[str, Any]) -> int:
     limits = document.get("limits")
     tools = limits.get("tools") if isinstance(limits, dict) else None
     return tools if isinstance(tools, int) and not isinstance(tools, bool) and tools > 0 else DEFAULT_TOOLS
+
+
+def _profiles(document: Mapping[str, Any]) -> tuple[Mapping[str, Any], ...]:
+    given = document.get("profiles", [])
+    if not isinstance(given, list) or not all(isinstance(item, dict) for item in given):
+        raise Refused("task: 'profiles' is no list of profiles")
+    return tuple(given)
+
+
+def _answers(document: Mapping[str, Any]) -> Mapping[str, str]:
+    given = document.get("answers", {})
+    if not isinstance(given, dict) or not all(isinstance(item, str) for item in given.values()):
+        raise Refused("task: 'answers' is no object of sentences")
+    return given

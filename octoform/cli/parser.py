@@ -63,27 +63,43 @@ def _reading(commands: Commands) -> None:
     graph.add_argument("-type", "--type", choices=("dot", "mermaid"), default="dot", help="the drawing language")
 
 
+_TIER1 = "as if nobody had said anything of the hardware: without profiles and answers"
+
+
 def _working(commands: Commands) -> None:
     plan = add(commands, "plan", "show what would change and why; change nothing")
     _scope(plan)
     value(plan, "out", "FILE", "save the plan, to be applied later as it is")
     flag(plan, "detailed-exitcode", "leave with 2 when there are changes")
     flag(plan, "no-reuse", "plan to run every agent, also where another host has the same accepted output")
+    flag(plan, "tier1", _TIER1)
     flag(plan, "destroy", "plan the removal of everything")
     apply = add(commands, "apply", "do what the plan says")
     apply.add_argument("planfile", metavar="PLANFILE", nargs="?", help="a plan saved with `plan -out`")
     _scope(apply)
     flag(apply, "auto-approve", "do not ask")
     flag(apply, "no-reuse", "run every agent, also where another host has the same accepted output")
+    flag(apply, "tier1", _TIER1)
+    flag(apply, "ask", "on a terminal: ask about each device that is still unknown, then plan and apply once more")
     value(apply, "lock-timeout", "DURATION", "wait so long for the state's lock, such as 30s", default="0s")
+    _answering(commands)
     destroy = add(commands, "destroy", "remove the endpoint, the artifacts and the state of this host")
     flag(destroy, "auto-approve", "do not ask")
     value(destroy, "lock-timeout", "DURATION", "wait so long for the state's lock, such as 30s", default="0s")
 
 
+def _answering(commands: Commands) -> None:
+    answer = add(commands, "answer", "say in a sentence what a device is; without one, list what is asked")
+    answer.add_argument("device", metavar="DEVICE", nargs="?", help="the device's id, as plan shows it")
+    answer.add_argument("sentence", metavar="SENTENCE", nargs="?", help="what it is; without it a terminal is asked")
+    flag(answer, "remove", "take back what was said of DEVICE")
+
+
 def _state(commands: Commands) -> None:
     show = add(commands, "show", "show the state, or a saved plan")
     show.add_argument("planfile", metavar="PLANFILE", nargs="?", help="a plan saved with `plan -out`")
+    devices = add(commands, "devices", "list the devices, their tools, and where each is attached now")
+    flag(devices, "v", "also serial numbers, evidence, what is in doubt, and what was left out and why")
     state = add(commands, "state", "look into the state, node by node", json=False)
     verbs = verbs_of(state)
     add(verbs, "list", "list the nodes of the state")
@@ -94,7 +110,9 @@ def _state(commands: Commands) -> None:
     accept = add(commands, "accept", "take a node's artifact as it is, under the key of today's specs and settings")
     accept.add_argument("node", metavar="NODE")
     _specs(commands)
+    _profiles(commands)
     _attempts(commands)
+    _coverage(commands)
     unlock = add(commands, "force-unlock", "remove the lock of a run that is known to be gone", json=False)
     unlock.add_argument("lock_id", metavar="LOCK-ID")
 
@@ -108,6 +126,15 @@ def _specs(commands: Commands) -> None:
     one.add_argument("stage", metavar="STAGE")
     one = add(verbs, "reset", "drop the edit of a stage, or of all")
     one.add_argument("stage", metavar="STAGE", nargs="?")
+
+
+def _profiles(commands: Commands) -> None:
+    profile = add(commands, "profile", "begin a profile, or see for which devices one holds and why", json=False)
+    verbs = verbs_of(profile)
+    one = add(verbs, "new", "draft profiles/NAME.md from what PROBE saw of a device")
+    one.add_argument("device", metavar="DEVICE")
+    one = add(verbs, "check", "check a profile and explain on which known hosts its evidence rule holds")
+    one.add_argument("file", metavar="FILE")
 
 
 def _attempts(commands: Commands) -> None:
@@ -124,6 +151,12 @@ def _attempts(commands: Commands) -> None:
     for verb in (one, record):
         # The verb's own default would undo a -json that stands before it.
         verb.add_argument("-json", "--json", action="store_true", default=argparse.SUPPRESS, help=JSON_HELP)
+
+
+def _coverage(commands: Commands) -> None:
+    coverage = add(commands, "coverage", "show what of the hardware is usable, what is not and why")
+    value(coverage, "html", "FILE", "write the report as a page of its own instead")
+    flag(coverage, "all", "every device that is left out, every disagreement, every run")
 
 
 def _agents(commands: Commands) -> None:

@@ -8,11 +8,13 @@ from pathlib import Path
 
 from octoform.contracts import (
     deploy_rules,
+    grammar_rules,
     identify_rules,
     interface_rules,
     interface_schemas,
     probe_rules,
     serve_rules,
+    topology_rules,
 )
 from octoform.contracts.canon import load_schema
 from octoform.contracts.model import Artifacts, Rule
@@ -23,8 +25,8 @@ MAX_PER_RULE = 10
 
 RULES: dict[str, tuple[Rule, ...]] = {
     "probe": probe_rules.RULES,
-    "identify": identify_rules.RULES,
-    "interface": (*interface_rules.RULES, *interface_schemas.RULES),
+    "identify": (*identify_rules.RULES, *topology_rules.RULES),
+    "interface": (*interface_rules.RULES, *interface_schemas.RULES, *grammar_rules.RULES),
     "serve": serve_rules.RULES,
     "deploy": deploy_rules.RULES,
 }

@@ -6,7 +6,9 @@ unknown, visibly, with the sentence that would settle it.
 
 import re
 
+from octoform.contracts import answer_rules
 from octoform.contracts.model import Artifacts, JsonObject, Rule
+from octoform.contracts.name_rules import name_without_evidence
 from octoform.contracts.naming import is_chip_name, is_passthrough
 from octoform.contracts.text import listed, pointer, shown
 from octoform.contracts.text_rules import in_values
@@ -61,14 +63,14 @@ def device_unaccounted(value: JsonObject, artifacts: Artifacts) -> list[Diagnost
 
 
 def quote_not_verbatim(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
-    """A quote is a piece of that device's own PROBE text, letter by letter."""
+    """A quote is a piece of that device's own PROBE text, or of a person's answer about it, letter by letter."""
     known = _probed(artifacts)
     out = []
     for index, device in enumerate(value["devices"]):
-        source = known.get(device["id"])
+        source, said = known.get(device["id"]), answer_rules.texts(device["id"], artifacts)
         for at, evidence in enumerate(device["evidence"] if source else ()):
             quote = evidence["quote"]
-            texts = (source["name"], source["raw_descriptor"]) if source else ()
+            texts = (source["name"], source["raw_descriptor"], *said) if source else ()
             if any(quote in text for text in texts) and len(re.findall(r"\w", quote)) >= 2:
                 continue
             summary = f"the quote {shown(quote)} does not stand in PROBE's text of {shown(device['id'])}"
@@ -259,6 +261,7 @@ RULES = (
     Rule("IDENTIFY-DUPLICATE-DEVICE", duplicate_device),
     Rule("IDENTIFY-DEVICE-UNACCOUNTED", device_unaccounted),
     Rule("IDENTIFY-QUOTE-NOT-VERBATIM", quote_not_verbatim),
+    Rule("IDENTIFY-NAME-WITHOUT-EVIDENCE", name_without_evidence),
     Rule("IDENTIFY-CHIP-NOT-PRODUCT", chip_not_product),
     Rule("IDENTIFY-PASSTHROUGH", passthrough),
     Rule("IDENTIFY-UNKNOWN-CAPABILITY", unknown_capability),
@@ -271,6 +274,7 @@ RULES = (
     Rule("IDENTIFY-DUPLICATE-CAPABILITY", duplicate_capability),
     Rule("IDENTIFY-EFFECT-CONFLICT", effect_conflict),
     Rule("IDENTIFY-MANY-DEVICES", many_devices),
+    *answer_rules.RULES,
     Rule("IDENTIFY-UNESCAPED-TEXT", in_values("IDENTIFY-UNESCAPED-TEXT")),
 )
 

@@ -13,6 +13,8 @@ from typing import Any
 from octoform.contracts.model import JsonObject
 
 MINIMUM_IN_TEXT = 6
+SHORTEST_NAME = 3
+"""A host's name of fewer characters is hidden in its own member alone."""
 _PSEUDONYM = re.compile(r"redacted-[0-9a-f]{10}")
 ADDRESS = re.compile(r"(?<![0-9A-Fa-f:])(?:[0-9A-Fa-f]{2}:){5,19}[0-9A-Fa-f]{2}(?![0-9A-Fa-f:])")
 _IDENTIFYING = re.compile(r"serial|address|\bmac\b|uuid|guid|wwid|wwn|ssid|imei|eui|host", re.IGNORECASE)
@@ -31,7 +33,8 @@ def pseudonymise(probe: JsonObject, key: bytes) -> JsonObject:
     """The committed form of a PROBE artifact; a copy.
 
     Every serial number, hardware address and host name becomes ``redacted-`` and ten hex digits of its HMAC-SHA256
-    under ``key``: in its own member always, elsewhere in the document where it is at least six characters long.
+    under ``key``: in its own member always, elsewhere in the document where it is at least six characters long (a
+    host name three, as a word of its own, unless an attached device is called so).
     Any text in the form of a hardware address is hidden too. A second pass changes nothing.
     """
     replace = hider(probe, key)
@@ -109,13 +112,26 @@ def hider(probe: JsonObject, key: bytes) -> Callable[[str], str]:
 def secrets_in_text(probe: JsonObject) -> list[str]:
     """What of this PROBE artifact is hidden wherever it is spelt, since nothing else is spelt so."""
     out = []
-    hostname = probe.get("hostname")
-    if isinstance(hostname, str) and not hidden(hostname) and not _names_a_kind(hostname.strip(), probe):
-        out.append(hostname.strip())
     for instance in instances(probe).values():
         # A "serial number" without a digit is a product name that the maker put in the wrong place.
         out += [value for _, value in secrets_of(instance) if any(item.isdigit() for item in value)]
-    return [secret for secret in dict.fromkeys(out) if len(secret) >= MINIMUM_IN_TEXT]
+    return list(dict.fromkeys([*_host_name(probe), *(secret for secret in out if len(secret) >= MINIMUM_IN_TEXT)]))
+
+
+def _host_name(probe: JsonObject) -> list[str]:
+    """The host's name, unless it is a word that is said of its devices."""
+    given = probe.get("hostname")
+    name = given.strip() if isinstance(given, str) and not hidden(given) else ""
+    if len(name) < SHORTEST_NAME or _names_a_kind(name, probe):
+        return []
+    return [name] if len(name) >= MINIMUM_IN_TEXT or not _is_said_of_devices(name, probe) else []
+
+
+def _is_said_of_devices(word: str, probe: JsonObject) -> bool:
+    """True when an attached device is called so, or says the word of itself: a short one is most likely that word."""
+    attached = (device for device in probe["devices"] if device.get("context") is not True)
+    said = (str(device.get(member, "")) for device in attached for member in ("name", "raw_descriptor"))
+    return any(re.search(spelt(word), text, re.IGNORECASE) for text in said)
 
 
 def _names_a_kind(word: str, probe: JsonObject) -> bool:
@@ -132,9 +148,9 @@ def spelt(secret: str) -> str:
     if ADDRESS.fullmatch(secret):
         return "[:_-]?".join(re.escape(pair) for pair in secret.split(":"))
     escaped = re.escape(secret)
-    if len(set(secret)) < 3 or not any(item.isdigit() for item in secret):
+    if len(secret) < MINIMUM_IN_TEXT or len(set(secret)) < 3 or not any(item.isdigit() for item in secret):
         # Zeros occur in every modalias, and a host name may be part of a longer word.
-        return rf"(?<![0-9A-Za-z_-]){escaped}(?![0-9A-Za-z_,-])"
+        return rf"(?<![0-9A-Za-z_-]){escaped}(?![0-9A-Za-z_-]|,[0-9A-Za-z])"
     return escaped
 
 

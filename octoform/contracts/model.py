@@ -20,17 +20,22 @@ class ProfileFacts:
 
     ``holds`` are the ids of the PROBE devices for which the profile's evidence rule holds. Of ``limits``, those
     with ``minimum`` or ``maximum`` concern the contract: they have a ``parameter``; ``tool`` narrows one to the tools
-    or capabilities that this glob matches, and ``unit`` names the unit of both numbers.
+    or capabilities that this glob matches, and ``unit`` names the unit of both numbers. ``commands`` are those of its
+    grammar as an agent is told them (``tool``, ``effect``, ``parameters`` by name), none where it has no grammar.
     """
 
     name: str
     holds: frozenset[str] = frozenset()
     limits: tuple[Mapping[str, Any], ...] = ()
+    commands: tuple[Mapping[str, Any], ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
 class Artifacts:
-    """The accepted artifacts of the stages before the one in question; None for what does not exist yet."""
+    """The accepted artifacts of the stages before the one in question; None for what does not exist yet.
+
+    ``answers`` is what a person said of a device, by the device's id.
+    """
 
     probe: JsonObject | None = None
     identify: JsonObject | None = None
@@ -38,6 +43,7 @@ class Artifacts:
     serve: str | None = None
     deploy: JsonObject | None = None
     profiles: Mapping[str, ProfileFacts] = field(default_factory=dict)
+    answers: Mapping[str, str] = field(default_factory=dict)
     tools_budget: int = DEFAULT_TOOLS_BUDGET
 
 

@@ -108,9 +108,13 @@ def is_chip_name(name: str, raw_descriptor: str) -> bool:
     return not left or (names_an_adapter and len(left) <= 1)
 
 
+def says_nothing(word: str) -> bool:
+    """True for a word that could stand in any device's name: a filler, a bridge's word, one letter."""
+    return word in _BRIDGE or word in _HEADS or word in _FILLER or len(word) < 2
+
+
 def _says_nothing(word: str, makers: Iterable[str]) -> bool:
-    known = word in _BRIDGE or word in _HEADS or word in _FILLER or word in makers
-    return known or len(word) < 2 or word.isdigit() or _PART_NUMBER.fullmatch(word) is not None
+    return says_nothing(word) or word in makers or word.isdigit() or _PART_NUMBER.fullmatch(word) is not None
 
 
 def _words(text: str) -> list[str]:

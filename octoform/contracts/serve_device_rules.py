@@ -25,6 +25,12 @@ _DOTTED_OPENERS = frozenset(
     | {"sounddevice.rec", "sounddevice.play", "sounddevice.playrec", "os.open", "periphery.I2C", "periphery.SPI"}
     | {"periphery.GPIO", "periphery.Serial", "serial.tools.miniterm.main"}
 )
+# What the runtime does to a device that it is told: the same as opening its node here.
+RUNTIME_TOUCHES = frozenset(
+    {f"runtime.gpio.{name}" for name in ("chips", "chip", "lines", "read", "drive", "hold")}
+    | {f"runtime.evdev.{name}" for name in ("axis", "events", "rumble")}
+    | {"runtime.v4l2.formats", "runtime.v4l2.codes", "runtime.nmea.sentences"}
+)
 _FILE_OPENERS = frozenset({"open", "io.open", "os.open"})
 _FILE_METHODS = frozenset({"open", "read_text", "read_bytes", "write_text", "write_bytes"})
 # Finding a device reads the system, and fails the whole import when the device is away.
@@ -91,9 +97,10 @@ def _called(node: ast.expr) -> ast.expr:
     return node.func if isinstance(node, ast.Call) else node
 
 
-def _opens_device(source: Source, call: ast.Call) -> bool:
+def opens_device(source: Source, call: ast.Call) -> bool:
+    """Whether a call opens a device, or a node of one."""
     name = source.dotted(call.func)
-    if name in _DOTTED_OPENERS or name.rpartition(".")[2] in _OPENERS:
+    if name in _DOTTED_OPENERS | RUNTIME_TOUCHES or name.rpartition(".")[2] in _OPENERS:
         return True
     if name in _FILE_OPENERS:
         return any(_is_node_path(source, item, call) for item in call.args[:1])
@@ -104,7 +111,7 @@ def _opens_device(source: Source, call: ast.Call) -> bool:
 
 def _opens_anything(source: Source, call: ast.Call) -> bool:
     name = source.dotted(call.func)
-    if name in _FILE_OPENERS | _RUNTIME_READS or _PROGRAMS.fullmatch(name) or _opens_device(source, call):
+    if name in _FILE_OPENERS | _RUNTIME_READS or _PROGRAMS.fullmatch(name) or opens_device(source, call):
         return True
     return isinstance(call.func, ast.Attribute) and call.func.attr in _FILE_METHODS and call.func.attr != "open"
 
@@ -216,7 +223,7 @@ def _bare_touches(source: Source) -> Iterator[tuple[str, ast.Call]]:
     """(function name, call) of each device access without a lock around it in its own function."""
     for call, _ in source.calls:
         owner = source.owner(call)
-        if owner is not None and _opens_device(source, call) and not _guarded(source, call):
+        if owner is not None and opens_device(source, call) and not _guarded(source, call):
             yield owner.name, call
 
 

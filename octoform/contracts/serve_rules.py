@@ -1,8 +1,14 @@
-"""The whole SERVE contract over one source text: it compiles, and then every rule of the four families."""
+"""The whole SERVE contract over one source text: it compiles, and then every rule of the five families."""
 
 from dataclasses import replace
 
-from octoform.contracts import serve_code_rules, serve_device_rules, serve_loop_rules, serve_tool_rules
+from octoform.contracts import (
+    serve_actuate_rules,
+    serve_code_rules,
+    serve_device_rules,
+    serve_loop_rules,
+    serve_tool_rules,
+)
 from octoform.contracts.model import Artifacts, JsonObject, Rule
 from octoform.contracts.source import Source, read_source
 from octoform.diagnostics import Diagnostic
@@ -21,6 +27,7 @@ RULES = (
     *serve_device_rules.RULES,
     *serve_loop_rules.RULES,
     *serve_tool_rules.RULES,
+    *serve_actuate_rules.RULES,
 )
 
 

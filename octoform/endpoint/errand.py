@@ -13,7 +13,7 @@ from octoform.endpoint.publishing import client_command
 from octoform.state.layout import Layout
 
 SCRIPT = Path(__file__).parent / "scripts" / "mcp_client.py"
-START_SECONDS = 45.0
+START_SECONDS = 120.0
 """For a server's start on a small board; a second or two elsewhere."""
 _MARGIN = 10.0
 REFUSAL = "octoform: refused:"

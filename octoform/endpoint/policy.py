@@ -30,6 +30,8 @@ class Claim:
     source: str
     limit: Limit
     unit: str = ""
+    zero: str = ""
+    """The tool whose call brings what is summed up back to where the sum began."""
 
 
 def resolve(policy: Policy, tools: Iterable[Tool], holding: Holding) -> dict[str, Any]:
@@ -84,7 +86,9 @@ def claims(policy: Policy, tool: Tool, holding: Holding) -> Iterator[Claim]:
             continue
         for item in profile.limits:
             if is_meant(item, tool) and _has_parameter(item.get("parameter"), tool):
-                yield Claim(f"profile {profile.name}", _of_profile(item), item.get("unit", ""))
+                # One sum stands for all devices of a tool, and another tool brings back only one of them.
+                zero = item.get("zero", "") if len(tool["devices"]) == 1 else ""
+                yield Claim(f"profile {profile.name}", _of_profile(item), item.get("unit", ""), zero)
     for index, limit in enumerate(policy.limits):
         if fnmatchcase(tool["name"], limit.tool) and _has_parameter(limit.parameter, tool):
             yield Claim(f"policy.limits[{index}]", limit)
@@ -161,18 +165,26 @@ def _of_parameter(name: str, found: list[Claim], schema: Any) -> Iterator[dict[s
             **more,
             "source": _source(low, high),
         }
-    for kind in ("step", "cumulative"):
-        claim = tightest(found, kind)
+    summed = [("cumulative", [claim for claim in found if claim.zero == zero]) for zero in _zeros(found)]
+    for kind, of_it in (("step", found), *summed):
+        claim = tightest(of_it, kind)
         if claim is not None:
             most = getattr(claim.limit, kind)
+            zero = {"zero": claim.zero} if kind == "cumulative" and claim.zero else {}
             yield {
                 "kind": kind,
                 "parameter": name,
                 "most": most,
+                **zero,
                 **_unit(claim, *found),
                 **more,
                 "source": claim.source,
             }
+
+
+def _zeros(found: Iterable[Claim]) -> list[str]:
+    """Sums that begin again at different moments are different sums, and each has its own tightest limit."""
+    return list(dict.fromkeys(claim.zero for claim in found if claim.limit.cumulative is not None))
 
 
 def tightest(found: Iterable[Claim], bound: str) -> Claim | None:

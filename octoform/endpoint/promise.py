@@ -16,6 +16,15 @@ def promised(layout: Layout) -> dict[str, Any]:
         return {}
 
 
+def published(layout: Layout) -> dict[str, Mapping[str, Any]]:
+    """The tools of the endpoint as it was last made, by name, each with ``effect`` and ``buses``; none without one."""
+    try:
+        tools = json.loads((layout.endpoint / POLICY).read_bytes())["tools"]
+        return {name: {"effect": str(tool["effect"]), "buses": list(tool["buses"])} for name, tool in tools.items()}
+    except (OSError, ValueError, LookupError, TypeError, AttributeError):
+        return {}
+
+
 def hidden(layout: Layout) -> frozenset[str]:
     """The tools that the published policy denies, which no client is shown; none where it only watches.
 

@@ -22,8 +22,8 @@ from octoform.endpoint.running import MARK, Running, is_it, running
 from octoform.endpoint.sockets import connect
 from octoform.state.layout import Layout
 
-START_SECONDS = 45.0
-"""For a start on a small board; a second or two elsewhere."""
+START_SECONDS = 120.0
+"""For a start on a small board; a second or two elsewhere. One that has ended is seen at once."""
 STOP_SECONDS = 8.0
 """What a graceful end may take before a firm one."""
 LARGE_LOG = 10_000_000

@@ -12,7 +12,7 @@ from octoform.apply.destroying import destroy
 from octoform.apply.runner import Tally, execute
 from octoform.diagnostics import Diagnostic, error, has_errors
 from octoform.endpoint.prewarming import prewarmed
-from octoform.engine import memo, reporting
+from octoform.engine import knowledge, memo, reporting
 from octoform.engine.committing import commit_run
 from octoform.engine.compiling import Compiled, compile_project
 from octoform.engine.execution_log import logging_to
@@ -175,7 +175,7 @@ class _Run:
         facts, more = repository_facts(compiled.layout.project, source_files(compiled))
         found += more
         git = GitRecord(revision=facts.revision, dirty=list(facts.dirty)) if facts else None
-        written = self.store.commit_snapshot(RunFacts(compiled.manifest.digest, git))
+        written = self.store.commit_snapshot(RunFacts(compiled.manifest.digest, git, self.outlook.plan.tier1))
         failed = tally.failed or ("state" if has_errors(written) else None)
         found += written
         commit = None
@@ -198,6 +198,7 @@ class _Run:
             failed=failed,
             diagnostics=tuple(found),
             funnel=None if self.request.destroy else reporting.funnel(artifacts),
+            questions=() if self.request.destroy else knowledge.questions(artifacts, compiled.manifest.answers),
             endpoint=None if self.request.destroy or failed else reporting.endpoint(compiled.layout, artifacts),
             commit=commit,
         )
@@ -209,7 +210,7 @@ class _Run:
         outlook = None if tally.failed or self.request.destroy else prepare(request)[0]
         # A manifest that was edited meanwhile may name other files and variables than those that were looked at.
         same = outlook is not None and _sources(outlook.compiled) == _sources(self.outlook.compiled)
-        if outlook is None or not outlook.plan.empty or not same:
+        if outlook is None or not outlook.plan.empty or not same or _has_strays(outlook):
             path.unlink(missing_ok=True)
         else:
             write_atomic(path, memo.document(outlook.plan, ground), 0o600)
@@ -217,6 +218,11 @@ class _Run:
     def _ground(self, compiled: Compiled) -> dict[str, Any]:
         files, chosen = _sources(compiled)
         return memo.rests_on(self.request.project, compiled.layout.host, files, chosen, self.request.environ)
+
+
+def _has_strays(outlook: Outlook) -> bool:
+    """Whether there is something to say that a plan from the memo would not say."""
+    return any(item.code == knowledge.STRAY for item in outlook.diagnostics)
 
 
 def _sources(compiled: Compiled) -> tuple[tuple[str, ...], tuple[str, ...]]:

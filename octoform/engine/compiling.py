@@ -1,17 +1,17 @@
 """Compile: manifest, specs and profiles to the desired graph, with every problem of all of them at once. (Heavy.)"""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from octoform import profiles as profile_reader
-from octoform.diagnostics import Diagnostic, has_errors
+from octoform.diagnostics import Diagnostic, Span, has_errors
 from octoform.engine import memo
 from octoform.graph.compile import compile_graph
 from octoform.graph.model import Graph
 from octoform.manifest.loading import load as load_manifest
 from octoform.manifest.loading import named_profiles
-from octoform.manifest.model import Manifest
+from octoform.manifest.model import Manifest, ProfileSource, TypedProfile
 from octoform.profiles import Profile
 from octoform.protocol import Spec
 from octoform.protocol.loading import load as load_specs
@@ -33,15 +33,39 @@ class Compiled:
     graph: Graph
 
 
-def compile_project(project: Path, environ: Mapping[str, str]) -> tuple[Compiled | None, list[Diagnostic]]:
-    """The compiled project of a folder, or the diagnostics; warnings come along with a result."""
+def compile_project(
+    project: Path, environ: Mapping[str, str], *, told: bool = True
+) -> tuple[Compiled | None, list[Diagnostic]]:
+    """The compiled project of a folder, or the diagnostics; warnings come along with a result.
+
+    Without ``told`` it is compiled as if no person had said anything of the hardware (Tier 1).
+    """
     manifest, found = load_manifest(project / MANIFEST, environ)
+    if manifest is not None and not told:
+        manifest = replace(manifest, profiles=(), answers={})
     specs, more = load_specs(project / "protocol")
     found = [*found, *more]
-    profiles, more = profile_reader.load(manifest.profiles if manifest else named_profiles(project / MANIFEST))
-    found += more
+    sources = manifest.profiles if manifest else named_profiles(project / MANIFEST)
+    profiles, more = profile_reader.load(_source(item) for item in sources)
+    found += [_placed(item, sources, project / MANIFEST) for item in more]
     if manifest is None or has_errors(found):
         return None, found
     graph = compile_graph(manifest, specs, profiles)
     layout = Layout(project, manifest.host)
     return Compiled(layout, manifest, specs, schema_dir(project / "protocol"), profiles, graph), found
+
+
+def _source(item: ProfileSource) -> Path | tuple[str, str]:
+    return (item.text, item.place) if isinstance(item, TypedProfile) else item
+
+
+def _placed(item: Diagnostic, sources: tuple[ProfileSource, ...], manifest: Path) -> Diagnostic:
+    """A problem of a profile that is typed into the manifest, at its place there."""
+    typed = next((one for one in sources if isinstance(one, TypedProfile) and one.place == item.path), None)
+    if typed is None:
+        return item
+    at = item.span or Span(1, 1)
+    end = at.end_column + typed.indent if at.end_column is not None else None
+    span = Span(at.line + typed.line - 1, at.column + typed.indent, end)
+    source = f"{' ' * typed.indent}{item.source}" if item.source is not None else None
+    return replace(item, path=str(manifest), span=span, source=source)

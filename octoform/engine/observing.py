@@ -15,7 +15,7 @@ from octoform.diagnostics import Diagnostic, Severity
 from octoform.endpoint.observing import observe as observe_endpoint
 from octoform.engine.compiling import Compiled
 from octoform.plan.diff import Observed, Prior
-from octoform.profiles import holds
+from octoform.profiles import commands, holds
 from octoform.state.artifacts import observe as observe_files
 from octoform.state.layout import STAGES, Layout
 from octoform.state.model import NodeState, Snapshot
@@ -115,9 +115,14 @@ def verify(compiled: Compiled, stage: str, artifacts: Mapping[str, Any]) -> list
     if len(before) < STAGES.index(stage):
         return []  # a predecessor is gone; that is a reason of its own
     probe = artifacts.get("probe")
-    facts = {item.name: ProfileFacts(item.name, holds(item, probe), item.limits) for item in compiled.profiles}
-    budget = compiled.manifest.budget_for("interface").tools
-    return check(stage, artifacts[stage], Artifacts(**before, profiles=facts, tools_budget=budget), compiled.schemas)
+    manifest = compiled.manifest
+    held = {item.name: holds(item, probe, manifest.answers) for item in compiled.profiles}
+    facts = {
+        item.name: ProfileFacts(item.name, held[item.name], item.limits, commands(item)) for item in compiled.profiles
+    }
+    budget = manifest.budget_for("interface").tools
+    known = Artifacts(**before, profiles=facts, answers=manifest.answers, tools_budget=budget)
+    return check(stage, artifacts[stage], known, compiled.schemas)
 
 
 def _hardware(layout: Layout, now: host.Fingerprint) -> tuple[str, ...]:

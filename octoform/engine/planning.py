@@ -3,20 +3,23 @@
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import octoform
 from octoform.diagnostics import Diagnostic, did_you_mean, error, has_errors, warning
 from octoform.endpoint.neighbours import running_beside
 from octoform.endpoint.policy_check import doubts
+from octoform.engine import knowledge
 from octoform.engine.compiling import Compiled, compile_project
 from octoform.engine.observing import Situation, look
 from octoform.engine.results import PlanResult
 from octoform.engine.sources import source_files
+from octoform.engine.tool_changes import tool_changes
 from octoform.graph.model import Graph
 from octoform.plan import encode, planfile
 from octoform.plan.diff import Wishes, diff
 from octoform.plan.lending import Offer, Offers, with_loans
-from octoform.plan.model import Action, Cause, Change, OpenQuestion, Plan, PlannedAction, Reason
+from octoform.plan.model import Action, Cause, Change, Plan, PlannedAction, Reason
 from octoform.profiles.applying import holds
 from octoform.state import donors
 from octoform.state.files import write_atomic
@@ -30,7 +33,10 @@ from octoform.state.store import StateStore
 
 @dataclass(frozen=True, slots=True)
 class Request:
-    """What a person asked of plan or apply; ``project`` is absolute, ``reuse`` lets other hosts' outputs stand in."""
+    """What a person asked of plan or apply; ``project`` is absolute, ``reuse`` lets other hosts' outputs stand in.
+
+    ``tier1``: as if no person had said anything of the hardware, without profiles and answers.
+    """
 
     project: Path
     environ: Mapping[str, str]
@@ -38,6 +44,7 @@ class Request:
     replace: tuple[str, ...] = ()
     destroy: bool = False
     reuse: bool = True
+    tier1: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,14 +75,15 @@ def _doubts(outlook: Outlook) -> list[Diagnostic]:
     artifacts = outlook.situation.artifacts
     if "interface" not in artifacts or "probe" not in artifacts or any(item.calls_agent for item in outlook.plan.work):
         return []
-    held = [(profile, holds(profile, artifacts["probe"])) for profile in outlook.compiled.profiles]
+    answers = outlook.compiled.manifest.answers
+    held = [(profile, holds(profile, artifacts["probe"], answers)) for profile in outlook.compiled.profiles]
     holding = [(profile, ids) for profile, ids in held if ids]
     return doubts(outlook.compiled.manifest.policy, artifacts["interface"]["tools"], holding)
 
 
 def prepare(request: Request, store: StateStore | None = None) -> tuple[Outlook | None, list[Diagnostic]]:
     """Compile, open the state, look, compare. ``store`` is given by apply, which holds the lock."""
-    compiled, found = compile_project(request.project, request.environ)
+    compiled, found = compile_project(request.project, request.environ, told=not request.tier1)
     if compiled is None:
         return None, found
     found += _unknown_nodes(compiled.graph, (*request.targets, *request.replace))
@@ -87,6 +95,7 @@ def prepare(request: Request, store: StateStore | None = None) -> tuple[Outlook 
     if store is None or has_errors(found):
         return None, found
     situation = look(compiled, store.snapshot, request.environ)
+    found += [] if request.destroy else knowledge.stray(situation.artifacts, compiled.manifest.answers)
     plan = _plan(request, compiled, store.snapshot, situation)
     return Outlook(compiled, store.snapshot, situation, plan, tuple(found)), found
 
@@ -142,6 +151,7 @@ def _plan(request: Request, compiled: Compiled, snapshot: Snapshot, situation: S
     actions = _destruction(compiled.graph, snapshot) if request.destroy else _construction(request, compiled, situation)
     facts, _ = repository_facts(compiled.layout.project, source_files(compiled))
     targets = compiled.graph.upstream(request.targets) if request.targets else frozenset()
+    known = {} if request.destroy else _known(compiled, situation)
     return Plan(
         host=compiled.layout.host,
         operation="destroy" if request.destroy else "apply",
@@ -150,9 +160,10 @@ def _plan(request: Request, compiled: Compiled, snapshot: Snapshot, situation: S
         serial=snapshot.serial,
         revision=facts.revision if facts else None,
         dirty=facts.dirty if facts else (),
-        changes=() if request.destroy else _changes(situation),
-        questions=() if request.destroy else _questions(situation),
+        changes=() if request.destroy else (*_changes(situation), *tool_changes(compiled.layout, situation.artifacts)),
+        tier1=request.tier1,
         targets=tuple(name for name in compiled.graph.names() if name in targets),
+        **known,
     )
 
 
@@ -197,13 +208,15 @@ def _changes(situation: Situation) -> tuple[Change, ...]:
     return tuple(out)
 
 
-def _questions(situation: Situation) -> tuple[OpenQuestion, ...]:
-    identify = situation.artifacts.get("identify") or {"devices": []}
-    return tuple(
-        OpenQuestion(device["id"], device["identified_as"], device["missing"])
-        for device in identify["devices"]
-        if device["category"] == "unknown" and device.get("missing")
-    )
+def _known(compiled: Compiled, situation: Situation) -> dict[str, Any]:
+    """What the plan tells of the devices themselves, by its fields."""
+    answers, profiles, artifacts = compiled.manifest.answers, compiled.profiles, situation.artifacts
+    return {
+        "questions": knowledge.questions(artifacts, answers),
+        "devices": knowledge.devices(artifacts, profiles, situation.prior),
+        "profiles": knowledge.profile_uses(artifacts, profiles, answers, situation.prior),
+        "near": knowledge.near_profiles(artifacts, profiles, answers),
+    }
 
 
 def save(request: Request, outlook: Outlook) -> bytes:
@@ -216,6 +229,7 @@ def save(request: Request, outlook: Outlook) -> bytes:
         targets=list(request.targets) or None,
         replace=list(request.replace),
         reuse=request.reuse,
+        tier1=request.tier1,
         units=planfile.units(outlook.compiled.graph, plan, situation.prior, situation.observed),
         plan=encode.to_json(plan),
     )

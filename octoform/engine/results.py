@@ -3,7 +3,7 @@
 from dataclasses import dataclass, field
 
 from octoform.diagnostics import Diagnostic
-from octoform.plan.model import Plan
+from octoform.plan.model import OpenQuestion, Plan
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,7 +50,10 @@ class RunUsage:
 
 @dataclass(frozen=True, slots=True)
 class RunResult:
-    """How an apply or a destroy ended; ``failed`` names the node that stopped it."""
+    """How an apply or a destroy ended; ``failed`` names the node that stopped it.
+
+    ``questions`` are those that are open: one for each device whose meaning is missing.
+    """
 
     operation: str
     host: str
@@ -64,6 +67,7 @@ class RunResult:
     refused: tuple[str, ...] = ()
     diagnostics: tuple[Diagnostic, ...] = ()
     funnel: Funnel | None = None
+    questions: tuple[OpenQuestion, ...] = ()
     endpoint: EndpointSummary | None = None
     commit: str | None = None
 

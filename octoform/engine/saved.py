@@ -27,7 +27,8 @@ class SavedRun:
     def request(self, request: Request) -> Request:
         """The request that the plan was made for."""
         targets = tuple(self.document.targets or ())
-        return replace(request, targets=targets, replace=tuple(self.document.replace), reuse=self.document.reuse)
+        document, again = self.document, tuple(self.document.replace)
+        return replace(request, targets=targets, replace=again, reuse=document.reuse, tier1=document.tier1)
 
     def check(self, outlook: Outlook) -> tuple[Diagnostic, ...]:
         """Compare every unit with what is there now; the diagnostics name what moved."""

@@ -5,7 +5,7 @@ from pathlib import Path
 
 from octoform import digest
 from octoform.graph import endpoint_parts
-from octoform.graph.model import Agent, Graph, Node, NodeKind
+from octoform.graph.model import ANSWER, Agent, Graph, Node, NodeKind
 from octoform.manifest.model import MODEL_FREE, HarnessSpec, Manifest
 from octoform.profiles import Profile
 from octoform.protocol import STAGES, Spec
@@ -20,6 +20,8 @@ def compile_graph(manifest: Manifest, specs: Mapping[str, Spec], profiles: tuple
     """
     nodes = [_stage(name, manifest, specs[name], profiles) for name in STAGES]
     parts = endpoint_parts.parts(manifest, profiles)
+    if any(profile.limits or profile.stop for profile in profiles):
+        parts |= answers(manifest)  # they can decide for which devices such a profile holds
     nodes.append(Node(ENDPOINT, NodeKind.ENDPOINT, tuple(STAGES), parts))
     return Graph(tuple(nodes))
 
@@ -33,6 +35,8 @@ def _stage(name: str, manifest: Manifest, spec: Spec, profiles: tuple[Profile, .
         # Only where there is one, so that all other keys are as they were.
         parts |= {"escalate.harness": _maker(second.harness, manifest.project), "escalate.model": second.model or ""}
     parts |= {f"setting.{key}": _plain(value) for key, value in manifest.settings_for(name).items()}
+    if name == "identify":
+        parts |= answers(manifest)
     if name != "probe":
         parts |= {f"profile.{profile.name}": profile.digest for profile in profiles}
     return Node(
@@ -46,6 +50,11 @@ def _stage(name: str, manifest: Manifest, spec: Spec, profiles: tuple[Profile, .
         calls_model=any(_calls_model(one) for one in (harness, second.harness if second is not None else None)),
         escalate=Agent(second.harness.name, second.model) if second is not None else None,
     )
+
+
+def answers(manifest: Manifest) -> dict[str, str]:
+    """What a person said of devices, as key parts: the sentences themselves, so that a plan can show them."""
+    return {f"{ANSWER}{device}": sentence for device, sentence in manifest.answers.items()}
 
 
 def _maker(harness: HarnessSpec, project: Path) -> str:

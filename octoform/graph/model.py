@@ -11,6 +11,9 @@ from enum import StrEnum
 
 from octoform import digest
 
+ANSWER = "answer."
+"""How the key part of a person's answer begins; the device's id follows."""
+
 
 class NodeKind(StrEnum):
     """A stage is made by an agent; the endpoint is made by octoform's own code."""

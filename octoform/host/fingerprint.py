@@ -5,6 +5,9 @@ multiset of those lines and class counts is the fingerprint. Only text files of 
 without any hardware (loop devices, virtual networks, pseudo terminals, wake-up sources, devices made by programs,
 bluetooth connections, partitions) is left out, so that a plan does not see changes that are none.
 
+Only Linux announces hardware in files. Elsewhere (macOS) system and architecture are all there is, and a plan sees no
+device come or go; under WSL2 the devices count that the Linux kernel has, not those of the Windows side.
+
 On the path of a plan with nothing to do: imports the standard library and the digest only, opens a few hundred small
 files on a laptop.
 """

@@ -39,7 +39,7 @@ class Call:
     """``given`` are the arguments as they came, ``effective`` as the tool will see them; ``began`` in monotonic
     seconds, of its way here, and once it waited for a person or a bus from then on; ``stops`` how many emergency stops
     there had been when it came; ``noted`` what shadow mode let pass; ``asked`` what its records say of asking a person:
-    approval (the same for question and answer), answer, client."""
+    approval (the same for question and answer), answer, client; ``well``: its code has ended with a result."""
 
     identity: str
     entry: Entry
@@ -55,6 +55,7 @@ class Call:
     holder: Holder | None = None
     work: Work | None = None
     answered: bool = False
+    well: bool = False
 
     @property
     def arguments(self) -> Mapping[str, Any]:

@@ -36,6 +36,7 @@ class CountersUnwritable(OSError):
 class Used:
     """What one tool has used: sums and last values by parameter, moments of calls (seconds of the clock, ascending).
 
+    A call that failed may have moved the device or not: by ``doubts`` a sum may really be (lower, higher) than counted.
     ``damaged``: it is not known, because the file could not be read.
     """
 
@@ -43,6 +44,7 @@ class Used:
     last: Mapping[str, Fraction] = field(default_factory=dict)
     calls: tuple[float, ...] = ()
     damaged: bool = False
+    doubts: Mapping[str, tuple[Fraction, Fraction]] = field(default_factory=dict)
 
     def shown(self, now: float) -> dict[str, Any]:
         """As plain values; calls as ages in seconds."""
@@ -122,6 +124,11 @@ class Counters:
             "last": {name: str(value) for name, value in used.last.items()},
             "calls": calls,
             "damaged": used.damaged,
+            **(
+                {"doubts": {name: [str(low), str(high)] for name, (low, high) in used.doubts.items()}}
+                if used.doubts
+                else {}
+            ),
             **more,
         }
         return _encoded(document)
@@ -198,7 +205,8 @@ class Counters:
             raise ValueError("it has lost moments of calls")
         calls = tuple(sorted(min(now, moment) for moment in moments[len(moments) - kept :]))
         sums, last = ({key: Fraction(value) for key, value in item[name].items()} for name in ("sums", "last"))
-        return Used(sums, last, calls, bool(item["damaged"]))
+        doubts = {key: (Fraction(low), Fraction(high)) for key, (low, high) in item.get("doubts", {}).items()}
+        return Used(sums, last, calls, bool(item["damaged"]), doubts)
 
     def _shift(self, boot: str, wall: float, clock: float) -> float:
         """What to add to the file's moments, so that they are moments of the clock as it goes now."""

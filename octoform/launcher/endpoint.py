@@ -71,6 +71,7 @@ class Endpoint:
         loop = asyncio.get_running_loop()
         for number in (signal.SIGTERM, signal.SIGINT):
             loop.add_signal_handler(number, stopping.set)
+        _outlive_lines()
         async with self._server._lifespan_manager():
             await self._gate.arm(self._server)  # only now: nobody waits yet, so what begins may take its time
             doors = self._open()
@@ -196,3 +197,15 @@ class Endpoint:
             "estop": None if latched is None else {"by": latched.by, "reason": latched.reason, "since": latched.since},
             "tunnel": None if self._tunnel is None else dict(self._tunnel.status()),
         }
+
+
+def _outlive_lines() -> None:
+    """Go on when a serial line is unplugged that a tool has opened.
+
+    A process without a terminal gets the first line that it opens as its own, unless the tool thought of O_NOCTTY, and
+    a hang-up of one's own terminal ends a process. One that was started in a terminal still ends with that.
+    """
+    try:
+        os.close(os.open("/dev/tty", os.O_RDWR))
+    except OSError:
+        signal.signal(signal.SIGHUP, signal.SIG_IGN)

@@ -196,7 +196,7 @@ class Gate(Middleware):
                 raise answers.estop(stop)
             if call.stops != self._stops:
                 raise answers.overtaken()
-        if absent := self._presence.absent(call.entry.name):
+        if absent := self._presence.missing(call.entry.name, call.given.get("device")):
             raise answers.absent(absent)
 
     def _object(self, call: Call, code: str, text: str) -> None:
@@ -301,6 +301,7 @@ class Gate(Middleware):
         if entry.policy.limits and (refusal := self._ledger.reserve(entry.name, call.arguments)) is not None:
             self._object(call, refusal.code, refusal.text)
         if not self._records.decided(call, "allow") and call.moves:
+            self._ledger.settle(entry.name, call.arguments, well=False)
             raise Refused(
                 "audit", f"the audit log cannot be written, so nothing that moves is called: {self._records.problem}"
             )
@@ -331,6 +332,7 @@ class Gate(Middleware):
             return self._failed(call, work, problem)
         finally:
             current.reset(token)
+            self._ledger.settle(entry.name, call.arguments, well=call.well)
 
     def _answer(self, call: Call, result: ToolResult) -> ToolResult:
         """The tool's result, unless it is too large or not what the tool's output schema promises."""
@@ -348,6 +350,7 @@ class Gate(Middleware):
             text = f"the tool's result does not fit its output schema: the result{problem[:MESSAGE_CHARS]}"
             self._records.outcome(call, "invalid_result", text=text)
             return answers.error(text)
+        call.well = True
         if not self._records.outcome(call, "ok"):
             result.meta = {**(result.meta or {}), answers.UNAUDITED: f"not written: {self._records.problem}"}
         if self.on_result is not None:

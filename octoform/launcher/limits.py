@@ -9,7 +9,8 @@ refused until a person sets them back.
 import threading
 import time
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from contextlib import suppress
+from dataclasses import dataclass, replace
 from datetime import datetime
 from fractions import Fraction
 from pathlib import Path
@@ -52,6 +53,15 @@ class Ledger:
         self._lock = threading.Lock()
         counted = {name for name, tool in policy.tools.items() if any(item.kind in _COUNTED for item in tool.limits)}
         self._counters = Counters(path, counted, clock, lambda: now().timestamp())
+        self._summing = {
+            name for name, tool in policy.tools.items() if any(item.kind == "cumulative" for item in tool.limits)
+        }
+        self._zeroed: dict[str, set[tuple[str, str]]] = {}
+        """Tool to the (tool, sum) pairs that begin again at zero once a call of it went well."""
+        for name, item in policy.tools.items():
+            for limit in item.limits:
+                if limit.zero:
+                    self._zeroed.setdefault(limit.zero, set()).add((name, limit.sum))
 
     def judge(self, tool: str, arguments: Mapping[str, Any]) -> Refusal | None:
         """Whether the call would be let through now; counts nothing."""
@@ -72,6 +82,36 @@ class Ledger:
             except CountersUnwritable as problem:
                 return Refusal("counters_unwritable", f"{tool} is refused: {problem}. Its limits could not be kept.")
             return None
+
+    def settle(self, tool: str, arguments: Mapping[str, Any], *, well: bool) -> None:
+        """A call that counted has ended. After one that went well, sums that it brings to their origin are zero.
+
+        One that failed may have moved the device or not, and from then on both are reckoned with. What cannot be
+        written stays as it was for a sum that should be zero: that refuses too much rather than too little.
+        """
+        if (tool not in self._zeroed) if well else (tool not in self._summing):
+            return
+        with self._lock, suppress(CountersUnwritable):
+            if not well:
+                self._counters.put(tool, self._doubted(self._counters.of(tool), self._tools[tool].limits, arguments))
+                return
+            for name, key in sorted(self._zeroed[tool]):
+                used = self._counters.of(name)
+                if not used.damaged and (used.sums.get(key) or key in used.doubts):
+                    doubts = {other: doubt for other, doubt in used.doubts.items() if other != key}
+                    self._counters.put(name, replace(used, sums={**used.sums, key: Fraction(0)}, doubts=doubts))
+
+    @staticmethod
+    def _doubted(used: Used, limits: tuple[Limit, ...], arguments: Mapping[str, Any]) -> Used:
+        doubts = dict(used.doubts)
+        summed = [limit for limit in limits if limit.kind == "cumulative"]
+        # Shadow mode lets calls run that no sum has counted, with arguments that are no numbers.
+        counted = [limit for limit in summed if _is_number(arguments.get(limit.parameter, 0))]
+        for key, value in {(limit.sum, _value(limit, arguments)) for limit in counted}:
+            low, high = doubts.get(key, (Fraction(0), Fraction(0)))
+            if value is not None:
+                doubts[key] = (low + max(value, Fraction(0)), high - min(value, Fraction(0)))
+        return replace(used, doubts=doubts)
 
     def reset(self, tool: str | None) -> None:
         """Forget what was counted for a tool, or for all: sums, last values, times. Makes a damaged file good.
@@ -126,12 +166,12 @@ class Ledger:
         calls = [moment for moment in used.calls if now - moment < span] + [now] * bool(timed)
         kept = max((limit.calls for limit in timed), default=0) or 1
         sums, last = dict(used.sums), dict(used.last)
-        for kind, (name, value) in {(limit.kind, (limit.parameter, _value(limit, arguments))) for limit in limits}:
+        for kind, name, value in {(limit.kind, limit.sum, _value(limit, arguments)) for limit in limits}:
             if kind == "cumulative" and value is not None:
                 sums[name] = used.sums.get(name, Fraction(0)) + value
             elif kind == "step" and value is not None:
                 last[name] = value
-        return Used(sums, last, tuple(calls[-kept:]))
+        return replace(used, sums=sums, last=last, calls=tuple(calls[-kept:]))
 
 
 def _of_value(limit: Limit, arguments: Mapping[str, Any], used: Used, tool: str) -> Refusal | None:
@@ -151,7 +191,7 @@ def _of_value(limit: Limit, arguments: Mapping[str, Any], used: Used, tool: str)
     elif limit.kind == "step":
         text = _step(limit, value, used.last.get(name))
     else:
-        text = _cumulative(limit, value, used.sums.get(name, Fraction(0)), tool)
+        text = _cumulative(limit, value, used, tool)
     return Refusal(limit.kind, text) if text else None
 
 
@@ -200,16 +240,22 @@ def _step(limit: Limit, value: Fraction, last: Fraction | None) -> str:
     )
 
 
-def _cumulative(limit: Limit, value: Fraction, total: Fraction, tool: str) -> str:
-    most = exact(limit.most)
-    if abs(total + value) <= most:
+def _cumulative(limit: Limit, value: Fraction, used: Used, tool: str) -> str:
+    most, total = exact(limit.most), used.sums.get(limit.sum, Fraction(0))
+    lower, higher = used.doubts.get(limit.sum, (Fraction(0), Fraction(0)))
+    least, greatest = total - lower, total + higher
+    if -most <= least + value and greatest + value <= most:
         return ""
     unit = _unit(limit)
+    since = f" since {limit.zero}" if limit.zero else ""
+    zero = f"A call of {limit.zero} that goes well sets the sum to zero, and a" if limit.zero else "A"
+    doubt = f" Calls failed, so that it may really be {_number(least)} to {_number(greatest)}{unit} now."
     return (
-        f"{limit.parameter} {_number(value)}{unit} would bring the sum over all calls to "
-        f"{_number(total + value)}{unit}; it may be {limit.most}{unit} at most in either direction ({limit.source}). "
-        f"Allowed now: {_number(-most - total)} to {_number(most - total)}{unit}. "
-        f"A person sets the sum to zero with: octoform limits -reset {tool}"
+        f"{limit.parameter} {_number(value)}{unit} would bring the sum over all calls{since} to "
+        f"{_number(total + value)}{unit}; it may be {limit.most}{unit} at most in either direction ({limit.source})."
+        f"{doubt if least < greatest else ''} Allowed now: {_number(-most - least)} to "
+        f"{_number(most - greatest)}{unit}. "
+        f"{zero} person sets the sum to zero with: octoform limits -reset {tool}"
     )
 
 

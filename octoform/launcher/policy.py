@@ -32,6 +32,7 @@ class Limit:
     range: parameter, minimum, maximum (either may be None). step, cumulative: parameter, most. rate: calls, seconds.
     cooldown: seconds. quiet_hours: begin, end (minutes after midnight, local time; end before begin passes midnight,
     equal ones are the whole day). ``default`` is what an absent parameter counts as; None: its call is not judged.
+    ``zero`` of a cumulative one is the tool after whose call the sum begins again at zero.
     """
 
     kind: Kind
@@ -46,6 +47,12 @@ class Limit:
     end: int = 0
     unit: str = ""
     default: float | None = None
+    zero: str = ""
+
+    @property
+    def sum(self) -> str:
+        """The name under which a cumulative limit counts."""
+        return f"{self.parameter} since {self.zero}" if self.zero else self.parameter
 
 
 @dataclass(frozen=True, slots=True)
@@ -164,6 +171,7 @@ def _numeric(kind: Kind, item: Mapping[str, Any], place: str) -> Limit:
         most=0.0 if kind == "range" else _not_negative(item, "most", place),
         unit=_string(item.get("unit") or "", f"{place}.unit"),
         default=_bound(item, "default", place),
+        zero=_string(item.get("zero") or "", f"{place}.zero"),
     )
 
 

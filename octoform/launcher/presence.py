@@ -62,6 +62,18 @@ class Presence:
         """The names of a tool's devices that are absent now, in the order of its devices."""
         return [self._names.get(each, each) for each in self._tools.get(tool, ()) if self._there.get(each) is False]
 
+    def missing(self, tool: str, device: object) -> list[str]:
+        """The same for a call: only the device that it names, if it names one, and none that has come back since.
+
+        A call in the second after a re-plug must not hear of the second before it.
+        """
+        devices = self._tools.get(tool, ())
+        asked = [each for each in devices if each == device] or devices
+        gone = [each for each in asked if self._there.get(each) is False]
+        if gone and (runtime := _runtime()) is not None:
+            gone = [each for each in gone if _there(runtime, each) is False]
+        return [self._names.get(each, each) for each in gone]
+
     def start(self) -> None:
         """Look, and go on looking."""
         runtime = _runtime()

@@ -22,6 +22,7 @@ from octoform.manifest.model import (
     Manifest,
     Network,
     Price,
+    ProfileSource,
     Sandbox,
     StageSettings,
     Tunnel,
@@ -30,7 +31,11 @@ from octoform.manifest.policy_building import policy
 
 
 def build(
-    source: Document, path: Path, profiles: tuple[Path, ...], variables: tuple[str, ...], environ: Mapping[str, str]
+    source: Document,
+    path: Path,
+    profiles: tuple[ProfileSource, ...],
+    variables: tuple[str, ...],
+    environ: Mapping[str, str],
 ) -> Manifest:
     """The manifest of a document without errors; ``environ`` tells whose models are meant by a reference."""
     builder = _Builder(source, path.parent, environ)
@@ -52,6 +57,7 @@ def build(
         network=_network(source),
         tunnel=_tunnel(source),
         policy=policy(source.policy),
+        answers=MappingProxyType({name: text.strip() for name, text in source.answers.items()}),
     )
 
 

@@ -9,15 +9,19 @@ from pydantic import AfterValidator, Field
 
 from octoform.manifest import host_name
 from octoform.manifest.fields import (
+    CLOSED,
+    MOST_ANSWERS,
     UNIQUE,
+    Answer,
     Attempts,
     BaseUrl,
+    DeviceId,
     Dollars,
     Duration,
     Host,
     KeyName,
     Model,
-    ProfilePath,
+    ProfileSource,
     Rate,
     Table,
     Turns,
@@ -174,9 +178,11 @@ class Document(Table):
     privileged_steps: Annotated[list[str], Field(max_length=0)] = Field(default=[])
     """Steps that need a person's consent; there are none yet, so the list is empty."""
     profiles: Annotated[
-        list[ProfilePath], AfterValidator(distinct), Field(max_length=100, json_schema_extra=UNIQUE)
+        list[ProfileSource], AfterValidator(distinct), Field(max_length=100, json_schema_extra=UNIQUE)
     ] = Field(default=[])
-    """Markdown files with knowledge about hardware, relative to this file."""
+    """Knowledge about hardware: markdown files relative to this one, or such a text itself, beginning with ---."""
+    answers: Annotated[dict[DeviceId, Answer], Field(max_length=MOST_ANSWERS, json_schema_extra=CLOSED)] = added({})
+    """What a person says of a device that evidence cannot settle, by the device's id."""
     stages: Stages = Stages()
     """Another harness, model or budget for single stages."""
     budget: Budget = Budget()

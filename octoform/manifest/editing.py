@@ -7,7 +7,8 @@ errors is refused, and the file stays as it was.
 import io
 import os
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 from ruamel.yaml import YAML
@@ -15,6 +16,7 @@ from ruamel.yaml.comments import CommentedMap, CommentedSeq
 from ruamel.yaml.util import load_yaml_guess_indent
 
 from octoform.diagnostics import Diagnostic, Severity, error
+from octoform.manifest import entries
 from octoform.manifest.loading import load, parse
 from octoform.manifest.reading import read_tree
 from octoform.manifest.report import Report
@@ -27,28 +29,50 @@ _NESTED = re.compile(r"^[^\s#-][^\n]*:[ ]*(?:#[^\n]*)?\n(?:[ ]*(?:#[^\n]*)?\n)*(
 _UNFOLDED = 1_000_000
 
 
-def set_value(path: Path, dotted: str, value: Value, environ: Mapping[str, str]) -> list[Diagnostic]:
-    """Set ``dotted`` (``budget.attempts``) in a manifest that loads; empty when it is written, else what is wrong.
+@dataclass(frozen=True, slots=True)
+class Edited:
+    """A manifest's text before and after an edit that was written."""
+
+    before: str
+    after: str
+
+
+def change(
+    path: Path, keys: Sequence[str], value: Value | None, environ: Mapping[str, str]
+) -> tuple[Edited | None, list[Diagnostic]]:
+    """Set the value at a path of keys, or take it out (None); the texts when it is written, else what is wrong.
 
     Missing tables on the way are made. ``environ`` is the environment that the manifest is checked with.
     """
     manifest, found = load(path, environ)
     if manifest is None:
-        return found
+        return None, found
     before = path.read_bytes().decode("utf-8")
-    keys = dotted.split(".")
-    after = _edited(before, keys, value)
+    after, dotted = _changed(before, keys, value), ".".join(keys)
     if after is None:
-        return [_refused(path, dotted, "a part of the name is no table")]
+        return None, [_refused(path, dotted, "a part of the name is no table")]
+    if any("\ud800" <= sign <= "\udfff" for sign in after):
+        return None, [_refused(path, dotted, "the text holds bytes that are no UTF-8")]
     _, found = parse(after.encode("utf-8"), path, environ)
     errors = [item for item in found if item.severity is Severity.ERROR]
     if errors:
-        return errors
+        return None, errors
     if comments(before) != comments(after):
-        return [_refused(path, dotted, "a comment would be lost or moved")]
+        return None, [_refused(path, dotted, "a comment would be lost or moved")]
     if _with(_plain(before), keys, value) != _plain(after):
-        return [_refused(path, dotted, "another setting would change")]
-    return _replace(path, after.encode("utf-8"))
+        return None, [_refused(path, dotted, "another setting would change")]
+    found = _replace(path, before.encode("utf-8"), after.encode("utf-8")) if before != after else []
+    return (None, found) if found else (Edited(before, after), [])
+
+
+def _changed(text: str, keys: Sequence[str], value: Value | None) -> str | None:
+    """The text with the change: by lines where the entry is one, else by a round trip that keeps what it can."""
+    after = None
+    if len(keys) == 2 and value is None:
+        after = entries.drop(text, keys[0], keys[1])
+    elif len(keys) == 2 and isinstance(value, str):
+        after = entries.put(text, keys[0], keys[1], value)
+    return after if after is not None else _edited(text, keys, value)
 
 
 def comments(text: str) -> list[str]:
@@ -62,7 +86,7 @@ def comments(text: str) -> list[str]:
     return [comment.rstrip() for comment in found + re.findall(r"#[^\n]*", text[position:])]
 
 
-def _edited(text: str, keys: list[str], value: Value) -> str | None:
+def _edited(text: str, keys: Sequence[str], value: Value | None) -> str | None:
     """The text with the value set, or None when the way to it is blocked by a value that is no table."""
     _, width, offset = load_yaml_guess_indent(_lf(text))
     yaml = YAML()
@@ -76,7 +100,10 @@ def _edited(text: str, keys: list[str], value: Value) -> str | None:
         table = table.setdefault(key, CommentedMap())
         if not isinstance(table, CommentedMap):
             return None
-    table[keys[-1]] = _listed(value, table.get(keys[-1])) if isinstance(value, list) else value
+    if value is None:
+        del table[keys[-1]]
+    else:
+        table[keys[-1]] = _listed(value, table.get(keys[-1])) if isinstance(value, list) else value
     out = io.StringIO()
     yaml.dump(root, out)
     line_end = "\r\n" if "\r\n" in text else "\n"
@@ -100,10 +127,12 @@ def _plain(text: str) -> object:
     return data(tree) if tree is not None else None
 
 
-def _with(content: object, keys: list[str], value: Value) -> object:
+def _with(content: object, keys: Sequence[str], value: Value | None) -> object:
     if not keys:
         return value
     table = content if isinstance(content, dict) else {}
+    if len(keys) == 1 and value is None:
+        return {name: item for name, item in table.items() if name != keys[0]}
     return {**table, keys[0]: _with(table.get(keys[0]), keys[1:], value)}
 
 
@@ -116,9 +145,11 @@ def _refused(path: Path, dotted: str, reason: str) -> Diagnostic:
     )
 
 
-def _replace(path: Path, content: bytes) -> list[Diagnostic]:
-    """Write beside the file, then rename over it; a link stays a link."""
+def _replace(path: Path, before: bytes, content: bytes) -> list[Diagnostic]:
+    """Write beside the file, then rename over it if it is still as it was; a link stays a link."""
     target = path.resolve()
+    if not target.stat().st_mode & 0o222:
+        return [_unwritable(path, "it is read-only")]
     temporary = target.with_name(f".{target.name}.{os.getpid()}")
     try:
         with temporary.open("xb") as out:
@@ -126,9 +157,17 @@ def _replace(path: Path, content: bytes) -> list[Diagnostic]:
             out.flush()
             os.fsync(out.fileno())
         temporary.chmod(target.stat().st_mode & 0o7777)
+        if target.read_bytes() != before:
+            temporary.unlink()
+            reason = f"{path.name} was changed by somebody else at the same moment"
+            return [error("MANIFEST-UNWRITABLE", reason, path=str(path), hint="nothing was written; do it once more")]
         temporary.replace(target)
     except OSError as problem:
         temporary.unlink(missing_ok=True)
-        reason = f"{path.name} cannot be written: {problem.strerror or problem}"
-        return [error("MANIFEST-UNWRITABLE", reason, path=str(path))]
+        return [_unwritable(path, problem.strerror or str(problem))]
     return []
+
+
+def _unwritable(path: Path, reason: str) -> Diagnostic:
+    hint = "nothing was changed; make it writable, or edit it yourself"
+    return error("MANIFEST-UNWRITABLE", f"{path.name} cannot be written: {reason}", path=str(path), hint=hint)

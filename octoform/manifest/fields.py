@@ -3,12 +3,14 @@
 (Heavy: pydantic.)
 """
 
+import re
 from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field
 from pydantic_core import PydanticCustomError
 
 from octoform.durations import LONGEST_SECONDS, PATTERN, seconds
+from octoform.escaping import is_hidden
 from octoform.manifest import base_url, host_name
 from octoform.manifest.references import NAME
 
@@ -72,8 +74,45 @@ def distinct(values: list[str]) -> list[str]:
     return values
 
 
+def _device_id(value: str) -> str:
+    if re.fullmatch(DEVICE_ID, value) is None or len(value) > LONGEST_ID:
+        raise problem("this is no id of a device", "write it as `octoform plan` does, such as usb-0000-0000-2")
+    return value
+
+
+def _answer(value: str) -> str:
+    if len(value) > LONGEST_ANSWER or len(re.findall(r"\w", value)) < 2:
+        raise problem(
+            f"an answer has words, in 2 to {LONGEST_ANSWER} characters", "say in a sentence what the device is"
+        )
+    if any(is_hidden(character) and character not in "\n\t" for character in value):
+        raise problem("the answer holds a character that does not show", "write it anew, as plain text")
+    return value
+
+
+def _profile(value: str) -> str:
+    """A path, or the text of a profile: that one begins with its front matter, as its file would."""
+    if not value:
+        raise problem("this is empty", "give the path of a markdown file")
+    longest = LONGEST_PROFILE if is_typed(value) else 400
+    if len(value) > longest:
+        raise problem(f"this has more than {longest} characters", "keep what an agent needs to know")
+    return value
+
+
+def is_typed(profile: str) -> bool:
+    """True for an entry of ``profiles`` that is the profile itself and no path of one."""
+    return profile.startswith("---")
+
+
 UNIQUE = {"uniqueItems": True}
+CLOSED = {"additionalProperties": False}
 MOST_DOLLARS = 1_000_000
+MOST_ANSWERS = 200
+LONGEST_ID = 100
+LONGEST_ANSWER = 1000
+LONGEST_PROFILE = 8 * 1024
+DEVICE_ID = "[a-z0-9]+(?:[-_.][a-z0-9]+)*"
 
 Version = Annotated[Literal[1], BeforeValidator(_version)]
 Host = Annotated[str, AfterValidator(_host), Field(json_schema_extra={"pattern": host_name.PATTERN})]
@@ -88,6 +127,25 @@ BaseUrl = Annotated[
     str, AfterValidator(_base_url), Field(max_length=400, json_schema_extra={"pattern": base_url.PATTERN})
 ]
 ProfilePath = Annotated[str, Field(min_length=1, max_length=400)]
+DeviceId = Annotated[
+    str,
+    AfterValidator(_device_id),
+    Field(json_schema_extra={"pattern": f"^{DEVICE_ID}$", "maxLength": LONGEST_ID}),
+]
+Answer = Annotated[
+    str,
+    AfterValidator(_answer),
+    Field(json_schema_extra={"maxLength": LONGEST_ANSWER, "pattern": r"\w[\s\S]*\w"}),
+]
+ProfileSource = Annotated[
+    str,
+    AfterValidator(_profile),
+    Field(
+        json_schema_extra={
+            "anyOf": [{"minLength": 1, "maxLength": 400}, {"pattern": "^---", "maxLength": LONGEST_PROFILE}]
+        }
+    ),
+]
 Attempts = Annotated[int, Field(ge=1, le=20)]
 Turns = Annotated[int, Field(ge=1, le=10_000)]
 Dollars = Annotated[float, Field(gt=0, le=MOST_DOLLARS, allow_inf_nan=False)]

@@ -7,7 +7,7 @@ from octoform.diagnostics import Diagnostic
 from octoform.manifest import agent_rules, checking, crosschecks, profile_paths, recordings, scope_rules, values
 from octoform.manifest.building import build
 from octoform.manifest.decoding import read, text_of
-from octoform.manifest.model import Manifest
+from octoform.manifest.model import Manifest, ProfileSource
 from octoform.manifest.reading import read_tree
 from octoform.manifest.report import Report
 
@@ -48,7 +48,7 @@ def parse(content: bytes, path: Path, environ: Mapping[str, str]) -> tuple[Manif
     return build(document, absolute, profiles, variables, environ), report.diagnostics()
 
 
-def named_profiles(path: Path) -> tuple[Path, ...]:
+def named_profiles(path: Path) -> tuple[ProfileSource, ...]:
     """The profiles that a manifest names and that are there, also of a manifest with problems.
 
     So that the problems of all files can be told at once; what is wrong with the manifest is told by `load`.

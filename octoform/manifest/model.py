@@ -19,8 +19,6 @@ EVERY_INTERFACE = "all"
 FIRST_PORT = 7777
 TUNNEL_URL = "{url}"
 TUNNEL_COMMAND = ("cloudflared", "tunnel", "--no-autoupdate", "--url", TUNNEL_URL)
-SCOPES = ("local", "intranet", "internet")
-"""Who can reach the endpoint: nobody over a network, whoever has a token and is near, whoever has a token."""
 # What may stand in braces in the arguments of a command, and is filled in for each attempt.
 PLACEHOLDERS = ("prompt_file", "task", "output", "workdir", "model", "stage", "prompt")
 
@@ -151,21 +149,39 @@ class Tunnel:
 
 
 @dataclass(frozen=True, slots=True)
+class TypedProfile:
+    """A profile that stands in the manifest itself: its text is what a file of it would hold.
+
+    ``place`` names it in the manifest; its first line is ``line`` there, indented by ``indent`` columns.
+    """
+
+    text: str
+    place: str
+    line: int
+    indent: int
+
+
+ProfileSource = Path | TypedProfile
+
+
+@dataclass(frozen=True, slots=True)
 class Manifest:
     """One octopus.yaml that has no errors.
 
-    ``path`` is absolute, and so are ``profiles`` (in the order of the file). ``digest`` is of the content with every
-    default filled in: comments, order and layout do not move it, and neither does a default that a newer version adds.
+    ``path`` is absolute, and so are the files of ``profiles`` (in the order of the manifest). ``digest`` is of the
+    content with every default filled in: comments, order and layout do not move it, and neither does a default that a
+    newer version adds.
     ``variables`` are the names of all environment variables that the manifest refers to, passes on or takes a key from,
     sorted. ``prices`` are by the model's name as `StageSettings.model` has it; ``run_usd`` is what one run may cost in
-    all, in US dollars. ``network`` is None in scope local, ``tunnel`` in every scope but internet.
+    all, in US dollars. ``network`` is None in scope local, ``tunnel`` in every scope but internet. ``answers`` are what
+    a person said of a device, by the device's id.
     """
 
     path: Path
     digest: str
     host: str
     scope: str
-    profiles: tuple[Path, ...]
+    profiles: tuple[ProfileSource, ...]
     stages: Mapping[str, StageSettings]
     lifecycle: Lifecycle
     git: Git
@@ -176,11 +192,17 @@ class Manifest:
     network: Network | None = None
     tunnel: Tunnel | None = None
     policy: Policy = field(default_factory=Policy)
+    answers: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def project(self) -> Path:
         """The folder of the manifest, absolute."""
         return self.path.parent
+
+    @property
+    def profile_files(self) -> tuple[Path, ...]:
+        """The profiles that are files of their own."""
+        return tuple(item for item in self.profiles if isinstance(item, Path))
 
     def harness_for(self, stage: str) -> HarnessSpec:
         """The harness that runs a stage."""

@@ -1,4 +1,4 @@
-"""Profiles as a manifest names them: markdown files of the project, by a path relative to the manifest.
+"""Profiles as a manifest names them: markdown files of the project, by a path relative to the manifest, or texts in it.
 
 Only files inside the project's folder count, also after links are followed: profiles are part of what is kept in git,
 and a path that leads elsewhere would mean something different on every machine.
@@ -9,22 +9,31 @@ from pathlib import Path
 
 from octoform.diagnostics import did_you_mean
 from octoform.manifest import tree
+from octoform.manifest.fields import is_typed
+from octoform.manifest.model import ProfileSource, TypedProfile
 from octoform.manifest.report import Report
 from octoform.manifest.tree import Items, Scalar, Table
 
 _WHAT = "a profile is a readable markdown file inside the project"
 
 
-def check(root: Table, project: Path, report: Report) -> tuple[Path, ...]:
-    """The absolute paths of the profiles, in order; what is wrong with them goes to the report."""
+def check(root: Table, project: Path, report: Report) -> tuple[ProfileSource, ...]:
+    """The profiles in order, files by their absolute paths; what is wrong with them goes to the report."""
     node = tree.at(root, ("profiles",))
     items = node.items if isinstance(node, Items) else ()
     found = (
-        _one(item, project, report)
+        _typed(item, index, report) if is_typed(item.text) else _one(item, project, report)
         for index, item in enumerate(items)
         if isinstance(item, Scalar) and isinstance(item.value, str) and not report.is_settled(("profiles", index))
     )
-    return tuple(path for path in found if path is not None)
+    return tuple(source for source in found if source is not None)
+
+
+def _typed(item: Scalar, index: int, report: Report) -> TypedProfile:
+    """A profile as text; a block text begins on the line after its sign, a quoted one where it stands."""
+    line = item.span.line + (item.last_line > item.span.line)
+    text = report.lines[line - 1] if line <= len(report.lines) else ""
+    return TypedProfile(item.text, f"profiles[{index}]", line, len(text) - len(text.lstrip()))
 
 
 def _one(item: Scalar, project: Path, report: Report) -> Path | None:

@@ -36,6 +36,7 @@ RANGES = {
     "tools": "allowed: 1 to 200",
     "command": COMMAND_HINT,
     "profiles": "allowed: up to 100 profiles",
+    "answers": "allowed: up to 200 answers",
     "model": MODEL_HINT,
     "key": KEY_HINT,
     "turns": "allowed: 1 to 10000",

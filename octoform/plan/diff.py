@@ -7,7 +7,7 @@ a daemon.
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-from octoform.graph.model import Graph, Node, NodeKind, key_parts
+from octoform.graph.model import ANSWER, Graph, Node, NodeKind, key_parts
 from octoform.plan.model import Action, Cause, PlannedAction, Reason
 
 
@@ -77,7 +77,10 @@ def _plan_node(
     outputs = {name: _output(prior, name) for name in node.consumes}
     reasons = broken
     if known.status == "accepted":
-        reasons = broken + _changed(node, known, outputs, observed, wishes, frozenset(upstream))
+        changed = _changed(node, known, outputs, observed, wishes, frozenset(upstream))
+        spoken = any((reason.part or "").startswith(ANSWER) for reason in changed)
+        # What a new answer breaks is told by the answer.
+        reasons = [item for item in broken if not (spoken and item.cause is Cause.CONTRACT)] + changed
     if reasons:
         return _action(node, _word(reasons, known), tuple(reasons), known, certain=True)
     if upstream:

@@ -5,7 +5,19 @@ from dataclasses import asdict
 from typing import Any
 
 from octoform.graph.model import Agent
-from octoform.plan.model import Action, Cause, Change, Loan, OpenQuestion, Plan, PlannedAction, Reason
+from octoform.plan.model import (
+    Action,
+    Cause,
+    Change,
+    Loan,
+    NearProfile,
+    OpenQuestion,
+    Plan,
+    PlannedAction,
+    ProfileUse,
+    Reason,
+    ToldDevice,
+)
 
 FORMAT = 1
 _ABSENT = ("escalate", "loan")
@@ -17,7 +29,8 @@ def to_json(plan: Plan) -> dict[str, Any]:
     out: dict[str, Any] = {"format": FORMAT, **asdict(plan)}
     out["actions"] = [_action(item) for item in plan.actions]
     out["changes"] = [asdict(item) for item in plan.changes]
-    out["questions"] = [asdict(item) for item in plan.questions]
+    for name in ("questions", "devices", "profiles", "near"):
+        out[name] = [asdict(item) for item in getattr(plan, name)]
     return out
 
 
@@ -35,6 +48,10 @@ def from_json(data: Mapping[str, Any]) -> Plan:
     fields["actions"] = tuple(_read_action(item) for item in data["actions"])
     fields["changes"] = tuple(Change(**{**item, "action": Action(item["action"])}) for item in data["changes"])
     fields["questions"] = tuple(OpenQuestion(**item) for item in data["questions"])
+    fields["devices"] = tuple(ToldDevice(**item) for item in data.get("devices", ()))
+    uses = data.get("profiles", ())
+    fields["profiles"] = tuple(ProfileUse(**{**item, "action": Action(item["action"])}) for item in uses)
+    fields["near"] = tuple(NearProfile(**item) for item in data.get("near", ()))
     fields["dirty"] = tuple(data["dirty"])
     fields["targets"] = tuple(data["targets"])
     return Plan(**fields)

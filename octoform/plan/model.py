@@ -87,11 +87,44 @@ class PlannedAction:
 
 @dataclass(frozen=True, slots=True)
 class OpenQuestion:
-    """A device whose meaning is missing, and the one sentence that would supply it."""
+    """A device whose meaning is missing, and the one sentence that would supply it.
+
+    ``tier`` says what such a sentence has to hold: 2 a name, 3 a description of how the device is used.
+    """
 
     device: str
     seen_as: str
     sentence: str
+    tier: int = 2
+
+
+@dataclass(frozen=True, slots=True)
+class ToldDevice:
+    """A device that is named, and how much a person had to say for that: tier 1 nothing, 2 a name, 3 a description."""
+
+    device: str
+    name: str
+    tier: int
+    answer: str | None = None
+    profile: str | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class ProfileUse:
+    """A profile that holds for a device (``NOOP``), would then hold (``CREATE``) or no longer would (``DESTROY``)."""
+
+    profile: str
+    device: str
+    action: Action
+
+
+@dataclass(frozen=True, slots=True)
+class NearProfile:
+    """A profile that would hold for a device if a person said the word of it: all else that its rule asks is there."""
+
+    profile: str
+    device: str
+    word: str
 
 
 @dataclass(frozen=True, slots=True)
@@ -106,7 +139,10 @@ class Change:
 
 @dataclass(frozen=True, slots=True)
 class Plan:
-    """All actions of one operation on one host, in the order of work."""
+    """All actions of one operation on one host, in the order of work.
+
+    ``tier1``: made as if no person had said anything of the hardware, without profiles and answers.
+    """
 
     host: str
     operation: str
@@ -117,6 +153,10 @@ class Plan:
     dirty: tuple[str, ...] = ()
     changes: tuple[Change, ...] = ()
     questions: tuple[OpenQuestion, ...] = ()
+    devices: tuple[ToldDevice, ...] = ()
+    profiles: tuple[ProfileUse, ...] = ()
+    near: tuple[NearProfile, ...] = ()
+    tier1: bool = False
     targets: tuple[str, ...] = ()
 
     @property

@@ -41,6 +41,7 @@ class PlanFile(BaseModel):
     targets: list[str] | None
     replace: list[str]
     reuse: bool = True
+    tier1: bool = False
     units: dict[str, Unit]
     plan: dict[str, Any]
 

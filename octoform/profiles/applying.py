@@ -1,30 +1,98 @@
 """Which devices a profile may be used for, and how it is told to an agent. Pure."""
 
-from collections.abc import Collection, Mapping
+import json
+from collections.abc import Collection, Iterable, Iterator, Mapping
+from types import MappingProxyType
 from typing import Any
 
 from octoform.profiles import evidence, limits
+from octoform.profiles.grammar import plain
 from octoform.profiles.model import Profile
 
+NO_ANSWERS: Mapping[str, str] = MappingProxyType({})
 
-def holds(profile: Profile, probe: Any) -> frozenset[str]:
+
+def holds(profile: Profile, probe: Any, answers: Mapping[str, str] = NO_ANSWERS) -> frozenset[str]:
     """Ids of the PROBE devices for which the profile's evidence rule holds; never raises, whatever ``probe`` is.
 
-    The words must stand in what PROBE recorded of that very device. A neighbour (``context``) is never met.
+    The words must stand in what PROBE recorded of that very device, or in a person's answer about it. A neighbour
+    (``context``) is never met.
     """
-    devices = probe.get("devices") if isinstance(probe, Mapping) else None
     return frozenset(
         device["id"]
-        for device in (devices if isinstance(devices, list) else ())
-        if isinstance(device, Mapping)
-        and isinstance(device.get("id"), str)
-        and device.get("context") is not True
-        and evidence.holds(profile.evidence, device)
+        for device in _attached(probe)
+        if evidence.holds(profile.evidence, device, answers.get(device["id"], ""))
     )
 
 
+def _attached(probe: Any) -> Iterator[Mapping[str, Any]]:
+    devices = probe.get("devices") if isinstance(probe, Mapping) else None
+    for device in devices if isinstance(devices, list) else ():
+        if isinstance(device, Mapping) and isinstance(device.get("id"), str) and device.get("context") is not True:
+            yield device
+
+
+def contributions(
+    profiles: Iterable[Profile], probe: Any, answers: Mapping[str, str] = NO_ANSWERS
+) -> list[tuple[str, str]]:
+    """(device id, profile name) of each device that a profile holds for, in the order of the ids."""
+    return sorted((device, profile.name) for profile in profiles for device in holds(profile, probe, answers))
+
+
+def near(
+    profiles: Collection[Profile], probe: Any, answers: Mapping[str, str] = NO_ANSWERS
+) -> list[tuple[str, str, str]]:
+    """(device id, profile name, word) of each device that lacks a word alone, and that nobody has spoken of.
+
+    The word is one that a person would have to say; it is taken from the product's name where one stands there.
+    """
+    settled = {device for device, _ in contributions(profiles, probe, answers)} | set(answers)
+    return sorted(
+        (device["id"], profile.name, min(words, key=lambda word: word.casefold() not in profile.product.casefold()))
+        for profile in profiles
+        for device in _attached(probe)
+        if device["id"] not in settled and (words := evidence.words_wanting(profile.evidence, device))
+    )
+
+
+def commands(profile: Profile) -> tuple[Mapping[str, Any], ...]:
+    """The commands of its grammar as JSON, none where it has none."""
+    return tuple(plain(profile.grammar)["commands"]) if profile.grammar is not None else ()
+
+
 def briefing(profile: Profile, ids: Collection[str]) -> str:
-    """The profile as an agent is told it: for which devices it holds, its limits, its prose; no other device."""
-    lines = [f"Profile {profile.name}: {profile.about}", f"Its evidence rule holds for: {', '.join(sorted(ids))}."]
-    lines += [f"Limit: {words}." for item in profile.limits for words in limits.told(item)]
-    return "\n".join([*lines, "", profile.body.strip(), ""])
+    """The profile as an agent is told it: for which devices it holds, its limits, its prose; no other device.
+
+    What is true of the product and what is true of this one copy stand apart, so that neither is taken for the other.
+    """
+    lines = [f"Profile {profile.name}: {profile.about}"]
+    lines += [f"The product is called: {profile.product}."] if profile.product else []
+    lines.append(f"Its evidence rule holds for: {', '.join(sorted(ids))}.")
+    rig = profile.rig
+    lines += _limits(profile.limits[: len(profile.limits) - len(rig.limits)])
+    lines += ["", "The product, every copy of it:", "", profile.body.strip()]
+    if profile.grammar is not None:
+        lines += ["", "Its command grammar; each command becomes exactly one tool of that name, and there is no other:"]
+        lines += ["", json.dumps(plain(profile.grammar), indent=1, ensure_ascii=False)]
+    if rig.facts or rig.limits:
+        lines += ["", "This rig alone, no other copy of the product:", ""]
+        lines += [*(f"- {fact}" for fact in rig.facts), *_limits(rig.limits)]
+    return "\n".join([*lines, ""])
+
+
+def _limits(given: Iterable[Mapping[str, Any]]) -> list[str]:
+    return [f"Limit: {words}." for item in given for words in limits.told(item)]
+
+
+def for_task(profile: Profile, ids: Collection[str]) -> dict[str, Any]:
+    """The same for a program: the profile's object in an agent's task."""
+    return {
+        "name": profile.name,
+        "about": profile.about,
+        "product": profile.product or profile.about,
+        "holds": sorted(ids),
+        "limits": [dict(item) for item in profile.limits],
+        "grammar": plain(profile.grammar) if profile.grammar is not None else None,
+        "body": profile.body,
+        "rig": list(profile.rig.facts),
+    }

@@ -14,6 +14,8 @@ MOST_DEPTH = 8
 MOST_TESTS = 100
 TESTS = ("vid_pid", "text", "class", "driver", "interface")
 COMBINATIONS = ("any", "all", "not")
+_CLAUSE = re.compile(r"[,;!?\n]|\.(?=\s|$)|\bbut\b", re.IGNORECASE)
+_DENIAL = re.compile(r"\b(?:not|no|never|neither|nor|without|instead of|unlike)\b|n['\u2019]t\b", re.IGNORECASE)
 _VID_PID = re.compile(r"[0-9a-f]{4}:[0-9a-f]{4}")
 
 Place = tuple[str | int, ...]
@@ -38,18 +40,68 @@ def read(value: object, place: Place) -> tuple[Rule | None, list[Problem]]:
     return (None if problems else rule), problems
 
 
-def holds(rule: Rule, device: Mapping[str, Any]) -> bool:
-    """Whether the rule holds for one PROBE device; never raises, whatever the device's members are."""
+def holds(rule: Rule, device: Mapping[str, Any], answer: str = "") -> bool:
+    """Whether the rule holds for one PROBE device; never raises, whatever the device's members are.
+
+    ``answer`` is what a person said of the device; it counts as text of it and as nothing else, and a clause of it
+    that denies something counts for nothing: what a device is not names no product.
+    """
     if rule.kind == "any":
-        return any(holds(item, device) for item in rule.rules)
+        return any(holds(item, device, answer) for item in rule.rules)
     if rule.kind == "all":
-        return all(holds(item, device) for item in rule.rules)
+        return all(holds(item, device, answer) for item in rule.rules)
     if rule.kind == "not":
-        return not holds(rule.rules[0], device)
+        return not holds(rule.rules[0], device, answer)
     if rule.kind == "text":
-        text = f"{_text(device, 'name')}\n{_text(device, 'raw_descriptor')}".casefold()
+        told = "\n".join(clause for clause in _CLAUSE.split(answer) if not _DENIAL.search(clause))
+        text = f"{_text(device, 'name')}\n{_text(device, 'raw_descriptor')}\n{told}".casefold()
         return any(_has_word(text, word) for word in rule.words)
     return not set(rule.words).isdisjoint(_values(rule.kind, device))
+
+
+@dataclass(frozen=True, slots=True)
+class Judged:
+    """A rule, whether it holds for one device, and why: ``parts`` of a combination, or the ``words`` that a test met.
+
+    ``wanted`` are the words of a test, ``seen`` what the device has in the place where it looks (nothing for texts).
+    Words that only a person's answer holds are ``answered`` as well.
+    """
+
+    kind: str
+    holds: bool
+    parts: tuple["Judged", ...] = ()
+    wanted: tuple[str, ...] = ()
+    words: tuple[str, ...] = ()
+    seen: tuple[str, ...] = ()
+    answered: tuple[str, ...] = ()
+
+    def tests(self) -> Iterator["Judged"]:
+        """The tests in it."""
+        if self.kind in TESTS:
+            yield self
+        for part in self.parts:
+            yield from part.tests()
+
+
+def judge(rule: Rule, device: Mapping[str, Any], answer: str = "") -> Judged:
+    """The same as `holds`, with the whole tree of reasons."""
+    verdict = holds(rule, device, answer)
+    if rule.kind not in TESTS:
+        return Judged(rule.kind, verdict, tuple(judge(item, device, answer) for item in rule.rules))
+    single = {word: Rule(rule.kind, words=(word,)) for word in rule.words}
+    met = tuple(word for word, test in single.items() if holds(test, device, answer))
+    answered = tuple(word for word in met if not holds(single[word], device))
+    seen = () if rule.kind == "text" else tuple(sorted(_values(rule.kind, device) - {"", ":"}))
+    return Judged(rule.kind, verdict, wanted=rule.words, words=met, seen=seen, answered=answered)
+
+
+def words_wanting(rule: Rule, device: Mapping[str, Any]) -> tuple[str, ...]:
+    """The words of which one, said of a device, would make the rule hold: where its number is met and no more lacks."""
+    tests = tuple(_tests(rule))
+    if holds(rule, device) or not any(test.kind == "vid_pid" and holds(test, device) for test in tests):
+        return ()
+    words = (word for test in tests if test.kind == "text" for word in test.words)
+    return tuple(word for word in words if holds(rule, device, word))
 
 
 def needs_more_than_a_number(rule: Rule) -> bool:

@@ -12,7 +12,7 @@ from octoform import durations
 
 FIELDS = (
     *("tool", "parameter", "minimum", "maximum", "unit"),
-    *("step", "cumulative", "rate", "cooldown", "quiet_hours"),
+    *("step", "cumulative", "zero", "rate", "cooldown", "quiet_hours"),
 )
 RANGE = ("minimum", "maximum")
 BOUNDS = (*RANGE, "step", "cumulative")
@@ -25,7 +25,7 @@ Problem = tuple[str, str | None]
 
 def problem(item: Mapping[str, Any]) -> Problem | None:
     """What is wrong with a limit, and what to do about it; None when it is sound. Unknown fields are another matter."""
-    for name in ("parameter", "tool", "unit"):
+    for name in ("parameter", "tool", "unit", "zero"):
         if name in item and not (isinstance(item[name], str) and item[name].strip()):
             return f"{name!r} of a limit is no text", None
     bounds, paces = [name for name in BOUNDS if name in item], [name for name in PACES if name in item]
@@ -40,6 +40,8 @@ def _scope(item: Mapping[str, Any], bounds: list[str], paces: list[str]) -> Prob
         return "the limit does not name its parameter", f"say of which parameter {bounds[0]!r} is"
     if not bounds and "parameter" in item:
         return "nothing in the limit speaks of its parameter", f"remove it, or give one of {', '.join(BOUNDS)}"
+    if "zero" in item and "cumulative" not in item:
+        return "`zero` is of a limit without `cumulative`", "it names the tool after which a sum begins again at zero"
     if not bounds and "tool" not in item:
         return "the limit does not name its tool", f"say of which tool {paces[0]!r} is"
     return None
@@ -88,7 +90,8 @@ def _others(item: Mapping[str, Any], unit: str) -> Iterator[str]:
     if "step" in item:
         yield f"from call to call no further than {item['step']}{unit}"
     if "cumulative" in item:
-        yield f"all values added up within {item['cumulative']}{unit} in both directions"
+        since = f" since the last {item['zero']}" if "zero" in item else ""
+        yield f"all values{since} added up within {item['cumulative']}{unit} in both directions"
     if "rate" in item:
         count, _, time = item["rate"].partition("/")
         yield f"at most {count} call{'' if count == '1' else 's'} in {time}"

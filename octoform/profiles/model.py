@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from octoform.profiles.evidence import Rule
+from octoform.profiles.grammar import Grammar
 
 
 @dataclass(frozen=True, slots=True)
@@ -18,13 +19,23 @@ class Stop:
 
 
 @dataclass(frozen=True, slots=True)
+class Rig:
+    """What is true of the owner's own copy and of no other: facts in sentences, and limits beside the product's."""
+
+    facts: tuple[str, ...] = ()
+    limits: tuple[Mapping[str, Any], ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
 class Profile:
     """One profile file.
 
     ``text`` is the whole file, ``body`` its prose, ``digest`` that of its text. ``evidence`` is the rule over what
     PROBE saw. Each of ``limits`` has at least one of ``minimum``, ``maximum``, ``step``, ``cumulative`` (numbers, with
     their ``parameter``), ``rate``, ``cooldown`` and ``quiet_hours`` (texts, see `octoform.durations`), and may have
-    ``tool`` (a glob over the names of tools and capabilities) and ``unit``. ``stop`` is what the emergency stop does.
+    ``tool`` (a glob over the names of tools and capabilities) and ``unit``; those of the rig come last. ``stop`` is
+    what the emergency stop does, ``grammar`` the commands of a line protocol. ``product`` is the product's own name,
+    empty where ``about`` says it. ``rig`` is what is true of the owner's own copy alone.
     """
 
     name: str
@@ -36,3 +47,6 @@ class Profile:
     evidence: Rule
     limits: tuple[Mapping[str, Any], ...] = ()
     stop: tuple[Stop, ...] = ()
+    grammar: Grammar | None = None
+    product: str = ""
+    rig: Rig = Rig()

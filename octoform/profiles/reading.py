@@ -6,18 +6,22 @@ refused: what it would do on the host could not be seen in the plan.
 
 import re
 from collections.abc import Iterable, Mapping
+from fnmatch import fnmatchcase
 from pathlib import Path
 from typing import Any
 
 from octoform import digest, frontmatter
 from octoform.diagnostics import Diagnostic, did_you_mean, error, has_errors, warning
 from octoform.frontmatter import Document
-from octoform.profiles import evidence, limits, stopping
+from octoform.profiles import evidence, grammar_reading, limits, stopping
 from octoform.profiles.evidence import Rule
-from octoform.profiles.model import Profile
+from octoform.profiles.grammar import Grammar
+from octoform.profiles.model import Profile, Rig
 
 MOST_BYTES = 8 * 1024
-FIELDS = ("name", "about", "evidence", "limits", "stop")
+FIELDS = ("name", "about", "product", "evidence", "limits", "stop", "grammar", "rig")
+RIG_FIELDS = ("facts", "limits")
+MOST_FACTS, FACT_CHARS = 20, 300
 PROGRAMS = frozenset(
     {"python", "py", "sh", "bash", "zsh", "shell", "console", "powershell", "c", "cpp", "c++", "rust", "go", "java"}
     | {"javascript", "js", "typescript", "ts", "ruby", "perl", "lua", "arduino", "ino", "sql", "html"}
@@ -26,22 +30,51 @@ _NAME = re.compile(r"[a-z0-9]+(?:-[a-z0-9]+)*")
 _BLOCK = re.compile(r"^ {0,3}(?:```+|~~~+) *([A-Za-z+]+)", re.MULTILINE)
 
 
-def load(paths: Iterable[Path]) -> tuple[tuple[Profile, ...], list[Diagnostic]]:
-    """The profiles in the order of ``paths``, and every problem of all of them; a file with a problem is left out."""
+def load(sources: Iterable[Path | tuple[str, str]]) -> tuple[tuple[Profile, ...], list[Diagnostic]]:
+    """The profiles in the order of ``sources``, and every problem of all of them; one with a problem is left out.
+
+    A source is a file, or a text and the place where it stands (see `load_text`).
+    """
     profiles: list[Profile] = []
     found: list[Diagnostic] = []
-    for path in paths:
-        profile, problems = _load_one(Path(path))
+    for source in sources:
+        profile, problems = load_text(*source) if isinstance(source, tuple) else _load_one(source)
         found += problems
         if profile is None:
             continue
-        before = next((item for item in profiles if item.name == profile.name), None)
-        if before is None:
+        clashes = _clashes(profile, profiles)
+        found += clashes
+        if not clashes:
             profiles.append(profile)
-        else:
-            summary = f"the profile name {profile.name!r} is taken by {before.path.name}"
-            found.append(error("PROFILE-DUPLICATE-NAME", summary, path=str(path), hint="give it another name"))
     return tuple(profiles), found
+
+
+def _clashes(profile: Profile, others: Iterable[Profile]) -> list[Diagnostic]:
+    """What two profiles may not both have: a name, and a tool of their grammars."""
+    found = []
+    for other in others:
+        shared = sorted(_tools(profile) & _tools(other))
+        if profile.name == other.name:
+            summary = f"the profile name {profile.name!r} is taken by {other.path.name}"
+            found.append(error("PROFILE-DUPLICATE-NAME", summary, path=str(profile.path), hint="give it another name"))
+        elif shared:
+            summary = f"the tool {shared[0]!r} is in the grammar of {other.path.name} too"
+            hint = "give the tool another name; one tool speaks one grammar"
+            found.append(error("PROFILE-GRAMMAR", summary, path=str(profile.path), hint=hint))
+    return found
+
+
+def _tools(profile: Profile) -> set[str]:
+    return {command.tool for command in profile.grammar.commands} if profile.grammar is not None else set()
+
+
+def load_text(text: str, place: str) -> tuple[Profile | None, list[Diagnostic]]:
+    """The profile of a text that is no file, such as one written into the manifest; ``place`` says where it stands.
+
+    The same text gives the same profile as a file of it.
+    """
+    document, found = frontmatter.parse(Path(place), text.replace("\r\n", "\n"), "PROFILE-FRONT-MATTER")
+    return parse(document) if document is not None else (None, found)
 
 
 def _load_one(path: Path) -> tuple[Profile | None, list[Diagnostic]]:
@@ -64,12 +97,22 @@ def parse(document: Document) -> tuple[Profile | None, list[Diagnostic]]:
         hint = "a profile goes into a prompt as it is: keep what an agent needs to know"
         found.append(error("PROFILE-TOO-LARGE", summary, path=str(document.path), hint=hint))
     if not document.body.strip():
-        found.append(document.problem("PROFILE-FIELD", "the profile says nothing after its front matter"))
+        found.append(
+            document.problem(
+                "PROFILE-FIELD",
+                "the profile says nothing after its front matter",
+                hint="write below it what you know of the product",
+            )
+        )
     rule, more = _evidence(document)
-    bounds, also = _limits(document)
+    bounds, also = _limits(document, fields.get("limits", []), ("limits",))
+    rig, too = _rig(document)
+    found += [*more, *also, *too]
     stop, problems = stopping.read(fields.get("stop", []))
-    found += [*more, *also]
     found += [document.problem("PROFILE-STOP", summary, place, hint) for place, summary, hint in problems]
+    grammar, problems = grammar_reading.read(fields["grammar"]) if "grammar" in fields else (None, [])
+    found += [document.problem("PROFILE-GRAMMAR", summary, place, hint) for place, summary, hint in problems]
+    found += _idle_limits(document, grammar)
     if rule is None or has_errors(found):
         return None, found
     profile = Profile(
@@ -80,8 +123,11 @@ def parse(document: Document) -> tuple[Profile | None, list[Diagnostic]]:
         body=document.body,
         digest=digest.of_bytes(document.text.encode("utf-8")),
         evidence=rule,
-        limits=bounds,
+        limits=(*bounds, *rig.limits),
         stop=stop,
+        grammar=grammar,
+        product=fields.get("product", ""),
+        rig=rig,
     )
     return profile, found
 
@@ -113,6 +159,10 @@ def _check_fields(document: Document) -> list[Diagnostic]:
     if not (isinstance(about, str) and about.strip() and len(about) <= 200):
         hint = "write about: the product in one line"
         found.append(document.problem("PROFILE-FIELD", "the profile does not say what it is about", ("about",), hint))
+    product = document.fields.get("product", "-")
+    if not (isinstance(product, str) and product.strip() and product.isprintable() and len(product) <= 200):
+        hint = "write product: maker and model, as a person would call it"
+        found.append(document.problem("PROFILE-FIELD", "the product has no usable name", ("product",), hint))
     return found
 
 
@@ -142,19 +192,56 @@ def _evidence(document: Document) -> tuple[Rule | None, list[Diagnostic]]:
     return rule, found
 
 
-def _limits(document: Document) -> tuple[tuple[Mapping[str, Any], ...], list[Diagnostic]]:
-    given = document.fields.get("limits", [])
+def _limits(
+    document: Document, given: object, place: frontmatter.Place
+) -> tuple[tuple[Mapping[str, Any], ...], list[Diagnostic]]:
     if not isinstance(given, list):
         hint = "write limits: [{parameter: ..., minimum: ..., maximum: ..., unit: ...}]"
-        return (), [document.problem("PROFILE-LIMIT", "limits is no list", ("limits",), hint)]
+        return (), [document.problem("PROFILE-LIMIT", "limits is no list", place, hint)]
     found: list[Diagnostic] = []
     for index, item in enumerate(given):
-        place = ("limits", index)
+        where = (*place, index)
         if not isinstance(item, Mapping):
-            found.append(document.problem("PROFILE-LIMIT", "a limit is a mapping", place))
+            found.append(document.problem("PROFILE-LIMIT", "a limit is a mapping", where))
             continue
-        found += _unknown(document, item, limits.FIELDS, place)
+        found += _unknown(document, item, limits.FIELDS, where)
         problem = limits.problem(item)
         if problem is not None:
-            found.append(document.problem("PROFILE-LIMIT", problem[0], place, problem[1]))
+            found.append(document.problem("PROFILE-LIMIT", problem[0], where, problem[1]))
     return tuple(given), found
+
+
+def _rig(document: Document) -> tuple[Rig, list[Diagnostic]]:
+    """What holds for the owner's own copy alone, apart from what holds for the product."""
+    given = document.fields.get("rig", {})
+    if not isinstance(given, Mapping):
+        hint = "write rig: {facts: [...], limits: [...]}"
+        return Rig(), [document.problem("PROFILE-RIG", "rig is no mapping", ("rig",), hint)]
+    found = _unknown(document, given, RIG_FIELDS, ("rig",))
+    facts = given.get("facts", [])
+    sound = [item for item in facts if _is_sentence(item)] if isinstance(facts, list) else []
+    if not isinstance(facts, list) or len(sound) < len(facts) or len(facts) > MOST_FACTS:
+        summary = f"the facts of the rig are no list of at most {MOST_FACTS} sentences"
+        hint = f"one line each, at most {FACT_CHARS} characters"
+        found.append(document.problem("PROFILE-RIG", summary, ("rig", "facts"), hint))
+    bounds, more = _limits(document, given.get("limits", []), ("rig", "limits"))
+    return Rig(tuple(sound), bounds), [*found, *more]
+
+
+def _is_sentence(item: object) -> bool:
+    return isinstance(item, str) and bool(item.strip()) and item.isprintable() and len(item) <= FACT_CHARS
+
+
+def _idle_limits(document: Document, grammar: Grammar | None) -> list[Diagnostic]:
+    """Limits that name a tool which the grammar does not have: whoever wrote them believes in a bound that is none."""
+    given = document.fields.get("limits")
+    tools = [command.tool for command in grammar.commands] if grammar is not None else []
+    found = []
+    for index, item in enumerate(given if tools and isinstance(given, list) else ()):
+        name = item.get("tool") if isinstance(item, Mapping) else None
+        if isinstance(name, str) and not any(fnmatchcase(tool, name) for tool in tools):
+            near = did_you_mean(name, tools)
+            hint = f"did you mean {near!r}?" if near else f"its tools are {', '.join(tools)}"
+            place = ("limits", index, "tool")
+            found.append(document.problem("PROFILE-LIMIT", f"the grammar has no tool {name!r}", place, hint))
+    return found

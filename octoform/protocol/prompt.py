@@ -1,11 +1,13 @@
 """Prompts: rendered from a spec, its schema, paths and fenced data, and bounded in bytes however long a run lasts.
 
 Nothing of a device enters a prompt: the preceding artifact is named by its path. What does enter from outside (the
-tail of a failed attempt's log, the contract's diagnostics, profiles) is bounded, escaped and fenced as data.
+tail of a failed attempt's log, the contract's diagnostics, profiles, a person's answers) is bounded, escaped and fenced
+as data.
 """
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+import os
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from octoform.diagnostics import Diagnostic, Severity
@@ -30,8 +32,9 @@ class Prompt:
     """What a prompt is made of.
 
     ``own_spec`` is the attempt's copy of the spec, which a retry may correct if ``editable``; ``profiles`` are whole
-    texts. ``diagnostics`` and ``failed_log`` are those of the attempt before, and one of them makes it a retry;
-    ``summary`` stands in the place of a log's end. ``former`` is a copy of an accepted output that has to be corrected.
+    texts, ``answers`` what a person said of devices, by their ids. ``diagnostics`` and ``failed_log`` are those of the
+    attempt before, and one of them makes it a retry; ``summary`` stands in the place of a log's end. ``former`` is a
+    copy of an accepted output that has to be corrected.
     """
 
     spec: Spec
@@ -42,6 +45,7 @@ class Prompt:
     tools: int
     wall_seconds: float
     profiles: tuple[str, ...] = ()
+    answers: Mapping[str, str] = field(default_factory=dict)
     editable: bool = True
     failed_log: Path | None = None
     summary: str = ""
@@ -90,20 +94,29 @@ def _render(prompt: Prompt, log: str) -> str:
     return environment.get_template("retry.md.j2" if prompt.is_retry else "first.md.j2").render(
         stage=prompt.spec.stage.upper(),
         body=prompt.spec.body.rstrip(),
-        own_spec=prompt.own_spec,
+        own_spec=_seen_from(prompt.workdir, prompt.own_spec),
         editable=prompt.editable,
-        schema_path=prompt.spec.schema,
-        input=prompt.input,
-        output=prompt.output,
-        workdir=prompt.workdir,
+        schema_path=_seen_from(prompt.workdir, prompt.spec.schema),
+        input=_seen_from(prompt.workdir, prompt.input),
+        output=_seen_from(prompt.workdir, prompt.output),
         tools=prompt.tools,
         seconds=round(prompt.wall_seconds),
         profiles=[fenced("profile", text) for text in prompt.profiles],
+        answers=fenced("answers", _answers(prompt.answers)) if prompt.answers else "",
         findings=fenced("findings", _findings(prompt.diagnostics)) if prompt.diagnostics else "",
         log=fenced("log", log) if log.strip() else "",
         condensed=bool(prompt.summary),
-        former=prompt.former,
+        former=_seen_from(prompt.workdir, prompt.former),
     )
+
+
+def _seen_from(workdir: Path, path: Path | None) -> str | None:
+    """A path as the agent can use it; an absolute one would tell a model the name of the user or of the company."""
+    return None if path is None else os.path.relpath(path, workdir)
+
+
+def _answers(given: Mapping[str, str]) -> str:
+    return "\n".join(f"{device}: {' '.join(sentence.split())}" for device, sentence in given.items())
 
 
 def _findings(items: Sequence[Diagnostic]) -> str:

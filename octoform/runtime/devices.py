@@ -2,7 +2,7 @@
 
 Generated code holds ids of kinds, never a node or a port. The instances file says which specimen an id is: where it
 was seen (`sysfs`, `port`), its serial number where it has one, and how strong that identity is. Without the file the
-id alone decides, by kind and ordinal.
+id alone decides, by kind and ordinal (`binding` has the rules).
 """
 
 import json
@@ -14,12 +14,12 @@ from pathlib import Path
 from typing import Any
 
 from . import kinds
+from .binding import bind, in_place
 from .faults import AmbiguousDevice, DeviceAbsent
-from .locks import DEFAULT_TIMEOUT, Bus
-from .sysfs import members, natural, subsystem, sysroot, uevent
+from .locks import DEFAULT_TIMEOUT, bus
+from .sysfs import members, subsystem, sysroot, uevent
 
-STRONG, POSITIONAL, WEAK = "strong", "positional", "weak"
-_cache: dict[str, tuple[tuple[int, int], dict[str, Any]]] = {}
+_cache: dict[str, tuple[tuple[int, int, int], dict[str, Any] | None]] = {}
 
 
 @dataclass(frozen=True)
@@ -29,11 +29,14 @@ class Device:
     id: str
     folder: Path
     strength: str
+    actuate: bool = False
 
     def paths(self, kind: str) -> list[Path]:
-        """Folders of its class devices (``hwmon``, ``block``, ``iio`` ...) in natural order; may be empty."""
-        found = [path for path in members(kind) if self._owns(path)]
-        return sorted(found, key=lambda path: natural(path.name))
+        """Folders of its class devices (``hwmon``, ``block``, ``iio`` ...) in the order of its parts; may be empty.
+
+        A part keeps its place in the order whatever number the kernel gives it: the first of two lines is the first.
+        """
+        return [path for path in members(kind) if self._owns(path)]
 
     def path(self, kind: str) -> Path:
         """The first folder of a class; DeviceAbsent when the device has none now."""
@@ -57,17 +60,26 @@ class Device:
     @contextmanager
     def bus(self, timeout: float = DEFAULT_TIMEOUT) -> Iterator["Device"]:
         """The device with its lock held: ``with runtime.device(id).bus() as unit:``. BusBusy after ``timeout`` s."""
-        with Bus(str(self.folder), timeout):
+        with bus(self, timeout):
             yield self
+
+    def confirm(self) -> None:
+        """For a tool that acts: DeviceAbsent when the device was plugged in elsewhere while the call waited."""
+        if self.actuate and device(self.id, actuate=True).folder != self.folder:
+            raise DeviceAbsent(self.id, f"{self.id} was plugged in elsewhere while the call waited; call again")
 
     def _owns(self, path: Path) -> bool:
         if path != self.folder and self.folder not in path.parents:
             return False
         while path != self.folder:
-            if kinds.is_unit(path) and not self._same_product(path):
+            if kinds.is_unit(path) and not self._is_cell(path) and not self._same_product(path):
                 return False
             path = path.parent
         return True
+
+    def _is_cell(self, path: Path) -> bool:
+        """A platform device below a USB or HID one serves a function of it."""
+        return subsystem(path)[1] == "platform" and subsystem(self.folder)[1] in ("usb", "hid")
 
     def _same_product(self, path: Path) -> bool:
         """A HID device belongs to its transport unless it says that it is another product behind a receiver."""
@@ -79,78 +91,22 @@ class Device:
 def device(device_id: str, actuate: bool = False) -> Device:
     """The device of this id as it is attached now.
 
-    DeviceAbsent when it is not there; AmbiguousDevice when ``actuate`` is true, several specimens of the kind are
-    there, and neither a serial number nor the place tells which one is meant.
+    DeviceAbsent when it is not there; AmbiguousDevice when ``actuate`` is true and neither a serial number nor a place
+    tells which specimen is meant.
     """
     known = _instances()
-    instance = known.get(device_id)
-    if isinstance(instance, Mapping):
-        found = _recorded(device_id, instance)
-        return found or _moved(device_id, instance, known, actuate)
-    return _by_kind(device_id, actuate)
+    if known is None and actuate:
+        raise AmbiguousDevice(device_id, _unknown_specimen(device_id))
+    found = None if actuate else in_place(device_id, known or {})
+    found = found or bind(device_id, known or {}, actuate)
+    return Device(device_id, found.folder, found.strength, actuate)
 
 
-def _recorded(device_id: str, instance: Mapping[str, Any]) -> Device | None:
-    """The device where it was last seen, if what is there now does not contradict its identity."""
-    place = str(instance.get("sysfs") or "")
-    if not place.startswith("/sys/"):
-        return None
-    folder = (sysroot() / place.lstrip("/")).resolve()
-    if not folder.is_dir() or kinds.contradicts(folder, device_id):
-        return None
-    wanted, seen = _serial(instance), kinds.serial(folder)
-    if wanted and seen and wanted != seen:
-        return None
-    return Device(device_id, folder, str(instance.get("strength") or POSITIONAL))
-
-
-def _moved(device_id: str, instance: Mapping[str, Any], known: Mapping[str, Any], actuate: bool) -> Device:
-    """The device somewhere else: by serial number, else the one specimen that no other id lays claim to."""
-    candidates = kinds.specimens(device_id)
-    wanted = _serial(instance)
-    for folder in candidates:
-        if wanted and kinds.serial(folder) == wanted:
-            return Device(device_id, folder, STRONG)
-    if wanted and any(kinds.serial(folder) for folder in candidates):
-        text = f"{device_id} is not attached; a device of the same kind with another serial number is"
-        raise DeviceAbsent(device_id, text)
-    taken = {
-        str(other.get("sysfs")) for name, other in known.items() if name != device_id and isinstance(other, Mapping)
-    }
-    free = [folder for folder in candidates if _absolute(folder) not in taken]
-    same_port = [folder for folder in free if folder.name == instance.get("port")]
-    return _choose(device_id, same_port if len(same_port) == 1 else free, 1, actuate)
-
-
-def _by_kind(device_id: str, actuate: bool) -> Device:
-    candidates = kinds.specimens(device_id)
-    if actuate and len(candidates) > 1:
-        raise AmbiguousDevice(device_id, _doubt(device_id, candidates))
-    return _choose(device_id, candidates, kinds.ordinal_of(device_id), actuate)
-
-
-def _choose(device_id: str, candidates: list[Path], ordinal: int, actuate: bool) -> Device:
-    if len(candidates) < ordinal:
-        raise DeviceAbsent(device_id, f"{device_id} is not attached, or its driver does not see it")
-    if actuate and len(candidates) > 1:
-        raise AmbiguousDevice(device_id, _doubt(device_id, candidates))
-    return Device(device_id, candidates[ordinal - 1], WEAK)
-
-
-def _doubt(device_id: str, candidates: list[Path]) -> str:
-    places = ", ".join(folder.name for folder in candidates[:4])
-    return f"{device_id} may be any of {len(candidates)} equal devices ({places}); leave only one attached"
-
-
-def _serial(instance: Mapping[str, Any]) -> str:
-    """Its serial number where that is an identity: an empty one, or one shared by others, is none."""
-    return str(instance.get("serial") or "").strip() if instance.get("strength") == STRONG else ""
-
-
-def _absolute(folder: Path) -> str:
-    """A folder as the host names it, without the system root."""
-    root = sysroot().resolve()
-    return "/" + str(folder.relative_to(root)) if folder.is_relative_to(root) else str(folder)
+def _unknown_specimen(device_id: str) -> str:
+    return (
+        f"which specimen {device_id} is cannot be read on this machine, and what moves something is not guessed; "
+        "run `octoform apply -replace probe`"
+    )
 
 
 def _node(path: Path) -> str:
@@ -160,19 +116,19 @@ def _node(path: Path) -> str:
     return str(node) if name or node.exists() else ""
 
 
-def _instances() -> Mapping[str, Any]:
-    """The instances file's devices, read again when it changed; empty without a file."""
+def _instances() -> Mapping[str, Any] | None:
+    """The instances file's devices, read again when it changed; empty where none is named, None for one without use."""
     place = os.environ.get("OCTOFORM_INSTANCES")
     if not place:
         return {}
     try:
         status = Path(place).stat()
-        stamp = (status.st_mtime_ns, status.st_size)
+        stamp = (status.st_mtime_ns, status.st_size, status.st_ino)
         before = _cache.get(place)
         if before is None or before[0] != stamp:
             devices = json.loads(Path(place).read_bytes()).get("devices")
-            _cache[place] = before = (stamp, devices if isinstance(devices, dict) else {})
+            _cache[place] = before = (stamp, devices if isinstance(devices, dict) else None)
         return before[1]
     except (OSError, ValueError, AttributeError):
-        # Identity by kind is weaker but right for most hosts; refusing every call would be worse.
-        return {}
+        # A reader goes on by kind, which is right for most hosts; refusing every call would be worse.
+        return None

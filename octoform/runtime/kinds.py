@@ -5,9 +5,10 @@ ids, its name attribute, its driver), so it has a set of kinds and matches an id
 """
 
 import re
+from collections.abc import Iterator
 from pathlib import Path
 
-from .sysfs import members, read_text, subsystem, uevent
+from .sysfs import files, members, read_text, subsystem, uevent
 
 # Devices on these buses are parts of the device above them, as interfaces and channels are.
 _PARTS = frozenset(
@@ -19,6 +20,8 @@ _PARTS = frozenset(
 _NAMES = ("name", "type", "model", "id", "description", "hid")
 _ADDRESS = re.compile(r"^(?:[0-9a-f]{4,16}\.|soc:|[0-9a-f]{4,16}[:.])(?=[a-z])")
 _TRAILER = re.compile(r"(?:[:.]\d+|\.auto|:[0-9a-f]{2}|@[0-9a-f]+|-?\d+)+$")
+_NOT_SERIAL = re.compile(r"[^0-9a-z]+")
+_COUNTING = ("0123456789abcdef", "1234567890abcdef")
 _ORDINAL = re.compile(r"^(.*)-([2-9]|[1-9]\d+)$")
 
 
@@ -78,38 +81,63 @@ def contradicts(path: Path, device_id: str) -> bool:
     return kind == "class" and bool(said) and said not in device_id and slug(path.name) not in device_id
 
 
-def specimens(device_id: str) -> list[Path]:
-    """Folders of all devices of the kind that an id names, in natural order of their paths."""
-    names = [device_id]
-    if ordinal := _ORDINAL.match(device_id):
-        names.append(ordinal[1])
-    for name in names:
-        if found := _of_kind(name):
-            return found
-    return []
-
-
-def ordinal_of(device_id: str) -> int:
-    """1 for a plain id, n for one that ends in ``-n`` and whose kind does not itself end so."""
+def kind_of(device_id: str) -> tuple[str, list[Path]]:
+    """The kind that an id names, without an ordinal, and the folders of all its specimens in natural order."""
+    if found := _of_kind(device_id):
+        return device_id, found
     ordinal = _ORDINAL.match(device_id)
-    return int(ordinal[2]) if ordinal and not _of_kind(device_id) else 1
+    return (ordinal[1], _of_kind(ordinal[1])) if ordinal else (device_id, [])
+
+
+def matches(path: Path, device_id: str) -> bool:
+    """Whether the folder is of the kind that an id names."""
+    ordinal = _ORDINAL.match(device_id)
+    words = kinds(path)
+    listed = subsystem(path)[1]
+    for name in (device_id, *([ordinal[1]] if ordinal else [])):
+        rests = (rest for head, rest in _splits(name) if listed in head)
+        if any({name, rest} & words for rest in rests):
+            return True
+    return False
 
 
 def _of_kind(name: str) -> list[Path]:
-    parts = name.split("-")
-    for count in range(1, len(parts) + 1):
-        # Names of buses and classes are written with underscores and dashes alike.
-        heads = {"-".join(parts[:count]), "_".join(parts[:count])}
-        rest = "-".join(parts[count:])
+    for heads, rest in _splits(name):
         found = [path for head in sorted(heads) for path in members(head) if {name, rest} & kinds(path)]
         if found:
             return found
     return []
 
 
+def _splits(name: str) -> Iterator[tuple[set[str], str]]:
+    """Every way to read a name as a bus or class and the rest; these are written with underscores and dashes alike."""
+    parts = name.split("-")
+    for count in range(1, len(parts) + 1):
+        yield {"-".join(parts[:count]), "_".join(parts[:count])}, "-".join(parts[count:])
+
+
 def serial(path: Path) -> str | None:
-    """The serial number that tells specimens apart, None where the kernel shows none in a place known here."""
+    """What a device gives as its serial number, empty where it gives none.
+
+    None where the kernel shows none in a place known here, or not yet.
+    """
     _, name = subsystem(path)
     if name in ("usb", "mmc"):
-        return (read_text(path / "serial") or "").removeprefix("0x") or None
+        return (read_text(path / "serial") or "").removeprefix("0x")
+    if name == "pci":
+        return next((read_text(each) for each in files(path / "nvme", "nvme*/serial")), None)
+    # A driver may fill it in when the device speaks for the first time.
     return uevent(path).get("HID_UNIQ") or None if name == "hid" else None
+
+
+def telling(serial: str) -> str:
+    """A serial number that can tell one specimen from another, empty for one that makers put where they have none."""
+    bare = _NOT_SERIAL.sub("", serial.lower())
+    if len(set(bare)) < 2 or not any(map(str.isdigit, bare)) or bare in _COUNTING[0] or bare in _COUNTING[1]:
+        return ""
+    return serial.strip()
+
+
+def same_serial(one: str, other: str | None) -> bool:
+    """Whether two serial numbers are one, as tools spell them: some replace blanks, some change the case."""
+    return bool(one and other) and _NOT_SERIAL.sub("_", one.lower()) == _NOT_SERIAL.sub("_", (other or "").lower())

@@ -15,6 +15,7 @@ import io
 import os
 import stat
 import time
+from collections.abc import Callable
 from pathlib import Path
 from types import TracebackType
 from typing import Protocol
@@ -34,10 +35,14 @@ class Bus:
     seconds, OSError when the lock's folder cannot be made.
     """
 
-    def __init__(self, name: str, timeout: float = DEFAULT_TIMEOUT) -> None:
-        """``name`` says what is shared: a bus's name, or a device's folder in sysfs."""
+    def __init__(self, name: str, timeout: float = DEFAULT_TIMEOUT, confirm: Callable[[], None] | None = None) -> None:
+        """``name`` says what is shared: a bus's name, or a device's folder in sysfs.
+
+        ``confirm`` is called once the lock is held; when it raises, the lock is released.
+        """
         self.name = name
         self.timeout = timeout
+        self._confirm = confirm
         self._file: io.FileIO | None = None
 
     def __enter__(self) -> "Bus":
@@ -47,7 +52,7 @@ class Bus:
             self._give_up_after(end)
             time.sleep(step)
             step = min(step * 2, _LONGEST_STEP)
-        return self
+        return self._confirmed()
 
     async def __aenter__(self) -> "Bus":
         """Wait for the lock while other tasks go on."""
@@ -56,7 +61,7 @@ class Bus:
             self._give_up_after(end)
             await asyncio.sleep(step)
             step = min(step * 2, _LONGEST_STEP)
-        return self
+        return self._confirmed()
 
     def __exit__(self, *_: type[BaseException] | BaseException | TracebackType | None) -> None:
         """Release it."""
@@ -67,6 +72,15 @@ class Bus:
     async def __aexit__(self, *problem: type[BaseException] | BaseException | TracebackType | None) -> None:
         """Release it."""
         self.__exit__(*problem)
+
+    def _confirmed(self) -> "Bus":
+        try:
+            if self._confirm is not None:
+                self._confirm()
+        except BaseException:
+            self.__exit__()
+            raise
+        return self
 
     def _try(self) -> bool:
         self._file = _locked(_file(self.name))
@@ -86,10 +100,14 @@ class Located(Protocol):
         """Its folder now."""
         ...
 
+    def confirm(self) -> None:
+        """Raise when it is no longer the device that a tool which acts asked for."""
+        ...
+
 
 def bus(shared: str | Located, timeout: float = DEFAULT_TIMEOUT) -> Bus:
     """The lock of a bus by its name, or of one device wherever it is attached."""
-    return Bus(shared if isinstance(shared, str) else str(shared.folder), timeout)
+    return Bus(shared, timeout) if isinstance(shared, str) else Bus(str(shared.folder), timeout, shared.confirm)
 
 
 def _file(name: str) -> Path:

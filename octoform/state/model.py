@@ -72,7 +72,10 @@ class GitRecord(Persisted):
 
 
 class Snapshot(Persisted):
-    """The state of one host. ``lineage`` names this history of states, ``serial`` counts its versions."""
+    """The state of one host. ``lineage`` names this history of states, ``serial`` counts its versions.
+
+    ``tier1``: the last run was without profiles and answers, as if no person had said anything of the hardware.
+    """
 
     format: Literal[1] = 1
     octoform: str
@@ -81,6 +84,7 @@ class Snapshot(Persisted):
     serial: int = Field(default=0, ge=0)
     manifest_digest: str | None = None
     git: GitRecord | None = None
+    tier1: bool = Field(default=False, exclude_if=lambda value: not value)
     nodes: dict[str, NodeState] = Field(default_factory=dict)
 
 

@@ -45,6 +45,7 @@ class Context:
 
     manifest_digest: str | None = None
     git: GitRecord | None = None
+    tier1: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -209,7 +210,7 @@ class StateStore:
 def _told(context: Context | None) -> dict[str, Any]:
     if context is None:
         return {}
-    return {"manifest_digest": context.manifest_digest, "git": context.git}
+    return {"manifest_digest": context.manifest_digest, "git": context.git, "tier1": context.tier1}
 
 
 def _bounded(document: dict[str, object]) -> dict[str, object]:

@@ -16,7 +16,7 @@ from octoform.engine.results import RunResult
 from octoform.escaping import escaped
 from octoform.plan.model import Plan
 from octoform.state.layout import STAGES
-from octoform.views import sentences
+from octoform.views import knowledge, sentences
 from octoform.views.console import Console
 from octoform.views.diagnostics import render
 from octoform.views.plan import PlanHuman
@@ -202,10 +202,17 @@ class RunHuman:
         if result.funnel is not None:
             say()
             self._funnel(result)
+        self._questions(result)
         if result.commit:
             say(f"  committed   {result.commit[:12]}")
         if result.endpoint is not None:
             self._endpoint(result)
+
+    def _questions(self, result: RunResult) -> None:
+        """What is open, and how it is answered."""
+        if result.questions:
+            self._console.line()
+        knowledge.ask(result.questions, self._console)
 
     def _funnel(self, result: RunResult) -> None:
         funnel = result.funnel

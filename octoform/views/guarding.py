@@ -129,7 +129,9 @@ def _limit(limit: Mapping[str, Any], tool: Limited) -> str:
         last = f"; the last one was {tool.last[name]}{unit}" if name in tool.last else ""
         return f"{name}: changed by {limit['most']}{unit} at most{last}"
     if kind == "cumulative":
-        return f"{name}: sum of all calls {limit['most']}{unit} at most; it is {tool.sums.get(name, 0)}{unit}"
+        since = f" since {limit['zero']}" if limit.get("zero") else ""
+        used = tool.sums.get(f"{name}{since}", 0)
+        return f"{name}: sum of all calls{since} {limit['most']}{unit} at most; it is {used}{unit}"
     if kind == "rate":
         recent = sum(1 for age in tool.calls if age < limit["seconds"])
         return f"{limit['calls']} calls in {limit['seconds']:g} s; {recent} used"

@@ -34,6 +34,8 @@ def lines(changes: Iterable[Change]) -> list[Line]:
     devices: dict[Line, None] = {}
     classes: dict[str, dict[Action, str]] = {}
     for change in changes:
+        if change.kind != "hardware":
+            continue
         counted = _CLASS.fullmatch(change.name)
         if counted:
             classes.setdefault(counted[1], {})[change.action] = counted[2]

@@ -1,8 +1,9 @@
 """The plan for a person and for a program."""
 
+from octoform.plan import tools
 from octoform.plan.encode import to_json
 from octoform.plan.model import Action, Plan, PlannedAction
-from octoform.views import hardware, sentences
+from octoform.views import hardware, knowledge, sentences
 from octoform.views.console import Console
 from octoform.views.spending import money
 from octoform.views.stream import JsonStream
@@ -27,7 +28,8 @@ class PlanHuman:
             for item in plan.work:
                 self._node(plan, item)
         self._hardware(plan)
-        self._questions(plan)
+        self._tools(plan)
+        knowledge.show(plan, self._console)
         say()
         first, *rest = sentences.summary(plan).split("\n")
         say(self._console.paint(first, "bold"))
@@ -39,6 +41,7 @@ class PlanHuman:
         text = f"host {plan.host}"
         if plan.targets:
             text += f", only {sentences.listed(plan.targets, 'and')} (-target)"
+        text += ", as if nobody had said anything of its devices (-tier1)" if plan.tier1 else ""
         if plan.revision:
             text += f", revision {plan.revision[:12]}"
             text += f" with uncommitted {', '.join(plan.dirty)}" if plan.dirty else ""
@@ -68,18 +71,19 @@ class PlanHuman:
             say(self._console.paint(f"        the accepted run took {_last(item)}", "dim"))
 
     def _hardware(self, plan: Plan) -> None:
-        if plan.changes:
+        found = hardware.lines(plan.changes)
+        if found:
             self._console.line("\nHardware that came or went since the last apply, as the kernel announces it:")
-        for line in hardware.lines(plan.changes):
+        for line in found:
             self._console.line(f"{self._symbol(line.action)} {one_line(line.text, WIDTH)}")
 
-    def _questions(self, plan: Plan) -> None:
-        if plan.questions:
-            self._console.line("\nDevices whose meaning is missing:")
-        for question in plan.questions:
-            mark = self._console.paint("  ?", "cyan")
-            self._console.line(f"{mark} {question.device} ({one_line(question.seen_as, WIDTH)})")
-            self._console.line(f"        {one_line(question.sentence, 2 * WIDTH)}")
+    def _tools(self, plan: Plan) -> None:
+        found = [change for change in plan.changes if change.kind == tools.KIND]
+        if found:
+            self._console.line("\nTools of the endpoint that INTERFACE has otherwise now:")
+        for change in found:
+            text = f"{change.name}, {change.text}" if change.text else change.name
+            self._console.line(f"{self._symbol(change.action)} {one_line(text, 2 * WIDTH)}")
 
     def _advice(self, plan: Plan, saved_as: str | None) -> None:
         first, *more = sentences.adoptable(plan) or ("",)
@@ -124,6 +128,12 @@ class PlanJson:
                 )
         for change in document["changes"]:
             self._stream.emit("known_change", f"{change['kind']} {change['name']}", change=change)
+        for device in document["devices"]:
+            self._stream.emit("known_device", f"{device['device']}: tier {device['tier']}", known=device)
+        for use in document["profiles"]:
+            self._stream.emit("profile_use", f"profile {use['profile']}: {use['device']}", use=use)
+        for item in document["near"]:
+            self._stream.emit("profile_near", f"profile {item['profile']}: {item['device']} lacks a word", near=item)
         for question in document["questions"]:
             self._stream.emit("open_question", f"{question['device']}: {question['sentence']}", question=question)
         add, update, remove = sentences.counts(plan)
@@ -142,5 +152,6 @@ class PlanJson:
             serial=plan.serial,
             revision=plan.revision,
             dirty=list(plan.dirty),
+            tier1=plan.tier1,
             saved_as=saved_as,
         )

@@ -4,9 +4,12 @@ from collections.abc import Sequence
 
 from octoform import digest
 from octoform.graph.endpoint_parts import SCOPE, in_force
+from octoform.graph.model import ANSWER
 from octoform.plan.model import Action, Cause, Loan, Plan, PlannedAction, Reason
 from octoform.views import hardware
+from octoform.views.text import one_line
 
+LONGEST_ANSWER = 120
 SYMBOLS = {
     Action.CREATE: "+",
     Action.UPDATE: "~",
@@ -104,6 +107,8 @@ def _changed(plan: Plan, action: PlannedAction, item: Reason) -> str:
         return f"hardware: {_moved(plan)}"
     if part == "spec":
         return f"spec: protocol/{action.node}.md changed ({show(item.before)} -> {show(item.after)})"
+    if part.startswith(ANSWER):
+        return f"answer {part.removeprefix(ANSWER)}: {_said(item)}"
     label = f"output of {part.removeprefix('input.')}" if part.startswith("input.") else part.replace(".", " ", 1)
     if not _is_digest(item.before) and not _is_digest(item.after):
         scope = next((one for one in action.reasons if one.part == SCOPE), Reason(Cause.CHANGED))
@@ -114,6 +119,14 @@ def _changed(plan: Plan, action: PlannedAction, item: Reason) -> str:
     if item.before and item.after:
         return f"{label}: changed ({show(item.before)} -> {show(item.after)})"
     return f"{label}: new ({show(item.after)})" if item.after else f"{label}: no longer there"
+
+
+def _said(item: Reason) -> str:
+    """What a person says of a device now, in quotes, and what was said before."""
+    before, after = (f'"{one_line(text, LONGEST_ANSWER)}"' if text else "" for text in (item.before, item.after))
+    if before and after:
+        return f"{before} -> {after}"
+    return f"new: {after}" if after else f"no longer there: {before}"
 
 
 def _moved(plan: Plan) -> str:

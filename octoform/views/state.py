@@ -11,6 +11,7 @@ from octoform.views.text import one_line
 
 MOST = 100
 """Of the parts of a key and of the facts about a node that are shown; a program is given all."""
+MOST_WIDE = 40
 
 
 def show(console: Console, snapshot: Snapshot, *, as_json: bool) -> int:
@@ -27,6 +28,8 @@ def show(console: Console, snapshot: Snapshot, *, as_json: bool) -> int:
     if snapshot.git and snapshot.git.revision:
         dirty = f" with uncommitted {', '.join(snapshot.git.dirty)}" if snapshot.git.dirty else ""
         console.line(_line(f"revision {snapshot.git.revision[:12]}{dirty}"))
+    if snapshot.tier1:
+        console.line("made as if nobody had said anything of its devices (-tier1)")
     for name, state in snapshot.nodes.items():
         console.line()
         _node(console, name, state)
@@ -58,8 +61,10 @@ def _node(console: Console, name: str, state: NodeState) -> None:
         say(f"  {label:<9} {text}")
     say(f"  output    {_line(sentences.show(state.output_digest))}")
     say(f"  key       {_line(sentences.show(state.key))}")
-    for part, value in sorted(state.key_parts.items())[:MOST]:
-        say(f"    {_line(part):<18} {_line(sentences.show(value))}")
+    parts = [(_line(part), _line(sentences.show(value))) for part, value in sorted(state.key_parts.items())[:MOST]]
+    wide = min(MOST_WIDE, max((len(part) for part, _ in parts), default=0))
+    for part, value in parts:
+        say(f"    {part:<{wide}} {value}")
     known = {"contract", *making.TOLD}
     said = {key: value for key, value in state.detail.items() if key not in known and not isinstance(value, dict)}
     for key, value in list(said.items())[:MOST]:

@@ -14,7 +14,7 @@ from octoform.diagnostics import Diagnostic, to_json
 from octoform.escaping import escaped_json
 from octoform.views.console import Console
 
-UI_VERSION = "1.0"
+UI_VERSION = "1.1"
 
 
 def _now() -> datetime:

@@ -131,7 +131,7 @@ def name_all(name: str, output: Path) -> None:
             "id": device["id"],
             "identified_as": name,
             "category": "infrastructure",
-            "confidence": 0.8,
+            "confidence": 0.4,
             "method": "descriptor_strings",
             "evidence": [{"quote": device["name"]}],
             "capabilities": [],

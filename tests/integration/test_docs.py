@@ -70,7 +70,8 @@ def test_the_readmes_commands_run_in_their_order(tmp_path: Path, planted: Callab
     environ["UV_CACHE_DIR"] = os.environ.get("UV_CACHE_DIR", str(Path("~/.cache/uv").expanduser()))
     used = commands(ROOT / "README.md")
     assert [words[0] for words in used] == [
-        *("init", "plan", "apply", "status", "tools", "call", "attempts", "clients", "estop", "audit", "destroy")
+        *("init", "plan", "apply", "status", "tools", "call", "attempts", "devices", "coverage"),
+        *("answer", "clients", "estop", "audit", "destroy"),
     ]
     for words in used:
         done = subprocess.run(

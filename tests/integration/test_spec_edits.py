@@ -35,7 +35,7 @@ def test_the_next_attempt_reads_the_corrected_copy_and_protocol_stays(corrected:
     assert LINE not in (first / "spec.md").read_text()
     assert LINE in (second / "spec.md").read_text()
     assert LINE in (third / "spec.md").read_text()
-    assert str(third / "spec.md") in (third / "prompt.md").read_text()
+    assert "The spec of this stage is spec.md." in (third / "prompt.md").read_text()
     assert not (corrected.folder / "protocol").exists()
     record = json.loads((second / "attempt.json").read_text())
     assert record["spec_edit"]["permitted"] is True

@@ -17,6 +17,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+sys.path.insert(0, str(Path(__file__).resolve().parent))
+from leaking import leaks, secrets_of_tree
+
 ROOT = Path(__file__).resolve().parents[2]
 PROGRAM = Path(sys.executable).with_name("octoform")
 STAGES = ("probe", "identify", "interface")
@@ -24,12 +27,17 @@ HOST = "bench"
 SECONDS = 180
 # Entries of these names are recordings of one device or one board; all others are of a whole host.
 _OF_ONE_DEVICE = frozenset(("dev", "fwupd", "hwmon", "iio", "serial", "umock", "ups"))
+# Chassis types of the firmware's tables: portable, laptop, notebook, sub-notebook, tablet, convertible, detachable.
+_PORTABLE = frozenset(("8", "9", "10", "14", "30", "31", "32"))
 _SUMMARY = re.compile(r"^error\[([A-Z0-9-]+)\]: (.*)$", re.M)
 
 
 @dataclass
 class Onboarded:
-    """What became of one host; ``problems`` is empty when it was onboarded. CPU seconds by step."""
+    """What became of one host; ``problems`` is empty when it was onboarded. CPU seconds by step.
+
+    ``funnel`` counts the devices that PROBE saw, that IDENTIFY annotated, and that a tool serves.
+    """
 
     name: str
     artifacts: dict[str, Any] = field(default_factory=dict)
@@ -37,6 +45,8 @@ class Onboarded:
     notes: list[str] = field(default_factory=list)
     cpu: dict[str, float] = field(default_factory=dict)
     server_lines: int | None = None
+    funnel: tuple[int, int, int] = (0, 0, 0)
+    laptop: bool = False
 
 
 @dataclass(frozen=True)
@@ -67,9 +77,28 @@ def onboard(name: str, tree: Path, project: Path, until: str = STAGES[-1]) -> On
             host.artifacts[stage] = json.loads(path.read_text(encoding="utf-8"))
         except (OSError, ValueError) as problem:
             host.problems.append(f"no readable {stage} artifact: {type(problem).__name__}")
+    host.problems += [f"leaked: {leak}" for leak in leaks(project / "state" / HOST, secrets_of_tree(tree))]
+    host.funnel, host.laptop = _funnel(host.artifacts), is_laptop(tree)
     if not host.problems:
         _probe_again(host, project, tree)
     return host
+
+
+def is_laptop(tree: Path) -> bool:
+    """True for the tree of a portable computer: its firmware's chassis type, or a lid switch beside a battery."""
+    try:
+        chassis = (tree / "sys/class/dmi/id/chassis_type").read_text(encoding="utf-8").strip()
+    except (OSError, UnicodeDecodeError):
+        chassis = ""
+    firmware = tree / "sys/bus/acpi/devices"
+    return chassis in _PORTABLE or all(any(firmware.glob(f"{part}:*")) for part in ("PNP0C0A", "PNP0C0D"))
+
+
+def _funnel(artifacts: Mapping[str, Any]) -> tuple[int, int, int]:
+    """How many devices PROBE saw, how many of them IDENTIFY annotated, how many of those have a tool."""
+    seen, annotated = (artifacts.get(stage, {}).get("devices", ()) for stage in ("probe", "identify"))
+    served = {device for tool in artifacts.get("interface", {}).get("tools", ()) for device in tool["devices"]}
+    return len(seen), len(annotated), len(served)
 
 
 def serve(host: Onboarded, tree: Path, project: Path, environments: Path) -> None:

@@ -8,8 +8,9 @@ A recording holds what the kernel showed, not the id databases that the host als
 stand in for them where it has any, or those of `--ids DIR`; `--ids none` runs without, and the first line says which.
 `--sample N` takes every N-th recording, always the same ones: whole hosts and single devices alike, in the order of a
 digest of their names, so that neighbours (boards of one maker, parts of one host) are not taken or left out together.
-Exit status 1 when a host was not onboarded, a server did not import or anything was misidentified, so that a change
-which makes names worse is refused.
+The last lines are the bounds that decide (`bounds.py`): no product named wrong, `unknown` wherever truth asks for it,
+nearly all onboardable devices with a tool, PROBE cheap on laptops, every host onboarded and its server imported. Exit
+status 1 when one of them was missed, so that a change which makes names worse is refused.
 """
 
 import argparse
@@ -22,16 +23,17 @@ import time
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
 sys.path.insert(0, str(Path(__file__).resolve().parent))
 import score
+from bounds import bounds, held, print_bounds
 from onboarding import STAGES, Onboarded, is_whole_host, onboard, serve, show_ids
 from sysroot.convert import convert
-from tables import print_details, print_hosts, print_marks
+from tables import print_details, print_excluded, print_funnel, print_hosts, print_marks
 from truth import Units, read_items
 
 IDS = {
@@ -80,10 +82,13 @@ def main() -> int:
     print_details(marks, verbose=arguments.verbose)
     for title, by_hand in (("written by hand", True), ("made by rules", False)):
         print_marks(title, [mark for mark in marks if mark.item.by_hand == by_hand], verbose=arguments.verbose)
+    print_excluded(marks)
     print_hosts(hosts)
+    print_funnel(hosts)
     print(f"{said}: {time.monotonic() - began:.0f} s")
-    failed = any(host.problems for host in hosts) or any(mark.result == score.MISIDENTIFIED for mark in marks)
-    return 1 if failed else 0
+    lines = bounds(hosts, marks)
+    print_bounds(lines)
+    return 0 if held(lines) else 1
 
 
 def sample(folders: Sequence[Path], step: int) -> list[Path]:
@@ -160,6 +165,7 @@ def marks_of(folder: Path, artifacts: Mapping[str, Any]) -> list[score.Mark]:
     """The marks of one recording's items."""
     units = Units(artifacts["probe"])
     answers = {device["id"]: device for device in artifacts["identify"]["devices"]}
+    reasons = {entry["id"]: entry["reason"] for entry in artifacts["identify"]["left_out"]}
     tools = artifacts.get("interface", {}).get("tools") or _capabilities_as_tools(answers)
     marks = []
     for item in read_items(folder):
@@ -167,9 +173,13 @@ def marks_of(folder: Path, artifacts: Mapping[str, Any]) -> list[score.Mark]:
         answer = answers.get(unit["id"]) if unit else None
         if unit and answer and item.product.endswith("metadata or control node of the same camera"):
             # One unit, one annotation: the second node of a camera is not a device of its own.
-            marks.append(score.Mark(item, score.NAMED, f"{unit['id']}: part of the camera's unit", None))
+            mark = score.Mark(item, score.NAMED, f"{unit['id']}: part of the camera's unit", None)
+            marks.append(replace(mark, result=score.UNKNOWN_RIGHT) if mark.asked_unknown else mark)
         else:
-            marks.append(score.mark(item, unit, answer, tools))
+            mark = score.mark(item, unit, answer, tools)
+            # Left out because its meaning is not known: that is the right answer where the recording does not tell.
+            unknown = mark.asked_unknown and unit is not None and reasons.get(unit["id"]) == "unknown_meaning"
+            marks.append(replace(mark, result=score.UNKNOWN_RIGHT) if unknown else mark)
     return marks
 
 

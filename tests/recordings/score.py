@@ -11,6 +11,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any
 
+from onboardable import why_not
 from truth import Device, Item
 
 NAMED, UNKNOWN_RIGHT, MISIDENTIFIED = "named", "unknown as should", "misidentified"
@@ -51,13 +52,17 @@ _BY_CLASS = {
 _SAME = {
     "read_input_events": {
         "input_events", "key_events", "pointer_events", "touch_events", "pen_events", "gamepad_events",
-        "stylus_position", "joystick_axes",
+        "stylus_position", "joystick_axes", "button_events", "switch_state",
     },
     "capture_image": {"take_photo", "capture_frame", "video_stream"},
     "record_audio": {"audio_input"},
     "play_audio": {"audio_output"},
     "read_acceleration": {"acceleration"},
+    "read_angular_velocity": {"angular_velocity"},
+    "read_fan_speed": {"fan_speed"},
+    "read_position": {"position_fix", "nmea_stream"},
     "read_sensor_channels": {"read_channel", "read_voltage"},
+    "set_output_channel": {"set_voltage", "write_channel"},
     "set_led": {"led_control", "light_control"},
     "set_brightness": {"light_control"},
     "read_gpio_lines": {"gpio", "gpio_lines", "read_gpio", "gpio_read", "digital_io", "gpio_line_info"},
@@ -66,16 +71,18 @@ _SAME = {
 
 @dataclass(frozen=True)
 class Mark:
-    """One item, how it went and why; ``usable`` is None for what no standard interface drives.
-
-    That is infrastructure, and a device of which the recording shows no kernel class device (a bare `lsusb -v`): there
-    nothing is bound that a tool could open.
-    """
+    """One item, how it went and why; ``usable`` is None for what is not onboardable, ``excluded`` then says why not."""
 
     item: Item
     result: str
     why: str
     usable: bool | None
+    excluded: str = ""
+
+    @property
+    def asked_unknown(self) -> bool:
+        """True where the recording does not tell the product, so that naming one would be a guess."""
+        return self.item.identified_by in ("context", "none")
 
 
 def words(text: str) -> list[str]:
@@ -92,22 +99,26 @@ def model_words(text: str) -> set[str]:
 
 def mark(item: Item, unit: Device | None, answer: dict[str, Any] | None, tools: Iterable[dict[str, Any]]) -> Mark:
     """Judge one item: ``answer`` is the unit's IDENTIFY annotation, None when it was left out."""
+    result, why = _judged(item, unit, answer)
+    excluded = why_not(item, unit)
+    capabilities = tool_names(tools, unit["id"]) if unit else ()
+    return Mark(item, result, why, None if excluded else _serves(item, capabilities), excluded)
+
+
+def _judged(item: Item, unit: Device | None, answer: dict[str, Any] | None) -> tuple[str, str]:
     if unit is None:
-        return Mark(item, NOT_SEEN, "no unit of PROBE holds it", _usable(item, (), unit))
-    capabilities = tool_names(tools, unit["id"])
-    usable = _usable(item, capabilities, unit)
+        return NOT_SEEN, "no unit of PROBE holds it"
     if answer is None:
-        return Mark(item, LEFT_OUT, f"{unit['id']} is not annotated", usable)
-    wrong = misidentification(item, answer)
-    if wrong:
-        return Mark(item, MISIDENTIFIED, wrong, usable)
+        return LEFT_OUT, f"{unit['id']} is not annotated"
+    if wrong := misidentification(item, answer):
+        return MISIDENTIFIED, wrong
     shown = f"{unit['id']}: {answer['category']} {answer['identified_as']!r} {answer['confidence']}"
     if item.identified_by in ("context", "none") and answer["confidence"] < CERTAIN:
-        return Mark(item, UNKNOWN_RIGHT, shown, usable)
+        return UNKNOWN_RIGHT, shown
     fits = answer["category"] in (item.category, *item.also_ok)
     if fits and answer["category"] == "unknown":
-        return Mark(item, UNKNOWN_RIGHT, shown, usable)
-    return Mark(item, NAMED if fits and same_product(item, answer) else MISSED, shown, usable)
+        return UNKNOWN_RIGHT, shown
+    return NAMED if fits and same_product(item, answer) else MISSED, shown
 
 
 def misidentification(item: Item, answer: dict[str, Any]) -> str:
@@ -152,11 +163,10 @@ def tool_names(tools: Iterable[dict[str, Any]], device_id: str) -> tuple[str, ..
     return tuple(tool["capability"] for tool in tools if device_id in tool["devices"])
 
 
-def _usable(item: Item, capabilities: Iterable[str], unit: Device | None) -> bool | None:
-    if item.category not in ("sensor", "actuator", "bidirectional") or (unit and not unit.get("classes")):
-        return None
+def _serves(item: Item, capabilities: Iterable[str]) -> bool:
+    """True when one of the tools' capabilities is wanted of the device, by its name or by one that means the same."""
     wanted = set(item.capabilities)
-    return unit is not None and any(name in wanted or _SAME.get(name, set()) & wanted for name in capabilities)
+    return any(name in wanted or _SAME.get(name, set()) & wanted for name in capabilities)
 
 
 def _overlap(some: set[str], others: set[str]) -> bool:

@@ -27,7 +27,7 @@ class There:
     def __init__(self) -> None:
         self.gone: dict[str, list[str]] = {}
 
-    def absent(self, tool: str) -> list[str]:
+    def missing(self, tool: str, _device: object) -> list[str]:
         return self.gone.get(tool, [])
 
 

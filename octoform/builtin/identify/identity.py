@@ -6,6 +6,7 @@ whose strings only say "USB camera" is surely a camera, but which one is not kno
 registered name that the device's own strings do not bear out is worth no more, because ids are borrowed and cloned.
 """
 
+import re
 from dataclasses import dataclass
 
 from octoform.builtin.identify import naming
@@ -17,8 +18,16 @@ FULL, STRING, REGISTERED, KERNEL, CLASS_ONLY, NOTHING = 0.9, 0.8, 0.7, 0.8, 0.45
 _DATABASE_FIRST = frozenset(("audio", "audio_out", "audio_in", "network", "wifi", "gpu", "bluetooth"))
 # Firmware of these kinds ships under borrowed ids, so that a registered name alone proves no product.
 _BORROWED = frozenset(("input", "keyboard", "mouse", "gamepad", "tablet", "touchscreen", "touchpad", "serial", "ups"))
-# Controllers of these kinds are sold under any brand: whoever registered the ids made the chip.
-_CONTROLLER_IDS = _BORROWED | {"storage", "camera", "audio", "audio_in", "audio_out"}
+# Controllers of these kinds are sold under any brand: what is known by its ids alone is not known.
+_NAMELESS = _BORROWED | {"storage", "camera", "audio", "audio_in", "audio_out", "phone", "bluetooth"}
+# Kinds whose strings are lent as freely as their ids: a model is only sure when its maker registered the ids.
+_LENT = frozenset(("ups", "keyboard", "mouse", "audio", "audio_in", "audio_out"))
+# Kinds whose makers give every model ids of its own; elsewhere one number serves many models, and other makers' too.
+_OWN_IDS = frozenset(("hub", "still_camera"))
+# What is sold as the chip that it is, so that a maker of chips names it.
+_CHIPS = frozenset(("hub", "network", "wifi", "bluetooth", "modem"))
+# The longest end of a part number that only tells its variant (S2, C6).
+_SUFFIX = 2
 _MEDIUM_WORDS = frozenset(("flash", "drive", "disk", "udisk", "stick"))
 _PARAVIRTUAL = frozenset(("virtio", "xen", "vmbus", "vio"))
 
@@ -37,6 +46,9 @@ def identity(device: Device, claim: Claim) -> Identity:
     """The best name of a unit whose kind is already judged."""
     if claim.category == UNKNOWN:
         return Identity(_shown(device, claim), 0.0, "none")
+    if claim.kind == "gpio" and device.bus == "usb":
+        # A bridge is itself what was plugged in here; its strings speak of the other wires that it has.
+        return Identity(_shown(device, claim), CLASS_ONLY, "kernel_class", _strings(device))
     found = _of_usb(device, claim) if device.bus == "usb" else _of_other(device, claim)
     if claim.settled or found.confidence < CLASS_ONLY:
         return found
@@ -47,16 +59,18 @@ def _of_usb(device: Device, claim: Claim) -> Identity:
     product, maker = device.product_text, device.text("manufacturer")
     if naming.describes_chip(product) and naming.is_vendor(maker):
         return Identity(naming.join(maker, claim.noun), CLASS_ONLY, "descriptor_strings", _strings(device))
-    if naming.names_a_model(product):
-        confidence = FULL if naming.is_vendor(maker) else STRING
+    if naming.names_a_product(product):
+        confidence = _trust_in_strings(device, claim)
         return Identity(naming.join(maker, product), confidence, "descriptor_strings", _strings(device))
-    registered = _registered(device, claim, maker, product)
-    if registered and registered.confidence > CLASS_ONLY:
+    registered = _registered(device, claim)
+    if registered and (registered.confidence > CLASS_ONLY or _borne_out(device, claim)):
         return registered
     spoken = _kernel_name(claim)
     if spoken and spoken.confidence > CLASS_ONLY and not product:
-        return spoken
-    if not naming.is_vendor(maker) and claim.kind not in _BORROWED and not _is_medium(claim, product):
+        # Without strings, drivers take a name from a table of their own by the ids.
+        confidence = CLASS_ONLY if claim.kind in _NAMELESS else spoken.confidence
+        return Identity(spoken.name, confidence, spoken.method, spoken.evidence)
+    if not naming.is_vendor(maker) and _lends_its_vendor(device, claim):
         maker = device.database.vendor
     joined = naming.join(maker, product)
     if product and naming.is_name(joined):
@@ -64,25 +78,87 @@ def _of_usb(device: Device, claim: Claim) -> Identity:
     return registered or spoken or Identity(claim.noun, NOTHING, "kernel_class")
 
 
-def _registered(device: Device, claim: Claim, maker: str, product: str) -> Identity | None:
-    """The database's name; None when it names nothing or only how the thing is wired."""
+def _trust_in_strings(device: Device, claim: Claim) -> float:
+    """How far a product string that names a model is believed.
+
+    A brand without a model, a chip's number and a string without anybody's name to it stay below one half, and so does
+    what is sold under many names, unless the ids are those of the maker that the strings name.
+    """
+    maker, product = device.text("manufacturer"), device.product_text
+    registered = naming.share_a_word(product, device.database.product)
+    if not naming.adds_to(maker, product) or names_its_chip(device):
+        return CLASS_ONLY
+    if naming.makes_chips(maker) and claim.kind not in _CHIPS:
+        return CLASS_ONLY
+    if claim.kind in _LENT and not (registered or _maker_registered(device)):
+        return CLASS_ONLY
+    if naming.is_vendor(maker):
+        return FULL
+    if maker and naming.is_placeholder(maker):
+        return CLASS_ONLY
+    return CLASS_ONLY if claim.kind in _NAMELESS and not registered else STRING
+
+
+def names_its_chip(device: Device) -> bool:
+    """True when the product string names the chip in it: by the kernel's driver, the id database, or its form."""
+    # What stands in brackets there is the wire of a product (CDC, UART), not its name.
+    told, product = re.sub(r"\(.*?\)", " ", device.database.product), device.product_text
+    maker = device.text("manufacturer")
+    if naming.describes_transport(told) and naming.share_a_word(told, product):
+        return True
+    telling = naming.model_words(product)
+    if any(naming.is_part_of_driver(word, device.drivers) or naming.is_family(word) for word in telling):
+        return True
+    parts = [word for word in telling if len(word) > _SUFFIX and word not in naming.words(maker)]
+    return bool(parts) and all(naming.is_part_of_maker(word, maker) for word in parts)
+
+
+def _maker_registered(device: Device) -> bool:
+    """True when the device's own maker is the one that the ids are registered to."""
+    maker = device.text("manufacturer")
+    return naming.is_vendor(maker) and naming.share_a_word(maker, device.database.vendor)
+
+
+def _borne_out(device: Device, claim: Claim) -> bool:
+    """True when the device's strings agree with the registered product: the same maker, and no other kind of thing.
+
+    Never for a controller: that its maker registered the ids makes the registered product one of its many customers.
+    """
+    told, own = device.database.product, f"{device.strings} {claim.noun}"
+    agrees = bool(told) and _maker_registered(device) and not naming.speaks_of_another_kind(told, own)
+    return agrees and claim.kind in _OWN_IDS
+
+
+def _lends_its_vendor(device: Device, claim: Claim) -> bool:
+    """True when the registered vendor may stand for a maker that the strings do not name."""
+    told = device.database.product
+    return claim.kind not in _BORROWED and not any(_is_medium(claim, text) for text in (device.product_text, told))
+
+
+def _registered(device: Device, claim: Claim) -> Identity | None:
+    """The database's name; None when it names nothing or only how the thing is wired.
+
+    On USB it is believed where the device's own maker bears it out and it says more than that maker's name; a number
+    alone names nothing. The ids of other buses are given to no second product.
+    """
     entry = device.database
     if not entry.vendor or naming.describes_transport(entry.product):
         return None
     evidence = (Evidence(entry.line, f"{entry.source}: {naming.tidy(f'{entry.vendor} {entry.product}')}"),)
-    name = naming.join(entry.vendor, entry.product or claim.noun)
+    # Where a number on USB was given twice, the database lists both products; which one it is nobody knows.
+    product = entry.product.partition(" / ")[0] if device.bus == "usb" else entry.product
+    name = naming.join(entry.vendor, product or claim.noun)
     if not entry.product:
         return Identity(name, NOTHING, "id_database", evidence)
-    if naming.is_reference(product):
+    if device.bus != "usb":
+        return Identity(name, REGISTERED, "id_database", evidence)
+    if naming.is_reference(device.product_text):
         return Identity(name, CLASS_ONLY, "id_database", evidence)
-    borne_out = naming.is_vendor(maker) and naming.share_a_word(maker, entry.vendor)
-    if borne_out:
-        return Identity(name, REGISTERED, "id_database", evidence)
-    if device.bus == "usb" and _is_medium(claim, entry.product):
+    borne_out = _borne_out(device, claim)
+    if not borne_out and _is_medium(claim, entry.product):
         return None
-    if not (maker or product) and not (device.bus == "usb" and claim.kind in _CONTROLLER_IDS):
-        return Identity(name, REGISTERED, "id_database", evidence)
-    return Identity(name, CLASS_ONLY, "id_database", evidence)
+    telling = naming.names_a_model(entry.product) and naming.adds_to(entry.vendor, entry.product)
+    return Identity(name, REGISTERED if borne_out and telling else CLASS_ONLY, "id_database", evidence)
 
 
 def _is_medium(claim: Claim, product: str) -> bool:
@@ -92,7 +168,7 @@ def _is_medium(claim: Claim, product: str) -> bool:
 
 
 def _of_other(device: Device, claim: Claim) -> Identity:
-    registered = _registered(device, claim, "", "")
+    registered = _registered(device, claim)
     spoken = _kernel_name(claim)
     if registered and registered.confidence > CLASS_ONLY and (claim.kind in _DATABASE_FIRST or not spoken):
         return registered

@@ -7,21 +7,26 @@ that no module claims is part of the machine.
 import re
 
 from octoform.builtin.identify import naming
+from octoform.builtin.identify.classes import network
 from octoform.builtin.identify.evidence import Device
 from octoform.builtin.identify.verdict import UNKNOWN, Claim, Evidence, Leave
 
 _ROOT_HUB = re.compile(r"/usb\d+$")
 _PCI_BUSES = ("06", "0c", "08", "05", "0604")
 _BUSES = frozenset(("pci_bus", "mdio_bus", "thunderbolt", "typec", "mei", "wmi", "nvmem", "rapidio", "memory"))
-_MISSING = "Say what this device is and does, for example: '{id}: the <maker and model>'."
+_BUSES |= {"macos-usb-controller", "macos-thunderbolt"}
+_PARAVIRTUAL = "virtio-pci"
+_MISSING = "What is this USB device?"
 
 
 def leave_first(device: Device) -> Leave | None:
     """Units that are never annotated, whatever class devices they have."""
     if device.context:
-        return Leave("network_neighbour", "seen on the network; not part of this host")
+        return network.leave_context(device)
     if device.bus == "usb" and _ROOT_HUB.search(device.path):
         return Leave("bus_infrastructure", "root hub of a USB host controller")
+    if _PARAVIRTUAL in device.drivers:
+        return Leave("duplicate_path", "what it does stands in an entry of its own, the virtio device behind it")
     return None
 
 
@@ -49,4 +54,4 @@ def unknown(device: Device) -> Claim:
         evidence = [Evidence(found.line, "names no kind of device")]
     if device.interfaces:
         evidence.append(Evidence(device.interfaces[0].line, "a vendor's own interface"))
-    return Claim("unknown", UNKNOWN, "USB device", tuple(evidence), missing=_MISSING.format(id=device.id))
+    return Claim("unknown", UNKNOWN, "USB device", tuple(evidence), missing=_MISSING)

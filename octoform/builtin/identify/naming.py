@@ -5,56 +5,47 @@ uses general words of the trade (what kind of thing, which transport), never the
 """
 
 import re
+from collections.abc import Iterable
+
+from octoform.builtin.identify.vocabulary import (
+    CHIP,
+    CHIP_MAKER,
+    CONVERTER,
+    GENERIC,
+    KINDS,
+    PART,
+    PLACEHOLDER,
+    REFERENCE,
+    STATE,
+    TRANSPORT,
+    VERSION,
+)
 
 LONGEST_NAME = 120
 MOST_WORDS = 18
 _WORD = re.compile(r"[a-z]+\d[a-z0-9]*|\d+[a-z][a-z0-9]*|[a-z]+|\d+")
 _CAMEL = re.compile(r"(?<=[a-z])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])")
 
-# Words that say what kind of thing it is, or nothing at all; a string of only these names no model.
-_GENERIC = """
-    a an and the of for with in on to by at or no not none unknown default string manufacturer product name model
-    generic general standard composite multi multifunction function functional device devices gadget unit module board
-    controller adapter adaptor converter bridge interface bus host root hub port ports ver version rev revision
-    usb usb1 usb2 usb3 pci pcie express sata ata ahci scsi nvme mmc sd i2c spi hid ps acpi pnp platform wmi
-    full low high super speed hi-speed 2.0 3.0 integrated internal external built embedded onboard mobile
-    hd fhd uhd qhd sd ir rgb camera cam webcam web video image imaging laptop notebook audio sound speaker speakers
-    microphone mic headset headphone headphones line codec digital analog output input in out stereo mono
-    keyboard keypad mouse optical wired wireless receiver transceiver transmitter dongle stick gaming pointing
-    touch touchscreen touchpad screen pad pen stylus tablet pentablet panel finger gamepad joystick game
-    mass storage disk drive flash memory reader writer card multi-card crw cd dvd rom ram removable media
-    ethernet network lan wlan wifi wi fi gigabit fast bluetooth bt radio edr le
-    fingerprint biometric sensor sensors printer scanner printing support serial uart com virtual vcp cdc acm modem
-    power button lid sleep switch system peripheral chipset family series series/ technology technologies
-    inc ltd co corp corporation company limited gmbh llc ag sa srl electronics semiconductor computer systems
-    international communications r tm c vendor misc monitor processor coprocessor chip soc microcontroller nic pnp udisk
-    oscilloscope scope logic analyzer analyser ups gnss gps light lamp led leds dock docking token key security meter
-    colorimeter thermometer relay kvm radio sdr tuner infrared fido u2f smartcard smart biometrics
-    4g 5g 4ghz 5ghz 2k 4k 3d 720p 1080p 1080 1000 2500 u
-"""
-GENERIC = frozenset(_GENERIC.split())
-# What the wire is, not what hangs on it: a name with such words belongs to the chip.
-_TRANSPORT = re.compile(
-    r"\bu(?:sb)?[\s_-]*\d?(?:\.\d)?[\s_-]*(?:<->|to|2)?[\s_-]*ser\b|serial|\buarts?\b|\bvcp\b|\bcom[\s_-]?port|"
-    r"\brs[\s_-]?(?:232|422|485)|\bttl|\bvcom\b",
-    re.IGNORECASE,
-)
-# Words by which makers mark firmware that ships unchanged in other people's products.
-_REFERENCE = re.compile(r"demo|generic|sample|template|\bexamples?\b|reference design|\btest\b", re.IGNORECASE)
-_CHIP_WORDS = frozenset(("processor", "coprocessor", "chip", "soc", "microcontroller"))
-_IDS = re.compile(r"\b[0-9A-Fa-f]{4}:[0-9A-Fa-f]{4}\b")
+_IDS = re.compile(r"\b(?:0x[0-9A-Fa-f]{1,4}:0x[0-9A-Fa-f]{1,4}|[0-9A-Fa-f]{4}:[0-9A-Fa-f]{4})\b")
 # PROBE's marks in a text: escapes of unprintable characters, a serial number taken out, an end cut off.
 _MARKS = re.compile(r"\\(?:x[0-9a-f]{2}|u[0-9a-f]{4}|U[0-9a-f]{8})|<serial>|\[cut\]")
+# Some firmware writes the serial number of the unit behind the product's name.
+_SERIAL = re.compile(r"(?:\b|_)S/?N[ :_=-]+[0-9A-Fa-f]{6,}\b")
 _TWICE = re.compile(r"\b(\w{3,})(?: \1\b)+", re.IGNORECASE)
-_NO_VENDOR = frozenset(
-    ("generic", "no manufacturer", "manufacturer", "n/a", "na", "none", "unknown", "default string", "vendor", "usb")
-)
+# A firmware's version: three numbers at least.
+_DOTTED = re.compile(r"\b[A-Za-z]?\d+(?:\.\d+){2,}\b")
+# The letters of a part number and its first two digits: what members of a family of chips have in common.
+_PART_NUMBER = re.compile(r"[a-z]{2,}\d{2}")
+# The letters of a part number and two digits at least, as in the names that makers of chips give to them.
+_INITIALS = re.compile(r"([a-z]{2,4})\d\d[a-z0-9]*")
+# A whole family of parts: the last digits are left open.
+_FAMILY = re.compile(r"[a-z]+\d+[a-z]?\d*xx")
 _LOT_NUMBER = re.compile(r"^(?=.*\d.*\d)[A-Z0-9_-]{14,}$")
 
 
 def tidy(text: str) -> str:
     """A string fit to be shown as a name: one line of at most LONGEST_NAME characters, without PROBE's marks."""
-    plain = _MARKS.sub(" ", text).replace("_", " ")
+    plain = _SERIAL.sub(" ", _MARKS.sub(" ", text)).replace("_", " ")
     printable = "".join(sign if sign.isprintable() else " " for sign in plain)
     return _TWICE.sub(r"\1", " ".join(printable.split()))[:LONGEST_NAME].strip()
 
@@ -65,8 +56,12 @@ def words(text: str) -> list[str]:
 
 
 def model_words(text: str) -> list[str]:
-    """The words of a name that tell one model from another: no class words, no small numbers."""
-    return [word for word in words(without_ids(text)) if word not in GENERIC and not (word.isdigit() and len(word) < 4)]
+    """The words of a name that tell one model from another: no class words, versions, letters or small numbers."""
+    return [word for word in words(_DOTTED.sub(" ", without_ids(text))) if not _says_nothing(word)]
+
+
+def _says_nothing(word: str) -> bool:
+    return word in GENERIC or len(word) == 1 or (word.isdigit() and len(word) < 4) or bool(VERSION.fullmatch(word))
 
 
 def without_ids(text: str) -> str:
@@ -82,28 +77,86 @@ def is_name(text: str) -> bool:
 
 def names_a_model(text: str) -> bool:
     """True when a name tells the model; false for class words, reference firmware and chips' transports."""
-    return is_name(text) and bool(model_words(text)) and not describes_transport(text) and not is_reference(text)
+    vague = describes_transport(text) or is_reference(text) or is_state(text)
+    return is_name(text) and bool(model_words(text)) and not vague
+
+
+def names_a_product(text: str) -> bool:
+    """True when a device's own string tells the model of a product, not of a part that sits in products."""
+    return names_a_model(text) and PART.isdisjoint(words(text))
+
+
+def adds_to(maker: str, product: str) -> bool:
+    """True when a product string says more than its maker's name: a model word of its own, or a number.
+
+    Two letters alone are the initials of whoever sells it.
+    """
+    said = set(words(maker))
+    spoken = words(_DOTTED.sub(" ", product))
+    numbers = [word for word in spoken if word.isdigit() and len(word) > 1 and word not in GENERIC]
+    telling = [word for word in model_words(product) if len(word) > 2 or not word.isalpha()]
+    return bool(numbers) or not said.issuperset(telling)
 
 
 def describes_transport(text: str) -> bool:
     """True for names such as 'USB Serial' or 'UART Bridge': they say how it is wired, not what it is."""
-    return bool(_TRANSPORT.search(text.replace("_", " ")))
+    return bool(TRANSPORT.search(text.replace("_", " ")))
+
+
+def is_converter(text: str) -> bool:
+    """True for 'USB to ...': what follows is what it can be plugged into, not what it is."""
+    return bool(CONVERTER.search(text.replace("_", " ")))
 
 
 def describes_chip(text: str) -> bool:
     """True where a product's string speaks of the chip in it."""
-    return not _CHIP_WORDS.isdisjoint(words(text))
+    return not CHIP.isdisjoint(words(text))
 
 
 def is_reference(text: str) -> bool:
     """True where the maker itself marks the string as a demonstration or generic firmware's."""
-    return bool(_REFERENCE.search(text.replace("_", " ")))
+    return bool(REFERENCE.search(text.replace("_", " ")))
+
+
+def is_state(text: str) -> bool:
+    """True where a string tells what the device is waiting for (a boot loader), not what it is."""
+    return bool(STATE.search(text.replace("_", " ")))
+
+
+def is_placeholder(text: str) -> bool:
+    """True for a manufacturer's field that names nobody: 'Generic', 'VendorCo', or the kind of thing again."""
+    told = words(text)
+    return not told or PLACEHOLDER.issuperset(told) or (len(told) == 1 and told[0] in GENERIC)
+
+
+def makes_chips(maker: str) -> bool:
+    """True for a maker whose own name says that it makes chips: its strings are those of a reference design."""
+    return not CHIP_MAKER.isdisjoint(words(maker))
+
+
+def is_part_of_maker(word: str, maker: str) -> bool:
+    """True for a part number as makers of chips form them: the initials or first sounds of the maker, then digits."""
+    part = _INITIALS.fullmatch(word)
+    if not part:
+        return False
+    sounds = iter("".join(words(maker)))
+    return maker[:1].lower() == part[1][0] and all(letter in sounds for letter in part[1])
+
+
+def is_family(word: str) -> bool:
+    """True for a number with open places (ab33xx), which stands for many parts."""
+    return bool(_FAMILY.fullmatch(word))
+
+
+def speaks_of_another_kind(name: str, own: str) -> bool:
+    """True when a name has a word for a kind of device that a device's own words do not have."""
+    return not KINDS.intersection(words(name)).issubset(words(own))
 
 
 def is_vendor(text: str) -> bool:
     """False for placeholders and for lot numbers that stand in the manufacturer's field."""
     plain = text.strip(" -._")
-    return bool(plain) and plain.lower() not in _NO_VENDOR and is_name(plain) and not _LOT_NUMBER.match(plain)
+    return bool(plain) and not is_placeholder(plain) and is_name(plain) and not _LOT_NUMBER.match(plain)
 
 
 def join(vendor: str, product: str) -> str:
@@ -115,6 +168,12 @@ def join(vendor: str, product: str) -> str:
     if product.lower().startswith(first):
         return product
     return tidy(f"{vendor} {product}") if product else vendor
+
+
+def is_part_of_driver(word: str, drivers: Iterable[str]) -> bool:
+    """True for a part number of the family that a kernel driver is named after: its letters and its first digits."""
+    part = _PART_NUMBER.match(word)
+    return part is not None and any(driver.lower().startswith(part[0]) for driver in drivers)
 
 
 def share_a_word(one: str, other: str) -> bool:

@@ -4,20 +4,26 @@ The order is the meaning: the first module that claims a unit says what it is. F
 camera, a printer, a network adapter) stand before functions that many products have besides (LEDs, a temperature).
 """
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
+from types import MappingProxyType
 from typing import Any
 
-from octoform.builtin.identify import leftover
+from octoform.builtin.grammars import Profiles
+from octoform.builtin.identify import answered, leftover, profiled
 from octoform.builtin.identify.classes import (
     audio,
     buses,
     cameras,
     clock,
+    counters,
     display,
+    force,
+    gnss,
     gpio,
     hid,
     inputs,
     light,
+    macos,
     network,
     office,
     power,
@@ -41,6 +47,7 @@ RULES: tuple[Callable[[Device], Claim | None], ...] = (
     cameras.claim,
     office.claim,
     security.claim,
+    words.claim_instrument,
     network.claim_bluetooth,
     network.claim,
     storage.claim,
@@ -50,12 +57,17 @@ RULES: tuple[Callable[[Device], Claim | None], ...] = (
     display.claim,
     service.claim,
     hid.claim,
+    macos.claim,
     words.claim,
+    gnss.claim,
     office.claim_phone,
+    gpio.claim_breakout,
     sensors.claim_iio,
     inputs.claim,
+    force.claim,
     power.claim,
     serial.claim,
+    counters.claim,
     gpio.claim,
     sensors.claim_hwmon,
     sensors.claim_driver,
@@ -63,28 +75,36 @@ RULES: tuple[Callable[[Device], Claim | None], ...] = (
     light.claim_leds,
     buses.claim_bridge,
     words.claim_plain,
+    audio.claim_vendor,
 )
 
 
 def run(task: Task) -> str:
     """Write the IDENTIFY artifact of the task; the summary line (``41 devices annotated, 120 left out``)."""
-    artifact = identify(task.read_input(), IdDatabases(task.sysroot))
+    artifact = identify(task.read_input(), IdDatabases(task.sysroot), task.profiles, task.answers)
     task.write(artifact)
     unknown = sum(device["category"] == UNKNOWN for device in artifact["devices"])
     return f"{len(artifact['devices'])} annotated ({unknown} unknown), {len(artifact['left_out'])} left out"
 
 
-def identify(probe: dict[str, Any], databases: IdDatabases) -> dict[str, Any]:
-    """The artifact for a PROBE artifact: same input, same output."""
+def identify(
+    probe: dict[str, Any],
+    databases: IdDatabases,
+    profiles: Profiles = (),
+    answers: Mapping[str, str] = MappingProxyType({}),
+) -> dict[str, Any]:
+    """The artifact for a PROBE artifact: same input, same output. ``profiles`` are those that hold for a device."""
     devices: list[dict[str, Any]] = []
     left_out: list[dict[str, str]] = []
+    mac = probe.get("platform", {}).get("os") == macos.SYSTEM
     for entry in probe["devices"]:
         device = Device(entry, databases)
-        verdict = judge(device)
+        judged = answered.told(device, judge(device), answers.get(device.id, ""))
+        verdict = profiled.product(device, judged, profiles)
         if isinstance(verdict, Leave):
             left_out.append({"id": device.id, "reason": verdict.reason, "detail": verdict.detail[:300]})
         else:
-            devices.append(verdict)
+            devices.append(macos.without_tools(device, verdict) if mac else verdict)
     return {"format": 1, "devices": devices, "left_out": left_out}
 
 

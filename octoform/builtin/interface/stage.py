@@ -4,12 +4,16 @@ The budget is the task's number of tools, and the length that the protocol allow
 must not be promised here. Heavy: renders the server to see how long it gets (jinja2).
 """
 
+from bisect import bisect_left
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from octoform.builtin.grammars import Profiles
+from octoform.builtin.interface import grammar
 from octoform.builtin.interface.catalog import KINDS
 from octoform.builtin.interface.kinds import Kind
 from octoform.builtin.interface.legend import legend
+from octoform.builtin.interface.reasons import why_left_out
 from octoform.builtin.interface.schemas import Schema, one_of
 from octoform.builtin.serve.stage import MOST_LINES, lines
 from octoform.builtin.task import Refused, Task
@@ -21,22 +25,22 @@ Owners = dict[str, list[tuple[Device, Mapping[str, Any]]]]
 
 def run(task: Task) -> str:
     """Write the INTERFACE artifact of the task's IDENTIFY artifact; the summary line (``7 tools, 31 left out``)."""
-    artifact = declare(task.read_input(), task.tools_budget)
+    artifact = declare(task.read_input(), task.tools_budget, task.profiles)
     task.write(artifact)
     tools, left_out = len(artifact["tools"]), len(artifact["left_out"])
     return f"{tools} tool{'s' * (tools != 1)}, {left_out} device{'s' * (left_out != 1)} left out"
 
 
-def declare(identify: Mapping[str, Any], budget: int) -> dict[str, Any]:
+def declare(identify: Mapping[str, Any], budget: int, profiles: Profiles = ()) -> dict[str, Any]:
     """The artifact; Refused when the input is no IDENTIFY artifact."""
     try:
         owners = _owners(identify["devices"])
-        kept, cut = _within(budget, [KINDS[name] for name in KINDS if name in owners])
-        tools = [_tool(kind, owners[kind.name]) for kind in kept]
-        while tools and lines(tools) > MOST_LINES:
-            kept, more = _within(len(kept) - 1, kept)
-            cut += more
-            tools = [_tool(kind, owners[kind.name]) for kind in kept]
+        kinds = {**KINDS, **grammar.kinds(profiles, KINDS)}
+        wanted = [kinds[name] for name in kinds if name in owners]
+        made = {kind.name: _tool(kind, owners[kind.name]) for kind in wanted}
+        kept = _written(_within(budget, wanted), made, profiles)
+        tools = [made[kind.name] for kind in kept]
+        cut = [kind for kind in wanted if kind not in kept]
         left_out = _left_out(identify, {name for tool in tools for name in tool["devices"]}, _spared(cut, owners))
     except (KeyError, TypeError, AttributeError) as problem:
         raise Refused(f"the IDENTIFY artifact is not as expected: {type(problem).__name__}: {problem}") from problem
@@ -51,12 +55,21 @@ def _owners(devices: Sequence[Device]) -> Owners:
     return owners
 
 
-def _within(budget: int, wanted: list[Kind]) -> tuple[list[Kind], list[Kind]]:
-    """The tools that fit and those that do not: the least worth goes first, the later in the catalog among equals."""
-    order = {kind.name: index for index, kind in enumerate(wanted)}
-    ranked = sorted(wanted, key=lambda kind: (-kind.worth, order[kind.name]))
-    kept, cut = ranked[:budget], ranked[budget:]
-    return sorted(kept, key=lambda kind: order[kind.name]), cut
+def _within(budget: int, wanted: Sequence[Kind]) -> list[Kind]:
+    """The tools that fit: the least worth goes first, the later in the catalog among equals."""
+    ranked = sorted(wanted, key=lambda kind: -kind.worth)[:budget]
+    return [kind for kind in wanted if kind in ranked]
+
+
+def _written(wanted: list[Kind], made: Mapping[str, dict[str, Any]], profiles: Profiles) -> list[Kind]:
+    """Those of which a server of the allowed length can be written: as many of the most worth as fit."""
+
+    def too_long(count: int) -> bool:
+        return lines([made[kind.name] for kind in _within(count, wanted)], profiles) > MOST_LINES
+
+    if not wanted or not too_long(len(wanted)):
+        return wanted
+    return _within(bisect_left(range(1, len(wanted)), True, key=too_long), wanted)
 
 
 def _tool(kind: Kind, owners: Sequence[tuple[Device, Mapping[str, Any]]]) -> dict[str, Any]:
@@ -65,8 +78,9 @@ def _tool(kind: Kind, owners: Sequence[tuple[Device, Mapping[str, Any]]]) -> dic
         "device": _device(devices, legend([device for device, _ in owners])),
         **kind.parameters([capability.get("parameters", {}) for _, capability in owners]),
     }
-    if kind.effect == "actuate" and _only_one(properties.get("led")):
-        properties["led"]["default"] = properties["led"]["const"]
+    for part in ("led", "channel"):
+        if kind.effect == "actuate" and _only_one(properties.get(part)):
+            properties[part]["default"] = properties[part]["const"]
     required = [name for name, schema in properties.items() if "default" not in schema]
     tool: dict[str, Any] = {
         "name": kind.name,
@@ -137,17 +151,6 @@ def _left_out(identify: Mapping[str, Any], served: set[str], spared: Mapping[str
         elif name in served:
             continue
         else:
-            reason, detail = _reason(device)
+            reason, detail = why_left_out(device)
         out.append({"id": name, "reason": reason, **({"detail": detail[:300]} if detail else {})})
     return out
-
-
-def _reason(device: Device) -> tuple[str, str]:
-    if device["category"] == "unknown":
-        return "unknown_meaning", str(device.get("missing") or "")
-    if device["capabilities"]:
-        names = ", ".join(capability["name"] for capability in device["capabilities"])
-        return "no_standard_interface", f"nothing here can write a tool for {names}"
-    if device["category"] == "infrastructure":
-        return "bus_infrastructure", ""
-    return "no_standard_interface", "the kernel offers no class interface for what it does"

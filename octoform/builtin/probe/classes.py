@@ -25,6 +25,7 @@ ATTRIBUTES: Mapping[str, tuple[str, ...]] = {
         "chassis_type",
     ),
     "extcon": ("name",),
+    "gnss": ("type",),
     "gpio": ("label", "ngpio"),
     "graphics": ("name",),
     "infiniband": ("hca_type", "node_desc"),
@@ -43,7 +44,6 @@ ATTRIBUTES: Mapping[str, tuple[str, ...]] = {
     "thermal": ("type", "max_state"),
     "tpm": ("tpm_version_major",),
     "typec": ("port_type", "usb_power_delivery_revision"),
-    "usbmisc": ("ieee1284_id",),
     "video4linux": ("name", "index"),
     "watchdog": ("identity",),
 }
@@ -55,6 +55,8 @@ _SUPPLY_NO_READING = {"name", "serial_number", "uevent", "devtype", *_SUPPLY_LIN
 _NETWORK_KINDS = {"1": "ethernet", "32": "infiniband", "280": "can", "512": "ppp", "772": "loopback", "801": "wireless"}
 _LED_OWNER = re.compile(r"(?<![a-z])(input|phy|mmc|usb|hid|card)\d+(?=\W|$)")
 _LED_HID = re.compile(r"^[0-9A-F]{4}:[0-9A-F]{4}:[0-9A-F]{4}\.[0-9A-F]+:")
+# What a printer's id says of its kind; serial numbers stand there too.
+_PRINTER_KEYS = frozenset(("MFG", "MANUFACTURER", "MDL", "MODEL", "CMD", "COMMAND SET", "CLS", "CLASS", "DES"))
 _TTY_NUMBER = re.compile(r"\d+$")
 _MAX_CHANNELS = 120
 _EDID_BYTES = 512
@@ -212,6 +214,15 @@ def _bluetooth(node: Node, reader: Reader, _uevent: dict[str, str]) -> None:
     node.address = reader.text(f"{node.path}/address")
 
 
+def _gpio(node: Node, reader: Reader, _uevent: dict[str, str]) -> None:
+    for attribute in ATTRIBUTES["gpio"]:
+        node.add(attribute, reader.text(f"{node.path}/{attribute}"))
+    # What a board's maker called the lines (device tree, gpio.yaml: strings, each ended by a zero byte).
+    names = (reader.data(f"{node.path}/of_node/gpio-line-names") or b"").split(b"\0")
+    node.add("line_names", ",".join(name.decode("utf-8", "surrogateescape") for name in names if name))
+    node.kind = dict(node.lines).get("label") or "gpiochip"
+
+
 def _leds(node: Node, reader: Reader, _uevent: dict[str, str]) -> None:
     node.kind = _LED_OWNER.sub(r"\1", _LED_HID.sub("", node.name))
     node.add("name", node.kind)
@@ -220,6 +231,14 @@ def _leds(node: Node, reader: Reader, _uevent: dict[str, str]) -> None:
 
 def _tty(node: Node, _reader: Reader, _uevent: dict[str, str]) -> None:
     node.add("name", _TTY_NUMBER.sub("", node.name))
+
+
+def _usbmisc(node: Node, reader: Reader, _uevent: dict[str, str]) -> None:
+    # A printer's IEEE 1284 device id is an attribute of the USB interface (ABI/testing/sysfs-driver-usb-usblp).
+    told = reader.text(f"{node.path}/../../ieee1284_id")
+    pairs = [pair.partition(":") for pair in told.split(";") if ":" in pair]
+    kept = [f"{key.strip()}:{text.strip()}" for key, _, text in pairs if key.strip().upper() in _PRINTER_KEYS]
+    node.add("ieee1284_id", ";".join(kept))
 
 
 def _dmi(node: Node, reader: Reader, _uevent: dict[str, str]) -> None:
@@ -262,6 +281,7 @@ SPECIAL: Mapping[str, Callable[[Node, Reader, dict[str, str]], None]] = {
     "bluetooth": _bluetooth,
     "dmi": _dmi,
     "drm": _drm,
+    "gpio": _gpio,
     "hwmon": _hwmon,
     "iio": _iio,
     "input": _input,
@@ -273,4 +293,5 @@ SPECIAL: Mapping[str, Callable[[Node, Reader, dict[str, str]], None]] = {
     "sound": _sound,
     "thermal": _thermal,
     "tty": _tty,
+    "usbmisc": _usbmisc,
 }

@@ -7,6 +7,7 @@ import os
 import re
 
 from octoform.builtin.probe import text
+from octoform.builtin.probe.commands import Command, output
 from octoform.builtin.probe.node import Node
 from octoform.builtin.probe.reader import Reader
 from octoform.builtin.probe.scans import Scan
@@ -19,6 +20,9 @@ _POSITION = re.compile(r"\s+at\s+\S.*$")
 _DEV_FOLDERS = ("snd", "input", "dri", "iio", "v4l", "usb", "serial", "i2c", "spi")
 _OS_FIELD = re.compile(r'^([A-Z_]+)="?([^"\n]*)"?$', re.M)
 _ARP_FIELDS = 4
+# Entries that the resolver holds already; the names are not resolved, since that would ask the network.
+_MDNS = Command("avahi-browse", ("avahi-browse", "--all", "--cache", "--terminate", "--parsable", "--no-db-lookup"))
+_MDNS_NAME = 3
 
 
 class Context:
@@ -30,6 +34,7 @@ class Context:
         self.platform: dict[str, str] = {"os": "linux", "arch": "unknown"}
         self.hostname = ""
         self._neighbours: list[str] | None = None
+        self._announced: int | None = None
         self._extra: list[Unit] = []
 
     def scans(self) -> list[Scan]:
@@ -40,6 +45,7 @@ class Context:
             Scan("dev:listing", self._device_names),
             Scan("device-tree", self._device_tree),
             Scan("proc:net/arp", self._arp),
+            Scan("command:avahi-browse", self._mdns),
             Scan("platform", self._platform),
         ]
 
@@ -50,12 +56,14 @@ class Context:
         the minute and is no fact about this host's kinds.
         """
         found = list(self._extra)
-        if self._neighbours is not None:
+        if self._neighbours is not None or self._announced is not None:
             head = Node("/proc/net/arp", "network", False, kind="neighbours", title="network neighbours")
             extra: dict[str, str | int | bool] = {
-                "count": len(self._neighbours),
-                "address": text.value(", ".join(self._neighbours), 300),
+                "count": len(self._neighbours or ()),
+                "address": text.value(", ".join(self._neighbours or ()), 300),
             }
+            if self._announced is not None:
+                extra["mdns_names"] = self._announced
             found.append(Unit(head, context=True, extra=extra))
         return found
 
@@ -159,6 +167,11 @@ class Context:
         rows = [line.split() for line in reader.text("/proc/net/arp", TEXT_BYTES).splitlines()[1:]]
         known = [f"{row[0]} {row[3]}" for row in rows if len(row) >= _ARP_FIELDS and row[3].strip("0:")]
         self._neighbours = sorted(known, key=text.natural)
+
+    def _mdns(self, reader: Reader) -> None:
+        """Only how many names: who they are is no fact about this host, and what people call them is theirs."""
+        rows = [line.split(";") for line in output(_MDNS, reader).splitlines() if line.startswith(("+", "="))]
+        self._announced = len({row[_MDNS_NAME] for row in rows if len(row) > _MDNS_NAME})
 
     def _platform(self, reader: Reader) -> None:
         live = not reader.root

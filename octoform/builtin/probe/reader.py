@@ -6,6 +6,7 @@ refuses it, so that no mistake in a table can make PROBE open a device node.
 """
 
 import errno
+import math
 import os
 from collections import Counter
 from pathlib import Path
@@ -27,6 +28,8 @@ class Reader:
         self.root = root.rstrip("/")
         self.failures: Counter[str] = Counter()
         self.abandoned = False
+        self.ends = math.inf
+        """When the scan's time is over, on the monotonic clock."""
 
     def fresh(self) -> "Reader":
         """A reader of the same root with its own counters, for one scan."""
@@ -53,7 +56,7 @@ class Reader:
             return None
         finally:
             os.close(descriptor)
-        self._still_wanted()
+        self.still_wanted()
         return found
 
     def text(self, path: str, limit: int = ATTRIBUTE_BYTES) -> str:
@@ -65,7 +68,7 @@ class Reader:
         """The names in a folder, sorted; OSError is the caller's to report."""
         with os.scandir((self.root + path) or "/") as entries:
             found = sorted(entry.name for entry in entries)
-        self._still_wanted()
+        self.still_wanted()
         return found
 
     def names_or_none(self, path: str) -> list[str]:
@@ -92,10 +95,11 @@ class Reader:
         return "unreadable: " + ", ".join(f"{name} {count}" for name, count in sorted(self.failures.items()))
 
     def _failed(self, problem: OSError) -> None:
-        self._still_wanted()
+        self.still_wanted()
         if problem.errno not in ORDINARY_ABSENCE:
             self.failures[errno.errorcode.get(problem.errno or 0, "EUNKNOWN")] += 1
 
-    def _still_wanted(self) -> None:
+    def still_wanted(self) -> None:
+        """Abandoned when the scan's time was over before what it waited for came."""
         if self.abandoned:
             raise Abandoned

@@ -18,21 +18,27 @@ STATUS_OF_ERRNO = {
     errno.ENOTDIR: "not_found",
     errno.EACCES: "denied",
     errno.EPERM: "denied",
+    errno.ETIMEDOUT: "timeout",
+    errno.EOPNOTSUPP: "unsupported",
 }
 DETAIL_CHARS = 400
 
 
 @dataclass(frozen=True, slots=True)
 class Scan:
-    """A named look at one part of the system; ``look`` stores what it finds where it was told to."""
+    """A named look at one part of the system; ``look`` stores what it finds where it was told to.
+
+    ``patience``: how many times as long as others it may take, for what is known to be slow.
+    """
 
     name: str
     look: Callable[[Reader], None]
+    patience: float = 1.0
 
 
 @dataclass(frozen=True, slots=True)
 class Report:
-    """How a scan went: status is ok, not_found, denied, error or timeout."""
+    """How a scan went: status is ok, not_found, denied, unsupported, error or timeout."""
 
     name: str
     status: str
@@ -49,13 +55,14 @@ class Report:
 
 def run_all(scans: list[Scan], reader: Reader, seconds: float = SCAN_SECONDS) -> list[Report]:
     """Run the scans one after the other, each for at most ``seconds``; one report each, in the same order."""
-    return [run_one(scan, reader.fresh(), seconds) for scan in scans]
+    return [run_one(scan, reader.fresh(), seconds * scan.patience) for scan in scans]
 
 
 def run_one(scan: Scan, reader: Reader, seconds: float) -> Report:
     """Run one scan; ``reader`` is its own, and is told when its time is over."""
     outcome: list[tuple[str, str]] = []
     started = time.monotonic()
+    reader.ends = started + seconds
     thread = threading.Thread(target=_look, args=(scan, reader, outcome), daemon=True)
     thread.start()
     thread.join(seconds)

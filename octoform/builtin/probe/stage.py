@@ -1,14 +1,14 @@
 """The stage itself: run every scan, make units of what they found, write the artifact."""
 
 import datetime
+import sys
 from pathlib import Path
 
-from octoform.builtin.probe import units
-from octoform.builtin.probe.context import Context
+from octoform.builtin.probe import macos, units
+from octoform.builtin.probe.linux import Linux
+from octoform.builtin.probe.macos import Macos
 from octoform.builtin.probe.reader import Reader
-from octoform.builtin.probe.scans import SCAN_SECONDS, Scan, run_all
-from octoform.builtin.probe.sysfs import Sysfs
-from octoform.builtin.probe.udev import UdevDatabase
+from octoform.builtin.probe.scans import SCAN_SECONDS, run_all
 from octoform.builtin.task import Task
 
 MAX_SCANS = 200
@@ -26,17 +26,14 @@ def run(task: Task) -> str:
 
 def probe(reader: Reader, seconds: float = SCAN_SECONDS) -> dict[str, object]:
     """The PROBE artifact of the host below the reader's root; each scan gets at most ``seconds``."""
-    udev = UdevDatabase()
-    sysfs = Sysfs(udev)
-    context = Context(sysfs.nodes)
-    scans = [Scan("udev:db", udev.scan), *sysfs.scans(reader.fresh()), *context.scans()][:MAX_SCANS]
-    reports = run_all(scans, reader, seconds)
-    found = units.entries([*units.collect(dict(sysfs.nodes)), *context.units()])
+    host = Macos() if macos.is_here(reader, sys.platform) else Linux(reader)
+    reports = run_all(host.scans()[:MAX_SCANS], reader, seconds)
+    found = units.entries(host.units())
     now = datetime.datetime.now(datetime.UTC).replace(microsecond=0)
     return {
         "format": 1,
-        "platform": context.platform,
-        "hostname": context.hostname,
+        "platform": host.platform,
+        "hostname": host.hostname,
         "timestamp": now.isoformat().replace("+00:00", "Z"),
         "scan_methods": [report.as_json() for report in reports],
         "devices": found[:MAX_DEVICES],
@@ -44,5 +41,5 @@ def probe(reader: Reader, seconds: float = SCAN_SECONDS) -> dict[str, object]:
 
 
 def probe_root(root: Path) -> dict[str, object]:
-    """The PROBE artifact of a folder that holds sys, proc, dev and run."""
+    """The PROBE artifact of a folder that holds sys, proc, dev and run, or a Mac's recorded reports."""
     return probe(Reader(str(root)))

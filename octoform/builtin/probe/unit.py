@@ -1,5 +1,6 @@
 """A unit: one device on a bus with everything that hangs below it, in canonical order."""
 
+import re
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 
@@ -9,6 +10,8 @@ from octoform.builtin.probe.node import Node
 _HEADS = {"input": "input", "sound": "card"}
 SCRUB_FROM = 6
 _HIDDEN = "<serial>"
+# Words that announce a serial number, and the number, wherever a firmware has put the two.
+_MARKED = re.compile(r"(?i)((?<![a-z])(?:s/?n|serial(?: ?no\.?| ?number)?) ?[:=#] ?)(?=[a-z-]*\d)[0-9a-z-]{4,}")
 
 
 @dataclass(slots=True)
@@ -24,7 +27,7 @@ class Unit:
     def vid_pid(self) -> tuple[str, str]:
         """Vendor and product id: its own, or that of the HID device in it."""
         for node in (self.head, *self.members):
-            if node.vid and node.pid and node.subsystem in ("usb", "pci", "hid"):
+            if node.vid and node.pid and node.subsystem in ("usb", "pci", "hid", "bluetooth", "windows"):
                 return node.vid, node.pid
         return "", ""
 
@@ -72,4 +75,4 @@ def scrub(said: str, secrets: list[str]) -> str:
     for secret in secrets:
         if secret in said:
             said = said.replace(secret, _HIDDEN)
-    return said
+    return _MARKED.sub(rf"\1{_HIDDEN}", said)

@@ -19,11 +19,12 @@ MAX_NAMES = 60
 # The light of a display panel hangs below the graphics adapter in sysfs; it is a thing of its own that can be set.
 _APART = frozenset(("backlight",))
 _NO_CLASS = frozenset(
-    ("wakeup", "usb", "scsi", "pci_express", "i2c", "usb-serial", "serial-base", "serial", "auxiliary")
+    ("wakeup", "usb", "scsi", "pci_express", "i2c", "platform", "usb-serial", "serial-base", "serial", "auxiliary")
 )
 _NO_SERIALS = frozenset(
     ("0", "1", "none", "n/a", "na", "default string", "to be filled by o.e.m.", "unknown", "serial")
 )
+_COUNTING = ("0123456789abcdef", "1234567890abcdef")
 # Numbered in the order of discovery: the name says nothing about the place.
 _UNPLACED_BUSES = frozenset(("hid", "scsi"))
 
@@ -51,8 +52,14 @@ def _owner_key(node: Node, owner: Mapping[str, str], units: Mapping[str, Unit]) 
         # Nothing real hides in a unit that stands for many of a kind.
         if key is not None and not units[key].group:
             owned = node.member and node.subsystem not in _APART
-            return key if owned or _same_product(node, units[key].head) else node.path
+            head = units[key].head
+            return key if owned or _is_cell(node, head) or _same_product(node, head) else node.path
     return node.path
+
+
+def _is_cell(node: Node, above: Node) -> bool:
+    """The kernel serves a product of several functions by a driver for each, and calls these platform devices."""
+    return node.subsystem == "platform" and above.subsystem in ("usb", "hid")
 
 
 def _same_product(node: Node, above: Node) -> bool:
@@ -121,8 +128,6 @@ def _entry(unit: Unit, identity: str, said: str, unique: bool) -> dict[str, obje
 
 
 def _interface(unit: Unit) -> str:
-    if unit.context:
-        return "network"
     if unit.group:
         return unit.group.partition("-")[0] if "-" in unit.group else "system"
     if unit.head.path.startswith(VIRTUAL) and unit.head.member:
@@ -140,14 +145,22 @@ def _serial(unit: Unit) -> str:
     return ""
 
 
+def _tells_apart(serial: str) -> bool:
+    """Whether a serial number is one: a word without a digit, one sign again and again or a mere count is none."""
+    bare = re.sub(r"[^0-9a-z]+", "", serial.lower())
+    return len(set(bare)) > 1 and any(map(str.isdecimal, bare)) and not any(bare in row for row in _COUNTING)
+
+
 def _instance(unit: Unit, unique: bool) -> dict[str, object]:
     head = unit.head
-    instance: dict[str, object] = {"sysfs": text.visible(head.path)[:1000]}
+    kernel = head.path.startswith(("/sys/", "/proc/"))
+    instance: dict[str, object] = {"sysfs": text.visible(head.path)[:1000]} if kernel else {}
     serial = _serial(unit)
     if not unit.group:
         instance["port"] = text.value(head.name, 200)
-        place = "weak" if head.subsystem in _UNPLACED_BUSES else "positional"
-        instance["strength"] = "strong" if serial and unique else place
+        counted = head.subsystem in _UNPLACED_BUSES or (head.member and head.name[-1:].isdecimal())
+        place = "weak" if counted else "positional"
+        instance["strength"] = "strong" if _tells_apart(serial) and unique else place
     if serial and not unit.group:
         instance["serial"] = text.value(serial, 300)
     nodes = in_class_order(owned(unit))

@@ -11,25 +11,33 @@ from typing import Any
 
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
+from octoform.builtin.grammars import Profiles
+from octoform.builtin.identify.classes.gpio import BREAKOUT_DRIVERS, HEADER_NAME
+from octoform.builtin.serve import lines
 from octoform.builtin.serve.functions import annotation_names, heading, registration
 from octoform.builtin.serve.shapes import Shapes
 from octoform.builtin.task import Refused
 
 TEMPLATES = Path(__file__).parent / "templates"
 SECTIONS: Mapping[str, tuple[str, ...]] = {
-    "camera": ("capture_image", "list_camera_formats"),
+    "camera": ("capture_image", "list_camera_formats", "list_video_codecs"),
     "audio": ("record_audio", "play_audio"),
     "sensors": (
         *("read_temperature", "read_fan_speed", "read_voltage", "read_current", "read_power", "read_energy"),
         *("read_humidity", "read_acceleration", "read_angular_velocity", "read_magnetic_field", "read_illuminance"),
         *("read_pressure", "read_proximity", "read_sensor_channels"),
     ),
+    "counters": ("read_counters",),
+    "position": ("read_position",),
     "power": ("read_battery", "read_power_supply"),
     "light": ("read_brightness", "set_brightness", "read_led", "set_led"),
-    "gpio": ("read_gpio_lines",),
-    "inputs": ("describe_input", "read_input_events"),
+    "gpio": ("read_gpio_lines", "read_gpio_line", "set_gpio_line"),
+    "outputs": ("read_output_channels", "set_output_channel"),
+    "inputs": ("describe_input", "read_input_events", "play_rumble"),
+    "printer": ("read_printer_status",),
     "storage": ("read_storage",),
     "display": ("read_display",),
+    "network": ("read_network_interfaces", "read_bluetooth"),
     "clock": ("read_clock",),
 }
 """Template name to the capabilities that it implements, in the order of the server."""
@@ -50,8 +58,7 @@ _MODULES = (
     "wave",
 )
 _FROM: Mapping[str, tuple[str, ...]] = {
-    "collections.abc": ("Callable", "Iterable", "Iterator"),
-    "contextlib": ("ExitStack",),
+    "collections.abc": ("Callable", "Iterable"),
     "pathlib": ("Path",),
     "typing": ("Annotated", "Any", "Literal"),
     "fastmcp": ("FastMCP",),
@@ -61,28 +68,34 @@ _FROM: Mapping[str, tuple[str, ...]] = {
     "pydantic": ("Field", "TypeAdapter"),
     "typing_extensions": ("TypedDict",),
 }
-_STANDARD = ("collections.abc", "contextlib", "pathlib", "typing")
+_STANDARD = ("collections.abc", "pathlib", "typing")
 _REQUIREMENTS: Mapping[str, str] = {
     "fastmcp": "fastmcp>=4.1,<4.2",
     "pydantic": "pydantic>=2.12,<3",
     "typing_extensions": "typing-extensions>=4.12",
     "cv2": "opencv-python-headless>=4.10",
+    "serial": "pyserial>=3.5,<4",
 }
 
 
-def assemble(tools: Sequence[Mapping[str, Any]]) -> str:
-    """The whole file for these tools; Refused for a capability that no template implements."""
+def assemble(tools: Sequence[Mapping[str, Any]], profiles: Profiles = ()) -> str:
+    """The whole file for these tools; Refused for a capability that no template and no profile's grammar implements."""
     by_capability = {tool["capability"]: tool for tool in tools}
     known = {name for names in SECTIONS.values() for name in names}
-    if strange := sorted(by_capability.keys() - known):
+    spoken = lines.commands(by_capability, profiles)
+    if strange := sorted(by_capability.keys() - known - spoken.keys()):
         raise Refused(f"no template implements {', '.join(strange)}")
     shapes, hints = Shapes(tools), annotation_names(tools)
     base = _rendered("base", hints=hints)
     if shapes.lines:
         base += "\n\n# fmt: off\n" + "\n".join(shapes.lines) + "\n# fmt: on"
-    ordered = [by_capability[name] for names in SECTIONS.values() for name in names if name in by_capability]
+    names = [*(name for names in SECTIONS.values() for name in names), *spoken]
+    ordered = [by_capability[name] for name in names if name in by_capability]
     end = _rendered("main", lines=[registration(tool, shapes, hints) for tool in ordered])
-    text = "\n\n\n".join([base, *_sections(by_capability, shapes), end]) + "\n"
+    sections = _sections(by_capability, shapes)
+    if spoken:
+        sections.append(_rendered("lines", **lines.section(by_capability, spoken, shapes)))
+    text = "\n\n\n".join([base, *sections, end]) + "\n"
     used = _used(text)
     requirements = [requirement for name, requirement in _REQUIREMENTS.items() if name in used]
     return f"{_rendered('header', requirements=requirements, count=len(tools))}\n\n{_imports(used)}\n\n{text}"
@@ -95,7 +108,7 @@ def _sections(by_capability: Mapping[str, Mapping[str, Any]], shapes: Shapes) ->
         return heading(by_capability[capability], shapes)
 
     return [
-        _rendered(name, tools=by_capability, head=head, sources=sources)
+        _rendered(name, tools=by_capability, head=head, sources=sources, breakouts=BREAKOUT_DRIVERS, header=HEADER_NAME)
         for name, capabilities in SECTIONS.items()
         if by_capability.keys() & set(capabilities)
     ]

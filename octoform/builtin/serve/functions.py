@@ -7,7 +7,7 @@ import textwrap
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from octoform.builtin.serve.shapes import WIDTH, Shapes, choices, quoted
+from octoform.builtin.serve.shapes import WIDTH, Shapes, quoted
 
 _HINTS = ("readOnlyHint", "destructiveHint", "idempotentHint", "openWorldHint")
 _NAMES = {
@@ -66,17 +66,15 @@ def _parameters(tool: Mapping[str, Any], shapes: Shapes) -> list[str]:
     schema = tool["input_schema"]
     properties = schema.get("properties", {})
     ordered = sorted(properties, key=lambda name: name not in schema.get("required", ()))
-    return [_parameter(name, properties[name], shapes.device_type(tool)) for name in ordered]
+    return [_parameter(name, tool, shapes) for name in ordered]
 
 
-def _parameter(name: str, schema: Mapping[str, Any], device: str) -> str:
+def _parameter(name: str, tool: Mapping[str, Any], shapes: Shapes) -> str:
+    schema = tool["input_schema"]["properties"][name]
     default = f" = {_value(schema['default'])}" if "default" in schema else ""
     if name == "device":
-        return f"{name}: {device}{default}"
-    if "enum" in schema or "const" in schema:
-        kind = "Literal[" + ", ".join(quoted(word) for word in choices(schema)) + "]"
-    else:
-        kind = _TYPES[schema["type"]]
+        return f"{name}: {shapes.device_type(tool)}{default}"
+    kind = shapes.choice_type(tool, name) if "enum" in schema or "const" in schema else _TYPES[schema["type"]]
     fields = [f"{word}={_value(schema[key])}" for key, word in _BOUNDS.items() if key in schema]
     fields += [f"description={quoted(schema['description'])}"] if "description" in schema else []
     return f"{name}: Annotated[{kind}, Field({', '.join(fields)})]{default}" if fields else f"{name}: {kind}{default}"

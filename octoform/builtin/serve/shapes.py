@@ -9,6 +9,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 WIDTH = 120
+MOST_INLINE = 60
 _PLAIN = {"string": "str", "integer": "int", "number": "float", "boolean": "bool"}
 
 
@@ -25,6 +26,9 @@ class Shapes:
                 self.type_of(tool["output_schema"])
         for tool in tools:
             self.device_type(tool)
+            for name, schema in tool["input_schema"].get("properties", {}).items():
+                if name != "device" and ("enum" in schema or "const" in schema):
+                    self.choice_type(tool, name)
 
     def type_of(self, schema: Mapping[str, Any]) -> str:
         """The Python type of a schema, defining the records in it; TypeError for what is not understood."""
@@ -51,6 +55,18 @@ class Shapes:
             described = [f"Field(description={quoted(key[1])})"] if key[1] else []
             self.lines += _definition(f"{name} = Annotated[", [_literal(key[0]), *described], "]")
         return self._devices[key]
+
+    def choice_type(self, tool: Mapping[str, Any], parameter: str) -> str:
+        """The type of a parameter that is one of some words: written out, or defined where they are many."""
+        words = choices(tool["input_schema"]["properties"][parameter])
+        plain = _literal(words)
+        if len(plain) <= MOST_INLINE:
+            return plain
+        name = "".join(word.capitalize() for word in f"{tool['capability']}_{parameter}".split("_"))
+        lines = _definition(f"{name} = Literal[", [quoted(word) for word in words], "]")
+        if not set(lines) <= set(self.lines):
+            self.lines += lines
+        return name
 
     def _free_name(self, devices: Sequence[str], capability: str) -> str:
         """A name for these devices that no other type has: tools of one kind may serve different ones."""
@@ -98,17 +114,18 @@ def _literal(words: Sequence[str]) -> str:
 
 
 def _definition(start: str, parts: Sequence[str], end: str) -> list[str]:
-    """``start a, b end`` on one line where it fits, else filled lines of parts."""
-    whole = f"{start}{', '.join(parts)}{end}"
-    if len(whole) <= WIDTH:
-        return [whole]
-    lines, line = [start], "   "
-    for piece in (piece for part in parts for piece in _breakable(part)):
-        if len(line) + len(piece) + 2 > WIDTH and line.strip():
+    """``start a, b end`` in filled lines: the table of types is to take as little of the file as it can."""
+    pieces = [piece for part in parts for piece in _breakable(part)]
+    lines, line = [], start
+    for index, piece in enumerate(pieces):
+        last = index == len(pieces) - 1
+        text = piece + (end if last else ",")
+        gap = "" if line == start else " "
+        if len(line) + len(gap) + len(text) > WIDTH and line != start:
             lines.append(line)
-            line = "   "
-        line += f" {piece},"
-    return [*lines, line, end]
+            line, gap = "   ", " "
+        line += gap + text
+    return [*lines, line]
 
 
 def _breakable(part: str) -> list[str]:

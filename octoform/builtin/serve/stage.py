@@ -8,6 +8,7 @@ import ast
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from octoform.builtin.grammars import Profiles
 from octoform.builtin.serve.assemble import assemble
 from octoform.builtin.task import Refused, Task
 
@@ -17,16 +18,16 @@ MOST_LINES = 500
 def run(task: Task) -> str:
     """Write server.py; the summary line (``server.py: 9 tools, 213 lines``). Refused says why there can be none."""
     interface = task.read_input()
-    text = render(interface)
+    text = render(interface, task.profiles)
     task.write(text)
     tools = len(interface["tools"])
     return f"server.py: {tools} tool{'s' * (tools != 1)}, {text.count(chr(10))} lines"
 
 
-def render(interface: Mapping[str, Any]) -> str:
+def render(interface: Mapping[str, Any], profiles: Profiles = ()) -> str:
     """The server's source; Refused for a tool without a template, and for a server longer than the protocol allows."""
     try:
-        text = assemble(interface["tools"])
+        text = assemble(interface["tools"], profiles)
         ast.parse(text)
     except (KeyError, TypeError, AttributeError, SyntaxError) as problem:
         raise Refused(f"the INTERFACE artifact cannot be rendered: {type(problem).__name__}: {problem}") from problem
@@ -37,6 +38,6 @@ def render(interface: Mapping[str, Any]) -> str:
     return text
 
 
-def lines(tools: Sequence[Mapping[str, Any]]) -> int:
+def lines(tools: Sequence[Mapping[str, Any]], profiles: Profiles = ()) -> int:
     """How many lines a server of these tools has."""
-    return assemble(tools).count("\n")
+    return assemble(tools, profiles).count("\n")

@@ -14,7 +14,8 @@ from octoform.views.stream import JsonStream
 
 def run(arguments: Namespace, project: Path, screen: Console) -> int:
     """Show what would change, and change nothing."""
-    usual = not (arguments.target or arguments.replace or arguments.out or arguments.destroy or arguments.no_reuse)
+    more = ("target", "replace", "out", "destroy", "no_reuse", "tier1")
+    usual = not any(getattr(arguments, name) for name in more)
     remembered = memo.recall(project, os.environ) if usual else None
     return _show(arguments, screen, remembered) if remembered is not None else _compile(arguments, project, screen)
 
@@ -23,7 +24,8 @@ def _compile(arguments: Namespace, project: Path, screen: Console) -> int:
     from octoform.engine.planning import Request, make_plan  # the one heavy import that the memo saves
 
     targets, replace = tuple(arguments.target), tuple(arguments.replace)
-    request = Request(project, os.environ, targets, replace, destroy=arguments.destroy, reuse=not arguments.no_reuse)
+    how = {"destroy": arguments.destroy, "reuse": not arguments.no_reuse, "tier1": arguments.tier1}
+    request = Request(project, os.environ, targets, replace, **how)
     result = make_plan(request, Path(arguments.out).absolute() if arguments.out else None)
     if result.plan is None and arguments.json:
         JsonStream(screen).diagnostics(result.diagnostics)

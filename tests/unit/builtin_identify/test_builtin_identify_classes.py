@@ -124,7 +124,7 @@ TOUCHPAD = device(
             "imu",
             {"read_acceleration", "read_angular_velocity", "read_temperature", "read_sensor_channels"},
         ),
-        (CONVERTER, "actuator", "dac", set()),
+        (CONVERTER, "actuator", "dac", {"read_output_channels", "set_output_channel"}),
         (TRANSCEIVER, "bidirectional", "sdr", {"read_sensor_channels"}),
         (BATTERY, "sensor", "battery", {"read_battery", "read_voltage"}),
         (BACKLIGHT, "actuator", "light", {"read_brightness", "set_brightness"}),
@@ -162,6 +162,14 @@ def test_a_class_with_a_standard_interface_gets_its_capabilities(
         (["interface 00: class 06/01/01", "product: Kestrel Digital Camera"], "sensor", "still_camera"),
         (["interface 00: class fe/03/01"], "sensor", "instrument"),
         (["interface 00: class 11/00/00", "device_class: 11/00/00"], "infrastructure", "billboard"),
+        (["interface 00: class 01/01/20", "interface 01: class 01/02/20", "product: Lark Y5"], "actuator", "audio_out"),
+        (["interface 00: class 01/01/00", "interface 01: class 01/02/00", "product: Lark Mic"], "sensor", "audio_in"),
+        (["interface 00: class 01/01/00", *["interface 01: class 01/02/00"] * 2], "bidirectional", "audio"),
+        (
+            ["interface 00: class ff/ff/00", "interface 01: class ff/02/01", "interface 02: class ff/03/00"],
+            "bidirectional",
+            "audio",
+        ),
         (["interface 00: class ff/00/00", "product: Tern Fingerprint T5"], "sensor", "fingerprint"),
         (["interface 00: class 03/00/00", "hid[0].usages: 0084/0004"], "infrastructure", "ups"),
         (["interface 00: class 03/00/00", "hid[0].usages: f1d0/0001"], "infrastructure", "security"),
@@ -184,7 +192,21 @@ def test_a_video_processor_is_no_camera() -> None:
         nodes=[("video4linux", "video0")],
     )
     found = answer(entry)
-    assert (found["category"], found["class"], found["capabilities"]) == ("infrastructure", "codec", [])
+    assert (found["category"], found["class"]) == ("infrastructure", "codec")
+    assert set(capabilities(found)) == {"list_video_codecs"}
+
+
+@pytest.mark.parametrize("name", ["soc9-isp1_mainpath", "rkisp_selfpath", "soc9 jpegenc", "imx-isi-m2m.0", "wave7-dec"])
+def test_an_image_processor_by_its_drivers_word_is_no_camera(name: str) -> None:
+    node = [("video4linux", "video0")]
+    found = answer(device("platform-ip", "platform", "name: ip", f"video4linux[0].name: {name}", nodes=node))
+    assert (found["class"], set(capabilities(found))) == ("codec", {"list_video_codecs"})
+
+
+def test_a_radio_tuner_is_no_camera() -> None:
+    lines = ("product: Heron FM Radio", "interface 02: class 03/00/00", "video4linux[0].name: tuner9")
+    found = answer(usb(*lines, nodes=[("video4linux", "radio0")]))
+    assert (found["category"], found["class"], found["capabilities"]) == ("bidirectional", "radio", [])
 
 
 def test_channels_carry_label_unit_and_source() -> None:
@@ -220,4 +242,4 @@ def test_the_lights_of_a_network_adapter_are_not_offered() -> None:
         "pci-wifi", "pci", "bus: pci", "class_code: 0x028000", "leds[0].name: phy0-led", "leds[0].max_brightness: 1",
         nodes=[("net", "wlan0"), ("leds", "phy0-led"), ("ieee80211", "phy0")],
     )  # fmt: skip
-    assert set(capabilities(answer(entry))) <= {"read_led"}
+    assert set(capabilities(answer(entry))) <= {"read_led", "read_network_interfaces"}

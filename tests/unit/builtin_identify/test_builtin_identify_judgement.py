@@ -27,7 +27,7 @@ def test_a_serial_chip_stays_unknown_and_asks(product: str) -> None:
     lines = [f"product: {product}"] if product else []
     found = answer(usb(*lines, *SERIAL, nodes=[("tty", "ttyUSB0")]))
     assert (found["category"], found["confidence"], found["capabilities"]) == ("unknown", 0.0, [])
-    assert found["id"] in found["missing"]
+    assert found["missing"] == "What is connected through this USB serial adapter?"
 
 
 def test_same_ids_with_other_strings_are_another_product() -> None:
@@ -126,6 +126,7 @@ def test_a_hostile_string_is_data(text: str) -> None:
         (device("net-peer", "network", "kind: neighbour", context=True), "network_neighbour"),
         (usb("device_class: 09/00/03", sysfs="/sys/devices/pci0000:00/usb2"), "bus_infrastructure"),
         (device("pci-br", "pci", "bus: pci", "class_code: 0x060400"), "bus_infrastructure"),
+        (device("pci-net", "pci", "class_code: 0x020000", drivers=["virtio-pci"]), "duplicate_path"),
         (device("virtual-block", "virtual", "group: virtual-block", nodes=[("block", "loop0")]), "virtual"),
         (device("platform-serial", "platform", "name: serial8250", nodes=[("tty", "ttyS0")]), "unknown_meaning"),
         (device("acpi-lnx", "acpi", "bus: acpi", "hid: LNXCPU"), "no_function"),

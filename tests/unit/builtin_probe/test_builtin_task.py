@@ -29,7 +29,18 @@ def test_without_a_usable_budget_the_default_holds(limits: object, tmp_path: Pat
     assert (task.tools_budget, task.sysroot) == (DEFAULT_TOOLS, Path("/"))
 
 
-@pytest.mark.parametrize("changes", [{"stage": "dance"}, {"output": None}, {"output": 3}, {"input": ""}])
+def test_profiles_and_answers_are_read(tmp_path: Path) -> None:
+    task = read_task(write(tmp_path, profiles=[{"name": "lamp"}], answers={"usb-1": "the lamp"}), {})
+    assert (task.profiles, task.answers) == (({"name": "lamp"},), {"usb-1": "the lamp"})
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        *({"stage": "dance"}, {"output": None}, {"output": 3}, {"input": ""}),
+        *({"profiles": {}}, {"profiles": ["lamp"]}, {"answers": ["the lamp"]}, {"answers": {"usb-1": 1}}),
+    ],
+)
 def test_a_wrong_task_is_refused(changes: dict[str, object], tmp_path: Path) -> None:
     with pytest.raises(Refused):
         read_task(write(tmp_path, **changes), {})

@@ -13,8 +13,13 @@ from octoform.builtin.interface.stage import declare
 CAMERA, SOUND, CHIP, ZONE, IMU = "usb-1f00-00c1", "usb-1f00-00a1", "hwmon-corechip", "thermal-cpuzone", "i2c-imu9"
 BATTERY, PANEL, LAMP, CLOCK = "acpi-batt01", "backlight-panel0", "leds-status-green", "platform-rtc-demo"
 DISK, SCREEN, KEYS, PINS = "scsi-demo-disk", "pci-1f01-0002", "usb-1f00-00b1", "platform-pinctrl"
+ADAPTER = "pci-1f01-0003"
+RECEIVER, PRINTER, CONVERTER, CODEC = "usb-1f00-00d1", "usb-1f00-00e1", "spi-dac16", "platform-vpu"
+ENCODER = "platform-encoder"
 DEVICES: dict[str, tuple[str, ...]] = {
     CAMERA: ("capture_image", "list_camera_formats"),
+    ENCODER: ("read_counters",),
+    CODEC: ("list_video_codecs",),
     SOUND: ("record_audio", "play_audio"),
     CHIP: (
         *("read_temperature", "read_fan_speed", "read_voltage", "read_current", "read_power", "read_energy"),
@@ -31,8 +36,12 @@ DEVICES: dict[str, tuple[str, ...]] = {
     CLOCK: ("read_clock",),
     DISK: ("read_storage",),
     SCREEN: ("read_display",),
-    KEYS: ("describe_input", "read_input_events"),
-    PINS: ("read_gpio_lines",),
+    KEYS: ("describe_input", "read_input_events", "play_rumble"),
+    RECEIVER: ("read_position",),
+    PRINTER: ("read_printer_status",),
+    CONVERTER: ("read_output_channels", "set_output_channel"),
+    PINS: ("read_gpio_lines", "read_gpio_line", "set_gpio_line"),
+    ADAPTER: ("read_network_interfaces", "read_bluetooth"),
 }
 EPOCH = 1_700_000_000
 
@@ -40,6 +49,8 @@ EPOCH = 1_700_000_000
 def capability(name: str) -> dict[str, Any]:
     """A capability as IDENTIFY gives it."""
     facts: dict[str, Any] = {"leds": [{"name": "status:green"}, {"name": "status:red"}]} if "led" in name else {}
+    if "output" in name:
+        facts = {"outputs": ["out_voltage0", "out_voltage10", "out_voltage2", "out_current0"]}
     made = {"name": name, "description": "x", "via": "y", "effect": KINDS[name].effect}
     return {**made, "parameters": facts} if facts else made
 
@@ -68,8 +79,10 @@ def build(root: Path) -> Tree:
     tree = Tree(root)
     _usb(tree)
     _sensors(tree)
+    _converter(tree)
     _power_and_light(tree)
     _machine(tree)
+    _network(tree)
     return tree
 
 
@@ -86,6 +99,14 @@ def _usb(tree: Tree) -> None:
     tree.member("pci0/usb1/1-3/input/input3/event3", "input", DEVNAME="input/event3")
     (tree.root / "dev/input").mkdir()
     os.mkfifo(tree.root / "dev/input/event3")
+    tree.usb("pci0/usb1/1-4", "1f00", "00d1")
+    tree.member("pci0/usb1/1-4/1-4:1.0/tty/ttyACM0", "tty", DEVNAME="ttyACM0")
+    tree.usb("pci0/usb1/1-5", "1f00", "00e1")
+    tree.member("pci0/usb1/1-5/1-5:1.0/usbmisc/lp0", "usbmisc", DEVNAME="usb/lp0")
+    said = "MFG:Demo Makers;MDL:Inker 9;CMD:PCL,PJL;CLS:PRINTER;SN:SECRET77;"
+    (tree.root / "sys/devices/pci0/usb1/1-5/1-5:1.0/ieee1284_id").write_text(said)
+    (tree.root / "dev/usb").mkdir()
+    (tree.root / "dev/usb/lp0").touch()
 
 
 def _sensors(tree: Tree) -> None:
@@ -99,6 +120,14 @@ def _sensors(tree: Tree) -> None:
     imu |= {"in_temp_scale": "200", "in_magn_x_raw": "2", "in_magn_x_scale": "0.5", "in_illuminance_input": "120.5"}
     imu |= {"in_pressure_input": "101.325", "in_proximity_raw": "7", "in_humidityrelative_input": "45500"}
     tree.bus("i2c0/i2c-1/1-0068/iio:device0", "iio", {**imu, "in_voltage0_raw": "500", "in_voltage_scale": "2"})
+
+
+def _converter(tree: Tree) -> None:
+    tree.bus("spi0/spi0.0", "spi", {"name": "dac16"})
+    dac = {"name": "dac16", "out_voltage0_raw": "0", "out_voltage0_scale": "0.5", "out_voltage0_offset": "-1000"}
+    dac |= {"out_voltage0_raw_available": "[0 1 4095]", "out_voltage0_powerdown": "1", "out_voltage2_raw": "8"}
+    dac |= {"out_voltage0_dither_raw": "9", "out_current0_raw": "100", "out_current_scale": "0.01"}
+    tree.bus("spi0/spi0.0/iio:device1", "iio", dac)
 
 
 def _power_and_light(tree: Tree) -> None:
@@ -125,8 +154,30 @@ def _machine(tree: Tree) -> None:
     screen = {"status": "connected", "enabled": "enabled", "modes": "1920x1080\n1920x1080\n640x480", "edid": edid()}
     tree.member("pci0/0000:00:02.0/drm/card0", "drm")
     tree.member("pci0/0000:00:02.0/drm/card0/card0-DP-1", "drm", screen)
+    tree.bus("platform/encoder", "platform")
+    counts = {"name": "encoder", "count0/count": "-42", "count0/name": "Wheel", "count0/direction": "backward"}
+    tree.bus("platform/encoder/counter0", "counter", {**counts, "count1/count": "broken"})
+    tree.bus("platform/vpu", "platform")
+    tree.member("platform/vpu/video4linux/video9", "video4linux", {"name": "vpu-dec"}, DEVNAME="video9")
+    (tree.root / "dev/video9").touch()
     tree.bus("platform/pinctrl", "platform")
     tree.bus("platform/pinctrl/gpiochip0", "gpio", DEVNAME="gpiochip0")
+
+
+def _network(tree: Tree) -> None:
+    tree.bus("pci0/0000:00:03.0", "pci", {"vendor": "0x1f01", "device": "0x0003"})
+    wired = {"operstate": "up", "carrier": "1", "speed": "1000", "duplex": "full", "mtu": "1500", "address": "02:00"}
+    counters = {"rx_bytes": "4100", "tx_bytes": "2050", "rx_errors": "0", "tx_errors": "3"}
+    counted = {f"statistics/{name}": value for name, value in counters.items()}
+    tree.member("pci0/0000:00:03.0/net/eth0", "net", {**wired, **counted})
+    tree.member("pci0/0000:00:03.0/net/wlan0", "net", {"operstate": "down", "speed": "-1", "phy80211/index": "0"})
+    radio = {"address": "02:00:5e:10:00:01", "rfkill4/soft": "1", "rfkill4/hard": "0"}
+    tree.member("pci0/0000:00:03.0/bluetooth/hci0", "bluetooth", radio)
+    tree.member("pci0/0000:00:03.0/bluetooth/hci0/hci0:12", "bluetooth")
+    for number, text in enumerate(("Name=Demo Keys\n[LinkKey]\nKey=1", "Name=Seen\n", "Alias=Mine\n[LongTermKey]\n")):
+        folder = tree.root / f"var/lib/bluetooth/02:00:5E:10:00:01/02:00:5E:10:00:1{number}"
+        folder.mkdir(parents=True)
+        (folder / "info").write_text(f"[General]\n{text}")
 
 
 def edid() -> bytes:

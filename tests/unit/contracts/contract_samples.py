@@ -226,7 +226,7 @@ def set_fan_speed(percent: float) -> dict:
 
 
 def _drive(percent: float) -> None:
-    with open(runtime.device("hwmon-fanboard").node("fan"), "w") as line:
+    with open(runtime.device("hwmon-fanboard", actuate=True).node("fan"), "w") as line:
         line.write(str(percent))
 
 

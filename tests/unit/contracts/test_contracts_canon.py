@@ -48,12 +48,27 @@ def test_serial_address_and_host_name_are_hidden_everywhere() -> None:
     probe["devices"][0]["instance"]["nodes"].append(
         {"class": "video4linux", "name": "by-id", "node": "/dev/v4l/by-id/usb-Acme_ac00451177-index0"}
     )
-    probe["devices"][3]["raw_descriptor"] += "\nname: wlx02005e100001\nseen: 02-00-5E-10-00-01 by bench-seven"
+    probe["devices"][3]["raw_descriptor"] += "\nname: wlx02005e100001\nseen: 02-00-5E-10-00-01 by bench-seven, once"
     probe["devices"][4]["name"] = "router 0a:1b:2c:3d:4e:5f"
     text = json.dumps(pseudonymise(probe, KEY)).casefold()
     for secret in ("ac00451177", "02005e100001", "02:00:5e", "02-00-5e", "bench-seven", "0a:1b:2c"):
         assert secret not in text
     assert text.count("redacted-") == 9
+
+
+def test_a_short_host_name_is_hidden_as_a_word_and_spared_as_a_word_of_a_device() -> None:
+    probe = good("probe")
+    probe["hostname"] = "pi4"
+    probe["scan_methods"][0]["detail"] = "asked pi4.local and PI4; spi4 was not"
+    probe["devices"][4]["raw_descriptor"] = "arp; answers pi4"
+    shown = pseudonymise(probe, KEY)
+    assert shown["hostname"].startswith("redacted-")
+    assert shown["scan_methods"][0]["detail"] == "asked {0}.local and {0}; spi4 was not".format(shown["hostname"])
+    assert shown["devices"][4]["raw_descriptor"] == f"arp; answers {shown['hostname']}"
+    probe["devices"][0]["name"] = "Acme Pi4 Deskcam"
+    shown = pseudonymise(probe, KEY)
+    assert shown["devices"][0]["name"] == "Acme Pi4 Deskcam"
+    assert shown["devices"][4]["raw_descriptor"] == "arp; answers pi4"
 
 
 def test_the_same_secret_has_the_same_pseudonym_and_another_key_another() -> None:

@@ -6,6 +6,7 @@ from typing import Any
 import pytest
 from contract_samples import ACT, READ, SCHEMAS, artifacts, good
 
+from octoform.contracts import answer_rules
 from octoform.contracts.checking import MAX_PER_RULE, RULES, check
 from octoform.diagnostics import Severity
 
@@ -104,8 +105,13 @@ IDENTIFY_CASES: list[tuple[str, Change]] = [
     ("IDENTIFY-DUPLICATE-DEVICE", _add("left_out", {"id": "usb-1234-0001", "reason": "no_function"})),
     ("IDENTIFY-DEVICE-UNACCOUNTED", _drop("left_out.1")),
     ("IDENTIFY-QUOTE-NOT-VERBATIM", _put("devices.0.evidence.0.quote", "Acme  Deskcam")),
-    ("IDENTIFY-QUOTE-NOT-VERBATIM", _put("devices.0.evidence.0.quote", "Widgetronic")),
-    ("IDENTIFY-QUOTE-NOT-VERBATIM", _put("devices.0.evidence.0.quote", ":")),
+    ("IDENTIFY-QUOTE-NOT-VERBATIM", _put("devices.0.evidence.0.quote", "Widgetronic Deskcam")),
+    ("IDENTIFY-QUOTE-NOT-VERBATIM", _all(_put("devices.0.evidence.0.quote", ":"), _put("devices.0.confidence", 0.4))),
+    ("IDENTIFY-NAME-WITHOUT-EVIDENCE", _put("devices.0.identified_as", "Zebra 9000")),
+    (
+        "IDENTIFY-NAME-WITHOUT-EVIDENCE",
+        _all(_put("devices.0.method", "id_database"), _put("devices.0.evidence", [{"quote": "product: Acme Deskcam"}])),
+    ),
     ("IDENTIFY-CHIP-NOT-PRODUCT", _put("devices.0.identified_as", "USB-serial adapter")),
     ("IDENTIFY-PASSTHROUGH", _put("devices.0.capabilities.0.name", "send_serial_command")),
     (
@@ -232,7 +238,7 @@ def test_a_broken_deploy_gets_exactly_its_code(code: str, change: Change) -> Non
 def test_a_neighbour_may_not_be_promoted() -> None:
     value = good("identify")
     value["left_out"].pop(0)
-    device = dict(value["devices"][0], id="neighbour-router", evidence=[{"quote": "router"}])
+    device = dict(value["devices"][0], id="neighbour-router", identified_as="A router", evidence=[{"quote": "router"}])
     value["devices"].append(device)
     found = check("identify", value, artifacts(), SCHEMAS)
     assert [item.code for item in found] == ["IDENTIFY-NEIGHBOUR-PROMOTED"]
@@ -325,6 +331,7 @@ def test_a_schema_breach_names_field_pointer_and_a_guess() -> None:
 
 def test_hostile_text_is_escaped_and_bounded_in_messages() -> None:
     value = good("identify")
+    value["devices"][0] |= {"identified_as": "x" * 20}
     value["devices"][0]["evidence"][0]["quote"] = "\x1b[31m\u202e" + "x" * 400
     found, hidden = check("identify", value, artifacts(), SCHEMAS)
     assert hidden.code == "IDENTIFY-UNESCAPED-TEXT"
@@ -348,7 +355,14 @@ def test_a_missing_predecessor_is_a_bug_of_the_caller() -> None:
 
 def test_every_rule_has_a_code_of_its_stage_and_a_case_here() -> None:
     cases = {code for table in (PROBE_CASES, IDENTIFY_CASES, INTERFACE_CASES, DEPLOY_CASES) for code, _ in table}
-    own_tests = {"IDENTIFY-NEIGHBOUR-PROMOTED", "IDENTIFY-MANY-DEVICES", "INTERFACE-TOOL-BUDGET"}
+    own_tests = {rule.code for rule in answer_rules.RULES}
+    own_tests |= {
+        "IDENTIFY-NEIGHBOUR-PROMOTED",
+        "IDENTIFY-MANY-DEVICES",
+        "IDENTIFY-SHARED-HUB",
+        "INTERFACE-GRAMMAR-DIFFERS",
+        "INTERFACE-TOOL-BUDGET",
+    }
     for stage, rules in RULES.items():
         codes = [rule.code for rule in rules]
         assert len(set(codes)) == len(codes)

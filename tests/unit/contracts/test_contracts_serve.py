@@ -1,13 +1,16 @@
 """Each rule of SERVE, broken alone in a good server; what the imported server declares; and the lock."""
 
+import inspect
+
 import pytest
 from contract_samples import READ, SCHEMAS, SERVER, artifacts, good
 
+from octoform import runtime
 from octoform.contracts.checking import RULES, check
 from octoform.contracts.deploying import deploy_lock
 from octoform.contracts.header import declared_requirements
 from octoform.contracts.model import Artifacts
-from octoform.contracts.serve_device_rules import camera_held
+from octoform.contracts.serve_device_rules import RUNTIME_TOUCHES, camera_held
 from octoform.contracts.serve_rules import serve_static
 from octoform.contracts.serving import serve_dynamic
 
@@ -48,6 +51,15 @@ CASES = [
     ("SERVE-DEVICE-AT-IMPORT", END, '\n\nFAN = runtime.device("hwmon-fanboard")' + END),
     ("SERVE-DEVICE-AT-IMPORT", "def _fan() -> int:", "def _fan(at=open('/dev/null')) -> int:"),
     ("SERVE-DEVICE-AT-IMPORT", END, "\n\nsubprocess.run(LAMP_STATUS)" + END),
+    ("SERVE-ACTUATE-UNBOUND", '"hwmon-fanboard", actuate=True)', '"hwmon-fanboard")'),
+    ("SERVE-ACTUATE-UNBOUND", '"hwmon-fanboard", actuate=True)', '"hwmon-fanboard", actuate=False)'),
+    ("SERVE-ACTUATE-UNBOUND", '"hwmon-fanboard", actuate=True)', '"hwmon-fanboard", False)'),
+    ("SERVE-ACTUATE-UNBOUND", 'runtime.device("hwmon-fanboard", actuate=True).node("fan")', '"/dev/fan"'),
+    (
+        "SERVE-ACTUATE-UNBOUND",
+        "        _drive(percent)",
+        '        runtime.device("hwmon-fanboard")\n        _drive(percent)',
+    ),
     ("SERVE-BUS-UNLOCKED", '    with runtime.bus("hwmon-fanboard"):\n        _drive(percent)', "    _drive(percent)"),
     ("SERVE-BUS-UNLOCKED", "    return int(path.read_text())", "    return len(open('/dev/fan').read())"),
     (
@@ -59,6 +71,18 @@ CASES = [
         "SERVE-BUS-UNLOCKED",
         "    return int(path.read_text())",
         "    import serial\n    return serial.Serial('x').read()",
+    ),
+    ("SERVE-BUS-UNLOCKED", "    return int(path.read_text())", "    return runtime.gpio.read('/dev/chip', 1)"),
+    (
+        "SERVE-BUS-UNLOCKED",
+        "    return int(path.read_text())",
+        "    from runtime import v4l2\n    return v4l2.formats('x')",
+    ),
+    ("SERVE-DEVICE-AT-IMPORT", END, "\n\nHIGH = runtime.gpio.drive('/dev/chip', 1, 'high')" + END),
+    (
+        "SERVE-ASYNC-BLOCKS",
+        END,
+        "\n\nasync def r() -> None:\n    with runtime.bus('x'):\n        runtime.evdev.rumble(1, 1, 9)" + END,
     ),
     ("SERVE-CAMERA-HELD", "        finally:\n            camera.release()", "        finally:\n            pass"),
     ("SERVE-CAMERA-HELD", "        camera = cv2", "        global camera\n        camera = cv2"),
@@ -105,6 +129,18 @@ def test_a_broken_server_gets_exactly_its_code(code: str, old: str, new: str) ->
     if "serial.Serial" in new:
         text = text.replace('"opencv-python-headless"', '"opencv-python-headless", "pyserial"')
     assert _codes(text) - ALSO.get(code, set()) == {code}
+
+
+def test_whatever_the_runtime_does_to_a_device_counts_as_reaching_it() -> None:
+    harmless = {"runtime.nmea.degrees", "runtime.nmea.number"}
+    modules = (runtime.evdev, runtime.gpio, runtime.nmea, runtime.v4l2)
+    public = {
+        f"runtime.{module.__name__.rpartition('.')[2]}.{name}"
+        for module in modules
+        for name, one in vars(module).items()
+        if inspect.isfunction(one) and one.__module__ == module.__name__ and not name.startswith("_")
+    }
+    assert public - harmless == RUNTIME_TOUCHES
 
 
 def test_a_passthrough_tool_is_refused_even_if_interface_let_it_in() -> None:

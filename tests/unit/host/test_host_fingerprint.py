@@ -111,6 +111,11 @@ def test_an_empty_folder_has_a_fingerprint(tmp_path: Path) -> None:
     assert (found.os, found.arch, found.entries) == ("unknown", "unknown", ())
 
 
+def test_a_system_that_announces_nothing_in_files_has_one_all_the_same(planted: Planted) -> None:
+    assert fingerprint(planted("macos-studio")).entries == ()
+    assert fingerprint(planted("wsl2")).entries == ("class:net:1", "vmbus:635161f83edfc546913ff2d2f965ed0e")
+
+
 def test_the_running_host_is_told_by_its_kernel() -> None:
     found = fingerprint(Path("/"))
     assert (found.os, found.arch) == (os.uname().sysname.lower(), os.uname().machine)

@@ -62,6 +62,19 @@ def test_a_device_that_goes_and_comes_is_absent_in_between(host: Host) -> None:
         assert watched.presence.absent("capture_image") == []
 
 
+def test_a_call_is_for_the_device_that_it_names_and_hears_of_one_that_has_just_come_back(host: Host) -> None:
+    host.plug(CAMERA, SENSOR)
+    watched = Watched()
+    presence = watched.presence
+    presence._there.update({CAMERA: False, SENSOR: True})
+    assert presence.missing("read_both", SENSOR) == []
+    assert presence.missing("read_both", CAMERA) == []  # nobody has looked since, and it is there
+    host.unplug_camera()
+    assert presence.missing("read_both", CAMERA) == presence.missing("read_both", None) == ["C270 HD Webcam"]
+    assert presence.missing("read_both", SENSOR) == []
+    presence.stop()
+
+
 def test_what_was_never_seen_and_has_no_place_is_unknown(host: Host, monkeypatch: pytest.MonkeyPatch) -> None:
     host.plug(SENSOR)
     monkeypatch.setenv("OCTOFORM_INSTANCES", str(host.record(None)))

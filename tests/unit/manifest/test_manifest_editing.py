@@ -1,5 +1,6 @@
 """Writing a setting back: everything that a person wrote stays, or nothing is written."""
 
+import os
 import re
 from pathlib import Path
 
@@ -7,7 +8,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from octoform.manifest.editing import comments, set_value
+from octoform.manifest.editing import change, comments
 from octoform.manifest.loading import load
 from octoform.manifest.starter import starter_text
 
@@ -33,7 +34,7 @@ stages:
 
 
 def edit(path: Path, key: str, value: str | int | bool | list[str]) -> list[str]:
-    return [item.code for item in set_value(path, key, value, {})]
+    return [item.code for item in change(path, key.split("."), value, {})[1]]
 
 
 @pytest.fixture
@@ -82,6 +83,44 @@ def test_mode_and_link_stay(project: Path) -> None:
         "link.yaml",
         "octopus.yaml",
     ]
+
+
+def test_an_edit_of_somebody_else_at_the_same_moment_is_not_written_over(
+    project: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    project.write_text("version: 1\n")
+    monkeypatch.setattr(os, "fsync", lambda _: project.write_text("version: 1\nhost: bench\n"))
+    assert edit(project, "answers.usb-0000-0000", "a lamp") == ["MANIFEST-UNWRITABLE"]
+    assert project.read_text() == "version: 1\nhost: bench\n"
+    assert sorted(path.name for path in project.parent.iterdir()) == ["a.md", "b.md", "c.md", "octopus.yaml"]
+
+
+@pytest.mark.parametrize(
+    ("text", "code"),
+    [
+        ("version: 1\n", "MANIFEST-CONTROL-CHARACTER"),
+        ("version: 1\nanswers:\n  usb-0000-0000: lamp\n", "MANIFEST-NOT-EDITED"),
+    ],
+)
+def test_bytes_that_are_no_text_are_refused(project: Path, text: str, code: str) -> None:
+    project.write_text(text)
+    assert edit(project, "answers.usb-0000-0000", "a lamp \udcff") == [code]
+    assert project.read_text() == text
+
+
+@pytest.mark.parametrize("text", ["{version: 1, host: bench}\n", "version: 1\nhost: bench\n...\n"])
+def test_a_text_without_a_next_line_is_edited_too(project: Path, text: str) -> None:
+    project.write_text(text)
+    assert edit(project, "answers.usb-0000-0000", "a lamp") == []
+    manifest, _ = load(project, {})
+    assert manifest is not None and manifest.answers == {"usb-0000-0000": "a lamp"} and manifest.host == "bench"
+
+
+def test_a_read_only_manifest_stays(project: Path) -> None:
+    project.write_text("version: 1\n")
+    project.chmod(0o444)
+    assert edit(project, "host", "rig") == ["MANIFEST-UNWRITABLE"]
+    assert project.read_text() == "version: 1\n"
 
 
 @pytest.mark.parametrize(

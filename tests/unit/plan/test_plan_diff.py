@@ -1,6 +1,7 @@
 """diff: every cause gives its action and its reason, and nothing else moves."""
 
 from collections.abc import Mapping
+from dataclasses import replace
 
 import pytest
 
@@ -91,6 +92,14 @@ def test_drift_of_an_artifact(change: dict[str, object], cause: Cause, action: A
     actions = plan(settled(), observed(**change))
     assert (actions["interface"].action, actions["interface"].reasons[0].cause) == (action, cause)
     assert actions["identify"].action is Action.NOOP
+
+
+def test_a_new_answer_is_one_reason_also_where_the_accepted_output_contradicts_it() -> None:
+    spoken = replace(GRAPH.nodes[1], parts={**GRAPH.nodes[1].parts, "answer.usb-1": "a pump"})
+    graph = Graph((GRAPH.nodes[0], spoken, *GRAPH.nodes[2:]))
+    broken = observed(contract={"identify": "IDENTIFY-ANSWER-IGNORED: usb-1 is unknown"})
+    action = diff(graph, settled(), broken, Wishes())[1]
+    assert [(item.cause, item.part) for item in action.reasons] == [(Cause.CHANGED, "answer.usb-1")]
 
 
 def test_drift_of_the_endpoint_concerns_the_endpoint_alone() -> None:

@@ -4,7 +4,7 @@ from test_plan_diff import FILES, FINGERPRINT, GRAPH, OUTPUTS, observed, settled
 
 from octoform.plan.diff import Observed, Prior, Wishes, diff
 from octoform.plan.encode import from_json, to_json
-from octoform.plan.model import Action, Change, OpenQuestion, Plan
+from octoform.plan.model import Action, Change, NearProfile, OpenQuestion, Plan, ProfileUse, ToldDevice
 from octoform.plan.planfile import PlanFile, applicable, describe, moved, read, units
 
 
@@ -73,8 +73,20 @@ def test_json_there_and_back() -> None:
         "apply",
         diff(GRAPH, settled(), observed(endpoint=("down",), fingerprint="sha256:other"), Wishes()),
         changes=(Change("hardware", "usb:v1d6b", Action.CREATE),),
-        questions=(OpenQuestion("usb-1", "serial adapter", "Say what is attached."),),
+        questions=(OpenQuestion("usb-1", "serial adapter", "Say what is attached.", 3),),
+        devices=(ToldDevice("usb-2", "Heron lamp", 2, "the lamp", "lamp"),),
+        profiles=(ProfileUse("lamp", "usb-2", Action.CREATE),),
+        near=(NearProfile("pump", "usb-1", "Heron pump"),),
+        tier1=True,
         dirty=("octopus.yaml",),
         targets=("probe",),
     )
     assert from_json(to_json(plan)) == plan
+
+
+def test_a_plan_of_an_earlier_octoform_is_read() -> None:
+    document = to_json(Plan("bench", "apply", (), questions=(OpenQuestion("usb-1", "adapter", "What is it?"),)))
+    for name in ("devices", "profiles", "near", "tier1"):
+        del document[name]
+    del document["questions"][0]["tier"]
+    assert from_json(document).questions[0].tier == 2

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from octoform.profiles import Profile, briefing, evidence, holds, load
+from octoform.profiles import Profile, briefing, evidence, holds, load, near
 
 ARM = Path(__file__).parents[3] / "profiles" / "so-arm101.md"
 
@@ -182,3 +182,14 @@ def test_a_briefing_names_devices_and_limits(arm: Profile) -> None:
     assert "holds for: usb-1a86-7523." in text
     assert "Limit: position at least 0 and at most 4095 raw." in text
     assert "shoulder_pan" in text
+
+
+def test_a_profile_is_near_where_a_word_alone_lacks_and_nobody_has_spoken(arm: Profile) -> None:
+    bare, other = device("1a86", "7523", "product: USB Serial"), device("0403", "6001", "product: USB Serial")
+    named = device("1a86", "7523", "product: Feetech bus board")
+    assert near([arm], {"devices": [bare]}) == [("usb-x", arm.name, "SO-ARM101")], "the product's own word"
+    assert near([arm], {"devices": [bare | {"context": True}, other, named]}) == []
+    assert near([arm], {"devices": [bare]}, {"usb-x": "a lamp"}) == []
+    more = replace(arm, evidence=evidence.Rule("all", (arm.evidence, evidence.Rule("class", words=("leds",)))))
+    assert near([more], {"devices": [bare]}) == [], "a class lacks as well"
+    assert holds(arm, {"devices": [bare]}, {"usb-x": "SO-ARM101"}), "the word that was told is enough"

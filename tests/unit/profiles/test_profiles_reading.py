@@ -134,7 +134,9 @@ def test_limits_of_calls_and_stop_actions(tmp_path: Path) -> None:
 def test_the_documented_profile_is_one(tmp_path: Path) -> None:
     text = (PAGES.parents[2] / "docs" / "profiles.md").read_text()
     lines = [line for line in text.split("## Evidence")[0].splitlines() if line.startswith("    ") or not line]
-    stop = [line for line in text.split("## Emergency stop")[1].splitlines() if line.startswith("    ")]
+    stop = [
+        line for line in text.split("## Emergency stop")[1].split("\n## ")[0].splitlines() if line.startswith("    ")
+    ]
     profile = textwrap.dedent("\n".join(lines)).strip()
     path = tmp_path / "lamp.md"
     path.write_text(profile.replace("---\n\n", "\n".join([*(line[4:] for line in stop), "---", "", ""]), 1))

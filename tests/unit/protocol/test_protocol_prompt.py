@@ -34,12 +34,12 @@ def test_a_first_prompt_holds_spec_schema_and_paths(stage: str) -> None:
     text = render_prompt(prompt(stage))
     spec = SPECS[stage]
     assert spec.body.rstrip() in text
-    assert "Your result is exactly one file: /work/attempt/output.json" in text
+    assert "Your result is exactly one file: output.json\n" in text
     assert ("Read exactly one artifact" in text) == (stage != "probe")
-    assert spec.schema is None or f"read it first: {spec.schema}" in text
+    assert spec.schema is None or f"protocol/schemas/{spec.schema.name}" in text
     assert "200 seconds" in text
     assert ("at most 30 tools" in text) == (stage in ("identify", "interface"))
-    assert "/work/attempt/spec.md" not in text
+    assert "spec.md" not in text
     assert len(text.encode()) < 16 * 1024
 
 
@@ -51,9 +51,9 @@ def test_a_retry_names_the_editable_copy_and_does_not_embed_the_spec(tmp_path: P
         error("SERVE-Y", "bad", span=Span(7, 1)),
     )
     text = render_prompt(prompt(failed_log=log, diagnostics=findings))
-    assert "/work/attempt/spec.md" in text
+    assert "The spec of this stage is spec.md." in text
     assert "How to judge" not in text and '"$schema"' not in text
-    assert str(SPECS["identify"].schema) in text
+    assert "protocol/schemas/identify.v1.schema.json" in text
     assert "- IDENTIFY-X at /devices/0: it is wrong (write it well)" in text
     assert "- SERVE-Y at line 7: bad" in text
     assert text.index("first line") < text.index("last line")
@@ -152,3 +152,20 @@ def test_naming_prompts_and_paths_costs_no_heavy_import() -> None:
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "[]"
+
+
+def test_no_prompt_tells_where_the_project_lies() -> None:
+    home = Path("/home/somebody/lab")
+    attempt = home / ".octoform/bench/attempts/000002-identify-1"
+    told = render_prompt(
+        prompt(
+            workdir=attempt,
+            output=attempt / "output.json",
+            own_spec=attempt / "spec.md",
+            input=home / "state/bench/probe/output.json",
+            former=attempt / "former.json",
+            diagnostics=(error("IDENTIFY-SCHEMA", "a reason to try again"),),
+        )
+    )
+    assert "somebody" not in told
+    assert "../../../../state/bench/probe/output.json" in told

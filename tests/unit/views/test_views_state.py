@@ -101,3 +101,13 @@ def test_nothing_foreign_acts_on_the_terminal_or_fills_it() -> None:
         assert "\\x1b" in text
         assert max(map(len, text.splitlines())) < 400
         assert len(text.splitlines()) < 250
+
+
+def test_a_state_that_was_made_without_what_people_said_says_so() -> None:
+    def head(tier1: bool) -> str:
+        out = io.StringIO()
+        snapshot = Snapshot(octoform="1", host="bench", lineage="l", tier1=tier1, nodes={"identify": node()})
+        views.show(Console(out, out, False, False, False), snapshot, as_json=False)
+        return out.getvalue()
+
+    assert "(-tier1)" in head(True) and "(-tier1)" not in head(False)

@@ -4,6 +4,7 @@ The direction is read from the PCM devices that the kernel made (their names end
 card without any is a mixer or a MIDI port and gets no capability.
 """
 
+from octoform.builtin.identify import naming
 from octoform.builtin.identify.evidence import Device
 from octoform.builtin.identify.verdict import (
     ACTUATE,
@@ -17,7 +18,12 @@ from octoform.builtin.identify.verdict import (
 )
 
 USB_AUDIO = "01"
+VENDOR_CLASS, STREAMING, MIDI = "ff", "02", "03"
 _PCI_AUDIO = ("0401", "0403")
+
+
+_CATEGORIES = {frozenset("p"): ACTUATOR, frozenset("c"): SENSOR}
+_MICROPHONES = frozenset(("microphone", "microphones", "mic", "recorder", "camera", "webcam"))
 
 
 def claim(device: Device) -> Claim | None:
@@ -27,6 +33,7 @@ def claim(device: Device) -> Claim | None:
     if not interface and not has_card and device.pci_class not in _PCI_AUDIO:
         return None
     directions = _directions(device)
+    category = _CATEGORIES.get(frozenset(directions or _by_interfaces(device)), BIDIRECTIONAL)
     if interface:
         evidence = Evidence(interface.line, "USB audio class interface")
     elif has_card:
@@ -34,9 +41,21 @@ def claim(device: Device) -> Claim | None:
     else:
         evidence = device.cite_key("class_code", "PCI audio function")
     names = device.names("sound", "longname", "name", "id")
-    category = {frozenset("p"): ACTUATOR, frozenset("c"): SENSOR}.get(frozenset(directions), BIDIRECTIONAL)
     kind = {ACTUATOR: "audio_out", SENSOR: "audio_in"}.get(category, "audio")
     return Claim(kind, category, "sound card", (evidence,), capabilities(directions), names)
+
+
+def claim_vendor(device: Device) -> Claim | None:
+    """Sound under a vendor's own interface class whose subclasses are those of USB audio, as the kernel's driver knows.
+
+    Makers of instruments keep the structure of the audio class (control, streaming, MIDI) and change its first number.
+    """
+    own = [interface for interface in device.interfaces if interface.triple[0] == VENDOR_CLASS]
+    subclasses = {interface.triple[1] for interface in own}
+    if len(own) != len(device.interfaces) or not subclasses >= {STREAMING, MIDI}:
+        return None
+    evidence = Evidence(own[0].line, "a vendor's interfaces, divided like those of USB audio")
+    return Claim("audio", BIDIRECTIONAL, "USB audio device", (evidence,), settled=False)
 
 
 def _directions(device: Device) -> set[str]:
@@ -44,6 +63,14 @@ def _directions(device: Device) -> set[str]:
     told = " ".join(fact.text for fact in device.of("sound") if fact.key.startswith("pcm"))
     named = {name[-1] for kind, name in device.nodes if kind == "sound" and name.startswith("pcm")}
     return named | ({"p"} if "playback" in told else set()) | ({"c"} if "capture" in told else set())
+
+
+def _by_interfaces(device: Device) -> set[str]:
+    """The direction of a USB device without a driver: one streaming interface carries sound one way only."""
+    streaming = [one for one in device.interfaces if one.triple[:2] == (USB_AUDIO, STREAMING)]
+    if len(streaming) != 1:
+        return set()
+    return {"p"} if _MICROPHONES.isdisjoint(naming.words(device.strings)) else {"c"}
 
 
 def capabilities(directions: set[str]) -> tuple[Capability, ...]:

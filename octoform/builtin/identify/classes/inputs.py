@@ -12,6 +12,7 @@ from octoform.builtin.identify.evidence import Device, Fact
 from octoform.builtin.identify.verdict import SENSOR, Capability, Claim, Evidence
 
 USB_HID = "03"
+_CDC_SERIAL = "02/02"
 _BOOT = {"03/01/01": ("keyboard", "USB keyboard"), "03/01/02": ("mouse", "USB mouse")}
 # Vendor interfaces of game controllers that the kernel's own driver for them is bound by.
 _GAME_INTERFACES = ("ff/5d/01", "ff/47/d0")
@@ -57,21 +58,31 @@ def claim(device: Device) -> Claim | None:
     told = hid.claim_input(device)
     if told:
         return told
-    for triple, (kind, noun) in _BOOT.items():
-        if interface := device.usb(triple):
-            return Claim(kind, SENSOR, noun, (Evidence(interface.line, "USB boot interface"),))
+    if shown := _from_boot(device):
+        return shown
     if interface := device.usb(*_GAME_INTERFACES):
         evidence = Evidence(interface.line, "game controller interface")
         return Claim("gamepad", SENSOR, "game controller", (evidence,), settled=False)
     interface = device.usb(USB_HID)
-    if hid.is_private(device):
-        return None
+    if hid.is_private(device) or device.usb(_CDC_SERIAL):
+        return None  # a board with a serial line has a plain HID interface besides
     if interface or device.bus == "hid":
         evidence = Evidence(interface.line, "human interface device") if interface else device.cite_self("HID device")
         names = device.names("hid", "name") or _own_name(device)
         noun = "USB input device" if interface else "input device"
         return Claim("input", SENSOR, noun, (evidence,), names=names, settled=False)
     return None
+
+
+def _from_boot(device: Device) -> Claim | None:
+    """A keyboard or a mouse by its boot interfaces; tablets, scanners and tokens show one besides what they are."""
+    shown = {_BOOT["/".join(one.triple)]: one for one in reversed(device.interfaces) if "/".join(one.triple) in _BOOT}
+    if not shown:
+        return None
+    leading = _leading(device)
+    (kind, noun), interface = next((pair for pair in shown.items() if pair[0][0] == leading), list(shown.items())[-1])
+    alone = all("/".join(one.triple) in _BOOT for one in device.interfaces)
+    return Claim(kind, SENSOR, noun if alone else "USB input device", (Evidence(interface.line, "USB boot interface"),))
 
 
 def _from_events(device: Device, groups: list[dict[str, Fact]]) -> Claim:
@@ -92,7 +103,8 @@ def _from_events(device: Device, groups: list[dict[str, Fact]]) -> Claim:
         ]
     }  # fmt: skip
     # Pen tablets of many brands share their firmware and its strings; only a driver that knows the model settles it.
-    settled = kind != "tablet" or "wacom" in device.drivers
+    # So do game controllers, which also copy the strings of the best known ones.
+    settled = kind != "gamepad" and (kind != "tablet" or "wacom" in device.drivers)
     return Claim(shown, SENSOR, noun, tuple(evidence), _capabilities(parameters), (*names, *own), settled)
 
 

@@ -1,8 +1,14 @@
-"""Network adapters: Ethernet, Wi-Fi, Bluetooth, mobile broadband. Infrastructure: named, never driven."""
+"""Network adapters: Ethernet, Wi-Fi, Bluetooth, mobile broadband. Infrastructure: named and read, never driven.
+
+What is reached through them is not part of this host: neighbours on a network, and paired Bluetooth devices, of which
+the kernel shows a device of its own as soon as one of them is connected and has a profile with a kernel class.
+"""
+
+import re
 
 from octoform.builtin.identify import naming
 from octoform.builtin.identify.evidence import Device
-from octoform.builtin.identify.verdict import INFRASTRUCTURE, Claim, Evidence
+from octoform.builtin.identify.verdict import INFRASTRUCTURE, Capability, Claim, Evidence, Leave
 
 USB_BLUETOOTH = "e0/01/01"
 _USB_ETHERNET = ("02/06", "02/0d", "02/0c", "e0/01/03", "ef/04/01")
@@ -18,6 +24,49 @@ _PCI = {
 }
 _BLUETOOTH_WORDS = frozenset(("bluetooth", "bt"))
 _VENDOR_CLASS = "ff"
+# Profiles by which a connected device becomes an input device of the kernel.
+_INPUT_PROFILES = ("1124 ", "1812 ")
+_INPUT_KINDS = ("input",)
+_LABEL = re.compile(r"\blabel=(.*)$")
+_READ_INTERFACES = Capability(
+    "read_network_interfaces",
+    "Read state, speed and traffic counters of the adapter's network interfaces.",
+    "Linux network class (/sys/class/net)",
+)
+_READ_BLUETOOTH = Capability(
+    "read_bluetooth",
+    "Read whether the Bluetooth adapter is switched off, how many devices are connected, and which are paired.",
+    "Linux Bluetooth and rfkill classes (/sys/class/bluetooth, /sys/class/rfkill)",
+)
+
+
+def leave_context(device: Device) -> Leave:
+    """Why something that is merely near is left out: paired, on the other side of WSL2, or a neighbour."""
+    if device.bus == "windows":
+        return _leave_windows(device)
+    if device.bus != "bluetooth":
+        return Leave("network_neighbour", "seen on the network; not part of this host")
+    if device.text("paired") in _INPUT_KINDS or any(mark in device.text("profiles") for mark in _INPUT_PROFILES):
+        detail = "paired input device; while it is connected the kernel shows an input device of its own for it"
+        return Leave("no_standard_interface", detail)
+    return Leave("no_standard_interface", "paired, but no class of the kernel carries its profiles")
+
+
+def _leave_windows(device: Device) -> Leave:
+    """Hardware of the Windows side of WSL2; what stands on USB can be handed over, and the command is said."""
+    if device.fact("group"):
+        return Leave("virtual", "made by Windows itself")
+    labels = [
+        found[1] for fact in device.facts if fact.key.startswith("function ") and (found := _LABEL.search(fact.text))
+    ]
+    name = ", ".join(dict.fromkeys(labels)) or device.name
+    if device.text("usbipd") == "attached":
+        return Leave("duplicate_path", f"{name}: handed over to this system, where it is a USB device of its own")
+    if not device.vid or not (device.fact("usbipd") or device.id.startswith("windows-usb-")):
+        return Leave("no_standard_interface", f"{name}: belongs to Windows, which cannot hand it over")
+    ids = f"--hardware-id {device.vid}:{device.pid}"
+    shared = "" if device.text("usbipd") == "shared" else f"`usbipd bind {ids}` as administrator, then "
+    return Leave("not_permitted", f"{name[:100]}: belongs to Windows; run there {shared}`usbipd attach --wsl {ids}`")
 
 
 def claim_bluetooth(device: Device) -> Claim | None:
@@ -30,21 +79,23 @@ def claim_bluetooth(device: Device) -> Claim | None:
         evidence = device.cite_key("product", "a vendor's interface whose name says Bluetooth")
     else:
         return None
-    return Claim("bluetooth", INFRASTRUCTURE, "Bluetooth adapter", (evidence,))
+    capabilities = (_READ_BLUETOOTH,) if "bluetooth" in device.classes else ()
+    return Claim("bluetooth", INFRASTRUCTURE, "Bluetooth adapter", (evidence,), capabilities)
 
 
 def claim(device: Device) -> Claim | None:
     """A wired or wireless network adapter or a modem, or nothing of the kind."""
     if device.bus == "virtual":
         return None
+    readable = (_READ_INTERFACES,) if "net" in device.classes else ()
     if "wwan" in device.classes or device.usb(*_USB_MODEM) or _MODEM_DRIVERS & device.drivers:
-        return Claim("modem", INFRASTRUCTURE, "mobile broadband modem", (_evidence(device, "wwan"),))
+        return Claim("modem", INFRASTRUCTURE, "mobile broadband modem", (_evidence(device, "wwan"),), readable)
     if "net" in device.classes:
         wireless = "ieee80211" in device.classes or any(fact.text == "wlan" for fact in device.of("net", "kind"))
         kind, noun = ("wifi", "wireless network adapter") if wireless else ("network", "network adapter")
         if any(fact.text == "can" for fact in device.of("net", "kind")):
-            return Claim("can", "bidirectional", "CAN bus adapter", (_evidence(device, "net"),))
-        return Claim(kind, INFRASTRUCTURE, noun, (_evidence(device, "net"),))
+            return Claim("can", "bidirectional", "CAN bus adapter", (_evidence(device, "net"),), readable)
+        return Claim(kind, INFRASTRUCTURE, noun, (_evidence(device, "net"),), readable)
     if "ieee80211" in device.classes:
         return Claim("wifi", INFRASTRUCTURE, "wireless network adapter", (_evidence(device, "ieee80211"),))
     if device.pci_class in _PCI:

@@ -3,6 +3,8 @@
 A channel is offered only when the kernel has an input for it, with the unit that the kernel's interface documents
 (Documentation/ABI/testing: sysfs-class-hwmon, sysfs-class-thermal, sysfs-bus-iio) after scaling. `parameters.channels`
 is a list of {channel, label, unit, source, name}: source is hwmon, thermal or iio; name is the sensor's kernel name.
+The outputs of digital-to-analog converters are here too, because they share that interface; `parameters.outputs` names
+them. Nothing else that has an output is driven: a radio's and a sensor's own belong to what surrounds it.
 """
 
 import re
@@ -10,7 +12,7 @@ from collections.abc import Iterable
 from typing import Any
 
 from octoform.builtin.identify.evidence import Device, Fact
-from octoform.builtin.identify.verdict import SENSOR, Capability, Claim
+from octoform.builtin.identify.verdict import ACTUATE, SENSOR, Capability, Claim
 
 _HWMON = {
     "temp": ("read_temperature", "degC", "Read the temperature of each channel."),
@@ -37,6 +39,7 @@ _HWMON_KEY = re.compile(r"^([a-z]+)\d+$")
 # Pairs of in-phase and quadrature channels, or a synthesiser: what only radios have.
 _RADIO_KEY = re.compile(r"^out_altvoltage|^(?:in|out)_voltage\d+_[iq]$")
 _IIO_KEY = re.compile(r"^in_([a-z]+)")
+_OUTPUT_KEY = re.compile(r"^out_(?:voltage|current)\d+$")
 _LABEL = re.compile(r"\blabel=(.*)$")
 # Families of kernel drivers by what they sit in; the words are what the kernel's documentation calls them.
 _FAMILIES = (
@@ -46,8 +49,12 @@ _FAMILIES = (
     (re.compile(r"^(?:iwlwifi|ath\d+k|mt7\d+|rtw|brcmfmac)"), "Wi-Fi temperature"),
     (re.compile(r"^(?:acpitz|pch_|thermal|thinkpad|dell_smm|applesmc)"), "system temperature"),
     (re.compile(r"^(?:spd5118|jc42|dimm)"), "memory module temperature"),
+    (re.compile(r"^(?:BAT|CMB)\d|^battery"), "battery voltage and current"),
+    (re.compile(r"^(?:r8169|e1000|ig[bc]|enp|eno|eth|atlantic|bnxt|mlx)"), "network adapter temperature"),
+    (re.compile(r"psu$|^ucsi"), "power supply readings"),
     (re.compile(r"volt"), "supply voltage monitor"),
 )
+_ANY_MONITOR, _ANY_SENSOR = "hardware monitor", "iio"
 
 
 def claim_hwmon(device: Device) -> Claim | None:
@@ -60,7 +67,9 @@ def claim_hwmon(device: Device) -> Claim | None:
     sources += [(zone.text, zone.line) for zone in _zones(device)]
     names = tuple((f"{_family(name)} ({name})", line) for name, line in sources)
     evidence = (device.cite(kind, "the kernel's monitoring interface"),)
-    return Claim("hwmon", SENSOR, "hardware monitor", evidence, tuple(capabilities), names)
+    # The kernel names a monitor after its driver; without a family that says which of many chips, not what it is in.
+    settled = any(_family(name) != _ANY_MONITOR for name, _ in sources)
+    return Claim("hwmon", SENSOR, _ANY_MONITOR, evidence, tuple(capabilities), names, settled)
 
 
 def claim_iio(device: Device) -> Claim | None:
@@ -101,10 +110,14 @@ def claim_driver(device: Device) -> Claim | None:
 
 
 def _iio_claim(device: Device, kinds: set[str], capabilities: tuple[Capability, ...]) -> Claim:
-    names = device.names("iio", "label", "name")
     evidence = (device.cite("iio", "industrial I/O device"),)
     kind, noun, category = _iio_kind(device, kinds, bool(capabilities))
-    return Claim(kind, category, noun, evidence, capabilities, names)
+    names = device.names("iio", "label", "name")
+    if kind not in (_ANY_SENSOR, "adc"):  # channels of voltage are found in much that is no converter
+        names = tuple((f"{noun} ({name})", line) for name, line in names)
+    if kind == "dac":
+        capabilities = _outputs(device)
+    return Claim(kind, category, noun, evidence, capabilities, names, settled=kind != _ANY_SENSOR)
 
 
 def _iio_kind(device: Device, kinds: set[str], readable: bool) -> tuple[str, str, str]:
@@ -128,7 +141,30 @@ def _iio_kind(device: Device, kinds: set[str], readable: bool) -> tuple[str, str
             return kind, noun, SENSOR
     if any("voltage" in key or "current" in key for key in keys):
         return "adc", "analog-to-digital converter", SENSOR
-    return ("temperature", "temperature sensor", SENSOR) if "read_temperature" in kinds else ("iio", "sensor", SENSOR)
+    return (
+        ("temperature", "temperature sensor", SENSOR)
+        if "read_temperature" in kinds
+        else (_ANY_SENSOR, "sensor", SENSOR)
+    )
+
+
+def _outputs(device: Device) -> tuple[Capability, ...]:
+    """A converter's outputs that the kernel has in physical units: a raw value and its scale."""
+    names = [fact.key for fact in device.of("iio") if _OUTPUT_KEY.match(fact.key) and {"raw", "scale"} <= _parts(fact)]
+    if not names:
+        return ()
+    parameters = {"outputs": names}
+    return (
+        Capability("read_output_channels", "Read what each output of the converter is set to.", _VIA["iio"],
+                   parameters=parameters),
+        Capability("set_output_channel", "Set one output of the converter, and read it back.", _VIA["iio"], ACTUATE,
+                   parameters),
+    )  # fmt: skip
+
+
+def _parts(fact: Fact) -> set[str]:
+    """The attributes that a channel has."""
+    return set(fact.text.split(" ")[0].split(","))
 
 
 def _hwmon(device: Device) -> Iterable[Capability]:
@@ -137,7 +173,7 @@ def _hwmon(device: Device) -> Iterable[Capability]:
         name = group["name"].text if "name" in group else ""
         for fact in group.values():
             kind = _HWMON_KEY.match(fact.key)
-            if kind and kind[1] in _HWMON and {"input", "average"} & set(fact.text.split(" ")[0].split(",")):
+            if kind and kind[1] in _HWMON and {"input", "average"} & _parts(fact):
                 found.setdefault(kind[1], []).append(_channel(fact, _HWMON[kind[1]][1], "hwmon", name))
     for kind_name, channels in found.items():
         capability, _, description = _HWMON[kind_name]
@@ -174,7 +210,7 @@ def _channel(fact: Fact, unit: str, source: str, name: str) -> dict[str, Any]:
 
 
 def _family(name: str) -> str:
-    return next((words for pattern, words in _FAMILIES if pattern.search(name)), "hardware monitor")
+    return next((words for pattern, words in _FAMILIES if pattern.search(name)), _ANY_MONITOR)
 
 
 _VIA = {

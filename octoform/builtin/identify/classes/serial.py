@@ -7,10 +7,11 @@ case is there a capability: bytes sent to a device of unknown meaning are no con
 
 from octoform.builtin.identify import naming
 from octoform.builtin.identify.evidence import Device
+from octoform.builtin.identify.identity import names_its_chip
 from octoform.builtin.identify.verdict import BIDIRECTIONAL, UNKNOWN, Claim, Evidence
 
 _CDC_SERIAL = "02/02"
-_MISSING = "Say what is connected through this serial adapter, for example: '{id}: the <maker and model> on the bench'."
+_MISSING = "What is connected through this {noun}?"
 
 
 def claim(device: Device) -> Claim | None:
@@ -21,11 +22,12 @@ def claim(device: Device) -> Claim | None:
     evidence = (
         Evidence(port.line, "USB serial interface") if port else device.cite("tty", "a serial port of the kernel")
     )
-    if naming.names_a_model(device.product_text) and not _is_chip(device):
+    if _names_a_product(device):
         return Claim("serial", BIDIRECTIONAL, "serial device", (evidence,))
     name = device.product or device.fact("manufacturer")
     quotes = (Evidence(name.line, "names the adapter, not what is connected to it"),) if name else (evidence,)
-    return Claim("serial", UNKNOWN, "USB serial adapter", quotes, missing=_MISSING.format(id=device.id))
+    noun = "USB serial port" if port else "USB serial adapter"
+    return Claim("serial", UNKNOWN, noun, quotes, missing=_MISSING.format(noun=noun))
 
 
 def _is_serial(device: Device) -> bool:
@@ -33,8 +35,8 @@ def _is_serial(device: Device) -> bool:
     return "tty" in device.classes or bool(device.usb(_CDC_SERIAL)) or spoken
 
 
-def _is_chip(device: Device) -> bool:
-    """True when the id database knows these ids as a serial chip and the product string is that chip's name."""
-    told = device.database.product
+def _names_a_product(device: Device) -> bool:
+    """True when the strings say more than which brand it is and which chip is in it."""
     product = device.product_text
-    return naming.describes_transport(told) and naming.share_a_word(told, product)
+    named = naming.names_a_product(product) and naming.adds_to(device.text("manufacturer"), product)
+    return named and not names_its_chip(device)

@@ -18,5 +18,5 @@ def claim(device: Device) -> Claim | None:
     interface = device.usb(_FIRMWARE)
     if interface and len(device.interfaces) == len([one for one in device.interfaces if one.triple[0] == "fe"]):
         evidence = Evidence(interface.line, "USB firmware upgrade class and nothing else")
-        return Claim("mcu", INFRASTRUCTURE, "device in firmware update mode", (evidence,))
+        return Claim("mcu", INFRASTRUCTURE, "device in firmware update mode", (evidence,), settled=False)
     return None

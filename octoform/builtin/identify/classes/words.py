@@ -19,38 +19,58 @@ from octoform.builtin.identify.verdict import (
     Evidence,
 )
 
+# A model number often begins with the kind (a DSO2000 is a DSO), and strings run number and kind together.
+_STEM = re.compile(r"^[a-z]{3,}(?=\d)|(?<=\d)[a-z]{5,}$")
 # (words, kind, category, noun); a phrase needs its words side by side. The first line that fits wins.
-_STEM = re.compile(r"[a-z]{3,}(?=\d)")
 Entry = tuple[tuple[str, ...], str, str, str]
 _WORDS: tuple[Entry, ...] = (
     (("fingerprint", "finger print", "biometric", "biometrics", "swipe sensor"), "fingerprint",
      SENSOR, "fingerprint reader"),
-    (("fido", "fido2", "u2f", "security key", "smartcard", "smart card", "security token"), "security",
-     INFRASTRUCTURE, "security token"),
+    (("fido", "fido2", "u2f", "security key", "smartcard", "smart card", "security token", "passkey", "authenticator"),
+     "security", INFRASTRUCTURE, "security token"),
     (("ups", "uninterruptible"), "ups", INFRASTRUCTURE, "uninterruptible power supply"),
     (("oscilloscope", "scope", "dso"), "scope", SENSOR, "oscilloscope"),
-    (("logic analyzer", "logic analyser", "logic"), "logic", SENSOR, "logic analyser"),
+    (("logic analyzer", "logic analyser"), "logic", SENSOR, "logic analyser"),
+    (("spectrum analyzer", "spectrum analyser", "signal analyzer", "network analyzer", "vna"), "analyzer", SENSOR,
+     "signal analyser"),
+    (("multimeter", "dmm", "power meter", "energy meter"), "meter", SENSOR, "measuring instrument"),
+    (("signal generator", "function generator", "waveform generator"), "generator", ACTUATOR, "signal generator"),
     (("colorimeter", "spectrophotometer", "spectrometer"), "color", SENSOR, "colour meter"),
-    (("thermometer", "hygrometer", "humidity", "barometer"), "temperature", SENSOR, "environment sensor"),
-    (("gnss", "gps", "glonass", "galileo"), "gnss", SENSOR, "satellite positioning receiver"),
+    (("thermometer", "hygrometer", "humidity", "barometer", "temperature", "weather station"), "temperature", SENSOR,
+     "environment sensor"),
+    (("eeg", "ecg", "oximeter", "pulse oximeter"), "biosensor", SENSOR, "biosensor"),
+    (("lidar", "rangefinder", "range finder", "radar"), "range", SENSOR, "range sensor"),
+    (("gnss", "gps", "glonass", "rtk"), "gnss", SENSOR, "satellite positioning receiver"),
     (("zigbee", "z-wave", "zwave", "802.15.4", "matter thread"), "zigbee", BIDIRECTIONAL, "home radio stick"),
     (("sdr", "dvb", "tuner"), "sdr", BIDIRECTIONAL, "radio receiver"),
     (("wimax", "wlan", "wi-fi", "wifi", "802.11", "802.11n", "802.11ac"), "wifi", INFRASTRUCTURE,
      "wireless network adapter"),
     (("lte", "modem", "wwan", "mobile broadband"), "modem", INFRASTRUCTURE, "modem"),
     (("ethernet", "lan", "nic"), "network", INFRASTRUCTURE, "network adapter"),
-    (("radio", "transceiver"), "radio", BIDIRECTIONAL, "radio"),
     (("infrared", "ircu", "remote control receiver"), "ir", BIDIRECTIONAL, "infrared transceiver"),
-    (("led", "leds", "light", "lamp"), "light", ACTUATOR, "light"),
+    (("radio", "transceiver"), "radio", BIDIRECTIONAL, "radio"),
+    (("led", "leds", "light", "lamp", "lighting", "glow"), "light", ACTUATOR, "light"),
     (("dock", "docking"), "dock", INFRASTRUCTURE, "dock"),
     (("kvm", "remote console"), "kvm", INFRASTRUCTURE, "KVM switch"),
+    (("barcode", "bar code"), "barcode", SENSOR, "barcode scanner"),
     (("scanner", "scan"), "scanner", SENSOR, "scanner"),
+    (("3d printer", "cnc", "engraver", "plotter"), "machine", ACTUATOR, "computer-controlled machine"),
     (("printer",), "printer", ACTUATOR, "printer"),
     (("card reader", "crw", "cardreader"), "storage", INFRASTRUCTURE, "card reader"),
     (("relay", "stepper", "servo"), "actuator", ACTUATOR, "actuator"),
 )  # fmt: skip
+# Words with a second meaning: only where the device shows interfaces of its vendor and is nothing for a person's hand.
+_INSTRUMENTS: tuple[Entry, ...] = ((("logic",), "logic", SENSOR, "logic analyser"),)
+# What a thing is for, even when it also shows a disk with its manual or a network of its own.
+_DEFINING = tuple(entry for entry in _WORDS if entry[1] in ("scope", "logic", "analyzer", "meter", "generator", "sdr"))
+# A debugger on a board says nothing of the board.
+_PROBES: tuple[Entry, ...] = (
+    (("cmsis dap", "daplink", "jtag", "swd", "debug probe", "debugger", "programmer"), "debugger", BIDIRECTIONAL,
+     "debug probe"),
+)  # fmt: skip
 # A keyboard or a mouse is one whatever words are printed on it.
 _BOOT = ("03/01/01", "03/01/02")
+_HID = "03"
 _PLAIN: tuple[Entry, ...] = (
     (("storage", "flash drive", "flash disk", "ssd", "card reader"), "storage", INFRASTRUCTURE, "storage device"),
     (("webcam", "camera"), "camera", SENSOR, "USB camera"),
@@ -76,6 +96,17 @@ _UDEV = (
 )
 
 
+def claim_instrument(device: Device) -> Claim | None:
+    """An instrument, a radio or a debugger by its own product string, whatever else it shows (a disk, a network)."""
+    if device.bus != "usb" or not device.product or device.usb(*_BOOT):
+        return None
+    entry = kind_of(device.product_text, _DEFINING)
+    says = Evidence(device.product.line, "the device's own words")
+    if entry:
+        return Claim(*entry, evidence=(says,))
+    return None if naming.describes_transport(device.product_text) else _debugger(device)
+
+
 def claim(device: Device) -> Claim | None:
     """A kind told by udev's rules, by the device's words, or by the database's; nothing otherwise."""
     for name, kind, category, noun in _UDEV:
@@ -83,13 +114,28 @@ def claim(device: Device) -> Claim | None:
             return Claim(kind, category, noun, (Evidence(told.line, "udev's rules say so"),))
     if device.bus != "usb" or device.usb(*_BOOT):
         return None
+    table = _WORDS if device.usb(_HID) else (*_WORDS, *_INSTRUMENTS)
     for line, text, says in _spoken(device):
-        if entry := kind_of(text, _WORDS):
-            return Claim(*entry, evidence=(Evidence(line, says),))
+        entry = kind_of(text, table)
+        if entry and not (naming.is_converter(text) and entry[1] in (SENSOR, ACTUATOR)):
+            # A number alone names nothing that senses or acts.
+            return Claim(*entry, evidence=(Evidence(line, says),), settled=line != device.database.line)
     maker = device.fact("manufacturer")
     if maker and (entry := kind_of(maker.text, _WORDS[:1])):
         return Claim(*entry, evidence=(Evidence(maker.line, "what its maker makes"),), settled=False)
     return None
+
+
+def _debugger(device: Device) -> Claim | None:
+    for line, text, says in _spoken(device):
+        if entry := kind_of(text, _PROBES):
+            return Claim(*entry, evidence=(Evidence(line, says),), settled=False)
+    return None
+
+
+def spoken_of(text: str) -> tuple[str, str, str] | None:
+    """(kind, category, noun) that a person's words about a device tell; None when they tell none."""
+    return kind_of(text, (*_WORDS, *_PROBES, *_PLAIN))
 
 
 def claim_plain(device: Device) -> Claim | None:
@@ -117,8 +163,7 @@ def _spoken(device: Device) -> Iterator[tuple[str, str, str]]:
 def kind_of(text: str, table: Iterable[Entry]) -> tuple[str, str, str] | None:
     """(kind, category, noun) that the words of a name tell; None when they tell none."""
     tokens = naming.words(text)
-    # A model number often begins with the kind: a DSO2000 is a DSO.
-    stems = [found[0] for token in tokens if (found := _STEM.match(token))]
+    stems = [found[0] for token in tokens if (found := _STEM.search(token))]
     spoken = f" {' '.join([*tokens, '.', *stems])} "
     for phrases, kind, category, noun in table:
         if any(f" {' '.join(naming.words(phrase))} " in spoken for phrase in phrases):

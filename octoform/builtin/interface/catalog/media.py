@@ -5,6 +5,8 @@ from octoform.builtin.interface.schemas import FLAG, NUMBER, TEXT, WHOLE, Schema
 
 FORMAT = record("Format", pixel_format=TEXT, description=TEXT, compressed=FLAG, sizes=listing(TEXT))
 FORMATS = record("Formats", device=TEXT, formats=listing(FORMAT))
+CODEC = record("Codec", name=TEXT, takes=listing(TEXT), gives=listing(TEXT))
+CODECS = record("Codecs", device=TEXT, codecs=listing(CODEC))
 PICTURE = record("Picture", width=WHOLE, height=WHOLE, format=TEXT, size_bytes=WHOLE, mean=NUMBER, variance=NUMBER)
 PLAYED = record("Played", device=TEXT, seconds=NUMBER, frequency_hz=NUMBER, volume=NUMBER)
 RECORDING = record("Recording", seconds=NUMBER, rate_hz=WHOLE, channels=WHOLE, peak=NUMBER, rms=NUMBER)
@@ -45,6 +47,12 @@ KINDS = (
         units={"width": "px", "height": "px", "flush": "pictures"},
     ),
     Kind("list_camera_formats", "List the pixel formats and picture sizes that the camera offers.", FORMATS, 40),
+    Kind(
+        "list_video_codecs",
+        "List what each part of a video processor takes and gives; one that takes H.264 or the like decodes it.",
+        CODECS,
+        30,
+    ),
     Kind(
         "record_audio",
         "Record sound as 16-bit WAV. `peak` and `rms` are parts of full scale; a peak of 0 is silence.",

@@ -1,10 +1,12 @@
 """Measurements: hardware monitoring, thermal zones and industrial I/O give one list of readings each."""
 
 from octoform.builtin.interface.kinds import Kind
-from octoform.builtin.interface.schemas import NUMBER, TEXT, listing, record
+from octoform.builtin.interface.schemas import NUMBER, TEXT, WHOLE, listing, maybe, record
 
 READING = record("Reading", sensor=TEXT, channel=TEXT, label=TEXT, value=NUMBER, unit=TEXT)
 READINGS = record("Readings", device=TEXT, readings=listing(READING), unreadable=listing(TEXT))
+COUNT = record("Count", counter=TEXT, name=TEXT, count=maybe(WHOLE), direction=maybe(TEXT), function=maybe(TEXT))
+COUNTS = record("Counts", device=TEXT, counts=listing(COUNT))
 
 
 def _kind(name: str, what: str, worth: int = 60) -> Kind:
@@ -26,4 +28,7 @@ KINDS = (
     _kind("read_pressure", "the pressure in kPa", 70),
     _kind("read_proximity", "the proximity, larger when nearer", 70),
     _kind("read_sensor_channels", "the scaled value of every channel of the sensor", 45),
+    Kind(
+        "read_counters", "Read every count, such as that of a rotary encoder, and which way it went last.", COUNTS, 65
+    ),
 )

@@ -1,0 +1,234 @@
+"""PROBE on macOS: what `ioreg` and `system_profiler` report, as the same units and facts as on Linux.
+
+One scan for each report. What a person names (paired devices, network services, volumes, printers, a telephone used as
+a camera) is told by its kind; only the names that hardware gives itself are kept. Written from the recorded form of
+the reports: no Mac has run it yet, and the artifact says so.
+"""
+
+import os
+import re
+from collections.abc import Mapping
+
+from octoform.builtin.probe import profiler, text
+from octoform.builtin.probe.commands import RECORDED, Command, output
+from octoform.builtin.probe.ioregistry import Registry
+from octoform.builtin.probe.node import Node
+from octoform.builtin.probe.paired import Paired, described
+from octoform.builtin.probe.profiler import SECTIONS, Note, Section, first
+from octoform.builtin.probe.reader import Reader
+from octoform.builtin.probe.report import Entry, said
+from octoform.builtin.probe.scans import Scan
+from octoform.builtin.probe.unit import Unit
+
+VERSION, MACHINE = Command("sw_vers", ("sw_vers",)), Command("uname-m", ("uname", "-m"))
+_HEX = re.compile(r"^0x([0-9a-f]{1,8})\b", re.I)
+_USB_CAMERA = re.compile(r"^0x([0-9a-f]{1,8})[0-9a-f]{8}$", re.I)
+# Ways by which a sound device is attached that carry the device's own name; the others carry a person's.
+_OWN_NAMES = frozenset(("builtin", "usb", "pci", "thunderbolt", "displayport", "hdmi", "firewire"))
+_BLUETOOTH_KINDS = {
+    **dict.fromkeys(("headphones", "headset", "speaker", "microphone", "handsfree"), "audio"),
+    **dict.fromkeys(("keyboard", "mouse", "trackpad", "gamepad", "joystick", "remote", "stylus"), "input"),
+    **dict.fromkeys(("phone", "smartphone", "cellular"), "phone"),
+    **dict.fromkeys(("laptop", "desktop", "tablet"), "computer"),
+}
+
+
+def is_here(reader: Reader, system: str) -> bool:
+    """Whether the root is that of a Mac: the running system, or a recorded one with the reports of one."""
+    if not reader.root:
+        return system == "darwin"
+    return any(name.startswith(("system_profiler-", "ioreg-")) for name in reader.names_or_none(RECORDED))
+
+
+class Macos:
+    """All units of a Mac; filled by the scans, read when they are over."""
+
+    def __init__(self) -> None:
+        """Empty until the scans have run."""
+        self.platform: dict[str, str] = {"os": "macos", "arch": "unknown", "verified": "recorded-only"}
+        self.hostname = ""
+        self._registry, self._paired = Registry(), Paired()
+        self._found: list[Unit] = []
+        self._sounds: dict[tuple[str, str], Node] = {}
+
+    def scans(self) -> list[Scan]:
+        """The registry first: the reports add to the USB devices that it shows."""
+        notes: Mapping[str, Note] = {
+            **{"SPUSBHostDataType": self._usb, "SPUSBDataType": self._usb, "SPCameraDataType": self._camera},
+            **{
+                "SPAudioDataType": self._audio,
+                "SPDisplaysDataType": self._display,
+                "SPPrintersDataType": self._printer,
+            },
+            **{"SPBluetoothDataType": self._bluetooth, **{name: self._plain(SECTIONS[name]) for name in SECTIONS}},
+            "SPStorageDataType": self._storage,
+        }
+        reports = [profiler.scan(name, note) for name, note in notes.items()]
+        system = [Scan("command:uname", self._machine), Scan("command:sw_vers", self._version)]
+        return [*system, *self._registry.scans(), *reports]
+
+    def units(self) -> list[Unit]:
+        """USB devices, what the reports add, and paired devices as context."""
+        return [*self._registry.usb.values(), *self._registry.lines, *self._found, *self._paired.units()]
+
+    def _machine(self, reader: Reader) -> None:
+        if not reader.root:
+            name = os.uname()
+            self.platform["kernel"], self.hostname = text.value(name.release, 128), text.value(name.nodename, 255)
+        self.platform["arch"] = text.value(output(MACHINE, reader), 64) or "unknown"
+
+    def _version(self, reader: Reader) -> None:
+        if version := re.search(r"^ProductVersion:\s*(\S+)$", output(VERSION, reader), re.M):
+            self.platform["os_version"] = text.value(version[1], 64)
+
+    def _add(self, node: Node, context: bool = False) -> Unit:
+        """A unit of its own; what neither says its place nor its serial number is told from its twin by nothing."""
+        extra: dict[str, str | int | bool] = {} if node.serial else {"strength": "weak"}
+        if node.address:
+            extra["address"] = text.value(node.address, 300)
+        unit = Unit(node, context=context, extra=extra)
+        self._found.append(unit)
+        return unit
+
+    def _plain(self, section: Section) -> Note:
+        def note(item: Entry) -> None:
+            if section.needs and not any(item.get(key) for key in section.needs):
+                return
+            node = _node(section.bus, first(item, section.title))
+            for fact, keys in section.facts.items():
+                node.add(fact, first(item, keys))
+            node.kind = node.title or next((value for _, value in node.lines), "device")
+            node.serial, node.address = first(item, section.serial), first(item, section.address)
+            self._add(node)
+
+        return note
+
+    def _usb(self, item: Entry) -> None:
+        """A device that the registry did not show, or a controller."""
+        vendor, product = (_hex(item, *keys) for keys in _USB_IDS)
+        location = _hex(item, "location_id", "USBKeyLocationID")
+        if vendor is None and product is None:
+            if item.get("_items") or item.get("host_controller") or item.get("Driver"):
+                self._add(_node("usb-controller", said(item, "host_controller", "Driver", "_name")))
+            return
+        known = self._registry.usb
+        place = location if location is not None else -1 - len(known)
+        if place in known:
+            return
+        node = Node(f"/macos/usb/{place:#010x}" if place >= 0 else "/macos/usb", "usb", False)
+        node.vid, node.pid = (f"{value & 0xFFFF:04x}" if value is not None else "" for value in (vendor, product))
+        node.add("vendor_id", node.vid)
+        node.add("product_id", node.pid)
+        node.add("manufacturer", said(item, "manufacturer", "USBDeviceKeyVendorName"))
+        node.add("product", said(item, "_name"))
+        node.kind = f"{node.vid}-{node.pid}" if node.vid and node.pid else said(item, "_name") or "device"
+        node.serial = said(item, "serial_num", "USBDeviceKeySerialNumber")
+        known[place] = Unit(node)
+
+    def _camera(self, item: Entry) -> None:
+        name, model = said(item, "_name"), said(item, "spcamera_model-id")
+        identity = said(item, "spcamera_unique-id")
+        place = _USB_CAMERA.match(identity)
+        usb = self._registry.usb.get(int(place[1], 16)) if place else None
+        # A camera that is lent by a telephone is near, no part of this machine, and called as its owner calls it.
+        own = name if name == model or place or model.startswith("UVC Camera") else ""
+        if usb is not None:
+            _member(usb, "camera", {"name": own, "model": model})
+            return
+        node = _node("camera", own or model, name=own, model="" if model == own else model)
+        node.address = identity
+        self._add(node, context=not own)
+
+    def _audio(self, item: Entry) -> None:
+        way = said(item, "coreaudio_device_transport").removeprefix("coreaudio_device_type_").removeprefix("spaudio_")
+        if not way and not item.get("coreaudio_device_input") and not item.get("coreaudio_device_output"):
+            return
+        name = said(item, "_name") if way in _OWN_NAMES else ""
+        node = self._sounds.get((name, way))
+        if node is None:
+            usb = self._usb_called(name) if way == "usb" else None
+            node = _member(usb, "audio", {"name": name}) if usb else _node("audio", name or f"{way} audio", name=name)
+            node.add("transport", way)
+            node.add("manufacturer", said(item, "coreaudio_device_manufacturer") if name else "")
+            self._sounds[name, way] = node
+            if usb is None:
+                self._add(node)
+        for fact, key in (("input_channels", "coreaudio_device_input"), ("output_channels", "coreaudio_device_output")):
+            node.add(fact, "" if fact in dict(node.lines) else said(item, key))
+
+    def _display(self, item: Entry) -> None:
+        node = _node("gpu", said(item, "sppci_model", "_name"), model=said(item, "sppci_model"))
+        node.add("vendor", said(item, "spdisplays_vendor").removeprefix("sppci_vendor_"))
+        unit = self._add(node)
+        for screen in profiler.items(item.get("spdisplays_ndrvs")):
+            # A screen that is reached by radio is called as its owner calls it.
+            numbered = said(screen, "_spdisplays_display-vendor-id") and "airplay" not in str(screen).lower()
+            part = _member(unit, "monitor", {"name": said(screen, "_name") if numbered else ""})
+            part.add("connection", said(screen, "spdisplays_connection_type").removeprefix("spdisplays_"))
+
+    def _storage(self, item: Entry) -> None:
+        """The drive below a volume; the volume itself is what a person made of it."""
+        drive = item.get("physical_drive")
+        if not isinstance(drive, dict) or not (model := said(drive, "device_name")):
+            return
+        protocol = said(drive, "protocol")
+        usb = self._usb_called(model) if protocol == "USB" else None
+        known = [unit.head for unit in self._found if unit.head.subsystem == "macos-disk"]
+        if usb is None and not any(disk.title == model for disk in known):
+            self._add(_node("disk", model, model=model, protocol=protocol, medium=said(drive, "medium_type")))
+
+    def _printer(self, item: Entry) -> None:
+        scheme = said(item, "uri").partition(":")[0]
+        if not scheme:
+            return
+        node = _node("printer", said(item, "ppd"), model=said(item, "ppd"), connection=scheme)
+        node.address = said(item, "uri")
+        self._add(node, context=scheme not in ("usb", "file"))
+
+    def _bluetooth(self, item: Entry) -> None:
+        radio = item.get("controller_properties")
+        if isinstance(radio, dict):
+            node = _node("bluetooth", "Bluetooth adapter", chipset=said(radio, "controller_chipset"))
+            node.add("transport", said(radio, "controller_transport"))
+            node.address = said(radio, "controller_address")
+            self._add(node)
+        for key in ("device_connected", "device_not_connected"):
+            for named in profiler.items(item.get(key)):
+                for facts in named.values():
+                    device = self._paired.known(said(facts, "device_address")) if isinstance(facts, dict) else None
+                    if device:
+                        word = said(facts, "device_minorType").lower()
+                        device.kind, device.connected = _BLUETOOTH_KINDS.get(word, ""), key == "device_connected"
+                        ids = (_hex(facts, "device_vendorID"), _hex(facts, "device_productID"))
+                        maker, product = ("" if value is None else f"{value & 0xFFFF:04x}" for value in ids)
+                        described(device, "", (), ("", maker, product))
+
+    def _usb_called(self, name: str) -> Unit | None:
+        """The one USB device whose product string is that name."""
+        found = [unit for unit in self._registry.usb.values() if name and ("product", name) in unit.head.lines]
+        return found[0] if len(found) == 1 else None
+
+
+_USB_IDS = (("vendor_id", "USBDeviceKeyVendorID"), ("product_id", "USBDeviceKeyProductID"))
+
+
+def _node(bus: str, title: str, **facts: str) -> Node:
+    node = Node(f"/macos/{bus}", f"macos-{bus}", False, kind=title or "device", title=title)
+    for key, value in facts.items():
+        node.add(key, value)
+    return node
+
+
+def _member(unit: Unit, kernel_class: str, facts: Mapping[str, str]) -> Node:
+    number = sum(node.subsystem == kernel_class for node in unit.members)
+    node = Node(f"{unit.head.path}/{kernel_class}{number}", kernel_class, True)
+    for key, value in facts.items():
+        node.add(key, value)
+    unit.members.append(node)
+    return node
+
+
+def _hex(item: Entry, *keys: str) -> int | None:
+    """A number such as ``0x8514`` or ``0x14100000 / 3``; None where there is none."""
+    found = next((match for key in keys if (match := _HEX.match(said(item, key)))), None)
+    return int(found[1], 16) if found else None

@@ -1,0 +1,98 @@
+"""The part of the server that speaks line protocols, written from the command grammars of the profiles in the task.
+
+Each line that the server can ever send is spelt out in its own code; a caller's values enter it as numbers, or as
+words of a list that the types allow.
+"""
+
+import re
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+from octoform.builtin.grammars import Profiles
+from octoform.builtin.grammars import commands as all_commands
+from octoform.builtin.serve.functions import heading
+from octoform.builtin.serve.shapes import Shapes, quoted
+from octoform.builtin.task import Refused
+
+Spoken = Mapping[str, tuple[Mapping[str, Any], Mapping[str, Any]]]
+"""Tool name to (profile, command)."""
+_PLACEHOLDER = re.compile(r"\{([a-z][a-z0-9_]*)\}")
+_FORMATS = {"integer": ":d", "number": ":.6f", "string": ""}
+_PATTERNS = {
+    "integer": r"[+-]?\d{1,18}",
+    "number": r"[+-]?(?:\d{1,18}(?:\.\d{0,18})?|\.\d{1,18})(?:[eE][+-]?\d{1,2})?",
+    "string": r".{1,120}",
+}
+_CONVERTED = {"integer": 'int(found["{}"])', "number": 'float(found["{}"])', "string": 'found["{}"]'}
+
+
+def commands(tools: Mapping[str, Mapping[str, Any]], profiles: Profiles) -> Spoken:
+    """The commands that these tools (by capability) are for; Refused where a tool has other parameters."""
+    found = {name: pair for name, pair in all_commands(profiles).items() if name in tools}
+    for name, (profile, command) in found.items():
+        has = tools[name]["input_schema"].get("properties", {}).keys() - {"device"}
+        if has != command.get("parameters", {}).keys():
+            raise Refused(f"the tool {name} has other parameters than the grammar of the profile {profile['name']}")
+    return found
+
+
+def section(tools: Mapping[str, Mapping[str, Any]], spoken: Spoken, shapes: Shapes) -> dict[str, Any]:
+    """What the template needs."""
+    profiles = {str(profile["name"]): profile for profile, _ in spoken.values()}
+    return {
+        "wires": {name: _wire(profile["grammar"]["line"]) for name, profile in profiles.items()},
+        "functions": [
+            {
+                "head": heading(tools[name], shapes),
+                "wire": str(profile["name"]),
+                "send": _send(command),
+                "reply": quoted(_reply(profile["grammar"]["line"], command)),
+                "actuate": command["effect"] != "read",
+                "result": shapes.type_of(tools[name]["output_schema"]),
+                "fields": list(_fields(command)),
+            }
+            for name, (profile, command) in spoken.items()
+        ],
+    }
+
+
+def _wire(line: Mapping[str, Any]) -> dict[str, str]:
+    """The arguments of the server's own type, as Python source."""
+    error = _pattern(str(line["error"]), {"message": ".*"}) if "error" in line else ""
+    numbers = {"baud": repr(line["baud"]), "timeout": repr(line["timeout"]), "settle": repr(line.get("settle", 0.0))}
+    return {"kind": quoted(line["class"]), "ending": quoted(line["ending"]), "error": quoted(error), **numbers}
+
+
+def _send(command: Mapping[str, Any]) -> str:
+    """The line to send as Python source: a text, or an f-string of the parameters."""
+    pattern, values = str(command["send"]), command.get("parameters", {})
+    if not values:
+        return quoted(pattern)
+    parts = _PLACEHOLDER.split(pattern)
+    parts[::2] = [part.replace("\\", "\\\\").replace('"', '\\"') for part in parts[::2]]
+    parts[1::2] = [f"{{{name}{_FORMATS[values[name]['type']]}}}" for name in parts[1::2]]
+    return f'f"{"".join(parts)}"'
+
+
+def _reply(line: Mapping[str, Any], command: Mapping[str, Any]) -> str:
+    if "reply" not in command:
+        return re.escape(str(line["ok"]))
+    values = command.get("fields") or {}
+    return _pattern(str(command["reply"]), {name: _one(value) for name, value in values.items()})
+
+
+def _one(value: Mapping[str, Any]) -> str:
+    return "|".join(map(re.escape, value["enum"])) if "enum" in value else _PATTERNS[value["type"]]
+
+
+def _pattern(text: str, values: Mapping[str, str]) -> str:
+    """A regular expression of a pattern with placeholders."""
+    parts = _PLACEHOLDER.split(text)
+    parts[::2] = [re.escape(part) for part in parts[::2]]
+    parts[1::2] = [f"(?P<{name}>{values[name]})" for name in parts[1::2]]
+    return "".join(parts)
+
+
+def _fields(command: Mapping[str, Any]) -> Iterator[str]:
+    for name, value in (command.get("fields") or {}).items():
+        yield f"{name}={_CONVERTED[value['type']].format(name)}"

@@ -1,0 +1,19 @@
+"""``devices``: what this host has, and where each device is attached now."""
+
+import os
+from argparse import Namespace
+from pathlib import Path
+
+from octoform.engine.devices import listing
+from octoform.views import devices, problems
+from octoform.views.console import Console
+
+
+def run(arguments: Namespace, project: Path, screen: Console) -> int:
+    """Works without an endpoint; exit code 1 where no IDENTIFY artifact was accepted yet."""
+    found, told = listing(project, os.environ)
+    if found is None:
+        return problems.show(screen, told, as_json=arguments.json)
+    if not arguments.json:
+        problems.show(screen, told)
+    return devices.show(screen, found, as_json=arguments.json, verbose=arguments.v)

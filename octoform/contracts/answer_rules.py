@@ -1,0 +1,91 @@
+"""Rules for what a person said of a device: it counts where it was said, it is not passed over, and it is asked once.
+
+A person is asked one question a device. An agent that claims an answer nobody gave makes up hardware; one that asks
+again, or asks two things at once, has the person do its work.
+"""
+
+import re
+
+from octoform.contracts.model import Artifacts, JsonObject, Rule
+from octoform.contracts.text import pointer, shown
+from octoform.diagnostics import Diagnostic, error, warning
+
+METHOD = "user_answer"
+# Question marks, also those of Armenian, Greek, Arabic and full-width writing.
+_ASKS = re.compile("[?\u055e\u037e\u061f\u2047\u2048\u2049\uff1f]")
+
+
+def texts(device: str, artifacts: Artifacts) -> tuple[str, ...]:
+    """What a person said of a device, as it stands and on one line; evidence may quote it."""
+    said = artifacts.answers.get(device)
+    return (said, " ".join(said.split())) if said is not None else ()
+
+
+def answer_invented(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
+    """Only a device that a person spoke of was identified by an answer."""
+    return [
+        error(
+            "IDENTIFY-ANSWER-INVENTED",
+            f"{shown(device['id'])} was identified by an answer that nobody gave",
+            pointer=pointer("devices", index, "method"),
+            hint="name the method that decided, or leave the device unknown",
+        )
+        for index, device in enumerate(value["devices"])
+        if device["method"] == METHOD and device["id"] not in artifacts.answers
+    ]
+
+
+def answer_ignored(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
+    """A device that a person spoke of is not unknown any more: asking again would be a second question."""
+    return [
+        error(
+            "IDENTIFY-ANSWER-IGNORED",
+            f"{shown(device['id'])} is unknown although a person said what it is: "
+            f"{shown(artifacts.answers[device['id']])}",
+            pointer=pointer("devices", index, "category"),
+            hint=f"name it from the answer with method {METHOD}, or leave it out with the reason that the answer gives",
+        )
+        for index, device in enumerate(value["devices"])
+        if device["category"] == "unknown" and device["id"] in artifacts.answers
+    ]
+
+
+def many_questions(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
+    """What is missing of a device is one question."""
+    return [
+        error(
+            "IDENTIFY-MANY-QUESTIONS",
+            f"{len(_ASKS.findall(device['missing']))} questions are asked about {shown(device['id'])}",
+            pointer=pointer("devices", index, "missing"),
+            hint="ask the one question whose answer settles what the device is",
+        )
+        for index, device in enumerate(value["devices"])
+        if len(_ASKS.findall(device.get("missing", ""))) > 1
+    ]
+
+
+def line_left_out(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
+    """A serial line leads to something that only a person can name, so leaving it out hides the question."""
+    lines = {item["id"] for item in (artifacts.probe or {}).get("devices", ()) if _is_line(item)}
+    return [
+        warning(
+            "IDENTIFY-LINE-LEFT-OUT",
+            f"{shown(item['id'])} has a serial line and is left out, so nobody is asked what is connected to it",
+            pointer=pointer("left_out", index),
+            hint="annotate it as unknown with the one question that would settle it",
+        )
+        for index, item in enumerate(value["left_out"])
+        if item["id"] in lines and item["id"] not in artifacts.answers
+    ]
+
+
+def _is_line(device: JsonObject) -> bool:
+    return device["interface"] == "usb" and "tty" in device.get("classes", ()) and device.get("context") is not True
+
+
+RULES = (
+    Rule("IDENTIFY-ANSWER-INVENTED", answer_invented),
+    Rule("IDENTIFY-ANSWER-IGNORED", answer_ignored),
+    Rule("IDENTIFY-MANY-QUESTIONS", many_questions),
+    Rule("IDENTIFY-LINE-LEFT-OUT", line_left_out),
+)

@@ -1,0 +1,59 @@
+"""Rules for IDENTIFY about where devices are plugged in: a camera and a device that is commanded share no hub.
+
+A camera fills the bandwidth of its hub and draws its power, and when the hub resets, both are gone at once: the arm in
+the middle of a move, and the camera that should have shown it. It is a warning, because it works on a quiet bench; and
+it is never in an artifact, because the place of a device is no fact about its kind.
+"""
+
+import re
+
+from octoform.contracts.model import Artifacts, JsonObject, Rule
+from octoform.contracts.text import pointer, shown
+from octoform.diagnostics import Diagnostic, warning
+
+_USB_PORT = re.compile(r"\d+-\d+(?:\.\d+)*")
+_SERIAL = re.compile(r"^interface \d+: class 02/02/", re.MULTILINE)
+# Actuators that nothing bad happens to when they are late or gone for a second.
+_HARMLESS = frozenset(("audio_out", "light", "printer", "monitor"))
+
+
+def shared_hub(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
+    """A camera and a serial line or an actuator hang on the same external hub."""
+    probed = {device["id"]: device for device in (artifacts.probe or {}).get("devices", ())}
+    hubs = {_ports(device)[-1]: name for name, device in probed.items() if _ports(device)}
+    cameras = [(index, item) for index, item in enumerate(value["devices"]) if _is_camera(item)]
+    found = []
+    for index, camera in cameras:
+        above = _ports(probed.get(camera["id"], {}))[:-1]
+        for other in value["devices"]:
+            source = probed.get(other["id"], {})
+            common = [port for port in _ports(source)[:-1] if port in above]
+            if common and _is_commanded(other, source):
+                hub = hubs.get(common[-1], "one hub")
+                summary = (
+                    f"the camera {shown(camera['id'])} and {shown(other['id'])} hang on the same hub, {shown(hub)}"
+                )
+                hint = "plug one of the two into another port of the machine; a busy or failing hub takes both away"
+                where = pointer("devices", index)
+                found.append(warning("IDENTIFY-SHARED-HUB", summary, pointer=where, hint=hint))
+    return found
+
+
+RULES = (Rule("IDENTIFY-SHARED-HUB", shared_hub),)
+
+
+def _ports(device: JsonObject) -> list[str]:
+    """The USB ports on the way to a device, hubs first, its own last; root hubs have none."""
+    path = str(device.get("instance", {}).get("sysfs") or "")
+    return [part for part in path.split("/") if _USB_PORT.fullmatch(part)]
+
+
+def _is_camera(annotation: JsonObject) -> bool:
+    offered = (capability["name"] for capability in annotation["capabilities"])
+    return annotation.get("class") == "camera" or "capture_image" in offered
+
+
+def _is_commanded(annotation: JsonObject, source: JsonObject) -> bool:
+    if "tty" in source.get("classes", ()) or _SERIAL.search(source.get("raw_descriptor", "")):
+        return True
+    return annotation["category"] == "actuator" and annotation.get("class") not in _HARMLESS

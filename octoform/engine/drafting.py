@@ -1,0 +1,126 @@
+"""``profile new``: the draft of a profile, written from what PROBE recorded of one device of this host.
+
+The draft knows what the device says of itself. What it does not know is left open in places that the reader of
+profiles refuses, so that a draft is never taken for knowledge. (Heavy.)
+"""
+
+import json
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from octoform.diagnostics import Diagnostic, did_you_mean, error
+from octoform.engine.profiling import MANIFEST, probes
+from octoform.manifest.loading import load as load_manifest
+from octoform.state.files import write_atomic
+
+FOLDER = "profiles"
+# A hidden serial number, where a value was cut, a character that cannot be shown, a pseudonym.
+_MARKS = re.compile(
+    r"<serial>|\[cut]|\\x1b(?:\[[0-9;]*[A-Za-z])?|\\x[0-9a-f]{2}|\\u[0-9a-f]{4}|\\U[0-9a-f]{8}|\bredacted-[0-9]{10}\b"
+)
+_DRAFT = """\
+---
+name: {name}
+# One line: what this product is. The check refuses the profile until it stands here.
+about: ""
+# What a person calls it: maker and model.
+product: {product}
+# When this profile may be used; octoform evaluates it on what PROBE saw, an agent never does. Words count when they
+# stand in the device's own text, or in your answer about it:
+#   octoform answer {device} "..."
+# Keep only words that no other product has: the numbers of a chip sit on thousands of boards.
+evidence:
+  all:
+{evidence}
+# What every call has to keep to; the endpoint enforces it. For example:
+# limits:
+#   - {{tool: lamp_dim, parameter: percent, minimum: 0, maximum: 80, unit: "%"}}
+{grammar}# What is true of your own copy alone:
+# rig:
+#   facts: [The left bulb is broken.]
+---
+"""
+_GRAMMAR = """\
+# If it is driven by lines of text over its serial line, its commands are enough to make tools of. For example:
+# grammar:
+#   line: {class: tty, baud: 115200, ok: "OK", error: "ERR {message}", timeout: 5s}
+#   commands:
+#     - tool: lamp_dim
+#       send: "DIM {percent}"
+#       about: dim the lamp
+#       effect: actuate
+#       parameters: {percent: {type: integer, minimum: 0, maximum: 80, unit: "%"}}
+"""
+
+
+@dataclass(frozen=True, slots=True)
+class Draft:
+    """A file that was written: its path in the project, the device, and whether the manifest lists profiles already."""
+
+    path: str
+    device: str
+    listed: bool
+
+
+def draft(project: Path, environ: Mapping[str, str], device: str) -> tuple[Draft | None, list[Diagnostic]]:
+    """Write the draft; nothing is written over a file that is there."""
+    manifest, found = load_manifest(project / MANIFEST, environ)
+    if manifest is None:
+        return None, found
+    devices = {item["id"]: item for item in probes(project).get(manifest.host, [])}
+    if not devices:
+        hint = "octoform apply -target probe lists the devices"
+        return None, [error("PROFILE-NO-DEVICE", f"nothing is known of the devices of {manifest.host} yet", hint=hint)]
+    if device not in devices:
+        near = did_you_mean(device, list(devices)[:2000])
+        hint = f"did you mean {near}?" if near else "octoform coverage lists the devices"
+        return None, [error("PROFILE-NO-DEVICE", f"{device!r} is no device of {manifest.host}", hint=hint)]
+    text, name = _text(devices[device])
+    path = project / FOLDER / f"{name}.md"
+    if path.exists() or path.is_symlink():
+        summary = f"{FOLDER}/{name}.md is there already"
+        hint = "look at it with octoform profile check, or move it away"
+        return None, [error("PROFILE-EXISTS", summary, path=str(path), hint=hint)]
+    path.parent.mkdir(exist_ok=True)
+    problem = write_atomic(path, text.encode("utf-8"))
+    if problem is not None:
+        return None, [problem]
+    return Draft(f"{FOLDER}/{name}.md", device, bool(manifest.profiles)), []
+
+
+def _text(device: Mapping[str, Any]) -> tuple[str, str]:
+    """The draft and the name of the profile in it."""
+    product, maker = _said(device, "product"), _said(device, "manufacturer")
+    called = product if maker.casefold() in product.casefold() else f"{maker} {product}".strip()
+    name = _slug(called) or _slug(device["id"]) or "device"
+    tests = []
+    if device.get("vid") and device.get("pid"):
+        tests.append(f'    - vid_pid: "{device["vid"]}:{device["pid"]}"')
+    words = json.dumps([product]) if product else "[]  # it says no word of itself: which words name it?"
+    tests.append(f"    - text: {words}")
+    for kind, listed in (("class", device.get("classes")), ("driver", device.get("drivers"))):
+        if isinstance(listed, list) and listed:
+            tests.append(f"    - {kind}: {json.dumps(listed[:8])}")
+            break
+    text = _DRAFT.format(
+        name=name,
+        product=json.dumps(called),
+        device=device["id"],
+        evidence="\n".join(tests),
+        grammar=_GRAMMAR if "tty" in (device.get("classes") or ()) else "",
+    )
+    return text, name
+
+
+def _said(device: Mapping[str, Any], key: str) -> str:
+    """The device's own string under a key of its PROBE text: of what stands between PROBE's marks the longest part."""
+    found = re.search(rf"^{key}: (.{{1,120}})$", str(device.get("raw_descriptor", "")), re.MULTILINE)
+    parts = _MARKS.split(found[1]) if found else [""]
+    return max((" ".join(part.split()) for part in parts), key=len)
+
+
+def _slug(text: str) -> str:
+    return re.sub(r"[^a-z0-9]+", "-", text.casefold()).strip("-")[:60].strip("-")

@@ -1,0 +1,225 @@
+"""Decides which of the attached specimens an id is: by serial number, else by place, else because only one is left.
+
+All ids of one kind are looked at together, so that no two of them ever get the same specimen. What acts is bound by a
+serial number or a place, or where one specimen is left for one id; on a guess it is not moved (AmbiguousDevice). What
+only reads may answer by order. docs/identity.md has the table.
+"""
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from . import kinds
+from .faults import AmbiguousDevice, DeviceAbsent
+from .places import path_of, place, socket
+from .sysfs import sysroot
+
+STRONG, POSITIONAL, WEAK = "strong", "positional", "weak"
+_MOST_NAMED = 4
+
+
+@dataclass(frozen=True)
+class Binding:
+    """The folder of the specimen that was found, and how surely it is the one."""
+
+    folder: Path
+    strength: str
+
+
+@dataclass(frozen=True)
+class _Claim:
+    """What the instances file says of one id; nothing for an id that it does not know."""
+
+    id: str
+    path: str = ""
+    port: str = ""
+    serial: str = ""
+    unique: bool = False
+
+    def excludes(self, folder: Path) -> bool:
+        """Whether the folder is certainly another specimen: it shows another serial number."""
+        shown = kinds.serial(folder)
+        return bool(self.serial and shown) and not kinds.same_serial(self.serial, shown)
+
+    def lacks(self, folder: Path) -> bool:
+        """Whether the serial number that would prove it is not shown where it should be."""
+        return self.unique and kinds.serial(folder) == ""
+
+    def gained(self, folder: Path) -> bool:
+        """Whether it shows a serial number and the one that is known had none: most likely it is another one."""
+        return bool(self.path and not self.serial and kinds.telling(kinds.serial(folder) or ""))
+
+
+def in_place(device_id: str, known: Mapping[str, Any]) -> Binding | None:
+    """The specimen where it was last seen, for a reader: nothing else is looked at while all is as it was."""
+    instance = known.get(device_id)
+    claim = _claim(device_id, instance if isinstance(instance, Mapping) else {})
+    folder = _recorded(claim)
+    if folder is None or not kinds.matches(folder, device_id) or claim.excludes(folder) or claim.lacks(folder):
+        return None
+    proved = claim.unique and kinds.serial(folder)
+    said = str(instance.get("strength")) if isinstance(instance, Mapping) else WEAK
+    return Binding(folder, STRONG if proved else WEAK if said == WEAK else POSITIONAL)
+
+
+def bind(device_id: str, known: Mapping[str, Any], actuate: bool) -> Binding:
+    """The specimen that an id is now; DeviceAbsent or AmbiguousDevice with the reason."""
+    name, specimens = kinds.kind_of(device_id)
+    claims = _claims(device_id, name, known, specimens)
+    mine = next(claim for claim in claims if claim.id == device_id)
+    specimens = specimens or _only_recorded(mine)
+    bound = _by_serial(claims, specimens)
+    _by_place(claims, specimens, bound)
+    found = bound.get(device_id)
+    if found is not None and not (actuate and mine.lacks(found.folder)):
+        return found
+    return _left_over(mine, claims, specimens, bound, actuate)
+
+
+def _by_serial(claims: list[_Claim], specimens: list[Path]) -> dict[str, Binding]:
+    bound = {}
+    for claim in claims:
+        alike = [each for each in specimens if claim.unique and kinds.same_serial(claim.serial, kinds.serial(each))]
+        if len(alike) == 1:
+            bound[claim.id] = Binding(alike[0], STRONG)
+    return bound
+
+
+def _by_place(claims: list[_Claim], specimens: list[Path], bound: dict[str, Binding]) -> None:
+    """Bind what is alone in the place where it was; the numbers of buses count only while they are as they were."""
+    for where in (place, socket):
+        wanting = [claim for claim in claims if claim.id not in bound and (claim.path or claim.port)]
+        places = [where(claim.path) if claim.path else claim.port for claim in wanting]
+        free = [each for each in specimens if each not in [binding.folder for binding in bound.values()]]
+        shifted = _shifted(wanting, free) if where is place else set()
+        for claim, at in zip(wanting, places, strict=True):
+            if socket(claim.path) in shifted:
+                continue
+            there = [each for each in free if at == (where(path_of(each)) if claim.path else each.name)]
+            if len(there) == 1 and places.count(at) == 1 and not claim.excludes(there[0]):
+                bound[claim.id] = Binding(there[0], POSITIONAL)
+
+
+def _shifted(wanting: list[_Claim], free: list[Path]) -> set[str]:
+    """The sockets where buses may be counted otherwise now: several equal ones differ by the number of a bus alone.
+
+    Channels of a multiplexer that were 5 and 6 and are 6 and 7 now would else change places without a word.
+    """
+    was = [claim.path for claim in wanting if claim.path]
+    now = [path_of(each) for each in free]
+    sockets = {socket(path) for path in was}
+    return {
+        each
+        for each in sockets
+        if {place(path) for path in was if socket(path) == each}
+        != {place(path) for path in now if socket(path) == each}
+        and max(sum(socket(path) == each for path in paths) for paths in (was, now)) > 1
+    }
+
+
+def _left_over(
+    mine: _Claim, claims: list[_Claim], specimens: list[Path], bound: Mapping[str, Binding], actuate: bool
+) -> Binding:
+    """The specimens that no place and no number gave to an id, to the ids that have none, in order."""
+    held = [binding.folder for name, binding in bound.items() if name != mine.id]
+    free = [each for each in specimens if each not in held]
+    open_to_me = [each for each in free if not mine.excludes(each)]
+    if not open_to_me:
+        raise DeviceAbsent(mine.id, _why_absent(mine, free))
+    wanting = [claim for claim in claims if claim.id == mine.id or claim.id not in bound]
+    rivals = [claim for claim in wanting if any(not claim.excludes(each) for each in open_to_me)]
+    unlike = mine.lacks(open_to_me[0]) or mine.gained(open_to_me[0])
+    if actuate and (len(open_to_me) > 1 or len(rivals) > 1 or unlike):
+        raise AmbiguousDevice(mine.id, _doubt(mine, open_to_me, rivals))
+    given = _in_order(wanting, free)
+    if mine.id not in given:
+        raise DeviceAbsent(mine.id, _why_absent(mine, []))
+    return Binding(given[mine.id], WEAK)
+
+
+def _in_order(wanting: list[_Claim], free: list[Path]) -> dict[str, Path]:
+    """Each id the specimen in its very path, else the next that is left."""
+    given = {claim.id: each for claim in wanting for each in free if path_of(each) == claim.path}
+    rest = [each for each in free if each not in given.values()]
+    for claim in wanting:
+        fit = [each for each in rest if not claim.excludes(each)]
+        if claim.id not in given and fit:
+            given[claim.id] = fit[0]
+            rest.remove(fit[0])
+    return given
+
+
+def _claims(device_id: str, name: str, known: Mapping[str, Any], specimens: list[Path]) -> list[_Claim]:
+    """What is known of every id of the kind, in the order of ordinals; this id is always among them."""
+    ids = {other for other in known if _ordinal(other, name) and _of_same_kind(other, name, known[other], specimens)}
+    ids.add(device_id)
+    if device_id not in known:
+        # A second one was counted after a first one.
+        ids |= {name if count == 1 else f"{name}-{count}" for count in range(1, _ordinal(device_id, name))}
+    instances = {each: known.get(each) for each in ids}
+    return [
+        _claim(each, instance if isinstance(instance, Mapping) else {})
+        for each, instance in sorted(instances.items(), key=lambda item: _ordinal(item[0], name))
+    ]
+
+
+def _ordinal(device_id: str, name: str) -> int:
+    """1 for the name itself, n for ``name-n``, 0 for another kind."""
+    if device_id == name:
+        return 1
+    rest = device_id.removeprefix(f"{name}-")
+    return int(rest) if rest != device_id and re.fullmatch(r"[2-9]|[1-9]\d{1,5}", rest) else 0
+
+
+def _of_same_kind(device_id: str, name: str, instance: object, specimens: list[Path]) -> bool:
+    """Whether an id that ends in a number is an ordinal of the kind, and not a kind that is called so."""
+    if device_id == name or (isinstance(instance, Mapping) and _recorded(_claim(device_id, instance)) in specimens):
+        return True
+    return kinds.kind_of(device_id)[1] == specimens
+
+
+def _claim(device_id: str, instance: Mapping[str, Any]) -> _Claim:
+    serial = kinds.telling(str(instance.get("serial") or ""))
+    path = str(instance.get("sysfs") or "")
+    return _Claim(
+        device_id,
+        path if path.startswith("/sys/") else "",
+        str(instance.get("port") or ""),
+        serial,
+        bool(serial) and instance.get("strength") == STRONG,
+    )
+
+
+def _recorded(claim: _Claim) -> Path | None:
+    folder = (sysroot() / claim.path.lstrip("/")).resolve() if claim.path else None
+    return folder if folder is not None and folder.is_dir() else None
+
+
+def _only_recorded(claim: _Claim) -> list[Path]:
+    """For an id whose words the kernel does not know: what is in its place, if it does not say that it is another."""
+    folder = _recorded(claim)
+    return [] if folder is None or kinds.contradicts(folder, claim.id) else [folder]
+
+
+def _why_absent(claim: _Claim, others: list[Path]) -> str:
+    if others:
+        text = f"{claim.id} is not attached; a device of the same kind with another serial number is"
+        return f"{text} (if it replaces it, run `octoform apply -replace probe`)"
+    return f"{claim.id} is not attached, or its driver does not see it"
+
+
+def _doubt(mine: _Claim, found: list[Path], rivals: list[_Claim]) -> str:
+    places = ", ".join(folder.name for folder in found[:_MOST_NAMED])
+    if len(found) > 1:
+        text = f"{mine.id} may be any of {len(found)} equal devices ({places})"
+    elif len(rivals) > 1:
+        other = next(claim.id for claim in rivals if claim.id != mine.id)
+        text = f"the device at {places} may be {mine.id} or {other}, which is equal and missing too"
+    elif mine.gained(found[0]):
+        text = f"the device at {places} shows a serial number, and {mine.id} had none"
+    else:
+        text = f"the device at {places} does not show the serial number that {mine.id} has"
+    back = f"plug it back into {mine.port}" if mine.port else "leave only one of them attached"
+    return f"{text}, and what moves something is not guessed; {back}, or run `octoform apply -replace probe`"

@@ -1,0 +1,59 @@
+"""Channels of sensors as the kernel publishes them in sysfs: hwmon, thermal zones, industrial I/O, in plain units."""
+
+import re
+from collections.abc import Iterator
+from typing import NamedTuple
+
+from .devices import Device
+from .sysfs import files, read_first, read_number, read_text
+
+_IIO_UNITS = {  # quantity: (from the ABI's unit to this one, unit)
+    **{"accel": (1, "m/s^2"), "anglvel": (1, "rad/s"), "magn": (1, "gauss"), "illuminance": (1, "lux")},
+    **{"pressure": (1, "kPa"), "temp": (0.001, "degC"), "humidityrelative": (0.001, "%"), "voltage": (0.001, "V")},
+    **{"current": (0.001, "A"), "power": (0.001, "W"), "resistance": (1, "ohm"), "angl": (1, "rad")},
+}
+
+
+class Row(NamedTuple):
+    """One channel; a value of None is one that did not answer."""
+
+    sensor: str
+    channel: str
+    label: str
+    value: float | None
+    unit: str
+
+
+def hwmon(unit: Device, kind: str, scale: float, symbol: str) -> Iterator[Row]:
+    """Channels of the hwmon class, in the units of the kernel's Documentation/hwmon/sysfs-interface.rst."""
+    for folder in unit.paths("hwmon"):
+        sensor = read_text(folder / "name") or folder.name
+        found = files(folder, f"{kind}[0-9]*_average") + files(folder, f"{kind}[0-9]*_input")
+        for channel, file in {file.name.rpartition("_")[0]: file for file in found}.items():
+            label = read_text(folder / f"{channel}_label") or channel
+            yield Row(sensor, channel, label, read_number(file, scale), symbol)
+
+
+def thermal(unit: Device) -> Iterator[Row]:
+    """Zones of the thermal class, in millidegrees (Documentation/ABI/testing/sysfs-class-thermal)."""
+    for folder in unit.paths("thermal"):
+        if (folder / "temp").exists():
+            kind = read_text(folder / "type") or folder.name
+            yield Row(kind, "temp", kind, read_number(folder / "temp", 0.001), "degC")
+
+
+def iio(unit: Device, wanted: str = "") -> Iterator[Row]:
+    """Channels of industrial I/O: (raw + offset) * scale, then to plain units (ABI/testing/sysfs-bus-iio)."""
+    for folder in unit.paths("iio"):
+        sensor = read_text(folder / "name") or folder.name
+        found = files(folder, f"in_{wanted}*_raw") + files(folder, f"in_{wanted}*_input")
+        for channel, file in {file.name.rpartition("_")[0]: file for file in found}.items():
+            kind = (re.match(r"in_[a-z]+", channel) or [channel])[0]
+            factor, symbol = _IIO_UNITS.get(kind.removeprefix("in_"), (1, ""))
+            value = read_number(file)
+            if value is not None and file.name.endswith("_raw"):
+                offset = read_first(folder / f"{channel}_offset", folder / f"{kind}_offset") or 0
+                scale = read_first(folder / f"{channel}_scale", folder / f"{kind}_scale")
+                value = (value + offset) * (1 if scale is None else scale)
+            value = None if value is None else round(value * factor, 9)
+            yield Row(sensor, channel, channel.removeprefix("in_"), value, symbol)

@@ -1,0 +1,58 @@
+"""What a Video4Linux2 node says it can do (linux/videodev2.h). Every call belongs under the device's lock."""
+
+import fcntl
+import struct
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+_ENUM_FMT, _ENUM_FRAMESIZES = (0xC0405602, 64), (0xC02C564A, 44)  # request, size of its structure
+_MOST = 64
+CAPTURED = (1, 9)
+"""Queues that give pictures: as a whole, in planes."""
+TAKEN = (2, 10)
+"""Queues that take pictures."""
+
+
+def formats(node: str) -> list[dict[str, Any]]:
+    """The formats that a camera gives: ``pixel_format``, ``description``, ``compressed``, ``sizes``."""
+    found = []
+    with Path(node).open("rb", 0) as camera:
+        for flags, words, code in _formats(camera, CAPTURED):
+            answers = _answers(camera, _ENUM_FRAMESIZES, code)
+            sizes = [_size(*struct.unpack_from("=8x6I", answer)) for answer in answers]
+            names = {"pixel_format": _text(code), "description": _text(words)}
+            found.append({**names, "compressed": bool(flags & 1), "sizes": sizes})
+    return found
+
+
+def codes(node: str, queues: tuple[int, ...]) -> list[str]:
+    """The pixel formats of a node's queues of these kinds."""
+    with Path(node).open("rb", 0) as codec:
+        return [_text(code) for _, _, code in _formats(codec, queues)]
+
+
+def _formats(file: Any, queues: tuple[int, ...]) -> Iterator[tuple[int, bytes, bytes]]:
+    """Flags, words and code of each format of these queues."""
+    for kind in queues:
+        for answer in _answers(file, _ENUM_FMT, struct.pack("=I", kind)):
+            yield struct.unpack_from("=8xI32s4s", answer)
+
+
+def _answers(file: Any, asked: tuple[int, int], start: bytes) -> Iterator[bytes]:
+    """The answers of an enumeration, up to the driver's error that ends it."""
+    request, size = asked
+    for index in range(_MOST):
+        try:
+            yield fcntl.ioctl(file, request, (struct.pack("=I", index) + start).ljust(size, b"\0"))
+        except OSError:
+            return
+
+
+def _size(kind: int, width: int, widest: int, _step: int, low: int, high: int) -> str:
+    """Kind 1 is one size (width, height), the others are a range: the smallest and the largest."""
+    return f"{width}x{widest}" if kind == 1 else f"{width}x{low} to {widest}x{high}"
+
+
+def _text(padded: bytes) -> str:
+    return padded.split(b"\0")[0].decode("utf-8", "replace").strip()

@@ -1,0 +1,146 @@
+"""Profiles for a person and for a program: what one says, where its rule holds, and why it does not elsewhere."""
+
+from collections.abc import Iterator
+from dataclasses import asdict
+from typing import Any
+
+from octoform.engine.drafting import Draft
+from octoform.engine.profiling import HostReport, Met, Report
+from octoform.profiles.evidence import Judged
+from octoform.profiles.grammar import Command, Value, plain
+from octoform.profiles.limits import told
+from octoform.profiles.model import Profile
+from octoform.views.console import Console
+from octoform.views.text import escape, one_line
+from octoform.views.texts import document
+
+_INDENT = "    "
+
+
+def report(console: Console, path: str, found: Report, *, as_json: bool) -> int:
+    """What ``profile check`` found; a profile that fits no device is no error."""
+    if as_json:
+        hosts = [
+            {"host": host.host, "devices": [_met_json(met) for met in host.devices], "others": host.others}
+            for host in found.hosts
+        ]
+        return document(console, {"format": 1, "sound": True, "profile": _json(found.profile), "hosts": hosts})
+    console.line(console.paint(f"{escape(path)} is sound", "green"))
+    for line in _said(found.profile):
+        console.line(escape(line))
+    if not found.hosts:
+        console.line()
+        console.line("No host has been probed in this project: octoform apply -target probe")
+    for host in found.hosts:
+        _host(console, host)
+    return 0
+
+
+def _said(profile: Profile) -> Iterator[str]:
+    yield f"  profile  {profile.name}: {profile.about}"
+    if profile.product:
+        yield f"  product  {profile.product}"
+    rig = profile.rig
+    of_product = profile.limits[: len(profile.limits) - len(rig.limits)]
+    yield from _part("Limits of the product", [words for item in of_product for words in told(item)])
+    stops = [f"writes {len(item.write)} bytes to its {item.kind} node" for item in profile.stop]
+    yield from _part("Emergency stop", stops or ["none is known: a stop refuses every further call"])
+    if profile.grammar is not None:
+        yield from _part("Tools of its grammar", [_command(item) for item in profile.grammar.commands])
+    if rig.facts or rig.limits:
+        yield from _part("This rig alone", [*rig.facts, *(words for item in rig.limits for words in told(item))])
+
+
+def _part(title: str, lines: list[str]) -> Iterator[str]:
+    if lines:
+        yield f"  {title}"
+        yield from (f"{_INDENT}{line}" for line in lines)
+
+
+def _command(command: Command) -> str:
+    values = ", ".join(map(_value, command.parameters))
+    given = f" ({values})" if values else ""
+    fields = ", ".join(map(_value, command.fields))
+    returns = f" -> {fields}" if fields else ""
+    return f"{command.tool}{given}{returns}  {command.effect}, sends {command.send!r}"
+
+
+def _value(value: Value) -> str:
+    if value.choices:
+        return f"{value.name}: {' | '.join(value.choices)}"
+    bounds = f" {value.minimum}..{value.maximum}" if value.minimum is not None else ""
+    return f"{value.name}: {value.type}{bounds}" + (f" {value.unit}" if value.unit else "")
+
+
+def _host(console: Console, host: HostReport) -> None:
+    console.line()
+    holding = sum(1 for met in host.devices if met.rule.holds)
+    console.line(console.paint(f"host {escape(host.host)}", "bold") + f": holds for {holding} of its devices")
+    for met in host.devices:
+        sign, style = ("+", "green") if met.rule.holds else ("-", "yellow")
+        named = f"{sign} {met.id}  {one_line(met.name, 60)}"
+        console.line(f"  {console.paint(escape(named), style)}")
+        for line in _tree(met.rule, met.answer, 2):
+            console.line(escape(line))
+    if host.others:
+        what = "devices meet" if host.others > 1 else "device meets"
+        console.line(f"  {host.others} other {what} no number and no word of the rule")
+
+
+def _tree(rule: Judged, answer: str, depth: int) -> Iterator[str]:
+    """The rule with what each part of it found, one line for each."""
+    verdict = "holds" if rule.holds else "fails"
+    yield f"{_INDENT * depth}{rule.kind}: {verdict}{_because(rule, answer)}"
+    for part in rule.parts:
+        yield from _tree(part, answer, depth + 1)
+
+
+def _because(rule: Judged, answer: str) -> str:
+    if not rule.wanted:
+        return ""
+    met, wanted = ", ".join(rule.words), ", ".join(rule.wanted)
+    if rule.kind != "text":
+        return f", it has {met}" if met else f", it has {', '.join(rule.seen) or 'none'} and not {wanted}"
+    if met:
+        return f", {met} stands in {'the answer about it' if set(rule.words) <= set(rule.answered) else 'its text'}"
+    return f", none of {wanted} stands in its text{' or in the answer' if answer else ', and nobody said what it is'}"
+
+
+def _met_json(met: Met) -> dict[str, Any]:
+    return {
+        "id": met.id,
+        "name": met.name,
+        "holds": met.rule.holds,
+        "answered": bool(met.answer),
+        "rule": asdict(met.rule),
+    }
+
+
+def _json(profile: Profile) -> dict[str, Any]:
+    rig = profile.rig
+    return {
+        "name": profile.name,
+        "about": profile.about,
+        "product": profile.product,
+        "limits": [dict(item) for item in profile.limits[: len(profile.limits) - len(rig.limits)]],
+        "stop": [{"class": item.kind, "baud": item.baud, "write": item.write.hex(" ")} for item in profile.stop],
+        "grammar": plain(profile.grammar) if profile.grammar is not None else None,
+        "rig": {"facts": list(rig.facts), "limits": [dict(item) for item in rig.limits]},
+    }
+
+
+def drafted(console: Console, draft: Draft, *, as_json: bool) -> int:
+    """A draft was written; what to do with it."""
+    line = f"profiles: [{draft.path}]"
+    where = f"add it to `profiles` of octopus.yaml: {draft.path}" if draft.listed else f"add to octopus.yaml: {line}"
+    steps = [
+        "fill in what it leaves open: what the product is, words that name it, and prose below the front matter",
+        f"octoform profile check {draft.path}",
+        where,
+    ]
+    if as_json:
+        return document(console, {"format": 1, "path": draft.path, "device": draft.device, "next": steps})
+    console.line(f"{escape(draft.path)}: a draft from what PROBE saw of {escape(draft.device)}")
+    for number, step in enumerate(steps, 1):
+        console.line(f"  {number}. {escape(step)}")
+    return 0

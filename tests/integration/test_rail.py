@@ -1,0 +1,141 @@
+"""A person's sentence and a profile with a command grammar are enough: the embedded agent drives a line protocol.
+
+One live endpoint for all tests of the file: the real command line onboards a planted host whose board is a simulated
+firmware on a pseudo terminal. What counts is what that firmware saw.
+"""
+
+import json
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+from hosts.plant import plant
+from projects import Project
+from rig.rail import ANSWER, DEVICE, FARTHEST, HOST, HOT, MOST, Board, Rail
+
+from octoform.diagnostics import Diagnostic
+from octoform.endpoint.client import CallResult, Wanted, call
+from octoform.state.layout import Layout
+
+SHIPPED = Path(__file__).parents[2] / "profiles"
+
+
+@dataclass
+class Bench:
+    project: Project
+    board: Board
+    applied: str
+
+    @property
+    def rail(self) -> Rail:
+        return self.board.rail
+
+    def ask(self, tool: str, **arguments: object) -> tuple[CallResult | None, tuple[Diagnostic, ...]]:
+        """What comes of a call, as any client would make it."""
+        return call(Layout(self.project.folder, self.project.host), Wanted(tool, arguments))
+
+    def call(self, tool: str, **arguments: object) -> dict[str, object]:
+        """The result of a call that goes well."""
+        result, found = self.ask(tool, **arguments)
+        assert result is not None and not result.is_error, (result, found)
+        return result.structured or {}
+
+    def fails(self, tool: str, **arguments: object) -> str:
+        """What a client is told of a call that does not."""
+        result, found = self.ask(tool, **arguments)
+        assert result is None or result.is_error
+        return result.message if result else found[0].summary
+
+
+@pytest.fixture(scope="module")
+def bench(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Bench]:
+    folder = tmp_path_factory.mktemp("rail")
+    tree = plant(HOST, folder / "tree")
+    board = Board(tree, Rail())
+    board.plug()
+    project = Project(folder / "project", folder / "outside", harness="builtin")
+    project.environ["OCTOFORM_SYSROOT"] = str(tree)
+    project.manifest = {
+        "profiles": "[profiles/camera-rail.md]",
+        "answers": f"{{{DEVICE}: {ANSWER}}}",
+        "policy": "{actuate: allow}",
+    }
+    (project.folder / "profiles").mkdir(parents=True)
+    text = (SHIPPED / "camera-rail.md").read_text()
+    assert "timeout: 25s" in text
+    (project.folder / "profiles" / "camera-rail.md").write_text(text.replace("timeout: 25s", "timeout: 1s"))
+    done = project.apply(status=0)
+    yield Bench(project, board, done.out)
+    board.unplug()
+
+
+@pytest.fixture(autouse=True)
+def whole(bench: Bench) -> Iterator[None]:
+    """Each test begins with the carriage at home and a firmware that answers."""
+    yield
+    bench.rail.manner = "well"
+    bench.call("rail_home")
+    bench.rail.lines.clear()
+
+
+def test_the_tools_move_the_rail(bench: Bench) -> None:
+    assert bench.call("rail_move_x", steps=200) == {"device": DEVICE, "command": "MOVE_X 200", "answer": "OK"}
+    bench.call("rail_move_y", steps=-1500)
+    assert bench.rail.position == {"X": 200, "Y": -1500}
+    bench.call("rail_home")
+    assert bench.rail.lines == ["MOVE_X 200", "MOVE_Y -1500", "HOME"]
+
+
+def test_limits_are_kept_before_anything_is_sent(bench: Bench) -> None:
+    assert "3000" in bench.fails("rail_move_x", steps=3000)
+    for _ in range(FARTHEST // MOST):
+        bench.call("rail_move_x", steps=MOST)
+    told = bench.fails("rail_move_x", steps=1)
+    assert "since rail_home" in told and "A call of rail_home that goes well sets the sum to zero" in told
+    assert bench.rail.position["X"] == FARTHEST and len(bench.rail.lines) == FARTHEST // MOST
+    bench.call("rail_home")
+    bench.call("rail_move_x", steps=-MOST)
+    assert bench.rail.position["X"] == -MOST
+
+
+def test_what_the_device_refuses_is_told(bench: Bench) -> None:
+    assert bench.fails("rail_move_x", steps=HOT) == f"{DEVICE} refused 'MOVE_X {HOT}': 'motor driver is hot'"
+    for _ in range(FARTHEST // MOST):
+        bench.call("rail_move_x", steps=-MOST)
+    assert "Calls failed, so that it may really be" in bench.fails("rail_move_x", steps=-1)
+    assert bench.rail.position["X"] == -FARTHEST
+
+
+def test_an_answer_outside_the_grammar_is_shown_and_harmless(bench: Bench) -> None:
+    bench.rail.manner = "odd"
+    told = bench.fails("rail_move_x", steps=1)
+    assert r"'boot v3 \x1b[31m'" in told and "\x1b" not in told
+
+
+def test_silence_ends_and_its_late_answer_is_not_taken_for_the_next_one(bench: Bench) -> None:
+    bench.rail.manner = "mute"
+    assert "did not answer 'MOVE_X 5' within 1 s" in bench.fails("rail_move_x", steps=5)
+    bench.board.say("ERR jammed")
+    bench.rail.manner = "well"
+    assert bench.call("rail_move_x", steps=7)["answer"] == "OK"
+
+
+def test_a_device_that_goes_away_in_the_middle(bench: Bench) -> None:
+    bench.rail.manner = "gone"
+    told = bench.fails("rail_move_y", steps=5)
+    assert told.startswith(DEVICE) and "whether it did 'MOVE_Y 5' is not known" in told
+    assert "MOVE" not in bench.fails("rail_home")  # nobody could send anything
+    bench.board.unplug()
+    bench.rail.manner = "well"
+    bench.board.plug()
+    bench.call("rail_move_y", steps=6)
+    assert bench.rail.position["Y"] == 6
+
+
+def test_the_device_is_named_by_the_profile_and_the_adapter_beside_it_asks_one_question(bench: Bench) -> None:
+    devices = json.loads((bench.project.state / "identify" / "output.json").read_text())["devices"]
+    rail, adapter = (next(item for item in devices if item["id"] == name) for name in (DEVICE, "usb-1a86-7523"))
+    assert (rail["method"], rail["profile"], rail["category"]) == ("profile", "camera-rail", "actuator")
+    assert rail["identified_as"].startswith("Camera rail")
+    assert adapter["category"] == "unknown" and adapter["missing"].startswith("What is connected")

@@ -1,0 +1,78 @@
+"""Tiers, profiles and questions as the plan tells them: a device is asked about once, and what was said counts."""
+
+from typing import Any
+
+import pytest
+
+from octoform.engine import knowledge
+from octoform.plan.diff import Prior
+from octoform.plan.model import Action, OpenQuestion, ProfileUse
+from octoform.profiles import Profile, load_text
+
+BOARD, LAMP = "usb-0a0a-0001", "usb-0a0a-0002"
+PROFILE = "---\nname: pump\nabout: a pump\nevidence: {text: [Heron pump]}\n---\nIt pumps.\n"
+ARTIFACTS: dict[str, Any] = {
+    "probe": {
+        "devices": [
+            {"id": BOARD, "name": "USB Serial", "interface": "usb", "raw_descriptor": "product: USB Serial"},
+            {"id": LAMP, "name": "Heron lamp", "interface": "usb", "raw_descriptor": "product: Heron lamp"},
+        ]
+    },
+    "identify": {
+        "devices": [
+            {
+                "id": BOARD,
+                "identified_as": "serial adapter",
+                "category": "unknown",
+                "method": "none",
+                "missing": "What?",
+            },
+            {"id": LAMP, "identified_as": "Heron lamp", "category": "actuator", "method": "descriptor_strings"},
+        ]
+    },
+}
+
+
+@pytest.fixture
+def pump() -> Profile:
+    profile, found = load_text(PROFILE, "octopus.yaml")
+    assert profile is not None, found
+    return profile
+
+
+def test_a_question_is_open_until_somebody_answers() -> None:
+    assert knowledge.questions(ARTIFACTS, {}) == (OpenQuestion(BOARD, "serial adapter", "What?", 2),)
+    assert knowledge.questions(ARTIFACTS, {BOARD: "a pump"}) == ()
+    assert knowledge.questions({}, {}) == ()
+
+
+def test_the_tier_is_of_what_was_said_when_identify_was_accepted(pump: Profile) -> None:
+    assert [(item.device, item.tier) for item in knowledge.devices(ARTIFACTS, (pump,), {})] == [(LAMP, 1)]
+    parts = {f"answer.{LAMP}": "above the bench"}
+    (device,) = knowledge.devices(ARTIFACTS, (pump,), {"identify": Prior("accepted", parts, "d", "f")})
+    assert (device.tier, device.answer) == (2, "above the bench")
+
+
+def test_a_plan_says_for_whom_a_profile_would_hold(pump: Profile) -> None:
+    answers = {BOARD: "the Heron pump on the left"}
+    accepted = {"profile.pump": pump.digest}
+    said = {**accepted, f"answer.{BOARD}": "the Heron pump"}
+
+    def uses(parts: dict[str, str], now: dict[str, str]) -> list[Action]:
+        found = knowledge.profile_uses(ARTIFACTS, (pump,), now, {"identify": Prior("accepted", parts, "d", "f")})
+        assert {(item.profile, item.device) for item in found} <= {("pump", BOARD)}
+        return [item.action for item in found]
+
+    assert uses(accepted, {}) == []
+    assert uses(accepted, answers) == [Action.CREATE]
+    assert uses(said, answers) == [Action.NOOP]
+    assert uses(said, {}) == [Action.DESTROY]
+    assert uses({f"answer.{BOARD}": "the Heron pump"}, answers) == [Action.CREATE], "the profile itself is new"
+    assert knowledge.profile_uses(ARTIFACTS, (pump,), answers, {}) == (ProfileUse("pump", BOARD, Action.CREATE),)
+
+
+def test_an_answer_without_its_device_names_the_nearest() -> None:
+    (found,) = knowledge.stray(ARTIFACTS, {"usb-0a0a-0003": "a pump", LAMP: "it shines"})
+    assert found.code == "PLAN-ANSWER-WITHOUT-DEVICE"
+    assert "did you mean usb-0a0a-000" in (found.hint or "")
+    assert knowledge.stray({}, {"usb-0a0a-0003": "a pump"}) == []

@@ -1,0 +1,41 @@
+"""The kernel's interfaces in the runtime: the numbers of the requests, and what the modules say of a node."""
+
+import struct
+from pathlib import Path
+
+import pytest
+
+from octoform.runtime import evdev, gpio, v4l2
+
+BOTH, READ, WRITE = 3, 2, 1
+
+
+@pytest.mark.parametrize(
+    ("request_number", "way", "size", "letter", "number"),
+    [
+        (v4l2._ENUM_FMT[0], BOTH, struct.calcsize("=3I32s2I3I"), ord("V"), 2),
+        (v4l2._ENUM_FRAMESIZES[0], BOTH, struct.calcsize("=3I6I2I"), ord("V"), 74),
+        (gpio._CHIPINFO, READ, struct.calcsize("=32s32sI"), 0xB4, 1),
+        (gpio._LINEINFO, BOTH, struct.calcsize("=32s32s2IQ160s4I"), 0xB4, 5),
+        (gpio._SET_CONFIG, BOTH, len(gpio._AS_IT_IS), 0xB4, 0x0D),
+        (gpio._GET_VALUES, BOTH, struct.calcsize("=QQ"), 0xB4, 0x0E),
+        (evdev._EVIOCGABS, READ, struct.calcsize("=6i"), ord("E"), 0x40),
+        (evdev._EVIOCSFF, WRITE, 0, ord("E"), 0x80),
+    ],
+)
+def test_numbers_follow_from_the_structures(request_number: int, way: int, size: int, letter: int, number: int) -> None:
+    """The kernel's _IOC: direction, size of the structure, letter of the subsystem, number (asm-generic/ioctl.h)."""
+    assert request_number == way << 30 | size << 16 | letter << 8 | number
+
+
+@pytest.mark.parametrize("state", ["high", "low", "input"])
+def test_a_configuration_has_the_size_of_its_structure(state: str) -> None:
+    assert len(gpio._config(state)) == len(gpio._AS_IT_IS)
+
+
+def test_a_node_that_is_no_such_device_has_nothing_to_tell(tmp_path: Path) -> None:
+    (node := tmp_path / "video0").write_bytes(b"")
+    assert v4l2.formats(str(node)) == [] and v4l2.codes(str(node), v4l2.TAKEN) == []
+    assert evdev.axis(node, 0) == evdev.axis(tmp_path / "none", 0) == dict.fromkeys(("position", "minimum", "maximum"))
+    with pytest.raises(OSError, match="ioctl"):
+        gpio.lines(str(node))

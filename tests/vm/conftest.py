@@ -1,0 +1,84 @@
+"""One booted guest for each architecture, onboarded once; what was seen in it is printed at the end.
+
+Nothing of this is collected unless `pytest -m vm` asks for it: a boot takes seconds, an apply under emulation minutes.
+"""
+
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+from vm.bench import Bench
+from vm.guest import Guest
+from vm.places import ARCHITECTURES, places
+from vm.user import APPLY_SECONDS, Octoform
+
+_SEEN = pytest.StashKey[list[tuple[str, str, str]]]()
+See = Callable[[str, str], None]
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """A list for what is seen."""
+    config.stash[_SEEN] = []
+
+
+def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:
+    """Leave these tests out of every other run."""
+    return None if config.getoption("markexpr") == "vm" else True
+
+
+def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
+    """The table of what was checked."""
+    seen = terminalreporter.config.stash.get(_SEEN, [])
+    if seen:
+        terminalreporter.section("on real kernels")
+    for arch, what, said in seen:
+        terminalreporter.write_line(f"{arch:6} {what:22} {said}")
+
+
+@pytest.fixture(scope="session", params=ARCHITECTURES)
+def bench(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Bench]:
+    """A guest with all its hardware attached."""
+    files = places(request.param)
+    assert files.root.exists(), f"no guest in {files.folder}; `make vm` makes it"
+    folder = tmp_path_factory.mktemp(f"vm-{request.param}")
+    extra: tuple[str, ...] = ()
+    if request.param == "arm64":
+        image = folder / "nvme.img"
+        with image.open("wb") as file:
+            file.truncate(8 << 20)
+        drive = f"if=none,id=stick,file={image},format=raw"
+        extra = ("-drive", drive, "-device", "nvme,drive=stick,serial=N0000017")
+    with Guest(files, extra) as guest:
+        bench = Bench(guest, folder)
+        bench.attach()
+        yield bench
+
+
+@pytest.fixture
+def see(request: pytest.FixtureRequest, bench: Bench) -> See:
+    """Note what a test saw, for the table."""
+    return lambda what, said: request.config.stash[_SEEN].append((bench.arch, what, said))
+
+
+@pytest.fixture(scope="session")
+def first_plan(bench: Bench) -> str:
+    """What a person sees before anything was done."""
+    octoform = Octoform(bench.guest)
+    octoform.install()
+    return octoform.run("plan")
+
+
+@pytest.fixture(scope="session")
+def octoform(bench: Bench, first_plan: str) -> Octoform:
+    """octoform in the guest, applied by the embedded agent, with nothing answered."""
+    octoform = Octoform(bench.guest)
+    octoform.run("apply", "-auto-approve", seconds=APPLY_SECONDS)
+    return octoform
+
+
+@pytest.fixture(scope="session")
+def answered(octoform: Octoform) -> Octoform:
+    """The same after one sentence about the board that no one could know."""
+    octoform.run("answer", "usb-2341-804f", "the camera rail of the bench")
+    octoform.run("apply", "-auto-approve", seconds=APPLY_SECONDS)
+    return octoform

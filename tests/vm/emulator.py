@@ -1,0 +1,61 @@
+"""The command line of QEMU for a guest of each architecture, in software emulation: no hardware support is needed."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from vm.places import Places
+
+_MACHINE = {
+    # What is left out would only be probed, at the pace of an emulated processor.
+    "amd64": ("qemu-system-x86_64", "q35,sata=off,i8042=off,hpet=off,vmport=off", "Nehalem", "ttyS0"),
+    "arm64": ("qemu-system-aarch64", "virt,gic-version=3", "cortex-a53", "ttyAMA0"),
+}
+# The oldest processor that today's wheels run on: each instruction set above it costs emulation time.
+_KERNEL = (
+    "quiet loglevel=4 mitigations=off nokaslr audit=0 apparmor=0 raid=noautodetect random.trust_cpu=on "
+    "no_timer_check tsc=reliable net.ifnames=0"
+)
+USB_PORTS = 12
+
+
+@dataclass(frozen=True)
+class Run:
+    """What differs from one run to the next."""
+
+    folder: Path
+    """For sockets and logs."""
+    port: int
+    """Where this machine's loopback leads to the guest's ssh server."""
+    extra: tuple[str, ...] = ()
+    """Further devices that are there from the start."""
+
+    @property
+    def console(self) -> Path:
+        """What the guest's kernel and first process print."""
+        return self.folder / "console.log"
+
+    @property
+    def control(self) -> Path:
+        """QEMU's control socket."""
+        return self.folder / "control"
+
+
+def command(places: Places, run: Run, memory: int = 2048, processors: int = 2) -> list[str]:
+    """QEMU's arguments. The root file system's changes are thrown away at the end."""
+    program, machine, processor, line = _MACHINE[places.arch]
+    network = f"user,id=net,restrict=on,hostfwd=tcp:127.0.0.1:{run.port}-:22"
+    return [
+        *(program, "-machine", machine, "-cpu", processor, "-accel", "tcg,thread=multi,tb-size=256"),
+        *("-m", str(memory), "-smp", str(processors)),
+        *("-nodefaults", "-no-user-config", "-display", "none"),
+        *("-kernel", str(places.kernel), "-initrd", str(places.initrd), "-append", f"console={line} {_KERNEL}"),
+        *("-drive", f"if=none,id=root,file={places.root},format=raw,cache=unsafe,snapshot=on"),
+        *("-device", "virtio-blk-pci,drive=root"),
+        *("-drive", f"if=none,id=packages,file={places.packages},format=raw,readonly=on"),
+        *("-device", "virtio-blk-pci,drive=packages"),
+        *("-netdev", network, "-device", "virtio-net-pci,netdev=net,romfile="),
+        *("-device", "virtio-rng-pci", "-device", f"qemu-xhci,id=usb,p2={USB_PORTS},p3={USB_PORTS}"),
+        *("-chardev", f"file,id=console,path={run.console}", "-serial", "chardev:console"),
+        *("-qmp", f"unix:{run.control},server=on,wait=off"),
+        *run.extra,
+    ]
