@@ -1,70 +1,122 @@
-"""Tell whether a picture shows anything: mean and spread of its brightness, without keeping the picture.
+"""Tell what a picture looks like: mean and spread of its brightness, and a grey thumbnail of it.
 
-A camera that is covered, dead or still warming up answers with a valid picture of one colour; no schema sees that.
+A camera that is covered, dead or still warming up answers with a valid picture of one colour; no schema sees that. As
+a program it reads ``{"pictures": [base64, ...]}`` from its input and prints ``{"pictures": [{"bytes", "width",
+"height", "mean", "spread", "thumb"}, ...]}``: brightness in 0..255, ``thumb`` the base64 of 48 rows of 64 grey bytes;
+all but ``bytes`` are null for what cannot be read. Runs in the serving environment, with what libraries it has.
 """
 
 import base64
 import io
+import json
 import struct
+import sys
 import zlib
-from typing import Any
+from typing import Any, NamedTuple
 
 PNG = b"\x89PNG\r\n\x1a\n"
 CHANNELS = {0: 1, 2: 3, 4: 2, 6: 4}
+COLOURED = (2, 6)
+JPEG, JPEG_END = b"\xff\xd8", b"\xff\xd9"
+MOST_BY_HAND = 1_000_000
+WIDTH, HEIGHT = 64, 48
+
+
+class Seen(NamedTuple):
+    """Size in pixels, brightness in 0..255, and ``thumb``: HEIGHT rows of WIDTH grey bytes."""
+
+    width: int
+    height: int
+    mean: float
+    spread: float
+    thumb: bytes
 
 
 def figures(data: str) -> dict[str, Any]:
-    """``{"bytes", "mean", "spread"}`` with brightness in 0..255; mean and spread are null for what cannot be read."""
+    """``{"bytes", "mean", "spread"}`` of a picture in base64; mean and spread are null for what cannot be read."""
     raw = base64.b64decode(data)
-    values = by_pillow(raw) or by_opencv(raw) or by_hand(raw)
-    mean, spread = values if values else (None, None)
-    return {"bytes": len(raw), "mean": mean, "spread": spread}
+    seen = decoded(raw)
+    return {"bytes": len(raw), "mean": seen.mean if seen else None, "spread": seen.spread if seen else None}
 
 
-def by_pillow(raw: bytes) -> tuple[float, float] | None:
-    """Figures by Pillow, where the serving environment has it."""
+def description(data: str) -> dict[str, Any]:
+    """All that the module's docstring lists of a picture in base64."""
+    raw = base64.b64decode(data)
+    seen = decoded(raw)
+    if seen is None:
+        return {"bytes": len(raw), **dict.fromkeys(Seen._fields)}
+    return {"bytes": len(raw), **seen._asdict(), "thumb": base64.b64encode(seen.thumb).decode()}
+
+
+def decoded(raw: bytes) -> Seen | None:
+    """What a picture shows, by the first way that can read it; None where it is broken or none can."""
+    if raw.startswith(JPEG) and not raw.rstrip(b"\0").endswith(JPEG_END):
+        return None  # cut off: a library may paint what is missing grey
+    return by_pillow(raw) or by_opencv(raw) or by_hand(raw)
+
+
+def by_pillow(raw: bytes) -> Seen | None:
+    """By Pillow, where the serving environment has it."""
     try:
         from PIL import Image, ImageStat
     except ImportError:
         return None
     try:
         with Image.open(io.BytesIO(raw)) as picture:
-            seen = ImageStat.Stat(picture.convert("L"))
-    except OSError:
+            grey = picture.convert("L")
+    except (OSError, SyntaxError, ValueError, Image.DecompressionBombError):  # all that a broken file may give
         return None
-    return round(seen.mean[0], 1), round(seen.stddev[0], 1)
+    stat = ImageStat.Stat(grey)
+    thumb = grey.resize((WIDTH, HEIGHT), Image.Resampling.BOX).tobytes()
+    return Seen(grey.width, grey.height, round(stat.mean[0], 1), round(stat.stddev[0], 1), thumb)
 
 
-def by_opencv(raw: bytes) -> tuple[float, float] | None:
-    """Figures by OpenCV, where the serving environment has it."""
+def by_opencv(raw: bytes) -> Seen | None:
+    """By OpenCV, where the serving environment has it."""
     try:
         import cv2
         import numpy
     except ImportError:
         return None
-    picture = cv2.imdecode(numpy.frombuffer(raw, numpy.uint8), cv2.IMREAD_GRAYSCALE)
-    return None if picture is None else (round(float(picture.mean()), 1), round(float(picture.std()), 1))
+    grey = cv2.imdecode(numpy.frombuffer(raw, numpy.uint8), cv2.IMREAD_GRAYSCALE) if raw else None
+    if grey is None:
+        return None
+    height, width = grey.shape
+    thumb = cv2.resize(grey, (WIDTH, HEIGHT), interpolation=cv2.INTER_AREA).tobytes()
+    return Seen(width, height, round(float(grey.mean()), 1), round(float(grey.std()), 1), thumb)
 
 
-def by_hand(raw: bytes) -> tuple[float, float] | None:
-    """Figures of a plain 8-bit PNG with the standard library alone."""
+def by_hand(raw: bytes) -> Seen | None:
+    """A plain 8-bit PNG with the standard library alone."""
     if not raw.startswith(PNG):
         return None
     try:
-        samples = png_samples(raw)
+        width, height, grey = png_grey(raw)
     except (struct.error, zlib.error, KeyError, IndexError, ValueError):
         return None
-    if not samples:
+    if not grey or len(grey) != width * height:
         return None
-    mean = sum(samples) / len(samples)
-    variance = sum((value - mean) ** 2 for value in samples) / len(samples)
-    return round(mean, 1), round(variance**0.5, 1)
+    mean = sum(grey) / len(grey)
+    variance = sum((value - mean) ** 2 for value in grey) / len(grey)
+    return Seen(width, height, round(mean, 1), round(variance**0.5, 1), shrunk(grey, width, height))
 
 
-def png_samples(raw: bytes) -> bytes:
-    """The colour samples of all pixels; ValueError for depths and layouts that are not read here."""
+def shrunk(grey: bytes, width: int, height: int) -> bytes:
+    """The thumbnail of a grey picture: each of its pixels is the mean of those that it stands for."""
+    columns = [(x * width // WIDTH, max((x + 1) * width // WIDTH, x * width // WIDTH + 1)) for x in range(WIDTH)]
+    out = bytearray()
+    for y in range(HEIGHT):
+        first, last = y * height // HEIGHT, max((y + 1) * height // HEIGHT, y * height // HEIGHT + 1)
+        rows = [grey[row * width : (row + 1) * width] for row in range(first, last)]
+        for left, right in columns:
+            out.append(sum(sum(row[left:right]) for row in rows) // ((right - left) * len(rows)))
+    return bytes(out)
+
+
+def png_grey(raw: bytes) -> tuple[int, int, bytes]:
+    """Width, height and the brightness of all pixels; ValueError for depths and layouts that are not read here."""
     width, height, depth, colour, _, _, interlaced = struct.unpack(">IIBBBBB", raw[16:29])
-    if depth != 8 or interlaced or width * height > 1_000_000:
+    if depth != 8 or interlaced or width * height > MOST_BY_HAND:
         raise ValueError("not a plain 8-bit picture")
     size = CHANNELS[colour]
     packed, at = b"", 8
@@ -73,13 +125,19 @@ def png_samples(raw: bytes) -> bytes:
         if raw[at + 4 : at + 8] == b"IDAT":
             packed += raw[at + 8 : at + 8 + length]
         at += 12 + length
-    lines = zlib.decompress(packed)
     stride = width * size
+    lines = zlib.decompressobj().decompress(packed, height * (stride + 1))
     above, out = bytes(stride), bytearray()
     for start in range(0, height * (stride + 1), stride + 1):
         above = unfiltered(lines[start], lines[start + 1 : start + 1 + stride], above, size)
-        out += above
-    return bytes(out)
+        out += brightness(above, size) if colour in COLOURED else above[::size]
+    return width, height, bytes(out)
+
+
+def brightness(line: bytes, size: int) -> bytes:
+    """The luma of a line of coloured pixels (weights of ITU-R BT.601)."""
+    pixels = zip(line[::size], line[1::size], line[2::size], strict=True)
+    return bytes((299 * red + 587 * green + 114 * blue + 500) // 1000 for red, green, blue in pixels)
 
 
 def unfiltered(kind: int, line: bytes, above: bytes, size: int) -> bytes:
@@ -98,3 +156,13 @@ def nearest(left: int, up: int, corner: int) -> int:
     """The PNG predictor of Paeth."""
     guess = left + up - corner
     return min((left, up, corner), key=lambda value: abs(guess - value))
+
+
+def main() -> None:
+    """Read the pictures, print what they look like."""
+    given = json.load(sys.stdin)["pictures"]
+    json.dump({"pictures": [description(data) for data in given]}, sys.stdout)
+
+
+if __name__ == "__main__":
+    main()

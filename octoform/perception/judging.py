@@ -1,0 +1,71 @@
+"""What a picture says of its camera: whether it shows anything, is a new one, and differs from another.
+
+Pure functions on a few figures and a small grey thumbnail. Every pixel of the thumbnail is the mean of a hundred or
+more of the picture's, so noise is small in it, and what moved is not.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from octoform.endpoint.judging import UNIFORM_SPREAD
+
+WIDTH, HEIGHT = 64, 48
+THUMB_BYTES = WIDTH * HEIGHT
+BLACK_MEAN = 16.0
+"""The level of black in studio video (ITU-R BT.601: 16 of 255): what is darker on average has no light."""
+BLACK_SPREAD = 6.0
+"""A dark room with one lit lamp has more (1 % of the picture at 100 gives 10), noise of a covered sensor less."""
+CHANGED = 3.0
+"""A difference from which on something changed: 1 % of the picture by 30 levels. Noise of a camera gives below 1."""
+_FIT_PART = 0.75
+_GAINS = (0.5, 2.0)
+
+
+@dataclass(frozen=True, slots=True)
+class Picture:
+    """Brightness of a picture (mean and standard deviation, 0..255) and ``thumb``: 48 rows of 64 grey bytes."""
+
+    mean: float
+    spread: float
+    thumb: bytes
+
+
+def complaint(picture: Picture) -> str | None:
+    """``black`` or ``uniform`` for a picture that shows nothing, None for one that shows something."""
+    if picture.mean < BLACK_MEAN and picture.spread < BLACK_SPREAD:
+        return "black"
+    return "uniform" if picture.spread < UNIFORM_SPREAD else None
+
+
+def frozen(a: Picture, b: Picture) -> bool:
+    """True when two pictures are the same in every figure: the noise of a working sensor is never twice the same."""
+    return a == b
+
+
+def difference(a: Picture, b: Picture) -> float:
+    """How far two pictures differ, in levels of 0..255 (root mean square over the thumbnails); 0.0 for the same.
+
+    Light that grew or fell over the whole picture (a cloud, the camera's own exposure) is taken out first.
+    """
+    return round((_residual(a.thumb, b.thumb) + _residual(b.thumb, a.thumb)) / 2, 2)
+
+
+def _residual(a: bytes, b: bytes) -> float:
+    """What remains of ``b`` when ``a``, made brighter or darker as fits best, is taken from it."""
+    pairs = list(zip(a, b, strict=True))
+    gain, offset = _fit(pairs)
+    # What moved must not pull the fit: it is made once more with the pixels that fit it best.
+    nearest = sorted(pairs, key=lambda pair: abs(pair[1] - gain * pair[0] - offset))
+    gain, offset = _fit(nearest[: int(len(pairs) * _FIT_PART)])
+    squares = sum((new - min(255.0, max(0.0, gain * old + offset))) ** 2 for old, new in pairs)
+    return float((squares / len(pairs)) ** 0.5)
+
+
+def _fit(pairs: Sequence[tuple[int, int]]) -> tuple[float, float]:
+    """Gain and offset of the least squares; the gain bounded, since a picture of something else is no brighter one."""
+    count = len(pairs)
+    mean_a, mean_b = sum(old for old, _ in pairs) / count, sum(new for _, new in pairs) / count
+    variance = sum((old - mean_a) ** 2 for old, _ in pairs)
+    together = sum((old - mean_a) * (new - mean_b) for old, new in pairs)
+    gain = min(_GAINS[1], max(_GAINS[0], together / variance)) if variance else 1.0
+    return gain, mean_b - gain * mean_a

@@ -1,0 +1,80 @@
+"""Pictures that show nothing are told, a new picture is told from an old one, and light alone is no change."""
+
+import random
+from collections.abc import Callable
+
+import pytest
+
+from octoform.perception.judging import CHANGED, HEIGHT, THUMB_BYTES, WIDTH, Picture, complaint, difference, frozen
+
+Place = Callable[[int, int], float]
+
+
+def picture(at: Place, noise: float = 0.0, seed: int = 1) -> Picture:
+    chance = random.Random(seed)
+    values = [at(x, y) + chance.gauss(0, noise) for y in range(HEIGHT) for x in range(WIDTH)]
+    thumb = bytes(round(min(255, max(0, value))) for value in values)
+    mean = sum(thumb) / THUMB_BYTES
+    return Picture(mean, (sum((value - mean) ** 2 for value in thumb) / THUMB_BYTES) ** 0.5, thumb)
+
+
+def bench(x: int, y: int) -> float:
+    """A bright wall over a dark table with something in the middle."""
+    return 60 + (x % 17) if y > 30 else 150 - x + (40 if 20 < x < 30 else 0)
+
+
+def moved(x: int, y: int) -> float:
+    """The same with a small thing (2 % of the picture) at another place."""
+    return 230 if 40 <= x < 48 and 10 <= y < 18 else bench(x, y)
+
+
+@pytest.mark.parametrize(
+    ("mean", "spread", "said"),
+    [
+        (0.0, 0.0, "black"),
+        (12.0, 4.0, "black"),
+        (5.0, 20.0, None),
+        (16.0, 1.0, "uniform"),
+        (254.0, 0.3, "uniform"),
+        (128.0, 1.99, "uniform"),
+        (128.0, 2.0, None),
+        (90.0, 45.0, None),
+    ],
+)
+def test_what_shows_nothing_is_told(mean: float, spread: float, said: str | None) -> None:
+    assert complaint(Picture(mean, spread, bytes(THUMB_BYTES))) == said
+
+
+def test_only_the_very_same_picture_is_frozen() -> None:
+    first = picture(bench, noise=0.3, seed=1)
+    assert frozen(first, picture(bench, noise=0.3, seed=1))
+    assert not frozen(first, picture(bench, noise=0.3, seed=2))
+    assert not frozen(first, Picture(first.mean, first.spread, first.thumb[:-1] + b"\0"))
+    assert not frozen(first, Picture(first.mean + 0.1, first.spread, first.thumb))
+
+
+def test_the_same_scene_differs_by_its_noise_alone() -> None:
+    assert difference(picture(bench), picture(bench)) == 0.0
+    assert difference(picture(bench, 0.5, 1), picture(bench, 0.5, 2)) < 1.0
+
+
+@pytest.mark.parametrize(("gain", "offset"), [(1.0, 25.0), (1.0, -25.0), (1.3, 0.0), (0.7, 0.0), (1.2, -15.0)])
+def test_light_over_the_whole_picture_is_no_change(gain: float, offset: float) -> None:
+    brighter = picture(lambda x, y: gain * bench(x, y) + offset, 0.5, 2)
+    assert difference(picture(bench, 0.5, 1), brighter) < CHANGED / 2
+
+
+@pytest.mark.parametrize(("gain", "offset"), [(1.0, 0.0), (1.15, 10.0), (0.8, -5.0)])
+def test_a_small_thing_that_moved_is_a_change_whatever_the_light_does(gain: float, offset: float) -> None:
+    first, second = picture(bench, 0.5, 1), picture(lambda x, y: gain * moved(x, y) + offset, 0.5, 2)
+    assert difference(first, second) > 2 * CHANGED
+    assert difference(first, second) == difference(second, first)
+
+
+def test_a_scene_that_slid_aside_is_a_change() -> None:
+    assert difference(picture(bench), picture(lambda x, y: bench(x + 4, y))) > CHANGED
+
+
+def test_pictures_without_any_structure_can_be_compared() -> None:
+    assert difference(picture(lambda x, y: 10), picture(lambda x, y: 90)) == 0.0
+    assert difference(picture(lambda x, y: 10), picture(bench)) > CHANGED
