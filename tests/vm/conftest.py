@@ -36,35 +36,41 @@ def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
 
 
 @pytest.fixture(scope="session", params=ARCHITECTURES)
-def bench(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Bench]:
+def arch(request: pytest.FixtureRequest) -> str:
+    """The architecture of the guests; all tests of one come before those of the next."""
+    name: str = request.param
+    assert places(name).root.exists(), f"no guest in {places(name).folder}; `make vm` makes it"
+    return name
+
+
+@pytest.fixture(scope="session")
+def bench(arch: str, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Bench]:
     """A guest with all its hardware attached."""
-    files = places(request.param)
-    assert files.root.exists(), f"no guest in {files.folder}; `make vm` makes it"
-    folder = tmp_path_factory.mktemp(f"vm-{request.param}")
+    folder = tmp_path_factory.mktemp(f"vm-{arch}")
     extra: tuple[str, ...] = ()
-    if request.param == "arm64":
+    if arch == "arm64":
         image = folder / "nvme.img"
         with image.open("wb") as file:
             file.truncate(8 << 20)
         drive = f"if=none,id=stick,file={image},format=raw"
         extra = ("-drive", drive, "-device", "nvme,drive=stick,serial=N0000017")
-    with Guest(files, extra) as guest:
+    with Guest(places(arch), extra) as guest:
         bench = Bench(guest, folder)
         bench.attach()
         yield bench
 
 
 @pytest.fixture
-def see(request: pytest.FixtureRequest, bench: Bench) -> See:
+def see(request: pytest.FixtureRequest, arch: str) -> See:
     """Note what a test saw, for the table."""
-    return lambda what, said: request.config.stash[_SEEN].append((bench.arch, what, said))
+    return lambda what, said: request.config.stash[_SEEN].append((arch, what, said))
 
 
 @pytest.fixture(scope="session")
 def first_plan(bench: Bench) -> str:
     """What a person sees before anything was done."""
     octoform = Octoform(bench.guest)
-    octoform.install()
+    octoform.install("profiles: [profiles/camera-rail.md]\n")
     return octoform.run("plan")
 
 

@@ -10,8 +10,6 @@ from collections.abc import Callable
 from typing import Any
 
 import pytest
-from fastmcp import Client
-from fastmcp.client.transports import StdioTransport
 from vm import bench as benches
 from vm.bench import (
     BREAKOUT,
@@ -48,7 +46,7 @@ def shows_the_pattern(seen: Picture) -> str:
 def where(module: str) -> pytest.MarkDecorator:
     """The test is for the architectures whose kernel has the module; the table tells which one lacks it."""
     having = [arch for arch in benches.LACKING if module not in benches.LACKING[arch]]
-    return pytest.mark.parametrize("bench", having, indirect=True, scope="session")
+    return pytest.mark.parametrize("arch", having, indirect=True, scope="session")
 
 
 def test_the_kernel_has_what_is_expected_of_it(bench: Bench, see: See) -> None:
@@ -185,8 +183,7 @@ def test_the_disk_is_in_the_inventory(octoform: Octoform, see: See) -> None:
 
 def test_an_mcp_client_speaks_to_it_over_a_pipe(octoform: Octoform, see: See) -> None:
     async def talk() -> tuple[list[str], Picture]:
-        transport = StdioTransport("ssh", [*octoform.guest.ssh, octoform.line("connect", "bench")])
-        async with Client(transport, timeout=240, init_timeout=240) as client:
+        async with octoform.client() as client:
             names = [tool.name for tool in await client.list_tools()]
             answer = await client.call_tool("capture_image", {"device": CAMERA, **SMALL})
             return names, picture(base64.b64decode(answer.content[0].data))

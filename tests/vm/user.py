@@ -11,6 +11,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from fastmcp import Client
+from fastmcp.client.transports import StdioTransport
 from vm.guest import Guest, GuestError
 from vm.image.packages import OCTOFORM
 
@@ -29,11 +31,12 @@ _MANIFEST = """\
 version: 1
 host: bench
 harness: builtin
-profiles: [profiles/camera-rail.md]
 budget: {attempt_timeout: 20m, stage_timeout: 40m}
 policy: {timeout: 3m}
 """
 APPLY_SECONDS = 1500.0
+SLOW_SECONDS = 300.0
+"""For what takes a real computer seconds."""
 
 
 @dataclass(frozen=True)
@@ -42,18 +45,18 @@ class Octoform:
 
     guest: Guest
 
-    def install(self) -> None:
-        """Bring this checkout's octoform and a manifest."""
+    def install(self, manifest: str) -> None:
+        """Bring this checkout's octoform and a manifest: what all guests have, and these lines."""
         self.guest.run(f"mkdir -p {OCTOFORM} {PROJECT} && tar -xf - -C {OCTOFORM}", stdin=_checkout())
         self.guest.run(f"cp -r {OCTOFORM}/profiles {PROJECT}/profiles")
-        self.guest.write(f"{PROJECT}/octopus.yaml", _MANIFEST)
+        self.guest.write(f"{PROJECT}/octopus.yaml", _MANIFEST + manifest)
 
     def line(self, *words: str) -> str:
         """The shell command that runs octoform with these words."""
         settings = " ".join(f"{name}={value}" for name, value in _SETTINGS.items())
         return f"cd {PROJECT} && {settings} octoform {shlex.join(words)}"
 
-    def run(self, *words: str, seconds: float = 300.0) -> str:
+    def run(self, *words: str, seconds: float = SLOW_SECONDS) -> str:
         """What it prints; an error with what it and the guest said last when it fails."""
         try:
             return self.guest.run(self.line(*words) + " 2>&1", seconds)
@@ -67,19 +70,24 @@ class Octoform:
 
     def status(self, *words: str) -> int:
         """The exit status of a command that may leave with another than zero."""
-        return int(self.guest.run(f"{self.line(*words)} >/dev/null 2>&1; echo $?", 300.0))
+        return int(self.guest.run(f"{self.line(*words)} >/dev/null 2>&1; echo $?", SLOW_SECONDS))
 
     def asked(self, *words: str) -> Any:
         """The JSON object that a command prints."""
-        return json.loads(self.guest.run(self.line(*words, "-json"), 300.0))
+        return json.loads(self.guest.run(self.line(*words, "-json"), SLOW_SECONDS))
 
     def call(self, tool: str, **arguments: Any) -> dict[str, Any]:
         """The whole answer of a tool, called through the live endpoint."""
         line = self.line("call", tool, "-timeout", "3m", "-json", json.dumps(arguments))
-        text = self.guest.run(line, 300.0, check=False)
+        text = self.guest.run(line, SLOW_SECONDS, check=False)
         answer: dict[str, Any] = json.loads(text) if text.startswith("{") else {"is_error": True, "said": text}
         assert "structured" in answer and not answer["is_error"], f"{tool} {arguments}: {text}\n{self.logs()}"
         return answer
+
+    def client(self) -> "Client[StdioTransport]":
+        """An MCP client of this machine, to be entered; the server speaks through ssh and `octoform connect`."""
+        transport = StdioTransport("ssh", [*self.guest.ssh, self.line("connect", "bench")])
+        return Client(transport, timeout=SLOW_SECONDS, init_timeout=SLOW_SECONDS)
 
     def artifact(self, stage: str) -> dict[str, Any]:
         """What a stage's agent was accepted with."""

@@ -16,11 +16,14 @@ _LOCK = Path(__file__).parents[3] / ".ci" / "requirements.lock"
 # What generated servers ask for (`octoform.builtin.serve.assemble`), to be resolved with all that it needs.
 _SERVED = """\
 fastmcp>=4.1,<4.2
+feetech-servo-sdk>=1.0,<2
 opencv-python-headless>=4.10
 pydantic>=2.12,<3
 pyserial>=3.5,<4
 typing-extensions>=4.12
 """
+_SOURCES = ("feetech-servo-sdk",)
+"""Published as source alone: pure Python, so the wheel that is made here fits every guest."""
 _ABIS = ("manylinux2014", "manylinux_2_17", "manylinux_2_28")
 OCTOFORM = "/root/octoform"
 """Where octoform's own files lie in the guest."""
@@ -43,12 +46,21 @@ def _build(places: Places) -> None:
     compile_ = [sys.executable, "-m", "uv", "pip", "compile", "-q", *target, "--generate-hashes", "--no-header"]
     run([*compile_, "--no-annotate", "--no-emit-index-url", "--no-emit-find-links", _LOCK, wanted, "-o", lock])
     platforms = [part for abi in _ABIS for part in ("--platform", f"{abi}_{machine}")]
-    download = [sys.executable, "-m", "pip", "download", "-q", "--no-deps", "--require-hashes", "--only-binary=:all:"]
+    kinds = ["--only-binary=:all:", *(f"--no-binary={name}" for name in _SOURCES)]
+    download = [sys.executable, "-m", "pip", "download", "-q", "--no-deps", "--require-hashes", *kinds]
     run([*download, "--implementation", "cp", "--python-version", "3.11", *platforms, "-d", wheels, "-r", lock])
+    _make_wheels(wheels)
     _environment(work / "venv", wheels, target)
     run(["truncate", "-s", "768M", places.packages])
     run(["mke2fs", "-q", "-F", "-t", "ext4", "-O", "^has_journal", "-d", work, places.packages])
     shutil.rmtree(work)
+
+
+def _make_wheels(wheels: Path) -> None:
+    """The guest could not build anything: its package tool has no way to the tools of a build."""
+    for source in wheels.glob("*.tar.gz"):
+        run([sys.executable, "-m", "pip", "wheel", "-q", "--no-deps", "-w", wheels, source])
+        source.unlink()
 
 
 def _environment(venv: Path, wheels: Path, target: list[str]) -> None:
