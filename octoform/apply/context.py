@@ -11,7 +11,7 @@ from octoform.events import EventSink
 from octoform.graph.model import Graph
 from octoform.manifest.model import Manifest
 from octoform.profiles import Profile
-from octoform.protocol import Spec
+from octoform.protocol import Spec, Step
 from octoform.state.donors import Donors
 from octoform.state.files import Checkpoint, pass_by
 from octoform.state.layout import Layout
@@ -37,7 +37,8 @@ class Context:
 
     ``fingerprint`` and ``hardware`` are the host's digest and entries as they were when the run began; ``contract`` is
     the digest of the schemas and rules that accepted artifacts are held to. ``purse`` counts what the run has cost,
-    ``donors`` gives what other hosts can lend (nothing, where reuse is off).
+    ``donors`` gives what other hosts can lend (nothing, where reuse is off). ``steps`` are the privileged steps by the
+    names of their nodes (``step.arm``), under which ``specs`` has their specs too.
     """
 
     layout: Layout
@@ -56,3 +57,4 @@ class Context:
     checkpoint: Checkpoint = pass_by
     donors: Callable[[], Donors] = dict
     purse: Purse = field(default_factory=Purse)
+    steps: Mapping[str, Step] = field(default_factory=dict)

@@ -14,8 +14,8 @@ _DROPPED = ("x-instance", "x-volatile")
 
 
 def schema_path(stage: str, schemas: Path) -> Path:
-    """Where the schema of a stage lies in a folder of schemas."""
-    return schemas / f"{stage}.v1.schema.json"
+    """Where the schema of a stage lies in a folder of schemas; all privileged steps share one."""
+    return schemas / f"{'step' if stage.startswith('step.') else stage}.v1.schema.json"
 
 
 def load_schema(stage: str, schemas: Path) -> dict[str, Any]:

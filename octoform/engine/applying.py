@@ -155,6 +155,7 @@ class _Run:
             manifest=compiled.manifest,
             graph=compiled.graph,
             specs=compiled.specs,
+            steps=compiled.steps,
             schemas=compiled.schemas,
             profiles=compiled.profiles,
             store=self.store,

@@ -1,19 +1,20 @@
 """Compile: manifest, specs and profiles to the desired graph, with every problem of all of them at once. (Heavy.)"""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from octoform import profiles as profile_reader
 from octoform.diagnostics import Diagnostic, Span, has_errors
 from octoform.engine import memo
+from octoform.engine.step_selection import select
 from octoform.graph.compile import compile_graph
 from octoform.graph.model import Graph
 from octoform.manifest.loading import load as load_manifest
 from octoform.manifest.loading import named_profiles
 from octoform.manifest.model import Manifest, ProfileSource, TypedProfile
 from octoform.profiles import Profile
-from octoform.protocol import Spec
+from octoform.protocol import Spec, Step
 from octoform.protocol.loading import load as load_specs
 from octoform.protocol.loading import schema_dir
 from octoform.state.layout import Layout
@@ -23,7 +24,10 @@ MANIFEST = memo.MANIFEST
 
 @dataclass(frozen=True, slots=True)
 class Compiled:
-    """The desired side of one host."""
+    """The desired side of one host.
+
+    ``specs`` are by the names of stages and of the steps' nodes (``step.arm``), ``steps`` by the latter.
+    """
 
     layout: Layout
     manifest: Manifest
@@ -31,6 +35,7 @@ class Compiled:
     schemas: Path
     profiles: tuple[Profile, ...]
     graph: Graph
+    steps: Mapping[str, Step] = field(default_factory=dict)
 
 
 def compile_project(
@@ -42,17 +47,20 @@ def compile_project(
     """
     manifest, found = load_manifest(project / MANIFEST, environ)
     if manifest is not None and not told:
-        manifest = replace(manifest, profiles=(), answers={})
+        manifest = replace(manifest, profiles=(), answers={}, privileged_steps=())
     specs, more = load_specs(project / "protocol")
     found = [*found, *more]
     sources = manifest.profiles if manifest else named_profiles(project / MANIFEST)
     profiles, more = profile_reader.load(_source(item) for item in sources)
     found += [_placed(item, sources, project / MANIFEST) for item in more]
+    steps, more = select(manifest, profiles, project / "protocol") if manifest else ({}, [])
+    found += more
     if manifest is None or has_errors(found):
         return None, found
-    graph = compile_graph(manifest, specs, profiles)
+    graph = compile_graph(manifest, specs, profiles, steps.values())
     layout = Layout(project, manifest.host)
-    return Compiled(layout, manifest, specs, schema_dir(project / "protocol"), profiles, graph), found
+    specs |= {name: step.spec for name, step in steps.items()}
+    return Compiled(layout, manifest, specs, schema_dir(project / "protocol"), profiles, graph, steps), found
 
 
 def _source(item: ProfileSource) -> Path | tuple[str, str]:

@@ -1,6 +1,6 @@
 """From manifest, specs and profiles to the desired graph; the same on every machine. (Heavy through its inputs.)"""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 
 from octoform import digest
@@ -8,22 +8,50 @@ from octoform.graph import endpoint_parts
 from octoform.graph.model import ANSWER, Agent, Graph, Node, NodeKind
 from octoform.manifest.model import MODEL_FREE, HarnessSpec, Manifest
 from octoform.profiles import Profile
-from octoform.protocol import STAGES, Spec
+from octoform.protocol import STAGES, Spec, Step
+from octoform.protocol.steps import FRAME
 
 ENDPOINT = "endpoint"
+STEP_INPUTS = ("identify", "interface", "serve", "deploy")
 
 
-def compile_graph(manifest: Manifest, specs: Mapping[str, Spec], profiles: tuple[Profile, ...]) -> Graph:
-    """Five stages in a chain, and the endpoint that octoform itself makes of them.
+def compile_graph(
+    manifest: Manifest, specs: Mapping[str, Spec], profiles: tuple[Profile, ...], steps: Iterable[Step] = ()
+) -> Graph:
+    """Five stages in a chain, the endpoint that octoform itself makes of them, and the privileged steps behind it.
 
-    Of PROBE it takes for which devices a profile holds, of IDENTIFY the devices' names, of the others the server.
+    Of PROBE the endpoint takes for which devices a profile holds, of IDENTIFY the devices' names, of the others the
+    server.
     """
     nodes = [_stage(name, manifest, specs[name], profiles) for name in STAGES]
     parts = endpoint_parts.parts(manifest, profiles)
     if any(profile.limits or profile.stop for profile in profiles):
         parts |= answers(manifest)  # they can decide for which devices such a profile holds
     nodes.append(Node(ENDPOINT, NodeKind.ENDPOINT, tuple(STAGES), parts))
+    nodes += [_step(step, manifest, profiles) for step in steps]
     return Graph(tuple(nodes))
+
+
+def _step(step: Step, manifest: Manifest, profiles: tuple[Profile, ...]) -> Node:
+    """A step stands behind the endpoint, through which it is carried out, and depends on what the endpoint is made of.
+
+    A restart of the endpoint proves nothing anew; another server does.
+    """
+    harness = manifest.harness_for(step.node)
+    model = manifest.model_for(step.node)
+    parts = {"spec": step.spec.digest, "harness": _maker(harness, manifest.project), "model": model or ""}
+    parts |= {f"profile.{profile.name}": profile.digest for profile in profiles if profile.name == step.profile}
+    if step.proof.kind == FRAME:
+        parts |= {f"setting.{key}": value for key, value in manifest.camera_hint().items()}
+    return Node(
+        name=step.node,
+        kind=NodeKind.STEP,
+        consumes=STEP_INPUTS,
+        parts=parts,
+        harness=harness.name,
+        model=model,
+        calls_model=_calls_model(harness),
+    )
 
 
 def _stage(name: str, manifest: Manifest, spec: Spec, profiles: tuple[Profile, ...]) -> Node:

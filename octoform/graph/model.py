@@ -13,13 +13,19 @@ from octoform import digest
 
 ANSWER = "answer."
 """How the key part of a person's answer begins; the device's id follows."""
+STEP = "step."
+"""How the name of a privileged step's node begins; the step's own name follows."""
 
 
 class NodeKind(StrEnum):
-    """A stage is made by an agent; the endpoint is made by octoform's own code."""
+    """A stage is made by an agent, the endpoint by octoform's own code; a privileged step is by both.
+
+    Of a step an agent says what is to be tried, and octoform tries it.
+    """
 
     STAGE = "stage"
     ENDPOINT = "endpoint"
+    STEP = "step"
 
 
 @dataclass(frozen=True, slots=True)

@@ -55,6 +55,11 @@ def of_stage(document: Document, name: str) -> Agent:
     return Agent(harness, (*at, "harness"), model, (*model_at, "model"))
 
 
+def of_steps(document: Document) -> Agent:
+    """The agent of the privileged steps: the general one."""
+    return Agent(document.harness, ("harness",), document.model, ("model",))
+
+
 def of_escalation(document: Document) -> Agent | None:
     """The agent that gets what IDENTIFY's own one left unknown, if there is one."""
     own = document.stages.identify.escalate
@@ -68,6 +73,7 @@ def of_escalation(document: Document) -> Agent | None:
 def in_force(document: Document) -> list[Agent]:
     """Every agent that may work, in the order of the stages."""
     found = [of_stage(document, name) for name in STAGES]
+    found += [of_steps(document)] if document.privileged_steps else []
     escalation = of_escalation(document)
     return [*found, escalation] if escalation is not None else found
 

@@ -1,7 +1,7 @@
 """From the checked document to the frozen `Manifest`: defaults filled in, stages resolved. (Heavy: the document.)"""
 
 import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from types import MappingProxyType
 
@@ -40,7 +40,9 @@ def build(
     """The manifest of a document without errors; ``environ`` tells whose models are meant by a reference."""
     builder = _Builder(source, path.parent, environ)
     stages = {name: builder.stage(name) for name in STAGES}
+    step = builder.steps()
     housekeeping = builder.housekeeping()
+    makers = [*stages.values(), *([step] if source.privileged_steps else [])]
     return Manifest(
         path=path,
         digest=digest.of_value(source.model_dump(mode="json")),
@@ -50,7 +52,7 @@ def build(
         stages=MappingProxyType(stages),
         lifecycle=Lifecycle(source.lifecycle.prevent_destroy, tuple(source.lifecycle.ignore)),
         git=Git(source.git.commit),
-        variables=tuple(sorted({*variables, *_keys(stages, housekeeping)})),
+        variables=tuple(sorted({*variables, *_keys(makers, housekeeping)})),
         prices=MappingProxyType({name: _price(price) for name, price in source.prices.items()}),
         run_usd=source.budget.usd,
         housekeeping=housekeeping,
@@ -58,6 +60,7 @@ def build(
         tunnel=_tunnel(source),
         policy=policy(source.policy),
         answers=MappingProxyType({name: text.strip() for name, text in source.answers.items()}),
+        step=step,
     )
 
 
@@ -76,10 +79,10 @@ def _tunnel(source: Document) -> Tunnel | None:
     return Tunnel(tuple(source.tunnel.command)) if source.tunnel is not None else Tunnel()
 
 
-def _keys(stages: Mapping[str, StageSettings], housekeeping: Housekeeping | None) -> Iterator[str]:
+def _keys(makers: Sequence[StageSettings], housekeeping: Housekeeping | None) -> Iterator[str]:
     """The variables with the keys of all agents, also of those that the file does not name."""
-    specs = [stage.harness for stage in stages.values()]
-    specs += [stage.escalate.harness for stage in stages.values() if stage.escalate is not None]
+    specs = [maker.harness for maker in makers]
+    specs += [maker.escalate.harness for maker in makers if maker.escalate is not None]
     for key in (*(spec.key for spec in specs), housekeeping.key if housekeeping is not None else None):
         if key is not None:
             yield key
@@ -103,6 +106,11 @@ class _Builder:
             _budget(self._source.budget, own.budget),
             Escalation(self._harness(escalation), _model(escalation)) if escalation is not None else None,
         )
+
+    def steps(self) -> StageSettings:
+        """What is in force for every privileged step: the general settings."""
+        agent = agents.of_steps(self._source)
+        return StageSettings(self._harness(agent), _model(agent), _budget(self._source.budget, document.StageBudget()))
 
     def _harness(self, agent: Agent) -> HarnessSpec:
         chosen = agent.harness

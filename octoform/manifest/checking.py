@@ -70,7 +70,6 @@ class _Problem:
             "literal_error": self._unknown_value,
             "manifest": self._own_words,
             "union_tag_not_found": self._no_branch,
-            "too_long": self._too_long,
         }
         if self._kind in telling:
             telling[self._kind]()
@@ -208,14 +207,6 @@ class _Problem:
         if index is not None:
             self._loc = (*self._loc, index)
         self._wrong_value(str(self._context["summary"]), self._context.get("hint"))
-
-    def _too_long(self) -> None:
-        if self._loc == ("privileged_steps",):
-            node = tree.at(self._root, self._loc)
-            for item in node.items if isinstance(node, Items) else ():
-                self._later("a privileged step", item.span)
-            return
-        self._wrong_value(self._limits())
 
     def _later(self, what: str, span: Span) -> None:
         self._report.error(

@@ -11,6 +11,7 @@ from octoform.manifest import host_name
 from octoform.manifest.fields import (
     CLOSED,
     MOST_ANSWERS,
+    MOST_STEPS,
     UNIQUE,
     Answer,
     Attempts,
@@ -23,6 +24,7 @@ from octoform.manifest.fields import (
     Model,
     ProfileSource,
     Rate,
+    StepName,
     Table,
     Turns,
     Version,
@@ -175,8 +177,10 @@ class Document(Table):
     """How the endpoint gets its address in the scope internet."""
     policy: Policy = added(Policy())
     """What the endpoint's tools may do, for every client."""
-    privileged_steps: Annotated[list[str], Field(max_length=0)] = Field(default=[])
-    """Steps that need a person's consent; there are none yet, so the list is empty."""
+    privileged_steps: Annotated[
+        list[StepName], AfterValidator(distinct), Field(max_length=MOST_STEPS, json_schema_extra=UNIQUE)
+    ] = Field(default=[])
+    """Steps after the stages that move hardware to prove that its tools work, such as arm; none unless named here."""
     profiles: Annotated[
         list[ProfileSource], AfterValidator(distinct), Field(max_length=100, json_schema_extra=UNIQUE)
     ] = Field(default=[])

@@ -80,6 +80,12 @@ def _device_id(value: str) -> str:
     return value
 
 
+def _step_name(value: str) -> str:
+    if re.fullmatch(STEP_NAME, value) is None or len(value) > LONGEST_STEP:
+        raise problem("this is no name of a step", "write it as its file is called, without the .md, such as arm")
+    return value
+
+
 def _answer(value: str) -> str:
     if len(value) > LONGEST_ANSWER or len(re.findall(r"\w", value)) < 2:
         raise problem(
@@ -112,6 +118,9 @@ MOST_ANSWERS = 200
 LONGEST_ID = 100
 LONGEST_ANSWER = 1000
 LONGEST_PROFILE = 8 * 1024
+MOST_STEPS = 20
+LONGEST_STEP = 32
+STEP_NAME = "[a-z][a-z0-9]*(?:-[a-z0-9]+)*"
 DEVICE_ID = "[a-z0-9]+(?:[-_.][a-z0-9]+)*"
 
 Version = Annotated[Literal[1], BeforeValidator(_version)]
@@ -131,6 +140,11 @@ DeviceId = Annotated[
     str,
     AfterValidator(_device_id),
     Field(json_schema_extra={"pattern": f"^{DEVICE_ID}$", "maxLength": LONGEST_ID}),
+]
+StepName = Annotated[
+    str,
+    AfterValidator(_step_name),
+    Field(json_schema_extra={"pattern": f"^{STEP_NAME}$", "maxLength": LONGEST_STEP}),
 ]
 Answer = Annotated[
     str,

@@ -1,10 +1,20 @@
 """Load octopus.yaml: bytes, text, tree, rules, value; every problem at once. (Heavy: YAML reader and pydantic.)"""
 
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 
 from octoform.diagnostics import Diagnostic
-from octoform.manifest import agent_rules, checking, crosschecks, profile_paths, recordings, scope_rules, values
+from octoform.manifest import (
+    agent_rules,
+    checking,
+    crosschecks,
+    profile_paths,
+    recordings,
+    scope_rules,
+    step_names,
+    values,
+)
 from octoform.manifest.building import build
 from octoform.manifest.decoding import read, text_of
 from octoform.manifest.model import Manifest, ProfileSource
@@ -45,7 +55,8 @@ def parse(content: bytes, path: Path, environ: Mapping[str, str]) -> tuple[Manif
         agent_rules.check(document, root, environ, report)
     if document is None or report.failed:
         return None, report.diagnostics()
-    return build(document, absolute, profiles, variables, environ), report.diagnostics()
+    manifest = build(document, absolute, profiles, variables, environ)
+    return replace(manifest, privileged_steps=step_names.named(root, report)), report.diagnostics()
 
 
 def named_profiles(path: Path) -> tuple[ProfileSource, ...]:

@@ -9,10 +9,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from octoform.diagnostics import Span
 from octoform.manifest.policy_model import Policy
 
 FILE_NAME = "octopus.yaml"
 STAGES = ("probe", "identify", "interface", "serve", "deploy")
+STEP = "step."
+"""How the name of a privileged step's node begins; all steps have the same settings."""
 MODEL_FREE = ("builtin", "replay")
 """The harnesses that use no model."""
 EVERY_INTERFACE = "all"
@@ -165,6 +168,18 @@ ProfileSource = Path | TypedProfile
 
 
 @dataclass(frozen=True, slots=True)
+class NamedStep:
+    """A privileged step as the manifest switches it on, with its place there; ``source`` is the line, secrets masked.
+
+    Whether there is such a step is not known here: it is a file of the protocol.
+    """
+
+    name: str
+    span: Span
+    source: str | None = None
+
+
+@dataclass(frozen=True, slots=True)
 class Manifest:
     """One octopus.yaml that has no errors.
 
@@ -174,7 +189,8 @@ class Manifest:
     ``variables`` are the names of all environment variables that the manifest refers to, passes on or takes a key from,
     sorted. ``prices`` are by the model's name as `StageSettings.model` has it; ``run_usd`` is what one run may cost in
     all, in US dollars. ``network`` is None in scope local, ``tunnel`` in every scope but internet. ``answers`` are what
-    a person said of a device, by the device's id.
+    a person said of a device, by the device's id. ``step`` is in force for every privileged step (None only where a
+    manifest was made without a file); ``privileged_steps`` are those that are switched on, in the order of the file.
     """
 
     path: Path
@@ -193,6 +209,8 @@ class Manifest:
     tunnel: Tunnel | None = None
     policy: Policy = field(default_factory=Policy)
     answers: Mapping[str, str] = field(default_factory=dict)
+    step: StageSettings | None = None
+    privileged_steps: tuple[NamedStep, ...] = ()
 
     @property
     def project(self) -> Path:
@@ -204,17 +222,28 @@ class Manifest:
         """The profiles that are files of their own."""
         return tuple(item for item in self.profiles if isinstance(item, Path))
 
+    def settings_of(self, stage: str) -> StageSettings:
+        """What is in force for a stage, or for a privileged step by the name of its node; KeyError for another name."""
+        if stage.startswith(STEP) and self.step is not None:
+            return self.step
+        return self.stages[stage]
+
     def harness_for(self, stage: str) -> HarnessSpec:
-        """The harness that runs a stage."""
-        return self.stages[stage].harness
+        """The harness that runs a stage or step."""
+        return self.settings_of(stage).harness
 
     def model_for(self, stage: str) -> str | None:
-        """The model of a stage's agent, reference unresolved; None when its harness uses none."""
-        return self.stages[stage].model
+        """The model of its agent, reference unresolved; None when its harness uses none."""
+        return self.settings_of(stage).model
 
     def budget_for(self, stage: str) -> Budget:
-        """The budget of a stage."""
-        return self.stages[stage].budget
+        """The budget of a stage or step."""
+        return self.settings_of(stage).budget
+
+    def camera_hint(self) -> dict[str, str]:
+        """The setting that names a camera, by its place in the file; empty where none is named."""
+        camera = getattr(getattr(self, "perception", None), "camera", None)
+        return {"perception.camera": camera} if camera is not None else {}
 
     def settings_for(self, stage: str) -> dict[str, object]:
         """The JSON-able settings that the key of a stage reads: changing one of them makes the stage run again.

@@ -72,14 +72,15 @@ class Report:
     def diagnostics(self) -> list[Diagnostic]:
         """Everything found, by place; of more than `MOST` the first ones and the count of the rest."""
         ordered = sorted(self._found, key=_place)
-        shown = [replace(item, source=self._source(item.span)) for item in ordered[:MOST]]
+        shown = [replace(item, source=self.source(item.span)) for item in ordered[:MOST]]
         if len(ordered) > MOST:
             rest, span = f"{len(ordered) - MOST} more problems begin here and are not shown", ordered[MOST].span
             hint = "mend those above first"
             shown.append(Diagnostic(Severity.ERROR, "MANIFEST-MORE", rest, path=self.path, span=span, hint=hint))
         return shown
 
-    def _source(self, span: Span | None) -> str | None:
+    def source(self, span: Span | None) -> str | None:
+        """The line of a place as it may be shown, once everything has been read; None where it shows nothing."""
         if span is None or not self._line(span.line) or len(self._line(span.line)) > LONGEST_LINE:
             return None
         text = self._line(span.line)

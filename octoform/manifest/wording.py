@@ -37,6 +37,7 @@ RANGES = {
     "command": COMMAND_HINT,
     "profiles": "allowed: up to 100 profiles",
     "answers": "allowed: up to 200 answers",
+    "privileged_steps": "allowed: up to 20 steps",
     "model": MODEL_HINT,
     "key": KEY_HINT,
     "turns": "allowed: 1 to 10000",

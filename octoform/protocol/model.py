@@ -4,11 +4,13 @@ from dataclasses import dataclass
 from pathlib import Path
 
 STAGES = ("probe", "identify", "interface", "serve", "deploy")
+STEP = "step."
+"""How the name of a privileged step's node begins; the step's own name follows."""
 
 
 @dataclass(frozen=True, slots=True)
 class Spec:
-    """One stage's spec.
+    """The spec of one stage, or of one privileged step: its ``stage`` is then the name of the step's node.
 
     ``text`` is the whole file, ``body`` the prose after the front matter, ``digest`` that of the file's bytes.
     ``consumes`` and ``produces`` are file names as the front matter gives them; ``schema`` is the contract's schema

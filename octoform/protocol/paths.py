@@ -8,6 +8,8 @@ from pathlib import Path
 from octoform.protocol.model import STAGES
 
 SCHEMAS = "schemas"
+PRIVILEGED = "privileged"
+NOT_STEPS = ("README.md",)
 
 
 def shipped() -> Path:
@@ -28,3 +30,13 @@ def schema_dir(folder: Path | None) -> Path:
     """The folder of all schemas: the project's if it has one, else the shipped one."""
     own = folder / SCHEMAS if folder is not None else None
     return own if own is not None and own.is_dir() else shipped() / SCHEMAS
+
+
+def step_paths(folder: Path | None) -> dict[str, Path]:
+    """The file of each privileged step that there is, by name, sorted: the shipped ones and a project's own.
+
+    A project's own ``protocol/privileged/NAME.md`` takes the place of a shipped one of that name.
+    """
+    folders = [shipped() / PRIVILEGED, *([folder / PRIVILEGED] if folder is not None else [])]
+    found = {path.stem: path for place in folders for path in place.glob("*.md") if path.name not in NOT_STEPS}
+    return dict(sorted(found.items()))

@@ -9,6 +9,8 @@ from pathlib import Path
 
 STAGES = ("probe", "identify", "interface", "serve", "deploy")
 OUTPUT_NAMES = {"serve": "server.py"}
+STEP = "step."
+STEPS = "steps"
 
 
 @dataclass(frozen=True, slots=True)
@@ -107,9 +109,23 @@ class Layout:
         """What the endpoint's process printed."""
         return self.logs / "server.log"
 
+    @property
+    def frames(self) -> Path:
+        """The last pictures of the host's camera and what is known of them; mode 0700, never in git."""
+        return self.local / "frames"
+
+    @property
+    def steps(self) -> Path:
+        """The accepted artifacts of the privileged steps, a folder for each."""
+        return self.committed / STEPS
+
+    def folder(self, stage: str) -> Path:
+        """Where the files of a stage or of a step (``step.arm``) lie."""
+        return self.steps / stage.removeprefix(STEP) if stage.startswith(STEP) else self.committed / stage
+
     def output(self, stage: str) -> Path:
-        """The accepted artifact of a stage."""
-        return self.committed / stage / OUTPUT_NAMES.get(stage, "output.json")
+        """The accepted artifact of a stage or of a step (``step.arm``)."""
+        return self.folder(stage) / OUTPUT_NAMES.get(stage, "output.json")
 
     @property
     def runtime(self) -> Path:
