@@ -1,0 +1,79 @@
+"""One picture through the live endpoint, as any client would take it, and what it looks like.
+
+The camera is opened by the generated server alone, under its lock and the policy; whoever wants to see asks it.
+"""
+
+import base64
+import binascii
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from octoform.diagnostics import Diagnostic, error
+from octoform.endpoint.client import CallResult, Person, Wanted, call
+from octoform.perception.decoding import Decoded, decode
+from octoform.perception.judging import Picture
+from octoform.state.layout import Layout
+
+LOOK_SECONDS = 60.0
+"""For one picture; the endpoint's policy mostly ends the call before."""
+
+
+@dataclass(frozen=True, slots=True)
+class Taken:
+    """One picture: its bytes as the tool gave them, their media type, what they show, width and height in pixels."""
+
+    data: bytes
+    mime: str
+    picture: Picture
+    width: int
+    height: int
+
+
+def take(layout: Layout, view: Mapping[str, Any], person: Person | None = None) -> Taken | Diagnostic:
+    """Take one picture with the tool of ``view`` (``{"tool", "arguments"}``); the endpoint is started if need be.
+
+    The diagnostic tells why there is none: an ENDPOINT code where the call was not answered, PERCEPTION-TOOL-FAILED
+    where the tool said why, PERCEPTION-NO-PICTURE and PERCEPTION-BROKEN-PICTURE for its answer,
+    PERCEPTION-NOT-DECODED where nothing can look into it.
+    """
+    tool = str(view["tool"])
+    result, found = call(layout, Wanted(tool, dict(view.get("arguments") or {}), seconds=LOOK_SECONDS), person)
+    if result is None:
+        return found[0]
+    media = picture_of(tool, result)
+    if isinstance(media, Diagnostic):
+        return media
+    data, mime = media
+    seen = decode(layout, [data])
+    return seen if isinstance(seen, Diagnostic) else judged(tool, data, mime, seen[0])
+
+
+def picture_of(tool: str, result: CallResult) -> tuple[bytes, str] | Diagnostic:
+    """The first picture of a tool's answer and its media type."""
+    if result.is_error:
+        hint = "see whether the camera is connected, free and permitted; octoform logs has the call"
+        return error("PERCEPTION-TOOL-FAILED", f"{tool} took no picture", detail=result.message or None, hint=hint)
+    block = next((item for item in result.content if item.get("type") == "image"), None)
+    if block is None:
+        kinds = ", ".join(sorted({str(item.get("type")) for item in result.content})) or "nothing"
+        hint = "a camera's tool gives its picture as image content; octoform apply -replace serve writes it anew"
+        summary = f"the answer of {tool} holds no picture"
+        return error("PERCEPTION-NO-PICTURE", summary, detail=f"it holds: {kinds}", hint=hint)
+    try:
+        data = base64.b64decode(str(block.get("data", "")), validate=True)
+    except binascii.Error as fault:
+        return _broken(tool, f"not base64: {fault}")
+    return data, str(block.get("mimeType") or "application/octet-stream")
+
+
+def judged(tool: str, data: bytes, mime: str, seen: Decoded | None) -> Taken | Diagnostic:
+    """The picture with what it looks like, or that it can't be read."""
+    if seen is None:
+        return _broken(tool, f"{len(data)} bytes of {mime} that cannot be read as a picture")
+    return Taken(data, mime, seen.picture, seen.width, seen.height)
+
+
+def _broken(tool: str, reason: str) -> Diagnostic:
+    hint = "take another one; if it stays so, octoform apply -replace serve writes the tool anew"
+    return error("PERCEPTION-BROKEN-PICTURE", f"the picture of {tool} is broken", detail=reason, hint=hint)
