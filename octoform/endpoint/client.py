@@ -26,6 +26,8 @@ LIST_SECONDS = 15.0
 """What the list of tools may take: the endpoint answers it by itself, whatever its devices do."""
 DRY_RUN = "octoform/dry_run"
 """Asks for a dry run in a call's _meta, and marks what was none but that in its result's."""
+REFUSED = "octoform/refused"
+"""In the _meta of an error: why the endpoint itself did not make the call."""
 BEFOREHAND = "octoform -auto-approve"
 """How this client calls itself when nobody will read what it is asked."""
 MOST_QUESTIONS = 10
@@ -52,7 +54,8 @@ class Wanted:
 class CallResult:
     """A tool's answer: content blocks as MCP has them (media as base64), structured content, duration in ms.
 
-    ``is_error`` is the tool's own word; ``message`` is then what it said.
+    ``is_error`` is the tool's own word; ``message`` is then what it said. ``refused`` is the endpoint's code where it
+    did not let the call through (``denied``, ``estop``, ...), else None.
     """
 
     content: tuple[dict[str, Any], ...]
@@ -60,6 +63,7 @@ class CallResult:
     is_error: bool
     message: str
     ms: float
+    refused: str | None = None
 
 
 class Person(Protocol):
@@ -212,7 +216,8 @@ class _Call:
         # A tool whose schema has no room for it can only tell of a dry run as an error.
         dry = wanted.dry_run and (result.get("_meta") or {}).get(DRY_RUN) is True
         content, structured = tuple(result.get("content", ())), result.get("structuredContent")
-        return CallResult(content, structured, bool(result.get("isError")) and not dry, said(result), ms), ()
+        is_error, refused = bool(result.get("isError")) and not dry, (result.get("_meta") or {}).get(REFUSED)
+        return CallResult(content, structured, is_error, said(result), ms, refused if is_error else None), ()
 
     def _asked(self, arguments: Mapping[str, Any]) -> dict[str, Any]:
         """The final result, after every question was answered."""
