@@ -118,6 +118,7 @@ def _usb(node: Node, reader: Reader, uevent: dict[str, str]) -> None:
     triple = [reader.text(f"{node.path}/bDevice{part}") for part in ("Class", "SubClass", "Protocol")]
     node.add("device_class", "/".join(triple) if all(triple) else _triple(uevent.get("TYPE", "")))
     node.serial = reader.text(f"{node.path}/serial")
+    node.attached = reader.text(f"{node.path}/removable")
 
 
 def _usb_interface(node: Node, reader: Reader, uevent: dict[str, str]) -> None:

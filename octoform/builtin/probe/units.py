@@ -25,6 +25,7 @@ _NO_SERIALS = frozenset(
     ("0", "1", "none", "n/a", "na", "default string", "to be filled by o.e.m.", "unknown", "serial")
 )
 _COUNTING = ("0123456789abcdef", "1234567890abcdef")
+_ATTACHED = ("fixed", "removable")
 # Numbered in the order of discovery: the name says nothing about the place.
 _UNPLACED_BUSES = frozenset(("hid", "scsi"))
 
@@ -170,6 +171,8 @@ def _instance(unit: Unit, unique: bool) -> dict[str, object]:
     size = next((node.size for node in nodes if node.size is not None), None)
     if size is not None:
         instance["size_bytes"] = size
+    if head.attached in _ATTACHED:
+        instance["removable"] = head.attached
     instance["paths"] = [text.visible(node.path)[:1000] for node in nodes[:MAX_MEMBERS]]
     instance["nodes"] = [_node(node) for node in nodes[:MAX_MEMBERS] if node.subsystem not in _NO_CLASS]
     return instance | unit.extra
