@@ -1,14 +1,15 @@
 """What every generated server stands on: find a device, hold its lock, log the call. Standard library only.
 
-How the kernel and a line are talked to is here as well, in modules of their own: `channels`, `evdev`, `gpio`,
-`lines`, `nmea`, `v4l2`. What a device may be asked to do is not: that is knowledge, and stands in the server.
+How the kernel, a line and a bus are talked to is here as well, in modules of their own: `channels`, `counting`,
+`evdev`, `gpio`, `lines`, `nmea`, `registers`, `units`, `v4l2`. What a device may be asked to do is not: that is
+knowledge, and stands in the server.
 
 Copied beside each server as the package ``runtime``, so it imports nothing of octoform and runs on Python 3.10. The
 environment says where things are, and all of it is optional: OCTOFORM_INSTANCES (which specimen each device id is),
 OCTOFORM_CALL_LOG (the call log; standard error without it), OCTOFORM_SYSROOT (the root of /sys, /proc and /dev).
 """
 
-from . import channels, evdev, gpio, lines, nmea, v4l2
+from . import channels, counting, evdev, gpio, lines, nmea, registers, units, v4l2
 from .calllog import logged
 from .devices import Device, device
 from .faults import AmbiguousDevice, BusBusy, DeviceAbsent, DeviceFault, sentence
@@ -35,6 +36,7 @@ __all__ = [
     "DeviceFault",
     "bus",
     "channels",
+    "counting",
     "device",
     "evdev",
     "files",
@@ -50,7 +52,9 @@ __all__ = [
     "read_integer",
     "read_number",
     "read_text",
+    "registers",
     "sentence",
     "sysroot",
+    "units",
     "v4l2",
 ]

@@ -13,6 +13,7 @@ import time
 from types import TracebackType
 from typing import NamedTuple, Protocol
 
+from .counting import NONE, Counted, Step, attached, refuse
 from .faults import DeviceFault, sentence
 
 LONGEST = 200
@@ -55,13 +56,18 @@ class Wire(NamedTuple):
 class Exchange:
     """A command and its answer. Around the port, it turns what breaks the line into a DeviceFault in one sentence."""
 
-    def __init__(self, device: str, wire: Wire, command: str, reply: str) -> None:
-        """``command`` is the line to send, without its ending; ``reply`` the pattern of its answer."""
+    def __init__(self, device: str, wire: Wire, command: str, reply: str, step: Step = NONE) -> None:
+        """``command`` is the line to send, without its ending; ``reply`` the pattern of its answer.
+
+        ``step`` says what the command means for the position of the device, and whether it ends a stop.
+        """
         self._device, self._wire, self._command, self._reply = device, wire, command, reply
+        self._step = step
         self._unsure = ""
 
     def __enter__(self) -> "Exchange":
-        """Watch for what breaks the line."""
+        """Watch for what breaks the line; DeviceFault while the device is stopped."""
+        refuse(self._device, self._step)
         return self
 
     def __exit__(
@@ -76,6 +82,10 @@ class Exchange:
 
     def over(self, port: Port) -> re.Match[str]:
         """Send the command; the answer, which fits the pattern. DeviceFault for none, a refusal, or any other line."""
+        with Counted(self._device, self._step, attached(port.fd)):
+            return self._sent(port)
+
+    def _sent(self, port: Port) -> re.Match[str]:
         device, command, wire = self._device, self._command, self._wire
         self._quiet(port)
         self._unsure = f"; whether it did {command!r} is not known"

@@ -1,6 +1,8 @@
 """What a Video4Linux2 node says it can do (linux/videodev2.h). Every call belongs under the device's lock."""
 
 import fcntl
+import os
+import stat
 import struct
 from collections.abc import Iterator
 from pathlib import Path
@@ -12,6 +14,17 @@ CAPTURED = (1, 9)
 """Queues that give pictures: as a whole, in planes."""
 TAKEN = (2, 10)
 """Queues that take pictures."""
+
+
+def is_node(node: str) -> bool:
+    """Whether it is a node of the kernel, which could be opened; OSError says what is wrong where a library is silent.
+
+    False for a file of pictures in the place of a camera: that one is read like any other video.
+    """
+    if not stat.S_ISCHR(Path(node).stat().st_mode):
+        return False
+    os.close(os.open(node, os.O_RDWR | os.O_NONBLOCK))
+    return True
 
 
 def formats(node: str) -> list[dict[str, Any]]:

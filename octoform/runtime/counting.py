@@ -1,0 +1,125 @@
+"""Where a product that measures nothing must be, and a stop for one that cannot be interrupted.
+
+Both are facts of this process about a device, held for all of its threads. A position is counted from the command that
+takes every axis to its origin. It is unknown before that, after a movement that failed or whose answer did not come,
+and when the device was attached anew, because its own counter began anew as well. After a stop nothing is sent but
+the one command that ends it: what is under way then is carried out to its end, and nothing follows.
+"""
+
+import os
+import threading
+from typing import Any, NamedTuple
+
+from .faults import DeviceFault
+
+
+ANEW = "the device was attached anew"
+
+
+class Step(NamedTuple):
+    """What a command means for the position: ``by`` on an axis, or with ``zero`` the origin of all axes.
+
+    ``resumes`` marks the command that ends a stop.
+    """
+
+    axis: str = ""
+    by: int = 0
+    zero: bool = False
+    resumes: bool = False
+
+    @property
+    def moves(self) -> bool:
+        """Whether it changes the position at all."""
+        return self.zero or self.axis != ""
+
+
+class _Known:
+    def __init__(self) -> None:
+        self.sums: dict[str, int] | None = None
+        self.why = "nothing was counted since this server started"
+        self.attached: object = None
+        self.stopped = ""
+        self.stops = 0
+
+
+_known: dict[str, _Known] = {}
+_guard = threading.Lock()
+NONE = Step()
+
+
+def attached(line: int | str) -> object:
+    """Equal for a line, open or by its node, for as long as its device was not attached anew."""
+    node = os.stat(line)
+    return node.st_dev, node.st_ino, node.st_rdev, node.st_ctime_ns
+
+
+def position(device: str, node: str, axes: tuple[str, ...], zero: str) -> dict[str, Any]:
+    """The sum of each axis since ``zero``, or None for each with the reason in ``unknown``; nothing is opened."""
+    now = attached(node)
+    with _guard:
+        known = _known.setdefault(device, _Known())
+        if known.sums is not None and known.attached != now:
+            known.sums, known.why = None, ANEW
+        if known.sums is None:
+            return {"device": device, **dict.fromkeys(axes), "unknown": f"{known.why}; {zero} makes it known"}
+        return {"device": device, **{axis: known.sums.get(axis, 0) for axis in axes}, "unknown": None}
+
+
+def stop(device: str, until: str) -> dict[str, Any]:
+    """From now on nothing is sent to the device but the command ``until``."""
+    with _guard:
+        known = _known.setdefault(device, _Known())
+        known.stopped = until
+        known.stops += 1
+    note = f"nothing more is sent until {until} went well; a movement under way goes on to its end: nothing can interrupt it"
+    return {"device": device, "stopped": True, "until": until, "note": note}
+
+
+def refuse(device: str, step: Step) -> None:
+    """DeviceFault while the device is stopped, for every command but the one that ends the stop."""
+    until = _known.setdefault(device, _Known()).stopped
+    if until and not step.resumes:
+        raise DeviceFault(device, f"{device} is stopped: nothing is sent to it until {until} went well")
+
+
+class Counted:
+    """Around the sending of one command, once its device is held: refuses it after a stop, and keeps the count."""
+
+    def __init__(self, device: str, step: Step, attached: object) -> None:
+        """``attached`` is equal for two commands only if the device was not attached anew between them."""
+        self._device, self._step, self._attached = device, step, attached
+        self._stops = 0
+        self._sums: dict[str, int] | None = None
+        self._why = ""
+
+    def __enter__(self) -> "Counted":
+        """DeviceFault while the device is stopped; from here on its position is unknown until it answered."""
+        with _guard:
+            known = _known.setdefault(self._device, _Known())
+            refuse(self._device, self._step)
+            self._stops = known.stops
+            if known.attached != self._attached:
+                known.sums, known.why = None, ANEW
+            known.attached = self._attached
+            self._sums, self._why = known.sums, known.why
+            if self._step.moves:
+                known.sums, known.why = None, "a movement is under way"
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
+        """Count what was acknowledged; forget the position after what was not."""
+        step = self._step
+        with _guard:
+            known = _known[self._device]
+            if kind is not None:
+                if step.moves:
+                    known.why = "a movement failed, and whether it was carried out is not known"
+                return
+            if step.zero:
+                known.sums = {}
+            elif step.moves:
+                known.sums, known.why = self._sums, self._why
+                if known.sums is not None:
+                    known.sums = {**known.sums, step.axis: known.sums.get(step.axis, 0) + step.by}
+            if step.resumes and known.stops == self._stops:
+                known.stopped = ""
