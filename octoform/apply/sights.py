@@ -80,7 +80,7 @@ class _ByView(Mover):
             f"by {tried.noise:g} while nothing moves; at least {wanted:g} were wanted",
             self.where,
             f"{tried.tool} answered that all is well",
-            "see whether the device has power and is free to move, whether the camera sees it, and whether `by` is enough",
+            "see whether it has power and is free to move, whether the camera sees it, and whether `by` is enough",
         )
 
     def _not_back(self, words: str) -> None:

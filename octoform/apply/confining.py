@@ -1,0 +1,244 @@
+"""A rewritten server held against the accepted one: only the tools of one device, and what only they use, may differ.
+
+A step that proves an arm has no business in the camera's tool. The two files are compared statement by statement as
+syntax trees, so that layout and comments do not count; what a function of another tool uses, or a statement of the
+module itself, belongs to everybody and stays as it is.
+"""
+
+import ast
+import symtable
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, replace
+from difflib import SequenceMatcher
+
+from octoform.contracts.header import declared_names
+from octoform.contracts.model import JsonObject
+from octoform.contracts.serve_code_rules import is_standard
+from octoform.contracts.serve_tool_rules import tool_sites
+from octoform.contracts.source import Source, imported_modules, needed_source
+from octoform.contracts.text import listed, shown
+from octoform.diagnostics import Diagnostic, error
+
+CODE = "STEP-REWRITE-BEYOND"
+_REACHING = frozenset({"globals", "vars", "setattr", "delattr", "locals"})
+"""Functions that change what they are handed, or hand out all that a module has."""
+_HINT = "change only the functions of this device's tools, and what nothing else uses; leave the rest as it was"
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Unit:
+    """One statement of the module: the names that it binds and uses, the tools that it registers, its tree as text."""
+
+    node: ast.stmt
+    names: frozenset[str]
+    uses: frozenset[str]
+    tools: frozenset[str]
+    text: str
+
+    @property
+    def title(self) -> str:
+        """What a person calls it."""
+        return listed(sorted(self.names)) if self.names else f"the statement in line {self.node.lineno}"
+
+
+@dataclass(frozen=True, slots=True)
+class Parts:
+    """A server in two: what belongs to one device alone (``inside``), and everything else, each in its order."""
+
+    source: Source
+    inside: tuple[Unit, ...]
+    outside: tuple[Unit, ...]
+
+    @property
+    def shared(self) -> frozenset[str]:
+        """The names that belong to everybody."""
+        return frozenset(name for unit in self.outside for name in unit.names)
+
+
+def own_tools(interface: JsonObject, device: str) -> frozenset[str]:
+    """The tools that serve this device and no other."""
+    return frozenset(tool["name"] for tool in interface["tools"] if tool["devices"] == [device])
+
+
+def beyond(accepted: str, rewritten: str, tools: frozenset[str], deploy: JsonObject) -> list[Diagnostic]:
+    """What a rewritten server changes that is not its step's to change; empty when it keeps to ``tools``.
+
+    Both texts compile. ``deploy`` is the accepted DEPLOY artifact: what it installed may be imported.
+    """
+    old, new = divided(accepted, tools), divided(rewritten, tools)
+    return [
+        *_touched(old, new),
+        *_reaching_out(old, new),
+        *_imports(old.source, new.source, deploy),
+        *_header(accepted, rewritten),
+    ]
+
+
+def divided(text: str, tools: frozenset[str]) -> Parts:
+    """The statements of a server, by whether they belong to these tools alone."""
+    source = needed_source(text)
+    units = tuple(_units(source))
+    own = [unit for unit in units if unit.tools and unit.tools <= tools]
+    private = [unit for unit in units if unit.names and not unit.tools]
+    while True:
+        kept = [unit for unit in private if _only_for(unit, units, {*own, *private})]
+        if len(kept) == len(private):
+            break
+        private = kept
+    reached = _reached(own, private)
+    inside = {*own, *reached}
+    return Parts(
+        source,
+        tuple(unit for unit in units if unit in inside),
+        tuple(unit for unit in units if unit not in inside),
+    )
+
+
+def _only_for(unit: Unit, units: Iterable[Unit], allowed: set[Unit]) -> bool:
+    """Whether all that uses a unit's names, or binds one of them a second time, is among ``allowed``."""
+    return all(other in allowed for other in units if other is not unit and unit.names & (other.uses | other.names))
+
+
+def _reached(own: Iterable[Unit], private: Iterable[Unit]) -> list[Unit]:
+    """What of ``private`` is used by ``own``, directly or by way of one another."""
+    wanted = {name for unit in own for name in unit.uses}
+    found: list[Unit] = []
+    left = list(private)
+    while more := [unit for unit in left if unit.names & wanted]:
+        found += more
+        wanted |= {name for unit in more for name in unit.uses}
+        left = [unit for unit in left if unit not in more]
+    return found
+
+
+def _units(source: Source) -> Iterator[Unit]:
+    sites = [(site.name or "", site.node.lineno) for site in tool_sites(source)]
+    tables = list(symtable.symtable(source.text, "server.py", "exec").get_children())
+    for node in source.tree.body:
+        first = min([node.lineno, *(item.lineno for item in getattr(node, "decorator_list", ()))])
+        lines = range(first, (node.end_lineno or node.lineno) + 1)
+        used = set(_loads(node))
+        for table in tables:
+            if table.get_lineno() in lines:
+                used |= _globals(table)
+        tools = frozenset(name for name, line in sites if line in lines)
+        yield Unit(node, frozenset(_bound(node)), frozenset(used), tools, ast.dump(node))
+
+
+def _globals(table: symtable.SymbolTable) -> set[str]:
+    """The names of the module that a function or class uses or sets, nested ones too."""
+    found = {item.get_name() for item in table.get_symbols() if item.is_global()}
+    return found.union(*(_globals(child) for child in table.get_children()))
+
+
+def _loads(node: ast.stmt) -> Iterator[str]:
+    """The names that a statement uses when the module is loaded."""
+    if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
+        at_load: list[ast.AST] = [*node.decorator_list, node.args, *([node.returns] if node.returns else [])]
+    elif isinstance(node, ast.ClassDef):
+        at_load = [*node.decorator_list, *node.bases, *node.keywords]
+    else:
+        at_load = [node]
+    for part in at_load:
+        for item in ast.walk(part):
+            if isinstance(item, ast.Name) and not isinstance(item.ctx, ast.Store):
+                yield item.id
+
+
+def _bound(node: ast.stmt) -> Iterator[str]:
+    """The names of the module that a statement binds."""
+    if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef | ast.ClassDef):
+        yield node.name
+        return
+    for item in ast.walk(node):
+        if isinstance(item, ast.Name) and isinstance(item.ctx, ast.Store):
+            yield item.id
+        elif isinstance(item, ast.alias):
+            yield item.asname or item.name.partition(".")[0]
+        elif isinstance(item, ast.FunctionDef | ast.AsyncFunctionDef | ast.ClassDef):
+            yield item.name
+
+
+def _touched(old: Parts, new: Parts) -> Iterator[Diagnostic]:
+    """What differs among the statements that belong to everybody."""
+    before, after = [unit.text for unit in old.outside], [unit.text for unit in new.outside]
+    for what, a, b, c, d in SequenceMatcher(None, before, after, autojunk=False).get_opcodes():
+        if what == "equal":
+            continue
+        names = {name for unit in new.outside[c:d] for name in unit.names}
+        for unit in new.outside[c:d]:
+            known = any(unit.names & other.names for other in old.outside)
+            verb = "changes" if known or not unit.names else "adds"
+            yield _problem(new.source, unit.node, f"the rewritten server {verb} {unit.title}{_whose(unit, new)}")
+        for unit in old.outside[a:b]:
+            if not unit.names & names and not (c < d and not unit.names):
+                summary = f"the rewritten server no longer has {unit.title}{_whose(unit, old)}"
+                yield error(CODE, summary, path="server.py", hint=_HINT)
+
+
+def _whose(unit: Unit, parts: Parts) -> str:
+    """To whom a statement belongs, as far as there is a name for it."""
+    if unit.tools:
+        return ", the tool of another device" if len(unit.tools) == 1 else ", tools of other devices"
+    users = sorted(
+        name for other in parts.outside if other is not unit and other.uses & unit.names for name in other.names
+    )
+    return f", which {listed(users)} uses" if users else ""
+
+
+def _reaching_out(old: Parts, new: Parts) -> Iterator[Diagnostic]:
+    """Statements inside that set what belongs to everybody, other than the accepted ones did."""
+    known = {name for name, _ in _sets(old)}
+    for name, node in _sets(new):
+        if name not in known:
+            yield _problem(
+                new.source, node, f"the rewritten server sets {shown(name)}, which is not this device's alone"
+            )
+
+
+def _sets(parts: Parts) -> Iterator[tuple[str, ast.AST]]:
+    shared = parts.shared
+    for unit in parts.inside:
+        for item in ast.walk(unit.node):
+            if isinstance(item, ast.Global):
+                yield from ((name, item) for name in item.names if name in shared)
+            elif isinstance(item, ast.Attribute | ast.Subscript) and not isinstance(item.ctx, ast.Load):
+                root = _root(item)
+                if root in shared & unit.uses:
+                    yield root, item
+            elif isinstance(item, ast.Name) and item.id in _REACHING and item.id not in parts.shared:
+                yield item.id, item
+
+
+def _root(node: ast.expr) -> str:
+    """The name that a chain of attributes, items and calls begins with; empty where it begins with none."""
+    while isinstance(node, ast.Attribute | ast.Subscript | ast.Call):
+        node = node.func if isinstance(node, ast.Call) else node.value
+    return node.id if isinstance(node, ast.Name) else ""
+
+
+def _imports(old: Source, new: Source, deploy: JsonObject) -> Iterator[Diagnostic]:
+    """Modules that nothing on this host provides for the server."""
+    failed = {str(item["name"]).casefold() for item in deploy.get("deps_failed", ())}
+    provided = {
+        str(item["module"]).partition(".")[0]
+        for item in deploy["imports"]
+        if str(item["provided_by"]).casefold() not in failed
+    }
+    known = provided | {name for name, _, _ in imported_modules(old)} | {"runtime"}
+    for name, node, _ in imported_modules(new):
+        if name not in known and not is_standard(name):
+            summary = f"the rewritten server imports {shown(name)}, which DEPLOY has not installed"
+            yield _problem(new, node, summary, f"what is there: {listed(sorted(provided))}")
+
+
+def _header(accepted: str, rewritten: str) -> Iterator[Diagnostic]:
+    before, after = declared_names(accepted), declared_names(rewritten)
+    if before != after:
+        differ = listed(sorted(before ^ after))
+        summary = f"the header of the rewritten server declares other packages than the accepted one: {differ}"
+        yield error(CODE, summary, path="server.py", hint="keep the header as it was; DEPLOY has settled the packages")
+
+
+def _problem(source: Source, node: ast.AST, summary: str, hint: str = _HINT) -> Diagnostic:
+    return replace(source.problem(CODE, node, summary, hint), path="server.py")
