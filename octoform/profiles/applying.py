@@ -9,6 +9,7 @@ from octoform.profiles import evidence, limits
 from octoform.profiles.grammar import plain
 from octoform.profiles.model import Profile
 
+LONGEST_LINE, DEEPEST = 100, 3
 NO_ANSWERS: Mapping[str, str] = MappingProxyType({})
 
 
@@ -73,11 +74,33 @@ def briefing(profile: Profile, ids: Collection[str]) -> str:
     lines += ["", "The product, every copy of it:", "", profile.body.strip()]
     if profile.grammar is not None:
         lines += ["", "Its command grammar; each command becomes exactly one tool of that name, and there is no other:"]
-        lines += ["", json.dumps(plain(profile.grammar), indent=1, ensure_ascii=False)]
-    if rig.facts or rig.limits:
-        lines += ["", "This rig alone, no other copy of the product:", ""]
-        lines += [*(f"- {fact}" for fact in rig.facts), *_limits(rig.limits)]
+        lines += ["", _laid_out(plain(profile.grammar, of_product=True))]
+    own = [*(f"- {fact}" for fact in of_rig(profile)), *_limits(rig.limits)]
+    if own:
+        lines += ["", "This rig alone, no other copy of the product:", "", *own]
     return "\n".join([*lines, ""])
+
+
+def _laid_out(value: Any, depth: int = 1) -> str:
+    """JSON with what is short on one line: a whole one would take most of a prompt for its line ends and spaces."""
+    flat = json.dumps(value, ensure_ascii=False)
+    if len(flat) <= LONGEST_LINE or not value or depth > DEEPEST or not isinstance(value, Mapping | list):
+        return flat
+    space = " " * depth
+    if isinstance(value, list):
+        return "[\n" + ",\n".join(f"{space}{_laid_out(item, DEEPEST + 1)}" for item in value) + "]"
+    members = [f"{space}{json.dumps(key)}: {_laid_out(item, depth + 1)}" for key, item in value.items()]
+    return "{\n" + ",\n".join(members) + "}"
+
+
+def of_rig(profile: Profile) -> Iterator[str]:
+    """What is true of the owner's own copy alone beside its limits, each as a sentence."""
+    rig = profile.rig
+    yield from rig.facts
+    for unit, reason in rig.disabled.items():
+        yield f"{unit} is disabled: {reason}. It is never moved; a call that asks for it is told why it was skipped."
+    for unit, number in rig.units.items():
+        yield f"{unit} has the id {number} on the bus."
 
 
 def _limits(given: Iterable[Mapping[str, Any]]) -> list[str]:

@@ -13,15 +13,14 @@ from typing import Any
 from octoform import digest, frontmatter
 from octoform.diagnostics import Diagnostic, did_you_mean, error, has_errors, warning
 from octoform.frontmatter import Document
-from octoform.profiles import evidence, grammar_reading, limits, stopping
+from octoform.profiles import bounding, evidence, grammar_reading, limits, rig_reading, stopping
 from octoform.profiles.evidence import Rule
+from octoform.profiles.finding import Found
 from octoform.profiles.grammar import Grammar
 from octoform.profiles.model import Profile, Rig
 
 MOST_BYTES = 8 * 1024
 FIELDS = ("name", "about", "product", "evidence", "limits", "stop", "grammar", "rig")
-RIG_FIELDS = ("facts", "limits")
-MOST_FACTS, FACT_CHARS = 20, 300
 PROGRAMS = frozenset(
     {"python", "py", "sh", "bash", "zsh", "shell", "console", "powershell", "c", "cpp", "c++", "rust", "go", "java"}
     | {"javascript", "js", "typescript", "ts", "ruby", "perl", "lua", "arduino", "ino", "sql", "html"}
@@ -65,7 +64,7 @@ def _clashes(profile: Profile, others: Iterable[Profile]) -> list[Diagnostic]:
 
 
 def _tools(profile: Profile) -> set[str]:
-    return {command.tool for command in profile.grammar.commands} if profile.grammar is not None else set()
+    return {item.tool for item in profile.grammar.tools()} if profile.grammar is not None else set()
 
 
 def load_text(text: str, place: str) -> tuple[Profile | None, list[Diagnostic]]:
@@ -106,13 +105,13 @@ def parse(document: Document) -> tuple[Profile | None, list[Diagnostic]]:
         )
     rule, more = _evidence(document)
     bounds, also = _limits(document, fields.get("limits", []), ("limits",))
-    rig, too = _rig(document)
-    found += [*more, *also, *too]
+    found += [*more, *also]
     stop, problems = stopping.read(fields.get("stop", []))
     found += [document.problem("PROFILE-STOP", summary, place, hint) for place, summary, hint in problems]
     grammar, problems = grammar_reading.read(fields["grammar"]) if "grammar" in fields else (None, [])
     found += [document.problem("PROFILE-GRAMMAR", summary, place, hint) for place, summary, hint in problems]
-    found += _idle_limits(document, grammar)
+    rig, too = _rig(document, grammar)
+    found += [*too, *_idle_limits(document, grammar)]
     if rule is None or has_errors(found):
         return None, found
     profile = Profile(
@@ -123,9 +122,9 @@ def parse(document: Document) -> tuple[Profile | None, list[Diagnostic]]:
         body=document.body,
         digest=digest.of_bytes(document.text.encode("utf-8")),
         evidence=rule,
-        limits=(*bounds, *rig.limits),
+        limits=(*bounds, *(bounding.derived(grammar.tools(), bounds) if grammar is not None else ()), *rig.limits),
         stop=stop,
-        grammar=grammar,
+        grammar=rig_reading.fitted(grammar, rig),
         product=fields.get("product", ""),
         rig=rig,
     )
@@ -211,37 +210,32 @@ def _limits(
     return tuple(given), found
 
 
-def _rig(document: Document) -> tuple[Rig, list[Diagnostic]]:
+def _rig(document: Document, grammar: Grammar | None) -> tuple[Rig, list[Diagnostic]]:
     """What holds for the owner's own copy alone, apart from what holds for the product."""
-    given = document.fields.get("rig", {})
-    if not isinstance(given, Mapping):
-        hint = "write rig: {facts: [...], limits: [...]}"
-        return Rig(), [document.problem("PROFILE-RIG", "rig is no mapping", ("rig",), hint)]
-    found = _unknown(document, given, RIG_FIELDS, ("rig",))
-    facts = given.get("facts", [])
-    sound = [item for item in facts if _is_sentence(item)] if isinstance(facts, list) else []
-    if not isinstance(facts, list) or len(sound) < len(facts) or len(facts) > MOST_FACTS:
-        summary = f"the facts of the rig are no list of at most {MOST_FACTS} sentences"
-        hint = f"one line each, at most {FACT_CHARS} characters"
-        found.append(document.problem("PROFILE-RIG", summary, ("rig", "facts"), hint))
-    bounds, more = _limits(document, given.get("limits", []), ("rig", "limits"))
-    return Rig(tuple(sound), bounds), [*found, *more]
-
-
-def _is_sentence(item: object) -> bool:
-    return isinstance(item, str) and bool(item.strip()) and item.isprintable() and len(item) <= FACT_CHARS
+    given, problems = document.fields.get("rig", {}), Found()
+    listed = given if isinstance(given, Mapping) else {}
+    found = _unknown(document, listed, rig_reading.FIELDS, ("rig",))
+    bounds, more = _limits(document, listed.get("limits", []), ("rig", "limits"))
+    rig = rig_reading.read(problems, given, bounds, grammar)
+    told = [document.problem("PROFILE-RIG", summary, place, hint) for place, summary, hint in problems.problems]
+    return rig, [*found, *told, *more]
 
 
 def _idle_limits(document: Document, grammar: Grammar | None) -> list[Diagnostic]:
     """Limits that name a tool which the grammar does not have: whoever wrote them believes in a bound that is none."""
-    given = document.fields.get("limits")
-    tools = [command.tool for command in grammar.commands] if grammar is not None else []
+    tools = [item.tool for item in grammar.tools()] if grammar is not None else []
+    rig = document.fields.get("rig")
+    places: list[tuple[Any, frontmatter.Place]] = [
+        (document.fields.get("limits"), ("limits",)),
+        (rig.get("limits") if isinstance(rig, Mapping) else None, ("rig", "limits")),
+    ]
     found = []
-    for index, item in enumerate(given if tools and isinstance(given, list) else ()):
-        name = item.get("tool") if isinstance(item, Mapping) else None
-        if isinstance(name, str) and not any(fnmatchcase(tool, name) for tool in tools):
-            near = did_you_mean(name, tools)
-            hint = f"did you mean {near!r}?" if near else f"its tools are {', '.join(tools)}"
-            place = ("limits", index, "tool")
-            found.append(document.problem("PROFILE-LIMIT", f"the grammar has no tool {name!r}", place, hint))
+    for given, place in places if tools else ():
+        for index, item in enumerate(given if isinstance(given, list) else ()):
+            name = item.get("tool") if isinstance(item, Mapping) else None
+            if isinstance(name, str) and not any(fnmatchcase(tool, name) for tool in tools):
+                near = did_you_mean(name, tools)
+                hint = f"did you mean {near!r}?" if near else f"its tools are {', '.join(tools)}"
+                where = (*place, index, "tool")
+                found.append(document.problem("PROFILE-LIMIT", f"the grammar has no tool {name!r}", where, hint))
     return found

@@ -6,8 +6,9 @@ from typing import Any
 
 from octoform.engine.drafting import Draft
 from octoform.engine.profiling import HostReport, Met, Report
+from octoform.profiles import applying
 from octoform.profiles.evidence import Judged
-from octoform.profiles.grammar import Command, Value, plain
+from octoform.profiles.grammar import Grammar, LineGrammar, RegisterGrammar, Tool, Value, plain
 from octoform.profiles.limits import told
 from octoform.profiles.model import Profile
 from octoform.views.console import Console
@@ -46,9 +47,10 @@ def _said(profile: Profile) -> Iterator[str]:
     stops = [f"writes {len(item.write)} bytes to its {item.kind} node" for item in profile.stop]
     yield from _part("Emergency stop", stops or ["none is known: a stop refuses every further call"])
     if profile.grammar is not None:
-        yield from _part("Tools of its grammar", [_command(item) for item in profile.grammar.commands])
-    if rig.facts or rig.limits:
-        yield from _part("This rig alone", [*rig.facts, *(words for item in rig.limits for words in told(item))])
+        yield from _part("Tools of its grammar", list(_tools(profile.grammar)))
+        yield from _part("Units on its bus", list(_bus(profile.grammar)))
+    own = [*applying.of_rig(profile), *(words for item in rig.limits for words in told(item))]
+    yield from _part("This rig alone", own)
 
 
 def _part(title: str, lines: list[str]) -> Iterator[str]:
@@ -57,19 +59,42 @@ def _part(title: str, lines: list[str]) -> Iterator[str]:
         yield from (f"{_INDENT}{line}" for line in lines)
 
 
-def _command(command: Command) -> str:
-    values = ", ".join(map(_value, command.parameters))
-    given = f" ({values})" if values else ""
-    fields = ", ".join(map(_value, command.fields))
-    returns = f" -> {fields}" if fields else ""
-    return f"{command.tool}{given}{returns}  {command.effect}, sends {command.send!r}"
+def _tools(grammar: Grammar) -> Iterator[str]:
+    """A line for each tool: what a caller may say, what is answered, the effect, and what the device is made to do."""
+    if isinstance(grammar, LineGrammar):
+        lines = {item.tool: (", ".join(map(_value, item.fields)), f"sends {item.send!r}") for item in grammar.commands}
+    else:
+        lines = {item.tool: (", ".join(item.fields), "") for item in grammar.commands}
+    for tool in grammar.tools():
+        fields, does = lines.get(tool.tool, ("", ""))
+        yield _tool(tool, f" -> {fields}" if fields else "", does or tool.do)
+
+
+def _tool(tool: Tool, returns: str, does: str) -> str:
+    values = ", ".join(map(_value, tool.parameters))
+    return f"{tool.tool}{f' ({values})' if values else ''}{returns}  {tool.effect}, {does}"
+
+
+def _bus(grammar: Grammar) -> Iterator[str]:
+    """The units that a grammar of registers speaks to, as they are on the rig, and through what."""
+    if not isinstance(grammar, RegisterGrammar):
+        return
+    registers = grammar.registers
+    yield ", ".join(f"{name} {number}" for name, number in registers.ids.items())
+    library = registers.library
+    yield f"{registers.baud} baud, by {library.module} of {library.distribution}, protocol {library.protocol}"
+    if registers.protect is not None:
+        guard, unit = registers.protect, f" {registers.protect.unit}" if registers.protect.unit else ""
+        held = f"refused from {guard.refuse_at}{unit} on until it is below {guard.resume_below}{unit}"
+        yield f"a movement of a unit is {held}, by its {guard.field}"
 
 
 def _value(value: Value) -> str:
     if value.choices:
         return f"{value.name}: {' | '.join(value.choices)}"
     bounds = f" {value.minimum}..{value.maximum}" if value.minimum is not None else ""
-    return f"{value.name}: {value.type}{bounds}" + (f" {value.unit}" if value.unit else "")
+    unit = f" {value.unit}" if value.unit else ""
+    return f"{value.name}: {value.type}{bounds}{unit}" + (f" = {value.default}" if value.default is not None else "")
 
 
 def _host(console: Console, host: HostReport) -> None:
@@ -125,7 +150,12 @@ def _json(profile: Profile) -> dict[str, Any]:
         "limits": [dict(item) for item in profile.limits[: len(profile.limits) - len(rig.limits)]],
         "stop": [{"class": item.kind, "baud": item.baud, "write": item.write.hex(" ")} for item in profile.stop],
         "grammar": plain(profile.grammar) if profile.grammar is not None else None,
-        "rig": {"facts": list(rig.facts), "limits": [dict(item) for item in rig.limits]},
+        "rig": {
+            "facts": list(rig.facts),
+            "limits": [dict(item) for item in rig.limits],
+            "disabled": dict(rig.disabled),
+            "units": dict(rig.units),
+        },
     }
 
 

@@ -15,7 +15,7 @@ from octoform.builtin.task import Refused
 from octoform.contracts.checking import check
 from octoform.contracts.model import Artifacts, ProfileFacts
 from octoform.profiles import Profile, commands, for_task, load, load_text
-from octoform.profiles.grammar import Command, Grammar, Value
+from octoform.profiles.grammar import Command, LineGrammar, Value
 
 ROOT = Path(__file__).parents[3]
 SCHEMAS = ROOT / "protocol" / "schemas"
@@ -67,7 +67,7 @@ def as_commands(interface: dict[str, Any]) -> list[tuple[str, str, dict[str, tup
     ]
 
 
-def as_described(grammar: Grammar) -> list[tuple[str, str, dict[str, tuple[Any, ...]]]]:
+def as_described(grammar: LineGrammar) -> list[tuple[str, str, dict[str, tuple[Any, ...]]]]:
     return [
         (
             command.tool,
@@ -78,7 +78,7 @@ def as_described(grammar: Grammar) -> list[tuple[str, str, dict[str, tuple[Any, 
     ]
 
 
-MIXED = Grammar(
+MIXED = LineGrammar(
     replace(RAIL.grammar.line, error=None, ending="\r\n", settle=1.0) if RAIL.grammar else None,  # type: ignore[arg-type]
     (
         Command("lamp_dim", 'DIM "{percent}" \\ {fade}', "dim it", "actuate",

@@ -7,7 +7,7 @@ import pytest
 
 from octoform.diagnostics import Diagnostic
 from octoform.profiles import Profile, briefing, contributions, evidence, for_task, holds, load, load_text
-from octoform.profiles.grammar import Command, Grammar, Line, Value
+from octoform.profiles.grammar import Command, Line, LineGrammar, Value
 
 SHIPPED = Path(__file__).parents[3] / "profiles"
 PAGES = Path(__file__).parents[3] / "octoform" / "diagnostics" / "pages"
@@ -58,7 +58,7 @@ def good() -> Profile:
 def test_a_grammar_is_read_as_data() -> None:
     percent = Value("percent", "integer", unit="%", minimum=0, maximum=100)
     fade = Value("fade", "string", choices=("slow", "fast"))
-    assert good().grammar == Grammar(
+    assert good().grammar == LineGrammar(
         Line("tty", 9600, "\n", "OK", "E {message}", 2.0, 1.0),
         (
             Command("lamp_dim", "DIM {percent} {fade}", "dim the lamp", "actuate", (percent, fade)),
@@ -168,7 +168,7 @@ def test_text_and_file_are_the_same_profile(tmp_path: Path) -> None:
 
 def test_product_and_rig_have_different_scopes() -> None:
     profile = good()
-    assert [limit["maximum"] for limit in profile.limits] == [80, 40]
+    assert [limit.get("maximum") for limit in profile.limits] == [80, None, 40]
     assert profile.rig.facts == ("The left bulb is broken.",)
     product, _, rig = briefing(profile, {"usb-x"}).partition("This rig alone, no other copy of the product:")
     assert "at most 80" in product and "It must not get hot." in product and "bulb" not in product

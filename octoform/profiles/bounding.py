@@ -1,0 +1,51 @@
+"""The bounds of a grammar as limits of its profile, so that they hold outside the generated code as well. Pure.
+
+What an author wrote under ``limits`` is enforced by the endpoint whatever the server does. The same must hold for each
+number of each command, and nobody should have to write it a second time.
+"""
+
+from collections.abc import Iterable, Iterator, Mapping
+from fnmatch import fnmatchcase
+from typing import Any
+
+from octoform.profiles.values import Tool, Value
+
+Limit = Mapping[str, Any]
+
+
+def derived(tools: Iterable[Tool], given: Iterable[Limit]) -> tuple[Limit, ...]:
+    """The bounds of the parameters that no limit of ``given`` keeps as tightly already.
+
+    Tools with the same bounds of one parameter share a limit that names none of them.
+    """
+    uses: dict[str, list[tuple[Tool, Value]]] = {}
+    for tool in tools:
+        for value in tool.parameters:
+            uses.setdefault(value.name, []).append((tool, value))
+    listed = tuple(given)
+    return tuple(limit for pairs in uses.values() for limit in _of_one(pairs, listed))
+
+
+def _of_one(uses: list[tuple[Tool, Value]], given: tuple[Limit, ...]) -> Iterator[Limit]:
+    """The limits of one parameter, for all tools that have it."""
+    found = [_limit(tool, value, given) for tool, value in uses]
+    if found[0] and all(limit == found[0] for limit in found):
+        yield found[0]
+        return
+    for (tool, _), limit in zip(uses, found, strict=True):
+        if limit:
+            yield {"tool": tool.tool, **limit}
+
+
+def _limit(tool: Tool, value: Value, given: tuple[Limit, ...]) -> dict[str, Any]:
+    """What is left to bound, in the unit in which the author speaks of it, so that no two limits disagree."""
+    own = [
+        item for item in given if item.get("parameter") == value.name and fnmatchcase(tool.tool, item.get("tool", "*"))
+    ]
+    ends: dict[str, float] = {}
+    if value.minimum is not None and not any(item.get("minimum", float("-inf")) >= value.minimum for item in own):
+        ends["minimum"] = value.minimum
+    if value.maximum is not None and not any(item.get("maximum", float("inf")) <= value.maximum for item in own):
+        ends["maximum"] = value.maximum
+    unit = next((item["unit"] for item in own if "unit" in item), value.unit)
+    return {"parameter": value.name, **ends, **({"unit": unit} if unit else {})} if ends else {}

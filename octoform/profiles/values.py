@@ -1,0 +1,57 @@
+"""The values and the tools that every kind of grammar speaks of. Pure."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+
+@dataclass(frozen=True, slots=True)
+class Value:
+    """A parameter of a command or a field of its answer: integer, number, boolean, or (with ``choices``) a word.
+
+    A parameter with a ``default`` may be left out of a call.
+    """
+
+    name: str
+    type: str
+    about: str = ""
+    unit: str = ""
+    minimum: float | None = None
+    maximum: float | None = None
+    choices: tuple[str, ...] = ()
+    default: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Tool:
+    """What a command becomes, whatever the kind of its grammar: its name, its effect and what a caller may say.
+
+    ``do`` is what the device is made to do where no line of a grammar says it. ``stop`` ends a movement.
+    """
+
+    tool: str
+    about: str
+    effect: str
+    parameters: tuple[Value, ...] = ()
+    do: str = ""
+
+    @property
+    def stops(self) -> bool:
+        return self.do == "stop"
+
+
+def plain_value(value: Value) -> dict[str, Any]:
+    """A value as JSON; members without a value are left out."""
+    bounds = {"minimum": value.minimum, "maximum": value.maximum, "enum": list(value.choices) or None}
+    words = {"about": value.about or None, "unit": value.unit or None}
+    return present({"type": value.type, **words, **bounds, "default": value.default})
+
+
+def plain_values(values: tuple[Value, ...]) -> dict[str, Any]:
+    """Values as JSON, by their names."""
+    return {item.name: plain_value(item) for item in values}
+
+
+def present(members: Mapping[str, Any]) -> dict[str, Any]:
+    """The members that have a value."""
+    return {name: value for name, value in members.items() if value is not None}
