@@ -1,1 +1,1 @@
-"""Simulated devices for those who have none: servo bus, line protocol, camera; beside the product, used by none of it."""
+"""Simulated devices for who has none: servo bus, line protocol, camera. Beside the product; used by none of it."""

@@ -1,0 +1,66 @@
+"""A camera without a camera: a file that always holds a moment of moving pictures of the scene.
+
+The file is YUV4MPEG2, which every video library opens, and is replaced as a whole: a reader sees the old one to its
+end. A real camera's node can't be imitated without a kernel module, so this is a regular file where the node would be.
+"""
+
+import threading
+from pathlib import Path
+
+from octoform.simulation.scene import Planes, Scene
+
+FAULTS = ("black", "uniform", "frozen")
+_LONGEST = 0.2
+"""Seconds that a picture is kept although nothing moves: the clock in it goes on."""
+
+
+class Camera:
+    """``fault`` is None or one of FAULTS; ``written`` counts how often the file was replaced."""
+
+    def __init__(self, scene: Scene, node: Path, size: tuple[int, int], frames: int = 16) -> None:
+        self.scene, self._node, self._size, self._frames = scene, node, size, frames
+        self.fault: str | None = None
+        self.written = 0
+        self._over = threading.Event()
+        self._thread = threading.Thread(target=self._run, name=node.name, daemon=True)
+
+    def start(self) -> None:
+        """The file is there when this returns."""
+        self._node.parent.mkdir(parents=True, exist_ok=True)
+        self.write()
+        self._thread.start()
+
+    def stop(self) -> None:
+        """Take the file away."""
+        self._over.set()
+        self._thread.join()
+        self._node.unlink(missing_ok=True)
+
+    def write(self) -> None:
+        """Replace the file by what is seen now."""
+        if self.fault == "frozen" and self.written:
+            return
+        wide, high = self._size
+        planes = (b"FRAME\n", *self._seen())
+        new = self._node.with_name(f".{self._node.name}.new")
+        with new.open("wb") as out:
+            out.write(f"YUV4MPEG2 W{wide} H{high} F30:1 Ip A1:1 C420jpeg\n".encode())
+            for _ in range(self._frames):
+                out.writelines(planes)
+        new.replace(self._node)
+        self.written += 1
+
+    def _seen(self) -> Planes:
+        wide, high = self._size
+        if self.fault in ("black", "uniform"):
+            level, quarter = 16 if self.fault == "black" else 120, bytes([128]) * (wide * high // 4)
+            return bytes([level]) * (wide * high), quarter, quarter
+        return self.scene.frame(wide, high)
+
+    def _run(self) -> None:
+        shown = self.scene.state()
+        while not self._over.wait(_LONGEST / 2):
+            state = self.scene.state()
+            if state != shown or self._over.wait(_LONGEST / 2) is False:
+                self.write()
+            shown = state

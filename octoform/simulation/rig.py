@@ -1,0 +1,113 @@
+"""A rig in a folder: the tree in which PROBE finds its devices, terminals that answer, a file that the camera fills.
+
+``OCTOFORM_SYSROOT`` names that folder; nothing outside of it is touched.
+"""
+
+import re
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from string import Template
+from typing import Any
+
+from octoform.simulation.camera import Camera
+from octoform.simulation.clock import Clock
+from octoform.simulation.line import LineDevice
+from octoform.simulation.ports import Port
+from octoform.simulation.scene import Scene
+from octoform.simulation.servos import ServoBus
+from octoform.simulation.tree import Planter
+
+_NODES = {"servos": (166, "tty"), "line": (166, "tty"), "camera": (81, "video")}
+
+
+@dataclass
+class _Plugged:
+    tree: Planter
+    end: Port | Camera
+
+
+class Rig:
+    """``servos``, ``line`` and ``scene`` are the first device of their kind; ``devices`` are all by their names."""
+
+    def __init__(self, description: Mapping[str, Any], folder: Path, clock: Clock = time.monotonic) -> None:
+        self.description, self.folder = description, folder
+        self._given: Mapping[str, Mapping[str, Any]] = description["devices"]
+        self.devices: dict[str, ServoBus | LineDevice] = {}
+        for name, device in self._given.items():
+            if device["kind"] == "servos":
+                self.devices[name] = ServoBus(device, clock)
+            elif device["kind"] == "line":
+                self.devices[name] = LineDevice(device, clock)
+        self.servos = next((one for one in self.devices.values() if isinstance(one, ServoBus)), None)
+        self.line = next((one for one in self.devices.values() if isinstance(one, LineDevice)), None)
+        self.scene = Scene(self.servos, self.line)
+        self._host = Planter(folder)
+        self._plugged: dict[str, _Plugged] = {}
+
+    @property
+    def plugged(self) -> list[str]:
+        """The names of the devices that are there."""
+        return list(self._plugged)
+
+    @property
+    def camera(self) -> Camera | None:
+        """The camera, while it is plugged."""
+        return next((one.end for one in self._plugged.values() if isinstance(one.end, Camera)), None)
+
+    def start(self) -> None:
+        """Plant the host and plug all devices, but for those that the description leaves unplugged."""
+        self._host.plant(self.description.get("host", ""))
+        for name, device in self._given.items():
+            if not device.get("unplugged"):
+                self.plug(name)
+
+    def stop(self) -> None:
+        """Unplug all and take the host away; the folder itself stays."""
+        for name in list(self._plugged):
+            self.unplug(name)
+        self._host.uproot()
+
+    def plug(self, name: str, *, port: str | None = None, node: str | None = None) -> None:
+        """Connect a device: at its own port and under its own node's name, or at others."""
+        if name in self._plugged:
+            raise ValueError(f"{name} is plugged already")
+        given = self._given[name]
+        node = node or str(given["node"])
+        planter = Planter(self.folder)
+        planter.plant(self._text(given, port or str(given["port"]), node))
+        place = self.folder / "dev" / node
+        end: Port | Camera
+        if given["kind"] == "camera":
+            place.unlink(missing_ok=True)
+            end = Camera(self.scene, place, (given["width"], given["height"]), given.get("frames", 16))
+        else:
+            end = Port(self.devices[name], place, lambda: self._went(name))
+        self._plugged[name] = _Plugged(planter, end)
+        end.start()
+
+    def unplug(self, name: str) -> None:
+        """Take a device away; harmless when it is not there. What holds its node open sees the line go dead."""
+        gone = self._plugged.pop(name, None)
+        if gone is not None:
+            gone.end.stop()
+            gone.tree.uproot()
+
+    def _went(self, name: str) -> None:
+        """A device unplugged itself."""
+        gone = self._plugged.pop(name, None)
+        if gone is not None:
+            gone.tree.uproot()
+
+    @staticmethod
+    def _text(given: Mapping[str, Any], port: str, node: str) -> str:
+        """The device's descriptors: what the kernel would show of it at this port, under this name."""
+        major, kind = _NODES[given["kind"]]
+        number = re.sub(r"\D", "", node) or "0"
+        says = next((f"{word}_strings" for word in ("anonymous", "described") if given.get(word)), "strings")
+        if kind == "tty" and not node.startswith("tty"):
+            raise ValueError(f"{node} is no name of a tty")
+        return Template(given["descriptors"]).substitute(
+            given.get(says, {}), port=port, bus=port.split("-")[0], node=node, number=number, major=major
+        )
