@@ -14,6 +14,7 @@ from octoform.contracts import (
     interface_schemas,
     probe_rules,
     serve_rules,
+    step_rules,
     topology_rules,
 )
 from octoform.contracts.canon import load_schema
@@ -29,16 +30,20 @@ RULES: dict[str, tuple[Rule, ...]] = {
     "interface": (*interface_rules.RULES, *interface_schemas.RULES, *grammar_rules.RULES),
     "serve": serve_rules.RULES,
     "deploy": deploy_rules.RULES,
+    "step": step_rules.RULES,
 }
-_NEEDS = {"identify": "probe", "interface": "identify", "serve": "interface", "deploy": "serve"}
+_NEEDS = {"identify": "probe", "interface": "identify", "serve": "interface", "deploy": "serve", "step": "interface"}
 
 
 def check(stage: str, value: object, artifacts: Artifacts, schemas: Path, path: str | None = None) -> list[Diagnostic]:
     """Everything that is wrong with ``value`` as the output of ``stage``; empty when the contract accepts it.
 
+    The output of a privileged step (``step.arm``) has a contract too; ``artifacts.step`` says of which step.
+
     ``artifacts`` holds the accepted artifacts of the stages before; ValueError when the preceding one is missing,
     which no user can cause. ``path`` is written into the diagnostics. Warnings may be among them.
     """
+    stage = "step" if stage.startswith("step.") else stage
     needed = _NEEDS.get(stage)
     if needed is not None and getattr(artifacts, needed) is None:
         raise ValueError(f"{stage} cannot be checked without the {needed} artifact")
@@ -50,6 +55,7 @@ def check(stage: str, value: object, artifacts: Artifacts, schemas: Path, path: 
 
 def has_shape(stage: str, value: object, schemas: Path) -> bool:
     """Whether the schema of the stage accepts the value; source text has no schema."""
+    stage = "step" if stage.startswith("step.") else stage
     return stage == "serve" or not shape_diagnostics(stage, value, load_schema(stage, schemas))
 
 

@@ -7,6 +7,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
+from octoform.contracts.stepping import StepFacts
 from octoform.diagnostics import Diagnostic
 
 DEFAULT_TOOLS_BUDGET = 30
@@ -34,7 +35,7 @@ class ProfileFacts:
 class Artifacts:
     """The accepted artifacts of the stages before the one in question; None for what does not exist yet.
 
-    ``answers`` is what a person said of a device, by the device's id.
+    ``answers`` is what a person said of a device, by the device's id; ``step`` what a privileged step is held to.
     """
 
     probe: JsonObject | None = None
@@ -45,6 +46,7 @@ class Artifacts:
     profiles: Mapping[str, ProfileFacts] = field(default_factory=dict)
     answers: Mapping[str, str] = field(default_factory=dict)
     tools_budget: int = DEFAULT_TOOLS_BUDGET
+    step: StepFacts | None = None
 
 
 RuleCheck = Callable[[Any, Artifacts], list[Diagnostic]]

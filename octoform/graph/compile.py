@@ -51,6 +51,7 @@ def _step(step: Step, manifest: Manifest, profiles: tuple[Profile, ...]) -> Node
         harness=harness.name,
         model=model,
         calls_model=_calls_model(harness),
+        after=(ENDPOINT,),
     )
 
 

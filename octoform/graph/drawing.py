@@ -5,10 +5,11 @@ from octoform.graph.model import Graph, Node, NodeKind
 
 
 def to_dot(graph: Graph) -> str:
-    """A DOT digraph; an arrow points from a node to what it consumes."""
+    """A DOT digraph; an arrow points from a node to what it consumes, a dashed one to what it is carried out with."""
     lines = ["digraph octoform {", "  rankdir = LR;", '  node [shape = box, fontname = "sans-serif"];']
     lines += [f'  "{node.name}" [label = "{_quoted(node)}"];' for node in graph.nodes]
     lines += [f'  "{node.name}" -> "{other}";' for node in graph.nodes for other in node.consumes]
+    lines += [f'  "{node.name}" -> "{other}" [style = dashed];' for node in graph.nodes for other in node.after]
     return "\n".join([*lines, "}", ""])
 
 
@@ -17,6 +18,7 @@ def to_mermaid(graph: Graph) -> str:
     lines = ["flowchart LR"]
     lines += [f'    {node.name}["{_entities(node)}"]' for node in graph.nodes]
     lines += [f"    {other} --> {node.name}" for node in graph.nodes for other in node.consumes]
+    lines += [f"    {other} -.-> {node.name}" for node in graph.nodes for other in node.after]
     return "\n".join([*lines, ""])
 
 

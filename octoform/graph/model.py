@@ -41,8 +41,9 @@ class Node:
     """One unit of the plan.
 
     ``parts`` are the key parts that are known before anything runs; ``consumes`` names the nodes whose output
-    digests join them. ``observes_host`` adds the host fingerprint (PROBE alone). ``calls_model``: an agent that
-    may work for it uses a model. ``escalate`` is asked for what the stage's own agent leaves unknown.
+    digests join them, ``after`` those that must merely be in place. ``observes_host`` adds the host fingerprint (PROBE
+    alone). ``calls_model``: an agent that may work for it uses a model. ``escalate`` is asked for what the stage's own
+    agent leaves unknown.
     """
 
     name: str
@@ -54,6 +55,12 @@ class Node:
     model: str | None = None
     calls_model: bool = False
     escalate: Agent | None = None
+    after: tuple[str, ...] = ()
+
+    @property
+    def needs(self) -> tuple[str, ...]:
+        """All nodes that come before it, whether their outputs are in its key or not."""
+        return (*self.consumes, *self.after)
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,14 +85,14 @@ class Graph:
         wanted = set(names)
         for node in reversed(self.nodes):
             if node.name in wanted:
-                wanted.update(node.consumes)
+                wanted.update(node.needs)
         return frozenset(wanted)
 
     def downstream(self, names: Iterable[str]) -> frozenset[str]:
         """The named nodes and all that depend on them."""
         wanted = set(names)
         for node in self.nodes:
-            if wanted.intersection(node.consumes):
+            if wanted.intersection(node.needs):
                 wanted.add(node.name)
         return frozenset(wanted)
 

@@ -7,7 +7,7 @@ a daemon.
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-from octoform.graph.model import ANSWER, Graph, Node, NodeKind, key_parts
+from octoform.graph.model import ANSWER, STEP, Graph, Node, NodeKind, key_parts
 from octoform.plan.model import Action, Cause, PlannedAction, Reason
 
 
@@ -52,9 +52,12 @@ class Wishes:
 
 
 def diff(graph: Graph, prior: Mapping[str, Prior], observed: Observed, wishes: Wishes) -> tuple[PlannedAction, ...]:
-    """The action of every node, in order; a node outside the targets is a no-op."""
+    """The action of every node, in order; a node outside the targets is a no-op.
+
+    What the state has and the graph no longer does comes first, and goes; a run that keeps to some nodes leaves it.
+    """
     moving: set[str] = set()
-    actions = []
+    actions = [] if wishes.targets is not None else _gone(graph, prior)
     for node in graph.nodes:
         if wishes.targets is not None and node.name not in wishes.targets:
             action = _action(node, Action.NOOP, (), prior.get(node.name), certain=True)
@@ -64,6 +67,13 @@ def diff(graph: Graph, prior: Mapping[str, Prior], observed: Observed, wishes: W
             moving.add(node.name)
         actions.append(action)
     return tuple(actions)
+
+
+def _gone(graph: Graph, prior: Mapping[str, Prior]) -> list[PlannedAction]:
+    """Steps that are no longer wanted. Other nodes that are unknown here belong to another version and are left."""
+    names = [name for name in prior if name.startswith(STEP) and name not in graph.names()]
+    reason = Reason(Cause.REMOVED)
+    return [PlannedAction(name, Action.DESTROY, certain=True, reasons=(reason,)) for name in reversed(names)]
 
 
 def _plan_node(
@@ -158,7 +168,7 @@ def _word(reasons: list[Reason], known: Prior) -> Action:
 def _action(
     node: Node, action: Action, reasons: tuple[Reason, ...], known: Prior | None, *, certain: bool
 ) -> PlannedAction:
-    runs_agent = node.kind is NodeKind.STAGE and action is not Action.NOOP
+    runs_agent = node.kind is not NodeKind.ENDPOINT and action is not Action.NOOP
     return PlannedAction(
         node=node.name,
         action=action,

@@ -16,6 +16,7 @@ from octoform.plan.model import (
     PlannedAction,
     ProfileUse,
     Reason,
+    StepOutlook,
     ToldDevice,
 )
 
@@ -31,7 +32,15 @@ def to_json(plan: Plan) -> dict[str, Any]:
     out["changes"] = [asdict(item) for item in plan.changes]
     for name in ("questions", "devices", "profiles", "near"):
         out[name] = [asdict(item) for item in getattr(plan, name)]
+    if plan.steps:
+        out["steps"] = [{**asdict(item), "devices": _listed(item.devices)} for item in plan.steps]
+    else:
+        del out["steps"]
     return out
+
+
+def _listed(names: tuple[str, ...] | None) -> list[str] | None:
+    return None if names is None else list(names)
 
 
 def _action(item: PlannedAction) -> dict[str, Any]:
@@ -52,9 +61,15 @@ def from_json(data: Mapping[str, Any]) -> Plan:
     uses = data.get("profiles", ())
     fields["profiles"] = tuple(ProfileUse(**{**item, "action": Action(item["action"])}) for item in uses)
     fields["near"] = tuple(NearProfile(**item) for item in data.get("near", ()))
+    fields["steps"] = tuple(_read_step(item) for item in data.get("steps", ()))
     fields["dirty"] = tuple(data["dirty"])
     fields["targets"] = tuple(data["targets"])
     return Plan(**fields)
+
+
+def _read_step(item: Mapping[str, Any]) -> StepOutlook:
+    devices = item["devices"]
+    return StepOutlook(**{**item, "devices": None if devices is None else tuple(devices)})
 
 
 def _read_action(item: Mapping[str, Any]) -> PlannedAction:

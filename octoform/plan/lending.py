@@ -34,8 +34,8 @@ def with_loans(
     outputs: dict[str, str | None] = {name: known.output_digest for name, known in prior.items()}
     out = []
     for action in actions:
-        node = graph.node(action.node)
         if action.calls_agent:
+            node = graph.node(action.node)
             outputs[node.name] = None
             loan = _loan(node, action, outputs, offers.get(node.name, ()))
             if loan is not None:

@@ -37,6 +37,7 @@ class Cause(StrEnum):
     INSTANCES_GONE = "instances-gone"
     ENDPOINT = "endpoint"
     UPSTREAM = "upstream"
+    REMOVED = "removed"
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,6 +84,29 @@ class PlannedAction:
     escalate: Agent | None = None
     last: Mapping[str, object] = field(default_factory=dict)
     loan: Loan | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class StepOutlook:
+    """What a privileged step would do, as far as it is known before it runs.
+
+    ``kind`` is that of its proof. ``devices`` are those whose tools it would prove; None: not known before IDENTIFY has
+    run. Where there is none the step is skipped: ``profile`` is the one that holds for no device, ``near`` names a
+    device for which it would hold with ``word`` in a sentence about it.
+    """
+
+    node: str
+    about: str
+    kind: str
+    devices: tuple[str, ...] | None
+    profile: str | None = None
+    near: str | None = None
+    word: str | None = None
+
+    @property
+    def skipped(self) -> bool:
+        """True where it is known that there is nothing to do it with."""
+        return self.devices == ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -158,6 +182,7 @@ class Plan:
     near: tuple[NearProfile, ...] = ()
     tier1: bool = False
     targets: tuple[str, ...] = ()
+    steps: tuple[StepOutlook, ...] = ()
 
     @property
     def work(self) -> tuple[PlannedAction, ...]:

@@ -60,19 +60,20 @@ class Moved:
 def units(graph: Graph, plan: Plan, prior: Mapping[str, Prior], observed: Observed) -> dict[str, Unit]:
     """The constraints of every node that the plan would work on."""
     moving = {item.node for item in plan.work}
-    return {item.node: _unit(graph.node(item.node), moving, prior, observed) for item in plan.work}
+    return {item.node: _unit(item.node, graph, moving, prior, observed) for item in plan.work}
 
 
-def _unit(node: Node, moving: set[str], prior: Mapping[str, Prior], observed: Observed) -> Unit:
+def _unit(name: str, graph: Graph, moving: set[str], prior: Mapping[str, Prior], observed: Observed) -> Unit:
+    """The constraints of a node; one that the graph no longer has depends on nothing but itself."""
+    parts = _known_parts(graph.node(name), moving, prior, observed) if name in graph.names() else {}
+    before = prior.get(name)
+    return Unit(parts=parts, prior=_run(before) if before is not None else None, file=observed.files.get(name))
+
+
+def _known_parts(node: Node, moving: set[str], prior: Mapping[str, Prior], observed: Observed) -> dict[str, str]:
     outputs = {name: prior[name].output_digest if name in prior else "" for name in node.consumes}
     parts = key_parts(node, outputs, observed.fingerprint)
-    known = {part: value for part, value in parts.items() if part.removeprefix("input.") not in moving}
-    before = prior.get(node.name)
-    return Unit(
-        parts=known,
-        prior=_run(before) if before is not None else None,
-        file=observed.files.get(node.name),
-    )
+    return {part: value for part, value in parts.items() if part.removeprefix("input.") not in moving}
 
 
 def _run(before: Prior) -> str:
@@ -85,7 +86,7 @@ def moved(saved: PlanFile, graph: Graph, prior: Mapping[str, Prior], observed: O
     moving = set(saved.units)
     out = []
     for name, unit in saved.units.items():
-        now = _unit(graph.node(name), moving, prior, observed)
+        now = _unit(name, graph, moving, prior, observed)
         for part in sorted(set(unit.parts) | set(now.parts)):
             if unit.parts.get(part) != now.parts.get(part):
                 text = "; ".join(observed.hardware) if part == "hardware" else ""

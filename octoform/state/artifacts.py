@@ -24,7 +24,7 @@ from octoform.state.files import (
     unreadable,
     write_atomic,
 )
-from octoform.state.layout import STAGES, Layout
+from octoform.state.layout import STAGES, STEP, Layout
 from octoform.state.reserve import spending
 
 MOST_FILES = 1000
@@ -49,23 +49,32 @@ class _LinkError(Exception):
 
 
 def observe(layout: Layout) -> dict[str, FileFacts]:
-    """The facts of every stage; reads only."""
-    return {stage: _facts(layout, stage) for stage in STAGES}
+    """The facts of every stage, and of every privileged step (``step.arm``) that left something; reads only."""
+    return {stage: _facts(layout, stage) for stage in (*STAGES, *_steps(layout))}
+
+
+def _steps(layout: Layout) -> list[str]:
+    try:
+        return sorted(f"{STEP}{path.name}" for path in layout.steps.iterdir() if not path.name.startswith("."))
+    except OSError:
+        return []  # there are none; what cannot be read is told for the step that the state knows of
 
 
 def _facts(layout: Layout, stage: str) -> FileFacts:
-    output = layout.output(stage)
+    output, folder = layout.output(stage), layout.folder(stage)
+    if stage.startswith(STEP) and layout.steps.is_symlink():
+        return FileFacts(False, None, True)
     try:
-        names = _names(layout.committed / stage)
+        names = _names(folder)
     except _LinkError:
         return FileFacts(False, None, True)
     except OSError as problem:
-        return FileFacts(False, None, False, unreadable(problem, layout.committed / stage))
+        return FileFacts(False, None, False, unreadable(problem, folder))
     if output.name not in names:
         return FileFacts(False, None, False)
     digests = {}
     for name in names:
-        data, trouble = read_regular(layout.committed / stage / name)
+        data, trouble = read_regular(folder / name)
         if data is None:
             return FileFacts(name != output.name, None, False, trouble)
         digests[name] = digest.of_bytes(data)
@@ -129,7 +138,7 @@ def _check_name(name: str) -> None:
 
 
 def _replace(layout: Layout, stage: str, files: Mapping[str, bytes], checkpoint: Checkpoint) -> Diagnostic | None:
-    folder = layout.committed / stage
+    folder = layout.folder(stage)
     draft = layout.committed / f".{stage}.{os.urandom(6).hex()}{TEMPORARY}"
     try:
         checkpoint("artifact.start")
@@ -139,12 +148,12 @@ def _replace(layout: Layout, stage: str, files: Mapping[str, bytes], checkpoint:
             if problem is not None:
                 return replace(problem, path=shown(folder))
         checkpoint("artifact.written")
-        _make_room(folder, files)
+        _make_room(layout.steps if stage.startswith(STEP) else folder, folder, files)
         for number, name in enumerate(files):
             (draft / str(number)).replace(folder / name)
             checkpoint("artifact.renamed")
         _remove_others(folder, set(files))
-        for place in {folder, folder.parent, *((folder / name).parent for name in files)}:
+        for place in {folder, folder.parent, layout.committed, *((folder / name).parent for name in files)}:
             sync_folder(place)
         checkpoint("artifact.done")
     except OSError as problem:
@@ -154,9 +163,9 @@ def _replace(layout: Layout, stage: str, files: Mapping[str, bytes], checkpoint:
     return None
 
 
-def _make_room(folder: Path, files: Mapping[str, bytes]) -> None:
+def _make_room(above: Path, folder: Path, files: Mapping[str, bytes]) -> None:
     """Make the folders that the files need; a link or a file in a folder's place goes, and so does the reverse."""
-    wanted = {folder}
+    wanted = {above, folder}
     for name in files:
         wanted.update(folder / parent for parent in PurePosixPath(name).parents)
     for place in sorted(wanted):

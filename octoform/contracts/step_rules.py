@@ -1,0 +1,273 @@
+"""Rules for a privileged step: what is tried is the corroborated device, with its own tools, and all of it.
+
+An agent says what shall move, octoform moves it. So before anything moves, the movement must belong to the device that
+the step is for; and a unit that is left out without a reason would be taken for one that works.
+"""
+
+from collections.abc import Iterator
+from typing import Any
+
+from octoform.contracts.model import Artifacts, JsonObject, Rule
+from octoform.contracts.step_tools import is_numeric, properties, takes_pictures, tool, tools_of, units
+from octoform.contracts.stepping import StepFacts
+from octoform.contracts.text import listed, pointer, shown
+from octoform.diagnostics import Diagnostic, did_you_mean, error
+
+_CALLS = ("move", "read", "view")
+
+
+def name_differs(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
+    """The artifact is that of the step that was asked for."""
+    name = _facts(artifacts).name
+    if value["step"] == name:
+        return []
+    summary = f"the step is called {shown(name)}, not {shown(value['step'])}"
+    return [error("STEP-NAME-DIFFERS", summary, pointer="/step", hint=f"write {name}")]
+
+
+def device_differs(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
+    """Nothing but the device that the step is for may be moved; where nothing moves, none is named."""
+    facts, device = _facts(artifacts), value["device"]
+    if facts.kind == "frame":
+        allowed, hint = device is None, "write null: nothing moves, and the camera stands under `camera`"
+    elif facts.needs_profile:
+        allowed, hint = device in facts.devices, f"write {' or '.join(facts.devices) or 'nothing: there is none'}"
+    else:
+        known = [item["id"] for item in (artifacts.identify or {"devices": []})["devices"]]
+        near = did_you_mean(str(device), known)
+        allowed, hint = device in known, f"did you mean {near}?" if near else "name a device of IDENTIFY"
+    if allowed:
+        return []
+    summary = f"the step {facts.name} is not for the device {shown(device)}"
+    return [error("STEP-DEVICE-DIFFERS", summary, pointer="/device", hint=hint)]
+
+
+def wrong_proof(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
+    """The trials are of the kind that proves this step, and there is at least one."""
+    facts = _facts(artifacts)
+    frame = facts.kind == "frame"
+    found = []
+    if frame != bool(value["camera"]):
+        summary = "the step chooses a camera" if frame else "the step chooses no camera"
+        found.append((summary, "/camera", "name one of the cameras of input.json" if frame else "write null"))
+    if frame and (value["trials"] or value["skipped"]):
+        found.append(("nothing is moved in this step", "/trials", "write empty lists"))
+    if not frame and not value["trials"]:
+        found.append(("nothing is tried, so nothing is proved", "/trials", "write a trial for each unit"))
+    for index, trial in enumerate(value["trials"] if not frame else ()):
+        for name, kind in (("read", "reading"), ("view", "view")):
+            if (trial[name] is not None) != (facts.kind == kind):
+                summary = (
+                    f"the proof is of the kind {facts.kind}, which has {'a' if facts.kind == kind else 'no'} {name}"
+                )
+                hint = f"say how to {name} before and after" if facts.kind == kind else "write null"
+                found.append((summary, pointer("trials", index, name), hint))
+    return [error("STEP-WRONG-PROOF", summary, pointer=where, hint=hint) for summary, where, hint in found]
+
+
+def foreign_tool(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
+    """A trial moves with an actuating and reads with a reading tool of its device, and looks with one of a camera."""
+    found = []
+    own = [item["name"] for item in tools_of(artifacts, value["device"])]
+    for where, part, call in _calls(value):
+        item = tool(artifacts, call["tool"])
+        problem = _unfit(part, item, own)
+        if problem is not None:
+            near = did_you_mean(call["tool"], own) if item is None else None
+            hint = f"did you mean {near}?" if near else problem[1]
+            summary = f"the tool {shown(call['tool'])} {problem[0]}"
+            found.append(error("STEP-FOREIGN-TOOL", summary, pointer=f"{where}/tool", hint=hint))
+        elif part != "view" and call["arguments"].get("device", mine := _mine(value, part)) != mine:
+            summary = f"the call of {shown(call['tool'])} is for {shown(call['arguments']['device'])}"
+            where = f"{where}/arguments/device"
+            found.append(error("STEP-FOREIGN-TOOL", summary, pointer=where, hint=f"this is about {mine}"))
+    return found
+
+
+def _mine(value: JsonObject, part: str) -> Any:
+    """The device that a call of this part is for."""
+    return value["camera"]["device"] if part == "camera" else value["device"]
+
+
+def _unfit(part: str, item: JsonObject | None, own: list[str]) -> tuple[str, str] | None:
+    """What speaks against a tool in its place, and what to do."""
+    if item is None:
+        return "is not one of INTERFACE", "use a tool of input.json"
+    if part in ("view", "camera"):
+        return None if takes_pictures(item) else ("takes no pictures", "use the tool of a camera of input.json")
+    if item["name"] not in own:
+        return "does not belong to the device of this step", "use a tool of that device: they stand in input.json"
+    wanted = "actuate" if part == "move" else "read"
+    if item["effect"] != wanted:
+        return f"has the effect {item['effect']}, and a {part} has {wanted}", f"choose a tool with the effect {wanted}"
+    return None
+
+
+def wrong_arguments(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
+    """Every call has the arguments that its tool takes, and a number of it is varied."""
+    found = []
+    for where, part, call in _calls(value):
+        item = tool(artifacts, call["tool"])
+        if item is None:
+            continue
+        varied = [call["vary"]] if part == "move" else []
+        if varied and not is_numeric(item, varied[0]):
+            numeric = [name for name in properties(item) if is_numeric(item, name)]
+            hint = f"its numeric parameters are {listed(numeric)}" if numeric else "choose another tool"
+            summary = f"{shown(varied[0])} is no numeric parameter of {shown(item['name'])}"
+            found.append(error("STEP-WRONG-ARGUMENTS", summary, pointer=f"{where}/vary", hint=hint))
+        found += _arguments(item, call["arguments"], varied, f"{where}/arguments")
+    return found
+
+
+def _arguments(item: JsonObject, given: dict[str, Any], varied: list[str], where: str) -> Iterator[Diagnostic]:
+    known = list(properties(item))
+    for name in (name for name in given if name not in known or name in varied):
+        near = did_you_mean(name, known)
+        hint = f"did you mean {near}?" if near else f"its parameters are {listed(known)}"
+        summary = f"{shown(item['name'])} has no parameter {shown(name)}"
+        if name in varied:
+            summary, hint = f"{shown(name)} is varied, and stands among the arguments too", "take it out of them"
+        yield error("STEP-WRONG-ARGUMENTS", summary, pointer=where, hint=hint)
+    absent = [name for name in item["input_schema"].get("required", ()) if name not in given and name not in varied]
+    if absent:
+        summary = f"{shown(item['name'])} needs {listed(absent)}"
+        yield error("STEP-WRONG-ARGUMENTS", summary, pointer=where, hint="give every required parameter")
+
+
+def uncovered_unit(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
+    """Every unit of the device is tried or skipped, once."""
+    where = {
+        **{index: pointer("trials", index, "unit") for index in range(len(value["trials"]))},
+        **{len(value["trials"]) + at: pointer("skipped", at, "unit") for at in range(len(value["skipped"]))},
+    }
+    named = [item["unit"] for item in (*value["trials"], *value["skipped"])]
+    found = [
+        (f"the unit {shown(unit)} stands twice", where[index], "try each unit once")
+        for index, unit in enumerate(named)
+        if unit in named[:index]
+    ]
+    offered = units(artifacts, value["device"])
+    for parameter, names in offered.items():
+        absent = sorted(set(names) - set(named))
+        if absent:
+            summary = f"the {parameter} {listed(absent)} is neither tried nor skipped"
+            found.append((summary, "/trials", "write a trial for it; only what the profile disables is skipped"))
+    for index, trial in enumerate(value["trials"]):
+        found += _misnamed(trial, offered, pointer("trials", index))
+    return [error("STEP-UNCOVERED-UNIT", summary, pointer=place, hint=hint) for summary, place, hint in found]
+
+
+def _misnamed(trial: JsonObject, offered: dict[str, tuple[str, ...]], where: str) -> Iterator[tuple[str, str, str]]:
+    """A trial that says one unit and moves or reads another proves nothing."""
+    for part in ("move", "read"):
+        arguments = trial[part]["arguments"] if trial[part] is not None else {}
+        for parameter in offered:
+            if parameter in arguments and arguments[parameter] != trial["unit"]:
+                other = shown(arguments[parameter])
+                summary = f"the trial of {shown(trial['unit'])} has the {parameter} {other} in its {part}"
+                yield summary, f"{where}/{part}/arguments/{parameter}", f"write {trial['unit']}"
+
+
+def wrongly_skipped(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
+    """A unit is skipped when the profile disables it, and then it is, with a reason."""
+    disabled = _facts(artifacts).disabled
+    found = []
+    for index, item in enumerate(value["skipped"]):
+        where = pointer("skipped", index)
+        if item["unit"] not in disabled:
+            summary = f"the unit {shown(item['unit'])} is skipped, and the profile does not disable it"
+            hint = "try it; a broken one is disabled in the profile's rig by its owner"
+            found.append(error("STEP-WRONGLY-SKIPPED", summary, pointer=f"{where}/unit", hint=hint))
+        if not item["reason"].strip():
+            summary = f"the unit {shown(item['unit'])} is skipped without a reason"
+            found.append(error("STEP-WRONGLY-SKIPPED", summary, pointer=f"{where}/reason", hint="give the profile's"))
+    for index, trial in enumerate(value["trials"]):
+        if trial["unit"] in disabled:
+            summary = f"the unit {shown(trial['unit'])} is tried, and the profile disables it"
+            where, hint = pointer("trials", index, "unit"), "skip it with the reason that the profile gives"
+            found.append(error("STEP-WRONGLY-SKIPPED", summary, pointer=where, hint=hint))
+    return found
+
+
+def too_small(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
+    """A movement that is smaller than what proves it cannot prove it."""
+    facts = _facts(artifacts)
+    return [
+        error(
+            "STEP-TOO-SMALL",
+            f"{shown(trial['unit'])} is to move by {trial['move']['by']}, and the proof asks for {facts.minimum:g}",
+            pointer=pointer("trials", index, "move", "by"),
+            hint=f"move by more than {facts.minimum:g}, far enough to be told from a jitter",
+        )
+        for index, trial in enumerate(value["trials"])
+        if facts.kind == "reading" and abs(trial["move"]["by"]) < facts.minimum
+    ]
+
+
+def wrong_camera(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
+    """The camera is one that is there: the manifest's, else one on a hub of its own, else a USB one."""
+    facts, camera = _facts(artifacts), value["camera"]
+    if camera is None or facts.kind != "frame":
+        return []
+    known = {item["device"]: item for item in facts.cameras}
+    chosen = known.get(camera["device"])
+    if chosen is None:
+        summary = f"{shown(camera['device'])} is no camera of this host"
+        return [
+            _camera(summary, "/camera/device", f"the cameras are {listed(list(known))}" if known else "there is none")
+        ]
+    if camera["tool"] != chosen["tool"]:
+        summary = f"the camera {shown(camera['device'])} has the tool {shown(chosen['tool'])}"
+        return [_camera(summary, "/camera/tool", f"write {chosen['tool']}")]
+    best = known.get(facts.best or "")
+    if best is None or _rank(chosen) <= _rank(best):
+        return []
+    summary = f"the camera {shown(camera['device'])} {_weakness(chosen, best)}"
+    return [_camera(summary, "/camera/device", f"choose {best['device']}")]
+
+
+def _camera(summary: str, where: str, hint: str) -> Diagnostic:
+    return error("STEP-WRONG-CAMERA", summary, pointer=where, hint=hint)
+
+
+def _rank(camera: Any) -> tuple[bool, bool, bool]:
+    return not camera["hint"], bool(camera["hub_shared_with"]), camera["built_in"]
+
+
+def _weakness(chosen: Any, best: Any) -> str:
+    """Why another camera goes before it."""
+    if best["hint"] and not chosen["hint"]:
+        return "is not the one that the manifest names"
+    if chosen["hub_shared_with"] and not best["hub_shared_with"]:
+        return f"shares its hub with {listed(list(chosen['hub_shared_with']))}, and another does not"
+    return "is built into the machine, and another is not"
+
+
+RULES = (
+    Rule("STEP-NAME-DIFFERS", name_differs),
+    Rule("STEP-DEVICE-DIFFERS", device_differs),
+    Rule("STEP-WRONG-PROOF", wrong_proof),
+    Rule("STEP-FOREIGN-TOOL", foreign_tool),
+    Rule("STEP-WRONG-ARGUMENTS", wrong_arguments),
+    Rule("STEP-UNCOVERED-UNIT", uncovered_unit),
+    Rule("STEP-WRONGLY-SKIPPED", wrongly_skipped),
+    Rule("STEP-TOO-SMALL", too_small),
+    Rule("STEP-WRONG-CAMERA", wrong_camera),
+)
+
+
+def _facts(artifacts: Artifacts) -> StepFacts:
+    if artifacts.step is None:
+        raise ValueError("a step cannot be checked without its facts")
+    return artifacts.step
+
+
+def _calls(value: JsonObject) -> Iterator[tuple[str, str, JsonObject]]:
+    """(pointer, part, call) of every call that the step would make."""
+    for index, trial in enumerate(value["trials"]):
+        for part in _CALLS:
+            if trial[part] is not None:
+                yield pointer("trials", index, part), part, trial[part]
+    if value["camera"] is not None:
+        yield "/camera", "camera", value["camera"]
