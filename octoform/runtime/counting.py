@@ -8,10 +8,11 @@ the one command that ends it: what is under way then is carried out to its end, 
 
 import os
 import threading
+from collections.abc import Iterable
+from pathlib import Path
 from typing import Any, NamedTuple
 
 from .faults import DeviceFault
-
 
 ANEW = "the device was attached anew"
 
@@ -49,11 +50,11 @@ NONE = Step()
 
 def attached(line: int | str) -> object:
     """Equal for a line, open or by its node, for as long as its device was not attached anew."""
-    node = os.stat(line)
+    node = os.fstat(line) if isinstance(line, int) else Path(line).stat()
     return node.st_dev, node.st_ino, node.st_rdev, node.st_ctime_ns
 
 
-def position(device: str, node: str, axes: tuple[str, ...], zero: str) -> dict[str, Any]:
+def position(device: str, node: str, axes: Iterable[str], zero: str) -> dict[str, Any]:
     """The sum of each axis since ``zero``, or None for each with the reason in ``unknown``; nothing is opened."""
     now = attached(node)
     with _guard:
@@ -71,7 +72,7 @@ def stop(device: str, until: str) -> dict[str, Any]:
         known = _known.setdefault(device, _Known())
         known.stopped = until
         known.stops += 1
-    note = f"nothing more is sent until {until} went well; a movement under way goes on to its end: nothing can interrupt it"
+    note = f"nothing is sent until {until} went well; a movement under way goes on to its end: nothing can interrupt it"
     return {"device": device, "stopped": True, "until": until, "note": note}
 
 

@@ -10,6 +10,7 @@ from typing import Any
 from octoform.builtin.deploy.providers import conflicts, provider
 from octoform.builtin.deploy.resolver import Resolution, Resolver
 from octoform.builtin.deploy.script import Script, read_script
+from octoform.builtin.grammars import Profiles
 from octoform.builtin.task import Refused, Task
 
 MAX_BYTES = 1_000_000
@@ -25,7 +26,7 @@ def run(task: Task) -> str:
         raise Refused(f"cannot read {task.input}: {problem.strerror}") from problem
     except UnicodeDecodeError as problem:
         raise Refused(f"{task.input.name} is not UTF-8") from problem
-    artifact, packages = decide(read_script(text), Resolver())
+    artifact, packages = decide(read_script(text), Resolver(), task.profiles)
     task.write(artifact)
     if artifact["status"] == "error":
         return f"no working set: {artifact['error']}"
@@ -33,9 +34,9 @@ def run(task: Task) -> str:
     return f"{direct} requirement{'s' * (direct != 1)}, {packages} packages"
 
 
-def decide(script: Script, resolver: Resolver) -> tuple[dict[str, Any], int]:
+def decide(script: Script, resolver: Resolver, profiles: Profiles = ()) -> tuple[dict[str, Any], int]:
     """The artifact, and how many packages the whole closure has."""
-    providers = {module: provider(module, script.requirements) for module in script.modules}
+    providers = {module: provider(module, script.requirements, profiles) for module in script.modules}
     unknown = [module for module, name in providers.items() if name is None]
     if unknown:
         reason = f"nothing that the header declares is known to provide {', '.join(unknown)}"

@@ -22,6 +22,7 @@ from octoform.builtin.identify.verdict import (
 )
 
 MOST_EVIDENCE = 6
+_CLASSES = ("line_protocol", "register_bus")
 
 
 def product(device: Device, judged: dict[str, Any] | Leave, profiles: Profiles) -> dict[str, Any] | Leave:
@@ -31,13 +32,14 @@ def product(device: Device, judged: dict[str, Any] | Leave, profiles: Profiles) 
         return judged
     known = {} if isinstance(judged, Leave) else judged
     own = known.get("capabilities", []) if known.get("category") not in (None, INFRASTRUCTURE, UNKNOWN) else []
-    spoken = [_capability(profile, command) for command in (profile.get("grammar") or {}).get("commands", ())]
+    grammar = profile.get("grammar") or {}
+    spoken = [_capability(profile, command) for command in grammar.get("commands", ())]
     capabilities = spoken or own  # a description is closed: the device does what stands in it and nothing else
     return {
         "id": device.id,
         "identified_as": str(profile["product"])[:300],
         "category": _category(capabilities),
-        "class": "line_protocol" if spoken else known.get("class", "profiled"),
+        "class": _CLASSES["registers" in grammar] if spoken else known.get("class", "profiled"),
         "confidence": FULL,
         "method": "profile",
         "evidence": _evidence(device, profile, known),
@@ -56,10 +58,17 @@ def _capability(profile: Mapping[str, Any], command: Mapping[str, Any]) -> dict[
     return {
         "name": str(command["tool"]),
         "description": str(command["about"])[:500],
-        "via": f"pyserial, with the line protocol of the profile {profile['name']}"[:200],
+        "via": _via(profile)[:200],
         "effect": str(command["effect"]),
         **({"parameters": values} if values else {}),
+        **({"stops": True} if command.get("do") == "stop" else {}),
     }
+
+
+def _via(profile: Mapping[str, Any]) -> str:
+    if bank := profile["grammar"].get("registers"):
+        return f"{bank['library']['distribution']}, with the registers of the profile {profile['name']}"
+    return f"pyserial, with the line protocol of the profile {profile['name']}"
 
 
 def _evidence(device: Device, profile: Mapping[str, Any], known: Mapping[str, Any]) -> list[dict[str, str]]:

@@ -22,7 +22,8 @@ class Kind:
     ``worth`` says what is kept when the tool budget is short: 90 what only hardware can do (see, hear, move), 60 a
     measurement, 30 a description of something that another tool already shows. ``parameters`` makes the properties
     beside ``device``. ``smoke`` are the arguments of a trial call that is quick and changes nothing; only for reads.
-    ``units`` names the unit of each bounded parameter, for the tool's limits.
+    ``units`` names the unit of each bounded parameter, for the tool's limits. ``stops``: it ends a movement that is
+    under way, so it does not wait for it.
     """
 
     name: str
@@ -34,3 +35,4 @@ class Kind:
     smoke: Mapping[str, Any] = field(default_factory=dict)
     units: Mapping[str, str] = field(default_factory=dict)
     idempotent: bool = True
+    stops: bool = False

@@ -92,6 +92,8 @@ def _tool(kind: Kind, owners: Sequence[tuple[Device, Mapping[str, Any]]]) -> dic
         "input_schema": {"type": "object", "properties": properties, "additionalProperties": False},
         "output_schema": _output(kind, [capability.get("parameters", {}) for _, capability in owners]),
     }
+    if kind.stops:
+        tool["stops"] = True
     if required:
         tool["input_schema"]["required"] = required
     if limits := [

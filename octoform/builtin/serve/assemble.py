@@ -13,7 +13,7 @@ from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
 from octoform.builtin.grammars import Profiles
 from octoform.builtin.identify.classes.gpio import BREAKOUT_DRIVERS, HEADER_NAME
-from octoform.builtin.serve import lines
+from octoform.builtin.serve import lines, registers
 from octoform.builtin.serve.functions import annotation_names, heading, registration
 from octoform.builtin.serve.shapes import Shapes
 from octoform.builtin.task import Refused
@@ -58,7 +58,8 @@ _MODULES = (
     "wave",
 )
 _FROM: Mapping[str, tuple[str, ...]] = {
-    "collections.abc": ("Callable", "Iterable"),
+    "collections.abc": ("Callable", "Iterable", "Iterator"),
+    "contextlib": ("contextmanager",),
     "pathlib": ("Path",),
     "typing": ("Annotated", "Any", "Literal"),
     "fastmcp": ("FastMCP",),
@@ -68,7 +69,7 @@ _FROM: Mapping[str, tuple[str, ...]] = {
     "pydantic": ("Field", "TypeAdapter"),
     "typing_extensions": ("TypedDict",),
 }
-_STANDARD = ("collections.abc", "pathlib", "typing")
+_STANDARD = ("collections.abc", "contextlib", "pathlib", "typing")
 _REQUIREMENTS: Mapping[str, str] = {
     "fastmcp": "fastmcp>=4.1,<4.2",
     "pydantic": "pydantic>=2.12,<3",
@@ -93,11 +94,16 @@ def assemble(tools: Sequence[Mapping[str, Any]], profiles: Profiles = ()) -> str
     ordered = [by_capability[name] for name in names if name in by_capability]
     end = _rendered("main", lines=[registration(tool, shapes, hints) for tool in ordered])
     sections = _sections(by_capability, shapes)
-    if spoken:
-        sections.append(_rendered("lines", **lines.section(by_capability, spoken, shapes)))
+    on_bus = {name: pair for name, pair in spoken.items() if "registers" in pair[0]["grammar"]}
+    on_line = {name: pair for name, pair in spoken.items() if name not in on_bus}
+    if on_line:
+        sections.append(_rendered("lines", **lines.section(by_capability, on_line, shapes)))
+    if on_bus:
+        sections.append(_rendered("registers", **registers.section(by_capability, on_bus, shapes)))
     text = "\n\n\n".join([base, *sections, end]) + "\n"
     used = _used(text)
-    requirements = [requirement for name, requirement in _REQUIREMENTS.items() if name in used]
+    known_as = {**_REQUIREMENTS, **registers.libraries(on_bus)}
+    requirements = [requirement for name, requirement in known_as.items() if name in used]
     return f"{_rendered('header', requirements=requirements, count=len(tools))}\n\n{_imports(used)}\n\n{text}"
 
 

@@ -96,5 +96,7 @@ def _documentation(tool: Mapping[str, Any]) -> list[str]:
     text = tool["description"].replace("\\", "\\\\").replace('"""', '\\"\\"\\"')
     if len(text) <= WIDTH - 10 and "\n" not in text and not text.endswith('"'):
         return [f'    """{text}"""']
-    lines = [line for part in text.split("\n") for line in textwrap.wrap(part, WIDTH - 8) or [""]]
+    lines = [
+        line for part in text.split("\n") for line in textwrap.wrap(part, WIDTH - 8, break_on_hyphens=False) or [""]
+    ]
     return [f'    """{lines[0]}', *(f"    {line}".rstrip() for line in lines[1:]), '    """']

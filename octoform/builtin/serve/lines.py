@@ -44,16 +44,47 @@ def section(tools: Mapping[str, Mapping[str, Any]], spoken: Spoken, shapes: Shap
         "functions": [
             {
                 "head": heading(tools[name], shapes),
-                "wire": str(profile["name"]),
-                "send": _send(command),
-                "reply": quoted(_reply(profile["grammar"]["line"], command)),
-                "actuate": command["effect"] != "read",
+                "do": command.get("do", ""),
                 "result": shapes.type_of(tools[name]["output_schema"]),
-                "fields": list(_fields(command)),
+                **(_told(profile["grammar"], command) if "do" in command else _said(profile, command)),
             }
             for name, (profile, command) in spoken.items()
         ],
     }
+
+
+def _said(profile: Mapping[str, Any], command: Mapping[str, Any]) -> dict[str, Any]:
+    """A command that goes over the line."""
+    return {
+        "wire": str(profile["name"]),
+        "send": _send(command),
+        "reply": quoted(_reply(profile["grammar"]["line"], command)),
+        "actuate": command["effect"] != "read",
+        "fields": list(_fields(command)),
+        "step": _step(profile["grammar"], str(command["tool"])),
+    }
+
+
+def _told(grammar: Mapping[str, Any], command: Mapping[str, Any]) -> dict[str, Any]:
+    """A tool that says nothing to the device: what the server itself knows of it, or a stop."""
+    if command["do"] == "stop":
+        return {"until": quoted(str(grammar["stop"]["until"]))}
+    if command["do"] != "position":
+        raise Refused(f"no template does {command['do']} for the tool {command['tool']}")
+    axes = ", ".join(quoted(axis) for axis in grammar["position"]["axes"])
+    kind, zero = quoted(grammar["line"]["class"]), quoted(str(grammar["position"]["zero"]))
+    return {"kind": kind, "axes": f"[{axes}]", "zero": zero}
+
+
+def _step(grammar: Mapping[str, Any], tool: str) -> str:
+    """What a command means for the counted position and for a stop, as Python source; "" when nothing."""
+    position = grammar.get("position") or {}
+    given = [
+        f"{quoted(axis)}, {of['parameter']}" for axis, of in position.get("axes", {}).items() if of["tool"] == tool
+    ]
+    given += ["zero=True"] if position.get("zero") == tool else []
+    given += ["resumes=True"] if (grammar.get("stop") or {}).get("until") == tool else []
+    return f"runtime.counting.Step({', '.join(given)})" if given else ""
 
 
 def _wire(line: Mapping[str, Any]) -> dict[str, str]:
