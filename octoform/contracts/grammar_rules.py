@@ -12,10 +12,11 @@ from octoform.contracts.text import listed, pointer, shown
 from octoform.diagnostics import Diagnostic, did_you_mean, error
 
 CODE = "INTERFACE-GRAMMAR-DIFFERS"
+_STOP = "stop"
 
 
 def grammar_differs(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
-    """The tools of a device with a grammar mirror it exactly: names, effects, parameters and their types."""
+    """The tools of a device with a grammar mirror it exactly: names, effects, and what a caller may say."""
     spared = {item["id"] for item in value["left_out"] if item["reason"] == "tool_budget"}
     out: list[Diagnostic] = []
     for device, profile, commands in _described(artifacts):
@@ -53,12 +54,37 @@ def _problem(name: str, tool: JsonObject, commands: Mapping[str, Mapping[str, An
         return "is no command in the grammar", hint
     if tool["effect"] != command["effect"]:
         return f"is {tool['effect']}, unlike the command", f"write {command['effect']}"
-    properties = tool["input_schema"].get("properties") or {}
-    has = {
-        key: schema.get("type") for key, schema in properties.items() if key != "device" and isinstance(schema, dict)
-    }
-    wanted = {key: parameter["type"] for key, parameter in command.get("parameters", {}).items()}
-    if has == wanted:
-        return None
-    told = ", ".join(f"{key}: {kind}" for key, kind in wanted.items()) or "none"
-    return "has other parameters than the command", f"its parameters beside `device` are {told}"
+    if (command.get("do") == _STOP) is not bool(tool.get("stops", False)):
+        word = "true" if command.get("do") == _STOP else "false"
+        return f"is {'no' if word == 'true' else 'a'} tool that stops, unlike the command", f'write "stops": {word}'
+    return _parameters(tool["input_schema"], command.get("parameters", {}))
+
+
+def _parameters(schema: JsonObject, wanted: Mapping[str, Mapping[str, Any]]) -> tuple[str, str] | None:
+    """Each parameter has its type and its words, and may be left out where the command has a default, only there."""
+    given = schema.get("properties") or {}
+    has = {name: member for name, member in given.items() if name != "device" and isinstance(member, dict)}
+    if {name: member.get("type") for name, member in has.items()} != {
+        name: parameter["type"] for name, parameter in wanted.items()
+    }:
+        told = ", ".join(f"{name}: {parameter['type']}" for name, parameter in wanted.items()) or "none"
+        return "has other parameters than the command", f"its parameters beside `device` are {told}"
+    required = schema.get("required")
+    needed = set(required) if isinstance(required, list) else set()
+    for name, parameter in wanted.items():
+        default = parameter.get("default")
+        if (name in needed) is not (default is None):
+            does, must = ("lets a caller leave out", "is") if default is None else ("requires", "is not")
+            return f"{does} {shown(name)}, unlike the command", f"it {must} required"
+        if default is not None and has[name].get("default") != default:
+            return f"has another default of {shown(name)} than the command", f'write "default": {default}'
+        words = _words(has[name])
+        if "enum" in parameter and not (words and words <= set(parameter["enum"])):
+            return f"takes other words for {shown(name)} than the command", f"they are {listed(parameter['enum'])}"
+    return None
+
+
+def _words(member: Mapping[str, Any]) -> set[str]:
+    """The words that a parameter takes; none where it takes any text."""
+    words = member.get("enum", [member["const"]] if "const" in member else [])
+    return {word for word in words if isinstance(word, str)} if isinstance(words, list) else set()
