@@ -21,6 +21,7 @@ from octoform.manifest.model import (
     Lifecycle,
     Manifest,
     Network,
+    Perception,
     Price,
     ProfileSource,
     Sandbox,
@@ -59,6 +60,9 @@ def build(
         network=_network(source),
         tunnel=_tunnel(source),
         policy=policy(source.policy),
+        perception=Perception(
+            source.perception.enabled, source.perception.camera, seconds(source.perception.interval) or 0
+        ),
         answers=MappingProxyType({name: text.strip() for name, text in source.answers.items()}),
         step=step,
     )

@@ -20,6 +20,7 @@ from octoform.manifest.fields import (
     Dollars,
     Duration,
     Host,
+    Interval,
     KeyName,
     Model,
     ProfileSource,
@@ -158,6 +159,17 @@ class Git(Table):
     """Let apply commit what it changed."""
 
 
+class Perception(Table):
+    """Whether and how octoform looks through a camera of the host."""
+
+    enabled: bool = False
+    """Let octoform look by itself, at every interval."""
+    camera: DeviceId | None = None
+    """The camera to look through, by the device's id; without it the best one is chosen."""
+    interval: Interval = "300s"
+    """The time from one look to the next: 30s, 5m; at least 5s."""
+
+
 class Document(Table):
     """What octoform shall make of this host: which agent, with which budget. Devices are found, not listed."""
 
@@ -187,6 +199,8 @@ class Document(Table):
     """Knowledge about hardware: markdown files relative to this one, or such a text itself, beginning with ---."""
     answers: Annotated[dict[DeviceId, Answer], Field(max_length=MOST_ANSWERS, json_schema_extra=CLOSED)] = added({})
     """What a person says of a device that evidence cannot settle, by the device's id."""
+    perception: Perception = added(Perception())
+    """Looking through a camera of the host."""
     stages: Stages = Stages()
     """Another harness, model or budget for single stages."""
     budget: Budget = Budget()

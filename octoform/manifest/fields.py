@@ -59,6 +59,12 @@ def _duration(value: object) -> object:
     return value
 
 
+def _interval(value: str) -> str:
+    if (seconds(value) or 0) < SHORTEST_INTERVAL:
+        raise problem("this is out of range", f"an interval is between {SHORTEST_INTERVAL}s and 24h")
+    return value
+
+
 def _base_url(value: str) -> str:
     complaint = base_url.complaint_as_written(value)
     if complaint is not None:
@@ -116,6 +122,8 @@ CLOSED = {"additionalProperties": False}
 MOST_DOLLARS = 1_000_000
 MOST_ANSWERS = 200
 LONGEST_ID = 100
+SHORTEST_INTERVAL = 5
+"""Seconds: a picture takes a few, and other clients want the camera too."""
 LONGEST_ANSWER = 1000
 LONGEST_PROFILE = 8 * 1024
 MOST_STEPS = 20
@@ -126,6 +134,7 @@ DEVICE_ID = "[a-z0-9]+(?:[-_.][a-z0-9]+)*"
 Version = Annotated[Literal[1], BeforeValidator(_version)]
 Host = Annotated[str, AfterValidator(_host), Field(json_schema_extra={"pattern": host_name.PATTERN})]
 Duration = Annotated[str, BeforeValidator(_duration), Field(json_schema_extra={"pattern": PATTERN})]
+Interval = Annotated[Duration, AfterValidator(_interval)]
 Model = Annotated[str, Field(pattern=r"^\S+$", max_length=200)]
 Argument = Annotated[str, Field(max_length=4000)]
 VariableName = Annotated[str, Field(pattern=f"^{NAME.pattern}$", max_length=100)]

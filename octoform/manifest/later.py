@@ -7,7 +7,6 @@ change the meaning of a file on the day it starts to work.
 from octoform.manifest.tree import Loc
 
 _KEYS = {
-    ("perception",),
     ("daemon",),
     ("stages", "watch"),
     ("stages", "heal"),

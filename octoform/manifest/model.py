@@ -168,6 +168,18 @@ ProfileSource = Path | TypedProfile
 
 
 @dataclass(frozen=True, slots=True)
+class Perception:
+    """Looking through a camera: whether octoform does it by itself, through which (None: the best), every how long.
+
+    ``camera`` is a device id, ``interval`` is in seconds.
+    """
+
+    enabled: bool = False
+    camera: str | None = None
+    interval: int = 300
+
+
+@dataclass(frozen=True, slots=True)
 class NamedStep:
     """A privileged step as the manifest switches it on, with its place there; ``source`` is the line, secrets masked.
 
@@ -209,6 +221,7 @@ class Manifest:
     tunnel: Tunnel | None = None
     policy: Policy = field(default_factory=Policy)
     answers: Mapping[str, str] = field(default_factory=dict)
+    perception: Perception = Perception()
     step: StageSettings | None = None
     privileged_steps: tuple[NamedStep, ...] = ()
 

@@ -11,6 +11,7 @@ from octoform.manifest.document import (
     Housekeeping,
     IdentifyStage,
     Lifecycle,
+    Perception,
     Price,
     Stage,
     StageBudget,
@@ -34,6 +35,7 @@ _PLACES: tuple[tuple[Loc, type[BaseModel]], ...] = (
     (("policy",), Policy),
     (("network",), Network),
     (("tunnel",), Tunnel),
+    (("perception",), Perception),
     (("stages", "identify"), IdentifyStage),
     (places.ESCALATION, Escalation),
 )

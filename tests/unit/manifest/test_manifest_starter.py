@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from octoform.manifest import host_name
 from octoform.manifest.loading import load
-from octoform.manifest.model import Network, Tunnel
+from octoform.manifest.model import Network, Perception, Tunnel
 from octoform.manifest.schema import json_schema
 from octoform.manifest.starter import SCHEMA_FILE, starter_text, write_starter
 
@@ -105,6 +105,7 @@ def test_the_commented_settings_are_valid_too(tmp_path: Path) -> None:
     assert manifest.network == Network(hosts=("bench.example.org",))
     assert [limit.rate for limit in manifest.policy.limits] == [None, None, (10, 60)]
     assert manifest.policy.timeout_for("capture_image") == 60
+    assert manifest.perception == Perception(enabled=False, camera="usb-0000-0000", interval=300)
 
 
 def test_every_setting_is_in_the_starter_and_in_the_docs() -> None:
