@@ -9,9 +9,11 @@ from vm.devices.breakout import Breakout
 from vm.devices.camera import Camera
 from vm.devices.headset import Headset
 from vm.devices.light import LightSensor
-from vm.devices.serial import NAMED_CHIP, RAIL, SHARED_CHIP, CdcAcm, Ch340, Cp2102
-from vm.firmware import LineFirmware
+from vm.devices.serial import NAMED_CHIP, SHARED_CHIP, CdcAcm, Ch340, Cp2102
 from vm.guest import Guest
+from vm.rig import identity, rail_firmware
+
+from octoform.simulation.line import LineDevice
 
 _USB = ("uvcvideo", "snd-usb-audio", "cdc-acm", "ch341", "cp210x", "usb-storage", "hid-mcp2221", "hid-sensor-als")
 EXPECTED: Mapping[str, tuple[str, ...]] = {
@@ -46,7 +48,7 @@ class Bench:
     headset: Headset = field(default_factory=Headset)
     breakout: Breakout = field(default_factory=Breakout)
     light: LightSensor = field(default_factory=LightSensor)
-    firmware: LineFirmware = field(default_factory=LineFirmware)
+    firmware: LineDevice = field(default_factory=rail_firmware)
 
     @property
     def arch(self) -> str:
@@ -57,8 +59,8 @@ class Bench:
         """Everything that there is for this architecture, plugged in and bound to its driver."""
         guest = self.guest
         guest.plug("rail", self.rail(), 1)
-        guest.plug("ch340", Ch340(SHARED_CHIP, firmware=LineFirmware()), 2)
-        guest.plug("cp2102", Cp2102(NAMED_CHIP, firmware=LineFirmware()), 3)
+        guest.plug("ch340", Ch340(SHARED_CHIP, firmware=rail_firmware()), 2)
+        guest.plug("cp2102", Cp2102(NAMED_CHIP, firmware=rail_firmware()), 3)
         guest.plug("camera", self.camera, 4)
         guest.plug("headset", self.headset, 5)
         guest.plug("breakout", self.breakout, 7)
@@ -75,7 +77,7 @@ class Bench:
 
     def rail(self) -> CdcAcm:
         """The rail's board; its firmware is the same however often it is plugged."""
-        return CdcAcm(RAIL, firmware=self.firmware)
+        return CdcAcm(identity("rail"), firmware=self.firmware)
 
     def _simulate(self) -> None:
         """A GPIO controller, two sensors: devices that no port carries."""

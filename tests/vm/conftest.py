@@ -10,10 +10,16 @@ import pytest
 from vm.bench import Bench
 from vm.guest import Guest
 from vm.places import ARCHITECTURES, places
-from vm.user import APPLY_SECONDS, Octoform
+from vm.rig import RigBench
+from vm.user import APPLY_SECONDS, McpClient, Octoform
 
 _SEEN = pytest.StashKey[list[tuple[str, str, str]]]()
 See = Callable[[str, str], None]
+_RIG_MANIFEST = """\
+profiles: [profiles/so-arm101.md, profiles/camera-rail.md]
+answers: {usb-2341-804f: "the camera rail of the bench"}
+privileged_steps: [arm, rail, perceive]
+"""
 
 
 def pytest_configure(config: pytest.Config) -> None:
@@ -88,3 +94,28 @@ def answered(octoform: Octoform) -> Octoform:
     octoform.run("answer", "usb-2341-804f", "the camera rail of the bench")
     octoform.run("apply", "-auto-approve", seconds=APPLY_SECONDS)
     return octoform
+
+
+@pytest.fixture(scope="session")
+def rig_bench(arch: str) -> Iterator[RigBench]:
+    """A guest of its own with the reference rig and nothing else."""
+    with Guest(places(arch)) as guest:
+        bench = RigBench(guest)
+        bench.attach()
+        yield bench
+
+
+@pytest.fixture(scope="session")
+def rigged(rig_bench: RigBench) -> Octoform:
+    """octoform in the rig's guest, applied by the embedded agent."""
+    octoform = Octoform(rig_bench.guest)
+    octoform.install(_RIG_MANIFEST)
+    octoform.run("apply", "-auto-approve", seconds=APPLY_SECONDS)
+    return octoform
+
+
+@pytest.fixture(scope="session")
+def client(rigged: Octoform) -> Iterator[McpClient]:
+    """An MCP client that stays connected to the rig's endpoint, whatever is pulled meanwhile."""
+    with rigged.connected() as client:
+        yield client

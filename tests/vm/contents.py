@@ -6,7 +6,9 @@ import struct
 import wave
 import zlib
 from dataclasses import dataclass
+from operator import sub
 
+_CLEARLY = 32
 _SIGNATURE = b"\x89PNG\r\n\x1a\n"
 
 
@@ -41,6 +43,18 @@ def picture(data: bytes) -> Picture:
         above = _unfiltered(packed[start], bytearray(packed[start + 1 : start + 1 + 3 * width]), above)
         rows.append(above)
     return Picture(width, height, rows)
+
+
+def difference(one: Picture, other: Picture, rows: tuple[float, float] = (0.0, 1.0)) -> float:
+    """How many points have clearly another colour, of those in ``rows``: parts of the height, from above."""
+    assert (one.width, one.height) == (other.width, other.height)
+    meant = slice(*(int(part * one.height) for part in rows))
+    changed: int = sum(
+        max(map(abs, map(sub, before[place : place + 3], after[place : place + 3]))) > _CLEARLY
+        for before, after in zip(one.rows[meant], other.rows[meant], strict=True)
+        for place in range(0, 3 * one.width, 3)
+    )
+    return changed / (one.width * len(one.rows[meant]))
 
 
 def _unfiltered(kind: int, row: bytearray, above: bytes) -> bytes:

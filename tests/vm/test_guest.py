@@ -4,8 +4,6 @@ Tests stand in the order of the story: what is there, what apply makes of it, wh
 adds, and what remains right when devices come back under other names.
 """
 
-import asyncio
-import base64
 from collections.abc import Callable
 from typing import Any
 
@@ -27,11 +25,10 @@ from vm.bench import (
 from vm.contents import Picture, picture, pitch
 from vm.devices.camera import COLOURS
 from vm.devices.headset import TONE
-from vm.user import Octoform
+from vm.user import SMALL, Octoform
 
 pytestmark = pytest.mark.vm
 See = Callable[[str, str], None]
-SMALL = {"width": 320, "height": 240, "format": "png"}
 
 
 def shows_the_pattern(seen: Picture) -> str:
@@ -182,13 +179,8 @@ def test_the_disk_is_in_the_inventory(octoform: Octoform, see: See) -> None:
 
 
 def test_an_mcp_client_speaks_to_it_over_a_pipe(octoform: Octoform, see: See) -> None:
-    async def talk() -> tuple[list[str], Picture]:
-        async with octoform.client() as client:
-            names = [tool.name for tool in await client.list_tools()]
-            answer = await client.call_tool("capture_image", {"device": CAMERA, **SMALL})
-            return names, picture(base64.b64decode(answer.content[0].data))
-
-    names, seen = asyncio.run(talk())
+    with octoform.connected() as client:
+        names, seen = client.tools(), client.picture(CAMERA)
     assert {"capture_image", "record_audio", "read_storage"} <= set(names)
     see("MCP client", f"{len(names)} tools over ssh; {shows_the_pattern(seen)}")
 
@@ -197,11 +189,10 @@ def test_one_sentence_makes_a_board_usable(bench: Bench, answered: Octoform, see
     named = {device["id"]: device for device in answered.artifact("identify")["devices"]}
     assert named[RAIL_BOARD]["category"] != "unknown"
     assert named[CH340_BOARD]["category"] == "unknown", "the sentence was about another board"
-    answered.call("rail_move_x", device=RAIL_BOARD, steps=42)
-    assert bench.firmware.at == {"X": 42, "Y": 0}
     answered.call("rail_home", device=RAIL_BOARD)
-    assert bench.firmware.at == {"X": 0, "Y": 0}
-    see("serial board, answered", f"the firmware heard {', '.join(bench.firmware.heard)}")
+    answered.call("rail_move_x", device=RAIL_BOARD, steps=42)
+    assert bench.firmware.position == {"X": 42, "Y": 0}
+    see("serial board, answered", f"the firmware heard {', '.join(bench.firmware.lines)}")
 
 
 def test_everything_comes_back_under_other_names(bench: Bench, answered: Octoform, see: See) -> None:
@@ -216,8 +207,9 @@ def test_everything_comes_back_under_other_names(bench: Bench, answered: Octofor
         moved += f", sensor from {old} to {new}"
     guest.run("udevadm settle --timeout=300", 400.0)
     shows_the_pattern(picture(guest.read(answered.call("capture_image", device=CAMERA, **SMALL)["files"][0])))
+    answered.call("rail_home", device=RAIL_BOARD)
     answered.call("rail_move_y", device=RAIL_BOARD, steps=-7)
-    assert bench.firmware.at["Y"] == -7
+    assert bench.firmware.position == {"X": 0, "Y": -7}
     if bench.arch == "amd64":
         bench.guest.until("grep -qx 33500 /sys/class/hwmon/hwmon*/temp1_input")
         assert readings(answered.call("read_temperature", device=SIMULATED_CHIP))["temp1"] == 33.5

@@ -1,5 +1,7 @@
 """octoform as a person in the guest uses it: the same commands, their output read."""
 
+import base64
+import contextlib
 import io
 import json
 import shlex
@@ -7,12 +9,18 @@ import subprocess
 import sys
 import tarfile
 import tempfile
+from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
+from anyio.from_thread import BlockingPortal, start_blocking_portal
 from fastmcp import Client
+from fastmcp.client.client import CallToolResult
 from fastmcp.client.transports import StdioTransport
+from mcp.types import ImageContent, TextContent
+from vm.contents import Picture, picture
 from vm.guest import Guest, GuestError
 from vm.image.packages import OCTOFORM
 
@@ -37,6 +45,7 @@ policy: {timeout: 3m}
 APPLY_SECONDS = 1500.0
 SLOW_SECONDS = 300.0
 """For what takes a real computer seconds."""
+SMALL = {"width": 320, "height": 240, "format": "png"}
 
 
 @dataclass(frozen=True)
@@ -84,10 +93,13 @@ class Octoform:
         assert "structured" in answer and not answer["is_error"], f"{tool} {arguments}: {text}\n{self.logs()}"
         return answer
 
-    def client(self) -> "Client[StdioTransport]":
-        """An MCP client of this machine, to be entered; the server speaks through ssh and `octoform connect`."""
+    @contextlib.contextmanager
+    def connected(self) -> "Iterator[McpClient]":
+        """An MCP client on this machine, connected through ssh and `octoform connect` until the end."""
         transport = StdioTransport("ssh", [*self.guest.ssh, self.line("connect", "bench")])
-        return Client(transport, timeout=SLOW_SECONDS, init_timeout=SLOW_SECONDS)
+        client = Client(transport, timeout=SLOW_SECONDS, init_timeout=SLOW_SECONDS)
+        with start_blocking_portal() as portal, portal.wrap_async_context_manager(client):
+            yield McpClient(client, portal)
 
     def artifact(self, stage: str) -> dict[str, Any]:
         """What a stage's agent was accepted with."""
@@ -97,6 +109,40 @@ class Octoform:
     def attempts(self) -> int:
         """How often an agent was started so far."""
         return int(self.guest.run(f"ls {PROJECT}/.octoform/bench/attempts | grep -c '^[0-9]'", check=False) or 0)
+
+
+@dataclass(frozen=True)
+class McpClient:
+    """A client whose calls wait for their answer."""
+
+    client: "Client[StdioTransport]"
+    portal: BlockingPortal
+
+    def tools(self) -> list[str]:
+        """The names of all tools."""
+        return [tool.name for tool in self.portal.call(self.client.list_tools)]
+
+    def call(self, tool: str, **arguments: Any) -> dict[str, Any]:
+        """The structured answer of a tool that does what it should."""
+        answer = self._answer(tool, arguments)
+        assert not answer.is_error, f"{tool} {arguments}: {answer.content}"
+        return answer.structured_content or {}
+
+    def refused(self, tool: str, **arguments: Any) -> str:
+        """What a tool says that cannot do it."""
+        answer = self._answer(tool, arguments)
+        assert answer.is_error, f"{tool} {arguments} went well: {answer.content}"
+        return " ".join(item.text for item in answer.content if isinstance(item, TextContent))
+
+    def picture(self, device: str) -> Picture:
+        """A small picture of a camera."""
+        answer = self._answer("capture_image", {"device": device, **SMALL})
+        assert not answer.is_error, answer.content
+        image = next(item for item in answer.content if isinstance(item, ImageContent))
+        return picture(base64.b64decode(image.data))
+
+    def _answer(self, tool: str, arguments: dict[str, Any]) -> CallToolResult:
+        return self.portal.call(partial(self.client.call_tool, tool, arguments, raise_on_error=False))
 
 
 def _checkout() -> bytes:

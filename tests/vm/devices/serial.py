@@ -1,33 +1,86 @@
 """Three serial boards as real ones present themselves: a CDC-ACM port and two adapter chips of their makers' own kind.
 
-Each hands what it receives to a firmware (`vm.firmware`) and sends back what that answers.
+Each hands what it receives to a program, such as those of `octoform.simulation`, and sends back what that answers.
 """
 
 import struct
+import threading
+import time
 from dataclasses import dataclass
+from typing import Protocol
 
 from vm.devices.model import BULK, IN, INTERRUPT, Identity, Model, Request, endpoint, interface
-from vm.firmware import LineFirmware
+
+
+class Program(Protocol):
+    """What runs behind the port."""
+
+    @property
+    def baud(self) -> int | None:
+        """The rate at which it understands; None for any."""
+        ...
+
+    @property
+    def due(self) -> float | None:
+        """When it has something to say unasked, by ``time.monotonic``; None for never."""
+        ...
+
+    def opened(self) -> None:
+        """A host has the port open."""
+        ...
+
+    def closed(self) -> None:
+        """No host has it open any more."""
+        ...
+
+    def garbled(self, data: bytes) -> None:
+        """Bytes that came at a wrong rate."""
+        ...
+
+    def feed(self, data: bytes) -> bytes:
+        """Bytes of the host in, all answers that are ready out."""
+        ...
 
 
 @dataclass(kw_only=True)
 class SerialBoard(Model):
-    """A board whose firmware speaks through endpoint ``reply_to`` in packets of ``packet_size``."""
+    """A board whose program speaks through endpoint ``reply_to`` in packets of ``packet_size``."""
 
-    firmware: LineFirmware
+    firmware: Program
     reply_to: int = 0x81
     packet_size: int = 64
 
+    @property
+    def baud(self) -> int | None:
+        """The rate that the host set; None where it is not followed."""
+        return None
+
     def receive(self, address: int, data: bytes) -> None:
-        """What the host wrote goes to the firmware, its answer back in packets."""
-        answer = self.firmware.feed(data)
+        """What the host wrote goes to the program, its answer back in packets."""
+        if self.baud is not None and self.firmware.baud not in (None, self.baud):
+            self.firmware.garbled(data)
+            return
+        self._say(self.firmware.feed(data))
+
+    def _say(self, answer: bytes) -> None:
         for start in range(0, len(answer), self.packet_size):
             self.send(self.reply_to, answer[start : start + self.packet_size])
+        if (due := self.firmware.due) is not None:
+            later = threading.Timer(max(0.0, due - time.monotonic()), self._unasked, (self.plugs,))
+            later.daemon = True
+            later.start()
+
+    def _unasked(self, plugs: int) -> None:
+        """The moment came to which the program's next words belong, unless the board was reset since."""
+        with self.lock:
+            if plugs == self.plugs:
+                self._say(self.firmware.feed(b""))
 
     def reset(self) -> None:
-        """A board loses power with the bus."""
+        """With the bus, a port is closed and what was about to be said is lost."""
         super().reset()
-        self.firmware.reset()
+        self.plugs = getattr(self, "plugs", 0) + 1
+        self.firmware.closed()
 
 
 @dataclass(kw_only=True)
@@ -43,7 +96,7 @@ class CdcAcm(SerialBoard):
         self.coding = struct.pack("<IBBB", 9600, 0, 0, 8)
 
     @property
-    def baud(self) -> int:
+    def baud(self) -> int | None:
         """The rate that the host set."""
         return int(struct.unpack_from("<I", self.coding)[0])
 
@@ -54,12 +107,14 @@ class CdcAcm(SerialBoard):
         return control + interface(1, 0, 2, (10, 0, 0)) + endpoint(0x81, BULK, 512) + endpoint(0x02, BULK, 512)
 
     def request(self, request: Request) -> bytes | None:
-        """Line coding is kept, line state and breaks are accepted."""
+        """Line coding is kept, the line that says that the port is open is passed on, breaks are accepted."""
         if request.code == 0x20:
             self.coding = request.data
         elif request.code == 0x21:
             return self.coding
-        elif request.code not in (0x22, 0x23):
+        elif request.code == 0x22:
+            (self.firmware.opened if request.value & 1 else self.firmware.closed)()
+        elif request.code != 0x23:
             return None
         return b""
 
@@ -120,6 +175,5 @@ class Cp2102(SerialBoard):
         return told.get(request.code, bytes(request.length))
 
 
-RAIL = Identity(0x2341, 0x804F, "Arduino LLC", "Arduino MKRZero", "6B1F90C25150")
 SHARED_CHIP = Identity(0x1A86, 0x7523, "", "USB Serial", release=0x0264)
 NAMED_CHIP = Identity(0x10C4, 0xEA60, "Silicon Labs", "CP2102 USB to UART Bridge Controller", "0071C1A9")
