@@ -90,6 +90,15 @@ class Checking(Event):
 
 
 @dataclass(frozen=True, slots=True)
+class StepTried(Event):
+    """A trial of a privileged step is over; ``text`` says what was read or seen, ``well`` that it proved its unit."""
+
+    unit: str
+    well: bool
+    text: str
+
+
+@dataclass(frozen=True, slots=True)
 class NodeAccepted(Event):
     """The contract accepted the output; ``found`` is one line for a person (``41 devices``).
 

@@ -4,13 +4,13 @@ Most stages are one assignment. IDENTIFY with ``escalate`` is two: the second go
 the first left unknown, and its output is judged merged with that of the first.
 """
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 from octoform.apply.context import Context
-from octoform.apply.gate import judge
+from octoform.apply.gate import Verdict, judge
 from octoform.apply.reading import predecessor
 from octoform.diagnostics import Diagnostic, error
 from octoform.harness.port import Price, Task
@@ -23,12 +23,15 @@ UNMEASURED = (*MODEL_FREE, "command")
 
 Judge = Callable[[Context, Task, bytes], tuple[Any, list[Diagnostic]]]
 """(context, task, bytes of the output) -> (value, diagnostics); the value is None when it cannot be read."""
+Prove = Callable[[Context, Task, Any, list[Diagnostic]], Verdict]
+"""(context, task, value, what was found so far) -> the verdict on a value that passed its contract."""
 
 
 @dataclass(frozen=True, slots=True)
 class Assignment:
     """``role`` is ``stage`` or ``escalate``; ``given`` is the content of an input other than the accepted artifact.
 
+    ``beside`` are more files that its folder begins with, by name. ``prove`` takes the place of a stage's own proof.
     ``model`` is the name of the manifest, reference unresolved.
     """
 
@@ -39,6 +42,8 @@ class Assignment:
     role: str = "stage"
     given: bytes | None = None
     judge: Judge = judge
+    prove: Prove | None = None
+    beside: Mapping[str, bytes] = field(default_factory=dict)
 
     def input(self, context: Context, workdir: Path) -> Path | None:
         """The one artifact that the agent may read."""

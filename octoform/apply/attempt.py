@@ -93,6 +93,8 @@ def prepare(
     spec_copy.give(task.workdir, spec, editable=editable)
     if assignment.given is not None:
         (task.workdir / "input.json").write_bytes(assignment.given)
+    for name, data in assignment.beside.items():
+        (task.workdir / name).write_bytes(data)
     if failed is not None and failed.former is not None:
         shutil.copyfile(failed.former, task.workdir / FORMER)
     document = _document(context, assignment, task, failed)

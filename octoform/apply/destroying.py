@@ -4,11 +4,11 @@ import shutil
 
 from octoform import events
 from octoform.apply.context import Context
-from octoform.apply.runner import Tally
+from octoform.apply.tally import Tally
 from octoform.diagnostics import Diagnostic, has_errors, warning
 from octoform.endpoint.removing import remove, stopped
 from octoform.endpoint.systemd import is_ours, unit_path
-from octoform.plan.model import Plan
+from octoform.plan.model import Action, Plan
 from octoform.state.files import refused
 from octoform.state.layout import Layout
 
@@ -17,19 +17,27 @@ def destroy(context: Context, plan: Plan) -> Tally:
     """Remove what each node of the plan has made and forget the node; stops at the first that cannot be removed."""
     tally = Tally()
     for action in plan.work:
-        found = context.store.begin(action.node, {"action": action.action.value})
-        if not has_errors(found):
-            found = [*found, *_remove(context, action.node)]
-        if not has_errors(found):
-            found = [*found, *context.store.remove(action.node)]
+        found = take_away(context, action.node)
         tally.diagnostics += found
         if has_errors(found):
             tally.failed = action.node
-            context.emit(events.NodeFailed(action.node, tuple(found), 0.0))
             return tally
         tally.destroyed += 1
-        context.emit(events.NodeDestroyed(action.node))
     return tally
+
+
+def take_away(context: Context, node: str) -> list[Diagnostic]:
+    """Remove what one node has made and forget the node; an error is why it is still there."""
+    found = context.store.begin(node, {"action": Action.DESTROY.value})
+    if not has_errors(found):
+        found = [*found, *_remove(context, node)]
+    if not has_errors(found):
+        found = [*found, *context.store.remove(node)]
+    if has_errors(found):
+        context.emit(events.NodeFailed(node, tuple(found), 0.0))
+    else:
+        context.emit(events.NodeDestroyed(node))
+    return found
 
 
 def left_behind(layout: Layout) -> list[Diagnostic]:

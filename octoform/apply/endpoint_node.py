@@ -1,5 +1,8 @@
 """The endpoint node: octoform's own work, no agent. Publishes what DEPLOY proved, or puts it back after drift."""
 
+import shutil
+from collections.abc import Mapping
+
 from octoform import digest
 from octoform.apply.context import Context
 from octoform.apply.gate import Verdict
@@ -12,6 +15,9 @@ from octoform.endpoint.building import build
 from octoform.endpoint.observing import observe
 from octoform.endpoint.publishing import is_published
 from octoform.harness.port import Usage
+
+CANDIDATE = "candidate"
+"""Where the server lies that a privileged step has rewritten, while the endpoint is published with it for its proof."""
 
 
 def run_endpoint(context: Context, *, anew: bool = False) -> Finished:
@@ -41,10 +47,17 @@ def _publish(context: Context, anew: bool) -> Verdict:
     report = publish(context, environment, found, "endpoint")
     if report is None or has_errors(found):
         return Verdict(tuple(found))
+    # Nothing is published from there any more; a run that was killed during a proof has left it.
+    shutil.rmtree(context.layout.local / CANDIDATE, ignore_errors=True)
     return _verdict(context, found, lock, f"{counted(len(report.tools), 'tool')}, {calls_said(report)}")
 
 
 def _verdict(context: Context, found: list[Diagnostic], lock: str, said: str) -> Verdict:
     consumed = context.graph.node("endpoint").consumes
     outputs = {name: context.store.snapshot.nodes[name].output_digest for name in consumed}
-    return Verdict(tuple(found), digest=digest.of_value({**outputs, "lock": lock}), found=said)
+    return Verdict(tuple(found), digest=made_of(outputs, lock), found=said)
+
+
+def made_of(outputs: Mapping[str, str], lock: str) -> str:
+    """The digest of an endpoint: of the outputs that it consumes, by stage, and of its packages."""
+    return digest.of_value({**outputs, "lock": lock})

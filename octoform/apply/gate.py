@@ -32,7 +32,7 @@ class Verdict:
     """What the gate says: the value and the files to accept, or the reasons to refuse.
 
     ``files`` are the committed files by name below the stage's folder; ``found`` is one line for a person; ``detail``
-    goes into the state.
+    goes into the state. ``rewritten`` is the server that a step has put into the place of the accepted one.
     """
 
     diagnostics: tuple[Diagnostic, ...]
@@ -41,6 +41,7 @@ class Verdict:
     files: Mapping[str, bytes] = field(default_factory=dict)
     found: str = ""
     detail: Mapping[str, object] = field(default_factory=dict)
+    rewritten: str | None = None
 
     @property
     def accepted(self) -> bool:

@@ -5,6 +5,7 @@ from typing import Any
 
 from octoform.apply.context import Context
 from octoform.contracts.parsing import parse
+from octoform.state.layout import STAGES
 
 
 def accepted(context: Context, stage: str) -> Any:
@@ -23,7 +24,7 @@ def predecessor(context: Context, stage: str) -> Path | None:
 
 
 def accepted_before(context: Context, stage: str) -> dict[str, Any]:
-    """The values of all accepted artifacts of the stages before ``stage``, by stage."""
+    """The values of all accepted artifacts of the stages before ``stage`` (or before a step), by stage."""
     names = context.graph.names()
-    before = names[: names.index(stage)]
+    before = [name for name in names[: names.index(stage)] if name in STAGES]
     return {name: accepted(context, name) for name in before if context.layout.output(name).is_file()}

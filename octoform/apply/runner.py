@@ -1,13 +1,14 @@
 """The run: the plan's actions in order, each journalled; what came out the same stops the wave (early cutoff)."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 from octoform import events
-from octoform.apply import reusing
+from octoform.apply import adopting, reusing
 from octoform.apply.attempt import Failed
 from octoform.apply.attempt_record import state_usage
 from octoform.apply.context import Context
+from octoform.apply.destroying import take_away
 from octoform.apply.endpoint_node import run_endpoint
 from octoform.apply.gate import Verdict
 from octoform.apply.renaming import renamed
@@ -15,28 +16,16 @@ from octoform.apply.result import Finished
 from octoform.apply.returning import JUDGE, MAKER, MOST_RETURNS, sent_back
 from octoform.apply.settling import remember
 from octoform.apply.stage import run_stage
+from octoform.apply.steps import run_step
+from octoform.apply.tally import Tally
 from octoform.diagnostics import Diagnostic, has_errors
 from octoform.graph.model import Node, NodeKind, key_of, key_parts
-from octoform.harness.port import Usage
 from octoform.harness.watching import added
 from octoform.plan.diff import is_ignored
 from octoform.plan.lending import WANTED_ANEW
 from octoform.plan.model import Action, Plan, PlannedAction
 from octoform.state.artifacts import accept, file_digest
 from octoform.state.model import NodeState, Status
-
-
-@dataclass(slots=True)
-class Tally:
-    """What a run has done so far."""
-
-    added: int = 0
-    changed: int = 0
-    destroyed: int = 0
-    agent_runs: int = 0
-    usage: Usage = field(default_factory=Usage)
-    failed: str | None = None
-    diagnostics: list[Diagnostic] = field(default_factory=list)
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,6 +41,11 @@ def execute(context: Context, plan: Plan, allowed: Callable[[str], bool]) -> Tal
     for action in plan.work:
         if not allowed(action.node):
             continue
+        if action.action is Action.DESTROY:
+            _take_away(context, action.node, tally)
+            if tally.failed:
+                return tally
+            continue
         node = context.graph.node(action.node)
         if not action.certain and settled(context, node):
             context.emit(events.NodeUnchanged(node.name, "its inputs came out the same"))
@@ -63,6 +57,16 @@ def execute(context: Context, plan: Plan, allowed: Callable[[str], bool]) -> Tal
             return tally
         made.add(node.name)
     return tally
+
+
+def _take_away(context: Context, node: str, tally: Tally) -> None:
+    """Remove a node that is no longer in the graph: what it had made, and what the state knows of it."""
+    found = take_away(context, node)
+    tally.diagnostics += found
+    if has_errors(found):
+        tally.failed = node
+    else:
+        tally.destroyed += 1
 
 
 def _mended(context: Context, action: PlannedAction, tally: Tally) -> bool:
@@ -120,6 +124,8 @@ def _carry_out(context: Context, node: Node, action: PlannedAction, tally: Tally
 def _run(context: Context, node: Node, action: PlannedAction, again: _Again | None) -> Finished:
     if node.kind is NodeKind.ENDPOINT:
         return run_endpoint(context, anew=action.action is Action.REPLACE)
+    if node.kind is NodeKind.STEP:
+        return run_step(context, node.name)
     if again is not None:
         return run_stage(context, node.name, again.failed)
     lent = reusing.take(context, node.name, key_of(_parts(context, node))) if _may_borrow(action) else None
@@ -137,9 +143,10 @@ def _end(context: Context, node: Node, finished: Finished) -> list[Diagnostic]:
     found, told = list(verdict.diagnostics), verdict.found
     if verdict.accepted:
         told += renamed(context, node.name, verdict.value)
-        found = _accept(context, node, verdict)
+        found = _adopted(context, node, verdict)
+        found += _accept(context, node, verdict) if not has_errors(found) else []
         if not has_errors(found):
-            found = context.store.success(node.name, _state(context, node, finished))
+            found += context.store.success(node.name, _state(context, node, finished))
     if has_errors(found):
         context.emit(events.NodeFailed(node.name, tuple(found), finished.seconds))
         return found + context.store.failure(node.name, found)
@@ -148,6 +155,14 @@ def _end(context: Context, node: Node, finished: Finished) -> list[Diagnostic]:
     spent = (used.input_tokens, used.output_tokens, used.cost_usd)
     context.emit(events.NodeAccepted(node.name, finished.attempts, finished.seconds, told, changed, *spent))
     return found
+
+
+def _adopted(context: Context, node: Node, verdict: Verdict) -> list[Diagnostic]:
+    """The server that a step has rewritten and proved becomes the accepted one, before the step itself does."""
+    if verdict.rewritten is None:
+        return []
+    context.emit(events.Checking(node.name, "the rewritten server takes the place of the accepted one"))
+    return adopting.adopt(context, node.name, verdict.rewritten)
 
 
 def _accept(context: Context, node: Node, verdict: Verdict) -> list[Diagnostic]:

@@ -44,12 +44,18 @@ def prove_serve(context: Context, task: Task, source: str) -> Proof:
     found += more
     if environment is None:
         return found, {}, {}
-    context.emit(events.Checking("serve", "importing the server where it will be served"))
+    more, tools = prove_import(context, environment, task, source)
+    return [*found, *more], {}, {"said": f"imports with {counted(tools, 'tool')}"}
+
+
+def prove_import(context: Context, environment: Environment, task: Task, source: str) -> tuple[list[Diagnostic], int]:
+    """What an import of the server in this environment shows to be wrong, and how many tools it has."""
+    context.emit(events.Checking(task.stage, "importing the server where it will be served"))
     report = _import(environment, task, source)
-    found += judge_import(report)
+    found = judge_import(report)
     if not has_errors(found):
         found += serve_dynamic(asdict(report), accepted(context, "interface"))
-    return found, {}, {"said": f"imports with {counted(len(report.tools), 'tool')}"}
+    return found, len(report.tools)
 
 
 def prove_deploy(context: Context, _: Task, deploy: Mapping[str, Any]) -> Proof:

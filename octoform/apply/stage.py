@@ -58,9 +58,9 @@ def run_stage(context: Context, stage: str, failed: Failed | None = None) -> Fin
 
     ``failed`` is what a later stage found wrong with the stage's accepted output.
     """
-    finished = _fulfil(context, of_stage(context, stage), failed)
+    finished = fulfil(context, of_stage(context, stage), failed)
     more = escalating.of_unknown(context, stage, finished.verdict) if finished.verdict.accepted else None
-    return finished if more is None else _joined(finished, _fulfil(context, more), more)
+    return finished if more is None else _joined(finished, fulfil(context, more), more)
 
 
 def _joined(first: Finished, second: Finished, more: Assignment) -> Finished:
@@ -77,7 +77,8 @@ def _joined(first: Finished, second: Finished, more: Assignment) -> Finished:
     )
 
 
-def _fulfil(context: Context, assignment: Assignment, failed: Failed | None = None) -> Finished:
+def fulfil(context: Context, assignment: Assignment, failed: Failed | None = None) -> Finished:
+    """Run the agent of one assignment until an output of it is accepted or its budget is spent."""
     started = context.clock.monotonic()
     progress = _Progress(failed=failed)
     verdict = _attempts(context, assignment, started, progress)
@@ -205,7 +206,7 @@ def _gate(context: Context, assignment: Assignment, task: Task, outcome: Outcome
     found = [*touched, *blanked, *found]
     if has_errors(found):
         return Verdict(tuple(found))
-    return prove(context, task, value, found)
+    return (assignment.prove or prove)(context, task, value, found)
 
 
 def prove(context: Context, task: Task, value: Any, found: list[Diagnostic]) -> Verdict:

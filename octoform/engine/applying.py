@@ -7,9 +7,11 @@ from functools import cache, partial
 from pathlib import Path
 from typing import Any
 
+from octoform.apply.adopting import resume
 from octoform.apply.context import Clock, Context
 from octoform.apply.destroying import destroy
-from octoform.apply.runner import Tally, execute
+from octoform.apply.runner import execute
+from octoform.apply.tally import Tally
 from octoform.diagnostics import Diagnostic, error, has_errors
 from octoform.endpoint.prewarming import prewarmed
 from octoform.engine import knowledge, memo, reporting
@@ -93,6 +95,10 @@ def _planned(
     store, found = StateStore.open(compiled.layout, options.ports)
     if store is None:
         return replace(blank, failed="state", diagnostics=tuple(found))
+    finished, problems = resume(compiled.layout, store, compiled.graph)
+    if has_errors(problems):
+        return replace(blank, failed="state", diagnostics=tuple(problems))
+    notices = (*notices, *finished)
     saved, problems = read_saved(options.planfile, compiled)
     if problems:
         return replace(blank, failed="plan", diagnostics=tuple(problems))

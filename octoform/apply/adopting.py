@@ -1,0 +1,239 @@
+"""A rewritten server: served for its proof, then put into the place of the accepted one, or taken back.
+
+While it is only being tried it stands outside of the accepted artifacts, and the endpoint is published from there. So
+a run that is killed meanwhile leaves the artifacts as they were, and an endpoint that the next plan finds to differ
+and the next apply puts back. Once it is proved, one file tells of it before anything of the artifacts changes: a run
+that is killed from then on is finished by the next one.
+"""
+
+import json
+import shutil
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from octoform import digest
+from octoform.apply.context import Context
+from octoform.apply.endpoint_node import CANDIDATE, made_of
+from octoform.apply.serving import prove_import, publish
+from octoform.apply.settling import runtime_files, text_of
+from octoform.diagnostics import Diagnostic, error, has_errors
+from octoform.endpoint.building import build
+from octoform.endpoint.environment import Environment
+from octoform.endpoint.files import CHECK
+from octoform.graph.model import Graph, Node, NodeKind, key_of
+from octoform.harness.port import Task
+from octoform.state.artifacts import accept, file_digest
+from octoform.state.files import read_regular, write_atomic
+from octoform.state.layout import Layout
+from octoform.state.model import NodeState, Status
+from octoform.state.reserve import spending
+from octoform.state.store import StateStore
+
+MAKER = "serve"
+RECORD = "adopting.json"
+FORMER = "former-server.py"
+
+
+class Candidate(Layout):
+    """The paths of a host whose server is the one that is being tried."""
+
+    def output(self, stage: str) -> Path:
+        """The artifact of a stage; of SERVE the one that is being tried."""
+        return self.local / CANDIDATE / "server.py" if stage == MAKER else Layout.output(self, stage)
+
+    @property
+    def runtime(self) -> Path:
+        """The modules beside that server."""
+        return self.local / CANDIDATE / "runtime"
+
+
+@dataclass(frozen=True, slots=True)
+class Adoption:
+    """A proved server on its way: whose it is, the digests of the accepted server and of this one, its text."""
+
+    node: str
+    base: str
+    digest: str
+    source: str
+
+
+def offer(context: Context, task: Task, source: str) -> list[Diagnostic]:
+    """Import the server where it will be served, and publish the endpoint with it; no errors: it is live."""
+    environment, found = _environment(context)
+    if environment is None:
+        return found
+    more, _ = prove_import(context, environment, task, source)
+    found += more
+    if has_errors(found):
+        return found
+    trial = Candidate(context.layout.project, context.layout.host)
+    problem = _write(trial, source)
+    if problem is not None:
+        return [*found, problem]
+    publish(replace(context, layout=trial), environment, found, task.stage)
+    return found
+
+
+def put_back(context: Context) -> list[Diagnostic]:
+    """Serve the accepted server again, if another one is being tried; problems are why it could not be."""
+    folder = context.layout.local / CANDIDATE
+    if not folder.is_dir():
+        return []
+    found = _published(context)
+    shutil.rmtree(folder, ignore_errors=True)
+    return found
+
+
+def adopt(context: Context, node: str, source: str) -> list[Diagnostic]:
+    """Make a proved server the accepted one, with all that rests on it.
+
+    An error tells what the disk refused; what is not done then is finished by the next apply (`resume`).
+    """
+    layout, store = context.layout, context.store
+    base = store.snapshot.nodes[MAKER].output_digest
+    adoption = Adoption(node, base, digest.of_bytes(source.encode()), source)
+    problem = spending(layout, lambda: write_atomic(layout.local / RECORD, _encoded(adoption), 0o600))
+    if problem is not None:
+        return [problem]
+    context.checkpoint("adopting.recorded")
+    found = _carry_through(context.layout, store, context.graph, adoption)
+    if has_errors(found):
+        return found
+    context.checkpoint("adopting.journalled")
+    found += _published(context)
+    if not has_errors(found):
+        shutil.rmtree(layout.local / CANDIDATE, ignore_errors=True)
+    _forget(layout)
+    return found
+
+
+def resume(layout: Layout, store: StateStore, graph: Graph) -> tuple[tuple[str, ...], list[Diagnostic]]:
+    """Finish an adoption that a killed run has left: what a person is told of it, and why it could not be finished.
+
+    The caller holds the lock. Nothing is started: the endpoint is made to be published anew by the plan that follows.
+    """
+    adoption = _read(layout)
+    if adoption is None:
+        return (), []
+    known = store.snapshot.nodes.get(MAKER)
+    if known is None or known.output_digest not in (adoption.base, adoption.digest):
+        _forget(layout)  # SERVE was made again since
+        return (), []
+    found = _carry_through(layout, store, graph, adoption)
+    if has_errors(found):
+        return (), found
+    # Whether the endpoint was published from the tried file or the accepted one is not known; its bytes are the same.
+    (layout.endpoint / CHECK).unlink(missing_ok=True)
+    _forget(layout)
+    return (
+        f"finished what a killed run had begun: the server that {adoption.node} rewrote is the accepted one",
+    ), found
+
+
+def _environment(context: Context) -> tuple[Environment | None, list[Diagnostic]]:
+    path = context.layout.requirements_lock
+    if not path.is_file():
+        hint = "octoform apply -replace deploy"
+        return None, [error("ENDPOINT-NO-LOCK", "the lock of the endpoint is gone", path=str(path), hint=hint)]
+    environment, found = build(context.layout, path.read_text(encoding="utf-8"))
+    return environment, list(found)
+
+
+def _published(context: Context) -> list[Diagnostic]:
+    """Publish the endpoint from the accepted artifacts and call its read tools."""
+    environment, found = _environment(context)
+    if environment is not None:
+        publish(context, environment, found, "endpoint")
+    return found
+
+
+def _write(trial: Layout, source: str) -> Diagnostic | None:
+    shutil.rmtree(trial.local / CANDIDATE, ignore_errors=True)
+    trial.runtime.mkdir(parents=True, mode=0o700)
+    for name, data in {"server.py": source.encode(), **runtime_files()}.items():
+        problem = write_atomic(trial.local / CANDIDATE / name, data, 0o600)
+        if problem is not None:
+            return problem
+    return None
+
+
+def _carry_through(layout: Layout, store: StateStore, graph: Graph, adoption: Adoption) -> list[Diagnostic]:
+    """Accept the server's files, then the nodes; each part may have been done before."""
+    former, _ = read_regular(layout.output(MAKER))
+    if former is not None and digest.of_bytes(former) == adoption.base:
+        problem = spending(layout, lambda: write_atomic(layout.local / FORMER, former, 0o600))
+        if problem is not None:
+            return [problem]
+    found = accept(layout, MAKER, {"server.py": adoption.source.encode(), **runtime_files()})
+    if has_errors(found):
+        return found
+    known = store.snapshot.nodes[MAKER]
+    made = {"lines": len(adoption.source.splitlines()), "rewritten": {"by": adoption.node, "former": adoption.base}}
+    kept = {name: value for name, value in known.detail.items() if name not in ("interrupted", "failure")}
+    after = known.model_copy(
+        update={
+            "output_digest": adoption.digest,
+            "file_digest": file_digest(layout, MAKER) or "",
+            "status": Status.ACCEPTED,
+            "detail": {**kept, **made},
+        }
+    )
+    found += store.success(MAKER, after)
+    return found if has_errors(found) else found + _renew(layout, store, graph, adoption)
+
+
+def _renew(layout: Layout, store: StateStore, graph: Graph, adoption: Adoption) -> list[Diagnostic]:
+    """The keys of what was accepted with the former server: it was verified again with this one, or is untouched."""
+    moved = {MAKER: (adoption.base, adoption.digest)}
+    for node in graph.nodes:
+        known = store.snapshot.nodes.get(node.name)
+        if known is None or known.status is not Status.ACCEPTED or node.name == MAKER:
+            continue
+        parts = {name: _moved(name, value, moved) for name, value in known.key_parts.items()}
+        if parts == known.key_parts:
+            continue
+        output = _endpoint_digest(layout, store, node) if node.kind is NodeKind.ENDPOINT else known.output_digest
+        moved[node.name] = (known.output_digest, output)
+        update: dict[str, Any] = {"key": key_of(parts), "key_parts": parts, "output_digest": output}
+        found = store.success(node.name, known.model_copy(update=update))
+        if has_errors(found):
+            return found
+    return []
+
+
+def _moved(part: str, value: str, moved: Mapping[str, tuple[str, str]]) -> str:
+    before, after = (
+        moved.get(part.removeprefix("input."), (None, value)) if part.startswith("input.") else (None, value)
+    )
+    return after if value == before else value
+
+
+def _endpoint_digest(layout: Layout, store: StateStore, node: Node) -> str:
+    lock, _ = read_regular(layout.requirements_lock)
+    outputs = {name: _state(store, name).output_digest for name in node.consumes}
+    return made_of(outputs, (lock or b"").decode())
+
+
+def _state(store: StateStore, name: str) -> NodeState:
+    return store.snapshot.nodes.get(name) or NodeState()
+
+
+def _encoded(adoption: Adoption) -> bytes:
+    return text_of({"format": 1, **asdict(adoption)})
+
+
+def _read(layout: Layout) -> Adoption | None:
+    """What a killed run was about to adopt; None when there is nothing whole."""
+    data, _ = read_regular(layout.local / RECORD)
+    try:
+        told = json.loads(data or b"")
+        found = Adoption(*(str(told[name]) for name in ("node", "base", "digest", "source")))
+    except (ValueError, LookupError, TypeError):
+        return None
+    return found if digest.of_bytes(found.source.encode()) == found.digest else None
+
+
+def _forget(layout: Layout) -> None:
+    (layout.local / RECORD).unlink(missing_ok=True)
