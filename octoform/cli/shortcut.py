@@ -21,7 +21,7 @@ def connected(words: Sequence[str]) -> int | None:
     if folder is None or not words[-1] or not _LETTERS.issuperset(words[-1]):
         return None
     try:
-        connection = sockets.connect(folder + PLACE.format(host=words[-1]), 5.0)
+        connection = sockets.greeted(folder + PLACE.format(host=words[-1]), 5.0)
     except OSError:
         return None
     with connection:

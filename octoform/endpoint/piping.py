@@ -10,6 +10,8 @@ import os
 import select
 import socket
 
+from octoform.endpoint.sockets import GREETING
+
 CHUNK = 1 << 16
 PIPE_BYTES = 1 << 20
 """What a pipe may hold, where the system grants it: a picture then passes in a few steps instead of many."""
@@ -20,11 +22,13 @@ MOST_WAITING = 1 << 20
 class _Way:
     """One direction: bytes read that are not yet written."""
 
-    __slots__ = ("ended", "source", "target", "waiting")
+    __slots__ = ("ended", "greeting", "source", "target", "waiting")
 
-    def __init__(self, source: int, target: int) -> None:
+    def __init__(self, source: int, target: int, greeting: bytes = b"") -> None:
         self.source = source
         self.target = target
+        self.greeting = greeting
+        """What is left out where it comes first."""
         self.waiting = b""
         self.ended = False
 
@@ -38,7 +42,7 @@ def pipe(connection: socket.socket, stdin: int = 0, stdout: int = 1) -> bool:
             os.set_blocking(descriptor, False)
             with contextlib.suppress(OSError):  # no pipe, or more than this user may have
                 fcntl.fcntl(descriptor, fcntl.F_SETPIPE_SZ, PIPE_BYTES)
-        return _carry(connection, _Way(stdin, connection.fileno()), _Way(connection.fileno(), stdout))
+        return _carry(connection, _Way(stdin, connection.fileno()), _Way(connection.fileno(), stdout, GREETING))
     finally:
         # Others may have the same terminal open.
         for descriptor, blocking in before.items():
@@ -85,7 +89,8 @@ def _fill(way: _Way) -> None:
     except OSError:
         part = b""
     way.ended = not part
-    way.waiting += part
+    way.waiting += part.removeprefix(way.greeting)
+    way.greeting = b""
 
 
 def _drain(way: _Way) -> None:

@@ -4,7 +4,7 @@ import socket
 from collections.abc import Callable
 
 from octoform.diagnostics import Diagnostic, error
-from octoform.endpoint.sockets import connect
+from octoform.endpoint.sockets import greeted
 from octoform.endpoint.supervising import start
 from octoform.state.layout import Layout
 
@@ -16,14 +16,14 @@ PATIENCE_SECONDS = 1.0
 def reach(layout: Layout, waiting: Callable[[], None] | None = None) -> socket.socket | Diagnostic:
     """A connected socket, or why there is none; ``waiting`` is called when a start takes more than a second."""
     try:
-        return connect(layout.socket, CONNECT_SECONDS)
+        return greeted(layout.socket, CONNECT_SECONDS)
     except OSError:
         pass  # nothing runs, or nothing that takes clients: `start` knows
     problem = _started(layout, waiting)
     if problem is not None:
         return problem
     try:
-        return connect(layout.socket, CONNECT_SECONDS)
+        return greeted(layout.socket, CONNECT_SECONDS)
     except OSError as fault:
         return down(f"it was started and takes no client ({fault.strerror})")
 
@@ -45,7 +45,7 @@ def _started(layout: Layout, waiting: Callable[[], None] | None) -> Diagnostic |
 def knock(layout: Layout) -> socket.socket | Diagnostic:
     """A connected socket of the endpoint that runs, or why there is none; nothing is started."""
     try:
-        return connect(layout.socket, CONNECT_SECONDS)
+        return greeted(layout.socket, CONNECT_SECONDS)
     except OSError as fault:
         return down(f"nothing takes clients ({fault.strerror or fault})")
 

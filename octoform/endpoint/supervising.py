@@ -19,13 +19,15 @@ from octoform.diagnostics import Diagnostic, error
 from octoform.endpoint import systemd
 from octoform.endpoint.files import LAUNCHER, not_ours
 from octoform.endpoint.running import MARK, Running, is_it, running
-from octoform.endpoint.sockets import connect
+from octoform.endpoint.sockets import greeted
 from octoform.state.layout import Layout
 
 START_SECONDS = 120.0
 """For a start on a small board; a second or two elsewhere. One that has ended is seen at once."""
 STOP_SECONDS = 8.0
-"""What a graceful end may take before a firm one."""
+"""What a graceful end may take before a firm one, and how long a start waits for the end of the process before it."""
+TAKEN = 75
+"""Exit status of a process that found the endpoint owned by another one (EX_TEMPFAIL)."""
 LARGE_LOG = 10_000_000
 """Bytes of the process's own log above which a start begins a new one."""
 PASSED = ("HOME", "PATH", "LANG", "LC_ALL", "TMPDIR", "TZ", "USER", "LOGNAME", "XDG_RUNTIME_DIR")
@@ -55,16 +57,21 @@ def start(layout: Layout, seconds: float = START_SECONDS) -> tuple[Running | Non
         if foreign := not_ours(folder):
             return None, error("ENDPOINT-START-FAILED", "the endpoint is not started", detail=foreign)
     with _turn(layout):
+        end = time.monotonic() + seconds
         found = running(layout)
-        if found is not None and accepts(layout):
-            return found, None
-        return _start(layout, time.monotonic() + seconds)
+        if found is not None:
+            if accepts(layout):
+                return found, None
+            _gone(found, min(end, time.monotonic() + STOP_SECONDS))  # what takes nobody is ending
+        return _start(layout, end)
 
 
 def accepts(layout: Layout) -> bool:
-    """True when something takes clients at the endpoint's socket."""
+    """True when something takes clients at the endpoint's socket, be it slowly."""
     try:
-        connect(layout.socket, 1.0).close()
+        greeted(layout.socket, 1.0).close()
+    except BlockingIOError:  # so many wait there already
+        return True
     except OSError:
         return False
     return True
@@ -128,6 +135,9 @@ def _turn(layout: Layout) -> Iterator[None]:
 class _Begun(Protocol):
     """A start that was asked for."""
 
+    taken: bool
+    """True once it ended because another process owns the endpoint."""
+
     def ended(self) -> str | None:
         """How it ended before it served; None while it may still come."""
 
@@ -141,6 +151,7 @@ class _Detached:
     def __init__(self, layout: Layout) -> None:
         import subprocess  # here, so that a client's pipe to a running endpoint does not load it
 
+        self.taken = False
         with os.fdopen(_private(layout.server_log), "ab") as log:
             self._process = subprocess.Popen(
                 [str(layout.endpoint / LAUNCHER)],
@@ -158,6 +169,7 @@ class _Detached:
 
     def ended(self) -> str | None:
         status = self._process.poll()
+        self.taken = status == TAKEN
         return None if status is None else f"its process ended with status {status}"
 
     def give_up(self) -> None:
@@ -171,13 +183,16 @@ def _start(layout: Layout, end: float) -> tuple[Running | None, Diagnostic | Non
     with os.fdopen(_private(layout.server_log), "ab") as log:
         mark = log.tell()
     begun: _Begun = systemd.started(layout) or _Detached(layout)
+    patience = time.monotonic() + STOP_SECONDS
     while time.monotonic() < end:
-        found = running(layout)
-        if found is not None and accepts(layout):
+        # In this order: whoever greets owns the endpoint, and then the record tells of no process before it.
+        if accepts(layout) and (found := running(layout)) is not None:
             return found, None
         why = begun.ended()
         if why is not None:
-            return None, _failed(layout, mark, why)
+            if not begun.taken or time.monotonic() > patience:
+                return None, _failed(layout, mark, why)
+            begun = _Detached(layout)  # the owner may be one that was killed and is not wholly gone
         time.sleep(_STEP)
     begun.give_up()
     return None, _failed(layout, mark, "it takes no clients")

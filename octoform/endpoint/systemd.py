@@ -147,6 +147,7 @@ class Service:
 
     def __init__(self, name: str) -> None:
         self._name = name
+        self.taken = False  # systemd ends one process wholly before it starts the next
         self._next = time.monotonic() + LOOK_SECONDS
 
     def ended(self) -> str | None:

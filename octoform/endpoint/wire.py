@@ -66,7 +66,7 @@ class Wire:
         self._send({"id": number, "method": method, "params": {**params, "_meta": envelope}}, end)
         try:
             for message in self._messages(end):
-                if message.get("id") == number and "method" not in message:
+                if _answers(message, number):
                     return _result(message)
                 if progress is not None:
                     _report(message, number, progress)
@@ -97,6 +97,8 @@ class Wire:
     def _messages(self, end: float) -> Iterator[dict[str, Any]]:
         """Messages as they come, until the connection ends; WireError at the time ``end``."""
         while (line := self._line(end)) is not None:
+            if not line.strip():
+                continue  # a greeting that came late
             try:
                 message = json.loads(line)
             except ValueError as problem:
@@ -143,6 +145,13 @@ def _envelope() -> dict[str, Any]:
         **sender("octoform"),
         f"{_PREFIX}/clientCapabilities": {"elicitation": {"form": {}}},
     }
+
+
+def _answers(message: Mapping[str, Any], number: int) -> bool:
+    """Whether it is the answer to this request, or an error of the connection itself, which names no request."""
+    if "method" in message:
+        return False
+    return message.get("id") == number or ("error" in message and message.get("id") is None)
 
 
 def _result(message: Mapping[str, Any]) -> dict[str, Any]:

@@ -1,5 +1,8 @@
 """Clients of this machine: each connection to the Unix socket is an MCP client with the framing of stdio.
 
+Each is greeted with an empty line as it is taken. The kernel also connects clients to a process that is being killed;
+without the greeting they could not tell that nobody will ever answer, and a process has to be started.
+
 One process owns the devices and serves them all. A client that sends what is no message, or too large a one, gets an
 error and hurts nobody else; one that goes takes its running calls with it; one that does not read is sent away before
 what waits for it fills the memory. A shortage of descriptors closes the door only for as long as it lasts.
@@ -24,6 +27,8 @@ from .socketfile import PASSING, PAUSE, is_mine
 
 LONGEST_LINE = 8 * 1024 * 1024
 """Bytes of one message from a client."""
+GREETING = b"\n"
+"""What comes first, before any message: a line that readers of lines pass over."""
 MOST_CLIENTS = 100
 SEND_BYTES = 1 << 20
 MOST_WAITING = 64 * 1024 * 1024
@@ -79,8 +84,11 @@ class LocalClients:
             await asyncio.gather(*self._tasks, return_exceptions=True)
 
     def _admit(self, connection: socket.socket) -> None:
-        if not is_mine(connection) or len(self._tasks) >= MOST_CLIENTS:
-            LOGGER.error("a local client was turned away")
+        if not is_mine(connection):
+            LOGGER.error("a client of another user was turned away")
+            connection.close()
+            return
+        if not _greet(connection, full=len(self._tasks) >= MOST_CLIENTS):
             connection.close()
             return
         task = asyncio.create_task(self._client(connection))
@@ -128,6 +136,18 @@ async def _accepted(listener: socket.socket) -> socket.socket:
         await asyncio.sleep(PAUSE)
 
 
+def _greet(connection: socket.socket, full: bool) -> bool:
+    """Tell a client that it was taken, or that there are too many; False when it has to go."""
+    told = _error(None, -32000, f"this endpoint has {MOST_CLIENTS} clients and takes no more") if full else b""
+    try:
+        connection.send(GREETING + told)
+    except OSError:  # it is gone
+        return False
+    if full:
+        LOGGER.error("a local client was turned away: there are %s", MOST_CLIENTS)
+    return not full
+
+
 class _Outbox:
     """What goes to a client. ``leave`` is called when it has to go because it does not read."""
 
@@ -138,16 +158,16 @@ class _Outbox:
         self._taken = -1
         self._timer: asyncio.TimerHandle | None = None
 
-    def put(self, message: bytes) -> None:
-        """Send one message, which waits where the client is not ready for it."""
+    def put(self, line: bytes) -> None:
+        """Send one message with the end of its line, which waits where the client is not ready for it."""
         if self._transport.is_closing():
             return
         waiting = self._transport.get_write_buffer_size()
         if waiting > MOST_WAITING:
             self._give_up(f"{waiting} bytes wait for it")
             return
-        self._transport.write(message + b"\n")
-        self._sent += len(message) + 1
+        self._transport.write(line)
+        self._sent += len(line)
         if self._timer is None:
             self._look()
 
@@ -192,7 +212,7 @@ async def _read(reader: asyncio.StreamReader, outbox: _Outbox, incoming: Incomin
             except (anyio.BrokenResourceError, anyio.ClosedResourceError):
                 return
         if lines.too_long:
-            _send_error(outbox, None, -32600, f"a message may have at most {LONGEST_LINE} bytes")
+            outbox.put(_error(None, -32600, f"a message may have at most {LONGEST_LINE} bytes"))
 
 
 class _Lines:
@@ -228,19 +248,20 @@ def _refuse(outbox: _Outbox, line: bytes) -> None:
     try:
         value = json.loads(line)
     except (ValueError, RecursionError):
-        _send_error(outbox, None, -32700, "this is no JSON")
+        outbox.put(_error(None, -32700, "this is no JSON"))
         return
     identity = value.get("id") if isinstance(value, dict) else None
     known = identity if isinstance(identity, str | int) and not isinstance(identity, bool) else None
-    _send_error(outbox, known, -32600, "this is no JSON-RPC message")
+    outbox.put(_error(known, -32600, "this is no JSON-RPC message"))
 
 
-def _send_error(outbox: _Outbox, identity: str | int | None, code: int, text: str) -> None:
+def _error(identity: str | int | None, code: int, text: str) -> bytes:
+    """An error as JSON-RPC has it, as a line."""
     answer = {"jsonrpc": "2.0", "id": identity, "error": {"code": code, "message": text}}
-    outbox.put(json.dumps(answer).encode())
+    return json.dumps(answer).encode() + b"\n"
 
 
 async def _write(outbox: _Outbox, outgoing: Outgoing) -> None:
     async with outgoing:
         async for message in outgoing:
-            outbox.put(message.message.model_dump_json(by_alias=True, exclude_unset=True).encode())
+            outbox.put(message.message.model_dump_json(by_alias=True, exclude_unset=True).encode() + b"\n")

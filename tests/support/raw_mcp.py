@@ -83,6 +83,8 @@ class RawClient:
 
     async def _listen(self) -> None:
         while line := await self._line():
+            if not line.strip():
+                continue  # the greeting
             message = json.loads(line)
             future = self._waiting.pop(message.get("id"), None)
             if future is None:

@@ -1,6 +1,7 @@
 """One process per host: started once, proved to be it, ended first gently, and nobody else ever touched."""
 
 import asyncio
+import contextlib
 import json
 import os
 import signal
@@ -14,6 +15,7 @@ import pytest
 from endings import record_running
 from launched import Launched, launched, tool, write
 from launched import policy_of as policy
+from raw_mcp import request
 
 from octoform.endpoint import supervising
 from octoform.endpoint.running import running
@@ -123,6 +125,50 @@ def test_what_does_not_end_by_itself_is_ended_firmly(bench: Launched) -> None:
     assert stopped.firmly and gone(process.pid)
     assert time.monotonic() - began < 5.0
     bench.start()
+
+
+def connects(pid: int) -> bool:
+    """Whether a process has a connected Unix socket (the tables of proc(5): state 03)."""
+    with contextlib.suppress(OSError):
+        links = {str(entry.readlink()) for entry in Path(f"/proc/{pid}/fd").iterdir()}
+        rows = [line.split() for line in Path(f"/proc/{pid}/net/unix").read_text().splitlines()[1:]]
+        return any(row[5] == "03" and f"socket:[{row[6]}]" in links for row in rows)
+    return False
+
+
+def test_who_came_to_a_process_that_dies_is_served_by_its_successor(bench: Launched) -> None:
+    """The kernel connects a client also to a process that will never take it."""
+    before = bench.process.pid
+    os.kill(before, signal.SIGSTOP)
+    with subprocess.Popen(bench.command, stdin=subprocess.PIPE, stdout=subprocess.PIPE) as client:
+        assert client.stdin is not None and client.stdout is not None
+        end = time.monotonic() + 20
+        while not connects(client.pid):
+            assert time.monotonic() < end
+            time.sleep(0.01)
+        os.kill(before, signal.SIGKILL)
+        client.stdin.write(json.dumps(request("tools/list")).encode() + b"\n")
+        client.stdin.flush()
+        assert [tool["name"] for tool in json.loads(client.stdout.readline())["result"]["tools"]] == ["spawn"]
+        client.stdin.close()
+    assert bench.process.pid != before
+
+
+def test_a_start_waits_for_an_owner_that_is_ending(bench: Launched) -> None:
+    """The lock of a killed process is free only once the last of its threads is gone, later than its record is."""
+    bench.stop()
+    bench.layout.server_log.write_text("")
+    owner = Owner.take(bench.layout.run)
+    assert owner is not None
+    with ThreadPoolExecutor(1) as pool:
+        starting = pool.submit(supervising.start, bench.layout)
+        end = time.monotonic() + 20
+        while "another process serves" not in bench.printed():
+            assert time.monotonic() < end
+            time.sleep(0.01)
+        owner.release()
+        process, problem = starting.result()
+    assert process is not None, problem
 
 
 def test_an_innocent_process_is_never_signalled(tmp_path: Path) -> None:

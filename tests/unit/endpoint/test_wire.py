@@ -108,6 +108,8 @@ def test_an_answer_in_pieces_among_other_messages_is_found_and_progress_is_told(
         ((lines({"id": 1, "result": 3}),), "closed", "no result"),
         ((lines({"id": 1, "error": {"code": -32602, "message": "expired"}}),), "refused", "expired"),
         ((lines({"id": 1, "error": "odd"}),), "refused", "odd"),
+        ((lines({"id": None, "error": {"code": -32000, "message": "full"}}),), "refused", "full"),
+        ((lines({"id": None, "result": {}}),), "closed", "ended before the answer"),
     ],
 )
 def test_what_is_no_result_is_told_apart(pieces: tuple[bytes, ...], kind: str, words: str) -> None:
@@ -115,6 +117,11 @@ def test_what_is_no_result_is_told_apart(pieces: tuple[bytes, ...], kind: str, w
         client.ask("x", {}, 5)
     assert caught.value.kind == kind
     assert len(heard()) == 1, "there is nothing to cancel"
+
+
+def test_a_greeting_that_came_late_is_passed_over() -> None:
+    with answered(b"\n" + lines(OK)) as (client, _):
+        assert client.ask("x", {}, 5) == OK["result"]
 
 
 def test_a_request_without_an_answer_is_cancelled() -> None:
