@@ -153,7 +153,7 @@ class LineDevice:
         return f"ERR {refused}\n".encode() if refused else self._moved({axis: steps})
 
     def _refusal(self, axis: str, steps: int) -> str | None:
-        if self.fault == "hot" or steps in self.description.get("refuses", ()):
+        if self.fault == "hot" or steps in self.description.get("refuse", ()):
             return "motor driver is hot"
         most, farthest = self.description.get("most"), self.description.get("farthest")
         if most is not None and abs(steps) > most:

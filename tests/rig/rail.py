@@ -1,16 +1,14 @@
-"""A camera rail without a rail: its firmware on the far end of a pseudo terminal that stands for the board's tty.
+"""A camera rail without a rail: the simulated firmware behind a pseudo terminal that stands for the board's tty.
 
-It keeps its own count of steps and its own bounds, and remembers each line that reached it, so that a test sees what
-the hardware would have done and not what a server said. ``manner`` decides how it answers the next lines.
+This one takes no time to move and refuses nothing for being too far: limits are the business of those in front of it.
+It remembers each line that reached it, so that a test sees what the hardware would have done and not what a server
+said.
 """
 
-import os
-import pty
-import re
-import select
-import threading
-import tty
 from pathlib import Path
+
+from octoform.simulation.line import LineDevice
+from octoform.simulation.ports import Port
 
 HOST = "../rig/rail"
 """The board's text for ``plant``."""
@@ -19,43 +17,43 @@ ANSWER = "the camera rail of the bench"
 MOST, FARTHEST = 2000, 10000
 HOT = 13
 """A move of so many steps is refused by the firmware."""
-_MOVE = re.compile(r"MOVE_([XY]) (-?\d+)")
+_FIRMWARE = {
+    "half_period": 0.0008,
+    "speedup": float("inf"),
+    "moves": {"MOVE_X": "X", "MOVE_Y": "Y"},
+    "home": "HOME",
+    "refuse": [HOT],
+}
 
 
-class Rail:
+class Rail(LineDevice):
     """The firmware. ``manner``: well, mute (never answers), odd (answers nonsense), gone (unplugged by a line).
 
     ``jammed``: it refuses every move, and does not move.
     """
 
     def __init__(self) -> None:
-        self.position = {"X": 0, "Y": 0}
-        self.farthest = self.longest = 0
-        self.lines: list[str] = []
-        self.manner, self.jammed = "well", False
+        super().__init__(_FIRMWARE)
+
+    @property
+    def manner(self) -> str:
+        return self.fault or "well"
+
+    @manner.setter
+    def manner(self, manner: str) -> None:
+        self.fault = None if manner == "well" else manner
+
+    @property
+    def jammed(self) -> bool:
+        return self.fault == "hot"
+
+    @jammed.setter
+    def jammed(self, jammed: bool) -> None:
+        self.fault = "hot" if jammed else None
 
     def obey(self, line: str) -> str | None:
         """What it answers to a line; None for nothing. OSError when it is unplugged by it."""
-        self.lines.append(line)
-        if self.manner == "gone":
-            raise OSError("unplugged")
-        if self.manner == "mute":
-            return None
-        return "boot v3 \x1b[31m" if self.manner == "odd" else self._moved(line)
-
-    def _moved(self, line: str) -> str:
-        if line == "HOME":
-            self.position = {"X": 0, "Y": 0}
-            return "OK"
-        found = _MOVE.fullmatch(line)
-        if found is None:
-            return "ERR unknown command"
-        axis, steps = found[1], int(found[2])
-        if steps == HOT or self.jammed:
-            return "ERR motor driver is hot"
-        self.position[axis] += steps
-        self.farthest, self.longest = max(self.farthest, abs(self.position[axis])), max(self.longest, abs(steps))
-        return "OK"
+        return self.feed(f"{line}\n".encode()).decode().rstrip("\n") or None
 
 
 class Board:
@@ -63,43 +61,19 @@ class Board:
 
     def __init__(self, tree: Path, rail: Rail) -> None:
         self.rail, self._node = rail, tree / "dev" / "ttyACM0"
-        self._master = self._slave = -1
-        self._thread = threading.Thread()
-        self._over = threading.Event()
+        self._port: Port | None = None
 
     def plug(self) -> None:
         """Connect it."""
-        self._master, self._slave = pty.openpty()
-        tty.setraw(self._slave)
-        self._node.unlink(missing_ok=True)
-        self._node.symlink_to(os.ttyname(self._slave))
-        self._over.clear()
-        self._thread = threading.Thread(target=self._run, daemon=True)
-        self._thread.start()
+        self._port = Port(self.rail, self._node)
+        self._port.start()
 
     def say(self, line: str) -> None:
         """Send a line that nobody asked for."""
-        os.write(self._master, f"{line}\n".encode())
+        assert self._port is not None
+        self._port.say(f"{line}\n".encode())
 
     def unplug(self) -> None:
         """Take it away; harmless when it is gone."""
-        self._over.set()
-        self._thread.join()
-        self._node.unlink(missing_ok=True)
-
-    def _run(self) -> None:
-        text = b""
-        try:
-            while not self._over.is_set():
-                if not select.select([self._master], [], [], 0.05)[0]:
-                    continue
-                text += os.read(self._master, 1024)
-                while b"\n" in text:
-                    line, _, text = text.partition(b"\n")
-                    if answer := self.rail.obey(line.decode("ascii")):
-                        os.write(self._master, f"{answer}\n".encode())
-        except OSError:
-            self._node.unlink(missing_ok=True)  # it was unplugged by the line
-        finally:
-            os.close(self._slave)
-            os.close(self._master)
+        if self._port is not None:
+            self._port.stop()
