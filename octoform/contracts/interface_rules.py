@@ -6,6 +6,7 @@ truth about each, and every device that no tool serves is named with a reason.
 
 from collections import defaultdict
 
+from octoform.contracts import stop_rules
 from octoform.contracts.model import Artifacts, JsonObject, Rule
 from octoform.contracts.naming import is_passthrough, raw_parameter, same_action
 from octoform.contracts.text import listed, pointer, shown
@@ -235,6 +236,7 @@ RULES = (
     Rule("INTERFACE-LEFT-OUT-TWICE", left_out_twice),
     Rule("INTERFACE-DUPLICATE-PATH", duplicate_path),
     Rule("INTERFACE-PASSTHROUGH", passthrough),
+    *stop_rules.INTERFACE_RULES,
     Rule("INTERFACE-UNESCAPED-TEXT", in_values("INTERFACE-UNESCAPED-TEXT")),
 )
 

@@ -218,7 +218,7 @@ def test_a_host_with_a_device_of_many_classes_and_a_product_keeps_all_its_tools(
         for device, names in has.items()
     ]
     artifact = declare(named, 30, task)
-    wanted = {name for names in has.values() for name in names} | {"rail_move_x", "rail_move_y", "rail_home"}
+    wanted = {name for names in has.values() for name in names} | {item["tool"] for item in commands(RAIL)}
     assert {tool["name"] for tool in artifact["tools"]} == wanted
     assert "tool_budget" not in {item["reason"] for item in artifact["left_out"]}
     assert check("serve", render(artifact, task), Artifacts(interface=artifact), SCHEMAS) == []

@@ -140,11 +140,20 @@ IDENTIFY_CASES: list[tuple[str, Change]] = [
             {"name": "set_fan_speed", "description": "x", "via": "x86 port", "effect": "irreversible"},
         ),
     ),
+    ("IDENTIFY-STOPS", _put("devices.0.capabilities.0.stops", True)),
+    (
+        "IDENTIFY-STOPS",
+        _add(
+            "devices.0.capabilities",
+            {"name": "set_fan_speed", "description": "x", "via": "x86 port", "effect": "actuate", "stops": True},
+        ),
+    ),
 ]
 
 INTERFACE_CASES: list[tuple[str, Change]] = [
     ("INTERFACE-SCHEMA", _put("tools.0.name", "no blanks")),
     ("INTERFACE-SCHEMA", _drop("tools.0.annotations.openWorldHint")),
+    ("INTERFACE-STOPS", _put("tools.2.stops", True)),
     ("INTERFACE-CAPABILITY-WITHOUT-TOOL", _drop("tools.1")),
     ("INTERFACE-TOOL-WITHOUT-CAPABILITY", _add("tools", _second_tool("see", "see_things", "usb-1234-0001"))),
     ("INTERFACE-DUPLICATE-CAPABILITY", _add("tools", _second_tool("fan_rpm", "read_fan_speed", "hwmon-fanboard"))),

@@ -1,0 +1,60 @@
+"""Rules for what ends a movement: IDENTIFY says which capability does, INTERFACE repeats it, and neither says too much.
+
+A call of such a tool passes those that wait for the device, so the mark belongs to tools that do nothing but stop.
+"""
+
+from octoform.contracts.model import Artifacts, JsonObject, Rule
+from octoform.contracts.text import pointer, shown
+from octoform.diagnostics import Diagnostic, error
+
+_ACTUATE = "actuate"
+
+
+def identify_stops(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
+    """A capability that stops actuates, and does so on every device that has it."""
+    first: dict[str, bool] = {}
+    out = []
+    for index, device in enumerate(value["devices"]):
+        for at, capability in enumerate(device["capabilities"]):
+            stops, name = capability.get("stops", False), capability["name"]
+            if stops and capability["effect"] != _ACTUATE:
+                summary, hint = f"{shown(name)} stops and is {capability['effect']}", "what ends a movement actuates"
+            elif first.setdefault(name, stops) is not stops:
+                summary = f"{shown(name)} stops on one device and not on another"
+                hint = "give capabilities that do different things different names"
+            else:
+                continue
+            where = pointer("devices", index, "capabilities", at)
+            out.append(error("IDENTIFY-STOPS", summary, pointer=where, hint=hint))
+    return out
+
+
+def interface_stops(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
+    """A tool stops where its capability does, and takes no parameter but the device."""
+    stopping = {
+        capability["name"]: capability.get("stops", False)
+        for device in (artifacts.identify or {"devices": []})["devices"]
+        for capability in device["capabilities"]
+    }
+    out = []
+    for index, tool in enumerate(value["tools"]):
+        stops = tool.get("stops", False)
+        wanted = stopping.get(tool["capability"], stops)
+        properties = tool["input_schema"].get("properties")
+        others = sorted(set(properties if isinstance(properties, dict) else ()) - {"device"})
+        if stops is not wanted:
+            word = "true" if wanted else "false"
+            summary = f"{shown(tool['name'])} does not say of stopping what its capability says"
+            where, hint = pointer("tools", index), f'write "stops": {word}'
+        elif stops and others:
+            summary = f"{shown(tool['name'])} stops, and takes the parameter {shown(others[0])}"
+            where = pointer("tools", index, "input_schema", "properties", others[0])
+            hint = "a tool that stops takes no parameter but `device`"
+        else:
+            continue
+        out.append(error("INTERFACE-STOPS", summary, pointer=where, hint=hint))
+    return out
+
+
+IDENTIFY_RULES = (Rule("IDENTIFY-STOPS", identify_stops),)
+INTERFACE_RULES = (Rule("INTERFACE-STOPS", interface_stops),)
