@@ -130,9 +130,9 @@ def _waiting(artifacts: Mapping[str, Any], answers: Mapping[str, str], heard: Ma
 
 
 def _ground(compiled: Compiled, artifacts: Mapping[str, Any], answers: Mapping[str, str]) -> Ground:
-    grammars = {profile.name for profile in compiled.profiles if profile.grammar is not None}
+    descriptions = {profile.name for profile in compiled.profiles if profile.describes}
     annotated = artifacts.get("identify", {"devices": []})["devices"]
-    tiers = {item["id"]: wanted(item) or tier(item, answers, grammars) for item in annotated}
+    tiers = {item["id"]: wanted(item) or tier(item, answers, descriptions) for item in annotated}
     return Ground(artifacts, answers, tiers, hidden(compiled.layout))
 
 

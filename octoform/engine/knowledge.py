@@ -26,12 +26,12 @@ def questions(artifacts: Artifacts, answers: Mapping[str, str]) -> tuple[OpenQue
 def devices(artifacts: Artifacts, profiles: tuple[Profile, ...], prior: Mapping[str, Prior]) -> tuple[ToldDevice, ...]:
     """The devices that IDENTIFY could name, each with its tier, as of what was said when it was accepted."""
     answers = accepted_answers(prior)
-    grammars = {profile.name for profile in profiles if profile.grammar is not None}
+    descriptions = {profile.name for profile in profiles if profile.describes}
     return tuple(
         ToldDevice(
             device=device["id"],
             name=device["identified_as"],
-            tier=tier(device, answers, grammars),
+            tier=tier(device, answers, descriptions),
             answer=answers.get(device["id"]),
             profile=device.get("profile"),
         )

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from octoform.profiles.evidence import Rule
-from octoform.profiles.grammar import Grammar
+from octoform.profiles.grammar import Grammar, LineGrammar
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,3 +56,8 @@ class Profile:
     grammar: Grammar | None = None
     product: str = ""
     rig: Rig = Rig()
+
+    @property
+    def describes(self) -> bool:
+        """Whether it says how to talk to something that nobody else knows; behind a public library a name is enough."""
+        return isinstance(self.grammar, LineGrammar)
