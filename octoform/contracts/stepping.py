@@ -26,6 +26,13 @@ class StepFacts:
     cameras: tuple[Mapping[str, Any], ...] = ()
     best: str | None = None
 
+    @property
+    def idle(self) -> bool:
+        """True where there is nothing to do the step with: it is skipped, and its artifact claims nothing."""
+        if self.kind == "frame":
+            return not self.cameras
+        return self.needs_profile and not self.devices
+
 
 def corroborated(profile: str, artifacts: "Artifacts") -> tuple[str, ...]:
     """The devices that a step may run for which needs that profile, in IDENTIFY's order.

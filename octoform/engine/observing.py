@@ -2,21 +2,24 @@
 
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import octoform
 from octoform import digest, host
+from octoform.apply.step_facts import facts_of
 from octoform.contracts.checking import check, has_shape
 from octoform.contracts.model import Artifacts, ProfileFacts
 from octoform.contracts.parsing import parse
 from octoform.diagnostics import Diagnostic, Severity
 from octoform.endpoint.observing import observe as observe_endpoint
 from octoform.engine.compiling import Compiled
+from octoform.perception.choosing import Camera, cameras
 from octoform.plan.diff import Observed, Prior
 from octoform.profiles import commands, holds
 from octoform.state.artifacts import observe as observe_files
+from octoform.state.instances import read_instances
 from octoform.state.layout import STAGES, Layout
 from octoform.state.model import NodeState, Snapshot
 
@@ -82,7 +85,7 @@ def read_artifacts(compiled: Compiled, snapshot: Snapshot, digests: Mapping[str,
     to be read at all: whoever uses the values relies on it.
     """
     found = {}
-    for stage in STAGES:
+    for stage in (*STAGES, *compiled.steps):
         path = compiled.layout.output(stage)
         if digests.get(stage) is None or not path.is_file() or path.is_symlink():
             continue
@@ -97,7 +100,7 @@ def read_artifacts(compiled: Compiled, snapshot: Snapshot, digests: Mapping[str,
 def _complaints(compiled: Compiled, snapshot: Snapshot, artifacts: Mapping[str, Any], contract: str) -> dict[str, str]:
     """Accepted artifacts verified again where the contract has moved since; cheap, and no agent runs for it."""
     out = {}
-    for stage in STAGES:
+    for stage in (*STAGES, *compiled.steps):
         state = snapshot.nodes.get(stage)
         if state is None or stage not in artifacts or state.detail.get("contract") == contract:
             continue
@@ -111,8 +114,9 @@ def verify(compiled: Compiled, stage: str, artifacts: Mapping[str, Any]) -> list
     """The contract's word on an artifact that is there; an artifact that cannot be read says nothing here."""
     if stage not in artifacts:
         return []
-    before = {name: artifacts[name] for name in STAGES[: STAGES.index(stage)] if name in artifacts}
-    if len(before) < STAGES.index(stage):
+    needed = STAGES[: STAGES.index(stage)] if stage in STAGES else STAGES
+    before = {name: artifacts[name] for name in needed if name in artifacts}
+    if len(before) < len(needed):
         return []  # a predecessor is gone; that is a reason of its own
     probe = artifacts.get("probe")
     manifest = compiled.manifest
@@ -122,7 +126,16 @@ def verify(compiled: Compiled, stage: str, artifacts: Mapping[str, Any]) -> list
     }
     budget = manifest.budget_for("interface").tools
     known = Artifacts(**before, profiles=facts, answers=manifest.answers, tools_budget=budget)
+    step = compiled.steps.get(stage)
+    if step is not None:
+        known = replace(known, step=facts_of(step, known, compiled.profiles, _cameras(compiled, before)))
     return check(stage, artifacts[stage], known, compiled.schemas)
+
+
+def _cameras(compiled: Compiled, artifacts: Mapping[str, Any]) -> tuple[Camera, ...]:
+    hint = compiled.manifest.camera_hint().get("perception.camera")
+    ledger, _ = read_instances(compiled.layout)
+    return cameras(artifacts["probe"], artifacts["identify"], artifacts["interface"], hint, ledger)
 
 
 def _hardware(layout: Layout, now: host.Fingerprint) -> tuple[str, ...]:

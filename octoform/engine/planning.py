@@ -1,7 +1,7 @@
 """Plan: compile, look, compare; nothing is written and nothing is started. (Heavy.)"""
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -9,7 +9,7 @@ import octoform
 from octoform.diagnostics import Diagnostic, did_you_mean, error, has_errors, warning
 from octoform.endpoint.neighbours import running_beside
 from octoform.endpoint.policy_check import doubts
-from octoform.engine import knowledge
+from octoform.engine import knowledge, step_outlook
 from octoform.engine.compiling import Compiled, compile_project
 from octoform.engine.observing import Situation, look
 from octoform.engine.results import PlanResult
@@ -19,7 +19,7 @@ from octoform.graph.model import Graph
 from octoform.plan import encode, planfile
 from octoform.plan.diff import Wishes, diff
 from octoform.plan.lending import Offer, Offers, with_loans
-from octoform.plan.model import Action, Cause, Change, Plan, PlannedAction, Reason
+from octoform.plan.model import Action, Cause, Change, Plan, PlannedAction, Reason, StepOutlook
 from octoform.profiles.applying import holds
 from octoform.state import donors
 from octoform.state.files import write_atomic
@@ -148,7 +148,13 @@ def _prevented(compiled: Compiled) -> list[Diagnostic]:
 
 
 def _plan(request: Request, compiled: Compiled, snapshot: Snapshot, situation: Situation) -> Plan:
-    actions = _destruction(compiled.graph, snapshot) if request.destroy else _construction(request, compiled, situation)
+    steps: tuple[StepOutlook, ...] = ()
+    if request.destroy:
+        actions = _destruction(compiled.graph, snapshot)
+    else:
+        actions = _construction(request, compiled, situation)
+        steps = _steps(compiled, situation, actions)
+        actions = _without_idle_agents(actions, steps)
     facts, _ = repository_facts(compiled.layout.project, source_files(compiled))
     targets = compiled.graph.upstream(request.targets) if request.targets else frozenset()
     known = {} if request.destroy else _known(compiled, situation)
@@ -162,6 +168,7 @@ def _plan(request: Request, compiled: Compiled, snapshot: Snapshot, situation: S
         dirty=facts.dirty if facts else (),
         changes=() if request.destroy else (*_changes(situation), *tool_changes(compiled.layout, situation.artifacts)),
         tier1=request.tier1,
+        steps=steps,
         targets=tuple(name for name in compiled.graph.names() if name in targets),
         **known,
     )
@@ -177,6 +184,26 @@ def _construction(request: Request, compiled: Compiled, situation: Situation) ->
     if not request.reuse or not any(action.calls_agent for action in actions):
         return actions
     return with_loans(compiled.graph, actions, situation.prior, offers(compiled.layout))
+
+
+def _steps(compiled: Compiled, situation: Situation, actions: tuple[PlannedAction, ...]) -> tuple[StepOutlook, ...]:
+    manifest = compiled.manifest
+    known = step_outlook.Known(
+        layout=compiled.layout,
+        artifacts=situation.artifacts,
+        profiles=compiled.profiles,
+        answers=manifest.answers,
+        camera=manifest.camera_hint().get("perception.camera"),
+    )
+    return step_outlook.outlooks(compiled.steps.values(), known, actions)
+
+
+def _without_idle_agents(
+    actions: tuple[PlannedAction, ...], steps: tuple[StepOutlook, ...]
+) -> tuple[PlannedAction, ...]:
+    """A step that is skipped asks no agent."""
+    idle = {item.node for item in steps if item.skipped}
+    return tuple(replace(item, calls_agent=False, calls_model=False) if item.node in idle else item for item in actions)
 
 
 def offers(layout: Layout) -> Offers:

@@ -61,8 +61,9 @@ class PlanHuman:
     def _node(self, plan: Plan, item: PlannedAction) -> None:
         say = self._console.line
         maker = f"  [{one_line(sentences.makers(item), WIDTH)}]" if item.calls_agent else ""
-        name = self._console.paint(f"{item.node:<10}", "bold")
-        say(f"{self._symbol(item.action)} {name} {sentences.phrase(item)}{self._console.paint(maker, 'dim')}")
+        width = max(10, *(len(one.node) for one in plan.work))
+        name = self._console.paint(f"{item.node:<{width}}", "bold")
+        say(f"{self._symbol(item.action)} {name} {sentences.phrase(item, plan)}{self._console.paint(maker, 'dim')}")
         for reason in sentences.reasons(plan, item):
             say(f"        {reason}")
         if item.loan is not None:
@@ -124,7 +125,7 @@ class PlanJson:
             if item.action is not Action.NOOP:
                 texts = sentences.reasons(plan, item)
                 self._stream.emit(
-                    "planned_change", f"{item.node}: {sentences.phrase(item)}", change=change, reasons_text=texts
+                    "planned_change", f"{item.node}: {sentences.phrase(item, plan)}", change=change, reasons_text=texts
                 )
         for change in document["changes"]:
             self._stream.emit("known_change", f"{change['kind']} {change['name']}", change=change)
@@ -134,6 +135,8 @@ class PlanJson:
             self._stream.emit("profile_use", f"profile {use['profile']}: {use['device']}", use=use)
         for item in document["near"]:
             self._stream.emit("profile_near", f"profile {item['profile']}: {item['device']} lacks a word", near=item)
+        for step in document.get("steps", ()):
+            self._stream.emit("privileged_step", f"{step['node']}: {step['about']}", step=step)
         for question in document["questions"]:
             self._stream.emit("open_question", f"{question['device']}: {question['sentence']}", question=question)
         add, update, remove = sentences.counts(plan)

@@ -5,8 +5,8 @@ from collections.abc import Sequence
 from octoform import digest
 from octoform.graph.endpoint_parts import SCOPE, in_force
 from octoform.graph.model import ANSWER
-from octoform.plan.model import Action, Cause, Loan, Plan, PlannedAction, Reason
-from octoform.views import hardware
+from octoform.plan.model import Action, Cause, Loan, Plan, PlannedAction, Reason, StepOutlook
+from octoform.views import hardware, steps
 from octoform.views.text import one_line
 
 LONGEST_ANSWER = 120
@@ -53,12 +53,23 @@ _CAUSES = {
     Cause.CONTRACT: "its accepted artifact no longer passes its contract",
     Cause.INSTANCES_GONE: "this machine does not know its own specimens (serial numbers, ports); PROBE tells them",
     Cause.ENDPOINT: "drift",
+    Cause.REMOVED: "octopus.yaml no longer names it under privileged_steps",
 }
 
 
-def phrase(item: PlannedAction) -> str:
-    """What happens to the node, as the end of a sentence."""
+def phrase(item: PlannedAction, plan: Plan | None = None) -> str:
+    """What happens to the node, as the end of a sentence; of a privileged step in ``plan``: what it moves."""
+    outlook = outlook_of(plan, item)
+    if outlook is not None:
+        return steps.told(outlook, certain=item.certain)
     return _PHRASES[item.action] if item.certain else "may be updated in place (known after apply)"
+
+
+def outlook_of(plan: Plan | None, item: PlannedAction) -> StepOutlook | None:
+    """What is known of a step that would be carried out; None for every other node."""
+    if plan is None or item.action in (Action.DESTROY, Action.NOOP):
+        return None
+    return next((one for one in plan.steps if one.node == item.node), None)
 
 
 def makers(item: PlannedAction) -> str:
@@ -91,11 +102,12 @@ def reasons(plan: Plan, item: PlannedAction) -> list[str]:
 
 def _reason(plan: Plan, action: PlannedAction, item: Reason) -> str:
     if item.cause is Cause.NEW:
-        purpose = _PURPOSES.get(action.node)
+        outlook = outlook_of(plan, action)
+        purpose = _PURPOSES.get(action.node) or (one_line(outlook.about, LONGEST_ANSWER) if outlook else None)
         return f"not in the state yet: {purpose}" if purpose else "not in the state yet"
     if item.cause is Cause.CHANGED:
         return _changed(plan, action, item)
-    text = _CAUSES[item.cause].format(place=f"state/{plan.host}/{action.node}")
+    text = _CAUSES[item.cause].format(place=f"state/{plan.host}/{steps.folder(action.node)}")
     if item.before and item.after:
         text += f" ({show(item.before)} -> {show(item.after)})"
     return f"{text}: {item.text}" if item.text else text
@@ -106,7 +118,7 @@ def _changed(plan: Plan, action: PlannedAction, item: Reason) -> str:
     if part == "hardware":
         return f"hardware: {_moved(plan)}"
     if part == "spec":
-        return f"spec: protocol/{action.node}.md changed ({show(item.before)} -> {show(item.after)})"
+        return f"spec: protocol/{steps.spec(action.node)} changed ({show(item.before)} -> {show(item.after)})"
     if part.startswith(ANSWER):
         return f"answer {part.removeprefix(ANSWER)}: {_said(item)}"
     label = f"output of {part.removeprefix('input.')}" if part.startswith("input.") else part.replace(".", " ", 1)
