@@ -14,6 +14,11 @@ _MEDIA = ("image", "audio")
 _ENDINGS = {"image/jpeg": "jpg", "image/png": "png", "audio/wav": "wav", "audio/x-wav": "wav"}
 
 
+def ending_of(mime: str) -> str:
+    """How the name of a file with such media ends, without the dot; ``bin`` for what is not known."""
+    return _ENDINGS.get(mime, "bin")
+
+
 def save_media(content: Iterable[Mapping[str, Any]], folder: Path, stem: str) -> tuple[list[Path], list[Diagnostic]]:
     """Write the pictures and sounds among the blocks as ``<stem>-<n>.<ending>`` (mode 0600); gives the files."""
     saved: list[Path] = []
@@ -25,8 +30,7 @@ def save_media(content: Iterable[Mapping[str, Any]], folder: Path, stem: str) ->
         except binascii.Error as fault:
             summary = "the answer holds media that are not base64"
             return saved, [error("ENDPOINT-OUTPUT-INVALID", summary, detail=str(fault))]
-        ending = _ENDINGS.get(str(block.get("mimeType")), "bin")
-        path = private_folder(folder) / f"{stem}-{len(saved) + 1}.{ending}"
+        path = private_folder(folder) / f"{stem}-{len(saved) + 1}.{ending_of(str(block.get('mimeType')))}"
         if problem := write_atomic(path, data, 0o600):
             return saved, [problem]
         saved.append(path)

@@ -6,9 +6,11 @@ more of the picture's, so noise is small in it, and what moved is not.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Literal
 
 from octoform.endpoint.judging import UNIFORM_SPREAD
 
+Complaint = Literal["black", "uniform"]
 WIDTH, HEIGHT = 64, 48
 THUMB_BYTES = WIDTH * HEIGHT
 BLACK_MEAN = 16.0
@@ -30,7 +32,7 @@ class Picture:
     thumb: bytes
 
 
-def complaint(picture: Picture) -> str | None:
+def complaint(picture: Picture) -> Complaint | None:
     """``black`` or ``uniform`` for a picture that shows nothing, None for one that shows something."""
     if picture.mean < BLACK_MEAN and picture.spread < BLACK_SPREAD:
         return "black"

@@ -1,0 +1,211 @@
+"""What is known of the pictures: the last two, why there is none, and a summary that never grows.
+
+Whoever judges a host gets this instead of a film: two pictures at most and a few lines. A look without a picture makes
+the last one old at once: what a camera showed before says nothing of what it would show now. (Heavy: pydantic.)
+"""
+
+import base64
+from collections.abc import Mapping
+from typing import Any, Literal
+
+from pydantic import BaseModel, ConfigDict
+
+from octoform.diagnostics import Diagnostic
+from octoform.digest import of_bytes
+from octoform.endpoint.media import ending_of
+from octoform.escaping import escaped
+from octoform.perception.judging import CHANGED, Complaint, Picture, complaint, difference, frozen
+from octoform.perception.looking import Taken
+
+MOST_CHANGES = 40
+MOST_BYTES = 2048
+"""Of all lines about changes together, in UTF-8."""
+REASON_CHARS = 200
+
+
+class _Kept(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+class Camera(_Kept):
+    """A device and the call that takes its picture."""
+
+    device: str
+    tool: str
+    arguments: dict[str, Any] = {}
+
+
+class Frame(_Kept):
+    """One picture: where it lies in the folder of frames, when it was taken and through which camera, what it shows.
+
+    ``complaint`` is ``black`` or ``uniform``; ``frozen`` and ``difference`` compare it with the picture before of the
+    same camera (None: there is none). ``thumb`` is base64 of 48 rows of 64 grey bytes.
+    """
+
+    file: str
+    digest: str
+    at: str
+    camera: Camera
+    mime: str
+    size: int
+    width: int
+    height: int
+    mean: float
+    spread: float
+    complaint: Complaint | None
+    frozen: bool | None
+    difference: float | None
+    thumb: str
+
+    @property
+    def picture(self) -> Picture:
+        """The figures that are compared."""
+        return Picture(self.mean, self.spread, base64.b64decode(self.thumb))
+
+    @property
+    def trouble(self) -> str | None:
+        """Why the picture shows nothing: ``black``, ``uniform``, ``frozen``; None for one that shows something."""
+        return self.complaint or ("frozen" if self.frozen else None)
+
+
+class Absence(_Kept):
+    """No picture: since the look at ``since``, still so at ``last``; code and words of the last reason."""
+
+    since: str
+    last: str
+    code: str
+    reason: str
+
+
+class Summary(_Kept):
+    """Counts of looks since ``since``, and the last changes as short lines, the newest last."""
+
+    since: str
+    looks: int = 0
+    absences: int = 0
+    black: int = 0
+    uniform: int = 0
+    frozen: int = 0
+    changes: tuple[str, ...] = ()
+
+
+class Record(_Kept):
+    """All that is kept of the looks at one host. While ``absent`` is set, ``current`` is None."""
+
+    format: Literal[1] = 1
+    current: Frame | None = None
+    previous: Frame | None = None
+    absent: Absence | None = None
+    summary: Summary
+
+
+def with_picture(record: Record | None, taken: Taken, camera: Mapping[str, Any], at: str) -> Record:
+    """The record after a picture; ``camera`` is ``{"device", "tool", "arguments"}``, ``at`` the time (RFC 3339)."""
+    known = record or Record(summary=Summary(since=at))
+    before = known.current or known.previous
+    frame = _frame(taken, Camera.model_validate(camera), at, before)
+    summary = known.summary
+    counted = {
+        "looks": summary.looks + 1,
+        **{name: getattr(summary, name) + (frame.trouble == name) for name in ("black", "uniform", "frozen")},
+        "changes": _bounded([*summary.changes, *_changes(known, before, frame)]),
+    }
+    previous = before.model_copy(update={"file": _name("previous", before.mime)}) if before else None
+    return Record(current=frame, previous=previous, summary=summary.model_copy(update=counted))
+
+
+def with_absence(record: Record | None, problem: Diagnostic, at: str) -> Record:
+    """The record after a look without a picture: what was current is the last picture that there was."""
+    known = record or Record(summary=Summary(since=at))
+    since = known.absent.since if known.absent else at
+    counted = {"looks": known.summary.looks + 1, "absences": known.summary.absences + 1}
+    last = known.current
+    previous = last.model_copy(update={"file": _name("previous", last.mime)}) if last else known.previous
+    return Record(
+        previous=previous,
+        absent=Absence(since=since, last=at, code=problem.code, reason=reason_of(problem)),
+        summary=known.summary.model_copy(update=counted),
+    )
+
+
+def reason_of(problem: Diagnostic) -> str:
+    """A problem in one short line; what a device or a tool said is made visible in it."""
+    words = f"{problem.summary}: {problem.detail}" if problem.detail else problem.summary
+    flat = escaped(" ".join(words.split()))
+    return flat if len(flat) <= REASON_CHARS else flat[: REASON_CHARS - 1] + "…"
+
+
+def words(record: Record) -> str:
+    """The record in a few lines, at most 3 KB. Of the physical state it says nothing while no picture shows it."""
+    summary = record.summary
+    pictures = summary.looks - summary.absences
+    counts = f"black {summary.black}, uniform {summary.uniform}, frozen {summary.frozen}"
+    lines = [
+        f"{summary.looks} looks since {summary.since}: {pictures} pictures ({counts}), {summary.absences} without."
+    ]
+    last = record.current or record.previous
+    if record.absent is not None:
+        unknown = f"since the picture of {last.at}" if last else "at any time"
+        lines.append(f"No picture since {record.absent.since} because {record.absent.reason}.")
+        lines.append(f"The physical state is unknown {unknown}.")
+    elif last is not None and last.trouble:
+        lines.append(f"The picture of {last.at} through {last.camera.device} shows nothing: it is {last.trouble}.")
+        lines.append("The physical state is unknown.")
+    elif last is not None:
+        figures = f"mean {last.mean:g}, spread {last.spread:g}"
+        compared = "" if last.difference is None else f", difference to the one before {last.difference:g}"
+        lines.append(f"The picture of {last.at} through {last.camera.device}: {figures}{compared}.")
+        lines += summary.changes
+    return "\n".join(lines)
+
+
+def _frame(taken: Taken, camera: Camera, at: str, before: Frame | None) -> Frame:
+    alike = before if before is not None and before.camera == camera else None
+    return Frame(
+        file=_name("current", taken.mime),
+        digest=of_bytes(taken.data),
+        at=at,
+        camera=camera,
+        mime=taken.mime,
+        size=len(taken.data),
+        width=taken.width,
+        height=taken.height,
+        mean=taken.picture.mean,
+        spread=taken.picture.spread,
+        complaint=complaint(taken.picture),
+        frozen=frozen(alike.picture, taken.picture) if alike else None,
+        difference=difference(alike.picture, taken.picture) if alike else None,
+        thumb=base64.b64encode(taken.picture.thumb).decode(),
+    )
+
+
+def _changes(known: Record, before: Frame | None, frame: Frame) -> list[str]:
+    """What is worth a line: an absence that ended, trouble that came or went, another camera, a scene that changed."""
+    found = []
+    if known.absent is not None:
+        found.append(f"{known.absent.since} to {frame.at}: no picture because {known.absent.reason}")
+    if before is None:
+        return [*found, f"{frame.at}: first picture through {frame.camera.device}"]
+    if frame.camera != before.camera:
+        found.append(f"{frame.at}: another view, {frame.camera.device}")
+    if frame.trouble != before.trouble:
+        found.append(f"{frame.at}: {frame.trouble or 'it shows something again'}")
+    elif frame.trouble is None and frame.difference is not None and frame.difference >= CHANGED:
+        found.append(f"{frame.at}: changed by {frame.difference:g}")
+    return found
+
+
+def _bounded(lines: list[str]) -> tuple[str, ...]:
+    """The newest of the lines, as many as may be kept."""
+    kept: list[str] = []
+    size = 0
+    for line in reversed(lines[-MOST_CHANGES:]):
+        size += len(line.encode("utf-8", "surrogatepass")) + 1
+        if size > MOST_BYTES:
+            break
+        kept.append(line)
+    return tuple(reversed(kept))
+
+
+def _name(stem: str, mime: str) -> str:
+    return f"{stem}.{ending_of(mime)}"
