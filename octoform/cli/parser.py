@@ -163,6 +163,15 @@ def _agents(commands: Commands) -> None:
     install = add(commands, "install", "install the programs of harnesses, in versions that octoform was tried with")
     install.add_argument("harness", metavar="HARNESS", nargs="+", help="a harness of octopus.yaml, such as pi or codex")
     add(commands, "doctor", "check what the chosen harnesses need: programs, keys, models; change nothing")
+    _simulating(commands)
+
+
+def _simulating(commands: Commands) -> None:
+    simulate = add(commands, "simulate", "run simulated devices until Ctrl-C, to be used in place of hardware")
+    simulate.add_argument("rig", metavar="RIG", help="a rig by its name, such as reference, or a .yaml file")
+    value(simulate, "folder", "DIR", "make the devices in DIR, which is empty or not there (default: a new one)")
+    text = "another value in the rig's description, such as arm.anonymous=true; may be given more than once"
+    simulate.add_argument("-set", "--set", metavar="NAME.KEY=VALUE", action="append", default=[], help=text)
 
 
 _DURATION = re.compile(r"(\d+(?:\.\d+)?)(ms|s|m|h)")

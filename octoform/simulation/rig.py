@@ -26,6 +26,7 @@ _NODES = {"servos": (166, "tty"), "line": (166, "tty"), "camera": (81, "video")}
 class _Plugged:
     tree: Planter
     end: Port | Camera
+    place: tuple[str, str]
 
 
 class Rig:
@@ -47,9 +48,14 @@ class Rig:
         self._plugged: dict[str, _Plugged] = {}
 
     @property
-    def plugged(self) -> list[str]:
-        """The names of the devices that are there."""
-        return list(self._plugged)
+    def names(self) -> list[str]:
+        """All devices, plugged or not."""
+        return list(self._given)
+
+    @property
+    def places(self) -> dict[str, tuple[str, str]]:
+        """The devices that are plugged: port and node of each."""
+        return {name: one.place for name, one in self._plugged.items()}
 
     @property
     def camera(self) -> Camera | None:
@@ -74,9 +80,11 @@ class Rig:
         if name in self._plugged:
             raise ValueError(f"{name} is plugged already")
         given = self._given[name]
-        node = node or str(given["node"])
+        port, node = port or str(given["port"]), node or str(given["node"])
+        if taken := {port, node} & {word for place in self.places.values() for word in place}:
+            raise ValueError(f"{taken.pop()} is taken by another device")
         planter = Planter(self.folder)
-        planter.plant(self._text(given, port or str(given["port"]), node))
+        planter.plant(self._text(given, port, node))
         place = self.folder / "dev" / node
         end: Port | Camera
         if given["kind"] == "camera":
@@ -84,7 +92,7 @@ class Rig:
             end = Camera(self.scene, place, (given["width"], given["height"]), given.get("frames", 16))
         else:
             end = Port(self.devices[name], place, lambda: self._went(name))
-        self._plugged[name] = _Plugged(planter, end)
+        self._plugged[name] = _Plugged(planter, end, (port, node))
         end.start()
 
     def unplug(self, name: str) -> None:
