@@ -23,7 +23,7 @@ def main(arguments: list[str]) -> int:
         return 1
     try:
         task = read_task(Path(arguments[0]))
-        summary = import_module(f"octoform.builtin.{task.stage}").run(task)
+        summary = import_module(f"octoform.builtin.{task.stage.partition('.')[0]}").run(task)
     except Refused as reason:
         print(" ".join(str(reason).split()), file=sys.stderr)
         return 1

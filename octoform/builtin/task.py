@@ -13,6 +13,8 @@ from pathlib import Path
 from typing import Any
 
 STAGES = ("probe", "identify", "interface", "serve", "deploy")
+STEP = "step."
+"""How the name of a privileged step begins; all of them are done by one stage of this agent."""
 DEFAULT_TOOLS = 30
 SYSROOT_VARIABLE = "OCTOFORM_SYSROOT"
 
@@ -23,7 +25,7 @@ class Refused(Exception):
 
 @dataclass(frozen=True, slots=True)
 class Task:
-    """One attempt at one stage.
+    """One attempt at one stage, or at one privileged step (``step.arm``).
 
     ``input`` is the preceding stage's artifact (None for PROBE), ``schema`` the JSON Schema of the output where it
     has one, ``tools_budget`` the most tools that INTERFACE may declare, ``sysroot`` the folder whose sys, proc, dev
@@ -66,7 +68,7 @@ def read_task(path: Path, environ: Mapping[str, str] | None = None) -> Task:
     variables = os.environ if environ is None else environ
     document = read_object(path)
     stage = document.get("stage")
-    if stage not in STAGES:
+    if stage not in STAGES and not (isinstance(stage, str) and stage.startswith(STEP)):
         raise Refused(f"{path.name}: stage {stage!r} is none of {', '.join(STAGES)}")
     output = _path(document, "output")
     if output is None:

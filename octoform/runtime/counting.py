@@ -2,8 +2,10 @@
 
 Both are facts of this process about a device, held for all of its threads. A position is counted from the command that
 takes every axis to its origin. It is unknown before that, after a movement that failed or whose answer did not come,
-and when the device was attached anew, because its own counter began anew as well. After a stop nothing is sent but
-the one command that ends it: what is under way then is carried out to its end, and nothing follows.
+and when the device was attached anew, because its own counter began anew as well. A counted device is kept open: some
+do something of their own while nobody has their line open, which would make the count a lie.
+
+After a stop nothing is sent but the one command that ends it; what is under way then is carried out to its end.
 """
 
 import os
@@ -39,6 +41,7 @@ class _Known:
         self.sums: dict[str, int] | None = None
         self.why = "nothing was counted since this server started"
         self.attached: object = None
+        self.line = -1
         self.stopped = ""
         self.stops = 0
 
@@ -83,12 +86,18 @@ def refuse(device: str, step: Step) -> None:
         raise DeviceFault(device, f"{device} is stopped: nothing is sent to it until {until} went well")
 
 
+def _let_go(known: _Known) -> None:
+    line, known.line = known.line, -1
+    if line >= 0:
+        os.close(line)
+
+
 class Counted:
     """Around the sending of one command, once its device is held: refuses it after a stop, and keeps the count."""
 
-    def __init__(self, device: str, step: Step, attached: object) -> None:
-        """``attached`` is equal for two commands only if the device was not attached anew between them."""
-        self._device, self._step, self._attached = device, step, attached
+    def __init__(self, device: str, step: Step, line: int) -> None:
+        """``line`` is the open line, by the number of its file."""
+        self._device, self._step, self._line = device, step, line
         self._stops = 0
         self._sums: dict[str, int] | None = None
         self._why = ""
@@ -99,9 +108,13 @@ class Counted:
             known = _known.setdefault(self._device, _Known())
             refuse(self._device, self._step)
             self._stops = known.stops
-            if known.attached != self._attached:
+            if known.attached != (now := attached(self._line)):
                 known.sums, known.why = None, ANEW
-            known.attached = self._attached
+                _let_go(known)
+            known.attached = now
+            if self._step.moves and known.line < 0:
+                # Opened once more, not duplicated: whoever locks the line locks it for one exchange alone.
+                known.line = os.open(os.ttyname(self._line), os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK | os.O_CLOEXEC)
             self._sums, self._why = known.sums, known.why
             if self._step.moves:
                 known.sums, known.why = None, "a movement is under way"

@@ -13,7 +13,7 @@ import time
 from types import TracebackType
 from typing import NamedTuple, Protocol
 
-from .counting import NONE, Counted, Step, attached, refuse
+from .counting import NONE, Counted, Step, refuse
 from .faults import DeviceFault, sentence
 
 LONGEST = 200
@@ -82,7 +82,7 @@ class Exchange:
 
     def over(self, port: Port) -> re.Match[str]:
         """Send the command; the answer, which fits the pattern. DeviceFault for none, a refusal, or any other line."""
-        with Counted(self._device, self._step, attached(port.fd)):
+        with Counted(self._device, self._step, port.fd):
             return self._sent(port)
 
     def _sent(self, port: Port) -> re.Match[str]:

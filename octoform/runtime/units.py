@@ -41,7 +41,7 @@ class Units(Bank):
             found.append({key: value for key, value in record.items() if key != "device"})
         if silent and len(silent) + len(self.map.disabled) == len(self.map.units):
             raise DeviceFault(self.device, f"{self.device}: no {self.map.unit} answers; is its own power supply on?")
-        return self._list(found, calibration=self.calibration().note or None)
+        return self._list(found, calibration=(self.calibration().note or None) if self.map.calibration else None)
 
     def move(self, name: str, goal: int, speed: int | None = None) -> Record:
         """Move one unit to a position in counts, and wait for the end of it; what came of it."""
