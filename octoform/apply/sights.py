@@ -13,13 +13,22 @@ from octoform.perception.judging import Picture, complaint, difference, frozen
 
 NOISE_FACTOR = 3.0
 """A movement must change the picture by at least so many times what differs while nothing moves."""
+_UNSEEN = frozenset({"STEP-NOT-SEEN", "STEP-NOT-BACK"})
 _SUFFIXES = {"image/jpeg": ".jpg", "image/png": ".png"}
 
 
 def by_view(bench: Bench, trial: Trial, where: str) -> Tried:
-    """Carry out one trial of the kind view; ``where`` is its JSON pointer in the artifact."""
-    attempt = _ByView(bench, trial, where)
-    attempt.carry_out()
+    """Carry out one trial of the kind view; ``where`` is its JSON pointer in the artifact.
+
+    A device may move by itself until somebody talks to it, and what was seen then says nothing: so a movement that
+    was not seen, or not seen to go back, is tried once more.
+    """
+    for again in (False, True):
+        attempt = _ByView(bench, trial, where)
+        attempt.tried.again = again
+        attempt.carry_out()
+        if attempt.tried.over or {item.code for item in attempt.tried.found} - _UNSEEN or not attempt.tried.found:
+            break
     return attempt.tried
 
 
@@ -41,14 +50,19 @@ class _ByView(Mover):
 
     def carry_out(self) -> None:
         tried, view = self.tried, self.trial["view"]
-        before = [_look(self.bench, tried, view, self.where, name) for name in ("before", "still")]
-        if before[0] is None or before[1] is None:
+        if not self.move["relative"]:
+            text = f"{tried.unit} is to be moved to a place, and nothing reads where to go back to"
+            tried.blame("STEP-NO-READING", text, f"{self.where}/move/relative", hint="move by a distance instead")
             return
-        tried.noise = difference(before[0], before[1])
+        before = _look(self.bench, tried, view, self.where, "before")
+        still = _look(self.bench, tried, view, self.where, "still") if before is not None else None
+        if before is None or still is None:
+            return
+        tried.noise = difference(before, still)
         wanted = max(self.bench.proof.minimum, NOISE_FACTOR * tried.noise)
         if not self.go():
             return
-        tried.moved = self._watched(before[1], "after", lambda change: change >= wanted)
+        tried.moved = self._watched(still, "after", lambda change: change >= wanted)
         seen = tried.moved is not None and tried.moved >= wanted
         if tried.moved is not None and not seen:
             self._unseen(tried.moved, wanted)
@@ -56,7 +70,7 @@ class _ByView(Mover):
         if answer is None or tried.moved is None or not seen:
             return
         most = tried.moved / 2
-        tried.returned = self._watched(before[1], "back", lambda change: change <= most) if answer.value else None
+        tried.returned = self._watched(still, "back", lambda change: change <= most) if answer.value else None
         if (tried.returned is None or tried.returned > most) and not tried.over:
             self._not_back(answer.words)
 

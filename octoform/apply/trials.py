@@ -41,7 +41,8 @@ class Tried:
     """What one trial showed. Readings are in the proof's unit; ``readings`` are [seconds since the trial began, value].
 
     ``noise``, ``moved`` and ``returned`` are differences of pictures: of two before the move, of the one after it and
-    of the one after the way back, each from the second before. ``over``: no further trial makes sense.
+    of the one after the way back, each from the second before. ``again``: it was tried a second time. ``over``: no
+    further trial makes sense.
     """
 
     unit: str
@@ -55,6 +56,7 @@ class Tried:
     returned: float | None = None
     readings: list[tuple[float, float]] = field(default_factory=list)
     found: list[Diagnostic] = field(default_factory=list)
+    again: bool = False
     over: bool = False
 
     def told(self) -> dict[str, Any]:
@@ -131,6 +133,8 @@ class Mover:
                 self._sent = value
                 return not self._is_skipped(answer.value)
             refusal = refusal if refusal.words else answer
+            if not (answer.refused or self.move["relative"]):
+                self._sent = value  # it may have moved, or may still go there
             if answer.over or not self.is_where_it_was():
                 break
         self._not_done(refusal)
@@ -183,14 +187,14 @@ class _ByReading(Mover):
     """A movement that a value of the device shows."""
 
     def carry_out(self) -> None:
-        tried, proof = self.tried, self.bench.proof
+        tried = self.tried
         tried.before = self.read()
         if tried.before is None:
             return
         if self.go():
             tried.after = self.settled(tried.before)
-            if tried.after is not None and abs(tried.after - tried.before) < proof.minimum:
-                self._stuck(tried.before, tried.after)
+            if self._is_still(tried.before, tried.after):
+                self._stuck(tried.before, tried.after, f"{tried.tool} answered that all is well")
         self._return()
 
     def read(self) -> float | None:
@@ -229,17 +233,29 @@ class _ByReading(Mover):
         return last
 
     def is_where_it_was(self) -> bool:
-        before, now = self.tried.before, self.read()
-        return before is not None and now is not None and abs(now - before) < self.bench.proof.minimum
+        """Read it again after a move that was refused."""
+        tried = self.tried
+        tried.after = self.read()
+        return self._is_still(tried.before, tried.after)
 
-    def _stuck(self, before: float, after: float) -> None:
+    def _not_done(self, answer: Answer) -> None:
+        before, after = self.tried.before, self.tried.after
+        if answer.refused or not self._is_still(before, after):
+            super()._not_done(answer)
+        else:
+            self._stuck(before, after, f"{self.tried.tool} said: {answer.words}")
+
+    def _is_still(self, before: float | None, after: float | None) -> bool:
+        return before is not None and after is not None and abs(after - before) < self.bench.proof.minimum
+
+    def _stuck(self, before: float | None, after: float | None, said: str) -> None:
         proof, tried = self.bench.proof, self.tried
         self.tried.blame(
             "STEP-NOT-MOVED",
             f"{tried.unit} did not move: {before:g} {proof.unit} before, goal {tried.goal:g}, {after:g} after; "
             f"at least {proof.minimum:g} were wanted",
             self.where,
-            f"{tried.tool} answered that all is well",
+            said,
             "look at its power, its cable, its torque and at what blocks it; a unit that is known to be broken is "
             "named as disabled in the profile's rig",
         )
@@ -247,13 +263,12 @@ class _ByReading(Mover):
     def _return(self) -> None:
         tried = self.tried
         answer = self.go_back()
-        if answer is None or tried.after is None:
+        if answer is None or tried.after is None or tried.found:
             return
         if answer.value is not None:
             tried.back = self.settled(tried.after)
-        moved = not any(item.code == "STEP-NOT-MOVED" for item in tried.found)
         returned = tried.back is not None and abs(tried.back - tried.after) >= self.bench.proof.minimum
-        if moved and not returned and not tried.over:
+        if not returned and not tried.over:
             where = f"{tried.back:g}" if tried.back is not None else "unknown"
             text = f"{tried.unit} did not move back: {tried.before:g} {self.bench.proof.unit} at first, "
             text += f"{tried.after:g} after the move, {where} at the end"

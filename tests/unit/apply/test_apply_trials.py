@@ -1,0 +1,305 @@
+"""Trials on simulated firmware, in virtual time: what really moved counts, never what was acknowledged."""
+
+import statistics
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from octoform.apply.context import Clock
+from octoform.apply.hand import Answer, Seen
+from octoform.apply.sights import by_frame, by_view
+from octoform.apply.trials import Bench, Tried, at, by_reading
+from octoform.perception.judging import Picture
+from octoform.protocol.steps import Proof
+from octoform.simulation import packets
+from octoform.simulation.descriptions import load
+from octoform.simulation.line import LineDevice
+from octoform.simulation.scene import Scene
+from octoform.simulation.servos import ServoBus
+
+JOINTS = {"shoulder_pan": 1, "shoulder_lift": 2, "elbow_flex": 3, "wrist_flex": 4, "wrist_roll": 5, "gripper": 6}
+RIG = load("reference")["devices"]
+POSITION = {"type": "integer", "minimum": 0, "maximum": 4095}
+STEPS = {"type": "integer", "minimum": -2000, "maximum": 2000}
+TOOLS = {
+    "arm_move_joint": {"input_schema": {"properties": {"position": POSITION}}},
+    "rail_move_x": {"input_schema": {"properties": {"steps": STEPS}}},
+}
+READING = Proof("reading", 50, "raw", 2.0)
+VIEW = Proof("view", 3, "levels", 3.0)
+
+
+class Time:
+    """Seconds that pass when somebody waits."""
+
+    def __init__(self) -> None:
+        self.now = 100.0
+
+    def wait(self, seconds: float) -> None:
+        self.now += seconds
+
+
+def read(bus: ServoBus, number: int, address: int, size: int) -> int:
+    answer = bus.feed(packets.packet(number, packets.READ, bytes([address, size])))
+    assert answer, "the servo does not answer"
+    return int.from_bytes(answer[5:-1], "little")
+
+
+def write(bus: ServoBus, number: int, address: int, size: int, value: int) -> None:
+    bus.feed(packets.packet(number, packets.WRITE, bytes([address]) + value.to_bytes(size, "little")))
+
+
+@dataclass
+class Arm:
+    """The arm's tools as somebody may write them who trusts acknowledgements; ``before`` is what goes out first."""
+
+    time: Time
+    bus: ServoBus
+    before: Callable[[ServoBus, int], None] = lambda bus, number: write(bus, number, 40, 1, 1)
+    skipped: dict[str, str] = field(default_factory=dict)
+    refusal: Answer | None = None
+    calls: list[tuple[str, dict[str, Any]]] = field(default_factory=list)
+
+    def call(self, tool: str, arguments: Mapping[str, Any]) -> Answer:
+        self.calls.append((tool, dict(arguments)))
+        joint = arguments["joint"]
+        number = JOINTS[joint]
+        self.time.wait(0.01)
+        if joint in self.skipped:
+            return Answer({"joint": joint, "position": None, "skipped": self.skipped[joint]})
+        if tool == "arm_read_joint":
+            return Answer({"joint": joint, "position": read(self.bus, number, 56, 2), "skipped": None})
+        if self.refusal is not None:
+            return self.refusal
+        low, high = read(self.bus, number, 9, 2), read(self.bus, number, 11, 2)
+        if not low <= arguments["position"] <= high:
+            return Answer(None, f"{joint} goes from {low} to {high}; nothing was moved")
+        self.before(self.bus, number)
+        write(self.bus, number, 46, 2, 400)
+        write(self.bus, number, 42, 2, arguments["position"])
+        return Answer({"joint": joint, "goal": arguments["position"]})
+
+    def look(self, view: Mapping[str, Any]) -> Seen:
+        raise AssertionError(f"nobody looks: {view}")
+
+
+def an_arm(**more: Any) -> Arm:
+    time = Time()
+    return Arm(time, ServoBus(RIG["arm"], lambda: time.now), **more)
+
+
+def bench(hand: Any, proof: Proof, folder: Path = Path("/nowhere")) -> Bench:
+    clock = Clock(monotonic=lambda: hand.time.now, sleep=hand.time.wait)
+    return Bench(proof, hand, TOOLS, clock, folder)
+
+
+def a_trial(joint: str, by: float = 200) -> dict[str, Any]:
+    move = {"tool": "arm_move_joint", "arguments": {"joint": joint}, "vary": "position", "by": by, "relative": False}
+    return {
+        "unit": joint,
+        "move": move,
+        "read": {"tool": "arm_read_joint", "arguments": {"joint": joint}, "value": "/position"},
+        "view": None,
+    }
+
+
+def tried(arm: Arm, joint: str = "elbow_flex", by: float = 200) -> Tried:
+    return by_reading(bench(arm, READING), a_trial(joint, by), "/trials/0")
+
+
+def codes(one: Tried) -> list[str]:
+    return [item.code for item in one.found]
+
+
+@pytest.mark.parametrize("joint", JOINTS)
+def test_each_joint_moves_away_and_back(joint: str) -> None:
+    arm = an_arm()
+    one = tried(arm, joint)
+    assert codes(one) == []
+    assert one.before is not None and one.after is not None and one.back is not None
+    assert abs(one.after - one.before) > 150 and abs(one.back - one.before) < 30
+    assert abs(arm.bus.servos[JOINTS[joint]].position - one.before) < 30
+    assert one.goal is not None and abs(one.goal - one.before) == 200
+    assert len(one.readings) >= 5 and one.readings[0][1] == one.before
+
+
+def test_a_stuck_servo_acknowledges_and_fails() -> None:
+    arm = an_arm()
+    arm.bus.servos[3].fault = "stuck"
+    one = tried(arm)
+    assert codes(one) == ["STEP-NOT-MOVED"]
+    (told,) = one.found
+    assert told.summary == "elbow_flex did not move: 3080 raw before, goal 2880, 3080 after; at least 50 were wanted"
+    assert told.pointer == "/trials/0" and told.detail == "arm_move_joint answered that all is well"
+    # It is not left with a goal that it would leap to when it comes free.
+    assert arm.calls[-1] == ("arm_move_joint", {"joint": "elbow_flex", "position": 3080})
+
+
+@pytest.mark.parametrize("manner", ["never written", "deaf"])
+def test_torque_that_is_never_on_fails(manner: str) -> None:
+    arm = an_arm()
+    if manner == "deaf":
+        arm.bus.servos[5].fault = "deaf_torque"
+    else:
+        arm.before = lambda bus, number: None
+    one = tried(arm, "wrist_roll")
+    assert codes(one) == ["STEP-NOT-MOVED"]
+    assert one.before == one.after == 2048 and not arm.bus.servos[5].torque
+
+
+def test_the_time_to_settle_is_waited_for_and_no_more() -> None:
+    arm = an_arm()
+    arm.bus.servos[3].fault = "stuck"
+    began = arm.time.now
+    tried(arm)
+    assert 2.0 <= arm.time.now - began < 6.0
+
+
+def test_the_way_is_the_one_with_more_room_and_within_the_bounds() -> None:
+    arm = an_arm()
+    arm.bus.servos[5].position = 4000
+    assert tried(arm, "wrist_roll").goal == 3800
+    arm.bus.servos[5].position = 100
+    assert tried(arm, "wrist_roll").goal == 300
+    TOOLS["narrow"] = {"input_schema": {"properties": {"position": {**POSITION, "minimum": 80, "maximum": 120}}}}
+    narrow = a_trial("wrist_roll")
+    narrow["move"]["tool"] = "narrow"
+    one = by_reading(bench(arm, READING), narrow, "/trials/0")
+    assert codes(one) == ["STEP-NO-ROOM"] and "position is from 80 to 120" in str(one.found[0].detail)
+
+
+def test_where_a_unit_holds_a_limit_of_its_own_the_other_way_is_taken() -> None:
+    arm = an_arm()
+    arm.bus.servos[6].position = 2060
+    one = tried(arm, "gripper")
+    assert codes(one) == [] and one.goal == 2260
+    arm.bus.servos[2].position = 3100  # 3250 is its highest, and more than half of all counts lie below
+    write(arm.bus, 2, 9, 2, 3050)
+    one = tried(arm, "shoulder_lift", by=120)
+    assert codes(one) == [] and one.goal == 3220
+
+
+def test_a_unit_that_the_tool_skips_is_a_finding() -> None:
+    arm = an_arm(skipped={"shoulder_pan": "motor is broken"})
+    one = tried(arm, "shoulder_pan")
+    assert codes(one) == ["STEP-UNIT-SKIPPED"] and one.found[0].detail == "motor is broken"
+    assert [name for name, _ in arm.calls] == ["arm_read_joint"]
+
+
+def test_a_refusal_of_the_endpoint_is_told_as_such_and_an_emergency_stop_ends_all() -> None:
+    one = tried(an_arm(refusal=Answer(None, "arm_move_joint is denied by policy.tools", refused=True)))
+    assert codes(one) == ["STEP-CALL-REFUSED"] and not one.over
+    arm = an_arm(refusal=Answer(None, "emergency stop: latched", refused=True, over=True))
+    one = tried(arm)
+    assert codes(one) == ["STEP-CALL-REFUSED"] and one.over
+    assert [name for name, _ in arm.calls] == ["arm_read_joint", "arm_move_joint"]
+
+
+def test_what_a_tool_says_of_a_unit_that_stays_is_kept() -> None:
+    one = tried(an_arm(refusal=Answer(None, "elbow_flex is hot")))
+    assert codes(one) == ["STEP-NOT-MOVED"] and one.found[0].detail == "arm_move_joint said: elbow_flex is hot"
+
+
+def test_a_result_without_a_number_is_no_reading() -> None:
+    arm = an_arm()
+    wrong = a_trial("elbow_flex")
+    wrong["read"]["value"] = "/joint"
+    one = by_reading(bench(arm, READING), wrong, "/trials/4")
+    assert codes(one) == ["STEP-NO-READING"] and one.found[0].pointer == "/trials/4/read/value"
+
+
+def test_pointers() -> None:
+    value = {"a/b": [{"~": 1}], "": 2}
+    assert (at(value, "/a~1b/0/~0"), at(value, "/a~1b/7"), at(value, "/x/y"), at(value, "")) == (1, None, None, value)
+
+
+@dataclass
+class Rail:
+    """The rail's tool, held open as the runtime holds it, and the camera that rides on it."""
+
+    time: Time
+    line: LineDevice
+    scene: Scene
+    dark: bool = False
+
+    def call(self, tool: str, arguments: Mapping[str, Any]) -> Answer:
+        assert tool == "rail_move_x"
+        self.line.opened()
+        answer = self.line.feed(f"MOVE_X {arguments['steps']}\n".encode())
+        for _ in range(300):
+            if answer:
+                break
+            self.time.wait(0.1)
+            answer = self.line.feed(b"")
+        said = answer.decode().strip()
+        return Answer({"answer": said}) if said == "OK" else Answer(None, f"refused: {said}")
+
+    def look(self, view: Mapping[str, Any]) -> Seen:
+        assert view == {"tool": "capture_image", "arguments": {}}
+        self.time.wait(0.3)
+        if self.dark:
+            return Seen(Picture(1.0, 0.5, bytes(64 * 48)), b"dark", "image/jpeg")
+        luma, _, _ = self.scene.frame(320, 240)
+        rows = [luma[place * 320 : place * 320 + 320] for place in range(0, 240, 5)]
+        thumb = bytes(sum(row[column : column + 5]) // 5 for row in rows for column in range(0, 320, 5))
+        return Seen(Picture(statistics.fmean(thumb), statistics.pstdev(thumb), thumb), b"picture", "image/jpeg")
+
+
+def a_rail(**more: Any) -> Rail:
+    time = Time()
+    line = LineDevice(RIG["rail"], lambda: time.now)
+    return Rail(time, line, Scene(None, line, lambda: time.now), **more)
+
+
+MOVE = {"tool": "rail_move_x", "arguments": {}, "vary": "steps", "by": 500, "relative": True}
+SIGHT = {"unit": "x", "move": MOVE, "read": None, "view": {"tool": "capture_image", "arguments": {}}}
+
+
+def test_the_camera_sees_the_rail_move_and_come_back_although_it_swept_before(tmp_path: Path) -> None:
+    rail = a_rail()
+    one = by_view(bench(rail, VIEW, tmp_path), SIGHT, "/trials/0")
+    assert codes(one) == [], one
+    assert one.moved is not None and one.returned is not None and one.moved > 2 * one.returned
+    assert sorted(path.name for path in tmp_path.iterdir()) == [
+        *("x-after.jpg", "x-back.jpg", "x-before.jpg", "x-still.jpg")
+    ]
+
+
+def test_a_jammed_rail_says_ok_and_is_not_seen_to_move(tmp_path: Path) -> None:
+    rail = a_rail()
+    rail.line.fault = "jammed"
+    one = by_view(bench(rail, VIEW, tmp_path), SIGHT, "/trials/1")
+    assert codes(one) == ["STEP-NOT-SEEN"], one
+    assert one.found[0].summary.startswith("x did not move in the camera's view: the picture differs by ")
+    assert one.found[0].detail == "rail_move_x answered that all is well" and one.again
+
+
+def test_a_refused_movement_is_not_undone(tmp_path: Path) -> None:
+    rail = a_rail()
+    rail.line.fault = "hot"
+    one = by_view(bench(rail, VIEW, tmp_path), SIGHT, "/trials/0")
+    assert codes(one) == ["STEP-CALL-FAILED"]
+    assert len(rail.line.lines) == 1
+
+
+def test_a_dark_camera_proves_nothing(tmp_path: Path) -> None:
+    rail = a_rail(dark=True)
+    assert codes(by_view(bench(rail, VIEW, tmp_path), SIGHT, "/trials/0")) == ["STEP-PICTURE-EMPTY"]
+    assert rail.line.lines == []
+    camera = {"device": "usb-045e-0772", "tool": "capture_image", "arguments": {}}
+    one = by_frame(bench(rail, Proof("frame", 0, "", 2.0), tmp_path), camera)
+    assert codes(one) == ["STEP-PICTURE-EMPTY", "STEP-PICTURE-EMPTY"]
+
+
+def test_a_camera_that_shows_something_is_enough_and_one_that_stands_still_is_told(tmp_path: Path) -> None:
+    rail = a_rail()
+    camera = {"device": "usb-045e-0772", "tool": "capture_image", "arguments": {}}
+    frame = bench(rail, Proof("frame", 0, "", 2.0), tmp_path)
+    assert codes(by_frame(frame, camera)) == []
+    rail.line.opened()
+    rail.scene = Scene(None, rail.line, lambda: 7.0)
+    one = by_frame(frame, camera)
+    assert codes(one) == ["STEP-PICTURE-FROZEN"] and one.found[0].severity == "warning"
