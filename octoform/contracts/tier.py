@@ -15,7 +15,7 @@ WORDS = {NOTHING: "nothing said", NAME: "a name", DESCRIPTION: "a description"}
 
 
 def tier(annotation: Mapping[str, Any], answers: Collection[str], descriptions: Collection[str]) -> int:
-    """The tier of an annotated device; ``answers`` are the devices spoken of, ``descriptions`` profiles that are one."""
+    """The tier of an annotated device, by the devices spoken of and the profiles that describe a grammar of lines."""
     profile = annotation.get("profile")
     if profile in descriptions:
         return DESCRIPTION

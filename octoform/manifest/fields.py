@@ -125,7 +125,7 @@ LONGEST_ID = 100
 SHORTEST_INTERVAL = 5
 """Seconds: a picture takes a few, and other clients want the camera too."""
 LONGEST_ANSWER = 1000
-LONGEST_PROFILE = 8 * 1024
+LONGEST_PROFILE = 12 * 1024
 MOST_STEPS = 20
 LONGEST_STEP = 32
 STEP_NAME = "[a-z][a-z0-9]*(?:-[a-z0-9]+)*"

@@ -1,13 +1,16 @@
 """Read the ``grammar`` of a profile, of either kind: every problem of it with its place, or the grammar. Pure."""
 
+import json
 from collections.abc import Mapping
 
 from octoform.frontmatter import Place
 from octoform.profiles import line_reading, register_reading
 from octoform.profiles.finding import Found, Problem
-from octoform.profiles.grammar import Grammar
+from octoform.profiles.grammar import Grammar, plain
 
 PLACE: Place = ("grammar",)
+MOST_BYTES = 24 * 1024
+"""An agent is told every parameter of every command, and its prompt is bounded."""
 
 
 def read(given: object) -> tuple[Grammar | None, list[Problem]]:
@@ -23,4 +26,7 @@ def read(given: object) -> tuple[Grammar | None, list[Problem]]:
         return None, found.problems
     read_kind = register_reading.read if "registers" in given else line_reading.read
     grammar: Grammar = read_kind(found, given, PLACE)
+    if not found.problems and len(json.dumps(plain(grammar))) > MOST_BYTES:
+        hint = "a tool that moves all units has a parameter for each: keep one of them, and what an agent needs"
+        found.add(PLACE, f"the commands and their parameters, written out, are more than {MOST_BYTES} bytes", hint)
     return (None if found.problems else grammar), found.problems

@@ -19,7 +19,8 @@ from octoform.profiles.finding import Found
 from octoform.profiles.grammar import Grammar
 from octoform.profiles.model import Profile, Rig
 
-MOST_BYTES = 8 * 1024
+# Prose of four pages and a grammar that names every unit, field and command, with facts of the owner's own copy.
+MOST_BYTES = 12 * 1024
 FIELDS = ("name", "about", "product", "evidence", "limits", "stop", "grammar", "rig")
 PROGRAMS = frozenset(
     {"python", "py", "sh", "bash", "zsh", "shell", "console", "powershell", "c", "cpp", "c++", "rust", "go", "java"}

@@ -98,7 +98,7 @@ def test_a_good_profile(tmp_path: Path) -> None:
         ("limits:\n", f"stop: [{'{class: tty, write: FF},' * 21}]\nlimits:\n", "PROFILE-STOP"),
         ("It must", "```python\nimport os\n```\nIt must", "PROFILE-CODE"),
         ("It must", "~~~ sh\nreboot\n~~~\nIt must", "PROFILE-CODE"),
-        ("It must", "x" * 9000, "PROFILE-TOO-LARGE"),
+        ("It must", "x" * 12300, "PROFILE-TOO-LARGE"),
         ("---\n\nIt", "It", "PROFILE-FRONT-MATTER"),
     ],
 )
