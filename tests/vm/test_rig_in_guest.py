@@ -31,8 +31,8 @@ def seen_to_move(before: Picture, again: Picture, after: Picture) -> str:
 
 def test_the_rig_is_known_by_its_evidence(rigged: Octoform, see: See) -> None:
     named = {device["id"]: device for device in rigged.artifact("identify")["devices"]}
-    assert {device: named[device]["category"] for device in (ARM, RAIL)} == {ARM: "actuator", RAIL: "actuator"}
-    assert named[CAMERA]["class"] == "camera"
+    found = {device: named[device]["class"] for device in (ARM, RAIL, CAMERA)}
+    assert found == {ARM: "register_bus", RAIL: "line_protocol", CAMERA: "camera"}
     tools = {tool["name"]: tool["devices"] for tool in rigged.artifact("interface")["tools"]}
     for name in (
         "arm_status",
