@@ -15,7 +15,7 @@ from octoform import events
 from octoform.engine.results import RunResult
 from octoform.escaping import escaped
 from octoform.plan.model import Plan
-from octoform.state.layout import STAGES
+from octoform.state.layout import STAGES, STEP
 from octoform.views import knowledge, sentences
 from octoform.views.console import Console
 from octoform.views.diagnostics import render
@@ -131,6 +131,10 @@ class RunHuman:
                 self._say(f"{paint('-', 'red')} {event.node:<10} destroyed")
             case events.SpecEdited():
                 self._edited(event)
+            case events.StepTried():
+                mark = paint("·", "dim") if event.well else paint("!", "yellow")
+                text = one_line(f"{event.unit}  {event.text}", self._console.width - INDENT)
+                self._say(f"{mark} {event.node:<10} {text}")
             case events.Notice():
                 self._say(paint(f"  {event.text}", "dim"))
 
@@ -193,7 +197,7 @@ class RunHuman:
             self._console.problem(render(near(item), colour=self._console.colour_err) + "\n")
         say()
         say(paint(closing(result), "bold", "red" if result.failed else "green"))
-        if result.failed in STAGES and result.operation == "apply":
+        if _is_made(result.failed) and result.operation == "apply":
             say("What was accepted stays accepted; the next apply goes on from there.")
         used = spent(result.usage.input_tokens, result.usage.output_tokens, result.usage.cost_usd)
         if used:
@@ -249,6 +253,11 @@ class RunHuman:
         say("              octoform clients install claude-code")
 
 
+def _is_made(node: str | None) -> bool:
+    """True for a node that an agent makes."""
+    return node is not None and (node in STAGES or node.startswith(STEP))
+
+
 def closing(result: RunResult) -> str:
     """The one line that says how it ended."""
     operation = result.operation.capitalize()
@@ -258,7 +267,7 @@ def closing(result: RunResult) -> str:
         return f"{operation} stopped: the saved plan no longer holds for {sentences.listed(result.refused, 'and')}."
     if result.failed == "commit":
         return f"{operation} done, but not committed: see the error above."
-    if result.failed in (*STAGES, "endpoint"):
+    if result.failed == "endpoint" or _is_made(result.failed):
         return f"{operation} stopped: {result.failed} failed."
     if result.failed:
         return f"{operation} stopped: see the error above."

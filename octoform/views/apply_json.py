@@ -22,6 +22,7 @@ _KINDS = {
     events.SpecEdited: "spec_edited",
     events.AttemptFailed: "attempt_errored",
     events.Checking: "checking",
+    events.StepTried: "step_tried",
     events.NodeAccepted: "apply_complete",
     events.NodeUnchanged: "apply_unchanged",
     events.NodeFailed: "apply_errored",

@@ -9,8 +9,8 @@ from typing import Any
 from octoform.builtin.grammars import parameters
 from octoform.builtin.step.cameras import best
 
-PART = 4
-"""A quarter of the farthest single move: far enough to be seen, and away from every end."""
+PART = 2
+"""Half of the farthest single move: far enough to be seen plainly."""
 
 
 def trials(given: Mapping[str, Any], grammar: Mapping[str, Any]) -> list[dict[str, Any]]:

@@ -1,7 +1,8 @@
 """Trials of a product that is driven by registers: each enabled unit goes a little way at a low speed, and back.
 
 The way is small enough to be safe wherever the unit stands and four times what has to be seen; octoform takes it in
-the direction that has more room, which is towards the middle.
+the direction that has more room, which is towards the middle. The last unit comes first: of an arm that is the
+outermost joint, whose way is free wherever the others stand.
 """
 
 from collections.abc import Mapping
@@ -39,7 +40,7 @@ def trials(given: Mapping[str, Any], grammar: Mapping[str, Any]) -> list[dict[st
             },
             "view": None,
         }
-        for name in registers["units"]
+        for name in reversed(list(registers["units"]))
         if name not in registers.get("disabled", {})
     ]
 
