@@ -45,7 +45,9 @@ def test_truth_table_of_the_arm(pid: str, by_answer: bool) -> None:
         found = agent(probe(entry), answers)[entry["id"]]
         if chip and named:
             assert (found["profile"], found["method"]) == (ARM, "profile")
-            assert found["identified_as"] == "SO-ARM101 robot arm" and found["capabilities"] == []
+            assert (found["identified_as"], found["class"]) == ("SO-ARM101 robot arm", "register_bus")
+            assert all(item["name"].startswith("arm_") for item in found["capabilities"])
+            assert {item["via"].partition(",")[0] for item in found["capabilities"]} == {"feetech-servo-sdk"}
         else:
             assert "profile" not in found and found.get("method") != "profile"
         if not named:
@@ -57,10 +59,12 @@ def test_a_grammar_gives_all_the_capabilities_there_are() -> None:
     entry = board("2341", "804f", "Camera Rail 2") | {"classes": ["tty", "leds"]}
     entry["raw_descriptor"] += "\nclass[0].x: y\nleds[0].name: rail:green:status\nleds[0].max_brightness: 1"
     found = agent(probe(entry))[entry["id"]]
-    assert (found["category"], found["class"], found["confidence"]) == ("actuator", "line_protocol", 0.9)
-    assert {item["name"]: item["effect"] for item in found["capabilities"]} == dict.fromkeys(
-        ("rail_move_x", "rail_move_y", "rail_home"), "actuate"
-    )
+    assert (found["category"], found["class"], found["confidence"]) == ("bidirectional", "line_protocol", 0.9)
+    assert {item["name"]: item["effect"] for item in found["capabilities"]} == {
+        **dict.fromkeys(("rail_move_x", "rail_move_y", "rail_home", "rail_stop"), "actuate"),
+        "rail_position": "read",
+    }
+    assert [item["name"] for item in found["capabilities"] if item.get("stops")] == ["rail_stop"]
     steps = found["capabilities"][0]["parameters"]["steps"]
     assert (steps["type"], steps["minimum"], steps["maximum"], steps["unit"]) == ("integer", -2000, 2000, "steps")
     assert found["evidence"][0] == {
