@@ -11,6 +11,7 @@ def commands_of(commands: Commands) -> None:
     """Add them all."""
     _running(commands)
     _calling(commands)
+    _looking(commands)
     _clients(commands)
     _access(commands)
     _guarding(commands)
@@ -46,6 +47,15 @@ def _calling(commands: Commands) -> None:
     value(call, "timeout", "DURATION", "give up after so long", default="60s")
     flag(call, "dry-run", "tell what would be done, and do nothing")
     flag(call, "auto-approve", "approve what the policy wants confirmed")
+
+
+def _looking(commands: Commands) -> None:
+    look = add(commands, "look", "take a picture through the endpoint and tell what it shows")
+    value(look, "device", "ID", "look through this camera (default: the one of the step perceive, else the best)")
+    value(look, "save", "FILE", "write the picture there; with -every each gets a number in its name")
+    text = "look again at every DURATION, until Ctrl-C; without one as octopus.yaml says"
+    look.add_argument("-every", "--every", metavar="DURATION", nargs="?", const="", help=text)
+    value(look, "count", "N", "end after N looks; only with -every")
 
 
 def _clients(commands: Commands) -> None:

@@ -1,7 +1,7 @@
 """What can be typed: commands, options and their help.
 
 Options have Terraform's form (``-target NODE``, ``-auto-approve``); the same names work with two dashes. Usage errors
-leave with status 1, because 2 means "changes" in ``plan -detailed-exitcode``.
+leave with status 1, because 2 is an answer: "changes" in ``plan -detailed-exitcode``, "nothing to be seen" in ``look``.
 """
 
 import argparse
@@ -15,7 +15,7 @@ EXIT_CODES = """\
 exit codes:
   0    done; for `plan -detailed-exitcode`: no changes
   1    an error; the reason is on standard error
-  2    only for `plan -detailed-exitcode`: there are changes
+  2    for `plan -detailed-exitcode`: there are changes; for `look`: the picture shows nothing
   129  stopped by SIGHUP: its terminal was closed
   130  interrupted from the keyboard
   143  stopped by SIGTERM

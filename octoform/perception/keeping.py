@@ -18,7 +18,7 @@ from octoform.digest import of_bytes
 from octoform.endpoint.files import not_ours, private_folder
 from octoform.perception.frames import Frame, Record, with_absence, with_picture
 from octoform.perception.looking import Taken
-from octoform.state.files import read_regular, refused, shown, write_atomic
+from octoform.state.files import make_folders, read_regular, refused, shown, write_atomic
 from octoform.state.layout import Layout
 
 RECORD = "frames.json"
@@ -47,6 +47,8 @@ def keep(
     """
     if trouble := not_ours(layout.frames):
         return None, [error("PERCEPTION-FRAMES", "frames cannot be kept", detail=trouble, hint="remove what is there")]
+    if problem := make_folders(layout):
+        return None, [problem]
     try:
         with _locked(private_folder(layout.frames)) as folder:
             return _kept(layout, folder, camera, outcome, at)

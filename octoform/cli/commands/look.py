@@ -1,0 +1,92 @@
+"""``look``: a picture through the endpoint and what it shows; with ``-every`` again and again."""
+
+import os
+from argparse import Namespace
+from collections.abc import Iterator
+from itertools import islice
+from pathlib import Path
+
+from octoform.cli.options import UsageError
+from octoform.cli.parser import seconds
+from octoform.cli.stopping import Stopped
+from octoform.diagnostics import error
+from octoform.endpoint.client import Person
+from octoform.engine.looking import Eye, Look, heartbeat, look, open_eye, save
+from octoform.perception.looking import Taken
+from octoform.views import looking as view
+from octoform.views import problems
+from octoform.views.calling import attended
+from octoform.views.console import Console
+
+_USAGE = "usage: octoform look [-device ID] [-save FILE] [-every [DURATION]] [-count N] [-json]"
+_SHORTEST = 1.0
+
+
+def run(arguments: Namespace, project: Path, screen: Console) -> int:
+    """0 for a picture that shows something, 1 for none, 2 for one that shows nothing; with -every that of the last."""
+    count, interval = _count(arguments), _interval(arguments)
+    if arguments.save == "":
+        raise UsageError("-save: give the file that the picture should be written to", _USAGE)
+    eye, found = open_eye(project, os.environ, arguments.device)
+    if eye is None:
+        return problems.show(screen, found, as_json=arguments.json)
+    problems.show(screen, found)
+    if arguments.every == "" and not eye.settings.enabled:
+        hint = "write perception: {enabled: true} into octopus.yaml, or say how often: -every 30s"
+        off = error("PERCEPTION-OFF", "octoform may not look by itself at this host", hint=hint)
+        return problems.show(screen, [off], as_json=arguments.json)
+    status = 0
+    try:
+        with attended(screen, approved=False) as person:
+            for number, seen in enumerate(_looks(eye, interval, count, person), 1):
+                person.clear()
+                path = _file(arguments.save, number if interval is not None else 0)
+                status = _shown(screen, seen, path, as_json=arguments.json)
+    except Stopped as stopped:
+        return 128 + stopped.number
+    except KeyboardInterrupt:
+        return 130
+    return status
+
+
+def _looks(eye: Eye, interval: float | None, count: int | None, person: Person) -> Iterator[Look]:
+    if interval is None:
+        return iter((look(eye, person),))
+    return islice(heartbeat(eye, interval or eye.settings.interval, person), count)
+
+
+def _shown(screen: Console, seen: Look, path: Path | None, *, as_json: bool) -> int:
+    """The look with its picture saved; a picture that can't be written is an error whatever it shows."""
+    problem = save(seen.outcome, path.absolute()) if path is not None and isinstance(seen.outcome, Taken) else None
+    saved = path if isinstance(seen.outcome, Taken) and problem is None else None
+    status = view.one(screen, seen, saved, as_json=as_json)
+    return max(status, problems.show(screen, [problem])) if problem is not None else status
+
+
+def _file(text: str | None, number: int) -> Path | None:
+    """Where a picture goes: ``shot.jpg``, and of a row of looks ``shot-0001.jpg``."""
+    if text is None:
+        return None
+    path = Path(text)
+    return path.with_name(f"{path.stem}-{number:04d}{path.suffix}") if number else path
+
+
+def _count(arguments: Namespace) -> int | None:
+    text = arguments.count
+    if text is None:
+        return None
+    if arguments.every is None:
+        raise UsageError("-count says how often -every looks; without that there is one look", _USAGE)
+    if not text.isascii() or not text.isdigit() or int(text) < 1:
+        raise UsageError(f"-count: {text!r} is no number of looks", _USAGE)
+    return int(text)
+
+
+def _interval(arguments: Namespace) -> float | None:
+    """Seconds from one look to the next; 0.0 as the manifest has it, None for one look."""
+    if not arguments.every:
+        return None if arguments.every is None else 0.0
+    length = seconds(arguments.every)
+    if length < _SHORTEST:
+        raise UsageError(f"-every: {arguments.every} is too often; a picture takes a second at least", _USAGE)
+    return length
