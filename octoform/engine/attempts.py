@@ -20,6 +20,7 @@ from octoform.harness.plainfile import read_plain
 from octoform.harness.port import Closed, ExitReason, ToolCalled, ToolReturned, Trouble
 from octoform.manifest.loading import load as load_manifest
 from octoform.manifest.model import FILE_NAME as MANIFEST
+from octoform.protocol import STEP, step_paths
 from octoform.protocol.loading import load as load_specs
 from octoform.state import attempts as records
 from octoform.state.attempts import AttemptRecord
@@ -246,11 +247,20 @@ def _spec(project: Path, attempts: Sequence[Attempt], chosen: Attempt) -> SpecDi
     edit = record.spec_edit
     given = _given(run_of(attempts, chosen)[:-1])
     if given is None:
-        specs, _ = load_specs(project / "protocol")
-        given = specs[chosen.stage].text if chosen.stage in specs else ""
+        given = _today(project, chosen.stage)
     lines = unified(given, copy)
     counts = (_count(lines, "+"), _count(lines, "-"))
     return SpecDiff(edit.added, edit.removed, edit.permitted, lines, counts == (edit.added, edit.removed))
+
+
+def _today(project: Path, stage: str) -> str:
+    """The text of a stage's or step's spec as it is now; empty where it cannot be read."""
+    if not stage.startswith(STEP):
+        specs, _ = load_specs(project / "protocol")
+        return specs[stage].text if stage in specs else ""
+    path = step_paths(project / "protocol").get(stage.removeprefix(STEP))
+    data = read_plain(path, MOST_SPEC_BYTES) if path is not None else None
+    return data.decode("utf-8", "replace") if data is not None else ""
 
 
 def _given(before: Sequence[Attempt]) -> str | None:

@@ -17,7 +17,7 @@ from octoform.plan import encode, planfile
 from octoform.plan.model import Plan
 from octoform.state.artifacts import file_digest
 from octoform.state.files import read_regular
-from octoform.state.layout import STAGES
+from octoform.state.layout import STAGES, STEP
 from octoform.state.lock import acquire, force_unlock
 from octoform.state.model import NodeState, Snapshot, Status
 from octoform.state.store import StateStore
@@ -104,7 +104,7 @@ def accept(project: Path, environ: Mapping[str, str], name: str) -> list[Diagnos
         if state is None or found:
             return found
         situation = look(opened.compiled, opened.snapshot, environ)
-        if name in STAGES and name not in situation.artifacts:
+        if _has_artifact(name) and name not in situation.artifacts:
             return _unacceptable(opened.compiled, name, situation)
         found = verify_artifact(opened.compiled, name, situation.artifacts)
         if has_errors(found):
@@ -114,9 +114,16 @@ def accept(project: Path, environ: Mapping[str, str], name: str) -> list[Diagnos
     return change(project, environ, "accept", step)
 
 
+def _has_artifact(name: str) -> bool:
+    return name in STAGES or name.startswith(STEP)
+
+
 def _not_to_be_accepted(opened: Found, name: str) -> list[Diagnostic]:
     """What stands in the way before any artifact is looked at."""
-    if name not in STAGES:
+    if name not in opened.compiled.graph.names():
+        summary = f"the step {name} is not switched on, so nothing says what it would be accepted as"
+        return [error("STATE-NO-NODE", summary, hint="name it under privileged_steps first")]
+    if not _has_artifact(name):
         summary = f"{name} is no artifact, so there is nothing to accept"
         return [error("ARTIFACT-MISSING", summary, hint="octoform apply brings it up to date; no agent runs for it")]
     gone = [other for other in opened.compiled.graph.node(name).consumes if other not in opened.snapshot.nodes]

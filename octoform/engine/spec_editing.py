@@ -16,8 +16,9 @@ from octoform.engine.compiling import Compiled
 from octoform.engine.inspecting import Found, change, open_project
 from octoform.escaping import is_hidden
 from octoform.graph.model import key_of
-from octoform.protocol import STAGES, Spec
+from octoform.protocol import STAGES, STEP, Spec, own_path, step_paths
 from octoform.protocol.loading import load_one
+from octoform.protocol.step_loading import load_step
 from octoform.state import attempts, spec_edits
 from octoform.state.files import write_atomic
 from octoform.state.model import NodeState
@@ -45,10 +46,15 @@ def waiting(
 ) -> tuple[tuple[Shown, ...] | None, list[Diagnostic]]:
     """Every waiting edit, or that of one stage; None with the reason when the project or the name is wrong."""
     opened, found = open_project(project, environ)
-    found += _unknown(stage)
+    found += _unknown(project, stage)
     if opened is None or has_errors(found):
         return None, found
-    edits = [edit for edit in spec_edits.waiting(opened.compiled.layout) if stage in (None, edit.stage)]
+    known = opened.compiled.specs
+    edits = [
+        edit
+        for edit in spec_edits.waiting(opened.compiled.layout)
+        if edit.stage in known and stage in (None, edit.stage)
+    ]
     return tuple(_shown(opened, edit) for edit in edits), found
 
 
@@ -60,15 +66,18 @@ def promote(project: Path, environ: Mapping[str, str], stage: str) -> list[Diagn
         edit = spec_edits.read(compiled.layout, stage)
         if edit is None:
             return [_nothing(stage)]
-        spec = compiled.specs[stage]
+        spec = compiled.specs.get(stage)
+        if spec is None:
+            return [_switched_off(stage)]
         found = _unproved(opened, edit) + _in_the_way(spec, edit, project) + _illegal(compiled, edit)
         if has_errors(found):
             return found
-        folder = project / "protocol"
-        if folder.is_symlink():
-            return [_linked(folder)]
-        folder.mkdir(exist_ok=True)
-        problem = write_atomic(folder / f"{stage}.md", edit.text.encode("utf-8"))
+        path = project / "protocol" / own_path(stage)
+        for folder in dict.fromkeys((project / "protocol", path.parent)):
+            if folder.is_symlink():
+                return [_linked(folder)]
+            folder.mkdir(exist_ok=True)
+        problem = write_atomic(path, edit.text.encode("utf-8"))
         if problem is not None:
             return [problem]
         spec_edits.drop(compiled.layout, stage)
@@ -77,7 +86,7 @@ def promote(project: Path, environ: Mapping[str, str], stage: str) -> list[Diagn
             return []
         return opened.store.success(stage, _rekeyed(known, edit))
 
-    return _unknown(stage) or change(project, environ, "spec promote", step)
+    return _unknown(project, stage) or change(project, environ, "spec promote", step)
 
 
 def reset(project: Path, environ: Mapping[str, str], stage: str | None) -> tuple[tuple[str, ...], list[Diagnostic]]:
@@ -97,12 +106,20 @@ def reset(project: Path, environ: Mapping[str, str], stage: str | None) -> tuple
     return (() if has_errors(found) else tuple(edit.stage for edit in edits)), found
 
 
-def _unknown(stage: str | None) -> list[Diagnostic]:
+def _unknown(project: Path, stage: str | None) -> list[Diagnostic]:
     if stage is None or stage in STAGES:
         return []
-    near = did_you_mean(stage, STAGES)
-    hint = f"did you mean {near}?" if near else f"the stages are {', '.join(STAGES)}"
+    known = (*STAGES, *(f"{STEP}{name}" for name in step_paths(project / "protocol")))
+    if stage in known:
+        return []
+    near = did_you_mean(stage, known)
+    hint = f"did you mean {near}?" if near else f"there are {', '.join(known)}"
     return [error("SPEC-NO-STAGE", f"there is no stage {stage!r}", hint=hint)]
+
+
+def _switched_off(stage: str) -> Diagnostic:
+    summary = f"{stage} is not switched on, so its spec is not in use"
+    return error("SPEC-NO-STAGE", summary, hint="name it under privileged_steps first")
 
 
 def _nothing(stage: str) -> Diagnostic:
@@ -114,7 +131,7 @@ def _shown(opened: Found, edit: PendingEdit) -> Shown:
     spec, known = opened.compiled.specs[edit.stage], opened.snapshot.nodes.get(edit.stage)
     return Shown(
         stage=edit.stage,
-        path=f"protocol/{edit.stage}.md",
+        path=f"protocol/{own_path(edit.stage)}",
         diff=unified(spec.text, edit.text),
         attempt=edit.attempt,
         accepted=known is not None and _made_with(known, edit),
@@ -154,9 +171,12 @@ def _in_the_way(spec: Spec, edit: PendingEdit, project: Path) -> list[Diagnostic
 def _illegal(compiled: Compiled, edit: PendingEdit) -> list[Diagnostic]:
     """Why the edited text is no spec of its stage (an agent may have spoilt the front matter)."""
     with TemporaryDirectory() as folder:
-        path = Path(folder) / f"{edit.stage}.md"
+        path = Path(folder) / own_path(edit.stage).name
         path.write_text(edit.text, encoding="utf-8")
-        _, found = load_one(edit.stage, path, compiled.schemas)
+        if edit.stage in compiled.steps:
+            _, found = load_step(compiled.steps[edit.stage].name, path, compiled.schemas.parent)
+        else:
+            _, found = load_one(edit.stage, path, compiled.schemas)
     if any(is_hidden(sign) and sign not in "\n\t\r" for sign in edit.text):
         summary = "the edited spec holds control, invisible or direction-changing characters"
         found.append(error("PROTOCOL-HIDDEN", summary, hint="take over by hand what is worth keeping"))

@@ -255,7 +255,7 @@ class Manifest:
 
     def camera_hint(self) -> dict[str, str]:
         """The setting that names a camera, by its place in the file; empty where none is named."""
-        camera = getattr(getattr(self, "perception", None), "camera", None)
+        camera = self.perception.camera
         return {"perception.camera": camera} if camera is not None else {}
 
     def settings_for(self, stage: str) -> dict[str, object]:

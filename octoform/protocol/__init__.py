@@ -1,7 +1,7 @@
 """Specs and prompts: what an agent is told. Device-agnostic prose in ``protocol/``, rendered and bounded here."""
 
 from octoform.protocol.model import STAGES, STEP, Spec
-from octoform.protocol.paths import schema_dir, spec_paths, step_paths
+from octoform.protocol.paths import own_path, schema_dir, spec_paths, step_paths
 from octoform.protocol.prompt import MOST_PROMPT_BYTES, Prompt, PromptTooLarge, render_prompt
 from octoform.protocol.steps import Proof, Step
 
@@ -14,6 +14,7 @@ __all__ = [
     "Proof",
     "Spec",
     "Step",
+    "own_path",
     "render_prompt",
     "schema_dir",
     "spec_paths",

@@ -3,9 +3,9 @@
 Light on purpose: which files matter must be known without reading YAML.
 """
 
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 
-from octoform.protocol.model import STAGES
+from octoform.protocol.model import STAGES, STEP
 
 SCHEMAS = "schemas"
 PRIVILEGED = "privileged"
@@ -40,3 +40,10 @@ def step_paths(folder: Path | None) -> dict[str, Path]:
     folders = [shipped() / PRIVILEGED, *([folder / PRIVILEGED] if folder is not None else [])]
     found = {path.stem: path for place in folders for path in place.glob("*.md") if path.name not in NOT_STEPS}
     return dict(sorted(found.items()))
+
+
+def own_path(stage: str) -> PurePosixPath:
+    """Where a project's own spec of a stage or of a step (``step.arm``) lies, below its ``protocol/``."""
+    if stage.startswith(STEP):
+        return PurePosixPath(PRIVILEGED, f"{stage.removeprefix(STEP)}.md")
+    return PurePosixPath(f"{stage}.md")

@@ -13,7 +13,7 @@ from pathlib import Path
 from octoform.diagnostics import Diagnostic, Severity
 from octoform.escaping import escaped
 from octoform.protocol.fence import cut, fenced, tail
-from octoform.protocol.model import Spec
+from octoform.protocol.model import STEP, Spec
 
 MOST_PROMPT_BYTES = 48 * 1024
 MOST_TAIL_LINES = 100
@@ -92,7 +92,8 @@ def _render(prompt: Prompt, log: str) -> str:
         lstrip_blocks=True,
     )
     return environment.get_template("retry.md.j2" if prompt.is_retry else "first.md.j2").render(
-        stage=prompt.spec.stage.upper(),
+        stage=prompt.spec.stage.removeprefix(STEP).upper(),
+        is_step=prompt.spec.stage.startswith(STEP),
         body=prompt.spec.body.rstrip(),
         own_spec=_seen_from(prompt.workdir, prompt.own_spec),
         editable=prompt.editable,

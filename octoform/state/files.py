@@ -209,7 +209,7 @@ def check_writable(layout: Layout) -> list[Diagnostic]:
     problem = make_folders(layout)
     if problem is not None:
         return [problem]
-    folders = [layout.committed, layout.local, *(layout.committed / stage for stage in STAGES)]
+    folders = [layout.committed, layout.local, *(layout.folder(stage) for stage in STAGES), layout.steps]
     sweep(layout)
     found = []
     for folder in folders:

@@ -10,7 +10,7 @@ from pydantic import ValidationError
 
 from octoform.diagnostics import Diagnostic
 from octoform.state.files import read_regular, write_atomic
-from octoform.state.layout import STAGES, Layout
+from octoform.state.layout import STAGES, STEP, Layout
 from octoform.state.model import Persisted
 
 MOST_BYTES = 512 * 1024
@@ -47,8 +47,9 @@ def read(layout: Layout, stage: str) -> PendingEdit | None:
 
 
 def waiting(layout: Layout) -> list[PendingEdit]:
-    """Every waiting edit, in the order of the stages."""
-    return [edit for edit in (read(layout, stage) for stage in STAGES) if edit is not None]
+    """Every waiting edit, in the order of the stages, those of privileged steps last."""
+    steps = sorted(path.stem for path in layout.spec_edits.glob(f"{STEP}*.json"))
+    return [edit for edit in (read(layout, stage) for stage in (*STAGES, *steps)) if edit is not None]
 
 
 def drop(layout: Layout, stage: str) -> None:

@@ -21,7 +21,7 @@ TOLD = frozenset({"reused", "escalated", "spec_edit"})
 def told(name: str, state: NodeState) -> Iterator[tuple[str, str]]:
     """(label, text) of each line, fit to be shown."""
     reused = _table(state, "reused")
-    if state.harness:
+    if state.harness and not state.detail.get("skipped"):
         yield "made by", f"{_cut(sentences.agent(state.harness, state.model), WIDTH)}, {_tries(state, reused)}"
     if reused:
         yield "reused", _reused(reused)

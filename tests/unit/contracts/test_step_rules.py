@@ -1,0 +1,210 @@
+"""Each rule of the privileged steps, broken alone: a good artifact, one change, exactly that code."""
+
+import copy
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import pytest
+from contract_samples import SCHEMAS, artifacts, good
+
+from octoform.contracts import Artifacts, ProfileFacts
+from octoform.contracts.checking import RULES, check
+from octoform.contracts.stepping import StepFacts, corroborated
+
+ARM, CAMERA = "usb-1a86-55d3", "usb-1234-0001"
+JOINTS = ["base", "elbow", "grip"]
+JOINT = {"type": "string", "enum": JOINTS}
+COUNT = {"type": "integer", "minimum": 0, "maximum": 4095}
+
+
+def tool(name: str, effect: str, properties: dict[str, Any], required: list[str], device: str = ARM) -> dict[str, Any]:
+    schema = {"type": "object", "properties": properties, "required": required, "additionalProperties": False}
+    return {"name": name, "capability": name, "devices": [device], "effect": effect, "input_schema": schema}
+
+
+TOOLS = [
+    tool("arm_read", "read", {"joint": JOINT}, ["joint"]),
+    tool("arm_move", "actuate", {"joint": JOINT, "position": COUNT, "speed": COUNT}, ["joint", "position"]),
+    tool("arm_melt", "irreversible", {"joint": JOINT, "position": COUNT}, ["joint", "position"]),
+    tool("lamp_dim", "actuate", {"percent": {"type": "number"}}, ["percent"], "usb-1234-0002"),
+    tool("capture_image", "read", {"device": {"type": "string", "enum": [CAMERA]}}, [], CAMERA),
+]
+IDENTIFY = {"devices": [{"id": ARM, "profile": "arm"}, {"id": CAMERA}, {"id": "usb-1234-0002"}], "left_out": []}
+SEEN = (
+    {
+        "device": CAMERA,
+        "tool": "capture_image",
+        "arguments": {},
+        "hub_shared_with": [],
+        "built_in": False,
+        "hint": False,
+    },
+    {
+        "device": "cam-hub",
+        "tool": "capture_image",
+        "arguments": {},
+        "hub_shared_with": [ARM],
+        "built_in": False,
+        "hint": False,
+    },
+    {
+        "device": "cam-lid",
+        "tool": "capture_image",
+        "arguments": {},
+        "hub_shared_with": [],
+        "built_in": True,
+        "hint": False,
+    },
+)
+FACTS = StepFacts("arm", "reading", 50.0, (ARM,), disabled={"base": "its motor is broken"}, cameras=SEEN, best=CAMERA)
+
+
+def trial(joint: str, *, view: bool = False) -> dict[str, Any]:
+    return {
+        "unit": joint,
+        "move": {"tool": "arm_move", "arguments": {"joint": joint}, "vary": "position", "by": 200, "relative": False},
+        "read": None if view else {"tool": "arm_read", "arguments": {"joint": joint}, "value": "/position"},
+        "view": {"tool": "capture_image", "arguments": {}} if view else None,
+    }
+
+
+def reading() -> dict[str, Any]:
+    skipped = [{"unit": "base", "reason": "its motor is broken"}]
+    trials = [trial("grip"), trial("elbow")]
+    head = {"format": 1, "step": "arm", "device": ARM, "server": None}
+    return {**head, "trials": trials, "skipped": skipped, "camera": None}
+
+
+def viewing() -> dict[str, Any]:
+    return {**reading(), "trials": [trial("grip", view=True), trial("elbow", view=True)]}
+
+
+def framing() -> dict[str, Any]:
+    camera = {"device": CAMERA, "tool": "capture_image", "arguments": {"device": CAMERA}}
+    head = {"format": 1, "step": "perceive", "device": None, "server": None}
+    return {**head, "trials": [], "skipped": [], "camera": camera}
+
+
+def known(facts: StepFacts = FACTS) -> Artifacts:
+    profiles = {"arm": ProfileFacts("arm", frozenset({ARM}))}
+    interface = {"tools": TOOLS, "left_out": []}
+    return artifacts(identify=IDENTIFY, interface=interface, profiles=profiles, step=facts)
+
+
+VIEW = replace(FACTS, kind="view")
+FRAME = StepFacts("perceive", "frame", 0.0, needs_profile=False, cameras=SEEN, best=CAMERA)
+
+
+def codes(value: Any, facts: StepFacts = FACTS) -> set[str]:
+    return {item.code for item in check(f"step.{facts.name}", value, known(facts), SCHEMAS)}
+
+
+def test_good_artifacts_pass() -> None:
+    assert codes(reading()) == set()
+    assert codes(viewing(), VIEW) == set()
+    assert codes(framing(), FRAME) == set()
+    assert codes({**reading(), "server": "server.py"}) == set()
+
+
+Change = Callable[[dict[str, Any]], object]
+
+
+def first(value: dict[str, Any], part: str = "move") -> dict[str, Any]:
+    found: dict[str, Any] = value["trials"][0][part]
+    return found
+
+
+CASES: list[tuple[str, Change]] = [
+    ("STEP-SCHEMA", lambda value: value.pop("camera")),
+    ("STEP-SCHEMA", lambda value: value.update(server="/etc/passwd")),
+    ("STEP-SCHEMA", lambda value: first(value).update(by=0)),
+    ("STEP-SCHEMA", lambda value: value["skipped"][0].update(reason="")),
+    ("STEP-NAME-DIFFERS", lambda value: value.update(step="rail")),
+    ("STEP-WRONG-PROOF", lambda value: value["trials"][0].update(view={"tool": "capture_image", "arguments": {}})),
+    ("STEP-WRONG-PROOF", lambda value: value.update(camera=framing()["camera"])),
+    ("STEP-FOREIGN-TOOL", lambda value: first(value).update(tool="arm_melt")),
+    ("STEP-FOREIGN-TOOL", lambda value: first(value).update(tool="arm_mvoe")),
+    ("STEP-FOREIGN-TOOL", lambda value: first(value, "read").update(tool="capture_image", arguments={})),
+    ("STEP-FOREIGN-TOOL", lambda value: first(value).update(tool="lamp_dim", arguments={}, vary="percent")),
+    ("STEP-WRONG-ARGUMENTS", lambda value: first(value).update(vary="joint", arguments={})),
+    ("STEP-WRONG-ARGUMENTS", lambda value: first(value).update(vary="psition")),
+    ("STEP-WRONG-ARGUMENTS", lambda value: first(value)["arguments"].update(position=5)),
+    ("STEP-WRONG-ARGUMENTS", lambda value: first(value)["arguments"].update(sped=5)),
+    ("STEP-WRONG-ARGUMENTS", lambda value: first(value, "read").update(arguments={})),
+    ("STEP-UNCOVERED-UNIT", lambda value: value["trials"].pop()),
+    ("STEP-UNCOVERED-UNIT", lambda value: value["trials"].append(trial("grip"))),
+    ("STEP-UNCOVERED-UNIT", lambda value: first(value, "read")["arguments"].update(joint="elbow")),
+    ("STEP-UNCOVERED-UNIT", lambda value: value["skipped"].clear()),
+    (
+        "STEP-WRONGLY-SKIPPED",
+        lambda value: value["skipped"].append({"unit": value["trials"].pop()["unit"], "reason": "tired"}),
+    ),
+    ("STEP-WRONGLY-SKIPPED", lambda value: value["skipped"][0].update(reason="  ")),
+    ("STEP-WRONGLY-SKIPPED", lambda value: value.update(skipped=[], trials=[trial(name) for name in JOINTS])),
+    ("STEP-TOO-SMALL", lambda value: first(value).update(by=-49)),
+]
+
+
+@pytest.mark.parametrize(("code", "change"), CASES, ids=lambda item: item if isinstance(item, str) else "")
+def test_one_breach_one_code(code: str, change: Change) -> None:
+    value = reading()
+    change(value)
+    assert codes(value) == {code}
+
+
+def test_every_rule_has_a_case() -> None:
+    own_tests = {"STEP-WRONG-CAMERA", "STEP-DEVICE-DIFFERS"}
+    assert {rule.code for rule in RULES["step"]} - {code for code, _ in CASES} == own_tests
+
+
+def test_another_device_may_not_be_moved() -> None:
+    value = {**reading(), "device": "usb-1234-0002", "skipped": []}
+    value["trials"] = [copy.deepcopy(trial("lamp"))]
+    value["trials"][0]["move"].update(tool="lamp_dim", arguments={}, vary="percent", by=60)
+    assert "STEP-DEVICE-DIFFERS" in codes(value)
+    assert codes({**reading(), "trials": []}) == {"STEP-WRONG-PROOF", "STEP-UNCOVERED-UNIT"}
+
+
+def test_a_movement_that_only_a_picture_shows_has_no_least_size() -> None:
+    value = viewing()
+    first(value)["by"] = 1
+    assert codes(value, VIEW) == set()
+    first(value, "view")["tool"] = "arm_read"
+    first(value, "view")["arguments"] = {"joint": "grip"}
+    assert codes(value, VIEW) == {"STEP-FOREIGN-TOOL"}
+    assert codes(reading(), VIEW) == {"STEP-WRONG-PROOF"}
+
+
+@pytest.mark.parametrize("device", ["cam-hub", "cam-lid", "cam-none"])
+def test_the_better_camera_is_chosen(device: str) -> None:
+    value = framing()
+    value["camera"].update(device=device, arguments={})
+    found = check("step.perceive", value, known(FRAME), SCHEMAS)
+    assert [item.code for item in found] == ["STEP-WRONG-CAMERA"]
+    named = tuple({**item, "hint": item["device"] == device} for item in SEEN)
+    wanted = set() if device != "cam-none" else {"STEP-WRONG-CAMERA"}
+    assert codes(value, replace(FRAME, cameras=named, best=device)) == wanted
+
+
+def test_where_nothing_moves_nothing_is_tried() -> None:
+    value = {**framing(), "device": CAMERA}
+    assert codes(value, FRAME) == {"STEP-DEVICE-DIFFERS"}
+    assert codes({**framing(), "camera": None}, FRAME) == {"STEP-WRONG-PROOF"}
+    assert "STEP-WRONG-PROOF" in codes({**framing(), "trials": reading()["trials"]}, FRAME)
+
+
+def test_a_step_without_a_device_claims_nothing() -> None:
+    nothing = {**reading(), "device": None, "trials": [], "skipped": []}
+    assert codes(nothing, replace(FACTS, devices=())) == set()
+    assert codes(nothing) == {"STEP-DEVICE-DIFFERS", "STEP-WRONG-PROOF"}
+    assert codes({**nothing, "trials": [trial("grip")]}, replace(FACTS, devices=())) == {"STEP-FOREIGN-TOOL"}
+
+
+def test_a_device_is_corroborated_by_annotation_and_evidence_together() -> None:
+    assert corroborated("arm", known()) == (ARM,)
+    assert corroborated("rail", known()) == ()
+    assert corroborated("arm", replace(known(), profiles={"arm": ProfileFacts("arm")})) == ()
+    unnamed = {"devices": [{"id": ARM}], "left_out": []}
+    assert corroborated("arm", replace(known(), identify=unnamed)) == ()
+    assert good("identify")["devices"]  # the sample that the others share stays as it was
