@@ -53,6 +53,7 @@ def _tool(policy: Policy, tool: Tool, holding: Holding) -> dict[str, Any]:
         "timeout": float(policy.timeout_for(tool["name"])),
         "result_bytes": policy.result_bytes,
         "buses": sorted(tool["devices"]),
+        **({"stops": True} if tool.get("stops") else {}),  # then it does not wait for the devices
         "limits": list(_limits(tool, list(claims(policy, tool, holding)))),
     }
 

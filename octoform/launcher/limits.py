@@ -86,20 +86,19 @@ class Ledger:
     def settle(self, tool: str, arguments: Mapping[str, Any], *, well: bool) -> None:
         """A call that counted has ended. After one that went well, sums that it brings to their origin are zero.
 
-        One that failed may have moved the device or not, and from then on both are reckoned with. What cannot be
-        written stays as it was for a sum that should be zero: that refuses too much rather than too little.
+        One that failed may have moved the device, wholly or in part, or not at all, and from then on all of it is
+        reckoned with, also on the way to the origin. What cannot be written stays as it was for a sum that should be
+        zero: that refuses too much rather than too little.
         """
-        if (tool not in self._zeroed) if well else (tool not in self._summing):
+        if tool not in self._zeroed and (well or tool not in self._summing):
             return
         with self._lock, suppress(CountersUnwritable):
-            if not well:
+            if not well and tool in self._summing:
                 self._counters.put(tool, self._doubted(self._counters.of(tool), self._tools[tool].limits, arguments))
-                return
-            for name, key in sorted(self._zeroed[tool]):
+            for name, key in sorted(self._zeroed.get(tool, ())):
                 used = self._counters.of(name)
                 if not used.damaged and (used.sums.get(key) or key in used.doubts):
-                    doubts = {other: doubt for other, doubt in used.doubts.items() if other != key}
-                    self._counters.put(name, replace(used, sums={**used.sums, key: Fraction(0)}, doubts=doubts))
+                    self._counters.put(name, _at_zero(used, key) if well else _near_zero(used, key))
 
     @staticmethod
     def _doubted(used: Used, limits: tuple[Limit, ...], arguments: Mapping[str, Any]) -> Used:
@@ -172,6 +171,19 @@ class Ledger:
             elif kind == "step" and value is not None:
                 last[name] = value
         return replace(used, sums=sums, last=last, calls=tuple(calls[-kept:]))
+
+
+def _at_zero(used: Used, key: str) -> Used:
+    doubts = {other: doubt for other, doubt in used.doubts.items() if other != key}
+    return replace(used, sums={**used.sums, key: Fraction(0)}, doubts=doubts)
+
+
+def _near_zero(used: Used, key: str) -> Used:
+    """Somewhere between where it may have been and zero."""
+    total = used.sums.get(key, Fraction(0))
+    low, high = used.doubts.get(key, (Fraction(0), Fraction(0)))
+    doubt = (total - min(total - low, Fraction(0)), max(total + high, Fraction(0)) - total)
+    return replace(used, doubts={**used.doubts, key: doubt})
 
 
 def _of_value(limit: Limit, arguments: Mapping[str, Any], used: Used, tool: str) -> Refusal | None:

@@ -57,7 +57,11 @@ class Limit:
 
 @dataclass(frozen=True, slots=True)
 class ToolPolicy:
-    """What holds for one tool. ``timeout`` in seconds, ``result_bytes`` in bytes, ``buses`` are device ids."""
+    """What holds for one tool. ``timeout`` in seconds, ``result_bytes`` in bytes.
+
+    ``buses`` are the ids of the devices whose calls it waits for: none for a tool that stops a movement, which would
+    come too late behind it. Its code takes the lock of a device itself, between two steps of the movement.
+    """
 
     effect: Effect
     decision: Decision
@@ -139,7 +143,7 @@ def _tool(document: Any, place: str) -> ToolPolicy:
         source=_text(item, "source", place),
         timeout=_positive(item, "timeout", place),
         result_bytes=_whole(item, "result_bytes", place),
-        buses=tuple(sorted({_string(bus, f"{place}.buses") for bus in buses})),
+        buses=() if _flag(item, "stops", place) else tuple(sorted({_string(bus, f"{place}.buses") for bus in buses})),
         limits=tuple(_limit(limit, f"{place}.limits[{index}]") for index, limit in enumerate(limits)),
     )
 
@@ -209,6 +213,13 @@ def _text(item: Mapping[str, Any], name: str, place: str) -> str:
     if not text:
         raise PolicyInvalid(f"{place}.{name} is empty")
     return text
+
+
+def _flag(item: Mapping[str, Any], name: str, place: str) -> bool:
+    value = item.get(name, False)
+    if not isinstance(value, bool):
+        raise PolicyInvalid(f"{place}.{name} is {value!r}, which is neither true nor false")
+    return value
 
 
 def _one_of(item: Mapping[str, Any], name: str, allowed: tuple[str, ...], place: str) -> str:

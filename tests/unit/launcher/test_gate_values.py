@@ -58,6 +58,28 @@ def test_a_limit_holds_by_the_name_in_the_schema(tmp_path: Path, mode: str, tool
     assert moved == [50]
 
 
+def joints(pan: int, n: Annotated[int, Field(alias="lift")], free: int = 0) -> int:
+    """Two joints with limits of their own, one under another name in the code."""
+    moved.extend((pan, n))
+    return free
+
+
+@pytest.mark.parametrize("over", ["pan", "lift"])
+@pytest.mark.parametrize("value", [101, -1, "500", float("nan"), "far", None, 1e300])
+def test_each_of_several_parameters_is_held_by_its_own_limit(tmp_path: Path, over: str, value: object) -> None:
+    async def scenario() -> None:
+        limits = [{**RANGE, "parameter": name} for name in ("pan", "lift")]
+        async with gated(tmp_path, {joints: tool_policy(limits=limits)}) as gate, gate.client() as client:
+            good = {"pan": 1, "lift": 2, "free": 5000}
+            for hostile in ({over: value}, {over: value, "n": 1}, {"n": 1}):
+                refused = await client.call_tool("joints", {**good, **hostile}, raise_on_error=False)
+                assert refused.is_error, hostile
+            assert (await client.call_tool("joints", good)).data == 5000
+
+    asyncio.run(scenario())
+    assert moved == [1, 2]
+
+
 def test_a_limit_that_is_about_no_argument_refuses(tmp_path: Path) -> None:
     async def scenario() -> None:
         async with gated(tmp_path, {other: tool_policy(limits=[RANGE])}) as gate, gate.client() as client:
