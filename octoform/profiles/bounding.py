@@ -8,6 +8,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from fnmatch import fnmatchcase
 from typing import Any
 
+from octoform.profiles.finding import near
 from octoform.profiles.values import Tool, Value
 
 Limit = Mapping[str, Any]
@@ -49,3 +50,18 @@ def _limit(tool: Tool, value: Value, given: tuple[Limit, ...]) -> dict[str, Any]
         ends["maximum"] = value.maximum
     unit = next((item["unit"] for item in own if "unit" in item), value.unit)
     return {"parameter": value.name, **ends, **({"unit": unit} if unit else {})} if ends else {}
+
+
+def idle(limit: Limit, tools: Iterable[Tool]) -> tuple[str, str, str] | None:
+    """The member of a limit that names nothing of the grammar, what is wrong with it, and what to do; else None."""
+    listed = {tool.tool: tool for tool in tools}
+    glob, name, zero = limit.get("tool", "*"), limit.get("parameter"), limit.get("zero")
+    meant = [tool for tool in listed.values() if isinstance(glob, str) and fnmatchcase(tool.tool, glob)]
+    if isinstance(glob, str) and not meant:
+        return "tool", f"the grammar has no tool {glob!r}", near(glob, listed, "its tools are ")
+    parameters = {value.name: None for tool in meant for value in tool.parameters}
+    if isinstance(name, str) and name not in parameters:
+        return "parameter", f"the tools of this limit take no parameter {name!r}", near(name, parameters, "they take ")
+    if isinstance(zero, str) and zero not in listed:
+        return "zero", f"the grammar has no tool {zero!r}", near(zero, listed, "its tools are ")
+    return None

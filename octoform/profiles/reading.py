@@ -6,7 +6,6 @@ refused: what it would do on the host could not be seen in the plan.
 
 import re
 from collections.abc import Iterable, Mapping
-from fnmatch import fnmatchcase
 from pathlib import Path
 from typing import Any
 
@@ -223,8 +222,8 @@ def _rig(document: Document, grammar: Grammar | None) -> tuple[Rig, list[Diagnos
 
 
 def _idle_limits(document: Document, grammar: Grammar | None) -> list[Diagnostic]:
-    """Limits that name a tool which the grammar does not have: whoever wrote them believes in a bound that is none."""
-    tools = [item.tool for item in grammar.tools()] if grammar is not None else []
+    """Limits of what the grammar does not have: whoever wrote them believes in a bound that is none."""
+    tools = grammar.tools() if grammar is not None else ()
     rig = document.fields.get("rig")
     places: list[tuple[Any, frontmatter.Place]] = [
         (document.fields.get("limits"), ("limits",)),
@@ -233,10 +232,8 @@ def _idle_limits(document: Document, grammar: Grammar | None) -> list[Diagnostic
     found = []
     for given, place in places if tools else ():
         for index, item in enumerate(given if isinstance(given, list) else ()):
-            name = item.get("tool") if isinstance(item, Mapping) else None
-            if isinstance(name, str) and not any(fnmatchcase(tool, name) for tool in tools):
-                near = did_you_mean(name, tools)
-                hint = f"did you mean {near!r}?" if near else f"its tools are {', '.join(tools)}"
-                where = (*place, index, "tool")
-                found.append(document.problem("PROFILE-LIMIT", f"the grammar has no tool {name!r}", where, hint))
+            idle = bounding.idle(item, tools) if isinstance(item, Mapping) else None
+            if idle is not None:
+                name, summary, hint = idle
+                found.append(document.problem("PROFILE-LIMIT", summary, (*place, index, name), hint))
     return found

@@ -147,6 +147,8 @@ def test_nonsense_is_told_and_never_raises(value: str) -> None:
 def test_limits_name_tools_of_the_grammar() -> None:
     _, found = lamp("tool: lamp_dim, parameter", "tool: lamp_dimm, parameter")
     assert [(item.code, item.summary) for item in found] == [("PROFILE-LIMIT", "the grammar has no tool 'lamp_dimm'")]
+    _, found = lamp('maximum: 80, unit: "%"', "cumulative: 80, zero: lamp_of")
+    assert [(item.code, item.summary) for item in found] == [("PROFILE-LIMIT", "the grammar has no tool 'lamp_of'")]
     assert lamp("tool: lamp_dim, parameter", 'tool: "lamp_*", parameter')[1] == []
 
 
@@ -220,7 +222,7 @@ def test_the_shipped_profiles_say_nothing_of_one_rig() -> None:
     for profile in profiles.values():
         assert profile.rig.facts == () and profile.rig.limits == () and profile.product
     grammar = profiles["camera-rail"].grammar
-    assert grammar is not None and profiles["camera-rail"].stop == ()
+    assert isinstance(grammar, LineGrammar) and profiles["camera-rail"].stop == ()
     assert [(item.tool, item.send) for item in grammar.commands] == [
         ("rail_move_x", "MOVE_X {steps}"),
         ("rail_move_y", "MOVE_Y {steps}"),
