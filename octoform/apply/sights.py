@@ -54,11 +54,9 @@ class _ByView(Mover):
             text = f"{tried.unit} is to be moved to a place, and nothing reads where to go back to"
             tried.blame("STEP-NO-READING", text, f"{self.where}/move/relative", hint="move by a distance instead")
             return
-        before = _look(self.bench, tried, view, self.where, "before")
-        still = _look(self.bench, tried, view, self.where, "still") if before is not None else None
-        if before is None or still is None:
+        still = self._stillness(view)
+        if still is None or tried.noise is None:
             return
-        tried.noise = difference(before, still)
         wanted = max(self.bench.proof.minimum, NOISE_FACTOR * tried.noise)
         if not self.go():
             return
@@ -73,6 +71,23 @@ class _ByView(Mover):
         tried.returned = self._watched(still, "back", lambda change: change <= most) if answer.value else None
         if (tried.returned is None or tried.returned > most) and not tried.over:
             self._not_back(answer.words)
+
+    def _stillness(self, view: Mapping[str, Any]) -> Picture | None:
+        """The picture before the movement, once two of them agree or the time for it is over; sets the noise.
+
+        A camera may still show what was a moment ago, and a device may still come to rest.
+        """
+        tried, end = self.tried, self.now + self.bench.proof.settle
+        before = _look(self.bench, tried, view, self.where, "before")
+        while before is not None:
+            still = _look(self.bench, tried, view, self.where, "still")
+            if still is None:
+                return None
+            tried.noise = difference(before, still)
+            if tried.noise < self.bench.proof.minimum or self.now >= end:
+                return still
+            before = still
+        return None
 
     def _watched(self, first: Picture, name: str, enough: Any) -> float | None:
         """How far the picture differs from ``first``: once that is enough, or when the time for it is over."""

@@ -133,7 +133,9 @@ class RunHuman:
                 self._edited(event)
             case events.StepTried():
                 mark = paint("·", "dim") if event.well else paint("!", "yellow")
-                text = one_line(f"{event.unit}  {event.text}", self._console.width - INDENT)
+                text = one_line(
+                    f"{event.unit}  {event.text}" if event.well else event.text, self._console.width - INDENT
+                )
                 self._say(f"{mark} {event.node:<10} {text}")
             case events.Notice():
                 self._say(paint(f"  {event.text}", "dim"))
