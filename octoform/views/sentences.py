@@ -107,6 +107,8 @@ def _reason(plan: Plan, action: PlannedAction, item: Reason) -> str:
         return f"not in the state yet: {purpose}" if purpose else "not in the state yet"
     if item.cause is Cause.CHANGED:
         return _changed(plan, action, item)
+    if item.cause is Cause.REMOVED and plan.tier1:
+        return "privileged steps are off (-tier1)"
     text = _CAUSES[item.cause].format(place=f"state/{plan.host}/{steps.folder(action.node)}")
     if item.before and item.after:
         text += f" ({show(item.before)} -> {show(item.after)})"

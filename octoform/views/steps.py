@@ -31,7 +31,7 @@ def _what(step: StepOutlook) -> str:
 def _skipped(step: StepOutlook) -> str:
     if step.profile is None:
         return "is skipped: there is no camera"
-    text = f"is skipped: {step.profile} holds for no device"
+    text = f"is skipped: no device is corroborated by {step.profile}"
     if step.near is None:
         return text
     return f"{text}; {one_line(step.near, WIDTH)} lacks a word such as {one_line(step.word or '', WIDTH)}"

@@ -25,7 +25,7 @@ from octoform.endpoint.publishing import write_endpoint
 from octoform.endpoint.service import Service
 from octoform.engine.compiling import Compiled, compile_project
 from octoform.engine.observing import contract_digest
-from octoform.graph.model import Node, key_of, key_parts
+from octoform.graph.model import Node, NodeKind, key_of, key_parts
 from octoform.state.artifacts import accept, file_digest
 from octoform.state.files import write_atomic
 from octoform.state.instances import write_instances
@@ -69,6 +69,8 @@ class Settled:
             assert store.begin(node.name) == []
             if node.name in STAGES:
                 self._stage(compiled, node.name)
+            elif node.name in compiled.steps:
+                self._step(compiled, node.name)
             else:
                 self._endpoint(compiled.layout)
             outputs = {name: store.snapshot.nodes[name].output_digest for name in node.consumes}
@@ -101,16 +103,22 @@ class Settled:
             files["requirements.txt"] = LOCK.encode()
         assert accept(compiled.layout, stage, files) == []
 
+    def _step(self, compiled: Compiled, name: str) -> None:
+        """A step that was skipped: there was nothing to prove."""
+        nothing = {"device": None, "server": None, "trials": [], "skipped": [], "camera": None}
+        document = {"format": 1, "step": compiled.steps[name].name, **nothing}
+        assert accept(compiled.layout, name, {"output.json": json.dumps(document).encode()}) == []
+
     def _state(self, compiled: Compiled, node: Node, parts: dict[str, str]) -> NodeState:
         output = digest.of_value(parts)
-        if node.name in STAGES:
+        if node.kind is not NodeKind.ENDPOINT:
             output = output_digest(node.name, value(compiled.layout, node.name), compiled.schemas)
         place = STAGES.index(node.name) if node.name in STAGES else len(STAGES)
         return NodeState(
             key=key_of(parts),
             key_parts=parts,
             output_digest=output,
-            file_digest=(file_digest(compiled.layout, node.name) or "") if node.name in STAGES else "",
+            file_digest=(file_digest(compiled.layout, node.name) or "") if node.kind is not NodeKind.ENDPOINT else "",
             harness=node.harness,
             model=node.model,
             attempts=1 if node.name in STAGES else 0,

@@ -49,5 +49,6 @@ def test_there_is_a_case_for_every_reason_to_run() -> None:
         "endpoint",
         "instances-gone",
         "upstream",
+        "removed",
     }
     assert missing - set(reasons) == set()
