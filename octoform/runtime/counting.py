@@ -109,7 +109,8 @@ class Counted:
             refuse(self._device, self._step)
             self._stops = known.stops
             if known.attached != (now := attached(self._line)):
-                known.sums, known.why = None, ANEW
+                if known.sums is not None:
+                    known.sums, known.why = None, ANEW
                 _let_go(known)
             known.attached = now
             if self._step.moves and known.line < 0:

@@ -44,7 +44,7 @@ def _kind(profile: Mapping[str, Any], command: Mapping[str, Any]) -> Kind:
         name=str(command["tool"]),
         description=_description(profile, command),
         output=answers.of_units(bank, command) if bank else answers.of_line(profile["grammar"], command),
-        worth=WORTH,
+        worth=WORTH + (bank is not None and command["do"] == "stop"),  # nothing that moves is kept without its stop
         effect=str(command["effect"]),
         parameters=lambda _: {name: _schema(name, value) for name, value in values.items()},
         smoke=trial if is_read else {},

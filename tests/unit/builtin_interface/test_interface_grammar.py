@@ -15,11 +15,11 @@ from octoform.builtin.task import Refused
 from octoform.contracts.checking import check
 from octoform.contracts.model import Artifacts, ProfileFacts
 from octoform.profiles import Profile, commands, for_task, load, load_text
-from octoform.profiles.grammar import Command, LineGrammar, Value
+from octoform.profiles.grammar import Command, Grammar, LineGrammar, RegisterGrammar, Value
 
 ROOT = Path(__file__).parents[3]
 SCHEMAS = ROOT / "protocol" / "schemas"
-(RAIL,), _ = load([ROOT / "profiles" / "camera-rail.md"])
+(RAIL, ARM), _ = load([ROOT / "profiles" / name for name in ("camera-rail.md", "so-arm101.md")])
 ID = "usb-2341-804f"
 PROBE: dict[str, Any] = {
     "format": 1,
@@ -67,19 +67,20 @@ def as_commands(interface: dict[str, Any]) -> list[tuple[str, str, dict[str, tup
     ]
 
 
-def as_described(grammar: LineGrammar) -> list[tuple[str, str, dict[str, tuple[Any, ...]]]]:
+def as_described(grammar: Grammar) -> list[tuple[str, str, dict[str, tuple[Any, ...]]]]:
     return [
         (
-            command.tool,
-            command.effect,
-            {item.name: (item.type, item.minimum, item.maximum, item.choices) for item in command.parameters},
+            tool.tool,
+            tool.effect,
+            {item.name: (item.type, item.minimum, item.maximum, item.choices) for item in tool.parameters},
         )
-        for command in grammar.commands
+        for tool in grammar.tools()
     ]
 
 
+assert isinstance(RAIL.grammar, LineGrammar)
 MIXED = LineGrammar(
-    replace(RAIL.grammar.line, error=None, ending="\r\n", settle=1.0) if RAIL.grammar else None,  # type: ignore[arg-type]
+    replace(RAIL.grammar.line, error=None, ending="\r\n", settle=1.0),
     (
         Command("lamp_dim", 'DIM "{percent}" \\ {fade}', "dim it", "actuate",
                 (Value("percent", "number", minimum=0, maximum=80.5),
@@ -93,7 +94,7 @@ MIXED = LineGrammar(
 )  # fmt: skip
 
 
-@pytest.mark.parametrize("profile", [RAIL, replace(RAIL, grammar=MIXED, limits=())], ids=["rail", "mixed"])
+@pytest.mark.parametrize("profile", [RAIL, replace(RAIL, grammar=MIXED, limits=()), ARM], ids=["rail", "mixed", "arm"])
 def test_tools_equal_the_grammar(profile: Profile) -> None:
     interface, _ = made(profile)
     assert profile.grammar is not None
@@ -134,7 +135,7 @@ def test_a_profile_without_a_grammar_is_left_out_with_that_reason() -> None:
 
 def test_a_name_of_the_catalog_is_refused() -> None:
     text = (ROOT / "profiles" / "camera-rail.md").read_text()
-    profile, _ = load_text(text.replace("tool: rail_home", "tool: read_battery"), "rail")
+    profile, _ = load_text(text.replace("rail_home", "read_battery"), "rail")
     assert profile is not None
     with pytest.raises(Refused, match="names a tool read_battery, which is this agent's own"):
         made(profile)
@@ -152,7 +153,42 @@ def test_the_budget_cuts_a_described_tool_last() -> None:
     named = identify(PROBE, IdDatabases(Path("/nonexistent")), [for_task(RAIL, {ID})])
     kept = declare(named, 2, [for_task(RAIL, {ID})])
     assert [tool["name"] for tool in kept["tools"]] == ["rail_move_x", "rail_move_y"]
-    assert kept["left_out"] == [{"id": ID, "reason": "tool_budget", "detail": "without a tool for rail_home"}]
+    left = "without a tool for rail_home, rail_position, rail_stop"
+    assert kept["left_out"] == [{"id": ID, "reason": "tool_budget", "detail": left}]
+
+
+def test_the_tools_of_units_say_what_they_take_and_answer() -> None:
+    interface, server = made(ARM)
+    tools = {tool["name"]: tool for tool in interface["tools"]}
+    move, read, stop = (tools[f"arm_{name}"] for name in ("move_joint", "read_joint", "stop"))
+    assert move["input_schema"]["required"] == ["joint", "position"]
+    speed = move["input_schema"]["properties"]["speed"]
+    assert speed.pop("description") == "speed of the movement (raw/s)"
+    assert speed == {"type": "integer", "minimum": 50, "maximum": 1500, "default": 400}
+    assert tools["arm_set_torque"]["input_schema"]["properties"]["on"]["type"] == "boolean"
+    assert read["output_schema"]["properties"]["load"] == {"anyOf": [{"type": "number"}, {"type": "null"}]}
+    assert read["output_schema"]["properties"]["position"] == {"anyOf": [{"type": "integer"}, {"type": "null"}]}
+    assert read["smoke"] == {"arguments": {"joint": "shoulder_pan"}}
+    assert [name for name, tool in tools.items() if tool.get("stops")] == ["arm_stop"]
+    assert stop["input_schema"].keys() >= {"properties"} and "required" not in stop["input_schema"]
+    assert '"feetech-servo-sdk"' in server.partition("# ///\n")[0]
+    assert server.count("import scservo_sdk") == 1 and "    import scservo_sdk" in server
+
+
+def test_a_disabled_unit_is_named_and_not_tried() -> None:
+    assert isinstance(ARM.grammar, RegisterGrammar)
+    off = replace(ARM.grammar.registers, disabled={"shoulder_pan": "motor is broken"}, renumbered={"wrist_flex": 9})
+    interface, server = made(replace(ARM, grammar=replace(ARM.grammar, registers=off)))
+    tools = {tool["name"]: tool for tool in interface["tools"]}
+    assert tools["arm_read_joint"]["smoke"] == {"arguments": {"joint": "shoulder_lift"}}
+    assert "Disabled: shoulder_pan." in tools["arm_move_joint"]["description"]
+    assert '"shoulder_pan": "motor is broken"' in server and '"wrist_flex": 9' in server
+
+
+def test_when_tools_have_to_go_a_stop_of_units_stays() -> None:
+    named = identify(PROBE, IdDatabases(Path("/nonexistent")), [for_task(ARM, {ID})])
+    kept = declare(named, 3, [for_task(ARM, {ID})])
+    assert [tool["name"] for tool in kept["tools"]] == ["arm_status", "arm_read_joint", "arm_stop"]
 
 
 def change(tool: dict[str, Any], **members: Any) -> None:
@@ -164,7 +200,7 @@ DIFFERENT: dict[str, Any] = {
         lambda tools: tools.append(tools[0] | {"name": "rail_spin", "capability": "rail_spin"}),
         "rail_spin",
     ),
-    "a missing one": (lambda tools: tools.pop(), "lacks 'rail_home'"),
+    "a missing one": (lambda tools: tools.pop(2), "lacks 'rail_home'"),
     "another name": (lambda tools: change(tools[2], name="go_home"), "is no command in the grammar"),
     "another effect": (lambda tools: change(tools[2], effect="read"), "is read, unlike the command"),
     "another parameter": (

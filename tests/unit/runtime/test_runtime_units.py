@@ -3,6 +3,7 @@
 import json
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 from servo_bench import ARM, Bench
@@ -223,20 +224,20 @@ def test_a_unit_that_falls_silent_on_its_way_is_not_called_stopped(bench: Bench)
 
 
 def test_a_stop_ends_a_movement_of_another_thread_and_holds(bench: Bench) -> None:
-    told: list[dict[str, object]] = []
+    told: list[dict[str, Any]] = []
     bench.events.append((1.0, lambda: told.append(bench.units().stop())))
     text = fails(bench, "move_many", {ELBOW: 2080, WRIST: 1600}, 400)
     assert text == f"{bench.device}: stopped: the movement was ended, and its units hold their places"
     where = bench.joint(ELBOW).position
     bench.now += 5
     assert bench.joint(ELBOW).position == pytest.approx(where, abs=60) and where > 2600
-    assert bench.joint(ELBOW).torque and [record["joint"] for record in told[0]["joints"]] == list(ARM.units)  # type: ignore[index]
+    assert bench.joint(ELBOW).torque and [record["joint"] for record in told[0]["joints"]] == list(ARM.units)
     assert bench.units().move(ELBOW, 2500, 800)["position"] == 2500  # a stop is over when it is done
 
 
 def test_a_stop_before_the_first_write_of_a_movement_leaves_it_unwritten(bench: Bench) -> None:
     bench.joint(LIFT).fault = "mute"  # asking it again takes a moment, in which the stop comes
-    bench.events.append((0.05, lambda: bench.bus and bench.units().known.stop()))
+    bench.events.append((0.05, bench.units().known.stop))
     text = fails(bench, "move_many", {LIFT: 1500, ELBOW: 2080}, 400)
     assert "stopped" in text and bench.writes == []
 
@@ -273,7 +274,7 @@ def calibrated(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Bench:
 
 
 def calibration(bench: Bench, home: Path, name: str = "arm.json", **changed: dict[str, object]) -> Path:
-    entries = {
+    entries: dict[str, dict[str, object]] = {
         joint: {"id": number, "drive_mode": 0, "homing_offset": -7, "range_min": 1000, "range_max": 3000}
         for joint, number in bench.map.units.items()
     }
