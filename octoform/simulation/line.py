@@ -80,6 +80,11 @@ class LineDevice:
             return self._place(self._clock())
 
     @property
+    def alone(self) -> bool:
+        """Whether no host has the port open."""
+        return self._alone is not None
+
+    @property
     def due(self) -> float | None:
         """When the answer to the movement under way comes; None when nothing is to come."""
         return self._movement.answers if self._movement.answer is not None else None

@@ -183,6 +183,11 @@ class Servo:
         if self.fault == "stuck":
             return
         now = self._clock()
+        place, speed = self._motion.at(now)
+        # Whatever brakes it, a shaft under way stops before its limit.
+        room = self._memory.value("highest") - place if speed > 0 else place - self._memory.value("lowest")
+        if speed:
+            gain = max(gain, speed * speed / (2 * max(room, 1e-6)))
         self._motion = planned(self._motion, now, goal, top, gain)
         self.reached.add(self._motion.start, *(place for place in self._motion.turns()))
 
