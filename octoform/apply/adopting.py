@@ -25,7 +25,7 @@ from octoform.endpoint.files import CHECK
 from octoform.graph.model import Graph, Node, NodeKind, key_of
 from octoform.harness.port import Task
 from octoform.state.artifacts import accept, file_digest
-from octoform.state.files import read_regular, write_atomic
+from octoform.state.files import Checkpoint, pass_by, read_regular, write_atomic
 from octoform.state.layout import Layout
 from octoform.state.model import NodeState, Status
 from octoform.state.reserve import spending
@@ -98,7 +98,7 @@ def adopt(context: Context, node: str, source: str) -> list[Diagnostic]:
     if problem is not None:
         return [problem]
     context.checkpoint("adopting.recorded")
-    found = _carry_through(context.layout, store, context.graph, adoption)
+    found = _carry_through(layout, store, context.graph, adoption, context.checkpoint)
     if has_errors(found):
         return found
     context.checkpoint("adopting.journalled")
@@ -159,14 +159,16 @@ def _write(trial: Layout, source: str) -> Diagnostic | None:
     return None
 
 
-def _carry_through(layout: Layout, store: StateStore, graph: Graph, adoption: Adoption) -> list[Diagnostic]:
+def _carry_through(
+    layout: Layout, store: StateStore, graph: Graph, adoption: Adoption, checkpoint: Checkpoint = pass_by
+) -> list[Diagnostic]:
     """Accept the server's files, then the nodes; each part may have been done before."""
     former, _ = read_regular(layout.output(MAKER))
     if former is not None and digest.of_bytes(former) == adoption.base:
         problem = spending(layout, lambda: write_atomic(layout.local / FORMER, former, 0o600))
         if problem is not None:
             return [problem]
-    found = accept(layout, MAKER, {"server.py": adoption.source.encode(), **runtime_files()})
+    found = accept(layout, MAKER, {"server.py": adoption.source.encode(), **runtime_files()}, checkpoint)
     if has_errors(found):
         return found
     known = store.snapshot.nodes[MAKER]

@@ -39,8 +39,16 @@ def a_task(*profiles: dict[str, Any]) -> Task:
 
 def tools_of(given: dict[str, Any], category: str = "actuator") -> list[dict[str, Any]]:
     """The tools that the embedded agent itself declares for the commands of a profile."""
-    names = [{"name": item["tool"], "effect": item["effect"]} for item in given["grammar"]["commands"]]
-    device = {"id": "usb-1", "identified_as": "it", "category": category, "confidence": 0.9, "method": "profile"}
+    names: list[dict[str, Any]] = [
+        {"name": item["tool"], "effect": item["effect"]} for item in given["grammar"]["commands"]
+    ]
+    device: dict[str, Any] = {
+        "id": "usb-1",
+        "identified_as": "it",
+        "category": category,
+        "confidence": 0.9,
+        "method": "profile",
+    }
     device |= {
         "profile": given["name"],
         "evidence": [],
