@@ -99,6 +99,26 @@ def test_limits_are_kept_before_anything_is_sent(bench: Bench) -> None:
     assert bench.rail.position["X"] == -MOST
 
 
+def test_the_position_is_counted_from_what_was_acknowledged(bench: Bench) -> None:
+    bench.call("rail_home")
+    bench.call("rail_move_x", steps=200)
+    bench.call("rail_move_y", steps=-30)
+    known = {"device": DEVICE, "x": 200, "y": -30, "unknown": None}
+    assert bench.call("rail_position") == known and bench.rail.position == {"X": 200, "Y": -30}
+    bench.fails("rail_move_x", steps=HOT)
+    lost = bench.call("rail_position")
+    assert lost["x"] is None and "a movement failed" in str(lost["unknown"])
+
+
+def test_after_a_stop_nothing_but_home_reaches_the_firmware(bench: Bench) -> None:
+    assert "goes on to its end" in str(bench.call("rail_stop")["note"])
+    assert "is stopped: nothing is sent to it until rail_home went well" in bench.fails("rail_move_x", steps=5)
+    assert bench.rail.lines == []
+    bench.call("rail_home")
+    bench.call("rail_move_x", steps=5)
+    assert bench.rail.lines == ["HOME", "MOVE_X 5"]
+
+
 def test_what_the_device_refuses_is_told(bench: Bench) -> None:
     assert bench.fails("rail_move_x", steps=HOT) == f"{DEVICE} refused 'MOVE_X {HOT}': 'motor driver is hot'"
     for _ in range(FARTHEST // MOST):
@@ -129,6 +149,7 @@ def test_a_device_that_goes_away_in_the_middle(bench: Bench) -> None:
     bench.board.unplug()
     bench.rail.manner = "well"
     bench.board.plug()
+    assert bench.call("rail_position")["x"] is None
     bench.call("rail_move_y", steps=6)
     assert bench.rail.position["Y"] == 6
 
@@ -136,6 +157,6 @@ def test_a_device_that_goes_away_in_the_middle(bench: Bench) -> None:
 def test_the_device_is_named_by_the_profile_and_the_adapter_beside_it_asks_one_question(bench: Bench) -> None:
     devices = json.loads((bench.project.state / "identify" / "output.json").read_text())["devices"]
     rail, adapter = (next(item for item in devices if item["id"] == name) for name in (DEVICE, "usb-1a86-7523"))
-    assert (rail["method"], rail["profile"], rail["category"]) == ("profile", "camera-rail", "actuator")
+    assert (rail["method"], rail["profile"], rail["category"]) == ("profile", "camera-rail", "bidirectional")
     assert rail["identified_as"].startswith("Camera rail")
     assert adapter["category"] == "unknown" and adapter["missing"].startswith("What is connected")
