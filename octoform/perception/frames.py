@@ -131,7 +131,7 @@ def with_absence(record: Record | None, problem: Diagnostic, at: str) -> Record:
 def reason_of(problem: Diagnostic) -> str:
     """A problem in one short line; what a device or a tool said is made visible in it."""
     words = f"{problem.summary}: {problem.detail}" if problem.detail else problem.summary
-    flat = escaped(" ".join(words.split()))
+    flat = escaped(" ".join(words.split())).rstrip(".")
     return flat if len(flat) <= REASON_CHARS else flat[: REASON_CHARS - 1] + "…"
 
 

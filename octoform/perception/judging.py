@@ -4,8 +4,9 @@ Pure functions on a few figures and a small grey thumbnail. Every pixel of the t
 more of the picture's, so noise is small in it, and what moved is not.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import compress
+from operator import mul
 from typing import Literal
 
 from octoform.endpoint.judging import UNIFORM_SPREAD
@@ -54,20 +55,21 @@ def difference(a: Picture, b: Picture) -> float:
 
 def _residual(a: bytes, b: bytes) -> float:
     """What remains of ``b`` when ``a``, made brighter or darker as fits best, is taken from it."""
-    pairs = list(zip(a, b, strict=True))
-    gain, offset = _fit(pairs)
+    gain, offset = _fit(a, b)
     # What moved must not pull the fit: it is made once more with the pixels that fit it best.
-    nearest = sorted(pairs, key=lambda pair: abs(pair[1] - gain * pair[0] - offset))
-    gain, offset = _fit(nearest[: int(len(pairs) * _FIT_PART)])
-    squares = sum((new - min(255.0, max(0.0, gain * old + offset))) ** 2 for old, new in pairs)
-    return float((squares / len(pairs)) ** 0.5)
+    gaps = [abs(new - gain * old - offset) for old, new in zip(a, b, strict=True)]
+    limit = sorted(gaps)[int(len(gaps) * _FIT_PART)]
+    near = [gap <= limit for gap in gaps]
+    gain, offset = _fit(bytes(compress(a, near)), bytes(compress(b, near)))
+    expected = [min(255.0, max(0.0, gain * level + offset)) for level in range(256)]
+    squares = sum((new - expected[old]) ** 2 for old, new in zip(a, b, strict=True))
+    return float((squares / len(b)) ** 0.5)
 
 
-def _fit(pairs: Sequence[tuple[int, int]]) -> tuple[float, float]:
+def _fit(a: bytes, b: bytes) -> tuple[float, float]:
     """Gain and offset of the least squares; the gain bounded, since a picture of something else is no brighter one."""
-    count = len(pairs)
-    mean_a, mean_b = sum(old for old, _ in pairs) / count, sum(new for _, new in pairs) / count
-    variance = sum((old - mean_a) ** 2 for old, _ in pairs)
-    together = sum((old - mean_a) * (new - mean_b) for old, new in pairs)
+    count, sum_a, sum_b = len(a), sum(a), sum(b)
+    variance = count * sum(map(mul, a, a)) - sum_a * sum_a
+    together = count * sum(map(mul, a, b)) - sum_a * sum_b
     gain = min(_GAINS[1], max(_GAINS[0], together / variance)) if variance else 1.0
-    return gain, mean_b - gain * mean_a
+    return gain, (sum_b - gain * sum_a) / count

@@ -47,8 +47,8 @@ def keep(
     """
     if trouble := not_ours(layout.frames):
         return None, [error("PERCEPTION-FRAMES", "frames cannot be kept", detail=trouble, hint="remove what is there")]
-    if problem := make_folders(layout):
-        return None, [problem]
+    if (unmade := make_folders(layout)) is not None:
+        return None, [unmade]
     try:
         with _locked(private_folder(layout.frames)) as folder:
             return _kept(layout, folder, camera, outcome, at)
