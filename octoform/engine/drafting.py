@@ -43,7 +43,7 @@ evidence:
 #   facts: [The left bulb is broken.]
 ---
 """
-_GRAMMAR = """\
+_LINES = """\
 # If it is driven by lines of text over its serial line, its commands are enough to make tools of. For example:
 # grammar:
 #   line: {class: tty, baud: 115200, ok: "OK", error: "ERR {message}", timeout: 5s}
@@ -53,6 +53,33 @@ _GRAMMAR = """\
 #       about: dim the lamp
 #       effect: actuate
 #       parameters: {percent: {type: integer, minimum: 0, maximum: 80, unit: "%"}}
+"""
+_REGISTERS = """\
+# If it is a bus of units behind a public library (servos, drives), their registers are enough. For example:
+# grammar:
+#   registers:
+#     class: tty
+#     baud: 57600
+#     library: {distribution: name-on-pypi, module: imported_as, protocol: 1}
+#     units: {left: 1, right: 2}
+#     fields:
+#       torque: {address: 24, bytes: 1}
+#       goal: {address: 30, bytes: 2}
+#       position: {address: 36, bytes: 2, unit: raw}
+#     motion:
+#       goal: goal
+#       present: position
+#       minimum: 0
+#       maximum: 1023
+#       before: [{torque: 1}]
+#       moved: 10
+#       within: 5s
+#       release: {torque: 0}
+#   commands:
+#     - {tool: pump_status, do: read_units, about: where the pumps are, fields: [position]}
+#     - {tool: pump_move, do: move_unit, about: move one pump}
+#     - {tool: pump_stop, do: stop, about: stop both pumps where they are}
+# docs/profiles.md has every field of both kinds.
 """
 
 
@@ -110,7 +137,7 @@ def _text(device: Mapping[str, Any]) -> tuple[str, str]:
         product=json.dumps(called),
         device=device["id"],
         evidence="\n".join(tests),
-        grammar=_GRAMMAR if "tty" in (device.get("classes") or ()) else "",
+        grammar=_LINES + _REGISTERS if "tty" in (device.get("classes") or ()) else "",
     )
     return text, name
 

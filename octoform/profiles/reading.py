@@ -216,6 +216,8 @@ def _rig(document: Document, grammar: Grammar | None) -> tuple[Rig, list[Diagnos
     listed = given if isinstance(given, Mapping) else {}
     found = _unknown(document, listed, rig_reading.FIELDS, ("rig",))
     bounds, more = _limits(document, listed.get("limits", []), ("rig", "limits"))
+    if grammar is None and "grammar" in document.fields and listed:  # its own problems are told; units are not known
+        given = {name: value for name, value in listed.items() if name not in rig_reading.OF_UNITS}
     rig = rig_reading.read(problems, given, bounds, grammar)
     told = [document.problem("PROFILE-RIG", summary, place, hint) for place, summary, hint in problems.problems]
     return rig, [*found, *told, *more]

@@ -9,7 +9,8 @@ from octoform.profiles.grammar import Grammar, RegisterGrammar
 from octoform.profiles.model import Rig
 from octoform.profiles.register_reading import MOST_ID
 
-FIELDS = ("facts", "limits", "disabled", "units")
+OF_UNITS = ("disabled", "units")
+FIELDS = ("facts", "limits", *OF_UNITS)
 MOST_FACTS, FACT_CHARS = 20, 300
 PLACE = ("rig",)
 
@@ -24,7 +25,7 @@ def read(found: Found, given: object, limits: tuple[Mapping[str, Any], ...], gra
     if not isinstance(facts, list) or len(sound) < len(facts) or len(facts) > MOST_FACTS:
         summary = f"the facts of the rig are no list of at most {MOST_FACTS} sentences"
         found.add((*PLACE, "facts"), summary, f"one line each, at most {FACT_CHARS} characters")
-    named = [name for name in ("disabled", "units") if name in given]
+    named = [name for name in OF_UNITS if name in given]
     if named and not isinstance(grammar, RegisterGrammar):
         for name in named:
             hint = "only a grammar of registers names units; write what is true of your copy under facts"

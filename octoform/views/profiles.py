@@ -8,7 +8,7 @@ from octoform.engine.drafting import Draft
 from octoform.engine.profiling import HostReport, Met, Report
 from octoform.profiles import applying
 from octoform.profiles.evidence import Judged
-from octoform.profiles.grammar import Grammar, LineGrammar, RegisterGrammar, Tool, Value, plain
+from octoform.profiles.grammar import Grammar, LineGrammar, RegisterGrammar, Value, plain
 from octoform.profiles.limits import told
 from octoform.profiles.model import Profile
 from octoform.views.console import Console
@@ -63,16 +63,15 @@ def _tools(grammar: Grammar) -> Iterator[str]:
     """A line for each tool: what a caller may say, what is answered, the effect, and what the device is made to do."""
     if isinstance(grammar, LineGrammar):
         lines = {item.tool: (", ".join(map(_value, item.fields)), f"sends {item.send!r}") for item in grammar.commands}
+        units: tuple[str, ...] = ()
     else:
         lines = {item.tool: (", ".join(item.fields), "") for item in grammar.commands}
+        units = tuple(grammar.registers.units)  # told once, with their ids, and not at each tool
     for tool in grammar.tools():
         fields, does = lines.get(tool.tool, ("", ""))
-        yield _tool(tool, f" -> {fields}" if fields else "", does or tool.do)
-
-
-def _tool(tool: Tool, returns: str, does: str) -> str:
-    values = ", ".join(map(_value, tool.parameters))
-    return f"{tool.tool}{f' ({values})' if values else ''}{returns}  {tool.effect}, {does}"
+        values = ", ".join(item.name if item.choices == units else _value(item) for item in tool.parameters)
+        said, returns = f" ({values})" if values else "", f" -> {fields}" if fields else ""
+        yield f"{tool.tool}{said}{returns}  {tool.effect}, {does or tool.do}"
 
 
 def _bus(grammar: Grammar) -> Iterator[str]:

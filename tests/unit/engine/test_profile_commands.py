@@ -76,6 +76,21 @@ def test_product_and_rig_are_shown_apart(bench: Project) -> None:
     assert told["rig"] == {**own, "disabled": {}, "units": {}}
 
 
+def test_the_bus_is_shown_as_it_is_on_the_rig(bench: Project) -> None:
+    rig = "rig:\n  disabled: {shoulder_pan: its motor is broken}\n  units: {wrist_flex: 5, wrist_roll: 4}\n"
+    path = bench.folder / "arm.md"
+    path.write_text(path.read_text().replace("\n---\n\n#", f"\n{rig}---\n\n#", 1))
+    shown = bench.run("profile", "check", "arm.md", status=0).out
+    assert "arm_set_torque (joint, on: boolean)  actuate, set_torque" in shown
+    assert "speed: integer 50..1500 raw/s = 400)  actuate, pose" in shown
+    assert "elbow_flex 3, wrist_flex 5, wrist_roll 4, gripper 6" in shown
+    assert "refused from 65 Cel on until it is below 55 Cel" in shown
+    assert "shoulder_pan is disabled: its motor is broken." in shown.partition("This rig alone")[2]
+    told = json.loads(bench.run("profile", "check", "arm.md", "-json", status=0).out)["profile"]
+    assert told["grammar"]["registers"]["disabled"] == {"shoulder_pan": "its motor is broken"}
+    assert told["rig"]["units"] == {"wrist_flex": 5, "wrist_roll": 4}
+
+
 def test_a_draft_is_refused_until_a_person_has_completed_it(bench: Project) -> None:
     done = bench.run("profile", "new", DEVICE, status=0)
     path = bench.folder / "profiles" / "lampmaker-bench-lamp-2.md"

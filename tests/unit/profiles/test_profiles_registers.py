@@ -274,6 +274,11 @@ def test_what_a_rig_may_not_say_of_units(old: str, new: str, says: str) -> None:
     assert any(says in f"{item.summary} {item.hint}" for item in found), found
 
 
+def test_a_wrong_grammar_is_not_told_a_second_time_as_a_wrong_rig() -> None:
+    profile, found = pump("moved: 20", "moved: 0")
+    assert profile is None and [item.code for item in found] == ["PROFILE-GRAMMAR"]
+
+
 def test_units_of_a_rig_need_a_grammar_that_names_them() -> None:
     text = PUMP[: PUMP.index("limits:")] + PUMP[PUMP.index("rig:") :]
     profile, found = load_text(text, "x")
