@@ -38,13 +38,13 @@ def _unknown(manifest: Manifest, named: NamedStep, known: tuple[str, ...]) -> Di
     near = did_you_mean(named.name, known)
     listed = f"known: {', '.join(known)}; protocol/privileged/{named.name}.md would add it"
     hint = f"did you mean `{near}`?" if near else listed
-    return _at(manifest, named, "MANIFEST-UNKNOWN-STEP", f"there is no privileged step `{named.name}`", hint)
+    return _at(manifest, named, "STEP-UNKNOWN", f"there is no privileged step `{named.name}`", hint)
 
 
 def _without_profile(manifest: Manifest, named: NamedStep, profile: str) -> Diagnostic:
     summary = f"the step `{named.name}` needs the profile {profile}, and `profiles` does not name it"
     hint = f"add it to `profiles`, as profiles/{profile}.md if it is there, or take the step out"
-    return _at(manifest, named, "MANIFEST-STEP-WITHOUT-PROFILE", summary, hint)
+    return _at(manifest, named, "STEP-WITHOUT-PROFILE", summary, hint)
 
 
 def _at(manifest: Manifest, named: NamedStep, code: str, summary: str, hint: str) -> Diagnostic:

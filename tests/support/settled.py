@@ -105,7 +105,7 @@ class Settled:
 
     def _step(self, compiled: Compiled, name: str) -> None:
         """A step that was skipped: there was nothing to prove."""
-        nothing = {"device": None, "server": None, "trials": [], "skipped": [], "camera": None}
+        nothing: dict[str, Any] = {"device": None, "server": None, "trials": [], "skipped": [], "camera": None}
         document = {"format": 1, "step": compiled.steps[name].name, **nothing}
         assert accept(compiled.layout, name, {"output.json": json.dumps(document).encode()}) == []
 
