@@ -126,8 +126,9 @@ class Mover:
         if not values:
             self._no_room()
             return False
+        origin = (self.tried.before or 0.0) if self.move["relative"] else 0.0
         for value in values:
-            self.tried.goal = value + (self.tried.before or 0.0) if self.move["relative"] else value
+            self.tried.goal = value + origin
             answer = self.set(value)
             if answer.value is not None:
                 self._sent = value
@@ -137,6 +138,7 @@ class Mover:
                 self._sent = value  # it may have moved, or may still go there
             if answer.over or not self.is_where_it_was():
                 break
+        self.tried.goal = values[0] + origin
         self._not_done(refusal)
         return False
 

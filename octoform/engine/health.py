@@ -16,7 +16,8 @@ from octoform.endpoint.public import no_tunnel, tunnel_now
 from octoform.endpoint.running import Running, running
 from octoform.engine import memo
 from octoform.engine.planning import Request, prepare
-from octoform.plan.model import Plan
+from octoform.graph.model import STEP
+from octoform.plan.model import Cause, Plan
 from octoform.state.layout import Layout
 
 NOT_RUNNING = "the endpoint is not running"
@@ -78,6 +79,7 @@ def status(project: Path, environ: Mapping[str, str]) -> Status:
     trouble = (*_trouble(process, problems), *_tunnel(layout, process))
     if not problems and set(names) != set(promised(layout)) - hidden(layout):
         trouble = (*trouble, "the endpoint's tools are not those of INTERFACE")
+    trouble = (*trouble, *_unproved(plan))
     health = "unhealthy" if trouble else "healthy"
     # Drift is told here too, and makes nothing unhealthy: it is the other axis.
     return Status(plan.host, plan.empty, health, (*facts.reasons, *trouble), plan, names, process, problems, others)
@@ -106,6 +108,13 @@ def _trouble(process: Process, problems: Sequence[Diagnostic]) -> tuple[str, ...
     if process.told is None or "error" in process.told:
         reasons.append("the endpoint's process does not answer octoform's own questions")
     return tuple(reasons)
+
+
+def _unproved(plan: Plan) -> list[str]:
+    """Steps whose proof failed: the endpoint answers, and what it moves was seen not to move."""
+    failed = [item.node for item in plan.work if any(reason.cause is Cause.FAILED for reason in item.reasons)]
+    text = "{} failed when it was last applied: octoform state show {} tells what was found"
+    return [text.format(node, node) for node in failed if node.startswith(STEP)]
 
 
 def _tunnel(layout: Layout, process: Process) -> list[str]:
