@@ -163,7 +163,7 @@ class Servo:
         if self.torque:
             self._motion = resting(self.position, self._clock())
             self._memory.put("goal", self.position)
-        elif "drop" in self._own:
+        elif "drop" in self._own and not self._supported():
             self._go(float(self._own["drop"]), self._motor["falls"], self._motor["falls"] * 4)
 
     def _asked(self, held: int) -> bool:

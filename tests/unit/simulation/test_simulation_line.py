@@ -119,6 +119,18 @@ def test_when_the_host_goes_a_movement_ends_and_the_sweep_goes_on_from_there(ben
     assert bench.do("HOME") == "OK\n" and bench.rail.position == {"X": 0, "Y": 0}
 
 
+def test_a_host_that_comes_back_meanwhile_waits_and_gets_no_answer_of_another(bench: Bench) -> None:
+    bench.say("MOVE_X 100")
+    bench.now += 50 * STEP
+    bench.rail.closed()
+    bench.rail.opened()
+    assert bench.say("MOVE_X 10") == "" and bench.rail.lines == ["MOVE_X 100"]
+    bench.now += 50 * STEP + 1e-9
+    assert bench.rail.feed(b"") == b"" and bench.rail.lines[1:] == ["MOVE_X 10"]
+    bench.now += 10 * STEP + 1e-9
+    assert bench.rail.feed(b"") == b"OK\n" and bench.rail.position["X"] == 110
+
+
 @pytest.mark.parametrize(
     ("fault", "answer"), [("mute", ""), ("odd", "boot v3 \x1b[31m\n"), ("hot", "ERR motor driver is hot\n")]
 )

@@ -184,6 +184,7 @@ def test_unplugged_the_line_is_dead_and_plugged_elsewhere_the_device_is_the_same
     assert line_of(descriptor) == b"OK\n"
     rig.unplug("rail")
     assert line_of(descriptor) == b"" and not node.is_symlink()
+    assert rig.line is not None and rig.line.alone
     os.close(descriptor)
     assert usb(rig) == ["1-4", "1-4:1.0", "2-1", "2-1:1.0"]
     rig.plug("rail", port="1-7", node="ttyACM5")
@@ -191,7 +192,7 @@ def test_unplugged_the_line_is_dead_and_plugged_elsewhere_the_device_is_the_same
     device = (rig.folder / "sys/class/tty/ttyACM5").resolve()
     assert (device / "dev").read_text() == "166:5\n"
     assert (device.parents[2] / "serial").read_text() == (GIVEN["devices"]["rail"]["strings"]["serial"] + "\n")
-    assert rig.line is not None and rig.line.position["X"] == 7
+    assert rig.line.position["X"] == 7
 
 
 def test_a_device_that_unplugs_itself_is_gone_from_the_tree(rig: Rig) -> None:

@@ -120,6 +120,7 @@ def test_while_it_moves_it_says_so(bench: Bench) -> None:
 
 def test_without_torque_a_goal_is_acknowledged_and_ignored(bench: Bench) -> None:
     assert bench.write(1, "goal", 1500)[4] == 0
+    assert bench.read(1, "goal") == CENTRE
     bench.wait(3.0)
     assert bench.bus.servos[1].position == CENTRE
     bench.write(1, "torque", 1)  # holds where it is: the goal from before does not come back
@@ -229,7 +230,9 @@ def test_ids_can_be_swapped_and_two_of_one_id_spoil_each_others_answers(bench: B
 
 
 def test_what_can_only_be_read_stays(bench: Bench) -> None:
-    assert bench.write(1, "position", 5)[4] == 0
+    beyond = ARM["registers"]["read_only_from"] + 8
+    assert bench.send(1, WRITE, beyond - 9, 0, *range(1, 10)) == packet(1, 0)
+    assert bench.send(1, READ, beyond, 1) == packet(1, 0, b"\0")
     assert bench.read(1, "position") == CENTRE
 
 
@@ -271,6 +274,17 @@ def test_faster_than_life() -> None:
     bench.move(1, 1048, speed=500)
     bench.wait(0.2)
     assert bench.bus.servos[1].position == 1048
+
+
+def test_a_shaft_that_is_told_late_to_turn_round_still_stops_before_its_limit(bench: Bench) -> None:
+    lowest = bench.read(1, "lowest")
+    bench.move(1, lowest, speed=3000, acceleration=200)
+    bench.wait(0.4)
+    assert bench.bus.servos[1].speed < -2000
+    bench.move(1, CENTRE, acceleration=1)
+    bench.wait(60, step=1)
+    assert lowest - 1e-6 <= bench.bus.servos[1].reached.lowest < lowest + 5
+    assert bench.bus.servos[1].position == CENTRE
 
 
 COMMANDS = st.lists(
