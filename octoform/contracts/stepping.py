@@ -2,10 +2,27 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import Any, Protocol
 
-if TYPE_CHECKING:  # the values of all stages hold this one
-    from octoform.contracts.model import Artifacts
+
+class Holding(Protocol):
+    """Facts of a profile: for which devices its evidence rule holds."""
+
+    @property
+    def holds(self) -> frozenset[str]:
+        """Ids of PROBE devices."""
+
+
+class Known(Protocol):
+    """What says for which devices a step may run: IDENTIFY's artifact, and the profiles' facts by their names."""
+
+    @property
+    def identify(self) -> Mapping[str, Any] | None:
+        """The accepted artifact."""
+
+    @property
+    def profiles(self) -> Mapping[str, Holding]:
+        """The facts of each profile."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,7 +51,7 @@ class StepFacts:
         return self.needs_profile and not self.devices
 
 
-def corroborated(profile: str, artifacts: "Artifacts") -> tuple[str, ...]:
+def corroborated(profile: str, artifacts: Known) -> tuple[str, ...]:
     """The devices that a step may run for which needs that profile, in IDENTIFY's order.
 
     IDENTIFY annotated them with it, and its evidence rule holds for them: neither alone is enough.
