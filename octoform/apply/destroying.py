@@ -76,6 +76,8 @@ def _remove(context: Context, node: str) -> list[Diagnostic]:
             folder.unlink()
         elif folder.exists():
             shutil.rmtree(folder)
+        if folder.parent == layout.steps and layout.steps.is_dir() and not any(layout.steps.iterdir()):
+            layout.steps.rmdir()
         if node == "probe":
             layout.instances.unlink(missing_ok=True)
             layout.fingerprint.unlink(missing_ok=True)
