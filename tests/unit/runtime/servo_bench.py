@@ -51,7 +51,10 @@ ARM = Map(
 
 @dataclass
 class Bench:
-    """``events`` are called at a moment of the clock, once; ``writes`` are (id, address, value) in their order."""
+    """``events`` are called once, at a moment of the clock or when the bus is free after it; ``signals`` in any case.
+
+    ``writes`` are (id, address, value) in their order.
+    """
 
     map: Map = ARM
     device: str = "usb-1a86-55d3"
@@ -59,19 +62,24 @@ class Bench:
     broken: int = 0
     opened: int = 0
     held: bool = False
+    made: type[ServoBus] = ServoBus
     events: list[tuple[float, Callable[[], Any]]] = field(default_factory=list)
+    signals: list[tuple[float, Callable[[], Any]]] = field(default_factory=list)
     writes: list[tuple[int, int, int]] = field(default_factory=list)
 
     def __post_init__(self) -> None:
-        self.bus = ServoBus(load("reference")["devices"]["arm"], lambda: self.now)
+        self.bus = self.made(load("reference")["devices"]["arm"], lambda: self.now)
         registers._known.pop(self.device, None)
 
     def sleep(self, seconds: float) -> None:
         assert not self.held or seconds <= registers.PAUSE  # nobody waits for a movement with the bus held
         self.now += seconds
-        while due := [event for event in self.events if event[0] <= self.now]:
-            self.events.remove(due[0])
-            due[0][1]()
+        for waiting in (self.signals, self.events):
+            while (waiting is self.signals or not self.held) and (
+                due := [item for item in waiting if item[0] <= self.now]
+            ):
+                waiting.remove(due[0])
+                due[0][1]()
 
     @contextmanager
     def open(self) -> Iterator["Bench"]:

@@ -237,7 +237,7 @@ def test_a_stop_ends_a_movement_of_another_thread_and_holds(bench: Bench) -> Non
 
 def test_a_stop_before_the_first_write_of_a_movement_leaves_it_unwritten(bench: Bench) -> None:
     bench.joint(LIFT).fault = "mute"  # asking it again takes a moment, in which the stop comes
-    bench.events.append((0.05, bench.units().known.stop))
+    bench.signals.append((0.05, bench.units().known.stop))
     text = fails(bench, "move_many", {LIFT: 1500, ELBOW: 2080}, 400)
     assert "stopped" in text and bench.writes == []
 
