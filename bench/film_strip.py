@@ -32,7 +32,11 @@ def main() -> int:
         frames.append(captioned(picture, caption, given.width))
     tallest = max(frame.shape[0] for frame in frames)
     frames = [padded(frame, tallest, given.width) for frame in frames]
-    written = animated(given, frames) if given.animate else cv2.imwrite(given.out, strip(frames, given.columns))
+    written = (
+        animated(given, frames)
+        if given.animate
+        else cv2.imwrite(given.out, strip(frames, given.columns), (cv2.IMWRITE_PNG_COMPRESSION, 9))
+    )
     print(f"{given.out}: {len(frames)} pictures" if written else f"film_strip: {given.out} cannot be written")
     return 0 if written else 1
 
