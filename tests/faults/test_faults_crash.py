@@ -2,25 +2,22 @@
 
 import os
 import signal
-import subprocess
-import sys
 import time
 from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
-from projects import Project
+import warm
+from projects import Done, Project
 
 CRASHING = Path(__file__).parent / "crashing.py"
 NODES = {"probe": ("probe",), "identify": ("probe", "identify")}
 SLICES = 4
 
 
-def crash(project: Project, target: str, limit: int) -> "subprocess.CompletedProcess[str]":
-    command = [sys.executable, str(CRASHING), str(project.folder), target, str(limit)]
-    return subprocess.run(
-        command, cwd=project.folder, env=project.environment(), capture_output=True, text=True, timeout=60, check=False
-    )
+def crash(project: Project, target: str, limit: int) -> Done:
+    words = (str(project.folder), target, str(limit))
+    return Done(*warm.run(CRASHING, words, project.folder, project.environment(), 60))
 
 
 @dataclass(frozen=True)
@@ -42,8 +39,8 @@ def whole(tmp_path_factory: pytest.TempPathFactory) -> Whole:
     project = Project(folder / "project", folder / "outside")
     project.write()
     done = crash(project, "identify", 0)
-    assert done.returncode == 0, done.stderr
-    points = done.stdout.split()
+    assert done.status == 0, done.err
+    points = done.out.split()
     assert len(points) >= 20
     assert len(set(points)) >= 8
     return Whole(points, {name: node["output_digest"] for name, node in project.nodes().items()})
@@ -59,12 +56,12 @@ def test_kill_at_every_durable_point_leaves_a_state_that_the_next_apply_complete
         project = Project(tmp_path / f"p{limit}", tmp_path / f"o{limit}")
         project.write()
         done = crash(project, target, limit)
-        assert done.returncode == -signal.SIGKILL, done.stderr
-        assert done.stdout.split()[-1] == whole.points[limit - 1]
+        assert done.status == -signal.SIGKILL, done.err
+        assert done.out.split()[-1] == whole.points[limit - 1]
         project.run("apply", "-auto-approve", "-target", target, status=0)
         nodes = project.nodes()
         accepted = {name: whole.digests[name] for name in NODES[target]}
-        assert {name: node["output_digest"] for name, node in nodes.items()} == accepted, done.stdout
+        assert {name: node["output_digest"] for name, node in nodes.items()} == accepted, done.out
         assert {node["status"] for node in nodes.values()} == {"accepted"}
         assert not [path for path in project.folder.rglob("*") if "octoform-tmp" in path.name]
 

@@ -1,7 +1,8 @@
 """Runs the command line without the third of a second that loading it takes: each run is a fork of a loaded process.
 
 The forked process is octoform as a shell would start it: own folder, environment, streams and exit. Tests run it some
-hundred times. What a test starts and leaves running, or sends signals to, is started as a new program instead.
+hundred times, also from several threads. What a test starts and leaves running, or sends signals to, is started as a
+new program instead. A program of Python beside octoform (``.py``) can be run in the same way.
 """
 
 import contextlib
@@ -10,16 +11,19 @@ import importlib
 import json
 import os
 import pkgutil
+import runpy
 import selectors
 import socket
 import subprocess
 import sys
+import threading
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from functools import cache
 from pathlib import Path
 
 LARGEST = 1 << 20
+_ONE = threading.Lock()
 
 
 def run(
@@ -29,7 +33,9 @@ def run(
     order = json.dumps({"argv": [str(program), *arguments], "cwd": str(cwd), "environ": dict(environ)}).encode()
     out, err = os.pipe(), os.pipe()
     with _sockets() as (mine, its):
-        socket.send_fds(_keeper(), [order], [its.fileno(), out[1], err[1]])
+        with _ONE:
+            keeper = _keeper()
+        socket.send_fds(keeper, [order], [its.fileno(), out[1], err[1]])
         for descriptor in (its.detach(), out[1], err[1]):
             os.close(descriptor)
         pid = int(mine.recv(64))
@@ -104,6 +110,9 @@ def keep(orders: socket.socket) -> int:
                 selector.close()
                 orders.detach()
                 _become(json.loads(order), *descriptors[1:])
+                if sys.argv[0].endswith(".py"):
+                    runpy.run_path(sys.argv[0], run_name="__main__")
+                    return 0
                 from octoform.cli.main import main
 
                 return main()

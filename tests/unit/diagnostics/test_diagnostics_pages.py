@@ -2,7 +2,7 @@
 
 import ast
 import re
-from collections.abc import Iterator
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import pytest
@@ -15,60 +15,60 @@ CODE = re.compile(r"[A-Z][A-Z0-9]*(?:-[A-Z][A-Z0-9]*)+")
 MAKERS = {"error", "warning", "Rule", "Diagnostic"}
 
 
-def _trees() -> Iterator[ast.Module]:
+@dataclass
+class Found:
+    """What all sources say: codes passed to a maker, every text in the form of a code, and codes put together."""
+
+    made: set[str] = field(default_factory=set)
+    spelt: set[str] = field(default_factory=set)
+    patterns: list[re.Pattern[str]] = field(default_factory=list)
+
+    def look_at(self, node: ast.AST) -> None:
+        """Take what one node of a source says."""
+        if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id in MAKERS and node.args:
+            # Codes that are passed to a maker of diagnostics as they stand.
+            given = node.args[1] if node.func.id == "Diagnostic" and len(node.args) > 1 else node.args[0]
+            if isinstance(given, ast.Constant) and isinstance(given.value, str):
+                self.made.add(given.value)
+        elif isinstance(node, ast.Constant):
+            if isinstance(node.value, str) and CODE.fullmatch(node.value):
+                self.spelt.add(node.value)
+        elif isinstance(node, ast.JoinedStr):
+            # Codes that are put together: constant parts in capitals around a value.
+            parts = [item.value if isinstance(item, ast.Constant) else None for item in node.values]
+            fixed = "".join(str(part) for part in parts if part is not None)
+            if None in parts and re.fullmatch(r"[A-Z0-9-]*[A-Z]{3}[A-Z0-9-]*", fixed) and "-" in fixed:
+                text = "".join("[A-Z0-9-]+" if part is None else re.escape(str(part)) for part in parts)
+                self.patterns.append(re.compile(text))
+
+
+@pytest.fixture(scope="module")
+def found() -> Found:
+    """Read once, and by the worker alone that passes these tests."""
+    whole = Found()
     for path in sorted(SOURCES.rglob("*.py")):
         # The embedded agent and the runtime give no diagnostics; shipped prose is no source.
         if path.relative_to(SOURCES).parts[0] not in ("builtin", "runtime"):
-            yield ast.parse(path.read_text("utf-8"))
+            for node in ast.walk(ast.parse(path.read_text("utf-8"))):
+                whole.look_at(node)
+    families = {code.partition("-")[0] for code in whole.made | set(codes())}
+    whole.spelt = {code for code in whole.spelt if code.partition("-")[0] in families}
+    return whole
 
 
-def _made(tree: ast.Module) -> Iterator[str]:
-    """Codes that are passed to a maker of diagnostics as they stand."""
-    for node in ast.walk(tree):
-        if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id in MAKERS and node.args:
-            given = node.args[1] if node.func.id == "Diagnostic" and len(node.args) > 1 else node.args[0]
-            if isinstance(given, ast.Constant) and isinstance(given.value, str):
-                yield given.value
+def test_every_code_has_the_form_of_one(found: Found) -> None:
+    assert [code for code in sorted(found.made) if not CODE.fullmatch(code)] == []
 
 
-def _spelt(tree: ast.Module) -> Iterator[str]:
-    """Every string that has the form of a code."""
-    for node in ast.walk(tree):
-        if isinstance(node, ast.Constant) and isinstance(node.value, str) and CODE.fullmatch(node.value):
-            yield node.value
-
-
-def _patterns(tree: ast.Module) -> Iterator[re.Pattern[str]]:
-    """Codes that are put together: constant parts in capitals around a value."""
-    for node in ast.walk(tree):
-        if not isinstance(node, ast.JoinedStr):
-            continue
-        parts = [item.value if isinstance(item, ast.Constant) else None for item in node.values]
-        fixed = "".join(str(part) for part in parts if part is not None)
-        if None in parts and re.fullmatch(r"[A-Z0-9-]*[A-Z]{3}[A-Z0-9-]*", fixed) and "-" in fixed:
-            yield re.compile("".join("[A-Z0-9-]+" if part is None else re.escape(str(part)) for part in parts))
-
-
-TREES = list(_trees())
-MADE = {code for tree in TREES for code in _made(tree)}
-FAMILIES = {code.partition("-")[0] for code in MADE | set(codes())}
-SPELT = {code for tree in TREES for code in _spelt(tree) if code.partition("-")[0] in FAMILIES}
-PATTERNS = [pattern for tree in TREES for pattern in _patterns(tree)]
-
-
-def test_every_code_has_the_form_of_one() -> None:
-    assert [code for code in sorted(MADE) if not CODE.fullmatch(code)] == []
-
-
-def test_every_code_has_a_page() -> None:
+def test_every_code_has_a_page(found: Found) -> None:
     ruled = {rule.code for rules in RULES.values() for rule in rules}
     shapes = {f"{stage.upper()}-SCHEMA" for stage in RULES if stage != "serve"}
-    assert sorted((MADE | SPELT | ruled | shapes) - set(codes())) == []
+    assert sorted((found.made | found.spelt | ruled | shapes) - set(codes())) == []
 
 
-def test_every_page_has_a_code() -> None:
-    given = MADE | SPELT
-    idle = [code for code in codes() if code not in given and not any(item.fullmatch(code) for item in PATTERNS)]
+def test_every_page_has_a_code(found: Found) -> None:
+    given = found.made | found.spelt
+    idle = [code for code in codes() if code not in given and not any(item.fullmatch(code) for item in found.patterns)]
     assert idle == []
 
 

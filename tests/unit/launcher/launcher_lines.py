@@ -17,6 +17,7 @@ class Line:
     def __init__(self) -> None:
         self.device, self._slave = pty.openpty()
         self.node = os.ttyname(self._slave)
+        self.links: list[Path] = []
         tty.setraw(self._slave)
 
     def received(self, count: int, seconds: float = 5.0) -> bytes:
@@ -42,7 +43,9 @@ class Line:
             os.close(line)
 
     def unplug(self) -> None:
-        """Take the device end away; its node goes with it."""
+        """Take the device end away; its nodes go with it, or the next pseudo terminal of anybody would stand there."""
+        for link in self.links:
+            link.unlink()
         os.close(self.device)
         os.close(self._slave)
         self.device = -1
@@ -69,7 +72,8 @@ def plant(root: Path, lines: dict[str, Line]) -> tuple[Path, Path]:
         (unit / "idProduct").write_text(f"{product}\n")
         (member / "uevent").write_text(f"DEVNAME=ttyACM{number}\n")
         (system / "dev").mkdir(exist_ok=True)
-        (system / f"dev/ttyACM{number}").symlink_to(line.node)
+        line.links.append(system / f"dev/ttyACM{number}")
+        line.links[-1].symlink_to(line.node)
         instances[name] = {"sysfs": f"/sys/devices/usb1/1-{number}", "port": f"1-{number}", "strength": "positional"}
     (root / "instances.json").write_text(json.dumps({"format": 1, "devices": instances}))
     return system, root / "instances.json"

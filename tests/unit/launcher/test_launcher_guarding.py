@@ -5,16 +5,16 @@ import json
 import os
 import shutil
 import signal
-import subprocess
-import sys
 import threading
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import pytest
+import warm
 from launched import Launched, launched, tool
 from launcher_lines import STOP, Line, plant
+from projects import OCTOFORM, Done
 
 from octoform.launcher.control import Control
 
@@ -63,15 +63,15 @@ def bench(tmp_path: Path, line: Line) -> Iterator[Launched]:
         yield endpoint
 
 
-def octoform(endpoint: Launched, *arguments: str) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-m", "octoform.cli", f"-chdir={endpoint.layout.project}", *arguments]
-    environ = {**os.environ, "OCTOFORM_SYSROOT": str(endpoint.layout.project / "system")}
-    return subprocess.run(command, capture_output=True, text=True, timeout=60, env=environ, check=False)
+def octoform(endpoint: Launched, *arguments: str) -> Done:
+    project = endpoint.layout.project
+    environ = {**os.environ, "OCTOFORM_SYSROOT": str(project / "system")}
+    return Done(*warm.run(OCTOFORM, (f"-chdir={project}", *arguments), project, environ, 60))
 
 
 def answer(endpoint: Launched, *arguments: str) -> tuple[int, dict[str, Any]]:
     done = octoform(endpoint, *arguments, "-json")
-    return done.returncode, json.loads(done.stdout)
+    return done.status, json.loads(done.out)
 
 
 def call(endpoint: Launched, name: str, **arguments: Any) -> str:
@@ -88,18 +88,18 @@ def call(endpoint: Launched, name: str, **arguments: Any) -> str:
 def test_estop_of_a_running_endpoint(bench: Launched, line: Line) -> None:
     assert call(bench, "move_rail", steps=1) == ""
     done = octoform(bench, "estop", "-reason", "smoke")
-    assert (done.returncode, done.stderr) == (0, "")
-    assert "bench: stopped. Nothing that moves is called until it is cleared." in done.stdout
-    assert "at the terminal at 20" in done.stdout and ": smoke" in done.stdout
-    assert f"done  {DEVICE}: wrote 8 bytes to " in done.stdout
-    assert "octoform did it itself" not in done.stdout
+    assert (done.status, done.err) == (0, "")
+    assert "bench: stopped. Nothing that moves is called until it is cleared." in done.out
+    assert "at the terminal at 20" in done.out and ": smoke" in done.out
+    assert f"done  {DEVICE}: wrote 8 bytes to " in done.out
+    assert "octoform did it itself" not in done.out
     assert line.received(8) == bytes.fromhex(STOP)
     assert "estop" in call(bench, "move_rail", steps=1)
     assert call(bench, "read_steps") == ""
     status, cleared = answer(bench, "estop", "-clear")
     assert (status, cleared["ok"], cleared["endpoints"][0]["reason"]) == (0, True, "smoke")
     assert call(bench, "move_rail", steps=1) == ""
-    assert "was not latched" in octoform(bench, "estop", "-clear").stdout
+    assert "was not latched" in octoform(bench, "estop", "-clear").out
     events = [record["event"] for record in answer(bench, "audit")[1]["records"]]
     assert [event for event in events if event.startswith("estop")] == ["estop", "estop_actions", "estop_cleared"]
 
@@ -112,7 +112,7 @@ def test_estop_without_a_process_and_without_a_manifest(bench: Launched, line: L
     assert line.received(8) == bytes.fromhex(STOP)
     bench.start()
     assert "estop" in call(bench, "move_rail", steps=1)
-    assert octoform(bench, "estop", "-clear").returncode == 0
+    assert octoform(bench, "estop", "-clear").status == 0
     assert call(bench, "move_rail", steps=1) == ""
 
 
@@ -147,9 +147,9 @@ def test_estop_where_the_process_does_not_know_how(bench: Launched, line: Line) 
 def test_a_device_that_is_gone_is_told_and_exit_status_is_1(bench: Launched, line: Line) -> None:
     line.unplug()
     done = octoform(bench, "estop")
-    assert done.returncode == 1
-    assert f"FAILED  {DEVICE}: " in done.stdout
-    assert "bench: stopped." in done.stdout
+    assert done.status == 1
+    assert f"FAILED  {DEVICE}: " in done.out
+    assert "bench: stopped." in done.out
 
 
 def test_many_terminals_at_once(bench: Launched) -> None:
@@ -170,10 +170,9 @@ def test_many_terminals_at_once(bench: Launched) -> None:
 
 
 def test_no_endpoint_is_said(tmp_path: Path) -> None:
-    command = [sys.executable, "-m", "octoform.cli", f"-chdir={tmp_path}", "estop"]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
-    assert done.returncode == 1
-    assert "error[ENDPOINT-NOT-APPLIED]: there is no endpoint in this folder" in done.stderr
+    done = Done(*warm.run(OCTOFORM, (f"-chdir={tmp_path}", "estop"), tmp_path, os.environ, 60))
+    assert done.status == 1
+    assert "error[ENDPOINT-NOT-APPLIED]: there is no endpoint in this folder" in done.err
 
 
 @pytest.mark.parametrize("runs", [True, False], ids=["running", "stopped"])
@@ -183,36 +182,36 @@ def test_limits_are_shown_and_set_back(bench: Launched, runs: bool) -> None:
     if not runs:
         bench.stop()
     done = octoform(bench, "limits")
-    assert done.returncode == 0
-    assert done.stdout.splitlines() == [
+    assert done.status == 0
+    assert done.out.splitlines() == [
         "move_rail  actuate, allow  (default for actuate tools)",
         "    steps: -100 to 100 raw  (profile rail)",
         "    steps: sum of all calls 150 at most; it is 100  (policy.limits[0])",
         "    100 calls in 60 s; 1 used  (policy.limits[1])",
         "read_steps  read, allow  (default)",
     ]
-    assert "did you mean" in octoform(bench, "limits", "-reset", "move_rails").stderr
-    assert octoform(bench, "limits", "-reset", "move_rail").returncode == 0
+    assert "did you mean" in octoform(bench, "limits", "-reset", "move_rails").err
+    assert octoform(bench, "limits", "-reset", "move_rail").status == 0
     assert answer(bench, "limits")[1]["tools"][0]["sums"] == {}
     assert call(bench, "move_rail", steps=100) == ""
-    assert "reset       the limits of move_rail were set back by " in octoform(bench, "audit").stdout
+    assert "reset       the limits of move_rail were set back by " in octoform(bench, "audit").out
 
 
 def test_the_audit_log_at_the_terminal(bench: Launched) -> None:
     assert call(bench, "move_rail", steps=5) == ""
     assert "above the most" in call(bench, "move_rail", steps=1000)
-    lines = octoform(bench, "audit", "-n", "3").stdout.splitlines()
+    lines = octoform(bench, "audit", "-n", "3").out.splitlines()
     assert len(lines) == 3
     assert "refused     move_rail(steps=1000) for local: steps 1000 raw is above the most" in lines[2]
     done = octoform(bench, "audit", "-verify")
-    assert done.returncode == 0
-    assert "The audit log is as it was written:" in done.stdout
+    assert done.status == 0
+    assert "The audit log is as it was written:" in done.out
     bench.stop()
     log = bench.layout.logs / "audit.jsonl"
     log.write_bytes(log.read_bytes().replace(b'"steps":5', b'"steps":6', 1))
     done = octoform(bench, "audit", "-verify")
-    assert done.returncode == 1
-    assert "error[AUDIT-BROKEN]: record " in done.stderr and "audit.jsonl:" in done.stderr
+    assert done.status == 1
+    assert "error[AUDIT-BROKEN]: record " in done.err and "audit.jsonl:" in done.err
     status, verdict = answer(bench, "audit", "-verify")
     assert (status, verdict["ok"], verdict["diagnostics"][0]["code"]) == (1, False, "AUDIT-BROKEN")
 
