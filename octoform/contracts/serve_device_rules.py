@@ -18,6 +18,7 @@ from octoform.diagnostics import Diagnostic
 _OPENERS = frozenset(
     {"VideoCapture", "VideoWriter", "Serial", "serial_for_url", "RS485", "SMBus", "SpiDev", "InputDevice", "UInput"}
     | {"PyAudio", "PCM", "InputStream", "OutputStream", "RawInputStream", "RawOutputStream", "SerialPort"}
+    | {"PortHandler"}
     | {"open_serial_connection", "create_serial_connection", "request_lines", "Picamera2", "PiCamera", "ioctl"}
 )
 _DOTTED_OPENERS = frozenset(

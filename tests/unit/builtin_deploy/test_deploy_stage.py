@@ -44,13 +44,15 @@ def index(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Index:
     return made
 
 
-def deployed(folder: Path, body: str, *dependencies: str) -> tuple[str, dict[str, Any]]:
+def deployed(
+    folder: Path, body: str, *dependencies: str, profiles: tuple[dict[str, Any], ...] = ()
+) -> tuple[str, dict[str, Any]]:
     """Summary and artifact for a server with this header and body."""
     listed = ", ".join(f'"{item}"' for item in dependencies)
     head = f'# /// script\n# requires-python = ">=3.10"\n# dependencies = [{listed}]\n# ///\n'
     source, output = folder / "server.py", folder / "deploy.json"
     source.write_text(head + body)
-    summary = run(Task("deploy", source, None, output, 30, Path("/")))
+    summary = run(Task("deploy", source, None, output, 30, Path("/"), profiles))
     artifact = json.loads(output.read_text())
     jsonschema.validate(artifact, SCHEMA)
     return summary, artifact
@@ -79,6 +81,17 @@ def test_a_module_that_is_called_otherwise_and_its_rivals(tmp_path: Path, index:
     assert artifact["requirements"][1]["version"] == "5.0.0.93"
     (line,) = artifact["conflicts"]
     assert line.startswith("opencv-python-headless was chosen and must not stand beside")
+
+
+def test_a_profile_says_which_package_its_library_is(tmp_path: Path, index: Index) -> None:
+    index.add("demo-servo-library", "1.0")
+    body = "import demomcp\ndef f():\n    import servolib\n"
+    library = {"distribution": "Demo_Servo.library", "module": "servolib", "protocol": 0}
+    profiles = ({"grammar": None}, {"grammar": {"line": {}}}, {"grammar": {"registers": {"library": library}}})
+    _, artifact = deployed(tmp_path, body, "demomcp", "demo-servo-library", profiles=profiles)
+    assert {"module": "servolib", "provided_by": "demo-servo-library"} in artifact["imports"]
+    _, artifact = deployed(tmp_path, body, "demomcp", "demo-servo-library")
+    assert artifact["error"] == "nothing that the header declares is known to provide servolib"
 
 
 def test_two_that_overwrite_each_other_are_an_error(tmp_path: Path, index: Index) -> None:

@@ -47,7 +47,7 @@ OTHERS = tuple(name for device in (BATTERY, PANEL, LAMP, CLOCK, DISK, SCREEN) fo
 FAKE_CV2 = '''
 """Stands where OpenCV would: says what was done to it, and gives a small picture."""
 import os
-CAP_V4L2, CAP_PROP_FRAME_WIDTH, CAP_PROP_FRAME_HEIGHT, COLOR_BGR2GRAY = 200, 3, 4, 6
+CAP_ANY, CAP_V4L2, CAP_PROP_FRAME_WIDTH, CAP_PROP_FRAME_HEIGHT, COLOR_BGR2GRAY = 0, 200, 3, 4, 6
 def note(text):
     with open(os.environ["CV2_NOTES"], "a") as notes: notes.write(text + "\\n")
 class Bytes:
@@ -251,7 +251,7 @@ def test_a_picture_with_data_beside_it(tmp_path: Path) -> None:
     assert result.structured_content["width"] == 1280 and result.structured_content["variance"] == 912.5
     assert [(item.type, item.mime_type) for item in result.content] == [("image", "image/png")]
     notes = Path(endpoint.environment["CV2_NOTES"]).read_text().splitlines()
-    assert notes == ["open video0 200", "set 3 1280", "set 4 720", "grab", "grab", "read", "release"]
+    assert notes == ["open video0 0", "set 3 1280", "set 4 720", "grab", "grab", "read", "release"]
     endpoint.environment["CV2_DARK"] = "1"
     assert endpoint.said(("capture_image", {})) == [f"{CAMERA} gave no picture; another program may be using it"]
     assert Path(endpoint.environment["CV2_NOTES"]).read_text().endswith("read\nrelease\n")

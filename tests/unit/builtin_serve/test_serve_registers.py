@@ -1,5 +1,6 @@
 """Units on a bus in the generated server: its adapter to a library, and its tools before simulated servos."""
 
+import re
 import sys
 import types
 from collections.abc import Iterator
@@ -15,6 +16,9 @@ from octoform.builtin.identify.iddb import IdDatabases
 from octoform.builtin.identify.stage import identify
 from octoform.builtin.interface.stage import declare
 from octoform.builtin.serve.stage import render
+from octoform.contracts.model import Artifacts
+from octoform.contracts.serve_actuate_rules import RULES as ACTUATE_RULES
+from octoform.contracts.serve_device_rules import RULES as DEVICE_RULES
 from octoform.profiles import for_task, load
 from octoform.runtime import DeviceFault
 from octoform.simulation import packets
@@ -175,6 +179,26 @@ def test_a_sound_packet_of_another_length_is_no_answer(server: types.ModuleType,
     library.short = True
     with pytest.raises(DeviceFault, match="an answer of another length"):
         server.arm_read_joint("elbow_flex")
+
+
+def test_the_contract_sees_the_librarys_port_as_a_device(source: str) -> None:
+    held = "with runtime.device(device, actuate=actuate).bus() as unit:"
+    assert held in source and not codes(source) & {"SERVE-BUS-UNLOCKED", "SERVE-ACTUATE-UNBOUND"}
+    bare = source.replace(held, "if unit := runtime.device(device, actuate=actuate):")
+    assert "SERVE-BUS-UNLOCKED" in codes(bare)
+    assert "SERVE-ACTUATE-UNBOUND" in codes(source.replace("device(device, actuate=actuate).bus", "device(device).bus"))
+
+
+def codes(source: str) -> set[str]:
+    """What the contract of SERVE has against a server."""
+    interface = {
+        "tools": [
+            {"name": f"arm_{name}", "effect": "read" if name in ("status", "read_joint") else "actuate"}
+            for name in re.findall(r"runtime.logged\(arm_(\w+)\)", source)
+        ]
+    }
+    found = (rule.check(source, Artifacts(interface=interface)) for rule in (*DEVICE_RULES, *ACTUATE_RULES))
+    return {item.code for items in found for item in items}
 
 
 def test_a_library_that_cannot_talk_at_the_speed_says_so(server: types.ModuleType, library: Library) -> None:

@@ -39,3 +39,11 @@ def test_a_node_that_is_no_such_device_has_nothing_to_tell(tmp_path: Path) -> No
     assert evdev.axis(node, 0) == evdev.axis(tmp_path / "none", 0) == dict.fromkeys(("position", "minimum", "maximum"))
     with pytest.raises(OSError, match="ioctl"):
         gpio.lines(str(node))
+
+
+def test_a_node_of_the_kernel_is_told_from_a_file_of_pictures(tmp_path: Path) -> None:
+    (film := tmp_path / "video0").write_bytes(b"YUV4MPEG2")
+    assert v4l2.is_node(str(film)) is False and v4l2.is_node("/dev/null") is True
+    with pytest.raises(FileNotFoundError) as problem:
+        v4l2.is_node(str(tmp_path / "video1"))
+    assert problem.value.filename.endswith("video1")

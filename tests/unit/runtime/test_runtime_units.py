@@ -228,6 +228,7 @@ def test_a_stop_ends_a_movement_of_another_thread_and_holds(bench: Bench) -> Non
     bench.events.append((1.0, lambda: told.append(bench.units().stop())))
     text = fails(bench, "move_many", {ELBOW: 2080, WRIST: 1600}, 400)
     assert text == f"{bench.device}: stopped: the movement was ended, and its units hold their places"
+    assert bench.now < 1.3
     where = bench.joint(ELBOW).position
     bench.now += 5
     assert bench.joint(ELBOW).position == pytest.approx(where, abs=60) and where > 2600
@@ -240,6 +241,28 @@ def test_a_stop_before_the_first_write_of_a_movement_leaves_it_unwritten(bench: 
     bench.signals.append((0.05, bench.units().known.stop))
     text = fails(bench, "move_many", {LIFT: 1500, ELBOW: 2080}, 400)
     assert "stopped" in text and bench.writes == []
+
+
+def test_a_stop_in_the_middle_of_the_first_writes_leaves_the_goal_unwritten(bench: Bench) -> None:
+    plain = bench.write
+
+    def write(unit_id: int, address: int, size: int, value: int) -> int:
+        if address == 46:  # the answer is lost, and while it is asked for again the stop comes
+            bench.bus.drop(transactions=1)
+            bench.signals.append((bench.now + 0.05, bench.units().known.stop))
+            bench.write = plain  # type: ignore[method-assign]
+        return plain(unit_id, address, size, value)
+
+    bench.write = write  # type: ignore[method-assign]
+    assert "stopped" in fails(bench, "move", ELBOW, 2080, 400)
+    assert bench.writes[-2:] == [(3, 46, 400), (3, 46, 400)] and bench.joint(ELBOW).position == 3080
+
+
+def test_a_limp_unit_gets_its_own_place_as_a_goal_before_it_is_switched_on(bench: Bench) -> None:
+    bench.units().move(ELBOW, 2980, 800)
+    bench.units().move(ELBOW, 3080, 800)
+    goals = [value for unit, address, value in bench.writes if (unit, address) == (3, 42)]
+    assert goals == [3080, 2980, 3080] and bench.writes[0] == (3, 42, 3080)
 
 
 def test_a_stop_names_what_may_go_on(bench: Bench) -> None:
