@@ -80,8 +80,8 @@ def test_the_public_library_moves_a_servo(rig: Rig, arm: Arm) -> None:
     assert [arm.packets.ping(arm.port, number) for number in range(1, 7)] == [(777, sdk.COMM_SUCCESS, 0)] * 6
     for name, value in {"torque": 1, "acceleration": 20, "speed": 1000, "goal": 1500}.items():
         assert arm.write(1, name, value) == 0
-    until(lambda: arm.read(1, "position") == 1500)
-    assert (arm.read(1, "moving"), arm.read(1, "temperature"), arm.read(1, "voltage")) == (0, 25, 120)
+    until(lambda: arm.read(1, "moving") == 0)
+    assert (arm.read(1, "position"), arm.read(1, "temperature"), arm.read(1, "voltage")) == (1500, 25, 120)
     assert arm.write(1, "goal", 4000) == 2  # outside of the limits
     assert (rig.servos.servos[1].goals.highest, rig.servos.broken) == (4000, 0)
 
