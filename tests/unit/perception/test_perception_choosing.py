@@ -93,6 +93,7 @@ def test_only_annotated_devices_whose_call_is_known_are_cameras() -> None:
     assert cameras(probed(), IDENTIFIED, offered(given))[0].arguments == {"preset": "day"}
     assert cameras(probed(), IDENTIFIED, offered({**given, "smoke": None})) == ()
     assert cameras(probed(), {"devices": []}, offered(tool("capture_image", DESK))) == ()
+    assert cameras({}, {}, {}) == ()
 
 
 def test_the_first_tool_of_a_device_is_its_only_one() -> None:
