@@ -52,8 +52,8 @@ def cameras(
 ) -> tuple[Camera, ...]:
     """Every device with a tool that takes its picture, in the order of ids.
 
-    The first three are accepted artifacts (empty: there is none), ``hint`` the camera that the manifest names. ``ledger`` holds the real
-    instances by device id; without it those of ``probe`` count.
+    The first three are accepted artifacts (empty: there is none), ``hint`` the camera that the manifest names.
+    ``ledger`` holds the real instances by device id; without it those of ``probe`` count.
     """
     probed = {device["id"]: _placed(device, ledger or {}) for device in probe.get("devices", ())}
     annotated = {device["id"]: device for device in identify.get("devices", ())}
