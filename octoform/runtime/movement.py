@@ -109,8 +109,8 @@ def carried_out(bank: Bank, moves: Iterable[Move], speed: int | None, stops: int
         waiting = [move for move in waiting if not _tried(bank, move, "whether it moves", partial(_seen, bank, move))]
     unstopped(bank, stops)
     for move in moves:
-        if not move.fault and move.failed(motion.moved):
-            move.fault = _why_not(bank, move)
+        if not move.fault:
+            _tried(bank, move, "whether it is limp", partial(_judged, bank, move))
     if faults := [move.fault for move in moves if move.fault]:
         done = [f"{move.name} is at {move.position}" for move in moves if not move.fault]
         raise UnitFault(bank.device, f"{bank.device}: {'; '.join(faults + done)}")
@@ -208,12 +208,14 @@ def _seen(bank: Bank, move: Move, talk: Talk) -> bool:
     return move.seen(position, moving)
 
 
-def _why_not(bank: Bank, move: Move) -> str:
-    told = f"{move.name} acknowledged the goal {move.goal} and did not move: from {move.start} to {move.position}"
-    release = motion_of(bank).release
-    try:
-        found = bank.exchange(move.name, "whether it is limp", lambda talk: [talk.count(field) for field, _ in release])
-    except UnitFault as problem:
-        return f"{told}; then {bank.told(problem)}"
-    limp = [f"its {field} is {value}" for (field, off), value in zip(release, found, strict=True) if value == off]
-    return f"{told}; {', '.join(limp)}, so something made it limp meanwhile" if limp else told
+def _judged(bank: Bank, move: Move, talk: Talk) -> bool:
+    """UnitFault for a unit that did not move at all, and for one that is limp now, wherever it came to."""
+    motion = motion_of(bank)
+    limp = [f"its {field} is {value}" for field, value in motion.release if talk.count(field) == value]
+    why = f"{', '.join(limp)}, so something made it limp meanwhile" if limp else ""
+    if move.failed(motion.moved):
+        told = f"{move.name} acknowledged the goal {move.goal} and did not move: from {move.start} to {move.position}"
+        raise bank.fault(f"{told}; {why}" if why else told)
+    if limp:
+        raise bank.fault(f"{move.name} was at {move.position} on its way to {move.goal}: {why}")
+    return True

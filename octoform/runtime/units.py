@@ -93,13 +93,15 @@ class Units(Bank):
             try:
                 if record["skipped"] is None:
                     record["position"] = self.exchange(name, "whether it stopped", partial(held, self))
-            except DeviceFault as problem:
+            except UnitFault as problem:
                 faults.append(self.told(problem))
+            except DeviceFault as problem:  # the bus itself: the other units cannot be asked either
+                faults.append(self.told(problem))
+                break
             found.append(record)
         if faults:
-            raise DeviceFault(
-                self.device, f"{self.device}: not everything is known to have stopped: {'; '.join(faults)}"
-            )
+            told = f"not everything is known to have stopped: {'; '.join(faults)}"
+            raise DeviceFault(self.device, f"{self.device}: {told}")
         return self._list(found)
 
     def _limp(self, name: str) -> None:

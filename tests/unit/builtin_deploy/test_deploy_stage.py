@@ -87,7 +87,11 @@ def test_a_profile_says_which_package_its_library_is(tmp_path: Path, index: Inde
     index.add("demo-servo-library", "1.0")
     body = "import demomcp\ndef f():\n    import servolib\n"
     library = {"distribution": "Demo_Servo.library", "module": "servolib", "protocol": 0}
-    profiles = ({"grammar": None}, {"grammar": {"line": {}}}, {"grammar": {"registers": {"library": library}}})
+    profiles: tuple[dict[str, Any], ...] = (
+        {"grammar": None},
+        {"grammar": {"line": {}}},
+        {"grammar": {"registers": {"library": library}}},
+    )
     _, artifact = deployed(tmp_path, body, "demomcp", "demo-servo-library", profiles=profiles)
     assert {"module": "servolib", "provided_by": "demo-servo-library"} in artifact["imports"]
     _, artifact = deployed(tmp_path, body, "demomcp", "demo-servo-library")

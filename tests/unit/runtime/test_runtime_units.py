@@ -83,6 +83,19 @@ def test_who_made_it_limp_meanwhile_is_said(bench: Bench) -> None:
     assert "did not move: from 2600 to 2600; its torque is 0, so something made it limp meanwhile" in text
 
 
+def test_a_unit_that_let_go_on_its_way_is_not_said_to_have_come_well(bench: Bench) -> None:
+    bench.events.append((1.0, lambda: bench.bus.feed(bytes.fromhex("FFFFFE04032800D2"))))
+    text = fails(bench, "move", WRIST, 1600, 400)
+    assert "on its way to 1600: its torque is 0, so something made it limp meanwhile" in text
+
+
+def test_a_bus_that_is_gone_is_not_waited_for_once_for_each_unit(bench: Bench) -> None:
+    bench.broken = 100
+    text = fails(bench, "stop")
+    assert "not everything is known to have stopped: shoulder_pan: the device did not answer" in text
+    assert bench.opened == 2 and bench.units().known.stops == 1
+
+
 def test_torque_that_stays_off_is_seen_before_the_goal_is_written(bench: Bench) -> None:
     bench.joint(ELBOW).fault = "deaf_torque"
     text = fails(bench, "move", ELBOW, 2080, 400)
