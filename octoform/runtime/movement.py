@@ -73,7 +73,7 @@ def planned(bank: Bank, goals: Mapping[str, int], alone: bool) -> tuple[dict[str
     moves: dict[str, Move] = {}
     refused = []
     for name, goal in goals.items():
-        if bank.named(name) in bank.map.disabled:
+        if name in bank.map.disabled:
             skipped[name] = bank.map.disabled[name]
             continue
         try:

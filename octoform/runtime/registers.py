@@ -159,10 +159,11 @@ class Bank:
         return calibration.find(self.map.calibration, self.map.units)
 
     def named(self, name: str) -> str:
-        """The name itself; UnitFault for one that is no unit."""
-        if name not in self.map.units:
+        """The unit's name, given that or its id as text; UnitFault for one that is no unit."""
+        found = {str(number): of for of, number in self.map.units.items()}.get(name, name)
+        if found not in self.map.units:
             raise self.fault(f"{name!a:.60} is no {self.map.unit}; there are {', '.join(self.map.units)}")
-        return name
+        return found
 
     def fault(self, text: str) -> UnitFault:
         """An error about a unit of this device."""

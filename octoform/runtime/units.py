@@ -20,6 +20,7 @@ class Units(Bank):
 
     def read(self, name: str, fields: Iterable[str]) -> Record:
         """The unit's fields, ``calibrated`` (percent of its range, None where unknown) and ``skipped``."""
+        name = self.named(name)
         record = self._blank(name, dict.fromkeys(wanted := list(fields)))
         if record["skipped"] is None:
             record |= self.exchange(name, "", lambda talk: {field: talk.read(field) for field in wanted})
@@ -45,13 +46,14 @@ class Units(Bank):
 
     def move(self, name: str, goal: int, speed: int | None = None) -> Record:
         """Move one unit to a position in counts, and wait for the end of it; what came of it."""
-        (record,) = self._moved({name: goal}, speed, alone=True)
+        (record,) = self._moved({self.named(name): goal}, speed, alone=True)
         return {"device": self.device, **record}
 
     def move_percent(self, name: str, percent: float, speed: int | None = None) -> Record:
         """The same by the scale of its calibrated range, -100 to 100; DeviceFault without a calibration."""
         found = self.calibration()
-        extent = found.ranges.get(self.named(name))
+        name = self.named(name)
+        extent = found.ranges.get(name)
         if not -100 <= percent <= 100:
             raise self.fault(f"{percent} is no percentage from -100 to 100")
         if extent is None:
@@ -75,6 +77,7 @@ class Units(Bank):
 
     def torque(self, name: str, on: bool) -> Record:
         """Let a unit hold its place, or make it limp; ``on`` as it was read back, None for one that is skipped."""
+        name = self.named(name)
         record = self._blank(name, {"on": on})
         if record["skipped"] is not None:
             return {"device": self.device, **record, "on": None}
@@ -123,7 +126,7 @@ class Units(Bank):
         return {self.map.unit: name, **told}
 
     def _blank(self, name: str, members: Record) -> Record:
-        skipped = self.map.disabled.get(self.named(name))
+        skipped = self.map.disabled.get(name)
         return {self.map.unit: name, "id": self.map.units[name], "skipped": skipped, **members}
 
     def _list(self, records: list[Record], **more: Any) -> Record:

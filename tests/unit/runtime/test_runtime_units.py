@@ -299,6 +299,14 @@ def test_torque_holds_where_the_unit_is_and_not_where_it_once_should_go(bench: B
     assert [write[:2] for write in bench.writes] == [(4, 42), (4, 40), (4, 42)]
 
 
+def test_a_unit_may_be_named_by_its_id(bench: Bench) -> None:
+    bench.map = ARM._replace(units={**ARM.units, "wrist_flex": 5, "wrist_roll": 4})
+    found = bench.units().read("5", ("position",))
+    assert (found["joint"], found["id"], found["position"]) == (WRIST, 5, 2048)
+    assert bench.units().move("3", 2500, 800)["joint"] == ELBOW and bench.joint(ELBOW).position == 2500
+    assert bench.units().torque("3", False)["joint"] == ELBOW
+
+
 def test_a_name_that_is_no_unit_is_refused(bench: Bench) -> None:
     assert "'fl\\x1b[2Jap' is no joint; there are shoulder_pan" in fails(bench, "move", "fl\x1b[2Jap", 1, 400)
 
