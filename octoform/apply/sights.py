@@ -1,14 +1,15 @@
 """Trials that a camera decides: a movement that the picture shows, and a picture that shows anything at all.
 
-A device without feedback can only be seen to move. Two pictures before the movement say how much differs while nothing
+A device without feedback can only be seen to move. Pictures before the movement say how much differs while nothing
 happens; the movement must change more than that, and the way back must bring the first picture back.
 """
 
 from collections.abc import Mapping
+from itertools import combinations, product
 from typing import Any
 
 from octoform.apply.hand import Seen
-from octoform.apply.trials import POLL_SECONDS, Bench, Mover, Trial, Tried
+from octoform.apply.trials import Bench, Mover, Trial, Tried
 from octoform.perception.judging import Picture, complaint, difference, frozen
 
 NOISE_FACTOR = 3.0
@@ -49,57 +50,63 @@ class _ByView(Mover):
     """A movement that the camera shows."""
 
     def carry_out(self) -> None:
-        tried, view = self.tried, self.trial["view"]
+        tried = self.tried
         if not self.move["relative"]:
             text = f"{tried.unit} is to be moved to a place, and nothing reads where to go back to"
             tried.blame("STEP-NO-READING", text, f"{self.where}/move/relative", hint="move by a distance instead")
             return
-        still = self._stillness(view)
-        if still is None or tried.noise is None:
+        still = self._stillness()
+        if not still:
             return
+        tried.noise = max(difference(a, b) for a, b in combinations(still, 2))
         wanted = max(self.bench.proof.minimum, NOISE_FACTOR * tried.noise)
         if not self.go():
             return
-        tried.moved = self._watched(still, "after", lambda change: change >= wanted)
-        seen = tried.moved is not None and tried.moved >= wanted
-        if tried.moved is not None and not seen:
-            self._unseen(tried.moved, wanted)
+        after = self._at_rest("after")
+        if after:
+            tried.moved = min(difference(a, b) for a, b in product(still, after))
+            if tried.moved < wanted:
+                self._unseen(tried.moved, wanted)
         answer = self.go_back()
-        if answer is None or tried.moved is None or not seen:
+        if answer is None or tried.moved is None or tried.found:
             return
-        most = tried.moved / 2
-        tried.returned = self._watched(still, "back", lambda change: change <= most) if answer.value else None
-        if (tried.returned is None or tried.returned > most) and not tried.over:
+        back = self._at_rest("back") if answer.value is not None else []
+        tried.returned = max((difference(a, b) for a, b in product(still, back)), default=None)
+        if not tried.over and not tried.found and (tried.returned is None or 2 * tried.returned > tried.moved):
             self._not_back(answer.words)
 
-    def _stillness(self, view: Mapping[str, Any]) -> Picture | None:
-        """The picture before the movement, once two of them agree or the time for it is over; sets the noise.
+    def _stillness(self) -> list[Picture]:
+        """The pictures before the movement; none when there is a finding.
 
-        A camera may still show what was a moment ago, and a device may still come to rest.
+        The last of them are taken whatever they show: pictures that were chosen for being alike tell no noise.
         """
-        tried, end = self.tried, self.now + self.bench.proof.settle
-        before = _look(self.bench, tried, view, self.where, "before")
-        while before is not None:
-            still = _look(self.bench, tried, view, self.where, "still")
-            if still is None:
-                return None
-            tried.noise = difference(before, still)
-            if tried.noise < self.bench.proof.minimum or self.now >= end:
-                return still
-            before = still
-        return None
-
-    def _watched(self, first: Picture, name: str, enough: Any) -> float | None:
-        """How far the picture differs from ``first``: once that is enough, or when the time for it is over."""
-        end = self.now + self.bench.proof.settle
-        while True:
-            seen = _look(self.bench, self.tried, self.trial["view"], self.where, name)
+        found = self._at_rest("before")
+        for name in ("still", "still") if found else ():
+            seen = self._look(name)
             if seen is None:
-                return None
-            change = difference(first, seen)
-            if enough(change) or self.now >= end:
-                return change
-            self.bench.clock.sleep(POLL_SECONDS)
+                return []
+            found.append(seen)
+        return found
+
+    def _at_rest(self, name: str) -> list[Picture]:
+        """Two pictures in a row that agree, or the last two when the time for it is over; none for a finding.
+
+        A camera may still show what was a moment ago, and what moved may still come to rest.
+        """
+        end = self.now + self.bench.proof.settle
+        alike = max(self.bench.proof.minimum, self.tried.noise or 0.0)
+        before = self._look(name)
+        while before is not None:
+            seen = self._look(name)
+            if seen is None:
+                return []
+            if difference(before, seen) <= alike or self.now >= end:
+                return [before, seen]
+            before = seen
+        return []
+
+    def _look(self, name: str) -> Picture | None:
+        return _look(self.bench, self.tried, self.trial["view"], self.where, name)
 
     def _unseen(self, moved: float, wanted: float) -> None:
         tried = self.tried

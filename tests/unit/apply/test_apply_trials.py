@@ -1,5 +1,6 @@
 """Trials on simulated firmware, in virtual time: what really moved counts, never what was acknowledged."""
 
+import random
 import statistics
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
@@ -224,6 +225,7 @@ class Rail:
     line: LineDevice
     scene: Scene
     dark: bool = False
+    flicker: random.Random | None = None
 
     def call(self, tool: str, arguments: Mapping[str, Any]) -> Answer:
         assert tool == "rail_move_x"
@@ -245,6 +247,9 @@ class Rail:
         luma, _, _ = self.scene.frame(320, 240)
         rows = [luma[place * 320 : place * 320 + 320] for place in range(0, 240, 5)]
         thumb = bytes(sum(row[column : column + 5]) // 5 for row in rows for column in range(0, 320, 5))
+        if self.flicker is not None:
+            patch = bytes([self.flicker.randrange(256)]) * 2
+            thumb = patch + thumb[2:]
         return Seen(Picture(statistics.fmean(thumb), statistics.pstdev(thumb), thumb), b"picture", "image/jpeg")
 
 
@@ -275,6 +280,15 @@ def test_a_jammed_rail_says_ok_and_is_not_seen_to_move(tmp_path: Path) -> None:
     assert codes(one) == ["STEP-NOT-SEEN"], one
     assert one.found[0].summary.startswith("x did not move in the camera's view: the picture differs by ")
     assert one.found[0].detail == "rail_move_x answered that all is well" and one.again
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_what_flickers_in_the_picture_is_no_movement(tmp_path: Path, seed: int) -> None:
+    rail = a_rail(flicker=random.Random(seed))
+    assert codes(by_view(bench(rail, VIEW, tmp_path), SIGHT, "/trials/0")) == []
+    rail.line.fault = "jammed"
+    one = by_view(bench(rail, VIEW, tmp_path), SIGHT, "/trials/0")
+    assert codes(one) and set(codes(one)) <= {"STEP-NOT-SEEN", "STEP-NOT-BACK"}
 
 
 def test_a_refused_movement_is_not_undone(tmp_path: Path) -> None:
