@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 from endings import end_endpoints
 from hosts.plant import plant
+from hypothesis import HealthCheck, settings
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
@@ -20,8 +21,13 @@ def pytest_configure(config: pytest.Config) -> None:
     """A machine that only checks must not write what it should compare with."""
     if config.getoption("--update") and os.environ.get("CI"):
         raise pytest.UsageError("--update is for people: it is refused where CI is set")
-    # A shell starts background jobs with interrupts ignored, and programs on a test's terminal would inherit that.
+    # A shell starts background jobs with interrupts ignored, nohup does so with hang-ups, and programs on a test's
+    # terminal would inherit that.
     signal.signal(signal.SIGINT, signal.default_int_handler)
+    signal.signal(signal.SIGHUP, signal.SIG_DFL)
+    # How long an example takes says something about the machine's other work, not about the code.
+    settings.register_profile("tests", deadline=None, suppress_health_check=[HealthCheck.too_slow])
+    settings.load_profile("tests")
 
 
 @pytest.hookimpl(wrapper=True)
@@ -39,6 +45,18 @@ def pytest_collection() -> Generator[None, object, object]:
 def update(request: pytest.FixtureRequest) -> bool:
     """True when expected files are to be rewritten."""
     return bool(request.config.getoption("--update"))
+
+
+@pytest.fixture(scope="session")
+def environments(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder for `Project.share_environments` that all tests of the run have: built by the first who needs it.
+
+    For projects of the scripted agent, whose packages are the same everywhere: an apply drops those of others.
+    """
+    base = tmp_path_factory.getbasetemp()
+    folder = (base.parent if "PYTEST_XDIST_WORKER" in os.environ else base) / "environments"
+    folder.mkdir(mode=0o700, exist_ok=True)
+    return folder
 
 
 @pytest.fixture(autouse=True)

@@ -1,11 +1,13 @@
 """Servers that must not be served: each bad one is an attempt of one run, refused by name; then a good one goes live.
 
-One project and one test for all of them, because each serving environment costs two seconds.
+One project and one test for all of them, because each apply costs seconds; the serving environment is one that all
+tests have.
 """
 
 import json
 from pathlib import Path
 
+import pytest
 from projects import Done, Project
 
 GOOD = (Path(__file__).parents[1] / "agent" / "good" / "server.py").read_text()
@@ -44,6 +46,14 @@ def refusals(done: Done, stage: str) -> list[set[str]]:
     """The codes of each refused attempt of a stage, in order."""
     events = [event for event in done.events() if event["type"] == "attempt_errored" and event["node"] == stage]
     return [{item["code"] for item in event["diagnostics"]} for event in events]
+
+
+@pytest.fixture
+def project(tmp_path: Path, environments: Path) -> Project:
+    made = Project(tmp_path / "project", tmp_path / "outside")
+    made.share_environments(environments)
+    made.write()
+    return made
 
 
 def write(project: Project) -> None:

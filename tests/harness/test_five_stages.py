@@ -36,12 +36,6 @@ def project_with(subject: Subject, server: ModelServer, folder: Path) -> Project
     )
 
 
-@pytest.fixture(scope="module")
-def environments(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The serving environments, of equal packages whatever program asked for them."""
-    return tmp_path_factory.mktemp("environments")
-
-
 async def call(endpoint: Path) -> tuple[list[str], object]:
     """The tools of the endpoint, and what its tool answers, by the command that every client is given."""
     program, *arguments = json.loads((endpoint / "connection.json").read_bytes())["command"]

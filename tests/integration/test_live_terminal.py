@@ -9,6 +9,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
+import warm
 from launched import Launched, launched, tool
 from projects import OCTOFORM
 from terminals import Terminal
@@ -70,11 +71,7 @@ def bench(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Launched]:
 
 
 def octoform(endpoint: Launched, *arguments: str) -> "subprocess.CompletedProcess[str]":
-    command = [str(OCTOFORM), *arguments]
-    return subprocess.run(
-        command, cwd=endpoint.layout.project, env=ENVIRON, stdin=subprocess.DEVNULL, capture_output=True, text=True,
-        timeout=60,
-    )  # fmt: skip
+    return warm.completed(OCTOFORM, arguments, endpoint.layout.project, ENVIRON)
 
 
 def on_terminal(endpoint: Launched, *arguments: str) -> Terminal:

@@ -29,11 +29,6 @@ SCRIPT: dict[str, list[object]] = {
 
 
 @pytest.fixture(scope="module")
-def environments(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return tmp_path_factory.mktemp("environments")
-
-
-@pytest.fixture(scope="module")
 def original(tmp_path_factory: pytest.TempPathFactory, environments: Path) -> tuple[Project, Done]:
     """A project whose agent failed in several ways before each stage was accepted."""
     folder = tmp_path_factory.mktemp("original")

@@ -353,11 +353,12 @@ def test_another_spec_harness_or_model_is_another_key(lender: Project) -> None:
     assert lender.stages_run()[before:] == ["probe", "identify"]
 
 
-def test_a_live_endpoint_from_another_hosts_stages(lender: Project) -> None:
+def test_a_live_endpoint_from_another_hosts_stages(lender: Project, environments: Path) -> None:
+    lender.share_environments(environments)
     lender.apply(status=0)
     before = len(lender.agent_runs())
     other = beside(lender, "bench-2")
-    other.share_environments(lender.local / "environments")
+    other.share_environments(environments)
     done = other.apply(status=0)
     assert lender.stages_run()[before:] == ["probe"]
     # What a real client was told at the end of the apply.

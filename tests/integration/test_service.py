@@ -12,6 +12,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+import warm
 from launched import Launched, launched, tool
 from projects import OCTOFORM
 from terminals import Terminal
@@ -126,16 +127,7 @@ def bench(systemd: Systemd, tmp_path: Path) -> Iterator[Launched]:
 
 
 def octoform(systemd: Systemd, endpoint: Launched, *arguments: str) -> "subprocess.CompletedProcess[str]":
-    command = [str(OCTOFORM), *arguments]
-    return subprocess.run(
-        command,
-        cwd=endpoint.layout.project,
-        env=systemd.environ,
-        stdin=subprocess.DEVNULL,
-        capture_output=True,
-        text=True,
-        timeout=60,
-    )
+    return warm.completed(OCTOFORM, arguments, endpoint.layout.project, systemd.environ)
 
 
 @pytest.mark.parametrize("folder", ["plain", "with blanks", "100%h", "$HOME", 'o\'brien "q" \\x', "größe"])

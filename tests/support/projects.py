@@ -160,7 +160,7 @@ class Project:
 
         For tests that prove something else than the building of it, which costs as much as all the rest of an apply.
         """
-        self.local.mkdir(parents=True)
+        self.local.mkdir(parents=True, exist_ok=True)
         (self.local / "environments").symlink_to(folder)
 
     def own_specs(self) -> Path:

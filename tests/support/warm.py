@@ -48,6 +48,13 @@ def run(
             raise subprocess.TimeoutExpired([str(program), *arguments], seconds) from None
 
 
+def completed(
+    program: Path, arguments: Sequence[str], cwd: Path, environ: Mapping[str, str], seconds: float = 60.0
+) -> "subprocess.CompletedProcess[str]":
+    """The same in the form that `subprocess.run` gives."""
+    return subprocess.CompletedProcess([program, *arguments], *run(program, arguments, cwd, environ, seconds))
+
+
 @contextlib.contextmanager
 def _sockets() -> Iterator[tuple[socket.socket, socket.socket]]:
     mine, its = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
