@@ -56,4 +56,4 @@ def _choices(item: JsonObject) -> Iterator[tuple[str, tuple[str, ...]]]:
     for name, schema in properties(item).items():
         names = schema.get("enum") if isinstance(schema, dict) and name != _DEVICE else None
         if isinstance(names, list) and names and all(isinstance(one, str) for one in names):
-            yield name, tuple(sorted(names))
+            yield name, tuple(sorted(one for one in names if not one.isdigit()))  # an id is another name for a unit

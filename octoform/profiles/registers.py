@@ -145,7 +145,8 @@ class RegisterGrammar:
 def parameters(registers: Registers, command: Action) -> tuple[Value, ...]:
     """What a caller may say to a command, each within the bounds of the grammar."""
     unit = registers.unit
-    one = Value(unit, "string", f"which {unit}", choices=tuple(registers.units))
+    ids = (str(number) for number in registers.ids.values())
+    one = Value(unit, "string", f"which {unit}, by its name or its id", choices=(*registers.units, *ids))
     if command.do == "read_unit":
         return (one,)
     if command.do == "set_torque":

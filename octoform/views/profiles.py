@@ -63,13 +63,15 @@ def _tools(grammar: Grammar) -> Iterator[str]:
     """A line for each tool: what a caller may say, what is answered, the effect, and what the device is made to do."""
     if isinstance(grammar, LineGrammar):
         lines = {item.tool: (", ".join(map(_value, item.fields)), f"sends {item.send!r}") for item in grammar.commands}
-        units: tuple[str, ...] = ()
+        unit = ""
     else:
         lines = {item.tool: (", ".join(item.fields), "") for item in grammar.commands}
-        units = tuple(grammar.registers.units)  # told once, with their ids, and not at each tool
+        unit = grammar.registers.unit  # the units are told once, with their ids, and not at each tool
     for tool in grammar.tools():
         fields, does = lines.get(tool.tool, ("", ""))
-        values = ", ".join(item.name if item.choices == units else _value(item) for item in tool.parameters)
+        values = ", ".join(
+            item.name if item.choices and item.name == unit else _value(item) for item in tool.parameters
+        )
         said, returns = f" ({values})" if values else "", f" -> {fields}" if fields else ""
         yield f"{tool.tool}{said}{returns}  {tool.effect}, {does or tool.do}"
 

@@ -22,7 +22,7 @@ JOINTS = ("shoulder_pan", "shoulder_lift", "elbow_flex", "wrist_flex", "wrist_ro
 SERVO_FAULTS = (None, None, "mute", "stuck", "deaf_torque", "corrupt", "half")
 RAIL_FAULTS = (None, None, None, "mute", "odd", "jammed", "late", "hot")
 CALIBRATED = {"elbow_flex": (1000, 3000), "gripper": (2000, 3400)}
-HOT = 65
+HOT = 69
 SOUND = {
     "arm_move_joint": lambda dice: {"joint": dice.choice(JOINTS), "position": dice.randint(700, 3500)},
     "arm_move_joint_calibrated": lambda dice: {"joint": dice.choice(JOINTS), "percent": dice.uniform(-100, 100)},
@@ -154,7 +154,7 @@ def _break_something(bench: VirtualRig, dice: random.Random) -> None:
         for servo in bench.arm.servos.values():
             servo.fault = None
     if dice.random() < 0.05:
-        bench.arm.servos[dice.randint(1, 6)].temperature = dice.choice((25.0, 60.0, 68.0, 80.0))
+        bench.arm.servos[dice.randint(1, 6)].temperature = dice.choice((25.0, 62.0, 69.4, 80.0))
     if dice.random() < 0.03:
         bench.arm.drop(transactions=dice.randint(1, 3))
     if dice.random() < 0.1:

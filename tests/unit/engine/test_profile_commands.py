@@ -84,7 +84,7 @@ def test_the_bus_is_shown_as_it_is_on_the_rig(bench: Project) -> None:
     assert "arm_set_torque (joint, on: boolean)  actuate, set_torque" in shown
     assert "speed: integer 50..1500 raw/s = 400)  actuate, pose" in shown
     assert "elbow_flex 3, wrist_flex 5, wrist_roll 4, gripper 6" in shown
-    assert "refused from 65 Cel on until it is below 55 Cel" in shown
+    assert "refused from 69 Cel on until it is below 60 Cel" in shown
     assert "shoulder_pan is disabled: its motor is broken." in shown.partition("This rig alone")[2]
     told = json.loads(bench.run("profile", "check", "arm.md", "-json", status=0).out)["profile"]
     assert told["grammar"]["registers"]["disabled"] == {"shoulder_pan": "its motor is broken"}

@@ -106,7 +106,7 @@ def test_a_bus_of_any_maker_is_read_as_data() -> None:
 
 def test_what_a_tool_takes_follows_from_what_it_does() -> None:
     told = {item["tool"]: item for item in plain(grammar())["commands"]}
-    one = {"type": "string", "about": "which pump", "enum": ["left", "right"]}
+    one = {"type": "string", "about": "which pump, by its name or its id", "enum": ["left", "right", "12", "11"]}
     speed = {"type": "integer", "about": "speed of the movement", "unit": "rpm", "minimum": 1, "maximum": 200}
     speed |= {"default": 40}
     assert {name: item["effect"] for name, item in told.items() if item["effect"] == "read"} == {"pump_status": "read"}

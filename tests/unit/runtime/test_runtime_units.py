@@ -34,6 +34,15 @@ def test_fields_are_read_with_scale_and_sign(bench: Bench) -> None:
     assert found["calibrated"] is None and isinstance(found["position"], int)
 
 
+def test_a_unit_has_two_names(bench: Bench) -> None:
+    units = bench.units()
+    assert units.read("3", ("position",)) == units.read(ELBOW, ("position",))
+    assert units.move("3", 2900, 500)["joint"] == ELBOW and bench.joint(ELBOW).position == pytest.approx(2900)
+    assert units.torque("3", on=False)["joint"] == ELBOW and not bench.joint(ELBOW).torque
+    with pytest.raises(DeviceFault, match=r"'7' is no joint; there are shoulder_pan, "):
+        units.read("7", ("position",))
+
+
 @pytest.mark.parametrize(("raw", "value"), [(0, 0), (1000, 100.0), (1024, 0), (1024 + 305, -30.5), (2047, -102.3)])
 def test_the_sign_bit_is_not_a_part_of_the_size(raw: int, value: float) -> None:
     assert ARM.fields["load"].value(raw) == value

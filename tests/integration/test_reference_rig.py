@@ -1,0 +1,169 @@
+"""Arm, rail and camera together: the embedded agent onboards all three, the steps prove them, a real client drives them.
+
+One live endpoint for the whole file. What counts is what the simulated firmware saw, and what the camera shows.
+"""
+
+import asyncio
+import base64
+import json
+from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import pytest
+from fastmcp import Client
+from fastmcp.client.transports import StdioTransport
+from projects import OCTOFORM, Project
+
+from octoform.perception.judging import difference
+from octoform.perception.looking import take
+from octoform.simulation.descriptions import load
+from octoform.simulation.rig import Rig
+from octoform.state.layout import Layout
+
+TOP = Path(__file__).parents[2]
+ARM, RAIL, CAMERA = "usb-1a86-55d3", "usb-2341-804f", "usb-045e-0772"
+TRANSACTIONS = 10_000
+SIZE = {"width": 320, "height": 240}
+STAGES = ("probe", "identify", "interface", "serve", "deploy")
+STEPS = ("step.perceive", "step.arm", "step.rail")
+
+
+@dataclass
+class Bench:
+    project: Project
+    rig: Rig
+
+    @property
+    def layout(self) -> Layout:
+        return Layout(self.project.folder, self.project.host)
+
+    def client(self) -> Client[Any]:
+        """An MCP client that starts octoform as any client does."""
+        words = [f"-chdir={self.project.folder}", "connect", self.project.host]
+        transport = StdioTransport(str(OCTOFORM), words, env=self.project.environment(), keep_alive=False)
+        return Client(transport)
+
+    def ask(self, *calls: tuple[str, dict[str, Any]]) -> list[Any]:
+        """The structured results of these calls, one after the other, of one client."""
+
+        async def talk() -> list[Any]:
+            async with self.client() as client:
+                return [(await client.call_tool(tool, given)).structured_content for tool, given in calls]
+
+        return asyncio.run(talk())
+
+    def picture(self) -> bytes:
+        """What the camera shows through the endpoint, as small as it is compared."""
+        taken = take(self.layout, {"tool": "capture_image", "arguments": SIZE})
+        assert hasattr(taken, "picture"), taken
+        return taken.picture
+
+
+@pytest.fixture(scope="module")
+def bench(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Bench]:
+    folder = tmp_path_factory.mktemp("rig")
+    description = load("reference")
+    for name, changes in {"arm": {"speedup": 8}, "rail": {"speedup": 8}, "camera": SIZE}.items():
+        description["devices"][name] |= changes
+    rig = Rig(description, folder / "tree")
+    rig.start()
+    project = Project(folder / "project", folder / "outside", harness="builtin")
+    project.environ["OCTOFORM_SYSROOT"] = str(folder / "tree")
+    project.manifest = {
+        "profiles": "[profiles/so-arm101.md, profiles/camera-rail.md]",
+        "answers": f"{{{RAIL}: the camera rail of the bench}}",
+        "privileged_steps": "[perceive, arm, rail]",
+    }
+    (project.folder / "profiles").mkdir(parents=True)
+    for name in ("so-arm101.md", "camera-rail.md"):
+        (project.folder / "profiles" / name).write_text((TOP / "profiles" / name).read_text())
+    project.apply(status=0)
+    yield Bench(project, rig)
+    project.run("stop")
+    rig.stop()
+
+
+def test_all_stages_and_steps_at_the_first_attempt_and_nothing_left_to_do(bench: Bench) -> None:
+    nodes = bench.project.nodes()
+    assert {name: nodes[name]["attempts"] for name in (*STAGES, *STEPS)} == dict.fromkeys((*STAGES, *STEPS), 1)
+    assert "No changes." in bench.project.run("plan", "-detailed-exitcode", status=0).out
+    moved = [item["unit"] for item in nodes["step.arm"]["detail"]["trials"]]
+    assert sorted(moved) == ["elbow_flex", "gripper", "shoulder_lift", "shoulder_pan", "wrist_flex", "wrist_roll"]
+    assert all(abs(item["after"] - item["before"]) >= 50 for item in nodes["step.arm"]["detail"]["trials"])
+    assert [item["unit"] for item in nodes["step.rail"]["detail"]["trials"]] == ["x", "y"]
+    chosen = json.loads((bench.project.state / "steps" / "perceive" / "output.json").read_text())
+    assert chosen["camera"]["device"] == CAMERA
+
+
+def test_the_tools_of_the_rail_are_its_grammar(bench: Bench) -> None:
+    tools = json.loads((bench.project.state / "interface" / "output.json").read_text())["tools"]
+    of_rail = {tool["name"]: tool for tool in tools if tool["devices"] == [RAIL]}
+    assert set(of_rail) == {"rail_move_x", "rail_move_y", "rail_home", "rail_position", "rail_stop"}
+    before = len(bench.rig.line.lines)
+    bench.ask(("rail_home", {}), ("rail_move_x", {"steps": 120}), ("rail_move_y", {"steps": -80}))
+    assert bench.rig.line.lines[before:] == ["HOME", "MOVE_X 120", "MOVE_Y -80"]
+    assert bench.rig.line.position == {"X": 120, "Y": -80}
+    assert bench.ask(("rail_position", {}))[0] == {"device": RAIL, "x": 120, "y": -80, "unknown": None}
+
+
+def test_a_real_client_moves_both_and_the_camera_sees_it(bench: Bench) -> None:
+    bench.ask(("rail_home", {}), ("arm_home", {}))
+    first, still = bench.picture(), bench.picture()
+    noise = difference(first, still)
+    (told,) = bench.ask(("arm_move_joint", {"joint": "shoulder_lift", "position": 1600}))
+    assert told["moved"] and abs(bench.rig.servos.servos[2].position - 1600) < 30
+    bent = bench.picture()
+    assert difference(still, bent) > 3 * noise
+    bench.ask(("rail_move_x", {"steps": 1500}))
+    assert bench.rig.line.position["X"] == 1500
+    assert difference(bent, bench.picture()) > 3 * noise
+    bench.ask(("rail_home", {}), ("arm_home", {}))
+    assert difference(first, bench.picture()) < difference(first, bent) / 2
+
+
+def test_two_clients_and_the_heartbeat_at_once_spoil_no_packet(bench: Bench) -> None:
+    arm = bench.rig.servos
+    before, spoilt = arm.received, arm.broken
+
+    def looks() -> int:
+        seen = 0
+        while arm.received - before < TRANSACTIONS:
+            seen += bool(bench.picture())
+        return seen
+
+    async def reads(tool: str, given: dict[str, Any]) -> int:
+        async with bench.client() as client:
+            done = 0
+            while arm.received - before < TRANSACTIONS:
+                done += not (await client.call_tool(tool, given)).is_error
+            return done
+
+    with ThreadPoolExecutor(3) as pool:
+        status = pool.submit(asyncio.run, reads("arm_status", {}))
+        joint = pool.submit(asyncio.run, reads("arm_read_joint", {"joint": "gripper"}))
+        beats = pool.submit(looks)
+        assert status.result() > 50 and joint.result() > 50 and beats.result() > 3
+    assert arm.received - before >= TRANSACTIONS
+    assert arm.broken == spoilt and arm.noise == 0
+
+
+def test_look_saves_what_the_camera_shows(bench: Bench, tmp_path: Path) -> None:
+    file = tmp_path / "now.jpg"
+    told = json.loads(bench.project.run("look", "-save", str(file), "--json", status=0).out)
+    assert file.read_bytes()[:2] == b"\xff\xd8", base64.b64encode(file.read_bytes()[:8])
+    assert told["camera"] == CAMERA or told["camera"]["device"] == CAMERA
+
+
+def test_it_is_found_again_under_other_names(bench: Bench) -> None:
+    for name, node in (("arm", "ttyACM7"), ("rail", "ttyACM3"), ("camera", "video4")):
+        bench.rig.unplug(name)
+        bench.rig.plug(name, port=bench.rig.description["devices"][name]["port"], node=node)
+    assert "No changes." in bench.project.run("plan", "-detailed-exitcode", status=0).out
+    moved, _, at = bench.ask(
+        ("arm_move_joint", {"joint": "5", "position": 2300}), ("rail_home", {}), ("rail_position", {})
+    )
+    assert moved["moved"] and at["x"] == 0
+    assert bench.picture()
