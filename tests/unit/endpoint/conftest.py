@@ -12,9 +12,11 @@ from octoform.state.layout import Layout
 
 
 @pytest.fixture(scope="session")
-def serving(tmp_path_factory: pytest.TempPathFactory) -> Environment:
-    """A real environment with FastMCP, built once by the code under test."""
+def serving(tmp_path_factory: pytest.TempPathFactory, environments: Path) -> Environment:
+    """A real environment with FastMCP, built once by the code under test; no test changes it."""
     layout = Layout(tmp_path_factory.mktemp("serving"), "bench")
+    layout.local.mkdir(parents=True)
+    layout.environments.symlink_to(environments)
     lock, problems = resolve(["fastmcp>=4.1,<4.2"], layout.project)
     assert lock, problems
     environment, problems = build(layout, lock)

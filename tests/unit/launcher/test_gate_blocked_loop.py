@@ -1,12 +1,11 @@
 """What blocks the event loop, in a real process: the other clients are answered again, and nobody else is hit."""
 
 import asyncio
-import contextlib
 import os
 import subprocess
 import sys
 import time
-from collections.abc import AsyncIterator
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -120,9 +119,10 @@ asyncio.run(main())
 ROOT = Path(__file__).parents[3]
 
 
-@contextlib.asynccontextmanager
-async def serving(folder: Path) -> AsyncIterator[str]:
-    """The URL of the server in a process of its own."""
+@pytest.fixture(scope="module")
+def url(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
+    """The URL of the server in a process of its own, which all that these tests do to it has to leave whole."""
+    folder = tmp_path_factory.mktemp("blocked")
     (folder / "served").mkdir()
     (folder / "served" / "served.py").write_text(TOOLS)
     argv = [sys.executable, "-c", SERVER, str(ROOT), str(ROOT / "tests" / "support"), str(folder / "served")]
@@ -130,8 +130,7 @@ async def serving(folder: Path) -> AsyncIterator[str]:
     with subprocess.Popen(argv, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True, env=environ) as process:
         assert process.stdout is not None
         try:
-            port = await asyncio.to_thread(process.stdout.readline)
-            yield f"http://127.0.0.1:{port.strip()}/mcp"
+            yield f"http://127.0.0.1:{process.stdout.readline().strip()}/mcp"
         finally:
             process.kill()
 
@@ -141,9 +140,9 @@ def client(url: str, mode: str) -> Client[StreamableHttpTransport]:
 
 
 @pytest.mark.parametrize("mode", MODES)
-def test_a_tool_that_blocks_everybody_is_interrupted_when_its_time_is_over(tmp_path: Path, mode: str) -> None:
+def test_a_tool_that_blocks_everybody_is_interrupted_when_its_time_is_over(url: str, mode: str) -> None:
     async def scenario() -> None:
-        async with serving(tmp_path) as url, client(url, mode) as guilty, client(url, "auto") as other:
+        async with client(url, mode) as guilty, client(url, "auto") as other:
             for tool in ("sleeps", "spins", "inline"):
                 blocking = asyncio.create_task(guilty.call_tool(tool, {}, raise_on_error=False))
                 await asyncio.sleep(0)
@@ -161,11 +160,11 @@ def test_a_tool_that_blocks_everybody_is_interrupted_when_its_time_is_over(tmp_p
 
 
 @pytest.mark.parametrize("tool", ["hogs", "leaves", "plans", "picks"])
-def test_whatever_blocks_everybody_is_interrupted_although_it_has_time(tmp_path: Path, tool: str) -> None:
+def test_whatever_blocks_everybody_is_interrupted_although_it_has_time(url: str, tool: str) -> None:
     """A tool, a task that it left, what it put on the event loop, and what our own code calls of the server."""
 
     async def scenario() -> None:
-        async with serving(tmp_path) as url, client(url, "auto") as guilty, client(url, "auto") as other:
+        async with client(url, "auto") as guilty, client(url, "auto") as other:
             arguments = {"value": 1} if tool == "picks" else {}
             blocking = asyncio.create_task(guilty.call_tool(tool, arguments, raise_on_error=False))
             began = time.monotonic()
