@@ -100,7 +100,7 @@ def _objection(ground: Ground, devices: tuple[str, ...]) -> Diagnostic | None:
 
 
 def _uncorroborated(step: Step, reason: str) -> Diagnostic:
-    hint = "octoform profiles tells which evidence is missing; a step for hardware that is not here may stay listed"
+    hint = "octoform profile check tells which evidence is missing; a step for hardware that is not here may stay listed"
     return warning("STEP-NOT-CORROBORATED", f"the step {step.name} is skipped: {reason}", hint=hint)
 
 

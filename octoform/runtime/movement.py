@@ -108,6 +108,8 @@ def carried_out(bank: Bank, moves: Iterable[Move], speed: int | None, stops: int
         unstopped(bank, stops)
         waiting = [move for move in waiting if not _tried(bank, move, "whether it moves", partial(_seen, bank, move))]
     unstopped(bank, stops)
+    for move in waiting:  # nothing moves on that nobody watches
+        _tried(bank, move, "whether it stopped", partial(_late, bank, move))
     for move in moves:
         if not move.fault:
             _tried(bank, move, "whether it is limp", partial(_judged, bank, move))
@@ -206,6 +208,16 @@ def _seen(bank: Bank, move: Move, talk: Talk) -> bool:
         reading = f"its {protect.field} is {value:g} {protect.unit}".rstrip()
         raise bank.fault(f"{move.name} was stopped at {move.position} on its way to {move.goal}: {reading}")
     return move.seen(position, moving)
+
+
+def _late(bank: Bank, move: Move, talk: Talk) -> bool:
+    """Stop a unit that is still under way when the time for it is over; UnitFault says where, unless it came or sticks."""
+    motion = motion_of(bank)
+    move.position = held(bank, talk)
+    if not move.arrived and not move.failed(motion.moved):
+        told = f"{move.name} was stopped at {move.position} on its way to {move.goal}: {motion.within:g} s were over"
+        raise bank.fault(f"{told}; move it on with another call, or faster")
+    return True
 
 
 def _judged(bank: Bank, move: Move, talk: Talk) -> bool:
