@@ -18,6 +18,7 @@ The text, line by line (paths below /sys are written without it; ``#`` starts a 
 import os
 import re
 import shutil
+from functools import lru_cache
 from pathlib import Path
 
 _ESCAPE = re.compile(rb"\\x([0-9a-fA-F]{2})|\\n|\{(\d+)\*(.)\}")
@@ -134,6 +135,7 @@ class Planter:
             self.made.append(place)
 
 
+@lru_cache(maxsize=256)  # hosts say the same in many places
 def expand(text: str) -> bytes:
     r"""Bytes of a value: ``\n``, ``\xNN`` and ``{1000*A}`` are expanded."""
 

@@ -2,8 +2,11 @@
 
 import json
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
+from string import ascii_letters, digits
 
+_PLAIN = frozenset(f"{ascii_letters}{digits}".encode())
 FILE = Path(__file__).parents[1] / "cases" / "hostile" / "strings.json"
 
 
@@ -20,10 +23,10 @@ class Hostile:
         """The same as text; bytes that are no UTF-8 as surrogates, as the system gives them."""
         return self.data.decode("utf-8", "surrogateescape")
 
-    @property
+    @cached_property
     def planted(self) -> str:
-        """The same in the notation of the invented hosts."""
-        return "".join(f"\\x{byte:02x}" for byte in self.data)
+        """The same in the notation of the invented hosts, which has nothing special in letters and digits."""
+        return "".join(chr(byte) if byte in _PLAIN else f"\\x{byte:02x}" for byte in self.data)
 
 
 def _load() -> tuple[Hostile, ...]:
