@@ -165,6 +165,7 @@ def test_the_way_is_the_one_with_more_room_and_within_the_bounds() -> None:
     assert tried(arm, "wrist_roll").goal == 3800
     arm.bus.servos[5].position = 100
     assert tried(arm, "wrist_roll").goal == 300
+    assert [given["position"] for tool, given in arm.calls if tool == "arm_move_joint"] == [3800, 4000, 300, 100]
     TOOLS["narrow"] = {"input_schema": {"properties": {"position": {**POSITION, "minimum": 80, "maximum": 120}}}}
     narrow = a_trial("wrist_roll")
     narrow["move"]["tool"] = "narrow"
@@ -280,6 +281,19 @@ def test_a_jammed_rail_says_ok_and_is_not_seen_to_move(tmp_path: Path) -> None:
     assert codes(one) == ["STEP-NOT-SEEN"], one
     assert one.found[0].summary.startswith("x did not move in the camera's view: the picture differs by ")
     assert one.found[0].detail == "rail_move_x answered that all is well" and one.again
+
+
+def test_a_rail_that_does_not_come_back_fails(tmp_path: Path) -> None:
+    rail = a_rail()
+
+    def once(tool: str, arguments: Mapping[str, Any]) -> Answer:
+        answer = Rail.call(rail, tool, arguments)
+        rail.line.fault = "jammed"
+        return answer
+
+    rail.call = once  # type: ignore[method-assign]
+    rail.line.opened()
+    assert codes(by_view(bench(rail, VIEW, tmp_path), SIGHT, "/trials/0")) != []
 
 
 @pytest.mark.parametrize("seed", range(3))
