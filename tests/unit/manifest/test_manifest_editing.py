@@ -171,7 +171,7 @@ EDITS = (
 )
 
 
-@settings(max_examples=150, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=80, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(data=st.data())
 def test_comments_and_order_survive_or_nothing_is_written(data: st.DataObject, tmp_path: Path) -> None:
     chosen = data.draw(st.permutations(BLOCKS))
