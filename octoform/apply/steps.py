@@ -19,7 +19,7 @@ from octoform.apply.settling import text_of
 from octoform.apply.stage import fulfil
 from octoform.contracts.model import Artifacts
 from octoform.contracts.stepping import StepFacts, corroborated
-from octoform.diagnostics import Diagnostic, error, warning
+from octoform.diagnostics import Diagnostic, error, has_errors, warning
 from octoform.harness.port import Usage
 from octoform.perception.choosing import Camera, best, cameras
 from octoform.protocol.steps import FRAME, Step
@@ -50,6 +50,10 @@ def run_step(context: Context, node: str) -> Finished:
         skipped = problem.severity != "error"
         verdict = _skipped(context, step, problem) if skipped else Verdict((problem,))
         return Finished(verdict, 0, Usage(), context.clock.monotonic() - started)
+    # A killed run may have left another server in service than the one that is to be proved.
+    found = adopting.put_back(context)
+    if has_errors(found):
+        return Finished(Verdict(tuple(found)), 0, Usage(), context.clock.monotonic() - started)
     try:
         return fulfil(context, _assignment(context, ground))
     except BaseException:
@@ -100,7 +104,9 @@ def _objection(ground: Ground, devices: tuple[str, ...]) -> Diagnostic | None:
 
 
 def _uncorroborated(step: Step, reason: str) -> Diagnostic:
-    hint = "octoform profile check tells which evidence is missing; a step for hardware that is not here may stay listed"
+    hint = (
+        "octoform profile check tells which evidence is missing; a step may stay listed without its hardware"
+    )
     return warning("STEP-NOT-CORROBORATED", f"the step {step.name} is skipped: {reason}", hint=hint)
 
 

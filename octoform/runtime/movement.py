@@ -211,7 +211,7 @@ def _seen(bank: Bank, move: Move, talk: Talk) -> bool:
 
 
 def _late(bank: Bank, move: Move, talk: Talk) -> bool:
-    """Stop a unit that is still under way when the time for it is over; UnitFault says where, unless it came or sticks."""
+    """Stop a unit that is still under way when its time is over; UnitFault says where, unless it came or sticks."""
     motion = motion_of(bank)
     move.position = held(bank, talk)
     if not move.arrived and not move.failed(motion.moved):

@@ -1,4 +1,4 @@
-"""Arm, rail and camera together: the embedded agent onboards all three, the steps prove them, a real client drives them.
+"""Arm, rail and camera together: the embedded agent onboards them, the steps prove them, a real client drives them.
 
 One live endpoint for the whole file. What counts is what the simulated firmware saw, and what the camera shows.
 """
