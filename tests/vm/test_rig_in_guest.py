@@ -164,3 +164,28 @@ def test_no_packet_was_corrupted(rig_bench: RigBench, see: See) -> None:
     assert bus.received > 100, "hardly anything was said"
     assert (bus.broken, bus.noise) == (0, 0)
     see("servo bus", f"{bus.received} packets at {bus.baud} baud, none corrupted")
+
+
+def test_at_another_rate_the_servos_hear_noise(rig_bench: RigBench, see: See) -> None:
+    bus = rig_bench.servos
+    assert pinged(rig_bench, 1_000_000) == "ffff010200fc"
+    before = bus.noise
+    assert pinged(rig_bench, 115_200) == ""
+    assert (bus.noise - before, bus.broken) == (6, 0)
+    see("servo bus", "at 115200 baud no answer")
+
+
+def pinged(rig_bench: RigBench, baud: int) -> str:
+    """What the first servo answers to a ping at this rate, in hexadecimal digits."""
+    program = (
+        "import os, select, termios, tty\n"
+        "port = os.open(os.popen('ls /dev/serial/by-id/*SO-ARM101*').read().strip(), os.O_RDWR | os.O_NOCTTY)\n"
+        "tty.setraw(port)\n"
+        "settings = termios.tcgetattr(port)\n"
+        f"settings[4] = settings[5] = termios.B{baud}\n"
+        "termios.tcsetattr(port, termios.TCSAFLUSH, settings)\n"
+        "os.write(port, bytes.fromhex('ffff010201fb'))\n"
+        "while select.select([port], [], [], 2)[0]:\n"
+        "    print(os.read(port, 64).hex(), end='')\n"
+    )
+    return rig_bench.guest.run("python3 -", stdin=program.encode())
