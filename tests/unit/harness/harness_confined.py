@@ -1,11 +1,14 @@
 """A driver that runs one agent through the harness port, as this user or another: ``driver.py CONFIG`` prints JSON."""
 
+import atexit
 import json
 import os
 import shutil
 import subprocess
 import sys
+import tempfile
 from collections.abc import Mapping
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -31,21 +34,30 @@ print(json.dumps({"outcome": dataclasses.asdict(outcome), "log": log.read_text()
 PYTHONS = (str(Path(sys.executable).resolve()), "/usr/bin/python3", "/usr/local/bin/python3")
 
 
+@cache
+def _code(python: str) -> Path:
+    """A folder with octoform that every user may read, compiled once for all tests; it goes with them."""
+    folder = Path(tempfile.mkdtemp(prefix="octoform-code-"))
+    atexit.register(shutil.rmtree, folder)
+    package = folder / "octoform"
+    shutil.copytree(Path(octoform.__file__).parent, package, ignore=shutil.ignore_patterns("__pycache__"))
+    subprocess.run([python, "-I", "-S", "-m", "compileall", "-q", str(package)], stdout=subprocess.DEVNULL, check=False)
+    folder.chmod(0o755)
+    return folder
+
+
 class Host:
-    """A user's home and project below ``root``, with octoform in it; all of it belongs to ``uid``."""
+    """A user's home and project below ``root``; all of it belongs to ``uid``."""
 
     def __init__(self, root: Path, uid: int) -> None:
         self.uid = uid
         self.home = root / "home"
         self.project = self.home / "project"
         self.workdir = self.project / ".octoform" / "bench" / "attempts" / "000002-probe-1"
-        self.code = root / "code"
         self.python = next(path for path in PYTHONS if self._may_run(path))
+        self.code = _code(self.python)
         self.workdir.mkdir(parents=True)
         (root / "driver.py").write_text(DRIVER)
-        shutil.copytree(
-            Path(octoform.__file__).parent, self.code / "octoform", ignore=shutil.ignore_patterns("__pycache__")
-        )
         self.root = root
 
     def _as_user(self) -> list[str]:
