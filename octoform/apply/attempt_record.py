@@ -21,11 +21,11 @@ MOST_FILES = 200
 OURS = frozenset(
     {
         *("agent.log", "attempt.json", "input.json", "process.json", "prompt.md", "spec.md", "story.txt", "task.json"),
-        "transcript.jsonl",
+        *("transcript.jsonl", "trials.json", "pictures"),
         FORMER,
     }
 )
-"""What octoform itself puts into an attempt's folder."""
+"""What octoform itself puts into an attempt's folder: files, and the folder of what a step has seen."""
 
 
 def record(
@@ -120,9 +120,11 @@ def written_files(workdir: Path) -> list[str]:
     while pending and len(found) < MOST_FILES:
         folder = pending.pop()
         for path in sorted(folder.iterdir()) if folder.is_dir() else ():
+            if folder == workdir and path.name in OURS:
+                continue
             if path.is_dir() and not path.is_symlink():
                 pending.append(path)
-            elif folder != workdir or path.name not in OURS:
+            else:
                 found.append(path.relative_to(workdir).as_posix())
     return sorted(found[:MOST_FILES])
 

@@ -4,8 +4,10 @@ Cheap judgement comes first: schema and rules, then the rewritten server as text
 Only what passes all of that may move anything.
 """
 
+import shutil
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any
 
 from octoform import events
@@ -27,9 +29,11 @@ from octoform.diagnostics import Diagnostic, error, has_errors
 from octoform.harness.plainfile import read_plain
 from octoform.harness.port import Task
 from octoform.protocol.steps import READING, Step
+from octoform.state.files import write_atomic
 
 SERVER = "server.py"
 TRIALS = "trials.json"
+PICTURES = "pictures"
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,15 +71,25 @@ def prove_of(step: Step, known: Artifacts, hand: Callable[[Context], Hand] | Non
             return Verdict((*found, *adopting.put_back(context)))
         tools = {tool["name"]: tool for tool in (known.interface or {"tools": []})["tools"]}
         means = hand(context) if hand is not None else LiveHand(context.layout)
-        bench = Bench(step.proof, means, tools, context.clock, task.workdir)
+        bench = Bench(step.proof, means, tools, context.clock, _fresh(task.workdir / PICTURES))
         tried = list(carried_out(context, step, bench, proposal.value))
-        (task.workdir / TRIALS).write_bytes(text_of({"format": 1, "trials": [one.told() for one in tried]}))
-        found = [*found, *(item for one in tried for item in one.found)]
+        problem = write_atomic(task.workdir / TRIALS, text_of({"format": 1, "trials": [one.told() for one in tried]}))
+        found = [*found, *([problem] if problem is not None else []), *(item for one in tried for item in one.found)]
         if has_errors(found):
             return Verdict((*found, *adopting.put_back(context)))
         return _accepted(context, step, proposal, tried, found)
 
     return prove
+
+
+def _fresh(folder: Path) -> Path:
+    """An empty folder of octoform's own, whatever the agent has left in its place."""
+    if folder.is_symlink() or folder.is_file():
+        folder.unlink()
+    elif folder.is_dir():
+        shutil.rmtree(folder)
+    folder.mkdir(mode=0o700)
+    return folder
 
 
 def carried_out(context: Context, step: Step, bench: Bench, value: Mapping[str, Any]) -> Iterator[Tried]:

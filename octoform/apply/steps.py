@@ -104,9 +104,7 @@ def _objection(ground: Ground, devices: tuple[str, ...]) -> Diagnostic | None:
 
 
 def _uncorroborated(step: Step, reason: str) -> Diagnostic:
-    hint = (
-        "octoform profile check tells which evidence is missing; a step may stay listed without its hardware"
-    )
+    hint = "octoform profile check tells which evidence is missing; a step may stay listed without its hardware"
     return warning("STEP-NOT-CORROBORATED", f"the step {step.name} is skipped: {reason}", hint=hint)
 
 
