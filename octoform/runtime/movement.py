@@ -7,6 +7,7 @@ calibrated range. What went wrong is a DeviceFault that names each unit it conce
 """
 
 from collections.abc import Iterable, Mapping
+from contextlib import suppress
 from functools import partial
 
 from .faults import DeviceFault
@@ -23,13 +24,17 @@ MOVING = "moving"
 
 
 class Move:
-    """One unit's movement under way, all in counts; ``fault`` says what went wrong, in words for a client."""
+    """One unit's movement, all in counts; ``fault`` says what went wrong, in words for a client.
+
+    ``under_way`` from before its goal is written until it was seen to stand or was told to hold.
+    """
 
     def __init__(self, name: str, start: int, goal: int) -> None:
         """From where it starts to its goal."""
         self.name, self.start, self.goal = name, start, goal
         self.position = start
         self.fault = ""
+        self.under_way = False
         self._still = 0
 
     def seen(self, position: int, moving: bool) -> bool:
@@ -37,7 +42,9 @@ class Move:
         stands = not moving and abs(position - self.position) <= JITTER
         self._still = self._still + 1 if stands else 0
         self.position = position
-        return self._still >= (1 if self.arrived else STILL)
+        ended = self._still >= (1 if self.arrived else STILL)
+        self.under_way = not ended
+        return ended
 
     @property
     def arrived(self) -> bool:
@@ -98,7 +105,22 @@ def carried_out(bank: Bank, moves: Iterable[Move], speed: int | None, stops: int
 
     ``stops`` is how often the device had been stopped when the call began: one stop more ends it.
     """
-    moves, motion = list(moves), motion_of(bank)
+    moves = list(moves)
+    try:
+        _watched(bank, moves, speed, stops)
+    finally:  # also when the call was given up: nothing moves on that nobody watches
+        _none_goes_on(bank, moves)
+    for move in moves:
+        if not move.fault:
+            _tried(bank, move, "whether it is limp", partial(_judged, bank, move))
+    if faults := [move.fault for move in moves if move.fault]:
+        done = [f"{move.name} is at {move.position}" for move in moves if not move.fault]
+        raise UnitFault(bank.device, f"{bank.device}: {'; '.join(faults + done)}")
+
+
+def _watched(bank: Bank, moves: list[Move], speed: int | None, stops: int) -> None:
+    """Begin all of them and look until each has ended."""
+    motion = motion_of(bank)
     for move in moves:
         _tried(bank, move, f"whether it goes to {move.goal}", partial(_begun, bank, move, speed, stops))
     waiting = [move for move in moves if not move.fault]
@@ -108,21 +130,42 @@ def carried_out(bank: Bank, moves: Iterable[Move], speed: int | None, stops: int
         unstopped(bank, stops)
         waiting = [move for move in waiting if not _tried(bank, move, "whether it moves", partial(_seen, bank, move))]
     unstopped(bank, stops)
-    for move in waiting:  # nothing moves on that nobody watches
+    for move in waiting:
         _tried(bank, move, "whether it stopped", partial(_late, bank, move))
-    for move in moves:
-        if not move.fault:
-            _tried(bank, move, "whether it is limp", partial(_judged, bank, move))
-    if faults := [move.fault for move in moves if move.fault]:
-        done = [f"{move.name} is at {move.position}" for move in moves if not move.fault]
-        raise UnitFault(bank.device, f"{bank.device}: {'; '.join(faults + done)}")
+
+
+def _none_goes_on(bank: Bank, moves: list[Move]) -> None:
+    """Tell each unit that is still under way to hold, as far as the bus lets.
+
+    Whoever ends a call may interrupt it more than once: the second time does not keep the units from being held.
+    """
+    for last in (False, True):
+        try:
+            for move in moves:
+                if move.under_way:
+                    with suppress(UnitFault):  # its own fault was told; the others are held all the same
+                        bank.exchange(move.name, "whether it stopped", partial(held, bank))
+                    move.under_way = False
+            return
+        except DeviceFault:  # the bus is gone, and how the call ended is what is told
+            return
+        except BaseException:
+            if last:
+                raise
 
 
 def held(bank: Bank, talk: Talk) -> int:
-    """Make a unit hold where it is: its position becomes its goal. The position."""
+    """Make a unit hold where it is: its position becomes its goal. The position.
+
+    UnitFault for one that is farther outside of its range than it wavers: told the nearest goal, it would set off.
+    """
     motion = motion_of(bank)
     position = talk.count(motion.present)
-    talk.write(motion.goal, min(max(position, motion.minimum), motion.maximum))
+    goal = min(max(position, motion.minimum), motion.maximum)
+    if abs(goal - position) > NEAR:
+        span = f"{motion.minimum} to {motion.maximum}"
+        raise bank.fault(f"{talk.name} is at {position}, where it cannot be told to hold: that is only from {span}")
+    talk.write(motion.goal, goal)
     return position
 
 
@@ -194,6 +237,7 @@ def _begun(bank: Bank, move: Move, speed: int | None, stops: int, talk: Talk) ->
     if flags:
         raise bank.fault(f"{move.name} reports a fault of its own (flags 0x{flags:02x}); it was not moved")
     unstopped(bank, stops)
+    move.under_way = True
     talk.write(motion.goal, move.goal)
     return False
 
@@ -205,6 +249,7 @@ def _seen(bank: Bank, move: Move, talk: Talk) -> bool:
     moving = MOVING in bank.map.fields and talk.count(MOVING) != 0
     if protect is not None and (value := talk.read(protect.field)) >= protect.refuse_at:
         move.position = held(bank, talk)
+        move.under_way = False
         reading = f"its {protect.field} is {value:g} {protect.unit}".rstrip()
         raise bank.fault(f"{move.name} was stopped at {move.position} on its way to {move.goal}: {reading}")
     return move.seen(position, moving)
@@ -214,6 +259,7 @@ def _late(bank: Bank, move: Move, talk: Talk) -> bool:
     """Stop a unit that is still under way when its time is over; UnitFault says where, unless it came or sticks."""
     motion = motion_of(bank)
     move.position = held(bank, talk)
+    move.under_way = False
     if not move.arrived and not move.failed(motion.moved):
         told = f"{move.name} was stopped at {move.position} on its way to {move.goal}: {motion.within:g} s were over"
         raise bank.fault(f"{told}; move it on with another call, or faster")
@@ -226,6 +272,7 @@ def _judged(bank: Bank, move: Move, talk: Talk) -> bool:
     limp = [f"its {field} is {value}" for field, value in motion.release if talk.count(field) == value]
     why = f"{', '.join(limp)}, so something made it limp meanwhile" if limp else ""
     if move.failed(motion.moved):
+        held(bank, talk)  # what blocks it may give way later, and nobody watches then
         told = f"{move.name} acknowledged the goal {move.goal} and did not move: from {move.start} to {move.position}"
         raise bank.fault(f"{told}; {why}" if why else told)
     if limp:

@@ -1,0 +1,67 @@
+"""Nothing moves on that nobody watches: calls that are given up, units that fail on their way. No real time passes."""
+
+from typing import Any
+
+import pytest
+from servo_bench import Bench
+
+from octoform.runtime import DeviceFault
+
+ELBOW, WRIST = "elbow_flex", "wrist_flex"
+
+
+class GivenUp(BaseException):
+    """What the launcher raises in the code of a call that was cancelled, that took too long or that has to end."""
+
+
+@pytest.fixture
+def bench() -> Bench:
+    return Bench()
+
+
+def gives_up(bench: Bench, *, broken: int = 0) -> None:
+    bench.broken = broken
+    raise GivenUp
+
+
+def stands(bench: Bench, name: str) -> int:
+    """Where the joint is, after time in which it would have come to its goal."""
+    joint, bench.now = bench.joint(name), bench.now + 30
+    assert joint.speed == 0
+    return int(joint.position)
+
+
+@pytest.mark.parametrize("again", [False, True])
+def test_a_call_that_is_given_up_leaves_its_units_holding_where_they_were(bench: Bench, again: bool) -> None:
+    bench.signals.append((1.0, lambda: gives_up(bench, broken=again)))
+    if again:  # in the pause before the line that broke just now is opened anew
+        bench.signals.append((1.05, lambda: gives_up(bench)))
+    with pytest.raises(GivenUp):
+        bench.units().move_many({ELBOW: 1100, WRIST: 1000}, 400)
+    assert bench.signals == []
+    assert 2600 < stands(bench, ELBOW) < 3080 and 2100 < stands(bench, WRIST) < 2600
+
+
+def test_a_unit_that_cannot_be_read_on_its_way_is_held_once_it_answers(bench: Bench) -> None:
+    def heard(fault: Any) -> None:
+        bench.joint(ELBOW).fault = fault
+
+    bench.signals += [(1.0, lambda: heard("mute")), (1.2, lambda: heard(None))]
+    with pytest.raises(DeviceFault, match="no sound reply"):
+        bench.units().move(ELBOW, 1100, 400)
+    assert 2500 < stands(bench, ELBOW) < 3080
+
+
+def test_what_stuck_does_not_set_off_when_it_comes_free(bench: Bench) -> None:
+    bench.joint(ELBOW).fault = "stuck"
+    with pytest.raises(DeviceFault, match="did not move"):
+        bench.units().move(ELBOW, 1100, 400)
+    assert bench.joint(ELBOW).value("goal") == 3080
+
+
+@pytest.mark.parametrize("place", [4120, 60000])
+def test_a_unit_outside_of_all_it_can_be_told_is_not_sent_off_by_a_stop(bench: Bench, place: int) -> None:
+    bench.joint(ELBOW).position = place
+    with pytest.raises(DeviceFault, match=f"elbow_flex is at {place}, where it cannot be told to hold"):
+        bench.units().stop()
+    assert [number for number, _, _ in bench.writes] == [1, 2, 4, 5, 6]
