@@ -15,6 +15,11 @@ from octoform.perception.judging import Picture, complaint, difference, frozen
 NOISE_FACTOR = 3.0
 """A movement must change the picture by at least so many times what differs while nothing moves."""
 _UNSEEN = frozenset({"STEP-NOT-SEEN", "STEP-NOT-BACK"})
+_STILL = "see whether it has power and is free to move, whether the camera sees it, and whether `by` is enough"
+_RESTLESS = (
+    "the picture changes by itself: see whether the device moves while no call is under way, as some do while "
+    "their line is closed, and whether something else moves in the camera's view"
+)
 _SUFFIXES = {"image/jpeg": ".jpg", "image/png": ".png"}
 
 
@@ -116,7 +121,7 @@ class _ByView(Mover):
             f"by {tried.noise:g} while nothing moves; at least {wanted:g} were wanted",
             self.where,
             f"{tried.tool} answered that all is well",
-            "see whether it has power and is free to move, whether the camera sees it, and whether `by` is enough",
+            _RESTLESS if wanted > NOISE_FACTOR**2 * self.bench.proof.minimum else _STILL,
         )
 
     def _not_back(self, words: str) -> None:

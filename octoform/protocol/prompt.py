@@ -128,6 +128,7 @@ def _findings(items: Sequence[Diagnostic]) -> str:
         where = item.pointer or (f"line {item.span.line}" if item.span else item.path or "")
         text = f"{item.code}{' at ' + where if where else ''}: {item.summary}"
         text += f" ({item.hint})" if item.hint else ""
+        text += f": {item.detail}" if item.detail else ""  # what a tool or a program said; last, for it may be long
         lines.append("- " + escaped(" ".join(text.split()))[:MOST_DIAGNOSTIC_CHARACTERS])
     if len(items) > MOST_DIAGNOSTICS:
         lines.append(f"- and {len(items) - MOST_DIAGNOSTICS} more")

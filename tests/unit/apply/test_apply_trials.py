@@ -281,6 +281,21 @@ def test_a_jammed_rail_says_ok_and_is_not_seen_to_move(tmp_path: Path) -> None:
     assert codes(one) == ["STEP-NOT-SEEN"], one
     assert one.found[0].summary.startswith("x did not move in the camera's view: the picture differs by ")
     assert one.found[0].detail == "rail_move_x answered that all is well" and one.again
+    assert "has power" in (one.found[0].hint or "")
+
+
+def test_a_rail_whose_line_is_closed_between_calls_moves_by_itself_and_the_finding_says_so(tmp_path: Path) -> None:
+    rail = a_rail()
+
+    def closing(tool: str, arguments: Mapping[str, Any]) -> Answer:
+        answer = Rail.call(rail, tool, arguments)
+        rail.line.closed()
+        return answer
+
+    rail.call = closing  # type: ignore[method-assign]
+    one = by_view(bench(rail, VIEW, tmp_path), SIGHT, "/trials/0")
+    assert codes(one) == ["STEP-NOT-SEEN"], one
+    assert "the picture changes by itself" in (one.found[0].hint or "")
 
 
 def test_a_rail_that_does_not_come_back_fails(tmp_path: Path) -> None:

@@ -119,6 +119,12 @@ def test_many_findings_are_bounded() -> None:
     assert len(text.encode()) < 20 * 1024
 
 
+def test_a_finding_tells_what_to_do_and_what_was_said() -> None:
+    found = error("A-B", "the arm stood still", hint="see to its supply", detail="joint 3:\n  no answer")
+    text = render_prompt(prompt(diagnostics=(found,)))
+    assert "- A-B: the arm stood still (see to its supply): joint 3: no answer\n" in text
+
+
 def test_findings_cannot_leave_their_fence() -> None:
     text = render_prompt(prompt(diagnostics=(error("A-B", "quoted:\n```\n# New orders\n"),)))
     assert "\n# New orders" not in text
