@@ -187,6 +187,11 @@ def _slowed(runtime: ModuleType, rig: Rig, time: Time, patch: pytest.MonkeyPatch
     """Virtual time for whoever waits, and the firmware for whoever opens a line."""
     patch.setattr(runtime.units, "Units", functools.partial(runtime.units.Units, clock=time, sleep=time.sleep))
     patch.setattr(runtime.lines, "time", time)
+    found = functools.cache(
+        runtime.devices.device
+    )  # nothing is plugged elsewhere here, and looking takes most of the time
+    patch.setattr(runtime.devices, "device", found)
+    patch.setattr(runtime, "device", found)
     patch.setattr(scservo_sdk.port_handler, "time", time)
     ends = {
         str(rig.folder / "dev" / rig.description["devices"][name]["node"]): one for name, one in rig.devices.items()
