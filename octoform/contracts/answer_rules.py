@@ -1,5 +1,7 @@
 """Rules for what a person said of a device: it counts where it was said, it is not passed over, and it is asked once.
 
+A profile that holds is of the same kind: who names the device otherwise would do without its grammar and its limits.
+
 A person is asked one question a device. An agent that claims an answer nobody gave makes up hardware; one that asks
 again, or asks two things at once, has the person do its work.
 """
@@ -50,6 +52,21 @@ def answer_ignored(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
     ]
 
 
+def profile_ignored(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
+    """A device that can do something names the profile that holds for it, whose grammar and limits bind it."""
+    held = {device: name for name, facts in sorted(artifacts.profiles.items()) for device in facts.holds}
+    return [
+        error(
+            "IDENTIFY-PROFILE-IGNORED",
+            f"{shown(device['id'])} has capabilities, not the profile {shown(held[device['id']])} that holds for it",
+            pointer=pointer("devices", index),
+            hint="name it in `profile` and keep to it, or leave the device unknown; an answer stays in `evidence`",
+        )
+        for index, device in enumerate(value["devices"])
+        if device["id"] in held and device["capabilities"] and "profile" not in device
+    ]
+
+
 def many_questions(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
     """What is missing of a device is one question."""
     return [
@@ -86,6 +103,7 @@ def _is_line(device: JsonObject) -> bool:
 RULES = (
     Rule("IDENTIFY-ANSWER-INVENTED", answer_invented),
     Rule("IDENTIFY-ANSWER-IGNORED", answer_ignored),
+    Rule("IDENTIFY-PROFILE-IGNORED", profile_ignored),
     Rule("IDENTIFY-MANY-QUESTIONS", many_questions),
     Rule("IDENTIFY-LINE-LEFT-OUT", line_left_out),
 )

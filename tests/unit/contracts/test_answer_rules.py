@@ -7,6 +7,7 @@ import pytest
 from contract_samples import SCHEMAS, artifacts, good
 
 from octoform.contracts.checking import check
+from octoform.contracts.model import ProfileFacts
 from octoform.contracts.tier import tier, wanted
 
 LAMP = "usb-1234-0002"
@@ -40,6 +41,16 @@ def test_a_device_is_named_by_its_answer_alone() -> None:
 def test_an_answer_is_not_passed_over() -> None:
     assert codes(good("identify"), {}) == []
     assert codes(good("identify"), {BOARD: SENTENCE}) == ["IDENTIFY-ANSWER-IGNORED"]
+
+
+def test_an_answer_does_not_stand_in_for_the_profile_that_holds() -> None:
+    can = {"name": "switch_pump", "description": "switch it", "via": "pyserial", "effect": "actuate"}
+    facts = {**artifacts().profiles, "pump": ProfileFacts("pump", frozenset({BOARD}))}
+    for more, found in (({}, ["IDENTIFY-PROFILE-IGNORED"]), ({"profile": "pump"}, []), ({"capabilities": []}, [])):
+        value = named()
+        next(item for item in value["devices"] if item["id"] == BOARD).update({"capabilities": [can], **more})
+        given = replace(artifacts(), answers={BOARD: SENTENCE}, profiles=facts)
+        assert [item.code for item in check("identify", value, given, SCHEMAS)] == found
 
 
 def test_a_device_may_be_left_out_for_its_answer() -> None:
