@@ -1,4 +1,4 @@
-"""One booted guest for each architecture, onboarded once; what was seen in it is printed at the end.
+"""A booted guest for each architecture and each file of tests, onboarded once; what was seen is printed at the end.
 
 Nothing of this is collected unless `pytest -m vm` asks for it: a boot takes seconds, an apply under emulation minutes.
 """
@@ -49,7 +49,7 @@ def arch(request: pytest.FixtureRequest) -> str:
     return name
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="module")
 def bench(arch: str, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Bench]:
     """A guest with all its hardware attached."""
     folder = tmp_path_factory.mktemp(f"vm-{arch}")
@@ -72,7 +72,7 @@ def see(request: pytest.FixtureRequest, arch: str) -> See:
     return lambda what, said: request.config.stash[_SEEN].append((arch, what, said))
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="module")
 def first_plan(bench: Bench) -> str:
     """What a person sees before anything was done."""
     octoform = Octoform(bench.guest)
@@ -80,7 +80,7 @@ def first_plan(bench: Bench) -> str:
     return octoform.run("plan")
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="module")
 def octoform(bench: Bench, first_plan: str) -> Octoform:
     """octoform in the guest, applied by the embedded agent, with nothing answered."""
     octoform = Octoform(bench.guest)
@@ -88,7 +88,7 @@ def octoform(bench: Bench, first_plan: str) -> Octoform:
     return octoform
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="module")
 def answered(octoform: Octoform) -> Octoform:
     """The same after one sentence about the board that no one could know."""
     octoform.run("answer", "usb-2341-804f", "the camera rail of the bench")
@@ -96,7 +96,7 @@ def answered(octoform: Octoform) -> Octoform:
     return octoform
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="module")
 def rig_bench(arch: str) -> Iterator[RigBench]:
     """A guest of its own with the reference rig and nothing else."""
     with Guest(places(arch)) as guest:
@@ -105,7 +105,7 @@ def rig_bench(arch: str) -> Iterator[RigBench]:
         yield bench
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="module")
 def rigged(rig_bench: RigBench) -> Octoform:
     """octoform in the rig's guest, applied by the embedded agent."""
     octoform = Octoform(rig_bench.guest)
@@ -114,7 +114,7 @@ def rigged(rig_bench: RigBench) -> Octoform:
     return octoform
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="module")
 def client(rigged: Octoform) -> Iterator[McpClient]:
     """An MCP client that stays connected to the rig's endpoint, whatever is pulled meanwhile."""
     with rigged.connected() as client:
