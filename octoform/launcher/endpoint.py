@@ -3,6 +3,7 @@
 import asyncio
 import os
 import signal
+import time
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
@@ -21,7 +22,7 @@ from .offering import offer
 from .owner import Owner
 from .saying import say
 from .socketfile import listen
-from .stopping import Emergency
+from .stopping import ENDING, Emergency, Running
 from .unix import LocalClients
 from .watchdog import WATCHDOG
 
@@ -30,6 +31,7 @@ if TYPE_CHECKING:
     from .web import Web
 
 SOCKET = "endpoint.sock"
+PAUSE_SECONDS = 0.01
 LOOK_SECONDS = 10.0
 """How often the process looks whether its folder is still there: what serves a host must be findable."""
 
@@ -83,10 +85,12 @@ class Endpoint:
             self._control.stop()
             if self._tunnel is not None:
                 await asyncio.to_thread(self._tunnel.stop)
+            halted = self._gate.halt("shutdown", everything=True)
             self._gate.disarm()
             for door in doors:
                 door.cancel()
             await asyncio.gather(*doors, return_exceptions=True)
+            await _ended(halted)
             (self._descriptor.run / SOCKET).unlink(missing_ok=True)
             self._offer.presence.stop()
             self._audit.write("stopped", instance=self._owner.instance)
@@ -197,6 +201,13 @@ class Endpoint:
             "estop": None if latched is None else {"by": latched.by, "reason": latched.reason, "since": latched.since},
             "tunnel": None if self._tunnel is None else dict(self._tunnel.status()),
         }
+
+
+async def _ended(halted: Sequence[Running]) -> None:
+    """Wait, but not for ever, until what was interrupted has ended: its code may have to make its device stand."""
+    end = time.monotonic() + ENDING
+    while time.monotonic() < end and not all(each.over for each in halted):
+        await asyncio.sleep(PAUSE_SECONDS)
 
 
 def _outlive_lines() -> None:
