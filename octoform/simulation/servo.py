@@ -165,6 +165,8 @@ class Servo:
             self._memory.put("goal", self.position)
         elif "drop" in self._own and not self._supported():
             self._go(float(self._own["drop"]), self._motor["falls"], self._motor["falls"] * 4)
+        else:
+            self._motion = resting(self.position, self._clock())
 
     def _asked(self, held: int) -> bool:
         """A goal was written: whether it lies outside of the limits."""

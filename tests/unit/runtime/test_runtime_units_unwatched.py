@@ -1,11 +1,13 @@
 """Nothing moves on that nobody watches: calls that are given up, units that fail on their way. No real time passes."""
 
+import os
+from pathlib import Path
 from typing import Any
 
 import pytest
 from servo_bench import Bench
 
-from octoform.runtime import DeviceFault
+from octoform.runtime import DeviceFault, calibration
 
 ELBOW, WRIST = "elbow_flex", "wrist_flex"
 
@@ -65,3 +67,18 @@ def test_a_unit_outside_of_all_it_can_be_told_is_not_sent_off_by_a_stop(bench: B
     with pytest.raises(DeviceFault, match=f"elbow_flex is at {place}, where it cannot be told to hold"):
         bench.units().stop()
     assert [number for number, _, _ in bench.writes] == [1, 2, 4, 5, 6]
+
+
+@pytest.mark.parametrize("kind", ["pipe", "folder", "depths", "device"])
+def test_no_calibration_file_keeps_a_call_waiting_or_breaks_it(bench: Bench, tmp_path: Path, kind: str) -> None:
+    place = tmp_path / "arm.json"
+    if kind == "pipe":
+        os.mkfifo(place)
+    elif kind == "folder":
+        place.mkdir()
+    elif kind == "depths":
+        place.write_text("[" * 60000)
+    else:
+        place.symlink_to("/dev/zero")
+    found = calibration.find([str(tmp_path / "*.json")], bench.map.units)
+    assert found.ranges == {} and "no calibration file that can be used" in found.note

@@ -327,3 +327,12 @@ def test_a_new_goal_in_the_middle_changes_speed_gently(
     within = [two.start, two.goal, *two.turns()]
     assert all(min(within) - 0.1 <= two.at(time)[0] <= max(within) + 0.1 for time in times)
     assert all(abs(two.at(time)[1]) <= max(top, 1500.0) + 1e-3 for time in times)
+
+
+def test_a_joint_that_is_made_limp_on_its_way_stays_where_it_is(bench: Bench) -> None:
+    bench.move(5, 3000, speed=400)
+    bench.now += 1
+    bench.write(5, "torque", 0)
+    place = bench.read(5, "position")
+    bench.now += 5
+    assert 2100 < place < 2900 and bench.read(5, "position") == place and bench.read(5, "moving") == 0
