@@ -15,16 +15,33 @@ fault NAME[.SERVO] FAULT      break it; the fault `none` makes it whole
 show                          what the devices themselves know"""
 
 
+_OPTIONAL: Mapping[str, object] = {"anonymous": False, "described": False, "unplugged": False, "speedup": 1}
+"""Keys that a description may leave out, each with what it then means."""
+
+
 class Refused(ValueError):
     """A line that can't be done; the text says why."""
 
 
 def changed(description: Mapping[str, Any], name: str, key: str, value: object) -> dict[str, Any]:
-    """The description with another value of one key of one device. Refused for a device that is not there."""
+    """The description with another value of one key of one device. Refused for a device or key that is not there.
+
+    The value has to be of the kind that it replaces: a number, true or false, a text. ``kind`` makes another device.
+    """
     devices = description["devices"]
     if name not in devices:
         raise Refused(f"there is no device {name}; there are {', '.join(devices)}")
+    known = {**_OPTIONAL, **devices[name]}
+    if key not in known or key == "kind":
+        raise Refused(f"{name} has no value {key} to set; it has {', '.join(sorted(set(known) - {'kind'}))}")
+    if _sort(value) != _sort(known[key]):
+        raise Refused(f"{name}.{key} takes {_sort(known[key])}, and not {value}")
     return {**description, "devices": {**devices, name: {**devices[name], key: value}}}
+
+
+def _sort(value: object) -> str:
+    sorts = ((bool, "true or false"), (int | float, "a number"), (str, "a text"))
+    return next((words for kind, words in sorts if isinstance(value, kind)), "a part of the rig's own file")
 
 
 def obey(rig: Rig, text: str) -> dict[str, Any]:

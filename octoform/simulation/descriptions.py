@@ -36,7 +36,9 @@ def load(rig: str | Path) -> dict[str, Any]:
     try:
         document = YAML(typ="safe", pure=True).load(path.read_text(encoding="utf-8"))
     except FileNotFoundError:
-        raise RigInvalid(f"there is no rig {rig}; shipped are {', '.join(names())}, else give a .yaml file") from None
+        raise RigInvalid(
+            f"there is no rig {rig}; shipped are {', '.join(names())}; of your own, give the .yaml file"
+        ) from None
     except (OSError, UnicodeDecodeError, YAMLError) as problem:
         raise RigInvalid(f"{path}: {problem}") from problem
     return _checked(document, path)

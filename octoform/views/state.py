@@ -67,8 +67,25 @@ def _node(console: Console, name: str, state: NodeState) -> None:
         say(f"    {part:<{wide}} {value}")
     known = {"contract", *making.TOLD}
     said = {key: value for key, value in state.detail.items() if key not in known and not isinstance(value, dict)}
-    for key, value in list(said.items())[:MOST]:
-        say(f"  {_line(key):<9} {_line(str(value))}")
+    rows = [("" if number else key, row) for key, value in said.items() for number, row in enumerate(_rows(value))]
+    for key, row in rows[:MOST]:
+        say(f"  {_line(key):<9} {_line(row)}")
+
+
+def _rows(value: object) -> list[str]:
+    """What a detail says: a list has a line for each of its items, and a mapping in it is told without brackets."""
+    if not isinstance(value, list):
+        return [str(value)]
+    return [_row(item) for item in value] or ["none"]
+
+
+def _row(item: object) -> str:
+    if not isinstance(item, dict):
+        return str(item)
+    name = f"{item['unit']}: " if "unit" in item else ""
+    return name + ", ".join(
+        f"{key} {value}" for key, value in item.items() if key != "unit" and value not in ([], None)
+    )
 
 
 def _line(text: str) -> str:

@@ -116,5 +116,25 @@ def test_the_description_of_another_rig(tmp_path: Path) -> None:
             load(path)
     with pytest.raises(RigInvalid, match="shipped are reference"):
         load("other")
-    with pytest.raises(Refused, match="no device leg"):
-        changed(GIVEN, "leg", "anonymous", True)
+
+
+@pytest.mark.parametrize(
+    ("name", "key", "value", "reason"),
+    [
+        ("leg", "anonymous", True, "no device leg"),
+        ("arm", "speedpu", 2, "arm has no value speedpu to set; it has anonymous, "),
+        ("arm", "speedup", "fast", "arm.speedup takes a number, and not fast"),
+        ("arm", "speedup", True, "arm.speedup takes a number"),
+        ("arm", "anonymous", 1, "arm.anonymous takes true or false"),
+        ("rail", "kind", "camera", "rail has no value kind"),
+        ("rail", "half_period", {}, "rail.half_period takes a number"),
+    ],
+)
+def test_a_value_that_the_description_can_not_take_is_refused(name: str, key: str, value: object, reason: str) -> None:
+    with pytest.raises(Refused, match=reason):
+        changed(GIVEN, name, key, value)
+
+
+def test_a_value_that_it_can_take() -> None:
+    given = changed(changed(GIVEN, "rail", "described", True), "arm", "speedup", 2.5)["devices"]
+    assert given["rail"]["described"] is True and given["arm"]["speedup"] == 2.5

@@ -69,6 +69,17 @@ def test_what_has_another_shape_is_no_reason_to_fail(value: Any) -> None:
     assert "made by" in shown(node(dict.fromkeys(("reused", "escalated", "spec_edit"), value)))
 
 
+def test_what_a_step_measured_is_told_line_by_line() -> None:
+    trials = [
+        {"unit": "x", "tool": "move_x", "goal": 1000.0, "moved": 37.5, "found": []},
+        {"unit": "y", "tool": "move_y", "goal": 1000.0, "moved": 0.2, "found": ["STEP-NOT-SEEN"]},
+    ]
+    text = shown(node({"device": "usb-1", "skipped_units": [], "trials": trials}), "step.rail")
+    assert "  skipped_units none\n" in text
+    assert "  trials    x: tool move_x, goal 1000.0, moved 37.5\n" in text
+    assert "            y: tool move_y, goal 1000.0, moved 0.2, found ['STEP-NOT-SEEN']\n" in text
+
+
 def test_nothing_foreign_acts_on_the_terminal_or_fills_it() -> None:
     many = {f"{HOSTILE}{number}": HOSTILE for number in range(500)}
     detail = {
@@ -77,6 +88,7 @@ def test_nothing_foreign_acts_on_the_terminal_or_fills_it() -> None:
         "escalated": dict.fromkeys(ESCALATED, HOSTILE),
         "spec_edit": {HOSTILE: HOSTILE},
     }
+    detail = {"trials": [{"unit": HOSTILE, HOSTILE: HOSTILE}] * 500, **detail}
     usage = Usage(input_tokens=1, cost_usd=1.0, cost_source=HOSTILE)
     state = NodeState(
         key=HOSTILE,
