@@ -11,6 +11,7 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from difflib import SequenceMatcher
 
+from octoform.apply.reaching import reached
 from octoform.contracts.header import declared_names
 from octoform.contracts.model import JsonObject
 from octoform.contracts.serve_code_rules import is_standard
@@ -60,15 +61,28 @@ def own_tools(interface: JsonObject, device: str) -> frozenset[str]:
     return frozenset(tool["name"] for tool in interface["tools"] if tool["devices"] == [device])
 
 
-def beyond(accepted: str, rewritten: str, tools: frozenset[str], deploy: JsonObject) -> list[Diagnostic]:
+def others(interface: JsonObject, device: str) -> frozenset[str]:
+    """The other devices that have tools."""
+    return frozenset(each for tool in interface["tools"] for each in tool["devices"]) - {device}
+
+
+def beyond(
+    accepted: str,
+    rewritten: str,
+    tools: frozenset[str],
+    deploy: JsonObject,
+    devices: frozenset[str] = frozenset(),
+) -> list[Diagnostic]:
     """What a rewritten server changes that is not its step's to change; empty when it keeps to ``tools``.
 
-    Both texts compile. ``deploy`` is the accepted DEPLOY artifact: what it installed may be imported.
+    Both texts compile. ``deploy`` is the accepted DEPLOY artifact: what it installed may be imported. ``devices`` are
+    the ids of the other devices, which these tools have no business with.
     """
     old, new = divided(accepted, tools), divided(rewritten, tools)
     return [
         *_touched(old, new),
         *_reaching_out(old, new),
+        *_reaching_for(old, new, devices),
         *_imports(old.source, new.source, deploy),
         *_header(accepted, rewritten),
     ]
@@ -194,6 +208,22 @@ def _reaching_out(old: Parts, new: Parts) -> Iterator[Diagnostic]:
             yield _problem(
                 new.source, node, f"the rewritten server sets {shown(name)}, which is not this device's alone"
             )
+
+
+def _reaching_for(old: Parts, new: Parts, devices: frozenset[str]) -> Iterator[Diagnostic]:
+    """Ways inside to what belongs to the others, other than the accepted server has."""
+    known = {name for name, _ in _reached_by(old, devices)}
+    for name, node in _reached_by(new, devices):
+        if name not in known:
+            summary = f"the rewritten server reaches for {shown(name)}, by which it can touch what is not this device's"
+            yield _problem(new.source, node, summary)
+
+
+def _reached_by(parts: Parts, devices: frozenset[str]) -> Iterator[tuple[str, ast.AST]]:
+    foreign = {name for unit in parts.outside if unit.tools for name in unit.names}
+    for unit in parts.inside:
+        yield from reached(unit.node, parts.shared & unit.uses, devices)
+        yield from ((name, unit.node) for name in sorted(foreign & unit.uses))
 
 
 def _sets(parts: Parts) -> Iterator[tuple[str, ast.AST]]:

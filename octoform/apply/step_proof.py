@@ -13,7 +13,7 @@ from typing import Any
 from octoform import events
 from octoform.apply import adopting
 from octoform.apply.assignment import Judge, Prove
-from octoform.apply.confining import beyond, own_tools
+from octoform.apply.confining import beyond, others, own_tools
 from octoform.apply.context import Context
 from octoform.apply.gate import Verdict, digest_of, read_value, shown
 from octoform.apply.hand import Hand, LiveHand
@@ -139,7 +139,8 @@ def _rewritten(
         return None, found
     device = value["device"] or (value["camera"] or {}).get("device", "")
     deploy = known.deploy or {"imports": []}
-    found += beyond(str(known.serve), text, own_tools(known.interface or {"tools": []}, device), deploy)
+    interface = known.interface or {"tools": []}
+    found += beyond(str(known.serve), text, own_tools(interface, device), deploy, others(interface, device))
     found += check("deploy", deploy, replace(known, serve=text), context.schemas)
     return text, found
 

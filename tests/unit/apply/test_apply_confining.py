@@ -2,7 +2,7 @@
 
 import pytest
 
-from octoform.apply.confining import CODE, beyond, own_tools
+from octoform.apply.confining import CODE, beyond, others, own_tools
 
 INTERFACE = {
     "tools": [
@@ -95,7 +95,7 @@ def changed(*pairs: tuple[str, str]) -> str:
 
 
 def judged(*pairs: tuple[str, str]) -> list[str]:
-    found = beyond(ACCEPTED, changed(*pairs), own_tools(INTERFACE, "arm"), DEPLOY)
+    found = beyond(ACCEPTED, changed(*pairs), own_tools(INTERFACE, "arm"), DEPLOY, others(INTERFACE, "arm"))
     assert all(item.code == CODE and item.severity == "error" for item in found)
     return [item.summary for item in found]
 
@@ -176,3 +176,47 @@ def test_a_module_that_failed_to_install_is_not_there() -> None:
     text = changed(("    import scservo_sdk\n", "    import serial\n"))
     (found,) = beyond(ACCEPTED, text, own_tools(INTERFACE, "arm"), failed)
     assert "'serial'" in found.summary
+
+
+def run(*lines: str) -> tuple[str, str]:
+    """These lines at the beginning of what a tool of the arm does."""
+    return "    import scservo_sdk\n", "".join(f"    {line}\n" for line in ("import scservo_sdk", *lines))
+
+
+@pytest.mark.parametrize(
+    ("lines", "told"),
+    [
+        (["import runtime.units as u", "u.Units.move = None"], "'u'"),
+        (["from runtime import units", "units.Units.move = None"], "'units'"),
+        (["x = runtime", "y = x.units", "y.Units = None"], "'y'"),
+        (["if (x := runtime): x.device = None"], "'x'"),
+        (["import sys", "sys.modules['server'].get_load = None"], "'modules'"),
+        (["import sys", "sys._getframe(1).f_globals.clear()"], "'_getframe'"),
+        (["import gc"], "'gc'"),
+        (["from unittest import mock"], "'unittest'"),
+        (["import builtins as b", "b.setattr(runtime, 'device', None)"], "'builtins'"),
+        (["runtime.__dict__.update(device=None)"], "'__dict__'"),
+        (["arm_read.__globals__['get_load'] = None"], "'__globals__'"),
+        (["type.__setattr__(runtime.units.Units, 'move', None)"], "'__setattr__'"),
+        (["WORDS.clear()"], "'WORDS.clear'"),
+        (["words = WORDS", "words.pop('load')"], "'words.pop'"),
+        (["mcp.remove_tool('get_load')"], "'mcp.remove_tool'"),
+        (["import os", "os.environ['HOME'] = '/'"], "'environ'"),
+        (["runtime.device('host', actuate=True)"], "'host'"),
+        (["get_load()"], "'get_load'"),
+    ],
+)
+def test_code_that_can_touch_what_is_not_the_devices_is_refused(lines: list[str], told: str) -> None:
+    found = judged(run(*lines))
+    assert any(f"reaches for {told}" in item for item in found), found
+
+
+def test_what_a_tool_makes_of_its_own_may_be_changed() -> None:
+    lines = ["port = scservo_sdk.PortHandler('x')", "port.delay = 1", "seen = {}", "seen['x'] = 1", "seen.clear()"]
+    assert judged(run(*lines)) == []
+
+
+def test_what_the_accepted_server_reached_for_is_no_news() -> None:
+    accepted = changed(run("WORDS.clear()"))
+    again = accepted.replace('"joint": joint, "sent"', '"joint": joint.strip(), "sent"')
+    assert beyond(accepted, again, own_tools(INTERFACE, "arm"), DEPLOY, others(INTERFACE, "arm")) == []
