@@ -19,7 +19,8 @@ WAITING = 256
 
 
 class Busy(Exception):
-    """A bus could not be had; the text names the bus, who holds it and since when, ``code`` is busy or stuck."""
+    """A bus could not be had; the text names the bus, who holds it and since when, ``code`` is busy, stuck or stopped
+    (a tool that stops its device was called meanwhile)."""
 
     def __init__(self, code: str, text: str) -> None:
         super().__init__(text)
@@ -42,12 +43,13 @@ class Holder:
 class Bus:
     """Something that ``capacity`` calls may hold at once; ``title`` is its name in a sentence."""
 
-    __slots__ = ("_waiting", "capacity", "holders", "title")
+    __slots__ = ("_waiting", "capacity", "holders", "stops", "title")
 
     def __init__(self, title: str, capacity: int = 1) -> None:
         self.title = title
         self.capacity = capacity
         self.holders: list[Holder] = []
+        self.stops = 0
         self._waiting: deque[tuple[asyncio.Future[None], Holder]] = deque()
 
     def free(self) -> bool:
@@ -96,6 +98,13 @@ class Bus:
                 turn.set_exception(Busy("stuck", self.words(asks)))
         self._waiting.clear()
 
+    def overtake(self) -> None:
+        """A tool that stops the device was called: what moves and stands in line came before, and hears so."""
+        self.stops += 1
+        for turn, asks in self._waiting:
+            if asks.effect != "read" and not turn.done():
+                turn.set_exception(_stopped(self))
+
     def refuse_when_stuck(self, asks: Holder) -> None:
         """Busy at once when a call that holds the bus did not return."""
         if self._stuck():
@@ -125,6 +134,11 @@ class Bus:
             turn.set_exception(Busy("busy", self.words(asks)))
 
 
+def _stopped(bus: Bus) -> Busy:
+    text = f"{bus.title} was stopped after this call came, so it is not made"
+    return Busy("stopped", f"{text}. Call the tool again if it still has to be done")
+
+
 def take_free(buses: Sequence[Bus], holder: Holder) -> bool:
     """Hold all of them if none has to be waited for; the usual case, at the cost of a few comparisons."""
     for bus in buses:
@@ -141,11 +155,15 @@ async def take(buses: Sequence[Bus], holder: Holder, deadline: float) -> None:
     for bus in buses:
         bus.refuse_when_stuck(holder)
     taken: list[Bus] = []
+    stops = [bus.stops for bus in buses]
     try:
         for bus in buses:
             await bus.take(holder, deadline)
             holder.since = holder.since or time.monotonic()
             taken.append(bus)
+        for bus, before in zip(buses, stops, strict=True):
+            if bus.stops != before and holder.effect != "read":
+                raise _stopped(bus)
     except BaseException:
         release(taken, holder)
         raise

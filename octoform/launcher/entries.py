@@ -36,7 +36,8 @@ CHANGING = frozenset({"enable_components", "disable_components", "reset_visibili
 class Entry:
     """One tool. ``queues`` in the order in which they are taken; ``silent`` when the tool cannot report progress;
     ``schema`` is that of its arguments; ``pinned`` the tool itself where its name always means it, ``plain`` the same
-    where its function needs nothing but its arguments; ``flaw`` says which limit is about no argument of it, if any."""
+    where its function needs nothing but its arguments; ``flaw`` says which limit is about no argument of it, if any;
+    ``ends`` are the buses of the devices that it stops."""
 
     name: str
     version: str | None
@@ -50,6 +51,12 @@ class Entry:
     pinned: FunctionTool | None
     plain: FunctionTool | None
     flaw: str
+    ends: tuple[Bus, ...] = ()
+
+    def overtake(self) -> None:
+        """A tool that stops runs now: what waits for its devices came before, and moves nothing any more."""
+        for bus in self.ends:
+            bus.overtake()
 
 
 class Entries:
@@ -102,8 +109,9 @@ class Entries:
         schema, pinned = _schema(tool), _pinned(tool)
         flaw = _flaw(policy, schema)
         plain = pinned if pinned is not None and _plain(pinned) else None
+        ends = tuple(self._buses.setdefault(bus, Bus(bus)) for bus in sorted(policy.ends))
         entry = Entry(
-            tool.name, tool.version, policy, coerce, fits, queues, guarded, silent, schema, pinned, plain, flaw
+            tool.name, tool.version, policy, coerce, fits, queues, guarded, silent, schema, pinned, plain, flaw, ends
         )
         self._known[tool.name] = entry
         return entry

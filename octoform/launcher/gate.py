@@ -211,15 +211,8 @@ class Gate(Middleware):
         """Ask a person; None when the call may go on, the question itself where that is the answer."""
         entry, request = call.entry, fastmcp_request_ctx.get()
         call.asked["client"] = client_of(request)
-        question = Question(
-            entry.name,
-            entry.policy.effect,
-            entry.policy.source,
-            call.caller.name,
-            call.given,
-            call.arguments,
-            call.stops,
-        )
+        policy, caller = entry.policy, call.caller.name
+        question = Question(entry.name, policy.effect, policy.source, caller, call.given, call.arguments, call.stops)
         reply = self.approvals.answered(question, context.message)
         if reply is None:
             if self._policy.mode == "shadow":
@@ -264,6 +257,7 @@ class Gate(Middleware):
             try:
                 self._look_again(call)
                 self._count(call)
+                entry.overtake()
                 return await self._run(call, work, context, call_next)
             finally:
                 work.close()

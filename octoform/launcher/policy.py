@@ -60,7 +60,8 @@ class ToolPolicy:
     """What holds for one tool. ``timeout`` in seconds, ``result_bytes`` in bytes.
 
     ``buses`` are the ids of the devices whose calls it waits for: none for a tool that stops a movement, which would
-    come too late behind it. Its code takes the lock of a device itself, between two steps of the movement.
+    come too late behind it. Its code takes the lock of a device itself, between two steps of the movement. ``ends``
+    are the devices that such a tool stops.
     """
 
     effect: Effect
@@ -70,6 +71,7 @@ class ToolPolicy:
     result_bytes: int
     buses: tuple[str, ...] = ()
     limits: tuple[Limit, ...] = ()
+    ends: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -136,14 +138,17 @@ def stop_actions(path: Path) -> tuple[tuple[StopAction, ...], tuple[str, ...]]:
 def _tool(document: Any, place: str) -> ToolPolicy:
     item = _object(document, place)
     limits = _array(item.get("limits", []), f"{place}.limits")
-    buses = _array(item.get("buses", []), f"{place}.buses")
+    named = _array(item.get("buses", []), f"{place}.buses")
+    buses = tuple(sorted({_string(bus, f"{place}.buses") for bus in named}))
+    stops = _flag(item, "stops", place)
     return ToolPolicy(
         effect=cast(Effect, _one_of(item, "effect", get_args(Effect), place)),
         decision=cast(Decision, _one_of(item, "decision", get_args(Decision), place)),
         source=_text(item, "source", place),
         timeout=_positive(item, "timeout", place),
         result_bytes=_whole(item, "result_bytes", place),
-        buses=() if _flag(item, "stops", place) else tuple(sorted({_string(bus, f"{place}.buses") for bus in buses})),
+        buses=() if stops else buses,
+        ends=buses if stops else (),
         limits=tuple(_limit(limit, f"{place}.limits[{index}]") for index, limit in enumerate(limits)),
     )
 

@@ -82,6 +82,26 @@ def test_it_runs_while_a_long_call_holds_the_bus(tmp_path: Path) -> None:
     asyncio.run(scenario())
 
 
+def test_what_waited_behind_the_movement_does_not_move_after_the_stop(tmp_path: Path) -> None:
+    async def scenario() -> None:
+        async with arm(tmp_path, Policy()) as gate, gate.client() as one, gate.client() as two:
+            moving = asyncio.create_task(one.call_tool("arm_move", {}))
+            await until(begun)
+            queued = asyncio.create_task(two.call_tool("arm_move", {}, raise_on_error=False))
+            reading = asyncio.create_task(two.call_tool("arm_read", {}))
+            async with asyncio.timeout(20):
+                while len(gate.gate._entries._buses["arm"]._waiting) < 2:
+                    await asyncio.sleep(0.01)
+            await two.call_tool("arm_stop", {})
+            refused = await queued
+            assert refused.is_error and refused.meta["octoform/refused"] == "stopped"
+            assert (await moving).data == "moved" and (await reading).data == "read"
+            assert log == ["stopped", "moved", "read"]
+            assert (await one.call_tool("arm_move", {})).data == "moved"  # what comes after the stop moves
+
+    asyncio.run(scenario())
+
+
 @pytest.mark.parametrize(
     ("given", "code"),
     [
