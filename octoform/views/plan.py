@@ -35,6 +35,8 @@ class PlanHuman:
         say(self._console.paint(first, "bold"))
         for line in rest:
             say(line)
+        if warning := sentences.moving(plan):
+            say(self._console.paint(warning, "bold", "yellow"))
         self._advice(plan, saved_as)
 
     def _header(self, plan: Plan) -> str:

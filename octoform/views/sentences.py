@@ -181,6 +181,16 @@ def summary(plan: Plan) -> str:
     return line if plan.operation == "destroy" else f"{line}\n{_agents(plan)}"
 
 
+def moving(plan: Plan) -> str:
+    """Which steps of the plan move hardware, as a warning to who stands near it; empty where nothing moves."""
+    known = [(item, outlook_of(plan, item)) for item in plan.work]
+    found = [(item, step) for item, step in known if step is not None and step.kind != "frame" and not step.skipped]
+    if not found:
+        return ""
+    verb = "will" if any(item.certain and step.devices for item, step in found) else "may"
+    return f"Hardware {verb} move: {listed([item.node for item, _ in found], 'and')}. Keep clear of it."
+
+
 def _agents(plan: Plan) -> str:
     runs = [item for item in plan.work if item.calls_agent]
     certain = sum(1 for item in runs if surely_runs(item))
