@@ -75,6 +75,8 @@ class LiveHand:
             words = f"{problem.summary}: {problem.detail}" if problem.detail else problem.summary
             refused = problem.code != _TIMEOUT
             return Answer(None, words, refused=refused, over=problem.code not in _OF_THE_CALL)
+        if result.dry:
+            return Answer(None, result.message, refused=True)
         if result.is_error:
             return Answer(None, result.message, refused=result.refused is not None, over=result.refused == "estop")
         return Answer(result.structured or {})

@@ -55,7 +55,7 @@ class CallResult:
     """A tool's answer: content blocks as MCP has them (media as base64), structured content, duration in ms.
 
     ``is_error`` is the tool's own word; ``message`` is then what it said. ``refused`` is the endpoint's code where it
-    did not let the call through (``denied``, ``estop``, ...), else None.
+    did not let the call through (``denied``, ``estop``, ...), else None. ``dry``: nothing was done, it was only told.
     """
 
     content: tuple[dict[str, Any], ...]
@@ -64,6 +64,7 @@ class CallResult:
     message: str
     ms: float
     refused: str | None = None
+    dry: bool = False
 
 
 class Person(Protocol):
@@ -214,10 +215,11 @@ class _Call:
             summary = f"{wanted.tool} was not approved"
             return None, (error("ENDPOINT-CALL-NOT-APPROVED", summary, detail=said(result) or None),)
         # A tool whose schema has no room for it can only tell of a dry run as an error.
-        dry = wanted.dry_run and (result.get("_meta") or {}).get(DRY_RUN) is True
+        dry = (result.get("_meta") or {}).get(DRY_RUN) is True
         content, structured = tuple(result.get("content", ())), result.get("structuredContent")
-        is_error, refused = bool(result.get("isError")) and not dry, (result.get("_meta") or {}).get(REFUSED)
-        return CallResult(content, structured, is_error, said(result), ms, refused if is_error else None), ()
+        is_error = bool(result.get("isError")) and not (dry and wanted.dry_run)
+        refused = (result.get("_meta") or {}).get(REFUSED)
+        return CallResult(content, structured, is_error, said(result), ms, refused if is_error else None, dry), ()
 
     def _asked(self, arguments: Mapping[str, Any]) -> dict[str, Any]:
         """The final result, after every question was answered."""

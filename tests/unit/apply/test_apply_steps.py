@@ -133,6 +133,8 @@ def result(**more: Any) -> CallResult:
         ((result(is_error=True, message="it is stuck"), ()), (False, False)),
         ((result(is_error=True, message="denied", refused="denied"), ()), (True, False)),
         ((result(is_error=True, message="latched", refused="estop"), ()), (True, True)),
+        ((result(is_error=True, message="dry run: nothing was done", dry=True), ()), (True, False)),
+        ((result(message="dry run: nothing was done", dry=True), ()), (True, False)),
         ((None, (error("ENDPOINT-BAD-ARGUMENT", "too large"),)), (True, False)),
         ((None, (error("ENDPOINT-CALL-TIMEOUT", "no answer"),)), (False, False)),
         ((None, (error("ENDPOINT-DOWN", "it ended"),)), (True, True)),
