@@ -108,8 +108,15 @@ def carried_out(bank: Bank, moves: Iterable[Move], speed: int | None, stops: int
     moves = list(moves)
     try:
         _watched(bank, moves, speed, stops)
-    finally:  # also when the call was given up: nothing moves on that nobody watches
+    except DeviceFault as problem:
         _none_goes_on(bank, moves)
+        if left := [f"{move.name} goes on to {move.goal}" for move in moves if move.under_way]:
+            raise type(problem)(bank.device, f"{problem}; not known: whether {', '.join(left)}") from problem
+        raise
+    except BaseException:  # the call was given up: nothing moves on that nobody watches
+        _none_goes_on(bank, moves)
+        raise
+    _none_goes_on(bank, moves)
     for move in moves:
         if not move.fault:
             _tried(bank, move, "whether it is limp", partial(_judged, bank, move))

@@ -69,6 +69,12 @@ def test_a_unit_outside_of_all_it_can_be_told_is_not_sent_off_by_a_stop(bench: B
     assert [number for number, _, _ in bench.writes] == [1, 2, 4, 5, 6]
 
 
+def test_an_arm_that_is_gone_on_its_way_is_not_said_to_stand(bench: Bench) -> None:
+    bench.signals.append((1.0, lambda: setattr(bench, "broken", 99)))
+    with pytest.raises(DeviceFault, match="not known: whether elbow_flex goes on to 1100"):
+        bench.units().move(ELBOW, 1100, 400)
+
+
 @pytest.mark.parametrize("kind", ["pipe", "folder", "depths", "device"])
 def test_no_calibration_file_keeps_a_call_waiting_or_breaks_it(bench: Bench, tmp_path: Path, kind: str) -> None:
     place = tmp_path / "arm.json"
