@@ -245,12 +245,13 @@ class _ByReading(Mover):
         if answer.refused or not self._is_still(before, after):
             super()._not_done(answer)
         else:
-            self._stuck(before, after, f"{self.tried.tool} said: {answer.words}")
+            said = f"{self.tried.tool} said: {answer.words}"
+            self._stuck(before, after, said, "read what the tool said; if that does not tell why, ")
 
     def _is_still(self, before: float | None, after: float | None) -> bool:
         return before is not None and after is not None and abs(after - before) < self.bench.proof.minimum
 
-    def _stuck(self, before: float | None, after: float | None, said: str) -> None:
+    def _stuck(self, before: float | None, after: float | None, said: str, first: str = "") -> None:
         proof, tried = self.bench.proof, self.tried
         self.tried.blame(
             "STEP-NOT-MOVED",
@@ -258,8 +259,8 @@ class _ByReading(Mover):
             f"at least {proof.minimum:g} were wanted",
             self.where,
             said,
-            "look at its power, its cable, its torque and at what blocks it; a unit that is known to be broken is "
-            "named as disabled in the profile's rig",
+            f"{first}look at its power, its cable, its torque and at what blocks it; a unit that is known to be broken "
+            "is named as disabled in the profile's rig",
         )
 
     def _return(self) -> None:

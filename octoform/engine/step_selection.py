@@ -43,7 +43,7 @@ def _unknown(manifest: Manifest, named: NamedStep, known: tuple[str, ...]) -> Di
 
 def _without_profile(manifest: Manifest, named: NamedStep, profile: str) -> Diagnostic:
     summary = f"the step `{named.name}` needs the profile {profile}, and `profiles` does not name it"
-    hint = f"add it to `profiles`, as profiles/{profile}.md if it is there, or take the step out"
+    hint = f"add it to `profiles`, such as profiles/{profile}.md, or take the step out"
     return _at(manifest, named, "STEP-WITHOUT-PROFILE", summary, hint)
 
 

@@ -82,7 +82,15 @@ def _file(item: Scalar, path: Path, project: Path, report: Report) -> Path | Non
         return path
 
 
+def shipped() -> Path:
+    """The folder of the profiles that come with octoform: inside the installed package, or at the top of the source."""
+    packaged = Path(__file__).parents[1] / "profiles" / "shipped"
+    return packaged if packaged.is_dir() else Path(__file__).parents[2] / "profiles"
+
+
 def _near(path: Path, project: Path) -> str:
+    if (shipped() / path.name[:80]).is_file():
+        return f"octoform comes with one of that name; copy {shipped() / path.name} there"
     try:
         names = [entry.name for entry in path.parent.iterdir() if entry.suffix == ".md"]
     except OSError:

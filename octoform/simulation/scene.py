@@ -192,7 +192,7 @@ def _draw_jaws(
 
 def _draw_clock(canvas: _Canvas, now: float) -> None:
     """Hours to tenths of a second in the upper left corner, so that no two pictures are the same."""
-    dot = max(2, canvas.width // 320 * 2)
+    dot = max(2, canvas.width // 320)
     text = f"{time.strftime('%H:%M:%S', time.gmtime(now))}.{int(now * 10) % 10}"
     top = dot
     canvas.box(dot, top, ((4 * len(text) + 1) * dot, 7 * dot), _DARK)
