@@ -64,6 +64,7 @@ def profile_ignored(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]
         )
         for index, device in enumerate(value["devices"])
         if device["id"] in held and device["capabilities"] and "profile" not in device
+        if device["method"] != "profile"  # which claims one: IDENTIFY-PROFILE-EVIDENCE tells
     ]
 
 
