@@ -11,6 +11,8 @@ from typing import Any
 
 from octoform.apply.context import Clock
 from octoform.apply.hand import Answer, Hand
+from octoform.apply.pointing import at
+from octoform.apply.restoring import Restoring
 from octoform.diagnostics import Diagnostic, error, warning
 from octoform.escaping import escaped
 from octoform.protocol.steps import Proof
@@ -41,8 +43,8 @@ class Tried:
     """What one trial showed. Readings are in the proof's unit; ``readings`` are [seconds since the trial began, value].
 
     ``noise``, ``moved`` and ``returned`` are differences of pictures: of two before the move, of the one after it and
-    of the one after the way back, each from the second before. ``again``: it was tried a second time. ``over``: no
-    further trial makes sense.
+    of the one after the way back, each from the second before. ``again``: it was tried a second time. ``restored``:
+    what the trial had changed by the way is as it was before. ``over``: no further trial makes sense.
     """
 
     unit: str
@@ -57,6 +59,7 @@ class Tried:
     readings: list[tuple[float, float]] = field(default_factory=list)
     found: list[Diagnostic] = field(default_factory=list)
     again: bool = False
+    restored: bool = False
     over: bool = False
 
     def told(self) -> dict[str, Any]:
@@ -193,11 +196,26 @@ class _ByReading(Mover):
         tried.before = self.read()
         if tried.before is None:
             return
+        restoring = Restoring(self.bench.hand, self.bench.tools, self.trial.get("restore"))
+        restoring.remember()
         if self.go():
             tried.after = self.settled(tried.before)
             if self._is_still(tried.before, tried.after):
                 self._stuck(tried.before, tried.after, f"{tried.tool} answered that all is well")
         self._return()
+        if not tried.over:
+            self._restore(restoring)
+
+    def _restore(self, restoring: Restoring) -> None:
+        problem, tried = restoring.put_back(), self.tried
+        tried.restored, tried.over = restoring.done, restoring.over
+        if problem is not None:
+            text = f"not all is known to be restored after the trial of {tried.unit}: {problem}"
+            hint = "see what it means for the device, and set it by hand"
+            shown = escaped(restoring.words[:LONGEST_WORDS]) or None
+            tried.found.append(
+                warning("STEP-NOT-RESTORED", text, pointer=f"{self.where}/restore", detail=shown, hint=hint)
+            )
 
     def read(self) -> float | None:
         """The unit's value now; None with a finding when there is none."""
@@ -286,19 +304,6 @@ def bounds(tool: Mapping[str, Any], parameter: str) -> tuple[float, float, bool]
         if limit["parameter"] == parameter:
             low, high = max(low, limit.get("minimum", low)), min(high, limit.get("maximum", high))
     return low, high, schema.get("type") == "integer"
-
-
-def at(value: object, pointer: str) -> object:
-    """What a JSON pointer points to; None where there is nothing."""
-    for part in pointer.split("/")[1:]:
-        key = part.replace("~1", "/").replace("~0", "~")
-        if isinstance(value, Mapping):
-            value = value.get(key)
-        elif isinstance(value, list) and key.isdigit() and int(key) < len(value):
-            value = value[int(key)]
-        else:
-            return None
-    return value
 
 
 def skipped(value: object) -> str | None:

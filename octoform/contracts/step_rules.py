@@ -8,13 +8,14 @@ from collections.abc import Iterator
 from typing import Any
 
 from octoform.contracts.model import Artifacts, JsonObject, Rule
-from octoform.contracts.step_tools import is_numeric, properties, takes_pictures, tool, tools_of, units
+from octoform.contracts.step_tools import is_numeric, is_switch, properties, takes_pictures, tool, tools_of, units
 from octoform.contracts.stepping import StepFacts
 from octoform.contracts.text import listed, pointer, shown
 from octoform.diagnostics import Diagnostic, did_you_mean, error
 
 _CLAIMS = ("device", "trials", "skipped", "camera")
 _CALLS = ("move", "read", "view")
+_VARYING = ("move", "set")
 
 
 def name_differs(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
@@ -67,6 +68,9 @@ def wrong_proof(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
                 )
                 hint = f"say how to {name} before and after" if facts.kind == kind else "write null"
                 found.append((summary, pointer("trials", index, name), hint))
+        if trial.get("restore") is not None and facts.kind != "reading":
+            summary = f"the proof is of the kind {facts.kind}, after which nothing is restored"
+            found.append((summary, pointer("trials", index, "restore"), "write null"))
     return [error("STEP-WRONG-PROOF", summary, pointer=where, hint=hint) for summary, where, hint in found]
 
 
@@ -102,7 +106,7 @@ def _unfit(part: str, item: JsonObject | None, own: list[str]) -> tuple[str, str
         return None if takes_pictures(item) else ("takes no pictures", "use the tool of a camera of input.json")
     if item["name"] not in own:
         return "does not belong to the device of this step", "use a tool of that device: they stand in input.json"
-    wanted = "actuate" if part == "move" else "read"
+    wanted = "actuate" if part in _VARYING else "read"
     if item["effect"] != wanted:
         return f"has the effect {item['effect']}, and a {part} has {wanted}", f"choose a tool with the effect {wanted}"
     return None
@@ -110,19 +114,26 @@ def _unfit(part: str, item: JsonObject | None, own: list[str]) -> tuple[str, str
 
 def wrong_arguments(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
     """Every call has the arguments that its tool takes, and a number of it is varied."""
-    found = []
+    found: list[Diagnostic] = []
     for where, part, call in _calls(value):
         item = tool(artifacts, call["tool"])
         if item is None:
             continue
-        varied = [call["vary"]] if part == "move" else []
-        if varied and not is_numeric(item, varied[0]):
-            numeric = [name for name in properties(item) if is_numeric(item, name)]
-            hint = f"its numeric parameters are {listed(numeric)}" if numeric else "choose another tool"
-            summary = f"{shown(varied[0])} is no numeric parameter of {shown(item['name'])}"
-            found.append(error("STEP-WRONG-ARGUMENTS", summary, pointer=f"{where}/vary", hint=hint))
+        varied = [call["vary"]] if part in _VARYING else []
+        if varied:
+            found += _varied(item, varied[0], part, f"{where}/vary")
         found += _arguments(item, call["arguments"], varied, f"{where}/arguments")
     return found
+
+
+def _varied(item: JsonObject, name: str, part: str, where: str) -> Iterator[Diagnostic]:
+    """A movement goes by a number; what is set again may be a switch too."""
+    fit = [one for one in properties(item) if is_numeric(item, one) or (part == "set" and is_switch(item, one))]
+    if name not in fit:
+        kind = "boolean or numeric" if part == "set" else "numeric"
+        hint = f"its {kind} parameters are {listed(fit)}" if fit else "choose another tool"
+        summary = f"{shown(name)} is no {kind} parameter of {shown(item['name'])}"
+        yield error("STEP-WRONG-ARGUMENTS", summary, pointer=where, hint=hint)
 
 
 def _arguments(item: JsonObject, given: dict[str, Any], varied: list[str], where: str) -> Iterator[Diagnostic]:
@@ -165,13 +176,13 @@ def uncovered_unit(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
 
 def _misnamed(trial: JsonObject, offered: dict[str, tuple[str, ...]], where: str) -> Iterator[tuple[str, str, str]]:
     """A trial that says one unit and moves or reads another proves nothing."""
-    for part in ("move", "read"):
-        arguments = trial[part]["arguments"] if trial[part] is not None else {}
+    for place, part, call in _calls_of(trial):
+        arguments = call["arguments"] if part != "view" else {}
         for parameter in offered:
             if parameter in arguments and arguments[parameter] != trial["unit"]:
                 other = shown(arguments[parameter])
                 summary = f"the trial of {shown(trial['unit'])} has the {parameter} {other} in its {part}"
-                yield summary, f"{where}/{part}/arguments/{parameter}", f"write {trial['unit']}"
+                yield summary, f"{where}{place}/arguments/{parameter}", f"write {trial['unit']}"
 
 
 def wrongly_skipped(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
@@ -271,8 +282,16 @@ def _facts(artifacts: Artifacts) -> StepFacts:
 def _calls(value: JsonObject) -> Iterator[tuple[str, str, JsonObject]]:
     """(pointer, part, call) of every call that the step would make."""
     for index, trial in enumerate(value["trials"]):
-        for part in _CALLS:
-            if trial[part] is not None:
-                yield pointer("trials", index, part), part, trial[part]
+        for place, part, call in _calls_of(trial):
+            yield pointer("trials", index) + place, part, call
     if value["camera"] is not None:
         yield "/camera", "camera", value["camera"]
+
+
+def _calls_of(trial: JsonObject) -> Iterator[tuple[str, str, JsonObject]]:
+    """The same of one trial; the pointer begins at the trial."""
+    for part in _CALLS:
+        if trial[part] is not None:
+            yield pointer(part), part, trial[part]
+    for part, call in (trial.get("restore") or {}).items():
+        yield pointer("restore", part), part, call

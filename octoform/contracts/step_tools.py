@@ -9,6 +9,7 @@ from octoform.contracts.naming import same_action
 _CAPTURE = same_action("capture_image")
 _DEVICE = "device"
 _NUMBERS = ("number", "integer")
+_SWITCH = ("boolean",)
 
 
 def tool(artifacts: Artifacts, name: str) -> JsonObject | None:
@@ -39,9 +40,18 @@ def properties(item: JsonObject) -> Mapping[str, Any]:
 
 def is_numeric(item: JsonObject, parameter: str) -> bool:
     """True for a parameter of a tool that takes numbers and nothing else."""
+    return _is_of(item, parameter, _NUMBERS)
+
+
+def is_switch(item: JsonObject, parameter: str) -> bool:
+    """True for a parameter of a tool that takes true and false and nothing else."""
+    return _is_of(item, parameter, _SWITCH)
+
+
+def _is_of(item: JsonObject, parameter: str, allowed: tuple[str, ...]) -> bool:
     schema = properties(item).get(parameter)
     kinds = schema.get("type") if isinstance(schema, dict) else None
-    return all(kind in _NUMBERS for kind in kinds) and bool(kinds) if isinstance(kinds, list) else kinds in _NUMBERS
+    return all(kind in allowed for kind in kinds) and bool(kinds) if isinstance(kinds, list) else kinds in allowed
 
 
 def units(artifacts: Artifacts, device: str | None) -> dict[str, tuple[str, ...]]:

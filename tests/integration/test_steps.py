@@ -114,6 +114,8 @@ def test_each_joint_was_moved_and_came_back_and_nothing_is_left_to_do(bench: Ben
     servo = bench.arm.servos[3]
     assert servo.reached.highest - servo.reached.lowest > 150
     assert [bench.arm.servos[number].goals.lowest for number in (1, 2, 4, 5)] == [float("inf")] * 4
+    assert not any(one.torque for one in bench.arm.servos.values()), "what was limp before is limp again"
+    assert all(one["restored"] for one in tried.values())
     (folder,) = bench.project.attempts("step.arm")
     told = json.loads((folder / "trials.json").read_text())["trials"]
     assert all(len(item["readings"]) >= 3 for item in told)

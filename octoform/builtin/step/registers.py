@@ -13,6 +13,7 @@ from octoform.builtin.task import Refused
 FACTOR = 4
 SECONDS = 1.0
 """How long the way should take: slowly, and well within the time that a movement is waited for."""
+_READS = ("read_unit", "read_units")
 
 
 def trials(given: Mapping[str, Any], grammar: Mapping[str, Any]) -> list[dict[str, Any]]:
@@ -39,6 +40,7 @@ def trials(given: Mapping[str, Any], grammar: Mapping[str, Any]) -> list[dict[st
                 "value": f"/{registers['motion']['present']}",
             },
             "view": None,
+            "restore": _restore(given, grammar, offered, name),
         }
         for name in reversed(list(registers["units"]))
         if name not in registers.get("disabled", {})
@@ -48,6 +50,39 @@ def trials(given: Mapping[str, Any], grammar: Mapping[str, Any]) -> list[dict[st
 def disabled(grammar: Mapping[str, Any]) -> list[dict[str, str]]:
     """The units that this rig never moves, each with the owner's reason."""
     return [{"unit": name, "reason": why} for name, why in grammar["registers"].get("disabled", {}).items()]
+
+
+def _restore(
+    given: Mapping[str, Any], grammar: Mapping[str, Any], offered: Mapping[str, Any], name: str
+) -> dict[str, Any] | None:
+    """How a unit is made limp again that was limp before; None where no tool tells it or sets it.
+
+    Only a field that is 0 when the unit is limp can be handed on as it was read: any other value means that it holds.
+    """
+    registers = grammar["registers"]
+    unit, released = registers.get("unit", "unit"), registers["motion"].get("release", {})
+    shown = [(read, field) for read in _reads(grammar, offered) for field in read["fields"] if released.get(field) == 0]
+    holds = next((one for one in grammar["commands"] if one.get("do") == "set_torque" and one["tool"] in offered), None)
+    if not shown or holds is None:
+        return None
+    read, field = shown[0]
+    one = read["do"] == "read_unit"
+    place = f"/{field}" if one else f"/{unit}s/{list(registers['units']).index(name)}/{field}"
+    arguments = {**_device(given, offered[read["tool"]]), **({unit: name} if one else {})}
+    return {
+        "read": {"tool": read["tool"], "arguments": arguments, "value": place},
+        "set": {
+            "tool": holds["tool"],
+            "arguments": {**_device(given, offered[holds["tool"]]), unit: name},
+            "vary": next(key for key in holds["parameters"] if key != unit),
+        },
+    }
+
+
+def _reads(grammar: Mapping[str, Any], offered: Mapping[str, Any]) -> list[Mapping[str, Any]]:
+    """The tools that read units, those for a single one first."""
+    found = [one for one in grammar["commands"] if one.get("do") in _READS and one["tool"] in offered]
+    return sorted(found, key=lambda one: _READS.index(one["do"]))
 
 
 def _command(grammar: Mapping[str, Any], offered: Mapping[str, Any], do: str) -> Mapping[str, Any]:

@@ -11,8 +11,10 @@ import pytest
 
 from octoform.apply.context import Clock
 from octoform.apply.hand import Answer, Seen
+from octoform.apply.pointing import at
+from octoform.apply.restoring import Value, fitting
 from octoform.apply.sights import by_frame, by_view
-from octoform.apply.trials import Bench, Tried, at, by_reading
+from octoform.apply.trials import Bench, Tried, by_reading
 from octoform.perception.judging import Picture
 from octoform.protocol.steps import Proof
 from octoform.simulation import packets
@@ -25,8 +27,9 @@ JOINTS = {"shoulder_pan": 1, "shoulder_lift": 2, "elbow_flex": 3, "wrist_flex": 
 RIG = load("reference")["devices"]
 POSITION = {"type": "integer", "minimum": 0, "maximum": 4095}
 STEPS = {"type": "integer", "minimum": -2000, "maximum": 2000}
-TOOLS = {
+TOOLS: dict[str, dict[str, Any]] = {
     "arm_move_joint": {"input_schema": {"properties": {"position": POSITION}}},
+    "arm_set_torque": {"input_schema": {"properties": {"on": {"type": "boolean"}}}},
     "rail_move_x": {"input_schema": {"properties": {"steps": STEPS}}},
 }
 READING = Proof("reading", 50, "raw", 2.0)
@@ -55,13 +58,17 @@ def write(bus: ServoBus, number: int, address: int, size: int, value: int) -> No
 
 @dataclass
 class Arm:
-    """The arm's tools as somebody may write them who trusts acknowledgements; ``before`` is what goes out first."""
+    """The arm's tools as somebody may write them who trusts acknowledgements; ``before`` is what goes out first.
+
+    ``keeps`` is what the tool says that does not set the torque.
+    """
 
     time: Time
     bus: ServoBus
     before: Callable[[ServoBus, int], None] = lambda bus, number: write(bus, number, 40, 1, 1)
     skipped: dict[str, str] = field(default_factory=dict)
     refusal: Answer | None = None
+    keeps: Answer | None = None
     calls: list[tuple[str, dict[str, Any]]] = field(default_factory=list)
 
     def call(self, tool: str, arguments: Mapping[str, Any]) -> Answer:
@@ -72,7 +79,12 @@ class Arm:
         if joint in self.skipped:
             return Answer({"joint": joint, "position": None, "skipped": self.skipped[joint]})
         if tool == "arm_read_joint":
-            return Answer({"joint": joint, "position": read(self.bus, number, 56, 2), "skipped": None})
+            told = {"joint": joint, "position": read(self.bus, number, 56, 2), "skipped": None}
+            return Answer({**told, "torque": read(self.bus, number, 40, 1)})
+        if tool == "arm_set_torque":
+            if self.keeps is None:
+                write(self.bus, number, 40, 1, int(arguments["on"]))
+            return self.keeps or Answer({"joint": joint})
         if self.refusal is not None:
             return self.refusal
         low, high = read(self.bus, number, 9, 2), read(self.bus, number, 11, 2)
@@ -109,6 +121,16 @@ def a_trial(joint: str, by: float = 200) -> dict[str, Any]:
 
 def tried(arm: Arm, joint: str = "elbow_flex", by: float = 200) -> Tried:
     return by_reading(bench(arm, READING), a_trial(joint, by), "/trials/0")
+
+
+def restored(arm: Arm, joint: str = "elbow_flex", value: str = "/torque") -> Tried:
+    """A trial that says how the torque is put back."""
+    given = {"joint": joint}
+    back = {
+        "read": {"tool": "arm_read_joint", "arguments": given, "value": value},
+        "set": {"tool": "arm_set_torque", "arguments": given, "vary": "on"},
+    }
+    return by_reading(bench(arm, READING), {**a_trial(joint), "restore": back}, "/trials/0")
 
 
 def codes(one: Tried) -> list[str]:
@@ -203,6 +225,68 @@ def test_a_refusal_of_the_endpoint_is_told_as_such_and_an_emergency_stop_ends_al
 def test_what_a_tool_says_of_a_unit_that_stays_is_kept() -> None:
     one = tried(an_arm(refusal=Answer(None, "elbow_flex is hot")))
     assert codes(one) == ["STEP-NOT-MOVED"] and one.found[0].detail == "arm_move_joint said: elbow_flex is hot"
+
+
+def test_a_unit_that_was_limp_is_limp_again_and_one_that_held_goes_on_holding() -> None:
+    arm = an_arm()
+    one = restored(arm)
+    assert codes(one) == [] and one.restored and one.told()["restored"] is True
+    assert arm.calls[-2] == ("arm_set_torque", {"joint": "elbow_flex", "on": False})
+    assert not arm.bus.servos[3].torque and one.back is not None
+    arm.bus.servos[5].registers[40] = 1
+    one = restored(arm, "wrist_roll")
+    assert codes(one) == [] and arm.bus.servos[5].torque and "restored" not in one.told()
+    assert [given for tool, given in arm.calls if tool == "arm_set_torque"] == [{"joint": "elbow_flex", "on": False}]
+    assert tried(arm, "gripper").restored is False and arm.bus.servos[6].torque
+
+
+def test_a_failed_trial_is_restored_too_unless_nothing_can_be_called() -> None:
+    arm = an_arm()
+    arm.bus.servos[3].fault = "stuck"
+    one = restored(arm)
+    assert codes(one) == ["STEP-NOT-MOVED"] and one.restored and not arm.bus.servos[3].torque
+    arm = an_arm(refusal=Answer(None, "emergency stop: latched", refused=True, over=True))
+    one = restored(arm)
+    assert codes(one) == ["STEP-CALL-REFUSED"] and one.over
+    assert arm.calls[-1][0] == "arm_move_joint"
+
+
+def test_what_is_not_restored_is_a_warning() -> None:
+    arm = an_arm(keeps=Answer(None, "denied by policy.tools", refused=True))
+    one = restored(arm)
+    (told,) = one.found
+    assert (told.code, told.severity, told.pointer) == ("STEP-NOT-RESTORED", "warning", "/trials/0/restore")
+    assert told.summary.endswith("/torque of arm_read_joint was 0 before the trial, is 1 now, and stays so")
+    assert told.detail == "denied by policy.tools" and not one.restored and one.back is not None
+    one = restored(an_arm(keeps=Answer({})))
+    assert codes(one) == ["STEP-NOT-RESTORED"] and one.found[0].detail is None
+    one = restored(an_arm(keeps=Answer(None, "emergency stop: latched", refused=True, over=True)))
+    assert codes(one) == ["STEP-NOT-RESTORED"] and one.over and "is unknown now" in one.found[0].summary
+
+
+def test_what_cannot_be_read_is_not_guessed() -> None:
+    arm = an_arm()
+    one = restored(arm, value="/joint")
+    assert codes(one) == ["STEP-NOT-RESTORED"] and one.back is not None
+    assert "/joint of arm_read_joint could not be read before the trial" in one.found[0].summary
+    assert "arm_set_torque" not in [name for name, _ in arm.calls]
+
+
+@pytest.mark.parametrize(
+    ("kind", "given", "sent"),
+    [
+        ("boolean", 0, False),
+        ("boolean", True, True),
+        ("integer", True, 1),
+        ("integer", 2.0, 2),
+        ("number", False, 0),
+        ("number", 2.5, 2.5),
+        (["number", "integer"], 3, 3),
+    ],
+)
+def test_a_value_is_set_as_its_parameter_takes_it(kind: object, given: Value, sent: Value) -> None:
+    found = fitting(given, {"input_schema": {"properties": {"level": {"type": kind}}}}, "level")
+    assert found == sent and type(found) is type(sent)
 
 
 def test_a_result_without_a_number_is_no_reading() -> None:

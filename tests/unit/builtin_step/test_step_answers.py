@@ -95,7 +95,31 @@ def test_each_joint_of_the_arm_is_tried_slowly_from_the_outermost_on() -> None:
         "arguments": {"device": "usb-1", "joint": "gripper"},
         "value": "/position",
     }
+    assert first["restore"] == {
+        "read": {"tool": "arm_status", "arguments": {"device": "usb-1"}, "value": "/joints/5/torque"},
+        "set": {"tool": "arm_set_torque", "arguments": {"device": "usb-1", "joint": "gripper"}, "vary": "on"},
+    }
     assert held(given, value) == []
+
+
+def test_how_a_joint_is_made_limp_again_follows_from_the_grammar() -> None:
+    arm = profile("so-arm101")
+    (one,) = [item for item in arm["grammar"]["commands"] if item["do"] == "read_unit"]
+    one["fields"] = [*one["fields"], "torque"]
+    given = the_input("arm", "reading", 50, tools_of(arm))
+    value = answer(given, a_task(arm))
+    arguments = {"device": "usb-1", "joint": "gripper"}
+    assert value["trials"][0]["restore"]["read"] == {**value["trials"][0]["read"], "value": "/torque"}
+    assert value["trials"][0]["restore"]["set"]["arguments"] == arguments
+    assert held(given, value) == []
+    arm["grammar"]["registers"]["motion"]["release"] = {"torque": 2}
+    value = answer(given, a_task(arm))
+    assert {trial["restore"] for trial in value["trials"]} == {None}, "what was read is not what the switch takes"
+    assert held(given, value) == []
+    untold = profile("so-arm101")
+    offered = [tool for tool in tools_of(untold) if tool["name"] != "arm_set_torque"]
+    value = answer(the_input("arm", "reading", 50, offered), a_task(untold))
+    assert {trial["restore"] for trial in value["trials"]} == {None}
 
 
 def test_a_disabled_joint_is_skipped_with_the_owners_reason() -> None:
@@ -105,6 +129,8 @@ def test_a_disabled_joint_is_skipped_with_the_owners_reason() -> None:
     value = answer(given, a_task(arm))
     assert value["skipped"] == [{"unit": "shoulder_pan", "reason": "motor is broken"}]
     assert len(value["trials"]) == 5
+    places = [trial["restore"]["read"]["value"] for trial in value["trials"]]
+    assert places == [f"/joints/{place}/torque" for place in (5, 4, 3, 2, 1)], "it keeps its place in the list"
     assert held(given, value, disabled={"shoulder_pan": "motor is broken"}) == []
 
 

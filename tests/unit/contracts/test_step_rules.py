@@ -15,6 +15,7 @@ from octoform.contracts.stepping import StepFacts, corroborated
 ARM, CAMERA = "usb-1a86-55d3", "usb-1234-0001"
 JOINTS = ["base", "elbow", "grip"]
 JOINT = {"type": "string", "enum": JOINTS}
+PLACE = {"joint": "grip", "position": 5}
 COUNT = {"type": "integer", "minimum": 0, "maximum": 4095}
 
 
@@ -26,6 +27,7 @@ def tool(name: str, effect: str, properties: dict[str, Any], required: list[str]
 TOOLS = [
     tool("arm_read", "read", {"joint": JOINT}, ["joint"]),
     tool("arm_move", "actuate", {"joint": JOINT, "position": COUNT, "speed": COUNT}, ["joint", "position"]),
+    tool("arm_hold", "actuate", {"joint": JOINT, "on": {"type": "boolean"}}, ["joint", "on"]),
     tool("arm_melt", "irreversible", {"joint": JOINT, "position": COUNT}, ["joint", "position"]),
     tool("lamp_dim", "actuate", {"percent": {"type": "number"}}, ["percent"], "usb-1234-0002"),
     tool("capture_image", "read", {"device": {"type": "string", "enum": [CAMERA]}}, [], CAMERA),
@@ -66,6 +68,14 @@ def trial(joint: str, *, view: bool = False) -> dict[str, Any]:
         "move": {"tool": "arm_move", "arguments": {"joint": joint}, "vary": "position", "by": 200, "relative": False},
         "read": None if view else {"tool": "arm_read", "arguments": {"joint": joint}, "value": "/position"},
         "view": {"tool": "capture_image", "arguments": {}} if view else None,
+        "restore": None if view else restore(joint),
+    }
+
+
+def restore(joint: str) -> dict[str, Any]:
+    return {
+        "read": {"tool": "arm_read", "arguments": {"joint": joint}, "value": "/torque"},
+        "set": {"tool": "arm_hold", "arguments": {"joint": joint}, "vary": "on"},
     }
 
 
@@ -105,6 +115,14 @@ def test_good_artifacts_pass() -> None:
     assert codes(viewing(), VIEW) == set()
     assert codes(framing(), FRAME) == set()
     assert codes({**reading(), "server": "server.py"}) == set()
+    numeric = reading()
+    put_back(numeric).update(tool="arm_move", vary="position")
+    assert codes(numeric) == set()
+    for without in ({"restore": None}, {}):
+        trials = [
+            {name: part for name, part in trial(joint).items() if name != "restore"} for joint in ("grip", "elbow")
+        ]
+        assert codes({**reading(), "trials": [{**item, **without} for item in trials]}) == set()
 
 
 Change = Callable[[dict[str, Any]], object]
@@ -112,6 +130,11 @@ Change = Callable[[dict[str, Any]], object]
 
 def first(value: dict[str, Any], part: str = "move") -> dict[str, Any]:
     found: dict[str, Any] = value["trials"][0][part]
+    return found
+
+
+def put_back(value: dict[str, Any], part: str = "set") -> dict[str, Any]:
+    found: dict[str, Any] = value["trials"][0]["restore"][part]
     return found
 
 
@@ -142,6 +165,16 @@ CASES: list[tuple[str, Change]] = [
     ),
     ("STEP-WRONGLY-SKIPPED", lambda value: value["skipped"][0].update(reason="  ")),
     ("STEP-WRONGLY-SKIPPED", lambda value: value.update(skipped=[], trials=[trial(name) for name in JOINTS])),
+    ("STEP-SCHEMA", lambda value: value["trials"][0]["restore"].pop("read")),
+    ("STEP-SCHEMA", lambda value: put_back(value).update(by=1)),
+    ("STEP-FOREIGN-TOOL", lambda value: put_back(value).update(tool="arm_melt", vary="position")),
+    ("STEP-FOREIGN-TOOL", lambda value: put_back(value).update(tool="lamp_dim", arguments={}, vary="percent")),
+    ("STEP-FOREIGN-TOOL", lambda value: put_back(value, "read").update(tool="arm_move", arguments=PLACE)),
+    ("STEP-WRONG-ARGUMENTS", lambda value: put_back(value).update(vary="joint", arguments={"on": True})),
+    ("STEP-WRONG-ARGUMENTS", lambda value: put_back(value)["arguments"].update(on=True)),
+    ("STEP-WRONG-ARGUMENTS", lambda value: put_back(value, "read").update(arguments={})),
+    ("STEP-WRONG-ARGUMENTS", lambda value: first(value).update(tool="arm_hold", vary="on")),
+    ("STEP-UNCOVERED-UNIT", lambda value: put_back(value)["arguments"].update(joint="elbow")),
     ("STEP-TOO-SMALL", lambda value: first(value).update(by=-49)),
 ]
 
@@ -174,6 +207,9 @@ def test_a_movement_that_only_a_picture_shows_has_no_least_size() -> None:
     first(value, "view")["arguments"] = {"joint": "grip"}
     assert codes(value, VIEW) == {"STEP-FOREIGN-TOOL"}
     assert codes(reading(), VIEW) == {"STEP-WRONG-PROOF"}
+    value = viewing()
+    value["trials"][1]["restore"] = restore("elbow")
+    assert codes(value, VIEW) == {"STEP-WRONG-PROOF"}
 
 
 @pytest.mark.parametrize("device", ["cam-hub", "cam-lid", "cam-none"])
