@@ -6,7 +6,7 @@ from octoform import events
 from octoform.apply.context import Context
 from octoform.apply.tally import Tally
 from octoform.diagnostics import Diagnostic, has_errors, warning
-from octoform.endpoint.removing import remove, stopped
+from octoform.endpoint.removing import remove, stopped, stopped_devices
 from octoform.endpoint.systemd import is_ours, unit_path
 from octoform.plan.model import Action, Plan
 from octoform.state.files import refused
@@ -52,6 +52,15 @@ def left_behind(layout: Layout) -> list[Diagnostic]:
                 hint="octoform estop -clear, after the next octoform apply",
             )
         )
+    found += [
+        warning(
+            "DESTROY-STOP-KEPT",
+            f"a device of {layout.host} stays stopped, also for the next endpoint",
+            path=str(path),
+            hint="after the next octoform apply, call the tool that ends its stop; a refused call names it",
+        )
+        for path in stopped_devices(layout)
+    ]
     unit = unit_path(layout)
     if is_ours(layout, unit):
         found.append(

@@ -122,6 +122,7 @@ def _descriptor(layout: Layout, service: Service, environ: Mapping[str, str]) ->
     variables = {
         "OCTOFORM_INSTANCES": str(layout.instances),
         "OCTOFORM_CALL_LOG": str(layout.call_log),
+        "OCTOFORM_STOPS": str(layout.run),
         "FASTMCP_CHECK_FOR_UPDATES": "off",
         "FASTMCP_SHOW_SERVER_BANNER": "false",
         # What tools say to their clients is not for the process's own log.

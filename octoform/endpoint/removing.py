@@ -20,13 +20,16 @@ from octoform.endpoint.snippets import snippets
 from octoform.endpoint.supervising import stop
 from octoform.state.layout import Layout
 
+STOPS = "stopped-*.json"  # what the runtime writes for a device that was stopped until a command of its own
+
 
 def remove(layout: Layout) -> list[Path]:
     """Remove endpoint and environments of this host; gives the files and folders that are not ours and stayed.
 
     The launcher goes first, so that no client starts a server from what is being removed; then the process is ended,
-    and its tokens and counters go with it. The logs stay, and so does an emergency stop: what was stopped for a reason
-    must not move after the next apply because nobody remembers it. OSError when the system refuses.
+    and its tokens and counters go with it. The logs stay, and so do an emergency stop and the stop of a device: what
+    was stopped for a reason must not move after the next apply because nobody remembers it. OSError when the system
+    refuses.
     """
     folder = layout.endpoint
     _unlink(folder, LAUNCHER)
@@ -50,19 +53,27 @@ def stopped(layout: Layout) -> bool:
     return _latched(layout.run)
 
 
+def stopped_devices(layout: Layout) -> tuple[Path, ...]:
+    """The stops of single devices, which the runtime keeps until the command that ends each went well."""
+    return tuple(sorted(layout.run.glob(STOPS)))
+
+
 def _latched(run: Path) -> bool:
     return os.path.lexists(run / LATCH)
 
 
 def _empty(run: Path) -> None:
-    """Remove what the process kept, but for the latch of the emergency stop."""
-    if not _latched(run):
+    """Remove what the process kept, but for the latch of the emergency stop and the stops of devices."""
+    kept = {path.name for path in run.glob(STOPS)} | ({LATCH} if _latched(run) else set())
+    if not kept:
         shutil.rmtree(run, ignore_errors=True)
         return
     for path in run.iterdir():
+        if path.name in kept:
+            continue
         if path.is_dir() and not path.is_symlink():
             shutil.rmtree(path, ignore_errors=True)
-        elif path.name != LATCH:
+        else:
             path.unlink(missing_ok=True)
 
 

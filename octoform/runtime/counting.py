@@ -1,11 +1,13 @@
 """Where a product that measures nothing must be, and a stop for one that cannot be interrupted.
 
-Both are facts of this process about a device, held for all of its threads. A position is counted from the command that
-takes every axis to its origin. It is unknown before that, after a movement that failed or whose answer did not come,
-and when the device was attached anew, because its own counter began anew as well. A counted device is kept open: some
-do something of their own while nobody has their line open, which would make the count a lie.
+A position is a fact of this process, held for all of its threads. It is counted from the command that takes every axis
+to its origin. It is unknown before that, after a movement that failed or whose answer did not come, and when the device
+was attached anew, because its own counter began anew as well. A counted device is kept open: some do something of their
+own while nobody has their line open, which would make the count a lie.
 
-After a stop nothing is sent but the one command that ends it; what is under way then is carried out to its end.
+After a stop nothing is sent but the one command that ends it; what is under way then is carried out to its end. A stop
+outlives the process: it is a file (`stops`), looked at before each command. Where none can be written, it holds in this
+process alone, and the answer says so.
 """
 
 import os
@@ -14,6 +16,7 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from . import stops
 from .faults import DeviceFault
 
 ANEW = "the device was attached anew"
@@ -42,7 +45,7 @@ class _Known:
         self.why = "nothing was counted since this server started"
         self.attached: object = None
         self.line = -1
-        self.stopped = ""
+        self.stopped = ""  # the command that ends a stop which is not, or not yet, a file
         self.stops = 0
 
 
@@ -70,19 +73,38 @@ def position(device: str, node: str, axes: Iterable[str], zero: str) -> dict[str
 
 
 def stop(device: str, until: str) -> dict[str, Any]:
-    """From now on nothing is sent to the device but the command ``until``."""
+    """From now on nothing is sent to the device but the command ``until``, also by servers that start later.
+
+    ``note`` says why, when the stop could not be written and ends with this server.
+    """
     with _guard:
         known = _known.setdefault(device, _Known())
         known.stopped = until
         known.stops += 1
-    note = f"nothing is sent until {until} went well; a movement under way goes on to its end: nothing can interrupt it"
+        mine = known.stops
+    unwritten = stops.put(device, until)
+    if not unwritten:
+        with _guard:
+            if known.stops == mine:
+                known.stopped = ""
+    holds = f"or this server ends, because {unwritten}" if unwritten else "also after a restart of this server"
+    under_way = "a movement under way goes on to its end: nothing can interrupt it"
+    note = f"nothing is sent until {until} went well, {holds}; {under_way}"
     return {"device": device, "stopped": True, "until": until, "note": note}
 
 
 def refuse(device: str, step: Step) -> None:
     """DeviceFault while the device is stopped, for every command but the one that ends the stop."""
+    if step.resumes:
+        return
+    # The process before the file: a stop that is becoming a file is always in one of them.
     until = _known.setdefault(device, _Known()).stopped
-    if until and not step.resumes:
+    if not until and (found := stops.seen(device)) is not None:
+        if found.unreadable:
+            ending = "nothing is sent to it but the command that ends a stop"
+            raise DeviceFault(device, f"{device} counts as stopped: {found.unreadable}; {ending}")
+        until = found.until
+    if until:
         raise DeviceFault(device, f"{device} is stopped: nothing is sent to it until {until} went well")
 
 
@@ -99,6 +121,7 @@ class Counted:
         """``line`` is the open line, by the number of its file."""
         self._device, self._step, self._line = device, step, line
         self._stops = 0
+        self._stop: stops.Stop | None = None
         self._sums: dict[str, int] | None = None
         self._why = ""
 
@@ -108,6 +131,7 @@ class Counted:
             known = _known.setdefault(self._device, _Known())
             refuse(self._device, self._step)
             self._stops = known.stops
+            self._stop = stops.seen(self._device) if self._step.resumes else None
             if known.attached != (now := attached(self._line)):
                 if known.sums is not None:
                     known.sums, known.why = None, ANEW
@@ -122,7 +146,10 @@ class Counted:
         return self
 
     def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
-        """Count what was acknowledged; forget the position after what was not."""
+        """Count what was acknowledged; forget the position after what was not.
+
+        DeviceFault when the command went well but the stop that it ends cannot be removed.
+        """
         step = self._step
         with _guard:
             known = _known[self._device]
@@ -136,5 +163,8 @@ class Counted:
                 known.sums, known.why = self._sums, self._why
                 if known.sums is not None:
                     known.sums = {**known.sums, step.axis: known.sums.get(step.axis, 0) + step.by}
-            if step.resumes and known.stops == self._stops:
+            ends = step.resumes and known.stops == self._stops
+            if ends:
                 known.stopped = ""
+        if ends:
+            stops.lift(self._device, self._stop)

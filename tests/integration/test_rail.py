@@ -113,6 +113,8 @@ def test_the_position_is_counted_from_what_was_acknowledged(bench: Bench) -> Non
 def test_after_a_stop_nothing_but_home_reaches_the_firmware(bench: Bench) -> None:
     assert "goes on to its end" in str(bench.call("rail_stop")["note"])
     assert "is stopped: nothing is sent to it until rail_home went well" in bench.fails("rail_move_x", steps=5)
+    bench.project.run("restart", status=0)
+    assert "is stopped: nothing is sent to it until rail_home went well" in bench.fails("rail_move_y", steps=5)
     assert bench.rail.lines == []
     bench.call("rail_home")
     bench.call("rail_move_x", steps=5)

@@ -19,6 +19,7 @@ from octoform.endpoint.environment import MARKER, Environment, packages_of
 from octoform.endpoint.files import CHECK
 from octoform.endpoint.observing import Expected, observe
 from octoform.endpoint.removing import remove
+from octoform.runtime import stops
 from octoform.state.layout import Layout
 
 
@@ -189,6 +190,19 @@ def test_an_emergency_stop_outlives_its_endpoint(applied: Layout, words: str) ->
     assert (applied.run / "estop.json").read_text() == words
     [found] = left_behind(applied)
     assert found.code == "DESTROY-ESTOP-KEPT" and found.severity is Severity.WARNING
+
+
+def test_the_stop_of_a_device_outlives_its_endpoint(applied: Layout, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("OCTOFORM_STOPS", str(applied.run))
+    applied.run.mkdir(mode=0o700, exist_ok=True)
+    assert stops.put("usb-2341-804f", "rail_home") == ""
+    (applied.run / "limits.json").touch()
+    remove(applied)
+    assert [path.name for path in applied.run.iterdir()] == ["stopped-usb-2341-804f.json"]
+    [found] = left_behind(applied)
+    assert found.code == "DESTROY-STOP-KEPT" and found.severity is Severity.WARNING
+    stopped = stops.seen("usb-2341-804f")
+    assert stopped is not None and stopped.until == "rail_home"
 
 
 def test_a_service_that_is_left_is_told(applied: Layout, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

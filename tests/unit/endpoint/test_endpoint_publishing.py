@@ -106,6 +106,7 @@ def test_the_descriptor_tells_what_is_served_and_how(layout: Layout, serving: En
         ("read_voltage", "read"),
     ]
     assert descriptor["environment"]["OCTOFORM_CALL_LOG"] == str(layout.call_log)
+    assert descriptor["environment"]["OCTOFORM_STOPS"] == str(layout.run)
     assert "OCTOFORM_SYSROOT" not in descriptor["environment"]
 
 

@@ -19,6 +19,7 @@ WIRE = Wire("tty", 115200, "\n", "ERR (?P<message>.*)", 1.0, 0.0)
 @pytest.fixture
 def line(monkeypatch: pytest.MonkeyPatch) -> Iterator[int]:
     monkeypatch.setattr(counting, "_known", {})
+    monkeypatch.delenv("OCTOFORM_STOPS", raising=False)
     master, slave = pty.openpty()
     yield slave
     counting._let_go(counting._known.get(DEVICE, counting._Known()))
