@@ -77,7 +77,7 @@ class _ByView(Mover):
             return
         back = self._at_rest("back") if answer.value is not None else []
         tried.returned = max((difference(a, b) for a, b in product(still, back)), default=None)
-        if not tried.over and not tried.found and (tried.returned is None or 2 * tried.returned > tried.moved):
+        if not tried.found and (tried.returned is None or 2 * tried.returned > tried.moved):
             self._not_back(answer.words)
 
     def _stillness(self) -> list[Picture]:

@@ -104,6 +104,11 @@ def carried_out(context: Context, step: Step, bench: Bench, value: Mapping[str, 
     for index, trial in enumerate(value["trials"]):
         context.emit(events.Checking(step.node, f"moving {trial['unit']} with {trial['move']['tool']}, and back"))
         one = way(bench, trial, pointer("trials", index))
+        if one.over and not has_errors(one.found):
+            hint = "the emergency stop was given, or the endpoint went away, while the units were tried; apply again"
+            one.blame(
+                "STEP-CALL-REFUSED", "the trials ended early: no call is taken now", pointer("trials", index), hint=hint
+            )
         context.emit(events.StepTried(step.node, one.unit, not has_errors(one.found), told(step, one)))
         yield one
         if one.over:

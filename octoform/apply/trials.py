@@ -289,7 +289,7 @@ class _ByReading(Mover):
         if answer.value is not None:
             tried.back = self.settled(tried.after)
         returned = tried.back is not None and abs(tried.back - tried.after) >= self.bench.proof.minimum
-        if not returned and not tried.over:
+        if not returned:
             where = f"{tried.back:g}" if tried.back is not None else "unknown"
             text = f"{tried.unit} did not move back: {tried.before:g} {self.bench.proof.unit} at first, "
             text += f"{tried.after:g} after the move, {where} at the end"

@@ -222,6 +222,19 @@ def test_a_refusal_of_the_endpoint_is_told_as_such_and_an_emergency_stop_ends_al
     assert [name for name, _ in arm.calls] == ["arm_read_joint", "arm_move_joint"]
 
 
+def test_an_emergency_stop_on_the_way_back_is_no_success() -> None:
+    class Latched(Arm):
+        def call(self, tool: str, arguments: Mapping[str, Any]) -> Answer:
+            if tool == "arm_move_joint" and any(name == tool for name, _ in self.calls):
+                return Answer(None, "emergency stop: latched", refused=True, over=True)
+            return super().call(tool, arguments)
+
+    time = Time()
+    one = tried(Latched(time, ServoBus(RIG["arm"], lambda: time.now)))
+    assert codes(one) == ["STEP-NOT-BACK"] and one.over
+    assert one.found[0].detail == "emergency stop: latched"
+
+
 def test_what_a_tool_says_of_a_unit_that_stays_is_kept() -> None:
     one = tried(an_arm(refusal=Answer(None, "elbow_flex is hot")))
     assert codes(one) == ["STEP-NOT-MOVED"] and one.found[0].detail == "arm_move_joint said: elbow_flex is hot"
