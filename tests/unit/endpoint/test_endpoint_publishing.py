@@ -1,7 +1,6 @@
 """What a client finds: descriptor, snippets, launcher, in this order, on any path."""
 
 import json
-import shutil
 import subprocess
 import sys
 import tomllib
@@ -150,6 +149,6 @@ def test_a_new_endpoint_keeps_the_environment_before_it(layout: Layout, serving:
     for name in ("111111111111", "222222222222", "333333333333"):
         path = layout.environments / name
         path.mkdir(parents=True)
-        shutil.copy(serving.path / "octoform-complete.json", path)
+        (path / "octoform-complete.json").write_text("{}")
         publish(layout, Environment(path / "bin/python", serving.digest, path, serving.lock))
     assert sorted(path.name for path in layout.environments.glob("[0-9]*")) == ["222222222222", "333333333333"]
