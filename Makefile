@@ -5,6 +5,9 @@
 # make recordings  score the embedded agent over a folder of recorded hosts: make recordings DIR=... [SAMPLE=3]
 # make vm          boot emulated hosts with real kernels, onboard them and call their tools (docs/testing.md); needs root.
 #                  ARCHES="amd64" takes one architecture alone
+# make faults      inject every fault of the campaign into live deployments, TIMES times (default 5), and print a table
+#                  (docs/faults.md); ONLY="words" takes the cases with one of these words in their names
+# make soak        random faults at a high rate for SECONDS (default 3600): memory, processes, files and locks stay flat
 # make bench       print the measurements of bench/
 # make lock        renew the lock files of .ci/ from pyproject.toml
 
@@ -22,7 +25,7 @@ WORKERS := $(shell expr $$(nproc) + 1)
 # Where an image forbids bytecode, every process of the tests would compile what it imports again.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: setup test test-harnesses programs lint recordings vm bench lock
+.PHONY: setup test test-harnesses programs lint recordings vm faults soak bench lock
 
 setup:
 	@.ci/setup dev
@@ -54,6 +57,16 @@ vm:
 	@.ci/setup vm
 	@PYTHONPATH=tests $(PYTHON) -m vm.image $(ARCHES)
 	@$(PYTHON) -m pytest -n0 -v --durations=5 -m vm -k "$(subst $() $(), or ,$(strip $(ARCHES)))" -o faulthandler_timeout=0 tests/vm
+
+TIMES := 5
+ONLY :=
+SECONDS := 3600
+CAMPAIGN := PYTHONPATH=tests:tests/support $(PYTHON) -m campaign
+faults: setup
+	@$(CAMPAIGN).run --times $(TIMES) --only $(ONLY)
+
+soak: setup
+	@$(CAMPAIGN).soak --seconds $(SECONDS)
 
 bench: setup
 	@$(PYTHON) bench/run.py

@@ -6,6 +6,7 @@ from pathlib import Path
 
 NAMES = (
     *("plan_noop", "call_cost", "endpoint_process", "gate_overhead"),
+    "idle_daemon",
     *("apply_scripted", "apply_builtin", "second_apply", "attempt_cpu", "prompt_bytes"),
 )
 

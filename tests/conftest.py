@@ -1,5 +1,6 @@
 """What tests of every package may use: the option to rewrite golden files, and the invented hosts as trees on disk."""
 
+import fcntl
 import gc
 import os
 import signal
@@ -10,6 +11,9 @@ import pytest
 from endings import end_endpoints
 from hosts.plant import plant
 from hypothesis import HealthCheck, settings
+
+from octoform.endpoint.prewarming import GUESS, has_environment, prepare
+from octoform.state.layout import Layout
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
@@ -57,6 +61,18 @@ def environments(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = (base.parent if "PYTEST_XDIST_WORKER" in os.environ else base) / "environments"
     folder.mkdir(mode=0o700, exist_ok=True)
     return folder
+
+
+@pytest.fixture(scope="session")
+def compiled(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder for `Project.take_bytecode` of one environment, compiled once for the whole run."""
+    base = tmp_path_factory.getbasetemp()
+    layout = Layout((base.parent if "PYTEST_XDIST_WORKER" in os.environ else base) / "compiled", "bench")
+    layout.environments.mkdir(mode=0o700, parents=True, exist_ok=True)
+    with (layout.project / "lock").open("wb") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        assert has_environment(layout) or prepare(layout, GUESS)
+    return layout.environments
 
 
 @pytest.fixture(autouse=True)

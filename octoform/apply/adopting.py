@@ -16,16 +16,18 @@ from typing import Any
 from octoform import digest
 from octoform.apply.context import Context
 from octoform.apply.endpoint_node import CANDIDATE, made_of
-from octoform.apply.serving import prove_import, publish
+from octoform.apply.serving import Judge, prove_import, publish
 from octoform.apply.settling import runtime_files, text_of
 from octoform.diagnostics import Diagnostic, error, has_errors
 from octoform.endpoint.building import build
+from octoform.endpoint.check import judge_check
 from octoform.endpoint.environment import Environment
 from octoform.endpoint.files import CHECK
 from octoform.graph.model import Graph, Node, NodeKind, key_of
 from octoform.harness.port import Task
 from octoform.state.artifacts import accept, file_digest
 from octoform.state.files import Checkpoint, pass_by, read_regular, write_atomic
+from octoform.state.keeping import keep_accepted
 from octoform.state.layout import Layout
 from octoform.state.model import NodeState, Status
 from octoform.state.reserve import spending
@@ -59,7 +61,7 @@ class Adoption:
     source: str
 
 
-def offer(context: Context, task: Task, source: str) -> list[Diagnostic]:
+def offer(context: Context, task: Task, source: str, judge: Judge = judge_check) -> list[Diagnostic]:
     """Import the server where it will be served, and publish the endpoint with it; no errors: it is live."""
     environment, found = _environment(context)
     if environment is None:
@@ -72,22 +74,25 @@ def offer(context: Context, task: Task, source: str) -> list[Diagnostic]:
     problem = _write(trial, source)
     if problem is not None:
         return [*found, problem]
-    publish(replace(context, layout=trial), environment, found, task.stage)
+    publish(replace(context, layout=trial), environment, found, task.stage, judge)
     return found
 
 
-def put_back(context: Context) -> list[Diagnostic]:
-    """Serve the accepted server again, if another one is being tried; problems are why it could not be."""
+def put_back(context: Context, *, smoke: bool = True) -> list[Diagnostic]:
+    """Serve the accepted server again, if another one is being tried; problems are why it could not be.
+
+    Without ``smoke`` it is put back whatever its tools say: it was in service before.
+    """
     folder = context.layout.local / CANDIDATE
     if not folder.is_dir():
         return []
-    found = _published(context)
+    found = published(context, smoke=smoke)
     shutil.rmtree(folder, ignore_errors=True)
     return found
 
 
-def adopt(context: Context, node: str, source: str) -> list[Diagnostic]:
-    """Make a proved server the accepted one, with all that rests on it.
+def adopt(context: Context, node: str, source: str, *, smoke: bool = True) -> list[Diagnostic]:
+    """Make a proved server the accepted one, with all that rests on it; ``node`` is who rewrote it.
 
     An error tells what the disk refused; what is not done then is finished by the next apply (`resume`).
     """
@@ -101,8 +106,10 @@ def adopt(context: Context, node: str, source: str) -> list[Diagnostic]:
     found = _carry_through(layout, store, context.graph, adoption, context.checkpoint)
     if has_errors(found):
         return found
+    # Without room for a copy it is adopted all the same; the next run that finds room keeps one.
+    keep_accepted(layout, {MAKER: store.snapshot.nodes[MAKER].file_digest})
     context.checkpoint("adopting.journalled")
-    found += _published(context)
+    found += published(context, smoke=smoke)
     if not has_errors(found):
         shutil.rmtree(layout.local / CANDIDATE, ignore_errors=True)
     _forget(layout)
@@ -141,11 +148,11 @@ def _environment(context: Context) -> tuple[Environment | None, list[Diagnostic]
     return environment, list(found)
 
 
-def _published(context: Context) -> list[Diagnostic]:
-    """Publish the endpoint from the accepted artifacts and call its read tools."""
+def published(context: Context, *, smoke: bool = True) -> list[Diagnostic]:
+    """Publish the endpoint from the accepted artifacts and call its read tools; no errors: it is live."""
     environment, found = _environment(context)
     if environment is not None:
-        publish(context, environment, found, "endpoint")
+        publish(context, environment, found, "endpoint", smoke=smoke)
     return found
 
 

@@ -16,7 +16,7 @@ from octoform.contracts.header import declared_names
 from octoform.contracts.model import JsonObject
 from octoform.contracts.serve_code_rules import is_standard
 from octoform.contracts.serve_tool_rules import tool_sites
-from octoform.contracts.source import Source, imported_modules, needed_source
+from octoform.contracts.source import Function, Source, imported_modules, needed_source
 from octoform.contracts.text import listed, shown
 from octoform.diagnostics import Diagnostic, error
 
@@ -175,12 +175,15 @@ def _bound(node: ast.stmt) -> Iterator[str]:
 
 def _touched(old: Parts, new: Parts) -> Iterator[Diagnostic]:
     """What differs among the statements that belong to everybody."""
-    before, after = [unit.text for unit in old.outside], [unit.text for unit in new.outside]
+    own = {unit.text for unit in old.inside}
+    # A statement of this device's alone that nothing uses any more is as it was.
+    there = [unit for unit in new.outside if unit.text not in own]
+    before, after = [unit.text for unit in old.outside], [unit.text for unit in there]
     for what, a, b, c, d in SequenceMatcher(None, before, after, autojunk=False).get_opcodes():
         if what == "equal":
             continue
-        names = {name for unit in new.outside[c:d] for name in unit.names}
-        for unit in new.outside[c:d]:
+        names = {name for unit in there[c:d] for name in unit.names}
+        for unit in there[c:d]:
             known = any(unit.names & other.names for other in old.outside)
             verb = "changes" if known or not unit.names else "adds"
             yield _problem(new.source, unit.node, f"the rewritten server {verb} {unit.title}{_whose(unit, new)}")
@@ -220,10 +223,17 @@ def _reaching_for(old: Parts, new: Parts, devices: frozenset[str]) -> Iterator[D
 
 
 def _reached_by(parts: Parts, devices: frozenset[str]) -> Iterator[tuple[str, ast.AST]]:
-    foreign = {name for unit in parts.outside if unit.tools for name in unit.names}
+    foreign = _foreign(parts)
     for unit in parts.inside:
         yield from reached(unit.node, parts.shared & unit.uses, devices)
         yield from ((name, unit.node) for name in sorted(foreign & unit.uses))
+
+
+def _foreign(parts: Parts) -> set[str]:
+    """The functions that are tools of others: decorated ones, and those that a statement without a name registers."""
+    functions = {unit.node.name for unit in parts.outside if isinstance(unit.node, Function)}
+    registering = [unit for unit in parts.outside if unit.tools]
+    return {name for unit in registering for name in unit.names or unit.uses & functions}
 
 
 def _sets(parts: Parts) -> Iterator[tuple[str, ast.AST]]:

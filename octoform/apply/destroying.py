@@ -10,7 +10,11 @@ from octoform.endpoint.removing import remove, stopped, stopped_devices
 from octoform.endpoint.systemd import is_ours, unit_path
 from octoform.plan.model import Action, Plan
 from octoform.state.files import refused
+from octoform.state.keeping import INSTANCES, forget
 from octoform.state.layout import Layout
+
+_COPIES = {"probe": ("probe", INSTANCES)}
+"""Under which names copies of a node's files are kept, where it is not its own."""
 
 
 def destroy(context: Context, plan: Plan) -> Tally:
@@ -36,6 +40,7 @@ def take_away(context: Context, node: str) -> list[Diagnostic]:
     if has_errors(found):
         context.emit(events.NodeFailed(node, tuple(found), 0.0))
     else:
+        forget(context.layout, _COPIES.get(node, (node,)))
         context.emit(events.NodeDestroyed(node))
     return found
 

@@ -20,7 +20,9 @@ from octoform.diagnostics import Diagnostic, has_errors
 from octoform.endpoint.building import build
 from octoform.endpoint.check import CheckReport, check, judge_check
 from octoform.endpoint.environment import Environment
+from octoform.endpoint.errand import Client
 from octoform.endpoint.importcheck import ImportReport, check_import, judge_import
+from octoform.endpoint.prewarming import await_bytecode
 from octoform.endpoint.promise import shown
 from octoform.endpoint.publishing import write_endpoint
 from octoform.endpoint.resolving import resolve
@@ -33,6 +35,8 @@ IMPORT_SECONDS = 30.0
 IMPORT_SHARE = 0.15
 """Who gave an attempt more time than usual has a host that is slower than usual: the import's part of that time."""
 
+Judge = Callable[[CheckReport, Mapping[str, Any]], list[Diagnostic]]
+"""(report, interface) -> what is wrong with an endpoint that was checked."""
 Proof = tuple[list[Diagnostic], dict[str, bytes], dict[str, object]]
 
 
@@ -76,20 +80,34 @@ def prove_deploy(context: Context, _: Task, deploy: Mapping[str, Any]) -> Proof:
     return found, {"requirements.txt": lock.encode()}, detail
 
 
-def publish(context: Context, environment: Environment, found: list[Diagnostic], node: str) -> CheckReport | None:
-    """Write descriptor, snippets and launcher, start the endpoint, call every read tool; problems join ``found``."""
-    stop(context.layout)
-    service = service_of(context)
-    found += doubts_of(context)
-    found += write_endpoint(context.layout, environment, service, context.environ)
-    if service.network is not None:
-        found += ensure_default(context.layout)
-    if has_errors(found):
-        return None
-    context.emit(events.Checking(node, "starting the endpoint and calling its read tools"))
-    interface = shown(context.layout, accepted(context, "interface"))
-    report = check(context.layout, interface)
-    judged = judge_check(report, interface)
+def publish(
+    context: Context,
+    environment: Environment,
+    found: list[Diagnostic],
+    node: str,
+    judge: Judge = judge_check,
+    *,
+    smoke: bool = True,
+) -> CheckReport | None:
+    """Write descriptor, snippets and launcher, start the endpoint, call every read tool; problems join ``found``.
+
+    ``judge`` says what of the check is wrong: an error takes the endpoint out of service. Without ``smoke`` no tool is
+    called, and the endpoint only has to answer with its tools.
+    """
+    with Client(context.layout, environment) as client:
+        stop(context.layout)
+        service = service_of(context)
+        found += doubts_of(context)
+        found += write_endpoint(context.layout, environment, service, context.environ)
+        if service.network is not None:
+            found += ensure_default(context.layout)
+        if has_errors(found):
+            return None
+        told = "starting the endpoint and calling its read tools" if smoke else "starting the endpoint"
+        context.emit(events.Checking(node, told))
+        interface = shown(context.layout, accepted(context, "interface"))
+        report = check(context.layout, interface, smoke=smoke, client=client)
+    judged = judge(report, interface)
     found += judged
     if has_errors(judged):
         # What is broken is not left running; the next apply makes it anew.
@@ -115,6 +133,7 @@ def _lock(context: Context, requirements: Sequence[str]) -> tuple[str | None, li
 def _environment(context: Context, lock: str | None) -> tuple[Environment | None, list[Diagnostic]]:
     if lock is None:
         return None, []
+    await_bytecode(context.layout)
     environment, found = build(context.layout, lock)
     return environment, list(found)
 

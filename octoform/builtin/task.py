@@ -12,7 +12,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-STAGES = ("probe", "identify", "interface", "serve", "deploy")
+STAGES = ("probe", "identify", "interface", "serve", "deploy", "watch", "heal")
+"""What this agent does; the last two are asked of it once a deployment runs."""
 STEP = "step."
 """How the name of a privileged step begins; all of them are done by one stage of this agent."""
 DEFAULT_TOOLS = 30

@@ -26,14 +26,14 @@ def _running(commands: Commands) -> None:
     logs = add(commands, "logs", "show what the endpoint did: its calls and what it printed")
     logs.add_argument("-f", "--follow", action="store_true", dest="follow", help="go on as new lines come")
     value(logs, "n", "LINES", "so many of the latest lines", default="50")
-    service = add(commands, "service", "have systemd run the endpoint", json=False)
+    service = add(commands, "service", "have systemd run the endpoint and its daemon", json=False)
     verbs = verbs_of(service)
     for name, text in (
-        ("install", "show the systemd unit, then write and start it"),
-        ("uninstall", "stop and remove the unit"),
+        ("install", "show the systemd units, then write and start them"),
+        ("uninstall", "stop and remove the units"),
     ):
         verb = add(verbs, name, text, json=False)
-        flag(verb, "user", "for this user alone; without it the unit is only printed")
+        flag(verb, "user", "for this user alone; without it the units are only printed")
         flag(verb, "auto-approve", "do not ask")
 
 

@@ -8,7 +8,7 @@ import argparse
 import re
 from collections.abc import Sequence
 
-from octoform.cli import live
+from octoform.cli import keeping, live
 from octoform.cli.options import JSON_HELP, Commands, Parser, UsageError, add, flag, value, verbs_of
 
 EXIT_CODES = """\
@@ -16,6 +16,7 @@ exit codes:
   0    done; for `plan -detailed-exitcode`: no changes
   1    an error; the reason is on standard error
   2    for `plan -detailed-exitcode`: there are changes; for `look`: the picture shows nothing
+  3    for `health`, `heal` and `watch -once`: degraded; 4: error, 5: down, 6: unknown, 0: healthy
   129  stopped by SIGHUP: its terminal was closed
   130  interrupted from the keyboard
   143  stopped by SIGTERM
@@ -38,6 +39,7 @@ def build() -> argparse.ArgumentParser:
     _working(commands)
     _state(commands)
     live.commands_of(commands)
+    keeping.commands_of(commands)
     _agents(commands)
     return parser
 

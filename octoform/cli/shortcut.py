@@ -8,7 +8,7 @@ import sys
 from collections.abc import Sequence
 
 from octoform.endpoint import sockets
-from octoform.endpoint.piping import pipe
+from octoform.endpoint.piping import Again, pipe
 
 CHDIR = ("-chdir=", "--chdir=")
 PLACE = "/.octoform/{host}/run/endpoint.sock"
@@ -25,7 +25,16 @@ def connected(words: Sequence[str]) -> int | None:
     except OSError:
         return None
     with connection:
-        return 0 if pipe(connection) else _stopped(words[-1])
+        return 0 if pipe(connection, again=lambda: _again(folder, words[-1])) else _stopped(words[-1])
+
+
+def _again(folder: str, host: str) -> Again:
+    from pathlib import Path  # all of this only where an endpoint has ended
+
+    from octoform.endpoint.returning import Returning
+    from octoform.state.layout import Layout
+
+    return Returning(Layout(Path(folder).absolute(), host))
 
 
 def _folder(words: Sequence[str]) -> str | None:

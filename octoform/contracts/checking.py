@@ -9,6 +9,7 @@ from pathlib import Path
 from octoform.contracts import (
     deploy_rules,
     grammar_rules,
+    heal_rules,
     identify_rules,
     interface_rules,
     interface_schemas,
@@ -16,6 +17,7 @@ from octoform.contracts import (
     serve_rules,
     step_rules,
     topology_rules,
+    watch_rules,
 )
 from octoform.contracts.canon import load_schema
 from octoform.contracts.model import Artifacts, Rule
@@ -31,14 +33,25 @@ RULES: dict[str, tuple[Rule, ...]] = {
     "serve": serve_rules.RULES,
     "deploy": deploy_rules.RULES,
     "step": step_rules.RULES,
+    "watch": watch_rules.RULES,
+    "heal": heal_rules.RULES,
 }
-_NEEDS = {"identify": "probe", "interface": "identify", "serve": "interface", "deploy": "serve", "step": "interface"}
+_NEEDS = {
+    "identify": "probe",
+    "interface": "identify",
+    "serve": "interface",
+    "deploy": "serve",
+    "step": "interface",
+    "watch": "interface",
+    "heal": "interface",
+}
 
 
 def check(stage: str, value: object, artifacts: Artifacts, schemas: Path, path: str | None = None) -> list[Diagnostic]:
     """Everything that is wrong with ``value`` as the output of ``stage``; empty when the contract accepts it.
 
-    The output of a privileged step (``step.arm``) has a contract too; ``artifacts.step`` says of which step.
+    The output of a privileged step (``step.arm``) has a contract too; ``artifacts.step`` says of which step. So do
+    the reports of the duties (``watch``, ``heal``), with ``artifacts.duty`` for what their agent was given.
 
     ``artifacts`` holds the accepted artifacts of the stages before; ValueError when the preceding one is missing,
     which no user can cause. ``path`` is written into the diagnostics. Warnings may be among them.

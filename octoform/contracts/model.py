@@ -7,6 +7,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
+from octoform.contracts.duties import DutyFacts
 from octoform.contracts.stepping import StepFacts
 from octoform.diagnostics import Diagnostic
 
@@ -35,7 +36,8 @@ class ProfileFacts:
 class Artifacts:
     """The accepted artifacts of the stages before the one in question; None for what does not exist yet.
 
-    ``answers`` is what a person said of a device, by the device's id; ``step`` what a privileged step is held to.
+    ``answers`` is what a person said of a device, by the device's id; ``step`` what a privileged step is held to,
+    ``duty`` what the report of WATCH or HEAL is held to: what its agent was given.
     """
 
     probe: JsonObject | None = None
@@ -47,6 +49,7 @@ class Artifacts:
     answers: Mapping[str, str] = field(default_factory=dict)
     tools_budget: int = DEFAULT_TOOLS_BUDGET
     step: StepFacts | None = None
+    duty: DutyFacts | None = None
 
 
 RuleCheck = Callable[[Any, Artifacts], list[Diagnostic]]

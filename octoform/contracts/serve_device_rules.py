@@ -47,7 +47,7 @@ def device_at_import(value: str, _: Artifacts) -> list[Diagnostic]:
     return [
         source.problem("SERVE-DEVICE-AT-IMPORT", call, f"{shown(source.dotted(call.func))} runs at import", hint)
         for call in _run_at_import(source)
-        if _opens_anything(source, call)
+        if opens_anything(source, call)
     ]
 
 
@@ -110,7 +110,8 @@ def opens_device(source: Source, call: ast.Call) -> bool:
     return False
 
 
-def _opens_anything(source: Source, call: ast.Call) -> bool:
+def opens_anything(source: Source, call: ast.Call) -> bool:
+    """Whether a call opens a file, a device or a program, or looks for a device."""
     name = source.dotted(call.func)
     if name in _FILE_OPENERS | _RUNTIME_READS or _PROGRAMS.fullmatch(name) or opens_device(source, call):
         return True

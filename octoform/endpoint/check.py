@@ -14,7 +14,7 @@ from typing import Any
 from octoform.diagnostics import Diagnostic
 from octoform.endpoint.calllog import LoggedCall, calls_after, mark
 from octoform.endpoint.checkreport import CheckReport, TrialCall
-from octoform.endpoint.errand import Call, Report, recorded_environment, send
+from octoform.endpoint.errand import Call, Client, Report, recorded_environment
 from octoform.endpoint.files import CHECK
 from octoform.endpoint.judging import judge_check
 from octoform.endpoint.supervising import clear_left, start
@@ -34,11 +34,13 @@ def check(
     smoke: bool = True,
     mode: str = "auto",
     call_seconds: float = CALL_SECONDS,
+    client: Client | None = None,
 ) -> CheckReport:
     """Check the applied endpoint against the INTERFACE artifact and record the result beside the launcher.
 
-    With ``smoke`` every tool of effect ``read`` is called once, one after the other. Never raises for what the
-    server does. Takes two to three seconds of wall time, nearly all of it in other processes.
+    With ``smoke`` every tool of effect ``read`` is called once, one after the other; ``client`` is one that is being
+    loaded already, and ends here. Never raises for what the server does. Takes two seconds of wall time, nearly all of
+    it in other processes.
     """
     environment = recorded_environment(layout)
     if environment is None:
@@ -46,12 +48,13 @@ def check(
     readers = [tool for tool in interface["tools"] if smoke and tool["effect"] == "read"]
     trials = {tool["name"]: trial_arguments(tool) for tool in readers}
     calls = [Call(name, given, seconds=call_seconds) for name, given in trials.items() if given is not None]
-    process, problem = start(layout)
-    if process is None:
-        report = CheckReport(False, told(problem) if problem else None, None, None, (), (), 0.0)
-        return replace(report, unrecorded=write_atomic(layout.endpoint / CHECK, _record(report), 0o600))
-    position = mark(layout.call_log)
-    seen = send(layout, environment, calls, mode=mode)
+    with client or Client(layout, environment) as sent:
+        process, problem = start(layout)
+        if process is None:
+            report = CheckReport(False, told(problem) if problem else None, None, None, (), (), 0.0)
+            return replace(report, unrecorded=write_atomic(layout.endpoint / CHECK, _record(report), 0o600))
+        position = mark(layout.call_log)
+        seen = sent.send(calls, mode=mode)
     report = _report(seen, list(trials), calls_after(layout.call_log, position))
     report = replace(report, survivors=clear_left(process, spare=True))
     return replace(report, unrecorded=write_atomic(layout.endpoint / CHECK, _record(report), 0o600))

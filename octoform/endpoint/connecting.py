@@ -4,7 +4,7 @@ from pathlib import Path
 
 from octoform.diagnostics import Diagnostic
 from octoform.endpoint.files import LAUNCHER
-from octoform.endpoint.piping import pipe
+from octoform.endpoint.piping import Again, pipe
 from octoform.endpoint.reaching import reach
 from octoform.manifest.host_name import is_legal
 from octoform.state.belonging import foreign_among
@@ -20,7 +20,13 @@ def connect(project: Path, host: str | None) -> str | None:
     if isinstance(connection, Diagnostic):
         return ": ".join(filter(None, (connection.summary, connection.detail)))
     with connection:
-        return None if pipe(connection) else f"the endpoint of {layout.host} was stopped"
+        return None if pipe(connection, again=lambda: _again(layout)) else f"the endpoint of {layout.host} was stopped"
+
+
+def _again(layout: Layout) -> Again:
+    from octoform.endpoint.returning import Returning  # here, since few pipes ever need it
+
+    return Returning(layout)
 
 
 def _layout(project: Path, host: str | None) -> Layout | str:

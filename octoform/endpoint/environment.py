@@ -70,7 +70,16 @@ def intact(environment: Environment) -> list[str]:
         before, after = built.get(name), present.get(name)
         if before != after:
             reasons.append(_difference(name, before, after))
+    if set(present) - set(built):
+        reasons += _conflicts(packages_of(environment.path))
     return reasons
+
+
+def _conflicts(folder: Path) -> list[str]:
+    """What was added may provide a module that was there: whichever came last has overwritten the other."""
+    from octoform.endpoint.distributions import conflicts  # here, since this is the rare case
+
+    return [f"{module} is provided by both {' and '.join(names)}" for module, names in conflicts(folder).items()]
 
 
 def packages_of(path: Path) -> Path:

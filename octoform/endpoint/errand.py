@@ -8,7 +8,7 @@ from typing import Any
 
 from octoform.endpoint.environment import Environment, at
 from octoform.endpoint.files import read_manifest
-from octoform.endpoint.process import base_environment, run
+from octoform.endpoint.process import Begun, Finished, base_environment
 from octoform.endpoint.publishing import client_command
 from octoform.state.layout import Layout
 
@@ -49,31 +49,43 @@ def recorded_environment(layout: Layout) -> Environment | None:
     return at(Path(str(manifest["environment"]))) if manifest and "environment" in manifest else None
 
 
-def send(
-    layout: Layout,
-    environment: Environment,
-    calls: Sequence[Call] = (),
-    *,
-    mode: str = "auto",
-) -> Report:
-    """Connect as any client does, list the tools, make the calls; blocks until the client is gone again.
+class Client:
+    """A client that loads while the endpoint is being started, which takes as long as its loading."""
 
-    ``mode`` is ``auto`` (the newest protocol first) or ``legacy`` (the handshake). Costs about a CPU second of other
-    processes, and another one where the endpoint has to be started first.
-    """
-    task = {
-        "command": client_command(layout),
-        "mode": mode,
-        "start_seconds": START_SECONDS,
-        "calls": [{"tool": call.tool, "arguments": dict(call.arguments), "seconds": call.seconds} for call in calls],
-    }
-    finished = run(
-        [str(environment.python), "-I", str(SCRIPT)],
-        cwd=layout.endpoint,
-        environment={**base_environment(), "FASTMCP_CHECK_FOR_UPDATES": "off", "FASTMCP_ENV_FILE": "/dev/null"},
-        timeout=START_SECONDS + _MARGIN + sum(call.seconds for call in calls),
-        stdin=json.dumps(task),
-    )
+    def __init__(self, layout: Layout, environment: Environment) -> None:
+        self._layout = layout
+        self._begun = Begun(
+            [str(environment.python), "-I", str(SCRIPT)],
+            cwd=layout.project,
+            environment={**base_environment(), "FASTMCP_CHECK_FOR_UPDATES": "off", "FASTMCP_ENV_FILE": "/dev/null"},
+        )
+
+    def __enter__(self) -> "Client":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """End it where it was not sent."""
+        self._begun.drop()
+
+    def send(self, calls: Sequence[Call] = (), *, mode: str = "auto") -> Report:
+        """Connect as any client does, list the tools, make the calls; blocks until the client is gone again. Once.
+
+        ``mode`` is ``auto`` (the newest protocol first) or ``legacy`` (the handshake). Costs about a CPU second of
+        other processes.
+        """
+        task = {
+            "command": client_command(self._layout),
+            "mode": mode,
+            "start_seconds": START_SECONDS,
+            "calls": [
+                {"tool": call.tool, "arguments": dict(call.arguments), "seconds": call.seconds} for call in calls
+            ],
+        }
+        timeout = START_SECONDS + _MARGIN + sum(call.seconds for call in calls)
+        return _told(self._begun.finish(json.dumps(task), timeout))
+
+
+def _told(finished: Finished) -> Report:
     log = finished.stderr[-4000:]
     try:
         value = json.loads(finished.stdout)

@@ -5,6 +5,7 @@ end of a first apply, when a person waits for the endpoint. It is a guess and ne
 what fails here fails again, and is told, where it counts.
 """
 
+import fcntl
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -20,6 +21,7 @@ GUESS = ("fastmcp>=4.1,<4.2",)
 """What the SERVE spec asks of every server; further packages differ from host to host."""
 SCRIPT = Path(__file__).parent / "scripts" / "warm.py"
 SECONDS = 120.0
+COMPILING = ".compiling.lock"
 
 
 @contextmanager
@@ -48,7 +50,17 @@ def prepare(layout: Layout, requirements: Sequence[str]) -> bool:
     if environment is None:
         return False
     command = [str(environment.python), "-I", str(SCRIPT)]
-    return run(command, cwd=environment.path, environment=base_environment(), timeout=SECONDS).status == 0
+    with (layout.environments / COMPILING).open("wb") as file:
+        fcntl.flock(file, fcntl.LOCK_EX)
+        return run(command, cwd=environment.path, environment=base_environment(), timeout=SECONDS).status == 0
+
+
+def await_bytecode(layout: Layout) -> None:
+    """Wait for a compiling that is under way (bounded, as that is): an import beside it would do all of it again."""
+    path = layout.environments / COMPILING
+    if path.is_file():
+        with path.open("rb") as file:
+            fcntl.flock(file, fcntl.LOCK_SH)
 
 
 def has_environment(layout: Layout) -> bool:

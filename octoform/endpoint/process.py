@@ -13,6 +13,7 @@ import subprocess
 import tempfile
 import time
 from collections.abc import Mapping, Sequence
+from contextlib import ExitStack, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import IO
@@ -76,6 +77,58 @@ def run(
         finally:
             survivors = _clear(process, mark)
         return Finished(status, _head(out), _head(err), time.monotonic() - started, survivors)
+
+
+class Begun:
+    """A program that was started before its task is known, so that it can load meanwhile.
+
+    It is given its task on standard input by `finish`; `drop` ends it without one. One of both has to be called.
+    """
+
+    def __init__(self, command: Sequence[str], *, cwd: Path, environment: Mapping[str, str]) -> None:
+        """Start it; FileNotFoundError or PermissionError when that does not work."""
+        self._mark = secrets.token_hex(16)
+        with ExitStack() as opened:
+            self._out = opened.enter_context(tempfile.TemporaryFile())
+            self._err = opened.enter_context(tempfile.TemporaryFile())
+            self._process = subprocess.Popen(
+                list(command),
+                cwd=cwd,
+                env={**environment, MARK: self._mark},
+                stdin=subprocess.PIPE,
+                stdout=self._out,
+                stderr=self._err,
+                start_new_session=True,
+            )
+            self._files = opened.pop_all()
+
+    def finish(self, stdin: str, timeout: float) -> Finished:
+        """Hand it its task and wait for its end, for at most ``timeout`` seconds, which are counted from now."""
+        started = time.monotonic()
+        try:
+            self._process.communicate(stdin.encode(), timeout)
+            status: int | None = self._process.returncode
+        except subprocess.TimeoutExpired:
+            status = None
+        except BaseException:
+            self.drop()
+            raise
+        survivors = _clear(self._process, self._mark)
+        finished = Finished(status, _head(self._out), _head(self._err), time.monotonic() - started, survivors)
+        self._close()
+        return finished
+
+    def drop(self) -> None:
+        """End it, with all that it has started; nothing when it has ended by `finish`."""
+        if not self._out.closed:
+            _clear(self._process, self._mark)
+            self._close()
+
+    def _close(self) -> None:
+        if self._process.stdin is not None:
+            with suppress(BrokenPipeError):
+                self._process.stdin.close()
+        self._files.close()
 
 
 def _clear(process: "subprocess.Popen[bytes]", mark: str) -> int:

@@ -9,11 +9,12 @@ import os
 import shlex
 import sys
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import octoform
-from octoform.diagnostics import Diagnostic
+from octoform.diagnostics import Diagnostic, Severity
 from octoform.digest import of_bytes
 from octoform.endpoint.building import prune
 from octoform.endpoint.environment import Environment, at
@@ -36,6 +37,7 @@ from octoform.endpoint.promise import denied
 from octoform.endpoint.service import Service
 from octoform.endpoint.snippets import snippets
 from octoform.state.files import write_atomic
+from octoform.state.keeping import ENDPOINT, keep
 from octoform.state.layout import Layout
 
 SCRIPT = Path(__file__).parent / "scripts" / "serve.py"
@@ -44,7 +46,7 @@ SCRIPT = Path(__file__).parent / "scripts" / "serve.py"
 def write_endpoint(
     layout: Layout, environment: Environment, service: Service, environ: Mapping[str, str] | None = None
 ) -> list[Diagnostic]:
-    """Write the endpoint of the accepted server; errors when the disk refuses, empty when all of it stands.
+    """Write the endpoint of the accepted server; errors when the disk refuses, a warning when only a copy is missing.
 
     ``environ`` (default: this process's) is where a system root in use is taken from. OSError when the accepted
     server.py cannot be read, which is a bug of the caller.
@@ -74,8 +76,9 @@ def write_endpoint(
     }
     if problem := write_atomic(folder / MANIFEST, _json(manifest), 0o600):
         return [problem]
+    kept = keep(layout, ENDPOINT, {**{name: data for name, (data, _) in files.items()}, MANIFEST: _json(manifest)})
     prune(layout, {Path(str(manifest[name])) for name in ("environment", "previous_environment") if manifest[name]})
-    return []
+    return [] if kept is None else [replace(kept, severity=Severity.WARNING)]
 
 
 def is_published(layout: Layout, service: Service, environ: Mapping[str, str] | None = None) -> bool:

@@ -5,7 +5,9 @@ from collections.abc import Callable
 
 from octoform.diagnostics import Diagnostic, error
 from octoform.endpoint.sockets import greeted
+from octoform.endpoint.stopmark import unmark
 from octoform.endpoint.supervising import start
+from octoform.state.files import refused
 from octoform.state.layout import Layout
 
 CONNECT_SECONDS = 5.0
@@ -29,6 +31,10 @@ def reach(layout: Layout, waiting: Callable[[], None] | None = None) -> socket.s
 
 
 def _started(layout: Layout, waiting: Callable[[], None] | None) -> Diagnostic | None:
+    try:
+        unmark(layout)
+    except OSError as problem:
+        return refused(problem, layout.stop_mark)
     if waiting is None:
         return start(layout)[1]
     import threading  # here, so that a pipe to a running endpoint does not load it

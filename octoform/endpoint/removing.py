@@ -18,6 +18,7 @@ from octoform.endpoint.files import (
 )
 from octoform.endpoint.snippets import snippets
 from octoform.endpoint.supervising import stop
+from octoform.state.keeping import ENDPOINT, forget
 from octoform.state.layout import Layout
 
 STOPS = "stopped-*.json"  # what the runtime writes for a device that was stopped until a command of its own
@@ -45,6 +46,7 @@ def remove(layout: Layout) -> list[Path]:
             shutil.rmtree(path)
     for path in sorted(layout.environments.glob(".*.lock")):
         path.unlink()
+    forget(layout, (ENDPOINT,))
     return [*_sweep(folder / CLIENTS), *_sweep(folder), *_sweep(layout.environments)]
 
 

@@ -78,7 +78,11 @@ def accepts(layout: Layout) -> bool:
 
 
 def stop(layout: Layout, seconds: float = STOP_SECONDS) -> Stopped:
-    """End the process: asked first, killed when it has not gone after ``seconds``; nothing else is ever touched."""
+    """End the process: asked first, killed when it has not gone after ``seconds``; nothing else is ever touched.
+
+    One that a signal or a debugger has stopped is killed at once: it hears nothing, and were it woken, calls that stood
+    still for who knows how long would go on first. (Systemd has its own way, and starts again what somebody else ends.)
+    """
     found = running(layout)
     if found is None:
         return Stopped(None)
@@ -91,7 +95,7 @@ def stop(layout: Layout, seconds: float = STOP_SECONDS) -> Stopped:
             return Stopped(None)
         if not systemd.stopped(layout):
             _signal(handle, signal.SIGTERM)
-        firmly = not _gone(found, time.monotonic() + seconds)
+        firmly = is_stopped(found.pid) or not _gone(found, time.monotonic() + seconds)
         if firmly:
             _signal(handle, signal.SIGKILL)
             _gone(found, time.monotonic() + seconds)
@@ -106,6 +110,15 @@ def clear_left(process: Running, *, spare: bool = False) -> int:
     from octoform.endpoint.process import clear  # here, so that a client's pipe does not load it
 
     return clear(process.mark, MARK, spared=process.pid if spare else None) if process.mark else 0
+
+
+def is_stopped(pid: int) -> bool:
+    """True while a process stands still because it was told to (proc(5): state T or t)."""
+    try:
+        text = Path(f"/proc/{pid}/stat").read_text(errors="replace")
+    except OSError:
+        return False
+    return text.rpartition(")")[2].split()[:1] in (["T"], ["t"])
 
 
 def _signal(handle: int, number: int) -> None:
@@ -199,12 +212,15 @@ def _start(layout: Layout, end: float) -> tuple[Running | None, Diagnostic | Non
 
 
 def _set_aside(log: Path) -> None:
-    """A log that has grown large makes room for a new one; the one that was set aside before is gone then."""
+    """A log that has grown large makes room for a new one."""
     try:
-        if log.lstat().st_size > LARGE_LOG:
-            log.rename(log.with_name(f"{log.name}.1"))
+        if log.lstat().st_size <= LARGE_LOG:
+            return
     except FileNotFoundError:
         return
+    from octoform.endpoint.archiving import set_aside  # here, so that a client's pipe does not load it
+
+    set_aside(log, held_open=False)
 
 
 def _private(path: Path) -> int:

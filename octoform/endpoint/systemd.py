@@ -76,13 +76,13 @@ def unit_path(layout: Layout, environ: Mapping[str, str] | None = None) -> Path:
 def unit_text(layout: Layout, path: str, account: str | None = None) -> str:
     """The unit, with the search path ``path`` for a tunnel's program; for the whole machine with ``account``."""
     return _UNIT.format(
-        host=_plain(layout.host),
-        user="" if account is None else f"User={_plain(account)}\n",
-        launcher=_program(layout.endpoint / LAUNCHER),
-        folder=_plain(str(layout.run)),
+        host=plain(layout.host),
+        user="" if account is None else f"User={plain(account)}\n",
+        launcher=program(layout.endpoint / LAUNCHER),
+        folder=plain(str(layout.run)),
         path=quoted(f"PATH={path}"),
         mark=f"{MARK}={of_bytes(os.fsencode(layout.endpoint))[-16:]}",
-        log=_plain(str(layout.server_log)),
+        log=plain(str(layout.server_log)),
         target="default.target" if account is None else "multi-user.target",
     )
 
@@ -93,7 +93,7 @@ def quoted(word: str) -> str:
     return f'"{text}"'
 
 
-def _program(path: Path) -> str:
+def program(path: Path) -> str:
     """The program to start. Systemd takes none with a quote or a backslash in its name, so there a shell starts it.
 
     A dollar sign would be taken for a variable without the colon.
@@ -103,7 +103,7 @@ def _program(path: Path) -> str:
     return (":" if "$" in text else "") + shell + quoted(text)
 
 
-def _plain(text: str) -> str:
+def plain(text: str) -> str:
     """A setting that goes to the end of its line: blanks stay, specifiers do not work."""
     return text.replace("%", "%%")
 
@@ -116,7 +116,7 @@ def fits(layout: Layout) -> bool:
 def is_ours(layout: Layout, path: Path) -> bool:
     """True when the unit at ``path`` starts this very endpoint; another project may have a host of the same name."""
     try:
-        return f"ExecStart={_program(layout.endpoint / LAUNCHER)}" in path.read_text().splitlines()
+        return f"ExecStart={program(layout.endpoint / LAUNCHER)}" in path.read_text().splitlines()
     except (OSError, ValueError):
         return False
 

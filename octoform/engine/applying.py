@@ -7,18 +7,19 @@ from functools import cache, partial
 from pathlib import Path
 from typing import Any
 
-from octoform.apply.adopting import resume
 from octoform.apply.context import Clock, Context
 from octoform.apply.destroying import destroy
 from octoform.apply.runner import execute
 from octoform.apply.tally import Tally
-from octoform.diagnostics import Diagnostic, error, has_errors
+from octoform.diagnostics import Diagnostic, Severity, error, has_errors
+from octoform.endpoint import stopmark
 from octoform.endpoint.prewarming import prewarmed
-from octoform.engine import knowledge, memo, reporting
+from octoform.engine import knowledge, memo, onboarding, reporting
 from octoform.engine.committing import commit_run
-from octoform.engine.compiling import Compiled, compile_project
+from octoform.engine.compiling import Compiled
 from octoform.engine.execution_log import logging_to
 from octoform.engine.observing import read_artifacts
+from octoform.engine.opening import Locked, Means, Refused, context_of, locked, opened
 from octoform.engine.planning import Outlook, Request, prepare
 from octoform.engine.ports import RunView
 from octoform.engine.results import RunResult, RunUsage
@@ -29,20 +30,27 @@ from octoform.harness.orphans import sweep
 from octoform.plan.model import Plan
 from octoform.state import donors
 from octoform.state.artifacts import observe
-from octoform.state.files import check_writable, write_atomic
+from octoform.state.files import write_atomic
 from octoform.state.history import repository_facts
-from octoform.state.layout import Layout
-from octoform.state.lock import Waiting, acquire
+from octoform.state.keeping import keep_accepted
+from octoform.state.layout import STEP, Layout
 from octoform.state.model import GitRecord
 from octoform.state.store import Context as RunFacts
 from octoform.state.store import Ports, StateStore
 
+_SERVING = ("deploy", "endpoint")
+"""The nodes that start the endpoint, as every privileged step does."""
+
 
 @dataclass(frozen=True, slots=True)
 class Options:
-    """How a run is carried out; ``planfile`` is a saved plan to obey, ``ports`` are the state's crash points."""
+    """How a run is carried out; ``planfile`` is a saved plan to obey, ``ports`` are the state's crash points.
+
+    ``consent`` decides in a person's place, with all that the plan was made from before it.
+    """
 
     approved: bool = False
+    consent: Callable[[Outlook], bool] | None = None
     lock_seconds: float = 0.0
     planfile: Path | None = None
     clock: Clock = field(default_factory=Clock)
@@ -72,33 +80,20 @@ def _locked(request: Request, options: Options, view: RunView) -> RunResult:
     """Everything under the lock of the host's state."""
     operation = "destroy" if request.destroy else "apply"
     blank = RunResult(operation, "")
-    compiled, found = compile_project(request.project, request.environ)
-    if compiled is None:
-        return replace(blank, failed="compile", diagnostics=tuple(found))
-    blank = replace(blank, host=compiled.layout.host)
-    acquired = acquire(compiled.layout, operation, Waiting(timeout=options.lock_seconds))
-    if acquired.lock is None:
-        return replace(blank, failed="lock", diagnostics=acquired.diagnostics)
-    with acquired.lock:
-        # Only with the lock: this writes into the folders, and removes what looks like a dead run's leftovers.
-        found = check_writable(compiled.layout)
-        if found:
-            return replace(blank, failed="state", diagnostics=tuple(found))
-        return _planned(request, options, view, compiled, acquired.notices)
+    with locked(request.project, request.environ, operation, options.lock_seconds) as held:
+        if isinstance(held, Refused):
+            return replace(blank, host=held.host, failed=held.failed, diagnostics=held.diagnostics)
+        return _planned(request, options, view, held)
 
 
-def _planned(
-    request: Request, options: Options, view: RunView, compiled: Compiled, notices: tuple[str, ...]
-) -> RunResult:
+def _planned(request: Request, options: Options, view: RunView, held: Locked) -> RunResult:
     started = options.clock.monotonic()
+    compiled = held.compiled
     blank = RunResult("destroy" if request.destroy else "apply", compiled.layout.host)
-    store, found = StateStore.open(compiled.layout, options.ports)
-    if store is None:
-        return replace(blank, failed="state", diagnostics=tuple(found))
-    finished, problems = resume(compiled.layout, store, compiled.graph)
-    if has_errors(problems):
-        return replace(blank, failed="state", diagnostics=tuple(problems))
-    notices = (*notices, *finished)
+    there = opened(compiled, options.ports)
+    if isinstance(there, Refused):
+        return replace(blank, failed=there.failed, diagnostics=there.diagnostics)
+    store, notices = there.store, (*held.notices, *there.finished)
     saved, problems = read_saved(options.planfile, compiled)
     if problems:
         return replace(blank, failed="plan", diagnostics=tuple(problems))
@@ -108,10 +103,12 @@ def _planned(
     refused = saved.check(outlook) if saved else ()
     shown = saved.plan if saved else outlook.plan
     view.plan(shown)
-    if not shown.empty and not (options.approved or saved) and not view.approve():
+    if not shown.empty and not (options.approved or saved) and not _approved(options, outlook, view):
         hint = "say yes on a terminal, or use -auto-approve"
         declined = error("APPLY-NOT-APPROVED", f"{blank.operation} was not approved; nothing was done", hint=hint)
         return replace(blank, failed="approval", diagnostics=(declined,))
+    if not request.destroy and any(item.node in _SERVING or item.node.startswith(STEP) for item in shown.work):
+        stopmark.unmark(compiled.layout)
     run = _Run(request, options, view, outlook, store)
     try:
         tally = run.carry_out(shown, saved, notices)
@@ -126,6 +123,10 @@ def _planned(
         failed=result.failed or ("saved plan" if refused else None),
         refused=tuple(sorted(saved.stale)) if saved else (),
     )
+
+
+def _approved(options: Options, outlook: Outlook, view: RunView) -> bool:
+    return view.approve() if options.consent is None else options.consent(outlook)
 
 
 @dataclass(frozen=True, slots=True)
@@ -155,25 +156,10 @@ class _Run:
                 return execute(context, plan, allowed)
 
     def _context(self, emit: Callable[[Event], None]) -> Context:
-        compiled, situation = self.outlook.compiled, self.outlook.situation
-        return Context(
-            layout=compiled.layout,
-            manifest=compiled.manifest,
-            graph=compiled.graph,
-            specs=compiled.specs,
-            steps=compiled.steps,
-            schemas=compiled.schemas,
-            profiles=compiled.profiles,
-            store=self.store,
-            contract=situation.contract,
-            fingerprint=situation.fingerprint.digest,
-            hardware=situation.fingerprint.entries,
-            environ=self.request.environ,
-            emit=emit,
-            clock=self.options.clock,
-            checkpoint=self.options.ports.checkpoint,
-            donors=cache(partial(donors.find, compiled.layout)) if self.request.reuse else dict,
-        )
+        compiled, request, options = self.outlook.compiled, self.request, self.options
+        donating = cache(partial(donors.find, compiled.layout)) if request.reuse else dict
+        means = Means(request.environ, emit, options.clock, options.ports.checkpoint, donating)
+        return context_of(compiled, self.outlook.situation, self.store, means)
 
     def record(self, plan: Plan, tally: Tally, seconds: float) -> RunResult:
         """The snapshot, the commit, the memo, and the result."""
@@ -192,6 +178,9 @@ class _Run:
             failed = "commit" if has_errors(more) else failed
         self._remember(tally)
         files = {stage: facts.digest for stage, facts in observe(compiled.layout).items()}
+        found += self._keep()
+        if failed is None and not self.request.destroy and not self.request.targets:
+            onboarding.withdraw(compiled.layout)
         artifacts = read_artifacts(compiled, self.store.snapshot, files)
         return RunResult(
             operation=plan.operation,
@@ -209,6 +198,14 @@ class _Run:
             endpoint=None if self.request.destroy or failed else reporting.endpoint(compiled.layout, artifacts),
             commit=commit,
         )
+
+    def _keep(self) -> list[Diagnostic]:
+        """Copies of what was accepted; a run without room for them has done its work all the same, and says so."""
+        if self.request.destroy:
+            return []
+        accepted = {name: node.file_digest for name, node in self.store.snapshot.nodes.items()}
+        problem = keep_accepted(self.outlook.compiled.layout, accepted)
+        return [] if problem is None else [replace(problem, severity=Severity.WARNING)]
 
     def _remember(self, tally: Tally) -> None:
         """Keep the memo when nothing is left to do; drop it when something is."""

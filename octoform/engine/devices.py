@@ -153,4 +153,9 @@ def _attached(layout: Layout, environ: Mapping[str, str], asked: Mapping[str, li
         answers = json.loads(ended.stdout)
     except (OSError, ValueError, subprocess.SubprocessError):
         return {}  # the rows say that it is not known
-    return {name: Attached(**{**answer, "nodes": tuple(answer["nodes"])}) for name, answer in answers.items()}
+    return {name: _told(answer) for name, answer in answers.items()}
+
+
+def _told(answer: Mapping[str, Any]) -> Attached:
+    told = {field: answer[field] for field in ("attached", "port", "strength", "doubt")}
+    return Attached(**told, nodes=tuple(answer["nodes"]))

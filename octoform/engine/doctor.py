@@ -20,7 +20,7 @@ from octoform.harness.health import Check, Status, command_check, failed, passed
 from octoform.harness.pricing import price_of
 from octoform.harness.reaching import model_checks
 from octoform.manifest.loading import load
-from octoform.manifest.model import HarnessSpec, Manifest
+from octoform.manifest.model import MODEL_FREE, HarnessSpec, Manifest
 from octoform.manifest.references import resolve
 
 LITELLM = "litellm"
@@ -79,7 +79,7 @@ def diagnose(project: Path, environ: Mapping[str, str]) -> Diagnosis:
 
 
 def _agents(manifest: Manifest) -> dict[Agent, list[str]]:
-    """Every agent of the manifest with its uses, in the order of the stages."""
+    """Every agent of the manifest with its uses, in the order of the stages; those of the daemon come after them."""
     found: dict[Agent, list[str]] = {}
     for stage, settings in manifest.stages.items():
         money = settings.budget.usd is not None or manifest.run_usd is not None
@@ -87,6 +87,10 @@ def _agents(manifest: Manifest) -> dict[Agent, list[str]]:
         if settings.escalate is not None:
             agent = Agent(settings.escalate.harness, settings.escalate.model, money)
             found.setdefault(agent, []).append(f"{stage} escalation")
+    for name, settings in manifest.keepers.items():
+        agent = Agent(settings.harness, settings.model, settings.budget.usd is not None or manifest.run_usd is not None)
+        if agent in found or settings.harness.name not in MODEL_FREE:  # what comes with octoform needs no check
+            found.setdefault(agent, []).append(name)
     keeper = manifest.housekeeping
     if keeper is not None:
         spec = HarnessSpec(LITELLM, key=keeper.key, base_url=keeper.base_url)

@@ -9,6 +9,7 @@ from typing import Any
 import octoform
 from octoform import digest, host
 from octoform.apply.step_facts import facts_of
+from octoform.contracts.canon import schema_path
 from octoform.contracts.checking import check, has_shape
 from octoform.contracts.model import Artifacts, ProfileFacts
 from octoform.contracts.parsing import parse
@@ -18,6 +19,7 @@ from octoform.engine.compiling import Compiled
 from octoform.perception.choosing import Camera, cameras
 from octoform.plan.diff import Observed, Prior
 from octoform.profiles import commands, holds
+from octoform.protocol import DUTIES
 from octoform.state.artifacts import observe as observe_files
 from octoform.state.instances import read_instances
 from octoform.state.layout import STAGES, Layout
@@ -60,7 +62,8 @@ def look(compiled: Compiled, snapshot: Snapshot, environ: Mapping[str, str]) -> 
 
 def contract_digest(schemas: Path) -> str:
     """What accepted artifacts are held to: the schemas' bytes and the version that holds the rules."""
-    texts = {path.name: digest.of_file(path) for path in sorted(schemas.glob("*.json"))}
+    duties = {schema_path(name, schemas) for name in DUTIES}  # no artifact is held to these
+    texts = {path.name: digest.of_file(path) for path in sorted(schemas.glob("*.json")) if path not in duties}
     return digest.of_value({"octoform": octoform.__version__, **texts})
 
 

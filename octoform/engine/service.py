@@ -1,4 +1,4 @@
-"""Install the endpoint as a service of a person's own systemd, and take it away. Light."""
+"""Install the endpoint and its daemon as services of a person's own systemd, and take them away. Light."""
 
 import getpass
 import os
@@ -7,14 +7,24 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from octoform.diagnostics import Diagnostic, error
-from octoform.endpoint import supervising, systemd
+from octoform.endpoint import stopmark, supervising, systemd
 from octoform.endpoint.files import LAUNCHER
 from octoform.endpoint.running import Running
+from octoform.endpoint.watch_unit import watch_name, watch_path, watch_text, watches
 from octoform.engine.serving import layout_of
 from octoform.state.files import write_atomic
 from octoform.state.layout import Layout
 
 SYSTEM_FOLDER = Path("/etc/systemd/system")
+
+
+@dataclass(frozen=True, slots=True)
+class Companion:
+    """The daemon's unit, beside the endpoint's."""
+
+    name: str
+    path: Path
+    text: str
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,10 +37,11 @@ class Unit:
     text: str
     own: bool
     account: str
+    watch: Companion
 
 
 def unit_of(project: Path, environ: Mapping[str, str], *, own: bool) -> tuple[Unit | None, list[Diagnostic]]:
-    """The unit of the project's host; nothing is written."""
+    """The units of the project's host; nothing is written."""
     layout, found = layout_of(project, environ)
     if layout is None:
         return None, found
@@ -38,8 +49,11 @@ def unit_of(project: Path, environ: Mapping[str, str], *, own: bool) -> tuple[Un
         return None, [error("SERVICE-PATH", "a path with a line break cannot stand in a unit", path=str(project))]
     name, account = systemd.unit_name(layout), getpass.getuser()
     path = systemd.unit_path(layout, environ) if own else SYSTEM_FOLDER / name
-    text = systemd.unit_text(layout, environ.get("PATH") or os.defpath, None if own else account)
-    return Unit(layout, name, path, text, own, account), []
+    programs, user = environ.get("PATH") or os.defpath, None if own else account
+    text = systemd.unit_text(layout, programs, user)
+    beside = watch_path(layout, environ) if own else SYSTEM_FOLDER / watch_name(layout)
+    watch = Companion(watch_name(layout), beside, watch_text(layout, programs, user))
+    return Unit(layout, name, path, text, own, account, watch), []
 
 
 def missing(unit: Unit) -> Diagnostic | None:
@@ -51,11 +65,14 @@ def missing(unit: Unit) -> Diagnostic | None:
 
 
 def obstacle(unit: Unit) -> Diagnostic | None:
-    """Why the unit can be neither installed nor taken away; asks systemd whether it is there."""
+    """Why the units can be neither installed nor taken away; asks systemd whether it is there."""
+    hint = "give one of the two hosts another name, or move that unit away"
     if unit.path.exists() and not systemd.is_ours(unit.layout, unit.path):
         summary = f"{unit.name} is there already, and it does not start this endpoint"
-        hint = "give one of the two hosts another name, or move that unit away"
         return error("SERVICE-FOREIGN-UNIT", summary, path=str(unit.path), hint=hint)
+    if unit.watch.path.exists() and not watches(unit.layout, unit.watch.path):
+        summary = f"{unit.watch.name} is there already, and it does not watch this project"
+        return error("SERVICE-FOREIGN-UNIT", summary, path=str(unit.watch.path), hint=hint)
     answer = systemd.systemctl("show-environment")
     if answer.status == 0:
         return None
@@ -66,27 +83,39 @@ def obstacle(unit: Unit) -> Diagnostic | None:
 
 
 def install(unit: Unit) -> tuple[Running | None, list[Diagnostic]]:
-    """Write the unit, hand the endpoint over to systemd and wait until it serves."""
+    """Write the units, hand the endpoint over to systemd and wait until it serves; then its daemon."""
+    stopmark.mark(unit.layout)  # or a daemon that runs already would start it again at once
     supervising.stop(unit.layout)
     unit.path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
-    if problem := write_atomic(unit.path, unit.text.encode(), 0o600):
-        return None, [problem]
+    for path, text in ((unit.path, unit.text), (unit.watch.path, unit.watch.text)):
+        if problem := write_atomic(path, text.encode(), 0o600):
+            return None, [problem]
+    stopmark.unmark(unit.layout)
     for words in (("daemon-reload",), ("enable", "--now", unit.name)):
         if problem := _told(*words):
             return None, [problem]
     process, problem = supervising.start(unit.layout)
-    return process, [problem] if problem else []
+    if process is not None:
+        problem = _told("enable", "--now", unit.watch.name)
+    return (None if problem else process), [problem] if problem else []
 
 
 def uninstall(unit: Unit) -> tuple[bool, list[Diagnostic]]:
-    """Stop the endpoint and take the unit away; False when none was installed."""
-    if not unit.path.exists():
+    """Stop the daemon and the endpoint, and take the units away; False when none was installed.
+
+    The endpoint is marked as stopped by a person, so that no other daemon starts it again; ``octoform start`` does.
+    """
+    if not unit.path.exists() and not unit.watch.path.exists():
         return False, []
-    problem = _told("disable", "--now", unit.name)
-    supervising.stop(unit.layout)
-    unit.path.unlink(missing_ok=True)
-    again = _told("daemon-reload")
-    return True, [item for item in (problem, again) if item]
+    problems = [_told("disable", "--now", unit.watch.name)] if unit.watch.path.exists() else []
+    unit.watch.path.unlink(missing_ok=True)
+    if unit.path.exists():
+        problems.append(stopmark.mark(unit.layout))
+        problems.append(_told("disable", "--now", unit.name))
+        supervising.stop(unit.layout)
+        unit.path.unlink(missing_ok=True)
+    problems.append(_told("daemon-reload"))
+    return True, [item for item in problems if item]
 
 
 def _told(*words: str) -> Diagnostic | None:

@@ -16,7 +16,7 @@ from octoform.engine.compiling import Compiled
 from octoform.engine.inspecting import Found, change, open_project
 from octoform.escaping import is_hidden
 from octoform.graph.model import key_of
-from octoform.protocol import STAGES, STEP, Spec, own_path, step_paths
+from octoform.protocol import DUTIES, STAGES, STEP, Spec, own_path, step_paths
 from octoform.protocol.loading import load_one
 from octoform.protocol.step_loading import load_step
 from octoform.state import attempts, spec_edits
@@ -107,9 +107,9 @@ def reset(project: Path, environ: Mapping[str, str], stage: str | None) -> tuple
 
 
 def _unknown(project: Path, stage: str | None) -> list[Diagnostic]:
-    if stage is None or stage in STAGES:
+    if stage is None or stage in (*STAGES, *DUTIES):
         return []
-    known = (*STAGES, *(f"{STEP}{name}" for name in step_paths(project / "protocol")))
+    known = (*STAGES, *DUTIES, *(f"{STEP}{name}" for name in step_paths(project / "protocol")))
     if stage in known:
         return []
     near = did_you_mean(stage, known)

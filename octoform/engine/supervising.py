@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from octoform.diagnostics import Diagnostic, did_you_mean, error
-from octoform.endpoint import supervising, tunnel
+from octoform.endpoint import stopmark, supervising, tunnel
 from octoform.endpoint.running import Running, running
 from octoform.engine.serving import layout_of
 from octoform.state.layout import Layout
@@ -47,19 +47,27 @@ def restart(project: Path, environ: Mapping[str, str]) -> tuple[Started | None, 
 
 def _start(layout: Layout, before: Running | None) -> tuple[Started | None, list[Diagnostic]]:
     tunnel.allow(layout)
-    process, problem = supervising.start(layout)
+    try:
+        process, problem = supervising.start(layout)
+    finally:
+        # Last: a daemon that finds neither a process nor the mark takes it for a death, and starts one as well.
+        stopmark.unmark(layout)
     if process is None:
         return None, [problem] if problem else []
     return Started(layout.host, process, before), []
 
 
 def stop(project: Path, environ: Mapping[str, str], host: str | None) -> tuple[Stopped | None, list[Diagnostic]]:
-    """End the endpoint's process of the manifest's host, or of ``host``; nothing is done when none runs."""
+    """End the endpoint's process of the manifest's host, or of ``host``, and let nothing start it by itself."""
     layout, found = layout_of(project, environ) if host is None else _named(project, host)
     if layout is None:
         return None, found
+    # First the mark: whoever sees the process end finds that a person wanted it.
+    problem = stopmark.mark(layout)
     done = supervising.stop(layout)
-    return Stopped(layout.host, done.process, done.firmly), []
+    if problem is not None and done.process is None:
+        return None, [problem]
+    return Stopped(layout.host, done.process, done.firmly), [problem] if problem else []
 
 
 def _named(project: Path, host: str) -> tuple[Layout | None, list[Diagnostic]]:

@@ -76,7 +76,7 @@ def dry_run(call: Call) -> ToolResult:
     shown = json.dumps(dict(call.arguments), ensure_ascii=True, default=repr)
     if len(shown) > ARGUMENTS_CHARS:
         shown = f"{shown[:ARGUMENTS_CHARS]}... ({len(shown)} characters)"
-    first = " after a person confirmed it" if policy.decision == "confirm" else ""
+    first = " after a person confirmed it" if call.confirms else ""
     where = f" on {', '.join(policy.buses)}" if policy.buses else ""
     text = f"dry run: nothing was done. {call.entry.name} would be called{where} with {shown}{first} ({policy.source})"
     data: dict[str, Any] = {"dry_run": True, "tool": call.entry.name, "arguments": shown}

@@ -39,7 +39,8 @@ class Call:
     """``given`` are the arguments as they came, ``effective`` as the tool will see them; ``began`` in monotonic
     seconds, of its way here, and once it waited for a person or a bus from then on; ``stops`` how many emergency stops
     there had been when it came; ``noted`` what shadow mode let pass; ``asked`` what its records say of asking a person:
-    approval (the same for question and answer), answer, client; ``well``: its code has ended with a result."""
+    approval (the same for question and answer), answer, client; ``well``: its code has ended with a result;
+    ``restricted`` what a claim restricts about it now, in words."""
 
     identity: str
     entry: Entry
@@ -56,6 +57,7 @@ class Call:
     work: Work | None = None
     answered: bool = False
     well: bool = False
+    restricted: str = ""
 
     @property
     def arguments(self) -> Mapping[str, Any]:
@@ -66,6 +68,25 @@ class Call:
     def moves(self) -> bool:
         """Whether anything but a reading happens."""
         return self.entry.policy.effect != READ
+
+    @property
+    def confirms(self) -> bool:
+        """Whether a person has to confirm it; of what a claim denies nobody is asked."""
+        return self.entry.policy.decision == "confirm" or bool(self.restricted)
+
+    @property
+    def approved(self) -> bool:
+        """Whether a person did."""
+        return self.asked.get("answer") == "approved"
+
+    def shown(self) -> dict[str, Any]:
+        """Which call it is and how long it has run, in seconds, as plain values."""
+        return {
+            "tool": self.entry.name,
+            "caller": self.caller.name,
+            "buses": list(self.entry.policy.buses),
+            "seconds": round(time.monotonic() - self.began, 1),
+        }
 
     def words(self) -> str:
         """How far it is, for whoever waits for it."""

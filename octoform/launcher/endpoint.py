@@ -5,12 +5,13 @@ import os
 import signal
 import time
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from . import policy
-from .audit import Audit
+from .audit import Audit, AuditFailed
 from .chain import SEAL
 from .control import Control
 from .descriptor import Descriptor
@@ -20,6 +21,8 @@ from .latch import Latch
 from .limits import Ledger
 from .offering import offer
 from .owner import Owner
+from .restrictions import NAME as RESTRICTIONS
+from .restrictions import Restrictions
 from .saying import say
 from .socketfile import listen
 from .stopping import ENDING, Emergency, Running
@@ -57,6 +60,7 @@ class Endpoint:
         self._offer = offer(server, descriptor.devices, descriptor.tools, rules)
         self._gate = Gate(rules, self._ledger, self._audit, self._latch, self._offer.presence)
         self._gate.on_result = self._offer.frames.keep
+        self._gate.restrictions = Restrictions(descriptor.run / RESTRICTIONS, self._told)
         server.add_middleware(self._gate)
         WATCHDOG.cover(Path(descriptor.server["path"]).parent)
         self._clients = LocalClients(server)
@@ -107,6 +111,7 @@ class Endpoint:
         waited: set[asyncio.Future[Any]] = {told, *doors}
         try:
             while self._owner.is_recorded():
+                self._gate.restrictions.in_force()  # so that what ends is on the log though nobody calls
                 done, _ = await asyncio.wait(waited, timeout=LOOK_SECONDS, return_when=asyncio.FIRST_COMPLETED)
                 if told in done:
                     return ""
@@ -189,6 +194,11 @@ class Endpoint:
         self._audit.write("tunnel_revoked", by=question.get("by"), **proof)
         return proof
 
+    def _told(self, event: str, fields: Mapping[str, Any]) -> None:
+        """Record what begins or ends to be restricted; a log that takes nothing is told of where calls are refused."""
+        with suppress(AuditFailed):
+            self._audit.write(event, **fields)
+
     def _status(self) -> Mapping[str, Any]:
         latched = self._latch.engaged()
         return {
@@ -199,6 +209,7 @@ class Endpoint:
             "clients": self._clients.count,
             "gate": self._gate.status(),
             "estop": None if latched is None else {"by": latched.by, "reason": latched.reason, "since": latched.since},
+            "restrictions": self._gate.restrictions.shown(),
             "tunnel": None if self._tunnel is None else dict(self._tunnel.status()),
         }
 

@@ -36,6 +36,7 @@ from .limits import Ledger
 from .pinning import innermost, pin, straight
 from .policy import Policy
 from .presence import Presence
+from .restrictions import Restrictions
 from .sizes import of_result
 from .watchdog import WATCHDOG
 from .workers import Workers
@@ -48,8 +49,8 @@ MESSAGE_CHARS = 300
 class Gate(Middleware):
     """The gate of one server. ``arm`` it on the event loop before the first client comes.
 
-    ``on_result`` hears the name and result of every call that went well; ``patience`` and ``approvals`` are there to be
-    replaced before the first call.
+    ``on_result`` hears the name and result of every call that went well; ``patience``, ``approvals`` and
+    ``restrictions`` are there to be replaced before the first call.
     """
 
     def __init__(self, policy: Policy, ledger: Ledger, audit: Audit, latch: Latch, presence: Presence) -> None:
@@ -66,6 +67,7 @@ class Gate(Middleware):
         self._server: Any = None
         self.approvals = Approvals()
         self.patience = Patience()
+        self.restrictions = Restrictions()
         self.on_result: Callable[[str, ToolResult], None] | None = None
 
     async def arm(self, server: Any) -> None:
@@ -102,17 +104,7 @@ class Gate(Middleware):
 
     def stuck(self) -> list[dict[str, Any]]:
         """The calls whose code did not end although they were stopped: tool, caller, buses, seconds since it began."""
-        now = time.monotonic()
-        return [
-            {
-                "tool": call.entry.name,
-                "caller": call.caller.name,
-                "buses": list(call.entry.policy.buses),
-                "seconds": round(now - call.began, 1),
-            }
-            for call in tuple(self._running)
-            if call.work is not None and call.work.stuck
-        ]
+        return [call.shown() for call in tuple(self._running) if call.work is not None and call.work.stuck]
 
     def status(self) -> dict[str, Any]:
         """For a person who asks how the endpoint is; from any thread."""
@@ -138,7 +130,7 @@ class Gate(Middleware):
             if call.dry:
                 self._records.decided(call, "dry_run")
                 return answers.dry_run(call)
-            if call.entry.policy.decision == "confirm" and (ask := await self._confirm(call, context)) is not None:
+            if call.confirms and (ask := await self._confirm(call, context)) is not None:
                 return ask
             return await self._pass(call, context, call_next)
         except Refused as refused:
@@ -184,8 +176,9 @@ class Gate(Middleware):
             raise Refused("invalid", misfits.told(entry.name, problem, entry.schema)) from None
         if entry.flaw:
             self._object(call, "limit_without_argument", f"{entry.name} is refused: {entry.flaw}")
+        self._restrict(call)
         # A call that runs at once is judged when it is counted; the others hear now what they would wait for in vain.
-        waits = call.dry or entry.policy.decision == "confirm" or not all(queue.free() for queue in entry.queues)
+        waits = call.dry or call.confirms or not all(queue.free() for queue in entry.queues)
         if waits and entry.policy.limits and (refusal := self._ledger.judge(entry.name, call.arguments)) is not None:
             self._object(call, refusal.code, refusal.text)
 
@@ -198,6 +191,15 @@ class Gate(Middleware):
                 raise answers.overtaken()
         if absent := self._presence.missing(call.entry.name, call.given.get("device")):
             raise answers.absent(absent)
+
+    def _restrict(self, call: Call) -> None:
+        """What claims forbid for now, or want a person asked about; asked again when the call has its buses."""
+        if not call.moves or call.entry.policy.ends:
+            return
+        found = self.restrictions.against(call.entry.name, call.arguments)
+        call.restricted = "" if found is None else found.words
+        if found is not None and (found.effect == "deny" or (call.holder is not None and not call.approved)):
+            self._object(call, "restricted", found.words)
 
     def _object(self, call: Call, code: str, text: str) -> None:
         """A refusal; in shadow mode it is only noted."""
@@ -212,7 +214,8 @@ class Gate(Middleware):
         entry, request = call.entry, fastmcp_request_ctx.get()
         call.asked["client"] = client_of(request)
         policy, caller = entry.policy, call.caller.name
-        question = Question(entry.name, policy.effect, policy.source, caller, call.given, call.arguments, call.stops)
+        source = call.restricted or policy.source
+        question = Question(entry.name, policy.effect, source, caller, call.given, call.arguments, call.stops)
         reply = self.approvals.answered(question, context.message)
         if reply is None:
             if self._policy.mode == "shadow":
@@ -256,6 +259,7 @@ class Gate(Middleware):
             work = self._begin(call)
             try:
                 self._look_again(call)
+                self._restrict(call)
                 self._count(call)
                 entry.overtake()
                 return await self._run(call, work, context, call_next)

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 
 from octoform.manifest import base_url, references
 from octoform.manifest.document import Document, Housekeeping, Stage
-from octoform.manifest.harness_document import CommandHarness, Harness, ModelHarness
-from octoform.manifest.model import MODEL_FREE, STAGES
+from octoform.manifest.harness_document import CommandHarness, Harness, ModelHarness, ReplayHarness
+from octoform.manifest.model import KEEPERS, MODEL_FREE, STAGES
 from octoform.manifest.providers import Provider, split
 from octoform.manifest.tree import Loc
 
@@ -48,8 +48,13 @@ class Agent:
 
 
 def of_stage(document: Document, name: str) -> Agent:
-    """The agent of a stage."""
+    """The agent of a stage, or of one of `KEEPERS`.
+
+    A recorded run holds no troubles of a later day: where the general agent is one, the embedded agent keeps watch.
+    """
     own: Stage = getattr(document.stages, name)
+    if name in KEEPERS and own.harness is None and isinstance(document.harness, ReplayHarness):
+        return Agent("builtin", ("harness",), own.model, ("stages", name, "model"))
     harness, at = (own.harness, ("stages", name)) if own.harness is not None else (document.harness, ())
     model, model_at = (own.model, ("stages", name)) if own.model is not None else (document.model, ())
     return Agent(harness, (*at, "harness"), model, (*model_at, "model"))
@@ -72,7 +77,7 @@ def of_escalation(document: Document) -> Agent | None:
 
 def in_force(document: Document) -> list[Agent]:
     """Every agent that may work, in the order of the stages."""
-    found = [of_stage(document, name) for name in STAGES]
+    found = [of_stage(document, name) for name in (*STAGES, *KEEPERS)]
     found += [of_steps(document)] if document.privileged_steps else []
     escalation = of_escalation(document)
     return [*found, escalation] if escalation is not None else found

@@ -7,13 +7,15 @@ from types import MappingProxyType
 
 from octoform import digest
 from octoform.durations import seconds
-from octoform.manifest import agents, document
+from octoform.manifest import agents, daemon_document, document
 from octoform.manifest.agents import Agent
 from octoform.manifest.document import Document
 from octoform.manifest.harness_document import CommandHarness, Confinement, ModelHarness, ProgramHarness, ReplayHarness
 from octoform.manifest.model import (
+    KEEPERS,
     STAGES,
     Budget,
+    Daemon,
     Escalation,
     Git,
     HarnessSpec,
@@ -21,6 +23,7 @@ from octoform.manifest.model import (
     Lifecycle,
     Manifest,
     Network,
+    Notify,
     Perception,
     Price,
     ProfileSource,
@@ -41,9 +44,10 @@ def build(
     """The manifest of a document without errors; ``environ`` tells whose models are meant by a reference."""
     builder = _Builder(source, path.parent, environ)
     stages = {name: builder.stage(name) for name in STAGES}
+    keepers = {name: builder.stage(name) for name in KEEPERS}
     step = builder.steps()
     housekeeping = builder.housekeeping()
-    makers = [*stages.values(), *([step] if source.privileged_steps else [])]
+    makers = [*stages.values(), *keepers.values(), *([step] if source.privileged_steps else [])]
     return Manifest(
         path=path,
         digest=digest.of_value(source.model_dump(mode="json")),
@@ -64,7 +68,9 @@ def build(
             source.perception.enabled, source.perception.camera, seconds(source.perception.interval) or 0
         ),
         answers=MappingProxyType({name: text.strip() for name, text in source.answers.items()}),
+        daemon=_daemon(source.daemon, path.parent),
         step=step,
+        keepers=MappingProxyType(keepers),
     )
 
 
@@ -81,6 +87,20 @@ def _tunnel(source: Document) -> Tunnel | None:
     if source.scope != "internet":
         return None
     return Tunnel(tuple(source.tunnel.command)) if source.tunnel is not None else Tunnel()
+
+
+def _daemon(chosen: daemon_document.Daemon, project: Path) -> Daemon:
+    told = chosen.notify
+    return Daemon(
+        interval=seconds(chosen.interval) or 0,
+        heal_attempts=chosen.heal_attempts,
+        apply=chosen.apply,
+        calls_per_hour=chosen.calls_per_hour,
+        usd_per_hour=chosen.usd_per_hour,
+        claim_seconds=seconds(chosen.claim_expiry) or 0,
+        notify=Notify(tuple(told.command or ()), told.webhook, told.desktop),
+        metrics=Path(os.path.normpath(project / chosen.metrics)) if chosen.metrics is not None else None,
+    )
 
 
 def _keys(makers: Sequence[StageSettings], housekeeping: Housekeeping | None) -> Iterator[str]:

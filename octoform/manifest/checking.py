@@ -7,7 +7,7 @@ from typing import Any
 from pydantic import ValidationError
 
 from octoform.diagnostics import Span, did_you_mean
-from octoform.manifest import later, tree, wording
+from octoform.manifest import tree, wording
 from octoform.manifest.document import Document
 from octoform.manifest.harness_document import NAMES, TAGS
 from octoform.manifest.report import Report
@@ -112,9 +112,6 @@ class _Problem:
     def _unknown_key(self) -> None:
         key = tree.key_at(self._root, self._loc)
         name, span = str(self._loc[-1]), key.span if key else self._span()
-        if later.is_key(self._loc):
-            self._later(f"`{wording.dotted(self._loc)}`", span)
-            return
         siblings = keys_at(self._root, self._loc[:-1])
         hint = wording.NO_KEYS.get(name) if len(self._loc) == 1 else None
         self._report.error(
@@ -207,14 +204,6 @@ class _Problem:
         if index is not None:
             self._loc = (*self._loc, index)
         self._wrong_value(str(self._context["summary"]), self._context.get("hint"))
-
-    def _later(self, what: str, span: Span) -> None:
-        self._report.error(
-            "MANIFEST-NOT-SUPPORTED-YET",
-            f"{self._report.shown(what)} is not supported yet",
-            span,
-            hint="remove it; octoform refuses what it would not act on",
-        )
 
     def _wrong_type(self, expected: str | None = None) -> None:
         node = tree.at(self._root, self._loc)

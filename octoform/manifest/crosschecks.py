@@ -10,7 +10,7 @@ from octoform.manifest import agents, places, tree
 from octoform.manifest.building import idle, timeouts
 from octoform.manifest.document import Document, Stage
 from octoform.manifest.harness_document import PROGRAMS
-from octoform.manifest.model import PLACEHOLDERS, STAGES
+from octoform.manifest.model import KEEPERS, PLACEHOLDERS, STAGES
 from octoform.manifest.report import Report
 from octoform.manifest.tree import Items, Loc, Scalar, Table
 
@@ -32,7 +32,7 @@ def _stage(document: Document, name: str) -> Stage:
 
 def _timeouts(document: Document, root: Table, report: Report) -> None:
     told: set[Span] = set()
-    for name in STAGES:
+    for name in (*STAGES, *KEEPERS):
         attempt, stage = timeouts(document.budget, _stage(document, name).budget)
         if attempt <= stage:
             continue
@@ -59,7 +59,7 @@ def _written(root: Table, stage: str, names: tuple[str, ...]) -> Span | None:
 def _idle_timeouts(document: Document, root: Table, report: Report) -> None:
     """A silence longer than the attempt itself never ends it."""
     told: set[Span] = set()
-    for name in STAGES:
+    for name in (*STAGES, *KEEPERS):
         own = _stage(document, name).budget
         (attempt, _), silence = timeouts(document.budget, own), idle(document.budget, own)
         span = _written(root, name, ("idle_timeout",))
@@ -91,12 +91,12 @@ def _unused_prices(document: Document, root: Table, report: Report) -> None:
 
 def _unused_money(document: Document, root: Table, report: Report) -> None:
     """A limit in dollars where no model is paid would look as if it were in force."""
-    paid = {name: agents.of_stage(document, name).takes_model for name in STAGES}
+    paid = {name: agents.of_stage(document, name).takes_model for name in (*STAGES, *KEEPERS)}
     escalation = agents.of_escalation(document)
     paid["identify"] |= escalation is not None and escalation.takes_model
-    unpaid: list[Loc] = [("stages", name, "budget", "usd") for name in STAGES if not paid[name]]
+    unpaid: list[Loc] = [("stages", name, "budget", "usd") for name in paid if not paid[name]]
     if not any(paid.values()) and document.housekeeping is None:
-        unpaid.append(("budget", "usd"))
+        unpaid += [("budget", "usd"), ("daemon", "usd_per_hour")]
     for loc in unpaid:
         key = tree.key_at(root, loc)
         if key is not None:

@@ -8,6 +8,7 @@ from typing import Annotated, Literal
 from pydantic import AfterValidator, Field
 
 from octoform.manifest import host_name
+from octoform.manifest.daemon_document import Daemon
 from octoform.manifest.fields import (
     CLOSED,
     MOST_ANSWERS,
@@ -115,6 +116,10 @@ class Stages(Table):
     """The server that implements the tools."""
     deploy: Stage = Stage()
     """What the server needs to run."""
+    watch: Stage = added(Stage())
+    """What is wrong, where the daemon's own rules cannot tell."""
+    heal: Stage = added(Stage())
+    """The repair of what is wrong, as a candidate that is proved before it is taken."""
 
 
 class Price(Table):
@@ -201,6 +206,8 @@ class Document(Table):
     """What a person says of a device that evidence cannot settle, by the device's id."""
     perception: Perception = added(Perception())
     """Looking through a camera of the host."""
+    daemon: Daemon = added(Daemon())
+    """How the deployment is kept alive."""
     stages: Stages = Stages()
     """Another harness, model or budget for single stages."""
     budget: Budget = Budget()

@@ -14,6 +14,8 @@ from octoform.manifest.policy_model import Policy
 
 FILE_NAME = "octopus.yaml"
 STAGES = ("probe", "identify", "interface", "serve", "deploy")
+KEEPERS = ("watch", "heal")
+"""The agents of the daemon: they have settings as stages do, and are no part of the pipeline."""
 STEP = "step."
 """How the name of a privileged step's node begins; all steps have the same settings."""
 MODEL_FREE = ("builtin", "replay")
@@ -180,6 +182,39 @@ class Perception:
 
 
 @dataclass(frozen=True, slots=True)
+class Notify:
+    """Who hears of an episode that a person should know of.
+
+    ``command`` gets it as JSON on its standard input, ``webhook`` as a POST (reference unresolved), ``desktop`` as a
+    notification of the person's own session.
+    """
+
+    command: tuple[str, ...] = ()
+    webhook: str | None = None
+    desktop: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Daemon:
+    """How the deployment is kept alive.
+
+    ``interval`` and ``claim_seconds`` are in seconds: the fallback between two looks, and the longest that a claim
+    holds without new evidence. ``heal_attempts`` are the tries before a trouble is frozen. ``apply`` is ``auto`` or
+    ``ask``: whether new kinds of hardware are onboarded at once. ``calls_per_hour`` and ``usd_per_hour`` cap the agents
+    (None: no limit in dollars). ``metrics`` is the absolute path of the file for Prometheus.
+    """
+
+    interval: int = 300
+    heal_attempts: int = 3
+    apply: str = "auto"
+    calls_per_hour: int = 6
+    usd_per_hour: float | None = None
+    claim_seconds: int = 1800
+    notify: Notify = Notify()
+    metrics: Path | None = None
+
+
+@dataclass(frozen=True, slots=True)
 class NamedStep:
     """A privileged step as the manifest switches it on, with its place there; ``source`` is the line, secrets masked.
 
@@ -203,6 +238,7 @@ class Manifest:
     all, in US dollars. ``network`` is None in scope local, ``tunnel`` in every scope but internet. ``answers`` are what
     a person said of a device, by the device's id. ``step`` is in force for every privileged step (None only where a
     manifest was made without a file); ``privileged_steps`` are those that are switched on, in the order of the file.
+    ``keepers`` are WATCH and HEAL, the agents that the daemon asks.
     """
 
     path: Path
@@ -222,7 +258,9 @@ class Manifest:
     policy: Policy = field(default_factory=Policy)
     answers: Mapping[str, str] = field(default_factory=dict)
     perception: Perception = Perception()
+    daemon: Daemon = Daemon()
     step: StageSettings | None = None
+    keepers: Mapping[str, StageSettings] = field(default_factory=dict)
     privileged_steps: tuple[NamedStep, ...] = ()
 
     @property
@@ -236,7 +274,12 @@ class Manifest:
         return tuple(item for item in self.profiles if isinstance(item, Path))
 
     def settings_of(self, stage: str) -> StageSettings:
-        """What is in force for a stage, or for a privileged step by the name of its node; KeyError for another name."""
+        """What is in force for a stage, for ``watch`` and ``heal``, or for a privileged step by the name of its node.
+
+        KeyError for another name.
+        """
+        if stage in KEEPERS:
+            return self.keepers[stage]
         if stage.startswith(STEP) and self.step is not None:
             return self.step
         return self.stages[stage]

@@ -3,6 +3,7 @@
 from pydantic import BaseModel
 
 from octoform.manifest import places, tree
+from octoform.manifest.daemon_document import Daemon, Notify
 from octoform.manifest.document import (
     Budget,
     Document,
@@ -38,6 +39,8 @@ _PLACES: tuple[tuple[Loc, type[BaseModel]], ...] = (
     (("perception",), Perception),
     (("stages", "identify"), IdentifyStage),
     (places.ESCALATION, Escalation),
+    (("daemon",), Daemon),
+    (("daemon", "notify"), Notify),
 )
 _TABLES = dict(reversed(_PLACES))
 _ITEMS: dict[Loc, type[BaseModel]] = {("policy", "rules"): Rule, ("policy", "limits"): Limit}

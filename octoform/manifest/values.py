@@ -8,7 +8,7 @@ from octoform.manifest import keys, places, references, secrets, tree
 from octoform.manifest.report import Report
 from octoform.manifest.tree import Loc, Node, Scalar, Table
 
-_WHERE = "variables may stand in `model`, `base_url` and the `command` of an agent only"
+_WHERE = "variables may stand in `model`, `base_url`, `webhook` and the `command` of an agent only"
 _KEY_NAME = re.compile("[A-Z_][A-Z0-9_]{0,99}")
 _REFERENCE = re.compile(r"(?<!\$)\$\{[^{}]*\}?")
 
@@ -41,14 +41,17 @@ def _secrets_of(root: Node, loc: Loc, scalar: Scalar) -> set[str]:
 
 
 def _may_hide_one(loc: Loc, scalar: Scalar) -> bool:
-    """True for what is no name where the name of a variable belongs, and for a URL with more than a path.
+    """True for what is no name where the name of a variable belongs, for a URL with more than a path,
+    and for a webhook.
 
-    It is refused by another rule; its text may be the secret itself and is not shown.
+    The first two are refused by another rule. The text may be the secret itself and is not shown.
     """
     if scalar.value is None:
         return False
     if loc in places.KEYS:
         return _KEY_NAME.fullmatch(scalar.text) is None and not references.contains(scalar.text)
+    if loc == places.WEBHOOK:
+        return not references.contains(scalar.text)
     return loc in places.BASE_URLS and any(sign in scalar.text for sign in "@?#")
 
 
@@ -122,12 +125,16 @@ def _check_one(loc: Loc, scalar: Scalar, environ: Mapping[str, str], report: Rep
     for name in sorted(names):
         if not environ.get(name):
             state = "is empty" if name in environ else "is not set"
+            if loc == places.WEBHOOK:  # nothing but a message depends on it
+                what = f"the variable {name} {state}; the daemon can tell nobody at this URL"
+                report.warning("MANIFEST-ENV-UNSET", what, span, hint=f"export {name}=...")
+                continue
             report.error("MANIFEST-ENV-UNSET", f"the variable {name} {state}", span, hint=f"export {name}=...")
     return names
 
 
 def _may_refer(loc: Loc) -> bool:
-    if loc[-1:] == ("model",) or loc in places.BASE_URLS:
+    if loc[-1:] == ("model",) or loc in places.BASE_URLS or loc == places.WEBHOOK:
         return True
     return len(loc) > 1 and loc[-2] == "command" and "harness" in loc
 

@@ -56,6 +56,12 @@ RANGES = {
     "port": "allowed: 1 to 65535",
     "hosts": "allowed: up to 100 names",
     "origins": "allowed: up to 100 origins",
+    "heal_attempts": "allowed: 1 to 20",
+    "calls_per_hour": "allowed: 0 to 1000; 0 asks no agent",
+    "usd_per_hour": "write US dollars, such as 2.50",
+    "webhook": "write https://alerts.example.org/hook, or keep it in a variable: ${ALERT_URL}",
+    "metrics": "write a path that ends in .prom, such as /var/lib/node_exporter/octoform.prom",
+    "notify.command": "write a list: [./tell-me, --trouble]",
     "tunnel.command": 'write for example [cloudflared, tunnel, --url, "{url}"]',
 }
 # What people look for at the top, and why it is not there.

@@ -1,28 +1,37 @@
-"""Read the five specs, a project's own laid over the shipped ones. (Heavy: reads YAML.)
+"""Read the specs of stages and duties, a project's own laid over the shipped ones. (Heavy: reads YAML.)
 
 The front matter says what a stage reads and writes. octoform's order of stages is fixed, so these fields must agree
 with it: a field that could be changed without effect would mislead whoever reads it.
 """
 
 import re
+from itertools import pairwise
 from pathlib import Path
 
 from octoform import digest, frontmatter
 from octoform.diagnostics import Diagnostic, did_you_mean, error, warning
 from octoform.frontmatter import Document
-from octoform.protocol.model import STAGES, Spec
+from octoform.protocol.model import DUTIES, STAGES, Spec
 from octoform.protocol.paths import SCHEMAS, schema_dir, spec_paths
 
 __all__ = ["load", "schema_dir", "spec_paths"]
 
-PRODUCES = {stage: f"{stage}/output.json" for stage in STAGES} | {"serve": "serve/server.py"}
+NAMES = (*STAGES, *DUTIES)
+PRODUCES = {stage: f"{stage}/output.json" for stage in NAMES} | {"serve": "serve/server.py"}
+CONSUMES = {
+    **{after: [PRODUCES[before]] for before, after in pairwise(STAGES)},
+    STAGES[0]: [],
+    "watch": ["identify/output.json", "interface/output.json"],
+    "heal": ["watch/output.json", "serve/server.py"],
+}
+"""What a duty reads is put together for it (`input.json`); these are the artifacts that it is made from."""
 FIELDS = ("stage", "consumes", "produces", "schema", "budget")
 NOT_SPECS = ("README.md",)
 _DURATION = re.compile(r"[1-9][0-9]{0,5}(?:s|m|h)")
 
 
 def load(folder: Path | None) -> tuple[dict[str, Spec], list[Diagnostic]]:
-    """All five specs by stage, and every problem of all of them; a stage with a problem is absent.
+    """All specs by stage and duty, and every problem of all of them; one with a problem is absent.
 
     ``folder`` is a project's ``protocol/`` (it need not exist), None for the shipped specs alone.
     """
@@ -37,7 +46,7 @@ def load(folder: Path | None) -> tuple[dict[str, Spec], list[Diagnostic]]:
 
 
 def load_one(stage: str, path: Path, schemas: Path) -> tuple[Spec | None, list[Diagnostic]]:
-    """The spec of one stage from any file, or what is wrong with it."""
+    """The spec of one stage or duty from any file, or what is wrong with it."""
     document, found = frontmatter.read(path, "PROTOCOL-FRONT-MATTER")
     if document is None:
         return None, found
@@ -68,7 +77,7 @@ def load_one(stage: str, path: Path, schemas: Path) -> tuple[Spec | None, list[D
 def _check_fields(stage: str, document: Document) -> list[Diagnostic]:
     expected = {
         "stage": stage,
-        "consumes": [PRODUCES[STAGES[STAGES.index(stage) - 1]]] if stage != STAGES[0] else [],
+        "consumes": CONSUMES[stage],
         "produces": PRODUCES[stage],
         "schema": f"{SCHEMAS}/{stage}.v1.schema.json" if stage != "serve" else None,
     }
@@ -105,9 +114,9 @@ def _strangers(folder: Path | None) -> list[Diagnostic]:
         return []
     found = []
     for path in sorted(folder.glob("*.md")):
-        if path.stem not in STAGES and path.name not in NOT_SPECS:
-            near = did_you_mean(path.stem, STAGES)
-            hint = f"did you mean {near}.md?" if near else f"the stages are {', '.join(STAGES)}"
+        if path.stem not in NAMES and path.name not in NOT_SPECS:
+            near = did_you_mean(path.stem, NAMES)
+            hint = f"did you mean {near}.md?" if near else f"the specs are {', '.join(NAMES)}"
             summary = f"no stage is called {path.stem!r}, so nothing reads this file"
             found.append(warning("PROTOCOL-UNUSED", summary, path=str(path), hint=hint))
     return found

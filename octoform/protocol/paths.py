@@ -5,7 +5,7 @@ Light on purpose: which files matter must be known without reading YAML.
 
 from pathlib import Path, PurePosixPath
 
-from octoform.protocol.model import STAGES, STEP
+from octoform.protocol.model import DUTIES, STAGES, STEP
 
 SCHEMAS = "schemas"
 PRIVILEGED = "privileged"
@@ -19,11 +19,10 @@ def shipped() -> Path:
 
 
 def spec_paths(folder: Path | None) -> dict[str, Path]:
-    """The spec file of each stage; a project's ``protocol/`` folder may hold some, all or none of them."""
-    own = {} if folder is None else {stage: folder / f"{stage}.md" for stage in STAGES}
-    return {
-        stage: own[stage] if stage in own and own[stage].exists() else shipped() / f"{stage}.md" for stage in STAGES
-    }
+    """The spec file of each stage and duty; a project's ``protocol/`` folder may hold some, all or none of them."""
+    names = (*STAGES, *DUTIES)
+    own = {} if folder is None else {name: folder / f"{name}.md" for name in names}
+    return {name: own[name] if name in own and own[name].exists() else shipped() / f"{name}.md" for name in names}
 
 
 def schema_dir(folder: Path | None) -> Path:

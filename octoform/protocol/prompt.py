@@ -13,7 +13,7 @@ from pathlib import Path
 from octoform.diagnostics import Diagnostic, Severity
 from octoform.escaping import escaped
 from octoform.protocol.fence import cut, fenced, tail
-from octoform.protocol.model import STEP, Spec
+from octoform.protocol.model import DUTIES, STEP, Spec
 
 MOST_PROMPT_BYTES = 48 * 1024
 MOST_TAIL_LINES = 100
@@ -93,7 +93,7 @@ def _render(prompt: Prompt, log: str) -> str:
     )
     return environment.get_template("retry.md.j2" if prompt.is_retry else "first.md.j2").render(
         stage=prompt.spec.stage.removeprefix(STEP).upper(),
-        is_step=prompt.spec.stage.startswith(STEP),
+        kind=_kind(prompt.spec.stage),
         body=prompt.spec.body.rstrip(),
         own_spec=_seen_from(prompt.workdir, prompt.own_spec),
         editable=prompt.editable,
@@ -109,6 +109,13 @@ def _render(prompt: Prompt, log: str) -> str:
         condensed=bool(prompt.summary),
         former=_seen_from(prompt.workdir, prompt.former),
     )
+
+
+def _kind(stage: str) -> str:
+    """What the work is called where the agent is told of it: a stage, a privileged step, or a duty."""
+    if stage.startswith(STEP):
+        return "step"
+    return "duty" if stage in DUTIES else "stage"
 
 
 def _seen_from(workdir: Path, path: Path | None) -> str | None:

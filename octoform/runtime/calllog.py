@@ -125,7 +125,9 @@ def _write(line: dict[str, Any]) -> None:
         if not place:
             sys.stderr.write(data.decode("ascii"))
             return
-        descriptor = os.open(place, os.O_WRONLY | os.O_APPEND | os.O_CREAT | os.O_CLOEXEC, 0o600)
+        # Not blocking: with a pipe in its place every tool would wait for a reader, those that stop a movement too.
+        how = os.O_WRONLY | os.O_APPEND | os.O_CREAT | os.O_CLOEXEC | os.O_NONBLOCK
+        descriptor = os.open(place, how, 0o600)
         try:
             os.write(descriptor, data)
         finally:

@@ -12,6 +12,7 @@ from typing import Any
 
 from .devices import device
 from .faults import AmbiguousDevice, DeviceFault
+from .places import path_of
 from .sysfs import sysroot
 
 
@@ -23,14 +24,15 @@ def main() -> int:
 
 
 def whereabouts(device_id: str, classes: Iterable[str] = ()) -> dict[str, Any]:
-    """``attached``, ``port``, ``strength`` and ``nodes`` now; ``doubt`` is why nothing would be moved with it."""
-    answer: dict[str, Any] = {"attached": False, "port": "", "strength": "", "nodes": [], "doubt": ""}
+    """``attached``, ``port``, ``sysfs``, ``strength``, ``nodes``; ``doubt`` is why nothing would be moved with it."""
+    answer: dict[str, Any] = {"attached": False, "port": "", "sysfs": "", "strength": "", "nodes": [], "doubt": ""}
     try:
         found = device(device_id)
     except DeviceFault as problem:
         return {**answer, "doubt": str(problem)}
     nodes = dict.fromkeys(_on_host(node) for kind in sorted(set(classes)) for node in found.nodes(kind))
-    answer = {**answer, "attached": True, "port": found.folder.name, "strength": found.strength, "nodes": [*nodes]}
+    where = {"attached": True, "port": found.folder.name, "sysfs": path_of(found.folder), "nodes": [*nodes]}
+    answer = {**answer, **where, "strength": found.strength}
     try:
         acted_on = device(device_id, actuate=True)
     except AmbiguousDevice as problem:

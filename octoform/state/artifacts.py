@@ -86,6 +86,29 @@ def file_digest(layout: Layout, stage: str) -> str | None:
     return _facts(layout, stage).digest
 
 
+def contents(layout: Layout, stage: str) -> dict[str, bytes] | None:
+    """The committed files of a stage by relative name; None when one is a link or cannot be read."""
+    folder, found = layout.folder(stage), {}
+    try:
+        names = _names(folder)
+    except (_LinkError, OSError):
+        return None
+    for name in names:
+        data, _ = read_regular(folder / name)
+        if data is None:
+            return None
+        found[name] = data
+    return found
+
+
+def present(folder: Path) -> list[str]:
+    """Relative names of all files and links in a stage's folder, sorted; empty where it cannot be read."""
+    try:
+        return sorted(path.relative_to(folder).as_posix() for path in _walk(folder))
+    except OSError:
+        return []
+
+
 def _names(folder: Path) -> list[str]:
     """Relative names of the files in a stage's folder, sorted; `_LinkError` when one is a link."""
     if folder.is_symlink():

@@ -9,6 +9,7 @@ from collections.abc import Mapping
 
 from octoform.diagnostics import Diagnostic, error
 from octoform.state.files import make_folders, read_regular, shown, write_atomic
+from octoform.state.keeping import INSTANCES, keep
 from octoform.state.layout import Layout
 
 FORMAT = 1
@@ -18,8 +19,12 @@ def write_instances(layout: Layout, devices: Mapping[str, object]) -> list[Diagn
     """Write device id to instance, mode 0600 in a folder of mode 0700; empty list when it is on disk."""
     document = {"format": FORMAT, "devices": dict(devices)}
     text = json.dumps(document, indent=2, sort_keys=True, ensure_ascii=False, allow_nan=False) + "\n"
-    problem = make_folders(layout) or write_atomic(layout.instances, text.encode("utf-8", "surrogatepass"), 0o600)
-    return [problem] if problem is not None else []
+    data = text.encode("utf-8", "surrogatepass")
+    problem = make_folders(layout) or write_atomic(layout.instances, data, 0o600)
+    if problem is not None:
+        return [problem]
+    keep(layout, INSTANCES, {layout.instances.name: data})  # without room for a copy the ledger stands all the same
+    return []
 
 
 def read_instances(layout: Layout) -> tuple[dict[str, object] | None, list[Diagnostic]]:

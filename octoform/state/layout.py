@@ -115,6 +115,26 @@ class Layout:
         return self.local / "frames"
 
     @property
+    def daemon(self) -> Path:
+        """What the daemon remembers: its record, episodes, breakers, readings, claims, health; mode 0700."""
+        return self.local / "daemon"
+
+    @property
+    def restrictions(self) -> Path:
+        """What may not be called while a claim holds; written for the endpoint, which lets go of each at its end."""
+        return self.run / "restrictions.json"
+
+    @property
+    def stop_mark(self) -> Path:
+        """There while a person wants the endpoint stopped, so that nothing starts it again by itself."""
+        return self.run / "stopped.json"
+
+    @property
+    def kept(self) -> Path:
+        """Copies of the accepted files by their digests, from which a damaged one is restored."""
+        return self.local / "kept"
+
+    @property
     def steps(self) -> Path:
         """The accepted artifacts of the privileged steps, a folder for each."""
         return self.committed / STEPS

@@ -9,6 +9,7 @@ from typing import Literal
 from pydantic import ValidationError
 
 from octoform.diagnostics import Diagnostic
+from octoform.protocol.model import DUTIES
 from octoform.state.files import read_regular, write_atomic
 from octoform.state.layout import STAGES, STEP, Layout
 from octoform.state.model import Persisted
@@ -47,9 +48,9 @@ def read(layout: Layout, stage: str) -> PendingEdit | None:
 
 
 def waiting(layout: Layout) -> list[PendingEdit]:
-    """Every waiting edit, in the order of the stages, those of privileged steps last."""
+    """Every waiting edit, in the order of the stages, then of duties, those of privileged steps last."""
     steps = sorted(path.stem for path in layout.spec_edits.glob(f"{STEP}*.json"))
-    return [edit for edit in (read(layout, stage) for stage in (*STAGES, *steps)) if edit is not None]
+    return [edit for edit in (read(layout, stage) for stage in (*STAGES, *DUTIES, *steps)) if edit is not None]
 
 
 def drop(layout: Layout, stage: str) -> None:

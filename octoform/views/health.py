@@ -5,6 +5,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import asdict
 from typing import Any
 
+from octoform.daemon.ownership import Record
 from octoform.engine.health import Process, Status
 from octoform.escaping import escaped_json
 from octoform.views import sentences
@@ -19,11 +20,12 @@ _MODES = {
 }
 
 
-def status(console: Console, found: Status, *, as_json: bool) -> int:
-    """Exit code 0 only for in sync and healthy."""
+def status(console: Console, found: Status, watched: Record | None = None, *, as_json: bool) -> int:
+    """Exit code 0 only for in sync and healthy. ``watched`` is the daemon that lives."""
     good = bool(found.sync) and found.health == "healthy"
     if as_json:
-        console.line(escaped_json(json.dumps(_document(found), ensure_ascii=False, indent=2)))
+        document = {**_document(found), "watched": None if watched is None else watched.process.pid}
+        console.line(escaped_json(json.dumps(document, ensure_ascii=False, indent=2)))
         return 0 if good else 1
     sync = console.paint("in sync", "green") if found.sync else console.paint("out of sync", "yellow")
     console.line(f"host {found.host}: {sync}, {console.paint(found.health, _HEALTH[found.health])}")
@@ -35,6 +37,8 @@ def status(console: Console, found: Status, *, as_json: bool) -> int:
         console.line(f"  the endpoint answers with {sentences.counted(len(found.tools), 'tool')}")
     for line in _process(found.process):
         console.line(f"  {one_line(line, WIDTH)}")
+    if found.process.running is not None or watched is not None:
+        console.line(f"  {one_line(_watched(watched), WIDTH)}")
     for host in found.others:
         console.line(f"  the endpoint of {host}, which octopus.yaml does not name, runs: octoform stop {host} ends it")
     if found.process.estop is not None:
@@ -57,6 +61,12 @@ def _document(found: Status) -> dict[str, Any]:
         "tokens": process.tokens,
         "others": list(found.others),
     }
+
+
+def _watched(daemon: Record | None) -> str:
+    if daemon is None:
+        return "nobody watches it: octoform watch keeps it alive"
+    return f"a daemon watches it: process {daemon.process.pid} since {daemon.since}; octoform health tells what it sees"
 
 
 def _process(process: Process) -> Iterator[str]:

@@ -10,18 +10,19 @@ from octoform.views.text import escape
 
 
 def unit(console: Console, found: Unit) -> None:
-    """The unit as it would stand on the disk."""
-    console.line(f"{found.path}:\n")
-    for line in found.text.splitlines():
-        console.line(f"  {escape(line)}".rstrip())
-    console.line()
+    """The units as they would stand on the disk."""
+    for path, text in ((found.path, found.text), (found.watch.path, found.watch.text)):
+        console.line(f"{path}:\n")
+        for line in text.splitlines():
+            console.line(f"  {escape(line)}".rstrip())
+        console.line()
 
 
 def machine_wide(console: Console, found: Unit) -> int:
     """Nothing was written; what a person would do who wants it for the whole machine."""
     console.line("Nothing was written. octoform service install -user installs it for you alone.")
-    console.line("For the whole machine, put this text at the place above as root, then:")
-    console.line(f"  systemctl daemon-reload\n  systemctl enable --now {found.name}")
+    console.line("For the whole machine, put these texts at the places above as root, then:")
+    console.line(f"  systemctl daemon-reload\n  systemctl enable --now {found.name} {found.watch.name}")
     return 0
 
 
@@ -29,7 +30,8 @@ def no_machine_wide(console: Console, found: Unit) -> int:
     """Nothing was taken away; what a person would do."""
     console.line("Nothing was taken away. octoform service uninstall -user takes away what was installed for you.")
     console.line("For the whole machine, as root:")
-    console.line(f"  systemctl disable --now {found.name}\n  rm {found.path}\n  systemctl daemon-reload")
+    console.line(f"  systemctl disable --now {found.watch.name} {found.name}")
+    console.line(f"  rm {found.watch.path} {found.path}\n  systemctl daemon-reload")
     return 0
 
 
@@ -55,6 +57,7 @@ def not_approved() -> Diagnostic:
 def installed(console: Console, found: Unit, process: Running) -> int:
     """It runs, and how it would run without a session too."""
     console.line(f"{found.name}: the endpoint of {found.layout.host} runs under systemd (process {process.pid})")
+    console.line(f"{found.watch.name}: its daemon does; journalctl --user -u {found.watch.name} shows what it does")
     console.line("To have it run while you are not logged in, once:")
     console.line(f"  loginctl enable-linger {found.account}")
     return 0

@@ -18,6 +18,8 @@ one repeats). A behaviour is ``good`` (write the good artifact beside this file)
     {"edit_spec": TEXT}      add a line to the own copy of the spec, before anything else is done
     {"new_spec": TEXT}       make this the whole copy of the spec
     {"needs_in_spec": TEXT}  the good artifact if the own copy of the spec holds the text, else none
+    {"report": OBJECT}       write this as JSON
+    {"rewrite": [[OLD, NEW]]}  change the server.py in its folder
     {"name_all": TEXT}       IDENTIFY: every device of the input by that name, on its own name as evidence
 
 Every call is one line in SCRIPT.log, so that a test can count them.
@@ -171,6 +173,7 @@ OUTPUTS = {
     "mutate": lambda changes, stage, output: output.write_text(mutate(stage, changes)),
     "copy": lambda source, stage, output: output.write_bytes(Path(source).read_bytes()),
     "write": lambda text, stage, output: output.write_text(text),
+    "report": lambda value, stage, output: output.write_text(json.dumps(value)),
 }
 
 
@@ -193,6 +196,14 @@ def edit_spec(behaviour: dict[str, object]) -> None:
         spec.write_text(behaviour["new_spec"])
 
 
+def rewrite(changes: list[list[str]]) -> None:
+    server = Path("server.py")
+    for old, new in changes:
+        text = server.read_text()
+        assert old in text, old
+        server.write_text(text.replace(old, new))
+
+
 def act(behaviour: dict[str, object], stage: str, output: Path) -> None:
     speak(behaviour)
     leave(behaviour)
@@ -202,6 +213,7 @@ def act(behaviour: dict[str, object], stage: str, output: Path) -> None:
         with Path(name).open("a") as file:
             file.write("touched by the agent\n")
     edit_spec(behaviour)
+    rewrite(behaviour.get("rewrite", []))
     write_output(behaviour, stage, output)
     if "fill" in behaviour:
         fill_disk(Path(behaviour["fill"]))

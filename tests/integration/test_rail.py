@@ -49,7 +49,7 @@ class Bench:
 
 
 @pytest.fixture(scope="module")
-def bench(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Bench]:
+def bench(tmp_path_factory: pytest.TempPathFactory, compiled: Path) -> Iterator[Bench]:
     folder = tmp_path_factory.mktemp("rail")
     tree = plant(HOST, folder / "tree")
     board = Board(tree, Rail())
@@ -65,6 +65,7 @@ def bench(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Bench]:
     text = (SHIPPED / "camera-rail.md").read_text()
     assert "timeout: 25s" in text
     (project.folder / "profiles" / "camera-rail.md").write_text(text.replace("timeout: 25s", "timeout: 1s"))
+    project.take_bytecode(compiled)
     done = project.apply(status=0)
     yield Bench(project, board, done.out)
     board.unplug()

@@ -63,7 +63,7 @@ class Bench:
 
 
 @pytest.fixture(scope="module")
-def bench(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Bench]:
+def bench(tmp_path_factory: pytest.TempPathFactory, compiled: Path) -> Iterator[Bench]:
     folder = tmp_path_factory.mktemp("rig")
     description = load("reference")
     for name, changes in {"arm": {"speedup": 8}, "rail": {"speedup": 8}, "camera": SIZE}.items():
@@ -80,6 +80,7 @@ def bench(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Bench]:
     (project.folder / "profiles").mkdir(parents=True)
     for name in ("so-arm101.md", "camera-rail.md"):
         (project.folder / "profiles" / name).write_text((TOP / "profiles" / name).read_text())
+    project.take_bytecode(compiled)
     project.apply(status=0)
     yield Bench(project, rig)
     project.run("stop")

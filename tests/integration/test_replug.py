@@ -3,6 +3,7 @@
 import json
 from collections.abc import Iterator
 from dataclasses import dataclass
+from pathlib import Path
 
 import pytest
 from projects import Project
@@ -44,7 +45,7 @@ def plug_in(host: Host) -> None:
 
 
 @pytest.fixture(scope="module")
-def served(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Bench]:
+def served(tmp_path_factory: pytest.TempPathFactory, environments: Path) -> Iterator[Bench]:
     """One live endpoint for all."""
     folder = tmp_path_factory.mktemp("replug")
     host = Host(folder / "root")
@@ -52,9 +53,10 @@ def served(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Bench]:
     project = Project(folder / "project", folder / "outside", script=script())
     project.environ["OCTOFORM_SYSROOT"] = str(host.tree.root)
     project.manifest["stages"] = "{probe: {harness: builtin}}"
+    project.share_environments(environments)
     project.apply(status=0)
     yield Bench(project, host)
-    project.run("destroy", "-auto-approve", status=0)
+    project.run("stop", status=0)
     host.clear()
 
 

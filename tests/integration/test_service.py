@@ -3,9 +3,11 @@
 In the place of systemctl stands a small program that keeps what it was told and starts and stops what the unit says.
 """
 
+import contextlib
 import json
 import os
 import shutil
+import signal
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -17,9 +19,12 @@ from launched import Launched, launched, tool
 from projects import OCTOFORM
 from terminals import Terminal
 
+from octoform.daemon.repairs.restarting import restart
 from octoform.endpoint.running import running
+from octoform.endpoint.stopmark import is_marked
 from octoform.endpoint.supervising import start, stop
 from octoform.endpoint.systemd import unit_text
+from octoform.endpoint.watch_unit import watch_text
 from octoform.state.layout import Layout
 
 SYSTEMCTL = """#!{python}
@@ -33,7 +38,9 @@ with (folder / "told").open("a") as told:
     told.write(json.dumps([verb, *rest]) + "\\n")
 if (folder / "refuses").exists() and verb in (folder / "refuses").read_text():
     sys.exit("Failed to connect to bus: No medium found")
-kept, name = folder / "pid", rest[-1] if rest else ""
+name = rest[-1] if rest else ""
+watch = name.startswith("octoform-watch-")
+kept = folder / ("watch.pid" if watch else "pid")
 
 
 def alive():
@@ -47,8 +54,10 @@ def begin():
     said = dict(line.split("=", 1) for line in unit.splitlines() if "=" in line and line[0] != "#")
     words = [word.replace("%%", "%") for word in shlex.split(said["ExecStart"].removeprefix(":"))]
     given = dict(word.replace("%%", "%").split("=", 1) for word in shlex.split(said["Environment"]))
-    with open(said["StandardOutput"].removeprefix("append:").replace("%%", "%"), "ab") as log:
+    with open(said.get("StandardOutput", os.devnull).removeprefix("append:").replace("%%", "%"), "ab") as log:
         apart = {"stdin": subprocess.DEVNULL, "start_new_session": True}
+        if watch:  # not here: its own tests run it
+            words = ["sleep", "600"]
         process = subprocess.Popen(words, env=given, stdout=log, stderr=log, **apart)
     kept.write_text(str(process.pid))
 
@@ -80,7 +89,7 @@ mcp = FastMCP("bench")
 def one() -> int:
     return 1
 """
-NAME = "octoform-bench.service"
+NAME, WATCH = "octoform-bench.service", "octoform-watch-bench.service"
 
 
 class Systemd:
@@ -108,12 +117,14 @@ class Systemd:
 
 
 @pytest.fixture
-def systemd(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Systemd:
+def systemd(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Systemd]:
     """A person's own systemd, for the commands and for what runs in the test itself."""
     found = Systemd(tmp_path / "systemd")
     for name, value in found.environ.items():
         monkeypatch.setenv(name, value)
-    return found
+    yield found
+    with contextlib.suppress(OSError, ValueError):
+        os.kill(int((found.folder / "watch.pid").read_text()), signal.SIGTERM)
 
 
 @pytest.fixture
@@ -144,8 +155,10 @@ def test_the_unit_is_one_that_systemd_takes(tmp_path: Path, folder: str, account
     unit.write_text(unit_text(layout, "/usr/bin:/opt/my tools/100%", account))
     kind = ["--user"] if account is None else []
     environ = {"PATH": os.environ["PATH"], "HOME": str(tmp_path), "XDG_RUNTIME_DIR": str(tmp_path)}
+    watch = tmp_path / WATCH
+    watch.write_text(watch_text(layout, "/usr/bin:/opt/my tools/100%", account))
     done = subprocess.run(
-        [program, *kind, "verify", str(unit)], env=environ, capture_output=True, text=True, timeout=60
+        [program, *kind, "verify", str(unit), str(watch)], env=environ, capture_output=True, text=True, timeout=60
     )
     assert (done.returncode, done.stderr) == (0, "")
 
@@ -163,6 +176,8 @@ def test_a_unit_is_shown_asked_for_written_and_given_to_systemd(systemd: Systemd
     unit = systemd.units / NAME
     assert unit.stat().st_mode & 0o777 == 0o600
     assert systemd.told()[:2] == [["daemon-reload"], ["enable", "--now", NAME]]
+    assert systemd.told()[-1] == ["enable", "--now", WATCH]
+    assert (systemd.units / WATCH).stat().st_mode & 0o777 == 0o600
     assert bench.process.pid != before, "the process that belonged to nobody was stopped first"
     assert bench.process.pid == int((systemd.folder / "pid").read_text())
 
@@ -202,15 +217,20 @@ def test_uninstall_stops_the_endpoint_and_leaves_nothing(systemd: Systemd, bench
     assert done.returncode == 0, done.stderr
     assert list(systemd.units.iterdir()) == []
     assert running(bench.layout) is None
-    assert ["disable", "--now", NAME] in systemd.told() and systemd.told()[-1] == ["daemon-reload"]
+    assert not restart(bench.layout).ok and running(bench.layout) is None, "a daemon would start it again"
+    ended = [words[-1] for words in systemd.told() if words[0] == "disable"]
+    assert ended == [WATCH, NAME], "the daemon first, so that it starts nothing again"
+    assert systemd.told()[-1] == ["daemon-reload"]
     assert "was not installed" in octoform(systemd, bench, "service", "uninstall", "-user").stdout
+    assert octoform(systemd, bench, "service", "install", "-user", "-auto-approve").returncode == 0
+    assert not is_marked(bench.layout), "whoever installs it wants it to run"
 
 
 @pytest.mark.parametrize("verb", ["install", "uninstall"])
 def test_without_user_nothing_is_written_and_systemd_is_not_asked(systemd: Systemd, bench: Launched, verb: str) -> None:
     done = octoform(systemd, bench, "service", verb)
     assert done.returncode == 0
-    assert f"/etc/systemd/system/{NAME}" in done.stdout
+    assert f"/etc/systemd/system/{NAME}" in done.stdout and f"/etc/systemd/system/{WATCH}" in done.stdout
     assert ("WantedBy=multi-user.target" in done.stdout) == (verb == "install")
     assert "sudo" not in done.stdout
     assert not systemd.units.exists() and not (systemd.folder / "told").exists()
@@ -250,6 +270,15 @@ def test_a_unit_of_something_else_is_left_alone(systemd: Systemd, bench: Launche
     bench.stop()
     bench.start()
     assert systemd.told() == []
+
+
+def test_a_unit_that_watches_something_else_is_left_alone(systemd: Systemd, bench: Launched) -> None:
+    systemd.units.mkdir(parents=True)
+    other = watch_text(Layout(bench.layout.project / "other", "bench"), "/usr/bin")
+    (systemd.units / WATCH).write_text(other)
+    done = octoform(systemd, bench, "service", "install", "-user", "-auto-approve")
+    assert done.returncode == 1 and "SERVICE-FOREIGN-UNIT" in done.stderr
+    assert (systemd.units / WATCH).read_text() == other and systemd.told() == []
 
 
 def test_what_systemctl_refuses_is_told(systemd: Systemd, bench: Launched) -> None:

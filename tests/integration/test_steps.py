@@ -74,7 +74,7 @@ class Bench:
 
 
 @pytest.fixture(scope="module")
-def bench(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Bench]:
+def bench(tmp_path_factory: pytest.TempPathFactory, compiled: Path) -> Iterator[Bench]:
     folder = tmp_path_factory.mktemp("steps")
     description = load("reference")
     description["devices"] = {"arm": {**description["devices"]["arm"], "speedup": 8}}
@@ -95,6 +95,7 @@ def bench(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Bench]:
             assert "\n---\n" in text[4:]
             text = text.replace("\n---\n", f"\nrig: {{disabled: {json.dumps(STILL)}}}\n---\n", 1)
         (project.folder / "profiles" / f"{name}.md").write_text(text)
+    project.take_bytecode(compiled)
     bench = Bench(project, rig)
     done = bench.steps("arm", "rail")
     assert done.status == 0, done.text

@@ -163,6 +163,17 @@ class Project:
         self.local.mkdir(parents=True, exist_ok=True)
         (self.local / "environments").symlink_to(folder)
 
+    def take_bytecode(self, folder: Path) -> None:
+        """Build own environments, but compile none of the packages that those in a folder have.
+
+        For tests of projects whose packages are their own; `octoform destroy` would stumble over the links.
+        """
+        own = self.local / "environments"
+        own.mkdir(mode=0o700, parents=True)
+        for path in folder.iterdir():
+            if path.is_dir():
+                (own / path.name).symlink_to(path)
+
     def own_specs(self) -> Path:
         """Give the project its own copies of the shipped specs; the folder."""
         folder = self.folder / "protocol"

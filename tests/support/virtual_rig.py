@@ -105,12 +105,18 @@ class Line:
 
 @dataclass
 class VirtualRig:
-    """``tools`` are the server's functions by name, ``policy`` what the endpoint would enforce of them."""
+    """``tools`` are the server's functions by name, ``policy`` what the endpoint would enforce of them.
+
+    ``identified`` and ``interface`` are the artifacts that came before the server, ``profiles`` those that were read.
+    """
 
     rig: Rig
     time: Time
     tools: dict[str, Any]
     policy: dict[str, Any]
+    identified: dict[str, Any]
+    interface: dict[str, Any]
+    profiles: tuple[Profile, ...]
 
     @property
     def arm(self) -> ServoBus:
@@ -141,18 +147,20 @@ def virtual_rig(folder: Path, description: dict[str, Any], patch: pytest.MonkeyP
     try:
         profiles, found = load(PROFILES)
         assert not found
-        tools, server = _generated(tree, profiles, folder)
+        identified, interface, server = _generated(tree, profiles, folder)
+        tools = interface["tools"]
         policy = resolve(Policy(), tools, [(one, holds(one, probe_root(tree), ANSWERS)) for one in profiles])
         patch.setenv("OCTOFORM_SYSROOT", str(tree))
         patch.setenv("HOME", str(folder))
         with _loaded(server, rig, time, patch) as module:
-            yield VirtualRig(rig, time, {one["name"]: getattr(module, one["name"]) for one in tools}, policy)
+            functions = {one["name"]: getattr(module, one["name"]) for one in tools}
+            yield VirtualRig(rig, time, functions, policy, identified, interface, profiles)
     finally:
         rig.stop()
 
 
-def _generated(tree: Path, profiles: tuple[Profile, ...], folder: Path) -> tuple[list[dict[str, Any]], Path]:
-    """The tools of INTERFACE and the file of SERVE."""
+def _generated(tree: Path, profiles: tuple[Profile, ...], folder: Path) -> tuple[dict[str, Any], dict[str, Any], Path]:
+    """The artifacts of IDENTIFY and INTERFACE, and the file of SERVE."""
     probe = probe_root(tree)
     known = [for_task(one, holds(one, probe, ANSWERS)) for one in profiles]
     annotated = identify(probe, IdDatabases(tree), known, ANSWERS)
@@ -161,7 +169,7 @@ def _generated(tree: Path, profiles: tuple[Profile, ...], folder: Path) -> tuple
     server.parent.mkdir()
     server.write_text(render(interface, known))
     (server.parent / "runtime").symlink_to(TOP / "octoform" / "runtime")
-    return interface["tools"], server
+    return annotated, interface, server
 
 
 @contextmanager

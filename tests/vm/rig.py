@@ -68,7 +68,9 @@ class RigBench:
         with self.guest.held_open(node):
             self.guest.unplug(name)
             self.guest.until(f"! test -e {node}")
-            yield
-            self.guest.plug(name, self.model(name), port)
+            try:
+                yield
+            finally:  # what the next test needs must not depend on this one
+                self.guest.plug(name, self.model(name), port)
             self.guest.until(f"test -e {expected}")
         self.guest.run("udevadm settle --timeout=300", 400.0)

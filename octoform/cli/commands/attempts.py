@@ -8,6 +8,7 @@ from octoform.cli.options import UsageError
 from octoform.diagnostics import did_you_mean, has_errors
 from octoform.engine import attempts as engine
 from octoform.engine.recording import record
+from octoform.protocol.model import DUTIES
 from octoform.state.layout import STAGES, STEP
 from octoform.views import attempts, problems
 from octoform.views.console import Console
@@ -20,8 +21,9 @@ def run(arguments: Namespace, project: Path, screen: Console) -> int:
     if arguments.verb == "record":
         return _record(arguments, project, screen)
     stage = arguments.stage
-    if stage is not None and stage not in STAGES and not stage.startswith(STEP):
-        near = did_you_mean(stage, STAGES)
+    known = (*STAGES, *DUTIES)
+    if stage is not None and stage not in known and not stage.startswith(STEP):
+        near = did_you_mean(stage, known)
         raise UsageError(f"-stage: there is no stage {stage!r}" + (f"; did you mean {near}?" if near else ""), "")
     listed, found = engine.listed(project, os.environ, stage)
     if listed is None:

@@ -1,4 +1,4 @@
-"""``service install|uninstall``: let systemd run the endpoint. Never as another user."""
+"""``service install|uninstall``: let systemd run the endpoint and its daemon. Never as another user."""
 
 import os
 from argparse import Namespace
@@ -11,7 +11,7 @@ from octoform.views.console import Console
 
 
 def run(arguments: Namespace, project: Path, screen: Console) -> int:
-    """Show the unit; with ``-user`` do it, after a yes."""
+    """Show the units; with ``-user`` do it, after a yes."""
     unit, found = engine.unit_of(project, os.environ, own=arguments.user)
     if unit is None:
         return problems.show(screen, found)
@@ -28,7 +28,9 @@ def _install(arguments: Namespace, screen: Console, unit: engine.Unit) -> int:
         return view.machine_wide(screen, unit)
     if problem := engine.obstacle(unit):
         return problems.show(screen, [problem])
-    if not arguments.auto_approve and not view.approves(screen, "Write this unit and run the endpoint with it?"):
+    if not arguments.auto_approve and not view.approves(
+        screen, "Write these units and run the endpoint and its daemon with them?"
+    ):
         return problems.show(screen, [view.not_approved()])
     process, found = engine.install(unit)
     if process is None:
@@ -39,11 +41,11 @@ def _install(arguments: Namespace, screen: Console, unit: engine.Unit) -> int:
 def _uninstall(arguments: Namespace, screen: Console, unit: engine.Unit) -> int:
     if not unit.own:
         return view.no_machine_wide(screen, unit)
-    if not unit.path.exists():
+    if not unit.path.exists() and not unit.watch.path.exists():
         return view.uninstalled(screen, unit, was=False)
     if problem := engine.obstacle(unit):
         return problems.show(screen, [problem])
-    question = f"Stop the endpoint and remove {unit.path}?"
+    question = f"Stop the endpoint and its daemon, and remove {unit.path} and {unit.watch.path}?"
     if not arguments.auto_approve and not view.approves(screen, question):
         return problems.show(screen, [view.not_approved()])
     was, found = engine.uninstall(unit)

@@ -4,7 +4,9 @@ import os
 from argparse import Namespace
 from pathlib import Path
 
+from octoform.daemon.ownership import alive
 from octoform.engine.health import status
+from octoform.engine.serving import layout_of
 from octoform.views import health, problems
 from octoform.views.console import Console
 
@@ -14,4 +16,5 @@ def run(arguments: Namespace, project: Path, screen: Console) -> int:
     found = status(project, os.environ)
     if found.sync is None:
         return problems.show(screen, found.diagnostics, as_json=arguments.json)
-    return health.status(screen, found, as_json=arguments.json)
+    layout, _ = layout_of(project, os.environ)
+    return health.status(screen, found, alive(layout) if layout is not None else None, as_json=arguments.json)

@@ -1,6 +1,6 @@
 """A real MCP client's conversation with a server that was started already: list, call, classify.
 
-Heavy (FastMCP); imported by mcp_client.py while the server starts, because either takes about a second.
+Heavy (FastMCP); loaded by mcp_client.py while the server is started, because either takes about a second.
 """
 
 import contextlib

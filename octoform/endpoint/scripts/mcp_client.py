@@ -25,17 +25,17 @@ MARK = "OCTOFORM_RUN"
 
 
 def main() -> None:
-    """Read the task, start the server, talk to it, print the report."""
+    """Load, read the task, start the server, talk to it, print the report."""
+    # Before the task is read: whoever sends this client starts the server meanwhile, which takes as long.
+    sys.path.insert(0, str(Path(__file__).resolve().parent))
+    import anyio
+    from conversation import errand
+
     task: dict[str, Any] = json.load(sys.stdin)
     environment = {name: os.environ[name] for name in (*PASSED, MARK) if name in os.environ}
     process = subprocess.Popen(
         task["command"], env=environment, stdin=subprocess.PIPE, stdout=subprocess.PIPE, start_new_session=True
     )
-    # While the server starts, this side loads the client: on two cores that halves the wait.
-    sys.path.insert(0, str(Path(__file__).resolve().parent))
-    import anyio
-    from conversation import errand
-
     json.dump(anyio.run(errand, task, process), sys.stdout)
 
 

@@ -1,6 +1,8 @@
 """Locks and environments, built from tiny packages without any index."""
 
 from pathlib import Path
+from threading import Thread
+from types import SimpleNamespace
 
 import pytest
 from endpoint_servers import Wheelhouse
@@ -9,7 +11,7 @@ from octoform.diagnostics import Diagnostic
 from octoform.endpoint import packages
 from octoform.endpoint.building import build, prune
 from octoform.endpoint.environment import MARKER, Environment, at, installed, intact, locate, pins
-from octoform.endpoint.prewarming import GUESS, prepare, prewarmed
+from octoform.endpoint.prewarming import GUESS, await_bytecode, prepare, prewarmed
 from octoform.endpoint.process import run
 from octoform.endpoint.resolving import normalise, resolve
 from octoform.state.layout import Layout
@@ -238,3 +240,23 @@ def test_prewarming_leaves_bytecode_for_every_server(layout: Layout) -> None:
     assert prepare(layout, GUESS)
     (environment,) = layout.environments.glob("[0-9a-f]*")
     assert list(environment.glob("lib/python*/site-packages/fastmcp/server/__pycache__/server.*.pyc"))
+
+
+def test_who_would_compile_the_same_waits_for_it(
+    layout: Layout, wheelhouse: Wheelhouse, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    await_bytecode(layout)  # nothing is under way
+    wheelhouse.add("alpha", "1.0")
+    waits = Thread(target=await_bytecode, args=(layout,))
+    early: list[bool] = []
+
+    def compiling(*_: object, **__: object) -> SimpleNamespace:
+        waits.start()
+        waits.join(0.05)
+        early.append(not waits.is_alive())
+        return SimpleNamespace(status=0)
+
+    monkeypatch.setattr("octoform.endpoint.prewarming.run", compiling)
+    assert prepare(layout, ["alpha==1.0"])
+    waits.join(10)
+    assert (early, waits.is_alive()) == ([False], False)

@@ -3,7 +3,7 @@
 import sys
 from pathlib import Path
 
-from octoform.endpoint.process import base_environment, run
+from octoform.endpoint.process import Begun, base_environment, marked, run
 
 DETACHED = """
 import os, sys, time
@@ -43,3 +43,17 @@ def test_a_child_sees_no_secret_of_ours(tmp_path: Path, monkeypatch: object) -> 
         [sys.executable, "-c", "import os; print(*os.environ)"], cwd=tmp_path, environment={"A": "1"}, timeout=20
     )
     assert set(done.stdout.split()) <= {"A", "OCTOFORM_RUN", "LC_CTYPE"}
+
+
+def test_a_program_that_loads_before_its_task_is_known_is_given_it_later(tmp_path: Path) -> None:
+    program = "import sys; print(sys.stdin.read().upper()); sys.exit(3)"
+    begun = Begun([sys.executable, "-c", program], cwd=tmp_path, environment={})
+    done = begun.finish("yes", 20)
+    assert (done.status, done.stdout, done.survivors) == (3, "YES\n", 0)
+    begun.drop()
+
+
+def test_a_program_that_got_no_task_leaves_nothing(tmp_path: Path) -> None:
+    begun = Begun([sys.executable, "-c", DETACHED, "stay"], cwd=tmp_path, environment=base_environment())
+    begun.drop()
+    assert marked(begun._mark) == []

@@ -136,6 +136,21 @@ def connects(pid: int) -> bool:
     return False
 
 
+def test_one_that_stands_still_is_ended_at_once(bench: Launched) -> None:
+    bench.stop()
+    bench.start()
+    found = bench.process
+    os.kill(found.pid, signal.SIGSTOP)
+    end = time.monotonic() + 5
+    while not supervising.is_stopped(found.pid) and time.monotonic() < end:
+        time.sleep(0.01)
+    began = time.monotonic()
+    done = supervising.stop(bench.layout)
+    assert (done.firmly, gone(found.pid)) == (True, True)
+    assert time.monotonic() - began < supervising.STOP_SECONDS / 2
+    assert not supervising.is_stopped(os.getpid())
+
+
 def test_who_came_to_a_process_that_dies_is_served_by_its_successor(bench: Launched) -> None:
     """The kernel connects a client also to a process that will never take it."""
     before = bench.process.pid

@@ -92,7 +92,7 @@ def test_all_is_well(bench: Bench, server: ModelServer) -> None:
         ("GET", "/v1/models", SECRET),
         ("GET", "/v1/models", None),
     ]
-    assert found.groups[0].used_for == ("probe", "identify", "interface", "serve", "deploy")
+    assert found.groups[0].used_for == ("probe", "identify", "interface", "serve", "deploy", "watch", "heal")
 
 
 @pytest.mark.parametrize(
@@ -272,7 +272,7 @@ def test_every_agent_is_looked_at_once(bench: Bench, server: ModelServer) -> Non
     assert [(group.harness, group.model, group.used_for) for group in found.groups] == [
         ("builtin", None, ("probe", "identify")),
         ("pi", "openai/dear", ("identify escalation",)),
-        ("pi", "openai/scripted", ("interface", "serve")),
+        ("pi", "openai/scripted", ("interface", "serve", "watch", "heal")),
         ("command", "openai/scripted", ("deploy",)),
         ("litellm", "openai/scripted", ("housekeeping",)),
     ]

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from octoform.manifest import host_name
 from octoform.manifest.loading import load
-from octoform.manifest.model import Network, Perception, Tunnel
+from octoform.manifest.model import Daemon, Network, Notify, Perception, Tunnel
 from octoform.manifest.schema import json_schema
 from octoform.manifest.starter import SCHEMA_FILE, starter_text, write_starter
 
@@ -106,6 +106,10 @@ def test_the_commented_settings_are_valid_too(tmp_path: Path) -> None:
     assert [limit.rate for limit in manifest.policy.limits] == [None, None, (10, 60)]
     assert manifest.policy.timeout_for("capture_image") == 60
     assert manifest.perception == Perception(enabled=False, camera="usb-0000-0000", interval=300)
+    told = Notify(("./tell-me",), "https://alerts.example.org/hook", desktop=True)
+    assert manifest.daemon == Daemon(
+        usd_per_hour=1.0, notify=told, metrics=Path("/var/lib/node_exporter/octoform.prom")
+    )
 
 
 def test_every_setting_is_in_the_starter_and_in_the_docs() -> None:

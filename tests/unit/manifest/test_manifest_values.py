@@ -11,7 +11,7 @@ import pytest
 from octoform.harness.adapters import command as command_harness
 from octoform.manifest import model
 from octoform.manifest.loading import load
-from octoform.manifest.model import Budget, HarnessSpec, Manifest
+from octoform.manifest.model import KEEPERS, Budget, Daemon, HarnessSpec, Manifest, Notify
 from octoform.manifest.references import contains, malformed, names, resolve, resolve_argument
 
 
@@ -60,6 +60,44 @@ def test_a_stage_differs_only_where_it_says_so(tmp_path: Path) -> None:
     assert manifest.budget_for("identify") == Budget(2, 100.0, 3600.0, 12)
     assert manifest.budget_for("serve") == Budget(5, 300.0, 3600.0, 12)
     assert manifest.variables == ("KEY",)
+
+
+def test_the_daemon_has_defaults_that_move_no_digest(tmp_path: Path) -> None:
+    plain = loaded(tmp_path, "version: 1\n")
+    assert plain.daemon == Daemon()
+    assert [plain.harness_for(name).name for name in KEEPERS] == ["builtin", "builtin"]
+    assert plain.digest == loaded(tmp_path, "version: 1\ndaemon: {interval: 300s, notify: {}}\n").digest
+    assert plain.digest == loaded(tmp_path, "version: 1\nstages: {watch: {}}\n").digest
+    assert plain.digest != loaded(tmp_path, "version: 1\ndaemon: {apply: ask}\n").digest
+
+
+def test_what_the_daemon_is_told(tmp_path: Path) -> None:
+    manifest = loaded(
+        tmp_path,
+        "version: 1\n"
+        "daemon:\n"
+        "  {interval: 10s, heal_attempts: 5, apply: ask, calls_per_hour: 2, claim_expiry: 1h30m, metrics: out/a.prom,\n"
+        "   notify: {command: [./tell], webhook: '${URL}', desktop: true}}\n",
+        URL="https://alerts.example.org/value-of-url",
+    )
+    told = Notify(("./tell",), "${URL}", desktop=True)
+    assert manifest.daemon == Daemon(10, 5, "ask", 2, None, 5400, told, tmp_path / "out" / "a.prom")
+    assert manifest.variables == ("URL",)
+    assert "value-of-url" not in repr(manifest)
+
+
+def test_who_keeps_watch(tmp_path: Path) -> None:
+    """As the general agent does, unless it says otherwise; a recording knows no later troubles."""
+    text = "version: 1\nharness: pi\nmodel: openai/a\nstages: {heal: {model: ollama/b, budget: {attempts: 1}}}\n"
+    manifest = loaded(tmp_path, text, OPENAI_API_KEY="x")
+    assert [(manifest.harness_for(name).name, manifest.model_for(name)) for name in KEEPERS] == [
+        ("pi", "openai/a"),
+        ("pi", "ollama/b"),
+    ]
+    assert [manifest.budget_for(name).attempts for name in KEEPERS] == [3, 1]
+    (tmp_path / "taken").mkdir()
+    manifest = loaded(tmp_path, "version: 1\nharness: {name: replay, recording: taken}\n")
+    assert [manifest.harness_for(name).name for name in ("serve", *KEEPERS)] == ["replay", "builtin", "builtin"]
 
 
 def test_digest_is_of_the_meaning(tmp_path: Path) -> None:

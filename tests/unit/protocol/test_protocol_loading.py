@@ -1,4 +1,4 @@
-"""Reading specs: the shipped five, a project's own laid over them, and what is wrong with a spec."""
+"""Reading specs: the shipped ones, a project's own laid over them, and what is wrong with a spec."""
 
 import shutil
 from pathlib import Path
@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from octoform import digest
-from octoform.protocol import STAGES
+from octoform.protocol import DUTIES, STAGES
 from octoform.protocol.loading import load
 from octoform.protocol.paths import schema_dir, shipped, spec_paths
 
@@ -25,7 +25,7 @@ def folder(tmp_path: Path) -> Path:
 def test_the_shipped_specs() -> None:
     specs, found = load(None)
     assert found == []
-    assert tuple(specs) == STAGES
+    assert tuple(specs) == (*STAGES, *DUTIES)
     identify = specs["identify"]
     assert identify.consumes == ("probe/output.json",)
     assert identify.produces == "identify/output.json"
@@ -91,7 +91,7 @@ def test_all_problems_of_all_specs_come_at_once(folder: Path) -> None:
     (folder / "identify.md").write_text("---\nstage: x\nunknown: 1\n---\ntext\n")
     (folder / "probe.md").write_text("no front matter\n")
     specs, found = load(folder)
-    assert set(specs) == {"interface", "serve", "deploy"}
+    assert set(specs) == {"interface", "serve", "deploy", *DUTIES}
     assert {item.path for item in found} == {str(folder / "identify.md"), str(folder / "probe.md")}
     assert len(found) >= 5
 
@@ -112,7 +112,7 @@ def test_a_misspelt_file_is_a_warning(folder: Path) -> None:
     (folder / "identify.md").rename(folder / "identfy.md")
     (folder / "README.md").write_text("notes")
     specs, found = load(folder)
-    assert tuple(specs) == STAGES
+    assert tuple(specs) == (*STAGES, *DUTIES)
     assert [(item.code, item.severity.value, item.hint) for item in found] == [
         ("PROTOCOL-UNUSED", "warning", "did you mean identify.md?")
     ]

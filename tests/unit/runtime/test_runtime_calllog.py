@@ -3,6 +3,7 @@
 import asyncio
 import inspect
 import json
+import os
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -107,6 +108,12 @@ def test_a_log_that_cannot_be_written_fails_no_call(
     monkeypatch.setattr(calllog, "_complained", [])
     assert double(1) == 2 and double(2) == 4
     assert capsys.readouterr().err.count("cannot be written") == 1
+
+
+def test_no_call_waits_for_the_reader_of_a_pipe(log: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    os.mkfifo(log)
+    assert double(4) == 8
+    assert "cannot be written" in capsys.readouterr().err
 
 
 def test_without_a_log_standard_error_gets_it(

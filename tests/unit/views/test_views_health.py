@@ -3,10 +3,13 @@
 import io
 import json
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 
+from octoform.daemon.ownership import Record
 from octoform.endpoint.running import Running
 from octoform.engine.health import Process, Status
+from octoform.state.holder import myself
 from octoform.views import health
 from octoform.views.console import Console
 
@@ -28,10 +31,10 @@ TOLD: dict[str, Any] = {
 }
 
 
-def shown(found: Status, *, as_json: bool = False) -> tuple[int, str]:
+def shown(found: Status, watched: Record | None = None, *, as_json: bool = False) -> tuple[int, str]:
     out = io.StringIO()
     console = Console(out, io.StringIO(), colour=False, colour_err=False, interactive=False)
-    return health.status(console, found, as_json=as_json), out.getvalue()
+    return health.status(console, found, watched, as_json=as_json), out.getvalue()
 
 
 def status(told: Mapping[str, Any] | None = None, **more: Any) -> Status:
@@ -52,7 +55,18 @@ def test_a_healthy_host_tells_what_runs() -> None:
         "  stuck: move_rail for 12.5 s, which keeps usb-1 (octoform restart ends it)",
         "  2 calls waiting for an approval",
         "  the audit log cannot be written: No space left on device",
+        "  nobody watches it: octoform watch keeps it alive",
     ]
+
+
+def test_who_watches_is_told() -> None:
+    daemon = Record(replace(myself(), pid=77), "2026-01-01T00:01:00Z", 9.0, "1")
+    _, text = shown(status(), daemon)
+    assert text.endswith(
+        "a daemon watches it: process 77 since 2026-01-01T00:01:00Z; octoform health tells what it sees\n"
+    )
+    assert json.loads(shown(status(), daemon, as_json=True)[1])["watched"] == 77
+    assert json.loads(shown(status(), as_json=True)[1])["watched"] is None
 
 
 def test_a_tunnel_that_is_not_there_says_why() -> None:
@@ -71,7 +85,7 @@ def test_a_dry_run_of_everything_says_that_readings_are_done() -> None:
 
 def test_what_a_process_of_another_version_does_not_tell_is_left_out() -> None:
     _, text = shown(status({}))
-    assert text.splitlines()[2:] == [
+    assert text.splitlines()[2:-1] == [
         "  process 41 since 2026-01-01T00:00:00+00:00, scope internet",
         "  at http://10.0.0.2:7777/mcp, open to 3 tokens",
     ]

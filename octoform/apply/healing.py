@@ -1,0 +1,249 @@
+"""HEAL: an agent says what mends one error, and a server that it rewrote is tried before it counts.
+
+The candidate is judged as text, imported where it will be served, published beside the accepted server, and called.
+Only one that passes all of that, and does worse nowhere, takes the accepted one's place. What it replaces is kept,
+so that it can be taken back when later readings are worse.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+from octoform import digest, events
+from octoform.apply import adopting, evidence, healing_record
+from octoform.apply.assignment import Judge, Prove
+from octoform.apply.context import Context
+from octoform.apply.diagnosing import ALL, Given, assignment, calls_of, judge_of, paid, told_log
+from octoform.apply.duty import Answer, refusal
+from octoform.apply.gate import Verdict, artifacts, digest_of, shown
+from octoform.apply.heal_candidate import Reach, objections, reach_of
+from octoform.apply.healing_record import Healed
+from octoform.apply.leaks import leaked
+from octoform.apply.reading import accepted
+from octoform.apply.result import Finished
+from octoform.apply.settling import text_of
+from octoform.apply.smoke import no_worse
+from octoform.apply.stage import fulfil
+from octoform.contracts.checking import check
+from octoform.contracts.duties import told_devices, told_tools
+from octoform.contracts.model import Artifacts
+from octoform.contracts.parsing import MAX_SOURCE_BYTES, parse
+from octoform.diagnostics import Diagnostic, error, has_errors
+from octoform.endpoint.check import CheckReport
+from octoform.endpoint.check import check as check_endpoint
+from octoform.endpoint.promise import shown as promised
+from octoform.harness.plainfile import read_plain
+from octoform.harness.port import Task
+
+HEAL = "heal"
+SERVER = "server.py"
+REWRITE = "rewrite"
+
+
+@dataclass(frozen=True, slots=True)
+class Case:
+    """One error to be mended: as WATCH or triage told it, in which episode, and what a repair of it may touch."""
+
+    episode: str
+    target: str
+    error: Mapping[str, Any]
+    reach: Reach
+    known: Artifacts
+
+    @property
+    def tool(self) -> str:
+        """The tool concerned; empty where it is not known."""
+        return str(self.error.get("tool") or "")
+
+
+@dataclass(frozen=True, slots=True)
+class Proposal:
+    """What an agent proposes: its output, and the text of the server where it rewrote that."""
+
+    value: dict[str, Any]
+    server: str | None
+
+
+def heal(context: Context, brief: Mapping[str, Any]) -> Answer:
+    """Ask the agent of HEAL and try what it proposes; blocking, and never raises for what an agent does."""
+    case = _case(context, brief)
+    given = _given(context, case, brief)
+    asked = assignment(context, HEAL, given, _judge_of(case, given), _prove_of(case))
+    try:
+        finished = fulfil(context, asked)
+    except BaseException:
+        # Nobody waits for the proof any more: what was only being tried is not left in service.
+        adopting.put_back(context, smoke=False)
+        raise
+    finished = paid(context, HEAL, finished, given)
+    if not finished.verdict.accepted:
+        return refusal(finished.verdict.diagnostics, finished)
+    if finished.verdict.rewritten is not None:
+        found = _adopted(context, case, finished.verdict.rewritten)
+        if has_errors(found):
+            return refusal(found, finished)
+    return _answer(finished)
+
+
+def roll_back(context: Context, brief: Mapping[str, Any]) -> Answer:
+    """Make the server the accepted one again that an episode's repair has replaced; asking twice does it once."""
+    episode, reason = str(brief.get("episode") or ""), str(brief.get("reason") or "")
+    healed = healing_record.read(context.layout, episode)
+    now = context.store.snapshot.nodes[adopting.MAKER].output_digest
+    if healed is None:
+        return Answer(ok=False, detail=f"no repair of the episode {episode} is known", again=False)
+    if now == healed.base:
+        return Answer(ok=True, detail="the former server is the accepted one")
+    if now != healed.digest:
+        return Answer(ok=False, detail="the server was made again since the repair; it stays", again=False)
+    context.emit(events.Notice(HEAL, f"the former server comes back: {reason or 'the repair is taken back'}"))
+    found = adopting.adopt(context, HEAL, healed.source, smoke=False)
+    if has_errors(found):
+        return replace(refusal(found), changed=context.store.snapshot.nodes[adopting.MAKER].output_digest != now)
+    return Answer(ok=True, detail="the former server is the accepted one again", changed=True)
+
+
+def _case(context: Context, brief: Mapping[str, Any]) -> Case:
+    known = artifacts(context, ALL, None)
+    told = brief.get("error")
+    cause: Mapping[str, Any] = told if isinstance(told, Mapping) else {}
+    device = str(cause.get("device") or "").partition("/")[0] or None
+    tool = str(cause["tool"]) if cause.get("tool") else None
+    reach = reach_of(str(known.serve), known.interface or {"tools": []}, tool, device)
+    return Case(str(brief.get("episode") or ""), str(brief.get("target") or ""), cause, reach, known)
+
+
+def _given(context: Context, case: Case, brief: Mapping[str, Any]) -> Given:
+    interface = case.known.interface or {"tools": []}
+    log = told_log(context, brief)
+    devices = told_devices(interface, case.known.identify)
+    tool = next((item for item in told_tools(interface) if item["name"] == case.tool), None)
+    wanted = str(case.error.get("device") or "").partition("/")[0] or next(iter(tool["devices"] if tool else ()), "")
+    document = {
+        "format": 1,
+        "host": context.layout.host,
+        "target": case.target,
+        "error": evidence.plain(case.error),
+        "tool": tool,
+        "functions": list(case.reach.functions),
+        "device": next((item for item in devices if item["id"] == wanted), None),
+        "readings": evidence.readings_of(brief),
+        "failures": evidence.failures_of(brief),
+        **_packages(case.known.deploy or {}),
+        "log": log.text,
+        "server": SERVER,
+    }
+    return Given(document, {SERVER: str(case.known.serve).encode()}, log.usage, calls_of(brief))
+
+
+def _packages(deploy: Mapping[str, Any]) -> dict[str, Any]:
+    """What DEPLOY decided on, and what it found must not be installed together."""
+    packages = [{"name": item["name"], "version": item["version"]} for item in deploy.get("requirements") or ()]
+    return {"packages": evidence.plain(packages), "conflicts": evidence.plain(list(deploy.get("conflicts") or ()))}
+
+
+def _judge_of(case: Case, given: Given) -> Judge:
+    """All that needs nothing but values and text."""
+    contract = judge_of(case.known, given)
+
+    def judge(context: Context, task: Task, data: bytes) -> tuple[Any, list[Diagnostic]]:
+        value, found = contract(context, task, data)
+        if value is None or has_errors(found):
+            return (None if value is None else Proposal(value, None)), found
+        if value["action"] != REWRITE:
+            return Proposal(value, None), found
+        text, more = _rewritten(context, task, case, value)
+        return Proposal(value, text), found + more
+
+    return judge
+
+
+def _rewritten(
+    context: Context, task: Task, case: Case, value: Mapping[str, Any]
+) -> tuple[str | None, list[Diagnostic]]:
+    """The rewritten server, or what is wrong with it as a text."""
+    path, known = shown(task.workdir / SERVER), case.known
+    data = read_plain(task.workdir / SERVER, MAX_SOURCE_BYTES + 1)
+    if data is None:
+        return None, [error("ARTIFACT-LINK", "the rewritten server is not a plain file of its own", path=path)]
+    text, found = parse("serve", data, path)
+    if not isinstance(text, str):
+        return None, found
+    if text == known.serve:
+        hint = "correct the copy of server.py in the working directory, or write failed"
+        return None, [error("HEAL-UNCHANGED", "the rewritten server is the accepted one", path=path, hint=hint)]
+    found += leaked(replace(task, stage="serve"), data)
+    found += check("serve", text, known, context.schemas, SERVER)
+    if has_errors(found):
+        return None, found
+    deploy = known.deploy or {"imports": []}
+    found += objections(str(known.serve), text, case.reach, frozenset(value["functions"]), deploy)
+    found += check("deploy", deploy, replace(known, serve=text), context.schemas)
+    return text, found
+
+
+def _prove_of(case: Case) -> Prove:
+    """The trial: the candidate in the place of the accepted server, compared with how that one does just before."""
+    known: list[CheckReport] = []
+
+    def before(context: Context) -> CheckReport:
+        if not known:
+            context.emit(events.Checking(HEAL, "calling the read tools of the accepted server"))
+            known.append(check_endpoint(context.layout, promised(context.layout, accepted(context, "interface"))))
+        return known[0]
+
+    def prove(context: Context, task: Task, proposal: Proposal, found: list[Diagnostic]) -> Verdict:
+        if proposal.server is not None:
+            judge = no_worse(before(context), case.reach.tools)
+            found = [*found, *adopting.offer(context, task, proposal.server, judge)]
+        if has_errors(found):
+            return Verdict((*found, *adopting.put_back(context, smoke=False)))
+        value = proposal.value
+        return Verdict(
+            diagnostics=tuple(found),
+            value=value,
+            digest=digest_of(context, task.stage, value),
+            files={"output.json": text_of(value)},
+            found=f"{value['status']}: {value['action']}",
+            rewritten=proposal.server,
+        )
+
+    return prove
+
+
+def _adopted(context: Context, case: Case, source: str) -> list[Diagnostic]:
+    """Keep what is replaced, then replace it; a server that does not come up after all is taken back at once."""
+    base, text = str(case.known.serve), source
+    healed = Healed(
+        episode=case.episode,
+        at=context.clock.stamp(),
+        tool=case.tool,
+        base=digest.of_bytes(base.encode()),
+        digest=digest.of_bytes(text.encode()),
+        source=base,
+    )
+    problem = healing_record.keep(context.layout, healed)
+    if problem is not None:
+        return [problem, *adopting.put_back(context, smoke=False)]
+    context.checkpoint("healing.kept")
+    context.emit(events.Checking(HEAL, "the rewritten server takes the place of the accepted one"))
+    found = adopting.adopt(context, HEAL, text, smoke=False)
+    if has_errors(found) and context.store.snapshot.nodes[adopting.MAKER].output_digest == healed.digest:
+        found += adopting.adopt(context, HEAL, base, smoke=False)
+    return found
+
+
+def _answer(finished: Finished) -> Answer:
+    verdict = finished.verdict
+    value = verdict.value
+    repaired = value["status"] == "repaired"
+    return Answer(
+        ok=repaired,
+        detail=f"{value['status']}: {value['reason']}",
+        again=repaired,
+        report=value,
+        action=value["action"] if repaired else None,
+        changed=verdict.rewritten is not None,
+        calls=finished.attempts,
+        usage=finished.usage,
+    )

@@ -1,0 +1,111 @@
+"""Readings and claims as values.
+
+A claim is no sentence that one believes: it is a condition on a signal, it cites the readings at which the condition
+held, and it is in force only until a fresh reading of that signal says otherwise or its time is over. (Light.)
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from enum import StrEnum
+from typing import Any
+
+Value = bool | int | float | str | None
+
+
+class Channel(StrEnum):
+    """Where a reading comes from; each is evidence of its own."""
+
+    LOG = "log"
+    """A call's line in the execution log: source is the tool, path ``/ok`` (bool) or ``/error`` (class name)."""
+    FRAME = "frame"
+    """A picture: source is the camera's device id, path ``/trouble``, ``/mean``, ``/spread``."""
+    SENSOR = "sensor"
+    """A read tool's structured result: source is the tool, path a JSON pointer in it."""
+    KERNEL = "kernel"
+    """Presence of a device: source is the device id, path ``/there``."""
+    PROCESS = "process"
+    """The endpoint: source ``endpoint``, path ``/running``, ``/answers``."""
+
+
+@dataclass(frozen=True, slots=True)
+class Signal:
+    """What is measured. In ``path`` a member of a list stands by its name where it has one (``/joints/elbow/heat``)."""
+
+    channel: Channel
+    source: str
+    path: str
+
+
+@dataclass(frozen=True, slots=True)
+class Reading:
+    """One value of a signal. ``id`` is unique on the host; ``at`` RFC 3339; ``uptime`` seconds (CLOCK_BOOTTIME).
+
+    ``value`` None: the signal could not be read, and ``why`` says so.
+    """
+
+    id: str
+    at: str
+    uptime: float
+    signal: Signal
+    value: Value
+    why: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Condition:
+    """``op`` is one of ``>= > <= < == !=``."""
+
+    op: str
+    value: Value
+
+
+class State(StrEnum):
+    """A claim's state. ``pending`` waits for a person (`octoform confirm`); the last two are for ever."""
+
+    ACTIVE = "active"
+    PENDING = "pending"
+    RETIRED = "retired"
+    REFUSED = "refused"
+
+
+@dataclass(frozen=True, slots=True)
+class Restriction:
+    """What may not be called while the claim holds.
+
+    ``tool`` is a tool's name; with ``arguments`` only calls that have these values (a joint's name) are concerned.
+    ``effect`` is ``deny`` or ``confirm``. Reading and stopping tools can never be restricted.
+    """
+
+    tool: str
+    arguments: Mapping[str, Value] = field(default_factory=dict)
+    effect: str = "deny"
+
+
+@dataclass(frozen=True, slots=True)
+class Claim:
+    """``made`` and ``expires`` are seconds of uptime with their stamps beside; ``cites`` are ids of readings.
+
+    ``target`` is as in a finding of the daemon (``device:usb-1a86-55d3/elbow_flex``); ``fault`` a class of the
+    playbook. ``by`` is ``watch``, ``heal`` or ``person``. ``irreversible`` names a closed declaration
+    (``terminal_lock``, ``disable_unit``, ``fire_risk``) that nobody but a person makes true. ``ended`` tells why it is
+    retired: ``expired``, ``contradicted``, ``operator``, ``superseded``; ``ended_by`` the readings or the person.
+    """
+
+    id: str
+    target: str
+    fault: str
+    statement: str
+    signal: Signal
+    condition: Condition
+    cites: tuple[str, ...]
+    by: str
+    made_at: str
+    made: float
+    expires_at: str
+    expires: float
+    state: State = State.ACTIVE
+    restrictions: tuple[Restriction, ...] = ()
+    irreversible: str | None = None
+    ended: str | None = None
+    ended_by: tuple[str, ...] = ()
+    data: Mapping[str, Any] = field(default_factory=dict)

@@ -1,0 +1,26 @@
+"""``claims``: what is claimed of the hardware, and what each claim rests on."""
+
+import os
+from argparse import Namespace
+from pathlib import Path
+
+from octoform.daemon.deciding import everything, open_ledger, person
+from octoform.diagnostics import Diagnostic
+from octoform.views import claims as view
+from octoform.views import problems
+from octoform.views.console import Console
+
+
+def run(arguments: Namespace, project: Path, screen: Console) -> int:
+    """Exit code 0; 1 for a claim that cannot be taken back."""
+    ledger, found = open_ledger(project, os.environ)
+    if ledger is None:
+        return problems.show(screen, found, as_json=arguments.json)
+    if arguments.retire is not None:
+        done = ledger.retire(arguments.retire, person())
+        if isinstance(done, Diagnostic):
+            return problems.show(screen, [done], as_json=arguments.json)
+        return view.decided(screen, done, as_json=arguments.json)
+    listed = everything(ledger, over=arguments.all)
+    problems.show(screen, ledger.told())
+    return view.listed(screen, listed, everything=arguments.all, as_json=arguments.json)

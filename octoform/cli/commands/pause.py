@@ -1,0 +1,21 @@
+"""``pause``: let the daemon repair nothing until ``resume``."""
+
+import os
+from argparse import Namespace
+from pathlib import Path
+
+from octoform.daemon import ownership
+from octoform.daemon.sensing.moments import SystemClock
+from octoform.engine.serving import layout_of
+from octoform.views import keeping, problems
+from octoform.views.console import Console
+
+
+def run(arguments: Namespace, project: Path, screen: Console) -> int:
+    """Exit code 0 when repairs are paused, also where no daemon runs yet."""
+    layout, found = layout_of(project, os.environ)
+    if layout is None:
+        return problems.show(screen, found, as_json=arguments.json)
+    if problem := ownership.pause(layout, SystemClock().stamp()):
+        return problems.show(screen, [problem], as_json=arguments.json)
+    return keeping.paused(screen, layout.host, ownership.alive(layout), as_json=arguments.json)

@@ -1,0 +1,19 @@
+"""``resume``: let the daemon repair again."""
+
+import os
+from argparse import Namespace
+from pathlib import Path
+
+from octoform.daemon import ownership
+from octoform.engine.serving import layout_of
+from octoform.views import keeping, problems
+from octoform.views.console import Console
+
+
+def run(arguments: Namespace, project: Path, screen: Console) -> int:
+    """Exit code 0 when repairs are not paused any more."""
+    layout, found = layout_of(project, os.environ)
+    if layout is None:
+        return problems.show(screen, found, as_json=arguments.json)
+    was = ownership.resume(layout)
+    return keeping.resumed(screen, layout.host, ownership.alive(layout), was=was, as_json=arguments.json)

@@ -1,0 +1,119 @@
+"""What a rewritten function no longer does: a repair that reads less, or says what it has not read, is none.
+
+A wrong register makes a tool report nonsense, and the shortest way to silence it is to ask no longer: to leave out the
+check, to answer with a constant, to catch the error. Each of these would pass a trial call. Reading code proves nothing
+for good, but it tells what was asked before and is not asked now.
+"""
+
+import ast
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, replace
+
+from octoform.contracts.source import Function, Source, needed_source
+from octoform.contracts.text import listed, shown
+from octoform.diagnostics import Diagnostic, error
+
+READS_LESS, INVENTS = "HEAL-READS-LESS", "HEAL-INVENTS"
+PATH = "server.py"
+_LASTING = frozenset({"runtime.device", "runtime.bus"})
+"""What each tool begins with; the other names of the runtime may be asked for wrongly, like those of a library."""
+_KEEP = "mend what is asked wrongly, and go on asking; a tool that cannot be mended so is left as it is"
+_NO_VALUE = "return what was read, and let a failure be an error; no reading is invented or replaced by a default"
+
+
+@dataclass(frozen=True, slots=True)
+class _Side:
+    """One of the two servers: its source, and the functions that are compared."""
+
+    source: Source
+    functions: tuple[Function, ...]
+
+
+def bereft(accepted: str, rewritten: str, functions: Iterable[str]) -> list[Diagnostic]:
+    """What the rewritten ``functions`` (with those that are new) no longer do; both texts compile."""
+    named = frozenset(functions)
+    old, new = needed_source(accepted), needed_source(rewritten)
+    known = {item.name for item in _functions(old)}
+    before = _Side(old, tuple(item for item in _functions(old) if item.name in named))
+    after = _Side(new, tuple(item for item in _functions(new) if item.name in named or item.name not in known))
+    return [*_reads_less(before, after, known), *_invents(before, after)]
+
+
+def _functions(source: Source) -> list[Function]:
+    return [item for item in source.tree.body if isinstance(item, Function)]
+
+
+def _reads_less(before: _Side, after: _Side, known: set[str]) -> Iterator[Diagnostic]:
+    """Calls of the server's own functions, of a device and its lock stay; what else is called does not get less."""
+    had, has = list(_calls(before)), list(_calls(after))
+    lasting = {name for name in map(_name, had) if name in known or name in _LASTING}
+    gone = sorted(lasting - set(map(_name, has)))
+    if gone:
+        summary = f"the rewrite no longer calls {listed(gone)}"
+        yield error(READS_LESS, summary, path=PATH, hint=_KEEP)
+    elif len(has) < len(had):
+        summary = f"the rewrite makes {len(has)} calls where there were {len(had)}"
+        yield error(READS_LESS, summary, path=PATH, hint=_KEEP)
+
+
+def _calls(side: _Side) -> Iterator[ast.Call]:
+    """Every call that is no part of an error's words, nor of a decorator."""
+    for function in side.functions:
+        for statement in function.body:
+            yield from (node for node in _below(statement) if isinstance(node, ast.Call))
+
+
+def _below(node: ast.AST) -> Iterator[ast.AST]:
+    if isinstance(node, ast.Raise):
+        return
+    yield node
+    for child in ast.iter_child_nodes(node):
+        yield from _below(child)
+
+
+def _name(call: ast.Call) -> str:
+    return ast.unparse(call.func)
+
+
+def _invents(before: _Side, after: _Side) -> Iterator[Diagnostic]:
+    """No answer is a constant that was none before, and no name that held what was read holds a constant now."""
+    said = {ast.dump(node.value) for node in _returns(before) if node.value is not None}
+    for node in _returns(after):
+        if node.value is not None and _constant(node.value) and ast.dump(node.value) not in said:
+            summary = f"the rewrite answers with {shown(ast.unparse(node.value), 40)}, which nothing has read"
+            yield _placed(after.source, node, summary)
+    read = {name for name, values in _assigned(before).items() if any(_asks(value) for value in values)}
+    for name, values in _assigned(after).items():
+        if name in read and not any(_asks(value) for value in values):
+            summary = f"the rewrite gives {shown(name)} a value that it has not read"
+            yield _placed(after.source, values[0], summary)
+
+
+def _returns(side: _Side) -> Iterator[ast.Return]:
+    for function in side.functions:
+        yield from (node for node in ast.walk(function) if isinstance(node, ast.Return))
+
+
+def _constant(value: ast.expr) -> bool:
+    """Whether an expression asks nobody and holds nothing that was asked: no name, no call."""
+    return not any(isinstance(node, ast.Name | ast.Call | ast.Attribute) for node in ast.walk(value))
+
+
+def _assigned(side: _Side) -> dict[str, list[ast.expr]]:
+    """What each name is given, over all functions."""
+    found: dict[str, list[ast.expr]] = {}
+    for function in side.functions:
+        for node in ast.walk(function):
+            if isinstance(node, ast.Assign | ast.AnnAssign | ast.NamedExpr) and node.value is not None:
+                targets = node.targets if isinstance(node, ast.Assign) else [node.target]
+                for item in (part for target in targets for part in ast.walk(target) if isinstance(part, ast.Name)):
+                    found.setdefault(item.id, []).append(node.value)
+    return found
+
+
+def _asks(value: ast.expr) -> bool:
+    return any(isinstance(node, ast.Call | ast.Await) for node in ast.walk(value)) or not _constant(value)
+
+
+def _placed(source: Source, node: ast.AST, summary: str) -> Diagnostic:
+    return replace(source.problem(INVENTS, node, summary, _NO_VALUE), path=PATH)

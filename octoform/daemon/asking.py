@@ -1,0 +1,62 @@
+"""What a person may ask of a daemon: to try again what was given up. Light."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from octoform.daemon import episodes, ownership
+from octoform.daemon.advice import advice
+from octoform.daemon.breakers import Breaker, Breakers
+from octoform.daemon.ownership import Record
+from octoform.daemon.sensing.moments import SystemClock
+from octoform.daemon.shelf import Shelf
+from octoform.diagnostics import Diagnostic, did_you_mean, error
+from octoform.state.holder import myself
+from octoform.state.layout import Layout
+
+ALL = "all"
+
+
+@dataclass(frozen=True, slots=True)
+class GivenUp:
+    """What waits for a person: breakers that are frozen, and the targets of all troubles that last."""
+
+    frozen: tuple[Breaker, ...] = ()
+    targets: tuple[str, ...] = ()
+    advice: Mapping[str, str] = field(default_factory=dict)
+    """What to do about each, by its target."""
+    said: tuple[Diagnostic, ...] = ()
+
+
+def given_up(layout: Layout) -> GivenUp:
+    """What the daemon, or the last one, gave up."""
+    if not layout.daemon.is_dir():
+        return GivenUp()
+    shelf = Shelf(layout)
+    breakers = Breakers(shelf, myself().boot_id)
+    breakers.load(SystemClock().uptime())
+    lasting = {each.target: advice(each.kind, each.target) for each in episodes.read(shelf) if not each.over}
+    frozen = breakers.frozen()
+    targets = dict.fromkeys([*(each.target for each in frozen), *lasting])
+    return GivenUp(frozen, tuple(targets), lasting, tuple(shelf.said))
+
+
+def retry(layout: Layout, known: GivenUp, target: str | None) -> tuple[tuple[str, ...], Diagnostic | None]:
+    """Ask for one look, and for another try of ``target`` (`ALL`: of everything); the targets that it is about.
+
+    DAEMON-NO-SUCH-TROUBLE for a target that has none. A daemon that lives takes it up at once, else the next one does.
+    """
+    if target is None:
+        return (), ownership.ask(layout, ())
+    if target == ALL:
+        return known.targets, ownership.ask(layout, ("*",))
+    if target not in known.targets:
+        near = did_you_mean(target, known.targets)
+        listed = ", ".join(known.targets[:8]) or "none; nothing is wrong that is known of"
+        hint = f"did you mean {near}?" if near else f"there are: {listed}"
+        return (), error("DAEMON-NO-SUCH-TROUBLE", f"{target[:100]} has no trouble that lasts", hint=hint)
+    return (target,), ownership.ask(layout, (target,))
+
+
+def daemon_of(layout: Layout) -> Record | None:
+    """The daemon that lives."""
+    return ownership.alive(layout)

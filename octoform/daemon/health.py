@@ -1,0 +1,237 @@
+"""Health in one value: what is seen directly, what is wrong, what cannot report. (Light, pure.)
+
+Direct observation comes first: a claim counts only while the newest reading of its signal does not speak against it,
+and no agent's word makes anything healthy. What cannot report is ``unknown``, whoever disabled it.
+"""
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from typing import Any, Protocol
+
+from octoform.claims.conditions import holds
+from octoform.claims.model import Claim, Reading, Signal, State
+from octoform.daemon.coverage import answered, newest, reporting, silent
+from octoform.daemon.model import Facts, Kind, Outcome, Status
+
+FORMAT = 1
+ORDER = (Status.HEALTHY, Status.UNKNOWN, Status.DEGRADED, Status.ERROR, Status.DOWN)
+"""From best to worst: one that is known to be ill is worse than one of which nothing is known."""
+_KINDS: Mapping[Kind, Status] = {
+    Kind.PROCESS_DEAD: Status.DOWN,
+    Kind.CRASH_LOOP: Status.DOWN,
+    Kind.PORT_TAKEN: Status.DOWN,
+    Kind.PROCESS_HUNG: Status.DOWN,
+    Kind.PACKAGE_DAMAGED: Status.ERROR,
+    Kind.PACKAGE_CONFLICT: Status.ERROR,
+    Kind.DISK_FULL: Status.ERROR,
+    Kind.STATE_DAMAGED: Status.ERROR,
+    Kind.UNCOVERED: Status.UNKNOWN,
+    Kind.LOG_OVERGROWN: Status.HEALTHY,
+}
+
+
+class Trouble(Protocol):
+    """An episode, as far as health is concerned."""
+
+    @property
+    def kind(self) -> Kind:
+        """What it is."""
+
+    @property
+    def target(self) -> str:
+        """Whom it concerns."""
+
+    @property
+    def summary(self) -> str:
+        """One sentence."""
+
+    @property
+    def outcome(self) -> Outcome:
+        """How it stands."""
+
+
+@dataclass(frozen=True, slots=True)
+class Part:
+    """One thing with a status of its own; ``target`` as in a finding, ``why`` one sentence."""
+
+    target: str
+    status: Status
+    why: str
+
+
+@dataclass(frozen=True, slots=True)
+class Health:
+    """``status`` is the worst of the parts; ``parts`` are those that are not healthy, worst first.
+
+    ``uptime`` is in seconds (CLOCK_BOOTTIME), ``at`` RFC 3339. ``covered`` counts signals that report,
+    ``uncovered`` names what should report and does not. ``claims`` are ids of those in force, ``pending`` of those that
+    wait for a person.
+    """
+
+    host: str
+    at: str
+    uptime: float
+    status: Status
+    parts: tuple[Part, ...] = ()
+    covered: int = 0
+    uncovered: tuple[str, ...] = ()
+    claims: tuple[str, ...] = ()
+    pending: tuple[str, ...] = ()
+
+    def as_json(self) -> dict[str, Any]:
+        """What daemon/health.json holds."""
+        return {
+            "format": FORMAT,
+            "host": self.host,
+            "at": self.at,
+            "uptime": self.uptime,
+            "status": str(self.status),
+            "parts": [{"target": each.target, "status": str(each.status), "why": each.why} for each in self.parts],
+            "covered": self.covered,
+            "uncovered": list(self.uncovered),
+            "claims": list(self.claims),
+            "pending": list(self.pending),
+        }
+
+
+def from_json(value: Mapping[str, Any]) -> Health:
+    """The opposite of `Health.as_json`; LookupError, TypeError or ValueError for what is none."""
+    if value["format"] != FORMAT:
+        raise ValueError("a record of health of another format")
+    return Health(
+        str(value["host"]),
+        str(value["at"]),
+        float(value["uptime"]),
+        Status(value["status"]),
+        tuple(Part(str(each["target"]), Status(each["status"]), str(each["why"])) for each in value["parts"]),
+        int(value["covered"]),
+        *(tuple(str(each) for each in value[name]) for name in ("uncovered", "claims", "pending")),
+    )
+
+
+def compose(
+    facts: Facts,
+    episodes: Iterable[Trouble] = (),
+    claims: Iterable[Claim] = (),
+    readings: Iterable[Reading] = (),
+    expected: Iterable[Signal] = (),
+) -> Health:
+    """Health as of these facts. ``episodes`` may hold ended ones; ``expected`` are signals that ought to report."""
+    latest, made = newest(readings), list(claims)
+    quiet = silent(latest.values(), expected)
+    standing = [each for each in made if each.state is State.ACTIVE and _stands(each, latest)]
+    pending = [each for each in made if each.state is State.PENDING]
+    parts = [*_process(facts), *_devices(facts)]
+    parts += [Part(f"unit:{source}{path}", Status.UNKNOWN, f"does not report: {why}") for source, path, why in quiet]
+    parts += _troubles(episodes)
+    parts += [Part(each.target, Status.DEGRADED, f"claim {each.id}: {each.statement}") for each in standing]
+    parts += [Part(each.target, Status.DEGRADED, f"{each.id} waits for a person: {each.statement}") for each in pending]
+    # What is seen directly comes first, and an episode of the same adds nothing to it.
+    told = {(each.target, each.status): each for each in reversed(parts) if each.status is not Status.HEALTHY}
+    ill = sorted(told.values(), key=_rank)
+    return Health(
+        facts.host,
+        facts.stamp,
+        facts.uptime,
+        max((each.status for each in ill), key=ORDER.index, default=Status.HEALTHY),
+        tuple(ill),
+        len(reporting(latest.values())),
+        tuple(f"{source}{path}" for source, path, _ in quiet),
+        tuple(each.id for each in standing),
+        tuple(each.id for each in pending),
+    )
+
+
+def _rank(part: Part) -> tuple[int, str, str]:
+    return -ORDER.index(part.status), part.target, part.why
+
+
+def _process(facts: Facts) -> Iterable[Part]:
+    if not facts.applied:
+        yield Part("endpoint", Status.UNKNOWN, "nothing is applied yet")
+    elif facts.stopped_by is not None:
+        yield Part("endpoint", Status.DOWN, f"stopped by {facts.stopped_by}")
+    elif facts.process is None:
+        yield Part("endpoint", Status.DOWN, "its process does not run")
+    elif facts.answers is None:
+        yield Part("endpoint", Status.UNKNOWN, "nobody has asked yet whether it answers")
+    elif not facts.answers:
+        yield Part("endpoint", Status.DOWN, "its process does not answer")
+    elif facts.latched:
+        yield Part("endpoint", Status.DEGRADED, "the emergency stop is latched: nothing that moves is called")
+
+
+def _devices(facts: Facts) -> Iterable[Part]:
+    for name, each in facts.devices.items():
+        if each.there is None:
+            yield Part(f"device:{name}", Status.UNKNOWN, "whether it is there cannot be told")
+        elif not each.there:
+            yield Part(f"device:{name}", Status.DEGRADED, "it is not there")
+        elif each.doubt is not None:
+            yield Part(f"device:{name}", Status.DEGRADED, "which device it is cannot be told for certain")
+
+
+def _troubles(episodes: Iterable[Trouble]) -> Iterable[Part]:
+    for each in episodes:
+        if each.outcome in (Outcome.OPEN, Outcome.FROZEN, Outcome.SURFACED):
+            yield Part(each.target, _KINDS.get(each.kind, Status.DEGRADED), each.summary)
+
+
+def _stands(claim: Claim, latest: Mapping[Signal, Reading]) -> bool:
+    """A claim that the newest reading of its own signal contradicts has no say, whoever made it."""
+    reading = latest.get(claim.signal)
+    return reading is None or reading.value is None or holds(claim.condition, reading.value) is not False
+
+
+@dataclass(frozen=True, slots=True)
+class Stand:
+    """How a deployment stood at one moment, for a comparison: before a repair and after it.
+
+    ``reporting`` are signals as ``source + path``, ``there`` devices, ``failing`` how often each tool failed in a row.
+    """
+
+    running: bool
+    answers: bool | None = None
+    reporting: frozenset[str] = frozenset()
+    there: frozenset[str] = frozenset()
+    tools: frozenset[str] = frozenset()
+    failing: Mapping[str, int] = field(default_factory=dict)
+
+
+def stand(
+    facts: Facts,
+    readings: Iterable[Reading] = (),
+    tools: Iterable[str] = (),
+    failing: Mapping[str, int] | None = None,
+) -> Stand:
+    """What `worse` compares. ``tools`` are those that the endpoint lists; ``failing`` from `Recall.failing`."""
+    given = list(readings)
+    return Stand(
+        facts.process is not None,
+        facts.answers,
+        frozenset(f"{each.source}{each.path}" for each in reporting(given) | answered(given)),
+        frozenset(name for name, each in facts.devices.items() if each.there),
+        frozenset(tools),
+        dict(failing or {}),
+    )
+
+
+def worse(before: Stand, after: Stand) -> str | None:
+    """One sentence on what is worse than it was; None when nothing is. Only what reported before can be missed."""
+    if before.running and not after.running:
+        return "the endpoint's process does not run any more"
+    if before.answers and after.answers is False:
+        return "the endpoint does not answer any more"
+    for what, gone in (
+        ("listed", before.tools - after.tools),
+        ("there", before.there - after.there),
+        ("reporting", before.reporting - after.reporting),
+    ):
+        if gone:
+            names = sorted(gone)
+            more = f" and {len(names) - 3} more" if len(names) > 3 else ""
+            return f"{', '.join(names[:3])}{more} {'is' if len(names) == 1 else 'are'} not {what} any more"
+    for name, times in sorted(after.failing.items()):
+        if times and not before.failing.get(name):
+            return f"{name} fails, which it did not before"
+    return None

@@ -1,0 +1,248 @@
+"""What the daemon sees, finds, does and remembers, as values. Light: nothing here opens a file or reads a clock.
+
+One round is always the same: *facts* are looked at, *findings* are judged from them, each finding has at most one
+*repair*, and what a repair was worth is seen from the next facts, never from its own word. All rounds of one trouble
+are one *episode*.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from enum import StrEnum
+from typing import Any
+
+from octoform.digest import of_value, short
+from octoform.endpoint.calllog import LoggedCall
+from octoform.endpoint.running import Running
+
+
+class Cause(StrEnum):
+    """Why a round is made. Everything but ``interval`` and ``retry`` is an event; these two are the fallback."""
+
+    START = "start"
+    PROCESS = "process"
+    """The endpoint's process ended, or another one took its place."""
+    HARDWARE = "hardware"
+    """The kernel announced hot-plug."""
+    LOG = "log"
+    """There are new lines in a log."""
+    FILES = "files"
+    """Something the endpoint stands on was written, moved or removed."""
+    PING = "ping"
+    """It was time to ask the endpoint whether it answers."""
+    INTERVAL = "interval"
+    RETRY = "retry"
+    """A repair that waited for its time may be tried again."""
+    RESUMED = "resumed"
+    """The machine was suspended, or its wall clock jumped."""
+    ASKED = "asked"
+    """A person asked for it: ``resume``, ``heal -retry``."""
+
+
+class FaultClass(StrEnum):
+    """The playbook's closed classes (the paper, section 3.5); ``none`` is for a person."""
+
+    DEPENDENCY = "dependency"
+    BROKEN_TOOL = "broken_tool"
+    CORRUPTED_FILE = "corrupted_file"
+    DEAD_PROCESS = "dead_process"
+    DEVICE_MOVED = "device_moved"
+    NONE = "none"
+
+
+class Kind(StrEnum):
+    """What code can tell by itself; finer than the playbook's classes."""
+
+    PROCESS_DEAD = "process_dead"
+    PROCESS_HUNG = "process_hung"
+    CRASH_LOOP = "crash_loop"
+    PACKAGE_DAMAGED = "package_damaged"
+    PACKAGE_CONFLICT = "package_conflict"
+    DEVICE_MOVED = "device_moved"
+    DEVICE_GONE = "device_gone"
+    DEVICE_BACK = "device_back"
+    DEVICE_DOUBTFUL = "device_doubtful"
+    """Several candidates, and none is certainly the device: never re-bound."""
+    FILE_DAMAGED = "file_damaged"
+    PORT_TAKEN = "port_taken"
+    DISK_FULL = "disk_full"
+    LOG_OVERGROWN = "log_overgrown"
+    HARDWARE_CHANGED = "hardware_changed"
+    """Kinds of hardware appeared or went that PROBE did not see: re-discovery."""
+    TOOL_FAILING = "tool_failing"
+    """Calls fail for a reason that code does not know: WATCH is asked."""
+    PICTURE_ODD = "picture_odd"
+    TUNNEL_DOWN = "tunnel_down"
+    STATE_DAMAGED = "state_damaged"
+    """What the daemon may not repair by itself: a state, a manifest or a setting that a person has to look at."""
+    UNCOVERED = "uncovered"
+    """Something that should report does not."""
+
+
+class Repair(StrEnum):
+    """What is done about a finding; a closed list. ``person`` means that nothing is, and that it is surfaced."""
+
+    NONE = "none"
+    RESTART = "restart"
+    REBUILD = "rebuild"
+    """Build the serving environment from its lock again."""
+    RESTORE = "restore"
+    """Put the accepted artifact back."""
+    REPUBLISH = "republish"
+    """Write the endpoint's own files again, and check it."""
+    REBIND = "rebind"
+    """Write down where a device is now; tools find it at their next call in any case."""
+    ROTATE = "rotate"
+    REDISCOVER = "rediscover"
+    WATCH = "watch"
+    HEAL = "heal"
+    ROLL_BACK = "roll_back"
+    """Take back what HEAL changed, because the readings after it are worse."""
+    WAIT = "wait"
+    """Only the world can mend it (a device that was pulled): said once, closed when it is over."""
+    PERSON = "person"
+
+
+class Status(StrEnum):
+    """Health in one word. ``unknown`` is what cannot report; it is never ``healthy``."""
+
+    HEALTHY = "healthy"
+    DEGRADED = "degraded"
+    ERROR = "error"
+    DOWN = "down"
+    UNKNOWN = "unknown"
+
+
+class Outcome(StrEnum):
+    """How an episode stands or ended."""
+
+    OPEN = "open"
+    REPAIRED = "repaired"
+    CLEARED = "cleared"
+    """It went away without a repair of ours."""
+    FROZEN = "frozen"
+    """Three tries did not help; a person is needed."""
+    SURFACED = "surfaced"
+    """No playbook entry: a person is needed."""
+
+
+@dataclass(frozen=True, slots=True)
+class Sighting:
+    """Where a device is: ``there`` is None when that cannot be told. ``place`` is its place in sysfs (instance).
+
+    ``recorded`` is the place that the ledger of instances has for it, in the same form (None: none is written down).
+    """
+
+    there: bool | None
+    place: str | None = None
+    doubt: str | None = None
+    recorded: str | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Facts:
+    """One look at a deployment; what was not looked at is None or empty, and never taken for good.
+
+    ``uptime`` is in seconds of CLOCK_BOOTTIME, ``stamp`` RFC 3339. ``busy`` names the operation of a live holder of the
+    state's lock (``apply``), while which nothing is judged. ``stopped_by`` is set when a person stopped the endpoint.
+    ``endpoint`` are the reasons of `octoform.endpoint.observing`, ``damaged`` are paths below the project with
+    ``missing``, ``changed``, ``link`` or ``foreign``. ``environment`` are the reasons of
+    `octoform.endpoint.environment.intact`.
+    ``appeared`` and ``gone`` are fingerprint entries against the last accepted PROBE. ``failures`` and ``worked`` are
+    calls since the last look, ``printed`` new lines of the process's own log that are no access lines (bounded).
+    ``start_failed`` is what the last start of ours said when it failed. Sizes are in bytes.
+    """
+
+    uptime: float
+    stamp: str
+    host: str
+    applied: bool = True
+    destroyed: bool = False
+    """Nothing is applied, and the state says the same: no endpoint was lost."""
+    busy: str | None = None
+    stopped_by: str | None = None
+    process: Running | None = None
+    answers: bool | None = None
+    told: Mapping[str, Any] | None = None
+    latched: bool = False
+    endpoint: tuple[str, ...] = ()
+    damaged: Mapping[str, str] = field(default_factory=dict)
+    environment: tuple[str, ...] = ()
+    disk_free: int | None = None
+    log_bytes: Mapping[str, int] = field(default_factory=dict)
+    appeared: tuple[str, ...] = ()
+    gone: tuple[str, ...] = ()
+    devices: Mapping[str, Sighting] = field(default_factory=dict)
+    failures: tuple[LoggedCall, ...] = ()
+    worked: tuple[str, ...] = ()
+    printed: tuple[str, ...] = ()
+    start_failed: str | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Finding:
+    """One thing that is wrong.
+
+    ``target`` names it for a person and a program: ``endpoint``, ``tool:camera_capture``, ``device:usb-045e-0772``,
+    ``file:state/bench/serve/server.py``, ``package:opencv-python``, ``hardware``, ``disk``, ``log:octoform.jsonl``.
+    ``evidence`` is what does not change from one look to the next as long as it is the same trouble: no time, no pid,
+    no counter. ``repair`` is the first one to be tried, ``then`` the ones after it failed.
+    """
+
+    kind: Kind
+    fault: FaultClass
+    target: str
+    summary: str
+    evidence: tuple[str, ...]
+    repair: Repair
+    then: tuple[Repair, ...] = ()
+    status: Status = Status.DEGRADED
+    detail: str = ""
+    data: Mapping[str, Any] = field(default_factory=dict)
+
+    @property
+    def key(self) -> str:
+        """What breakers count by: target, class and a digest of the evidence."""
+        return f"{self.target} {self.fault} {short(of_value(list(self.evidence)))}"
+
+
+@dataclass(frozen=True, slots=True)
+class Spent:
+    """What agents cost: calls as a count, tokens, US dollars (None is unknown)."""
+
+    calls: int = 0
+    input_tokens: int = 0
+    output_tokens: int = 0
+    usd: float | None = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class Done:
+    """What became of one try. ``ok`` is the repair's own word; whether it helped is seen from the next facts.
+
+    ``again`` False: no further try of this repair can help (a person is needed). ``findings`` is what WATCH made of the
+    evidence, to be judged like any other. ``report`` is the agent's accepted report as it stands (WATCH's and HEAL's
+    output.json), whose claims and declarations the loop offers to the ledger. ``untold``: it ended without telling what
+    it spent. ``asked``: a question waits for a person that did not wait before.
+    """
+
+    ok: bool
+    detail: str = ""
+    again: bool = True
+    spent: Spent = field(default_factory=Spent)
+    findings: tuple[Finding, ...] = ()
+    report: Mapping[str, Any] | None = None
+    untold: bool = False
+    asked: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Alert:
+    """What a person is told: an episode that opened, was repaired, froze, or waits for them."""
+
+    event: str
+    """``opened``, ``repaired``, ``cleared``, ``frozen``, ``surfaced``, ``confirm``, ``asks``."""
+    host: str
+    target: str
+    summary: str
+    stamp: str
+    hint: str = ""

@@ -1,0 +1,207 @@
+"""One daemon for each host, and what a person tells it: to pause, to go on, to try again.
+
+The kernel's lock on a file says that a daemon lives, so a killed one needs no clearing up; the record beside it says
+which process that is. What a person wants lies in small files of the same folder, which the daemon notices as it
+notices every other file, so that asking works whether or not it runs. Light.
+"""
+
+import contextlib
+import fcntl
+import json
+import os
+import sys
+import time
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from octoform.diagnostics import Diagnostic, error
+from octoform.state.files import read_regular, refused, shown, write_atomic
+from octoform.state.holder import Liveness, Process, from_json, liveness, myself, to_json
+from octoform.state.layout import Layout
+
+FORMAT = 1
+LOCK = "daemon.lock"
+RECORD = "daemon.json"
+PAUSED = "paused.json"
+ASKED = "asked.json"
+_LIMIT = 64 * 1024
+_TARGETS = 64
+
+
+@dataclass(frozen=True, slots=True)
+class Record:
+    """A daemon's process; ``since`` is RFC 3339, ``uptime`` seconds of CLOCK_BOOTTIME when it started."""
+
+    process: Process
+    since: str
+    uptime: float
+    version: str
+
+
+class Owned:
+    """This process is the host's daemon until `release`, or until it ends."""
+
+    def __init__(self, layout: Layout, descriptor: int) -> None:
+        """``descriptor`` is open on the lock file and carries the kernel's lock."""
+        self._layout = layout
+        self._descriptor: int | None = descriptor
+
+    def release(self) -> None:
+        """Take the record away and let go."""
+        if self._descriptor is None:
+            return
+        with contextlib.suppress(OSError):  # a record without the lock is believed by nobody
+            (self._layout.daemon / RECORD).unlink(missing_ok=True)
+        os.close(self._descriptor)
+        self._descriptor = None
+
+
+def take(layout: Layout, since: str, uptime: float, version: str) -> tuple[Owned | None, Diagnostic | None]:
+    """Become the host's daemon; DAEMON-RUNNING names the one that is it already."""
+    try:
+        layout.daemon.mkdir(mode=0o700, parents=True, exist_ok=True)
+        descriptor = os.open(layout.daemon / LOCK, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC | os.O_NOFOLLOW, 0o600)
+    except OSError as problem:
+        return None, refused(problem, layout.daemon / LOCK)
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except OSError:
+        os.close(descriptor)
+        return None, _running(layout)
+    document = {"format": FORMAT, **to_json(myself()), "since": since, "uptime": uptime, "version": version}
+    document["argv"] = [sys.executable, *sys.argv]
+    if unwritten := write_atomic(layout.daemon / RECORD, _encoded(document), 0o600):
+        os.close(descriptor)
+        return None, unwritten
+    return Owned(layout, descriptor), None
+
+
+def alive(layout: Layout) -> Record | None:
+    """The host's daemon, when one lives: the kernel's lock and the process of its record both say so."""
+    document = _read(layout.daemon / RECORD)
+    if document is None or not _locked(layout.daemon / LOCK):
+        return None
+    try:
+        process = from_json(document)
+        found = Record(process, str(document["since"]), float(document["uptime"]), str(document["version"]))
+    except (ValueError, KeyError, TypeError):
+        return None
+    return found if liveness(process, myself()) in (Liveness.ALIVE, Liveness.HIDDEN) else None
+
+
+def pause(layout: Layout, stamp: str) -> Diagnostic | None:
+    """Let no repair be begun until `resume`; looking and saying go on."""
+    document = {"format": FORMAT, "since": stamp, "by": os.environ.get("USER") or str(os.getuid())}
+    try:
+        layout.daemon.mkdir(mode=0o700, parents=True, exist_ok=True)
+    except OSError as problem:
+        return refused(problem, layout.daemon)
+    return write_atomic(layout.daemon / PAUSED, _encoded(document), 0o600)
+
+
+def resume(layout: Layout) -> bool:
+    """Let repairs be made again; False when nothing was paused."""
+    try:
+        (layout.daemon / PAUSED).unlink()
+    except FileNotFoundError:
+        return False
+    return True
+
+
+def paused_since(layout: Layout) -> str | None:
+    """Since when repairs are paused (RFC 3339, or empty where the file does not tell); None when they are not.
+
+    A file that cannot be read pauses all the same: somebody wanted it.
+    """
+    path = layout.daemon / PAUSED
+    document = _read(path)
+    if document is not None:
+        return str(document.get("since", ""))
+    return "" if os.path.lexists(path) else None
+
+
+def ask(layout: Layout, targets: Iterable[str]) -> Diagnostic | None:
+    """Ask the daemon to thaw these targets and to try again; ``*`` is every one of them."""
+    try:
+        layout.daemon.mkdir(mode=0o700, parents=True, exist_ok=True)
+        with _turn(layout):
+            wanted = list(dict.fromkeys([*_asked(layout.daemon / ASKED), *targets]))[:_TARGETS]
+            return write_atomic(layout.daemon / ASKED, _encoded({"format": FORMAT, "targets": wanted}), 0o600)
+    except OSError as problem:
+        return refused(problem, layout.daemon / ASKED)
+
+
+def taken_up(layout: Layout) -> tuple[str, ...]:
+    """The targets that were asked for since the last time, which is now."""
+    path = layout.daemon / ASKED
+    if not os.path.lexists(path):
+        return ()
+    with _turn(layout):
+        wanted = _asked(path)
+        path.unlink(missing_ok=True)
+    return wanted
+
+
+def _asked(path: Path) -> tuple[str, ...]:
+    targets = (_read(path) or {}).get("targets")
+    return tuple(str(target)[:500] for target in targets[:_TARGETS]) if isinstance(targets, list) else ()
+
+
+@contextlib.contextmanager
+def _turn(layout: Layout, seconds: float = 2.0) -> Iterator[None]:
+    """One at a time asks or takes up; TimeoutError (an OSError) when another one stands still in between."""
+    descriptor = os.open(layout.daemon / "asked.lock", os.O_RDWR | os.O_CREAT | os.O_CLOEXEC | os.O_NOFOLLOW, 0o600)
+    try:
+        end = time.monotonic() + seconds
+        while True:
+            try:
+                fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                break
+            except BlockingIOError:
+                if time.monotonic() >= end:
+                    raise TimeoutError(None, "another octoform is asking") from None
+                time.sleep(0.005)
+        yield
+    finally:
+        os.close(descriptor)
+
+
+def _locked(path: Path) -> bool:
+    try:
+        descriptor = os.open(path, os.O_RDONLY | os.O_CLOEXEC | os.O_NOFOLLOW)
+    except OSError:
+        return False
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_SH | fcntl.LOCK_NB)
+    except OSError:
+        return True
+    finally:
+        os.close(descriptor)
+    return False
+
+
+def _running(layout: Layout) -> Diagnostic:
+    found = alive(layout)
+    who = "another process" if found is None else f"process {found.process.pid} on {found.process.host}"
+    since = "" if found is None else f", since {found.since}"
+    return error(
+        "DAEMON-RUNNING",
+        f"the daemon of {layout.host} runs already: {who}{since}",
+        path=shown(layout.daemon / LOCK),
+        hint="octoform health tells what it sees; end it there, or let systemd do so, before another is started",
+    )
+
+
+def _read(path: Path) -> dict[str, Any] | None:
+    data, _ = read_regular(path, _LIMIT)
+    try:
+        document = json.loads(data or b"")
+    except ValueError:
+        return None
+    return document if isinstance(document, dict) else None
+
+
+def _encoded(document: object) -> bytes:
+    return json.dumps(document, indent=1).encode() + b"\n"

@@ -1,0 +1,193 @@
+"""RESTART: start the endpoint again, and know when starting it is no help. Light.
+
+The process may come up and end again a moment later. Each start by itself looks like a repair that worked, so the
+loop's own breakers do not see it: the starts are remembered here. The more of the last ones were short, the longer the
+next one waits, and after a few of them the endpoint counts as crashing in a loop, which a person has to look at. A
+person who asks for another try gets one: a loop that was told is forgotten.
+"""
+
+import json
+import time
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import asdict, dataclass, replace
+from itertools import takewhile
+from pathlib import Path
+from typing import Any
+
+from octoform.daemon.model import Done
+from octoform.diagnostics import Diagnostic
+from octoform.endpoint import supervising
+from octoform.endpoint.control import ask
+from octoform.endpoint.running import Running, is_it, running
+from octoform.endpoint.stopmark import is_marked
+from octoform.state.files import read_regular, write_atomic
+from octoform.state.layout import Layout
+
+FORMAT = 1
+RECORD = "starts.json"
+SHORT_SECONDS = 10.0
+"""A process that ended within so long of its start did not serve."""
+MOST_SHORT = 5
+"""Starts in a row that did not last, behind which it is a loop."""
+FIRST_PAUSE, LONGEST_PAUSE = 0.5, 8.0
+"""Seconds before the second start in a row, and before any: twice as long each time."""
+SETTLE_SECONDS = 0.3
+"""How long a process has to stay to count as started: what fails on its first breath is gone by then."""
+ANSWER_SECONDS = 5.0
+_KEPT = 20
+_WORDS = 1000
+
+
+@dataclass(frozen=True, slots=True)
+class Start:
+    """A start that was tried: ``uptime`` is in seconds of CLOCK_BOOTTIME in that ``boot``; ``why`` it failed.
+
+    ``until`` is when its process was found to be no use any more; None for the last one as long as it is.
+    """
+
+    boot: str
+    uptime: float
+    ok: bool
+    why: str = ""
+    until: float | None = None
+
+    @property
+    def short(self) -> bool:
+        """True when it did not last."""
+        return not self.ok or (self.until is not None and self.until - self.uptime <= SHORT_SECONDS)
+
+
+@dataclass(frozen=True, slots=True)
+class World:
+    """What a restart asks of the machine, so that tests have their own."""
+
+    uptime: Callable[[], float] = lambda: time.clock_gettime(time.CLOCK_BOOTTIME)
+    boot: Callable[[], str] = lambda: _boot()
+    sleep: Callable[[float], None] = time.sleep
+    start: Callable[[Layout, float], tuple[Running | None, Diagnostic | None]] = supervising.start
+    stop: Callable[[Layout], object] = supervising.stop
+    lives: Callable[[Running], bool] = is_it
+
+
+def restart(layout: Layout, world: World | None = None, *, hung: bool = False) -> Done:
+    """Start the endpoint unless a person stopped it; with ``hung`` a process that is still not well is ended first.
+
+    Blocks for as long as the start takes and a pause of up to ``LONGEST_PAUSE`` seconds before it.
+    """
+    world = world or World()
+    if is_marked(layout):
+        return Done(False, "a person has stopped the endpoint; octoform start starts it", again=False)
+    there = running(layout)
+    if there is not None and not hung and supervising.accepts(layout):
+        return Done(True, f"it runs already (process {there.pid})")
+    if there is not None and hung and _well(layout):
+        return Done(True, f"it answers again by itself (process {there.pid})")
+    starts = _ended(_of_this_boot(read(layout), world), world.uptime())
+    short = len(list(takewhile(lambda one: one.short, reversed(starts))))
+    if short >= MOST_SHORT:
+        _write(layout, [])
+        return Done(False, f"it crashes in a loop: {_told(starts[-short:])}", again=False)
+    if short:
+        world.sleep(min(LONGEST_PAUSE, FIRST_PAUSE * 2 ** (short - 1)))
+    if there is not None:
+        world.stop(layout)
+    return _started(layout, world, starts)
+
+
+def _started(layout: Layout, world: World, starts: list[Start]) -> Done:
+    before = _address(layout)
+    process, problem = (None, None) if is_marked(layout) else world.start(layout, supervising.START_SECONDS)
+    if is_marked(layout):  # a person was faster than the process, and found none to stop
+        world.stop(layout)
+        return Done(False, "a person has stopped the endpoint meanwhile", again=False)
+    if process is not None and not _stays(process, world):
+        process, why = None, "it ended as soon as it had started"
+    elif problem is not None:
+        why = ": ".join(filter(None, (problem.summary, problem.detail)))
+    else:
+        why = ""
+    now = Start(world.boot(), world.uptime(), process is not None, why[:_WORDS])
+    _write(layout, [*starts, now])
+    if process is None:
+        return Done(False, now.why)
+    return Done(True, f"process {process.pid} serves it{_moved(before, process)}")
+
+
+def _well(layout: Layout) -> bool:
+    """True when both doors are answered, the control thread's and the one to the loop that serves clients.
+
+    And when no tool's code holds a device although it was told to end: only another process sets that free.
+    """
+    told = ask(layout, {"op": "status"}, ANSWER_SECONDS)
+    gate = told.get("gate") if told is not None else None
+    stuck = gate.get("stuck") if isinstance(gate, dict) else None
+    return told is not None and not stuck and supervising.accepts(layout)
+
+
+def _stays(process: Running, world: World) -> bool:
+    world.sleep(SETTLE_SECONDS)
+    return world.lives(process)
+
+
+def read(layout: Layout) -> list[Start]:
+    """The starts that are remembered, oldest first; what is no record of ours counts as none."""
+    data, _ = read_regular(layout.daemon / RECORD)
+    try:
+        document = json.loads(data or b"")
+        if document["format"] != FORMAT:
+            return []
+        return [_start(each) for each in document["starts"]]
+    except (ValueError, LookupError, TypeError):
+        return []
+
+
+def _start(told: Mapping[str, Any]) -> Start:
+    until = None if told["until"] is None else float(told["until"])
+    return Start(str(told["boot"]), float(told["uptime"]), bool(told["ok"]), str(told["why"]), until)
+
+
+def _write(layout: Layout, starts: Iterable[Start]) -> None:
+    """Remember them; on a full disk the loop's own breakers are what is left."""
+    layout.daemon.mkdir(mode=0o700, parents=True, exist_ok=True)
+    document = {"format": FORMAT, "starts": [asdict(one) for one in [*starts][-_KEPT:]]}
+    write_atomic(layout.daemon / RECORD, json.dumps(document, indent=1).encode(), 0o600)
+
+
+def _of_this_boot(starts: list[Start], world: World) -> list[Start]:
+    boot = world.boot()
+    return [one for one in starts if one.boot == boot]
+
+
+def _ended(starts: list[Start], now: float) -> list[Start]:
+    """The starts with the end of the last one."""
+    return [*starts[:-1], replace(starts[-1], until=now)] if starts and starts[-1].until is None else starts
+
+
+def _told(starts: list[Start]) -> str:
+    why = next((one.why for one in reversed(starts) if one.why), "")
+    seconds = starts[-1].uptime - starts[0].uptime
+    return f"{len(starts)} starts within {seconds:.0f} s did not last" + (
+        f"; the last words were: {why}" if why else ""
+    )
+
+
+def _address(layout: Layout) -> str | None:
+    """Where it listened last; None without a network."""
+    data, _ = read_regular(layout.run / "network.json")
+    try:
+        return str(json.loads(data or b"")["url"])
+    except (ValueError, LookupError, TypeError):
+        return None
+
+
+def _moved(before: str | None, process: Running) -> str:
+    if before is None or process.url is None or process.url.startswith(before):
+        return ""
+    return f"; another program has its port, so clients of the network find it at {process.url} (before: {before})"
+
+
+def _boot() -> str:
+    try:
+        return Path("/proc/sys/kernel/random/boot_id").read_text().strip()
+    except OSError:
+        return ""

@@ -1,0 +1,121 @@
+"""Which of the endpoint's devices are there, and which kinds of hardware came or went since PROBE. (Light.)
+
+Kinds are counted here, by the same fingerprint that a plan uses. Which specimen a device is, only the runtime of the
+generated server decides; it is asked in a process of its own, and only when a name in sysfs or in the ledger moved.
+"""
+
+import json
+import subprocess
+import sys
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+from octoform import host
+from octoform.daemon.model import Sighting
+from octoform.daemon.sensing.hardware import names
+from octoform.endpoint.files import CONNECTION
+from octoform.host.fingerprint import SYSROOT_VARIABLE
+from octoform.state.instances import read_instances
+from octoform.state.layout import Layout
+
+WHERE_SECONDS = 30.0
+Where = Callable[[Sequence[str]], Mapping[str, Mapping[str, Any]] | None]
+"""Device ids to what `octoform.runtime.where` answers; None when it did not."""
+
+
+@dataclass(frozen=True, slots=True)
+class Seen:
+    """``appeared`` and ``gone`` are fingerprint entries against the last accepted PROBE."""
+
+    appeared: tuple[str, ...] = ()
+    gone: tuple[str, ...] = ()
+    devices: Mapping[str, Sighting] = field(default_factory=dict)
+
+
+class Presence:
+    """Looks at the hardware of one deployment again and again."""
+
+    def __init__(self, layout: Layout, environ: Mapping[str, str], where: Where | None = None) -> None:
+        self._layout = layout
+        self._root = host.root_from_environment(environ)
+        self._where = where or Asked(layout, environ)
+        self._signature: object = None
+        self._devices: Mapping[str, Sighting] = {}
+        self._met: set[str] = set()
+
+    def __call__(self, *, anew: bool = False) -> Seen:
+        """What is there now; with ``anew`` the runtime is asked although no name moved."""
+        appeared, gone = self._kinds()
+        acting = served(self._layout)
+        ids = tuple(acting)
+        ledger = read_instances(self._layout)[0] or {}
+        recorded = {name: _recorded(ledger.get(name)) for name in ids}
+        signature = (names(self._root), tuple(recorded.items()))
+        if anew or signature != self._signature:
+            answers = self._where(ids) if ids else {}
+            found = answers or {}
+            self._devices = {
+                name: self._sighting(name, found.get(name), recorded[name], acts=acts) for name, acts in acting.items()
+            }
+            self._signature = signature if answers is not None else None
+        return Seen(appeared, gone, self._devices)
+
+    def _sighting(self, name: str, answer: Mapping[str, Any] | None, recorded: str | None, *, acts: bool) -> Sighting:
+        """Absent is only what is known to have been there; a doubt counts only for what something is moved with."""
+        if answer is None:
+            return Sighting(None, recorded=recorded)
+        if not answer.get("attached"):
+            return Sighting(False if recorded or name in self._met else None, recorded=recorded)
+        self._met.add(name)
+        doubt = str(answer.get("doubt") or "") if acts else ""
+        return Sighting(True, str(answer.get("sysfs") or "") or None, doubt or None, recorded)
+
+    def _kinds(self) -> tuple[tuple[str, ...], tuple[str, ...]]:
+        try:
+            before = json.loads(self._layout.fingerprint.read_bytes())["entries"]
+            return host.difference([str(each) for each in before], host.fingerprint(self._root).entries)
+        except (OSError, ValueError, KeyError, TypeError):
+            return (), ()  # nothing is remembered of what PROBE saw
+
+
+def served(layout: Layout) -> dict[str, bool]:
+    """The devices of the endpoint's tools by id, each with whether a tool acts on it; none without an endpoint."""
+    found: dict[str, bool] = {}
+    try:
+        for tool in json.loads((layout.endpoint / CONNECTION).read_bytes())["tools"]:
+            for each in tool.get("devices") or ():
+                found[str(each)] = found.get(str(each), False) or tool.get("effect") != "read"
+    except (OSError, ValueError, KeyError, TypeError, AttributeError):
+        return {}
+    return dict(sorted(found.items()))
+
+
+class Asked:
+    """The runtime, asked in a process of its own."""
+
+    def __init__(self, layout: Layout, environ: Mapping[str, str]) -> None:
+        self._environment = {"PATH": environ.get("PATH", ""), "OCTOFORM_INSTANCES": str(layout.instances)}
+        if environ.get(SYSROOT_VARIABLE):
+            self._environment[SYSROOT_VARIABLE] = environ[SYSROOT_VARIABLE]
+
+    def __call__(self, ids: Sequence[str]) -> Mapping[str, Mapping[str, Any]] | None:
+        """Where each device is now; None when the runtime does not answer in time."""
+        try:
+            done = subprocess.run(
+                [sys.executable, "-I", "-m", "octoform.runtime.where"],
+                input=json.dumps(dict.fromkeys(ids, ())).encode(),
+                env=self._environment,
+                capture_output=True,
+                timeout=WHERE_SECONDS,
+                check=True,
+            )
+            answers = json.loads(done.stdout)
+        except (OSError, ValueError, subprocess.SubprocessError):
+            return None
+        return answers if isinstance(answers, dict) else None
+
+
+def _recorded(instance: object) -> str | None:
+    place = instance.get("sysfs") if isinstance(instance, Mapping) else None
+    return str(place) if place else None

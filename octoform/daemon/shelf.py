@@ -1,0 +1,81 @@
+"""What the daemon keeps on disk: small JSON files of one format, never half written, never silently lost.
+
+A file that is damaged, of a newer octoform or no file at all is set aside under another name and said; the daemon
+then begins with what it would have known on its first day. Light.
+"""
+
+import contextlib
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from octoform.diagnostics import Diagnostic, warning
+from octoform.state.files import read_regular, shown, write_atomic
+from octoform.state.layout import Layout
+
+FORMAT = 1
+LIMIT = 8_000_000
+"""Bytes of one file; what is larger was not written here."""
+
+
+@dataclass(slots=True)
+class Shelf:
+    """The files of one host's daemon. ``said`` collects what could not be read or written, until it is told."""
+
+    layout: Layout
+    said: list[Diagnostic] = field(default_factory=list)
+
+    def path(self, name: str) -> Path:
+        """Where a file lies."""
+        return self.layout.daemon / name
+
+    def read(self, name: str) -> dict[str, Any]:
+        """A file's document; an empty one when there is none, or when it was set aside."""
+        path = self.path(name)
+        data, problem = read_regular(path, LIMIT)
+        if data is None and problem is None:
+            return {}
+        document = None
+        if data is not None:
+            with contextlib.suppress(ValueError, RecursionError):
+                document = json.loads(data)
+        if isinstance(document, dict) and document.get("format") == FORMAT:
+            return document
+        self.aside(path, "it was written by another version" if isinstance(document, dict) else "it is damaged")
+        return {}
+
+    def write(self, name: str, document: Mapping[str, Any]) -> bool:
+        """Replace a file as a whole; False for a refusal by the disk, which is said: the former one stays."""
+        path = self.path(name)
+        with contextlib.suppress(OSError):  # the write says what is wrong
+            path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
+        data = json.dumps({"format": FORMAT, **document}, separators=(",", ":")).encode() + b"\n"
+        if problem := write_atomic(path, data, 0o600):
+            self.said.append(problem)
+            return False
+        return True
+
+    def aside(self, path: Path, why: str) -> None:
+        """Move what is no file of ours out of the way, and say it; the one that was set aside before is gone then."""
+        kept = path.with_name(f"{path.name}.damaged")
+        try:
+            path.rename(kept)
+            detail = f"it was set aside as {kept.name}"
+        except OSError as problem:
+            detail = f"it cannot be set aside: {problem.strerror}"
+        hint = "nothing is to be done; what it told is begun anew"
+        item = warning("DAEMON-MEMORY-DAMAGED", why, path=shown(path), detail=detail, hint=hint)
+        self.said.append(item)
+
+    def said_since(self) -> tuple[Diagnostic, ...]:
+        """What was to be said, once."""
+        found = tuple(self.said)
+        self.said.clear()
+        return found
+
+
+def number(value: object, default: float = 0.0) -> float:
+    """A number of a document; ``default`` when it is none."""
+    return float(value) if isinstance(value, int | float) and not isinstance(value, bool) else default

@@ -1,0 +1,47 @@
+"""What readings say by themselves: a picture that shows nothing, and a unit that should report and does not."""
+
+from collections.abc import Iterable, Iterator
+
+from octoform.claims.model import Channel, Reading
+from octoform.daemon.coverage import silent
+from octoform.daemon.model import Facts, FaultClass, Finding, Kind, Repair, Status
+
+_TROUBLE = "/trouble"
+_FROZEN = "frozen"
+TICKS = 100.0
+"""Units of a process's start time in a second, whatever the kernel's own clock (USER_HZ)."""
+
+
+def judged(facts: Facts, readings: Iterable[Reading]) -> Iterator[Finding]:
+    """Findings from the newest reading of each signal; nothing of a device that is known to be gone."""
+    began = facts.process.start / TICKS if facts.process is not None else 0.0
+    # What could not be read of a process that is no more says nothing of the one that serves now.
+    known = [each for each in readings if each.value is not None or each.uptime >= began]
+    gone = {name for name, each in facts.devices.items() if each.there is False}
+    yield from _pictures(known, gone)
+    for source, path, why in silent(known):
+        if facts.process is not None and gone.isdisjoint((source, source.partition("(")[2].removesuffix(")"))):
+            unit = f"{source}{path}"
+            summary = f"{unit} does not report: {why}"[:300]
+            yield Finding(
+                Kind.UNCOVERED,
+                FaultClass.NONE,
+                f"unit:{unit}",
+                summary,
+                ("silent",),
+                Repair.WAIT,
+                status=Status.UNKNOWN,
+                data={"source": source, "path": path},
+            )
+
+
+def _pictures(readings: Iterable[Reading], gone: set[str]) -> Iterator[Finding]:
+    for reading in readings:
+        signal = reading.signal
+        odd = signal.channel is Channel.FRAME and signal.path == _TROUBLE and isinstance(reading.value, str)
+        if odd and reading.value and signal.source not in gone:
+            # A dark room is no fault of the deployment and no reason to pay an agent; a camera that stands still is.
+            repair = Repair.WATCH if reading.value == _FROZEN else Repair.WAIT
+            summary = f"the pictures of {signal.source} are {reading.value}"
+            evidence = (str(reading.value),)
+            yield Finding(Kind.PICTURE_ODD, FaultClass.NONE, f"device:{signal.source}", summary, evidence, repair)

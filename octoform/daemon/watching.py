@@ -1,0 +1,184 @@
+"""`octoform watch`: one daemon for the project's host, from its first look until it is told to end. Light."""
+
+import signal
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from types import FrameType
+
+import octoform
+from octoform.daemon import ownership
+from octoform.daemon.composing import Composition, Wanted, compose, wanted
+from octoform.daemon.sensing.moments import SystemClock
+from octoform.daemon.supervisor import Round, View
+from octoform.daemon.worker_port import Workers
+from octoform.diagnostics import Diagnostic, error
+from octoform.endpoint.files import LAUNCHER
+from octoform.manifest.model import FILE_NAME
+from octoform.state.belonging import foreign
+
+SETTINGS_SECONDS = 60.0
+STOPS = (signal.SIGTERM, signal.SIGINT, signal.SIGHUP)
+
+
+@dataclass(frozen=True, slots=True)
+class Watched:
+    """How it ended: the last round (None: there was none), and the signal that ended it (None: it was done)."""
+
+    host: str
+    last: Round | None
+    signal: int | None = None
+
+
+def watch(
+    project: Path, environ: Mapping[str, str], view: View, once: bool = False
+) -> tuple[Watched | None, list[Diagnostic]]:
+    """Keep the deployment alive until a signal comes; with ``once`` do what is due and come back.
+
+    ``project`` is the folder of octopus.yaml; what changes there is taken up as soon as no repair is under way.
+    ``view`` is called at the end of each round. DAEMON-RUNNING when the host has a daemon already;
+    ENDPOINT-NOT-APPLIED before the first apply.
+    """
+    folder = project.absolute()
+    found, problem = _wanted(folder, environ)
+    if found is None:
+        return None, [problem] if problem else []
+    clock = SystemClock()
+    owned, problem = ownership.take(found.layout, clock.stamp(), clock.uptime(), octoform.__version__)
+    if owned is None:
+        return None, [problem] if problem else []
+    try:
+        with _stopping() as stopping:
+            return _watched(found, environ, _Shown(view, folder), stopping, once)
+    finally:
+        owned.release()
+
+
+class _Stopping:
+    """What a signal says to the loop, whichever one runs."""
+
+    def __init__(self) -> None:
+        self.number: int | None = None
+        self.stop: Callable[[], None] | None = None
+
+    def __call__(self, number: int, _frame: FrameType | None) -> None:
+        """The first one ends the loop in order; a second one interrupts whatever it is doing."""
+        if self.number is not None:
+            raise KeyboardInterrupt
+        self.number = number
+        if self.stop is not None:
+            self.stop()
+
+
+class _Shown:
+    """The view, and behind it a look whether the manifest is another one than it was."""
+
+    def __init__(self, view: View, project: Path) -> None:
+        self._view = view
+        self._path = project / FILE_NAME
+        self._stamp = _stamp(self._path)
+        self.last: Round | None = None
+        self.running: Composition | None = None
+        self.changed = False
+
+    def __call__(self, made: Round) -> None:
+        """Show a round; let the loop end when it has to begin anew."""
+        self.last = made
+        self._view(made)
+        if self.running is None or self.running.bench.under_way():
+            return
+        now = _stamp(self._path)
+        if now != self._stamp:
+            self._stamp, self.changed = now, True
+            self.running.supervisor.stop()
+
+
+def _watched(
+    found: Wanted, environ: Mapping[str, str], shown: _Shown, stopping: _Stopping, once: bool
+) -> tuple[Watched | None, list[Diagnostic]]:
+    problem: Diagnostic | None = None
+    while True:
+        shown.changed = False
+        refused = _run(found, environ, shown, stopping, (once, problem))
+        if refused is not None:
+            return None, [refused]
+        if stopping.number is not None or not shown.changed:
+            return Watched(found.layout.host, shown.last, stopping.number), []
+        again, problem = _wanted(found.layout.project, environ)
+        if again is not None and again.layout != found.layout:
+            summary = f"octopus.yaml names another host now: {again.layout.host}, not {found.layout.host}"
+            return None, [error("DAEMON-NO-SETTINGS", summary, hint="start octoform watch again")]
+        found = again or found
+
+
+def _wanted(project: Path, environ: Mapping[str, str]) -> tuple[Wanted | None, Diagnostic | None]:
+    workers = Workers(project, environ)
+    try:
+        told = workers.run("settings", {}, SETTINGS_SECONDS)
+    finally:
+        workers.end()
+    if told.get("ok") is not True:
+        hint = "octoform validate tells all of it"
+        summary = "what the manifest says of the daemon cannot be read"
+        return None, error("DAEMON-NO-SETTINGS", summary, detail=str(told.get("detail") or "") or None, hint=hint)
+    found = wanted(project, told)
+    if problem := foreign(found.layout):
+        return None, problem
+    if not (found.layout.endpoint / LAUNCHER).is_file():
+        hint = "run octoform apply, which builds it"
+        return None, error("ENDPOINT-NOT-APPLIED", f"{found.layout.host} has no endpoint yet", hint=hint)
+    return found, None
+
+
+def _run(
+    found: Wanted,
+    environ: Mapping[str, str],
+    shown: _Shown,
+    stopping: _Stopping,
+    how: tuple[bool, Diagnostic | None],
+) -> Diagnostic | None:
+    """One composition from its first look to its end; why there can be none. ``how``: once, and what is to be said."""
+    once, said = how
+    workers = Workers(found.layout.project, environ)
+    try:
+        composed = compose(found, environ, workers, shown)
+    except OSError as problem:
+        workers.end()
+        summary = f"the system lets nobody watch files: {problem.strerror}"
+        hint = "often too many watches are in use: sysctl fs.inotify.max_user_instances, fs.inotify.max_user_watches"
+        return error("DAEMON-NO-EVENTS", summary, hint=hint)
+    try:
+        shown.running, stopping.stop = composed, composed.supervisor.stop
+        if said is not None:
+            composed.supervisor.say(said)
+            composed.looker.manifest = f"cannot be read, so what it was before counts: {said.detail or said.summary}"
+        if stopping.number is None:
+            composed.supervisor.run(once)
+    finally:
+        shown.running = stopping.stop = None
+        composed.close()
+    return None
+
+
+@contextmanager
+def _stopping() -> Iterator[_Stopping]:
+    """Signals as a word to the loop, for as long as it runs."""
+    told = _Stopping()
+    before = {number: signal.getsignal(number) for number in STOPS}
+    taken = [number for number in STOPS if before[number] is not signal.SIG_IGN]
+    for number in taken:
+        signal.signal(number, told)
+    try:
+        yield told
+    finally:
+        for number in taken:
+            signal.signal(number, before[number])
+
+
+def _stamp(path: Path) -> tuple[int, int] | None:
+    try:
+        found = path.stat()
+    except OSError:
+        return None
+    return found.st_mtime_ns, found.st_size

@@ -1,0 +1,72 @@
+"""What the installed distributions of an environment say of their own files: altered ones, and ones that two claim.
+
+Every installed distribution lists its files with their digests (the RECORD of the wheel format). Two that list the
+same file provide the same module: whichever was installed last has overwritten the other, and either one's removal
+breaks both. That is how a graphical and a headless build of one library come to conflict. Light: standard library.
+"""
+
+import base64
+import csv
+import hashlib
+import io
+from collections.abc import Iterator
+from pathlib import Path, PurePosixPath
+
+_RECORD = "RECORD"
+_DIST_INFO = ".dist-info"
+_PREFIX = "sha256="
+MOST_BYTES = 8_000_000
+"""Of one RECORD; a real one has some hundred kilobytes at most."""
+
+
+def altered(folder: Path) -> list[str]:
+    """Installed files that are missing, or not what their distribution says: ``distribution: file``, sorted.
+
+    Reads every file once: a second for some hundred megabytes.
+    """
+    found = []
+    for name, file, wanted in _listed(folder):
+        if wanted.startswith(_PREFIX) and _digest(folder / file) != wanted.removeprefix(_PREFIX):
+            found.append(f"{name}: {file}")
+    return sorted(found)
+
+
+def conflicts(folder: Path) -> dict[str, tuple[str, ...]]:
+    """Module to the distributions that all provide it: that list a same file of it. Both sorted."""
+    owners: dict[str, set[str]] = {}
+    for name, file, _ in _listed(folder):
+        owners.setdefault(file, set()).add(name)
+    found: dict[str, set[str]] = {}
+    for file, names in owners.items():
+        if len(names) > 1:
+            found.setdefault(PurePosixPath(file).parts[0].removesuffix(".py"), set()).update(names)
+    return {module: tuple(sorted(names)) for module, names in sorted(found.items())}
+
+
+def _listed(folder: Path) -> Iterator[tuple[str, str, str]]:
+    """Distribution, file and digest of every file that counts: of a module, and no bytecode."""
+    for record in sorted(folder.glob(f"*{_DIST_INFO}/{_RECORD}")):
+        name = record.parent.name.removesuffix(_DIST_INFO).partition("-")[0].replace("_", "-")
+        for file, digest in _rows(record):
+            parts = PurePosixPath(file).parts
+            inside = len(parts) > 0 and parts[0] not in ("..", "/") and not parts[0].endswith(_DIST_INFO)
+            if inside and "__pycache__" not in parts:
+                yield name, file, digest
+
+
+def _rows(record: Path) -> list[tuple[str, str]]:
+    try:
+        with record.open("rb") as file:
+            text = file.read(MOST_BYTES).decode("utf-8", "replace")
+        return [(row[0], row[1]) for row in csv.reader(io.StringIO(text)) if len(row) > 1]
+    except (OSError, csv.Error):  # a distribution without a list says nothing; that it is damaged shows elsewhere
+        return []
+
+
+def _digest(path: Path) -> str | None:
+    try:
+        with path.open("rb") as file:
+            found = hashlib.file_digest(file, "sha256").digest()
+    except OSError:
+        return None
+    return base64.urlsafe_b64encode(found).rstrip(b"=").decode()

@@ -1,0 +1,122 @@
+"""HEAL on a host: a repair that was tried takes its place, and is taken back where it made things worse. (Heavy.)
+
+A rewrite is tried and adopted while the agent's work is judged. Any other action is octoform's own, and is carried out
+once the agent has ended: the same repairs that triage has, and the packages decided anew.
+"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from octoform.apply import adopting, healing
+from octoform.apply.context import Context
+from octoform.apply.duty import Answer, refusal
+from octoform.apply.endpoint_node import CANDIDATE
+from octoform.diagnostics import has_errors
+from octoform.endpoint import supervising
+from octoform.endpoint.stopmark import is_marked
+from octoform.engine.duty import on_duty, ready
+from octoform.engine.redeploying import redeploy
+from octoform.engine.rediscovering import rediscover
+from octoform.engine.repairing import restore
+from octoform.engine.serving import layout_of
+from octoform.harness.watching import added
+from octoform.manifest.loading import load
+from octoform.manifest.model import FILE_NAME
+from octoform.state.layout import Layout
+from octoform.state.store import Ports
+
+ROLL_BACK, SETTLE = "roll_back", "settle"
+ASK = "ask"
+
+
+def heal(
+    project: Path, environ: Mapping[str, str], brief: Mapping[str, Any], ports: Ports | None = None
+) -> dict[str, Any]:
+    """Ask the agent of HEAL for a repair of one error, and carry out what it proposes where that holds.
+
+    ``brief`` is ``{error, readings, failures, target, episode, since}``, ``error`` one of a report of WATCH. The result
+    is as that of `diagnose`: ``action`` is what was done, ``changed`` is True where another server or another set of
+    packages is in service, ``again`` False where only a person can help.
+    """
+    answer = on_duty(project, environ, healing.HEAL, lambda context: _done(context, healing.heal, brief), ports)
+    act = ACTIONS.get(answer.action or "")
+    layout, _ = layout_of(project, environ)
+    if not answer.ok or act is None or layout is None:
+        return answer.told()
+    return _joined(answer, act(layout, environ)).told()
+
+
+def roll_back(
+    project: Path, environ: Mapping[str, str], brief: Mapping[str, Any], ports: Ports | None = None
+) -> dict[str, Any]:
+    """Put the server back that an episode's repair has replaced; ``brief`` is ``{episode, reason}``."""
+    return on_duty(project, environ, ROLL_BACK, lambda context: _done(context, healing.roll_back, brief), ports).told()
+
+
+def settle(layout: Layout, environ: Mapping[str, str]) -> dict[str, Any] | None:
+    """Finish or take back what a killed repair or step has left in service; None when it has left nothing."""
+    left = (layout.local / CANDIDATE).is_dir() or (layout.local / adopting.RECORD).is_file()
+    if not left or is_marked(layout):
+        return None
+    return on_duty(layout.project, environ, SETTLE, _settled).told()
+
+
+def _settled(context: Context) -> Answer:
+    found = adopting.put_back(context, smoke=False)
+    if has_errors(found):
+        return refusal(found)
+    return Answer(ok=True, detail="what a killed repair had left in service is settled: the accepted server is served")
+
+
+def _done(context: Context, duty: Callable[[Context, Mapping[str, Any]], Answer], brief: Mapping[str, Any]) -> Answer:
+    found = ready(context)
+    return refusal(found) if has_errors(found) else duty(context, brief)
+
+
+def _joined(asked: Answer, done: Answer) -> Answer:
+    """What came of the action, with what the agent said and cost before it."""
+    return replace(
+        done,
+        detail=f"{done.detail} ({asked.detail})",
+        report=asked.report,
+        action=asked.action,
+        calls=asked.calls + done.calls,
+        usage=added(asked.usage, done.usage),
+    )
+
+
+def _restored(layout: Layout, _: Mapping[str, str]) -> Answer:
+    done = restore(layout)
+    return Answer(ok=done.ok, detail=done.detail, again=done.again)
+
+
+def _restarted(layout: Layout, _: Mapping[str, str]) -> Answer:
+    if is_marked(layout):
+        return Answer(ok=False, detail="a person has stopped the endpoint; it stays so")
+    supervising.stop(layout)
+    process, problem = supervising.start(layout)
+    if process is None:
+        return refusal([problem] if problem is not None else [])
+    return Answer(ok=True, detail="the endpoint was started anew")
+
+
+def _rediscovered(layout: Layout, environ: Mapping[str, str]) -> Answer:
+    manifest, _ = load(layout.project / FILE_NAME, environ)
+    told = rediscover(layout, environ, apply=manifest.daemon.apply if manifest is not None else ASK)
+    spent = told.get("spent") or {}
+    return Answer(
+        ok=bool(told["ok"]),
+        detail=str(told["detail"]),
+        again=bool(told["again"]),
+        calls=int(spent.get("calls") or 0),
+    )
+
+
+ACTIONS: Mapping[str, Callable[[Layout, Mapping[str, str]], Answer]] = {
+    "restore": _restored,
+    "redeploy": redeploy,
+    "restart": _restarted,
+    "rediscover": _rediscovered,
+}

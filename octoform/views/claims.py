@@ -1,0 +1,92 @@
+"""Claims, for a person and for a program: what is said, on what, until when, and what it forbids."""
+
+import json
+from collections.abc import Iterator, Sequence
+
+from octoform.claims.model import Claim, State
+from octoform.claims.storing import to_json as claim_json
+from octoform.escaping import escaped_json
+from octoform.views.console import Console
+from octoform.views.text import one_line
+from octoform.views.times import clock
+
+WIDTH = 110
+_STYLES = {State.ACTIVE: "yellow", State.PENDING: "red"}
+_WORDS = {
+    State.ACTIVE: "in force",
+    State.PENDING: "waits for a person",
+    State.RETIRED: "over",
+    State.REFUSED: "refused",
+}
+_ENDED = {
+    "expired": "nothing bore it out any more",
+    "contradicted": "a reading says otherwise",
+    "operator": "a person ended it",
+    "superseded": "another one took its place",
+}
+
+
+def listed(console: Console, found: Sequence[Claim], *, everything: bool, as_json: bool) -> int:
+    """The claims that are in force or wait; with ``everything`` also those that are over."""
+    if as_json:
+        document = {"format": 1, "claims": [claim_json(each) for each in found]}
+        console.line(escaped_json(json.dumps(document, ensure_ascii=False, indent=2)))
+        return 0
+    if not found:
+        console.line("Nothing is claimed." if everything else "Nothing is claimed now; octoform claims -all shows all.")
+    for index, claim in enumerate(found):
+        if index:
+            console.line()
+        for line in lines(console, claim):
+            console.line(line)
+    return 0
+
+
+def lines(console: Console, claim: Claim) -> Iterator[str]:
+    """One claim."""
+    word = _WORDS[claim.state]
+    style = _STYLES.get(claim.state)
+    state = console.paint(word, style) if style else word
+    yield f"{claim.id}  {state}  {one_line(claim.target, 60)}: {one_line(claim.statement, WIDTH)}"
+    if claim.irreversible is not None:
+        yield f"    declares  {claim.irreversible}: for good, until a person takes it back"
+    else:
+        yield f"    rests on  {one_line(_ground(claim), WIDTH)}"
+    if claim.state is State.ACTIVE:
+        until = (
+            f"until {clock(claim.expires_at)} unless it is borne out" if claim.expires_at else "until a person ends it"
+        )
+        yield f"    holds     {until}"
+    for each in claim.restrictions if claim.state in (State.ACTIVE, State.PENDING) else ():
+        given = ", ".join(f"{name}={json.dumps(value)}" for name, value in each.arguments.items())
+        effect = "refuses" if each.effect == "deny" else "asks before"
+        yield f"    {effect:<9} {one_line(f'{each.tool}({given})', WIDTH)}"
+    if claim.ended is not None:
+        by = f" ({', '.join(claim.ended_by)})" if claim.ended_by else ""
+        yield f"    ended     {one_line(_ENDED.get(claim.ended, claim.ended) + by, WIDTH)}"
+    yield f"    said by   {claim.by} at {clock(claim.made_at)}"
+    if claim.state is State.PENDING:
+        yield f"    do        {console.paint(f'octoform confirm {claim.id}', 'bold')}, or with -reject"
+
+
+def decided(console: Console, claim: Claim, *, as_json: bool) -> int:
+    """What became of a claim that a person decided about."""
+    if as_json:
+        console.line(escaped_json(json.dumps({"format": 1, "claim": claim_json(claim)}, ensure_ascii=False)))
+    else:
+        for line in lines(console, claim):
+            console.line(line)
+    return 0
+
+
+def _ground(claim: Claim) -> str:
+    signal, condition = claim.signal, claim.condition
+    return (
+        f"{signal.source}{signal.path} {condition.op} {json.dumps(condition.value)}"
+        f" ({counted_readings(len(claim.cites))}: {', '.join(claim.cites[-3:])})"
+    )
+
+
+def counted_readings(count: int) -> str:
+    """``1 reading``, ``3 readings``."""
+    return f"{count} reading{'' if count == 1 else 's'}"

@@ -1,0 +1,25 @@
+"""The duties of the daemon's agents can be listed as every stage can."""
+
+import io
+from argparse import Namespace
+from pathlib import Path
+
+import pytest
+
+from octoform.cli.commands import attempts
+from octoform.cli.options import UsageError
+from octoform.views.console import Console
+
+
+@pytest.mark.parametrize("stage", ["serve", "watch", "heal", "step.arm"])
+def test_what_an_agent_is_started_for_can_be_asked_for(tmp_path: Path, stage: str) -> None:
+    (tmp_path / "octopus.yaml").write_text("version: 1\nhost: bench\n")
+    console = Console(io.StringIO(), io.StringIO(), colour=False, colour_err=False, interactive=False)
+    wanted = Namespace(verb=None, stage=stage, all=False, json=False)
+    assert attempts.run(wanted, tmp_path, console) == 0
+
+
+def test_what_no_agent_is_started_for_is_told_with_what_was_meant(tmp_path: Path) -> None:
+    console = Console(io.StringIO(), io.StringIO(), colour=False, colour_err=False, interactive=False)
+    with pytest.raises(UsageError, match="did you mean heal"):
+        attempts.run(Namespace(verb=None, stage="heel", all=False, json=False), tmp_path, console)

@@ -1,0 +1,57 @@
+"""What nobody repairs any more stands in the way of nothing else."""
+
+from pathlib import Path
+
+import pytest
+from daemon_world import DaemonWorld
+
+from octoform.daemon.model import Cause, Done, Finding, Repair
+from octoform.engine import onboarding
+from octoform.engine.onboarding import Question
+
+
+@pytest.fixture
+def world(tmp_path: Path) -> DaemonWorld:
+    return DaemonWorld(tmp_path)
+
+
+def test_a_process_that_dies_beside_an_edited_file_is_started_with_it(world: DaemonWorld) -> None:
+    world.mends[Repair.RESTORE] = lambda world, finding: Done(False, "it was edited and stays", again=False)
+    world.truth.damaged = {"state/bench/serve/server.py": "changed"}
+    world.start()
+    world.advance(60)
+    assert [each.target for each in world.memory.breakers.frozen()] == ["file:state/bench/serve/server.py"]
+    assert world.repairs() == [Repair.RESTORE], "an edit is a person's: one try tells that"
+    world.die()
+    world.happens(Cause.PROCESS)
+    assert world.repairs() == [Repair.RESTORE, Repair.RESTART]
+    assert world.truth.pid is not None
+
+
+def test_a_start_still_waits_for_a_file_that_is_being_put_back(world: DaemonWorld) -> None:
+    world.mends[Repair.RESTORE] = lambda world, finding: Done(False, "the disk does not answer")
+    world.start()
+    world.truth.damaged = {"state/bench/serve/server.py": "missing"}
+    world.die()
+    world.happens(Cause.PROCESS, Cause.FILES)
+    assert world.repairs() == [Repair.RESTORE]
+
+
+def test_a_question_is_told_once_and_taken_back_when_the_hardware_is_as_it_was(world: DaemonWorld) -> None:
+    def asks(world: DaemonWorld, finding: Finding) -> Done:
+        fresh, problem = onboarding.ask(world.layout, Question(("create class:hwmon",), ("probe",), ("it moves",)))
+        assert problem is None
+        return Done(False, "shall it be onboarded?", again=False, asked=fresh)
+
+    world.mends[Repair.REDISCOVER] = asks
+    world.start()
+    world.truth.appeared = ("usb:1f00:00a1",)
+    world.happens(Cause.HARDWARE)
+    world.advance(120)
+    assert onboarding.read(world.layout) is not None
+    assert [(each.summary, each.hint) for each in world.alerts if each.event == "asks"] == [
+        ("shall it be onboarded?", "octoform apply")
+    ]
+    world.truth.appeared = ()
+    world.happens(Cause.HARDWARE)
+    assert onboarding.read(world.layout) is None

@@ -1,0 +1,175 @@
+"""A restriction at the gate: for every caller, never for readings and stops, and looked at again when a call runs."""
+
+import asyncio
+import json
+from collections.abc import Awaitable, Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+from fastmcp.client.elicitation import ElicitResult
+from gated import MODES, Gated, gated, tool_policy
+
+from octoform.launcher.buses import Holder, release, take_free
+from octoform.launcher.restrictions import NAME, Restrictions
+
+moved: list[Any] = []
+
+
+@pytest.fixture(autouse=True)
+def _still() -> None:
+    moved.clear()
+
+
+def move(joint: str, position: int = 0) -> str:
+    """Move a joint."""
+    moved.append(joint)
+    return joint
+
+
+def look() -> int:
+    """Read the arm."""
+    return 7
+
+
+def stop() -> bool:
+    """Stop the arm."""
+    moved.append("stop")
+    return True
+
+
+TOOLS = {
+    move: tool_policy(buses=["arm"]),
+    look: tool_policy("read", buses=["arm"]),
+    stop: tool_policy(buses=["arm"], stops=True),
+}
+NOW = 100.0
+
+
+def restrict(folder: Path, *tools: str, effect: str = "deny", joint: str = "elbow") -> None:
+    entries = [
+        {
+            "claim": "c1",
+            "tool": tool,
+            "arguments": {"joint": [joint]} if tool == "move" else {},
+            "effect": effect,
+            "target": "device:arm/elbow",
+            "statement": "the elbow is hot",
+            "expires": NOW + 60,
+            "expires_at": "2026-11-22T16:30:00Z",
+        }
+        for tool in tools
+    ]
+    new = folder / "run" / "new"
+    new.write_text(json.dumps({"format": 1, "boot": "b", "restrictions": entries}))
+    new.replace(folder / "run" / NAME)
+
+
+class Clock:
+    now = NOW
+
+    def __call__(self) -> float:
+        return self.now
+
+
+def of(gate: Gated, clock: Clock) -> None:
+    def tell(event: str, fields: Any) -> None:
+        gate.gate._records.write(event, **fields)
+
+    # Outside of a test the endpoint writes these on its own audit log.
+    gate.gate.restrictions = Restrictions(gate.folder / "run" / NAME, tell, clock, "b")
+
+
+def run(folder: Path, scenario: Callable[[Gated, Clock], Awaitable[None]], mode: str = "enforce") -> None:
+    async def whole() -> None:
+        clock = Clock()
+        async with gated(folder, TOOLS, mode=mode) as gate:
+            of(gate, clock)
+            await scenario(gate, clock)
+
+    asyncio.run(whole())
+
+
+async def said(gate: Gated, mode: str, name: str, arguments: dict[str, Any] | None = None, **more: Any) -> str:
+    async with gate.client(mode, **more) as client:
+        result = await client.call_tool(name, arguments or {}, raise_on_error=False)
+    return str(result.content[0].text) if result.is_error else "ok"
+
+
+@pytest.mark.parametrize("mode", MODES)
+def test_a_restricted_call_is_refused_until_its_moment_and_both_are_on_the_audit_log(tmp_path: Path, mode: str) -> None:
+    async def scenario(gate: Gated, clock: Clock) -> None:
+        restrict(tmp_path, "move")
+        text = await said(gate, mode, "move", {"joint": "elbow"})
+        assert "c1" in text and "the elbow is hot" in text and "2026-11-22T16:30:00Z" in text
+        assert await said(gate, mode, "move", {"joint": "wrist"}) == "ok"
+        clock.now += 60  # nobody wrote anything
+        assert await said(gate, mode, "move", {"joint": "elbow"}) == "ok"
+        events = [each["event"] for each in gate.records() if each["event"].startswith("restriction")]
+        assert events == ["restriction", "restriction_over"]
+        (refused,) = [each for each in gate.records("decision") if each["decision"] == "refuse"]
+        assert refused["code"] == "restricted" and refused["arguments"]["joint"] == "elbow"
+
+    run(tmp_path, scenario)
+    assert moved == ["wrist", "elbow"]
+
+
+def test_readings_and_what_stops_are_never_restricted_whatever_the_file_says(tmp_path: Path) -> None:
+    async def scenario(gate: Gated, clock: Clock) -> None:
+        restrict(tmp_path, "move", "look", "stop")
+        assert await said(gate, "auto", "look") == await said(gate, "auto", "stop") == "ok"
+        assert "restricted" in await said(gate, "auto", "move", {"joint": "elbow"})
+
+    run(tmp_path, scenario)
+    assert moved == ["stop"]
+
+
+def test_what_the_policy_only_watches_is_noted(tmp_path: Path) -> None:
+    async def scenario(gate: Gated, clock: Clock) -> None:
+        restrict(tmp_path, "move")
+        assert await said(gate, "auto", "move", {"joint": "elbow"}) == "ok"
+        (allowed,) = gate.records("decision")[:1]
+        assert allowed["decision"] == "allow" and allowed["shadow"][0].startswith("restricted: ")
+
+    run(tmp_path, scenario, mode="shadow")
+    assert moved == ["elbow"]
+
+
+@pytest.mark.parametrize("mode", MODES)
+@pytest.mark.parametrize("yes", [True, False])
+def test_a_person_is_asked_where_the_claim_says_so(tmp_path: Path, mode: str, yes: bool) -> None:
+    asked: list[str] = []
+
+    async def answer(message: str, *_: Any) -> ElicitResult[Any]:
+        asked.append(message)
+        return ElicitResult(action="accept", content={"value": yes})
+
+    async def scenario(gate: Gated, clock: Clock) -> None:
+        restrict(tmp_path, "move", effect="confirm")
+        text = await said(gate, mode, "move", {"joint": "elbow"}, elicitation_handler=answer)
+        assert (text == "ok") is yes
+        assert "the elbow is hot" in asked[0]
+        assert await said(gate, mode, "move", {"joint": "wrist"}) == "ok" and len(asked) == 1
+        assert "elicitation" in await said(gate, mode, "move", {"joint": "elbow"})
+
+    run(tmp_path, scenario)
+    assert moved == (["elbow", "wrist"] if yes else ["wrist"])
+
+
+@pytest.mark.parametrize("effect", ["deny", "confirm"])
+def test_a_call_that_waits_for_its_bus_is_judged_again_when_it_has_it(tmp_path: Path, effect: str) -> None:
+    async def scenario(gate: Gated, clock: Clock) -> None:
+        entry = gate.gate._entries.get("move")
+        assert entry is not None
+        bus, other = entry.queues[0], Holder("other", "somebody", "actuate", frozenset())
+        assert take_free([bus], other)
+        call = asyncio.create_task(said(gate, "auto", "move", {"joint": "elbow"}))
+        while not bus._waiting:
+            await asyncio.sleep(0.005)
+        restrict(tmp_path, "move", effect=effect)
+        release([bus], other)
+        assert "restricted" in await call
+        assert ("refuse", "restricted") in gate.counted()
+
+    run(tmp_path, scenario)
+    assert moved == []

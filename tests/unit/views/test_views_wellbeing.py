@@ -1,0 +1,226 @@
+"""Health as a person reads it at night, and as a program does."""
+
+import io
+import json
+from collections.abc import Iterable
+from datetime import UTC, datetime, timedelta
+
+import pytest
+
+from octoform.daemon.episodes import Episode, Try
+from octoform.daemon.health import Health, Part
+from octoform.daemon.model import FaultClass, Kind, Outcome, Spent, Status
+from octoform.daemon.notifying import Failing
+from octoform.daemon.ownership import Record
+from octoform.daemon.surveying import Survey, Trouble
+from octoform.state.holder import myself
+from octoform.views import claims, episodes, wellbeing
+from octoform.views.console import Console
+from octoform.views.times import clock, length
+
+NOW = datetime.now(UTC)
+
+
+@pytest.fixture(autouse=True)
+def narrow(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("COLUMNS", "100")
+
+
+def stamp(seconds_ago: float) -> str:
+    return (NOW - timedelta(seconds=seconds_ago)).isoformat(timespec="milliseconds").replace("+00:00", "Z")
+
+
+def console(*, colour: bool = False) -> tuple[Console, io.StringIO]:
+    out = io.StringIO()
+    return Console(out, io.StringIO(), colour=colour, colour_err=False, interactive=False), out
+
+
+def episode(**changes: object) -> Episode:
+    known = {
+        "id": "e7",
+        "kind": Kind.CRASH_LOOP,
+        "fault": FaultClass.DEAD_PROCESS,
+        "target": "endpoint",
+        "key": "endpoint dead_process 12ab",
+        "summary": "it ended 5 times in 60 s, each time soon after its start",
+        "status": Status.DOWN,
+        "boot": "b",
+        "opened": stamp(7500),
+        "opened_uptime": 100.0,
+        "tries": [Try("restart", stamp(7450), False, "ModuleNotFoundError: No module named 'cv2'", 1.2)] * 3,
+        "outcome": Outcome.FROZEN,
+        "hint": "3 tries did not help",
+    }
+    return Episode(**{**known, **changes})  # type: ignore[arg-type]
+
+
+def survey(status: Status, parts: Iterable[Part] = (), **more: object) -> Survey:
+    uncovered = tuple(each.target.removeprefix("unit:") for each in parts if each.target.startswith("unit:"))
+    health = Health("bench", stamp(0), 1.0, status, tuple(parts), 14, uncovered, ("c1",))
+    known = {"watched": Record(myself(), stamp(9000), 1.0, "1.0"), "looked": False, "age": 4.0}
+    return Survey(health, **{**known, **more})  # type: ignore[arg-type]
+
+
+def bad_night() -> Survey:
+    frozen = Trouble(
+        "endpoint",
+        episode().summary,
+        stamp(7500),
+        episode(),
+        "given up: 3 tries did not help",
+        "mend the cause, then: octoform heal -retry endpoint",
+    )
+    gone = episode(
+        target="device:usb-1", summary="usb-1 is not there", status=Status.DEGRADED, tries=[], outcome="open"
+    )
+    parts = [
+        Part("endpoint", Status.DOWN, "its process does not run"),
+        Part("device:usb-1", Status.DEGRADED, "it is not there"),
+        Part("unit:arm_status/joints/elbow", Status.UNKNOWN, "does not report: switched off by hand"),
+    ]
+    return survey(
+        Status.DOWN,
+        parts,
+        troubles=(Trouble("device:usb-1", gone.summary, stamp(60), gone, "", "put it back"), frozen),
+        todo=(("octoform confirm c3", "waits for a person: the elbow is locked"),),
+        untold=(Failing("webhook", stamp(7400), "it answered with 404", 4),),
+    )
+
+
+def test_a_person_at_night_reads_it_in_one_screen() -> None:
+    screen, out = console()
+    assert wellbeing.health(screen, bad_night(), as_json=False, now=NOW) == 5
+    lines = out.getvalue().splitlines()
+    since, second, untold = clock(stamp(7500)), clock(stamp(60)), clock(stamp(7400))
+    assert lines == [
+        f"bench: DOWN since {since} (2 h 5 min): endpoint: its process does not run",
+        "",
+        "  endpoint",
+        "    it ended 5 times in 60 s, each time soon after its start",
+        f"    since  {since} (2 h 5 min)",
+        "    tried  restart 3 times; the last one 2 h 4 min ago failed: ModuleNotFoundError: No module named 'cv2'",
+        "    now    given up: 3 tries did not help",
+        "    do     mend the cause, then: octoform heal -retry endpoint",
+        "",
+        "  device:usb-1",
+        "    usb-1 is not there",
+        f"    since  {second} (1 min)",
+        "    do     put it back",
+        "",
+        "  cannot report (1), so nothing is known of it:",
+        "    arm_status/joints/elbow  switched off by hand",
+        "",
+        "  octoform confirm c3  waits for a person: the elbow is locked",
+        "",
+        "  no signal is read while the endpoint is down; claims in force: c1 (octoform claims)",
+        f"  watched by process {myself().pid} since {clock(stamp(9000))}; last look 4.0 s ago",
+        f"  nobody was told by the webhook since {untold} (4 messages lost): it answered with 404",
+    ]
+
+
+@pytest.mark.parametrize(
+    ("status", "code"),
+    [(Status.HEALTHY, 0), (Status.DEGRADED, 3), (Status.ERROR, 4), (Status.DOWN, 5), (Status.UNKNOWN, 6)],
+)
+def test_the_exit_code_tells_in_both_forms(status: Status, code: int) -> None:
+    for as_json in (False, True):
+        screen, out = console()
+        assert wellbeing.health(screen, survey(status), as_json=as_json) == code
+    assert json.loads(out.getvalue())["status"] == status
+
+
+def test_all_is_well_in_three_lines() -> None:
+    screen, out = console()
+    wellbeing.health(screen, survey(Status.HEALTHY), as_json=False)
+    assert out.getvalue().splitlines()[0] == "bench: healthy"
+    assert len(out.getvalue().splitlines()) == 4
+
+
+def test_a_program_reads_all_of_it() -> None:
+    screen, out = console()
+    wellbeing.health(screen, bad_night(), as_json=True)
+    document = json.loads(out.getvalue())
+    assert document["format"] == 1
+    assert document["uncovered"] == ["arm_status/joints/elbow"]
+    assert [each["target"] for each in document["troubles"]] == ["device:usb-1", "endpoint"]
+    assert document["troubles"][1]["episode"]["outcome"] == "frozen"
+    assert document["todo"] == [{"command": "octoform confirm c3", "why": "waits for a person: the elbow is locked"}]
+    assert document["untold"][0]["lost"] == 4
+    assert document["watched"]["pid"] == myself().pid
+
+
+def test_what_devices_say_is_bounded_and_escaped() -> None:
+    hostile = "\x1b[2J" + "x" * 5000 + "\u202e"
+    trouble = Trouble(hostile, hostile, hostile, episode(target=hostile, summary=hostile), hostile, hostile)
+    parts = [Part("unit:" + hostile, Status.UNKNOWN, hostile), Part(hostile, Status.DOWN, hostile)] * 30
+    found = survey(Status.DOWN, parts, troubles=(trouble,) * 30, todo=((hostile, hostile),))
+    screen, out = console()
+    wellbeing.health(screen, found, as_json=False)
+    assert "\x1b" not in out.getvalue()
+    assert "\u202e" not in out.getvalue()
+    assert len(out.getvalue()) < 60_000
+    assert "and 18 more: octoform episodes" in out.getvalue()
+
+
+@pytest.mark.parametrize(
+    ("seconds", "text"),
+    [
+        (0.04, "0.0 s"),
+        (9.94, "9.9 s"),
+        (59, "59 s"),
+        (60, "1 min"),
+        (125, "2 min 5 s"),
+        (7500, "2 h 5 min"),
+        (90061, "1 d 1 h"),
+    ],
+)
+def test_lengths(seconds: float, text: str) -> None:
+    assert length(seconds) == text
+
+
+def test_a_stamp_that_is_none_is_shown_as_it_is() -> None:
+    assert clock("yesterday") == "yesterday"
+
+
+def ended(number: int, seconds: float, outcome: Outcome = Outcome.REPAIRED) -> Episode:
+    spent = Spent(1, 10, 5, 0.01)
+    return episode(
+        id=f"e{number}", closed=stamp(0), closed_uptime=100.0 + seconds, outcome=outcome, spent=spent, tries=[]
+    )
+
+
+def test_episodes_are_counted_by_kind() -> None:
+    found = [ended(number, float(number)) for number in range(1, 21)]
+    found += [ended(21, 500.0, Outcome.CLEARED), episode(id="e22"), episode(id="e23", kind=Kind.DISK_FULL)]
+    screen, out = console()
+    assert episodes.listed(screen, found, (), 2, as_json=True) == 0
+    document = json.loads(out.getvalue())
+    assert [each["kind"] for each in document["kinds"]] == ["crash_loop", "disk_full"]
+    assert document["kinds"][0] == {
+        "kind": "crash_loop",
+        "count": 22,
+        "repaired": 20,
+        "cleared": 1,
+        "open": 0,
+        "frozen": 1,
+        "surfaced": 0,
+        "median_seconds": 11.0,
+        "p95_seconds": 20.0,
+        "agent_calls": 21,
+    }
+    assert [each["id"] for each in document["episodes"]] == ["e22", "e23"]
+    screen, out = console()
+    episodes.listed(screen, found, (), 2, as_json=False)
+    assert "and 21 before: octoform episodes -n 23" in out.getvalue()
+
+
+def test_uptimes_of_two_starts_of_the_machine_give_no_time() -> None:
+    found = [episode(closed=stamp(0), closed_uptime=3.0, outcome=Outcome.CLEARED)]
+    assert episodes.figures("crash_loop", found)["median_seconds"] is None
+
+
+def test_nothing_ever_went_wrong() -> None:
+    screen, out = console()
+    episodes.listed(screen, (), (), 20, as_json=False)
+    claims.listed(screen, (), everything=False, as_json=False)
+    assert out.getvalue().count("\n") == 2

@@ -1,0 +1,65 @@
+"""The daemon in a guest: started as a person starts it, and asked for what it has noted."""
+
+import contextlib
+import json
+import shlex
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import Any
+
+from vm.user import PROJECT, Octoform
+
+EPISODES = f"{PROJECT}/.octoform/bench/daemon/episodes.jsonl"
+NOTICED_SECONDS = 120.0
+"""For what a real computer notices at once: here the daemon shares one emulated processor with everything else."""
+
+
+@dataclass(frozen=True)
+class Watch:
+    """A running `octoform watch`."""
+
+    octoform: Octoform
+
+    def episodes(self) -> list[dict[str, Any]]:
+        """All troubles so far, the latest state of each."""
+        lines = self.octoform.guest.run(f"cat {EPISODES} 2>/dev/null", check=False).splitlines()
+        known = {}
+        for line in lines:
+            with contextlib.suppress(ValueError):  # the line that is being written
+                episode = json.loads(line)
+                known[episode["id"]] = episode
+        return list(known.values())
+
+    def count(self) -> int:
+        """How many troubles there were so far."""
+        return len(self.episodes())
+
+    def until(
+        self, wanted: Callable[[dict[str, Any]], bool], since: int = 0, seconds: float = NOTICED_SECONDS
+    ) -> dict[str, Any]:
+        """The first trouble after the first ``since`` ones that is as wanted; waits for it."""
+        end = time.monotonic() + seconds
+        while time.monotonic() < end:
+            for episode in self.episodes()[since:]:
+                if wanted(episode):
+                    return episode
+            time.sleep(0.3)
+        said = self.octoform.guest.run("tail -n 20 /root/watch.log", check=False)
+        raise AssertionError(f"not noticed within {seconds:.0f} s\n{self.episodes()[since:]}\n{said}")
+
+
+@contextlib.contextmanager
+def watching(octoform: Octoform) -> Iterator[Watch]:
+    """The daemon from its start to a SIGTERM, after which nothing of it is left."""
+    line = octoform.line("watch", "-json")
+    folder, _, command = line.partition(" && ")
+    whole = f"{folder} && exec env {command} >/root/watch.log 2>&1 </dev/null"
+    octoform.guest.run(f"setsid sh -c {shlex.quote(whole)} >/dev/null 2>&1 & echo started")
+    try:
+        octoform.guest.until(f"test -s {PROJECT}/.octoform/bench/daemon/health.json")
+        yield Watch(octoform)
+    finally:
+        ending = "kill $(python3 -c \"import json; print(json.load(open('{}'))['pid'])\")"
+        octoform.guest.run(ending.format(f"{PROJECT}/.octoform/bench/daemon/daemon.json"), check=False)
+        octoform.guest.until("! pgrep -f '[o]ctoform watch' >/dev/null", 60.0)
