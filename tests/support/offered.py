@@ -111,11 +111,16 @@ def runtime_beside(folder: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[No
     folder.mkdir(exist_ok=True)
     (folder / "runtime").symlink_to(Path(__file__).parents[2] / "octoform" / "runtime")
     monkeypatch.syspath_prepend(str(folder))
+    _forget_runtime()  # a server without one may have found the folder of its tests, which has this name too
     try:
         yield
     finally:
-        for name in [name for name in sys.modules if name.partition(".")[0] == "runtime"]:
-            del sys.modules[name]
+        _forget_runtime()
+
+
+def _forget_runtime() -> None:
+    for name in [name for name in sys.modules if name.partition(".")[0] == "runtime"]:
+        del sys.modules[name]
 
 
 def until(condition: Callable[[], object], seconds: float = 10.0) -> None:

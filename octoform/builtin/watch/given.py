@@ -9,7 +9,7 @@ from octoform.builtin.task import Refused
 
 Row = Mapping[str, Any]
 Place = tuple[str, str, str]
-_PARTS = ("readings", "failures", "claims", "tools", "frames")
+_PARTS = ("readings", "failures", "claims", "tools", "frames", "devices")
 
 
 @dataclass(frozen=True, slots=True)
@@ -21,6 +21,7 @@ class Given:
     claims: tuple[Row, ...]
     tools: tuple[Row, ...]
     frames: tuple[Row, ...]
+    devices: tuple[Row, ...]
     newest: Mapping[Place, Row]
 
     @classmethod
@@ -29,6 +30,11 @@ class Given:
         parts = {name: _rows(document, name) for name in _PARTS}
         newest = {(row["channel"], row["source"], row["path"]): row for row in parts["readings"]}
         return cls(**parts, newest=newest)
+
+    def known(self, device: str) -> str | None:
+        """The device, where it is one that has tools or was given."""
+        served = any(device in item["devices"] for item in self.tools)
+        return device if served or any(row["id"] == device for row in self.devices) else None
 
     def lasting(self) -> list[Row]:
         """The failures after which no success of the tool was read."""

@@ -70,8 +70,8 @@ def _gone(given: Given) -> Iterator[Error]:
     for (channel, device, path), row in given.newest.items():
         if channel == "kernel" and path == "/there" and row["value"] is False:
             failed = [item for item in given.lasting() if given.device_of(item) == device]
-            message = "the device is not attached; only a person can plug it in"
-            yield _error(None, device, NONE, message, [row, *failed])
+            message = f"{device} is not attached; only a person can plug it in"
+            yield _error(None, given.known(device), NONE, message, [row, *failed])
 
 
 def _failing(given: Given) -> Iterator[Error]:

@@ -9,7 +9,17 @@ from octoform.diagnostics import Diagnostic
 from octoform.manifest import base_url, places
 from octoform.manifest.harness_document import NAMES, table_of
 from octoform.manifest.loading import load
-from octoform.manifest.model import MODEL_FREE, Escalation, HarnessSpec, Housekeeping, Manifest, Price, Sandbox
+from octoform.manifest.model import (
+    KEEPERS,
+    MODEL_FREE,
+    STAGES,
+    Escalation,
+    HarnessSpec,
+    Housekeeping,
+    Manifest,
+    Price,
+    Sandbox,
+)
 from octoform.manifest.providers import APIS, PROVIDERS, SEARCHERS
 
 AGENTS = ("claude-code", "codex", "gemini-cli", "litellm", "opencode", "pi", "qwen-code")
@@ -224,7 +234,7 @@ def test_names_are_complete() -> None:
     assert all(set(provider.urls) <= set(APIS) for provider in PROVIDERS.values())
     for name in NAMES:
         assert "name" in table_of(name).model_fields
-    assert len(places.HARNESSES) == 7
+    assert len(places.HARNESSES) == 1 + len((*STAGES, *KEEPERS)) + len(("escalation",))
 
 
 @pytest.mark.parametrize(

@@ -205,4 +205,4 @@ def test_comments_and_order_survive_or_nothing_is_written(data: st.DataObject, t
 def test_the_starter_can_be_edited(project: Path) -> None:
     project.write_text(starter_text("bench"))
     assert edit(project, "budget.attempts", 5) == []
-    assert project.read_text() == starter_text("bench").replace("attempts: 3     ", "attempts: 5     ")
+    assert project.read_text() == starter_text("bench").replace("\n  attempts: 3     ", "\n  attempts: 5     ")
