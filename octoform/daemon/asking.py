@@ -3,12 +3,12 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-from octoform.daemon import episodes, ownership
-from octoform.daemon.advice import advice
-from octoform.daemon.breakers import Breaker, Breakers
-from octoform.daemon.ownership import Record
+from octoform.daemon.records import episodes, ownership
+from octoform.daemon.records.breakers import Breaker, Breakers
+from octoform.daemon.records.ownership import Record
+from octoform.daemon.records.shelf import Shelf
 from octoform.daemon.sensing.moments import SystemClock
-from octoform.daemon.shelf import Shelf
+from octoform.daemon.telling.advice import advice
 from octoform.diagnostics import Diagnostic, did_you_mean, error
 from octoform.state.holder import myself
 from octoform.state.layout import Layout

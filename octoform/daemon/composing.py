@@ -11,20 +11,21 @@ from octoform.claims.gathering import settings_of
 from octoform.claims.ledger import Ledger
 from octoform.claims.model import Reading
 from octoform.claims.settings import Settings
-from octoform.daemon import episodes, metrics, notifying
 from octoform.daemon.agents import Agents
-from octoform.daemon.bench import Beside
-from octoform.daemon.looking import Looker, open_look
-from octoform.daemon.memory import Memory
+from octoform.daemon.loop.bench import Beside
+from octoform.daemon.loop.supervisor import Round, Supervisor, View
 from octoform.daemon.model import Done, Finding, Repair
 from octoform.daemon.ports import Ports
+from octoform.daemon.records import episodes
+from octoform.daemon.records.memory import Memory
 from octoform.daemon.repairs.acting import Repairs
 from octoform.daemon.repairs.restarting import restart
-from octoform.daemon.sampling import Frames, Sensors
+from octoform.daemon.repairs.worker_port import Workers
+from octoform.daemon.sensing.looking import Looker, open_look
 from octoform.daemon.sensing.moments import SystemClock
+from octoform.daemon.sensing.sampling import Frames, Sensors
 from octoform.daemon.sensing.sources import EventSources, Timing, open_sources
-from octoform.daemon.supervisor import Round, Supervisor, View
-from octoform.daemon.worker_port import Workers
+from octoform.daemon.telling import metrics, notifying
 from octoform.diagnostics import Diagnostic
 from octoform.endpoint.files import POLICY
 from octoform.manifest.model import Daemon, Notify

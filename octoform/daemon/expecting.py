@@ -10,7 +10,7 @@ from datetime import UTC, datetime
 from typing import Any
 
 from octoform.claims.model import Channel, Reading, Signal
-from octoform.daemon.sampling import tool_of
+from octoform.daemon.sensing.sampling import tool_of
 from octoform.endpoint.promise import promised
 from octoform.state.layout import Layout
 

@@ -14,21 +14,21 @@ from pathlib import Path
 from octoform.claims.ledger import Ledger
 from octoform.claims.model import Claim, Signal
 from octoform.claims.settings import Settings
-from octoform.daemon import episodes, ownership
-from octoform.daemon.advice import advice
-from octoform.daemon.breakers import Breakers
-from octoform.daemon.bulletin import FILE, FRESH_SECONDS
-from octoform.daemon.episodes import Episode
 from octoform.daemon.expecting import current, measured
 from octoform.daemon.health import Health, compose, from_json
-from octoform.daemon.looking import open_look
-from octoform.daemon.memory import RECALL
 from octoform.daemon.model import Cause, Facts, Finding, Kind, Outcome, Repair
-from octoform.daemon.notifying import Failing, failing
-from octoform.daemon.ownership import Record
-from octoform.daemon.sampling import Sensors
+from octoform.daemon.records import episodes, ownership
+from octoform.daemon.records.breakers import Breakers
+from octoform.daemon.records.episodes import Episode
+from octoform.daemon.records.memory import RECALL
+from octoform.daemon.records.ownership import Record
+from octoform.daemon.records.shelf import Shelf
+from octoform.daemon.sensing.looking import open_look
 from octoform.daemon.sensing.moments import SystemClock
-from octoform.daemon.shelf import Shelf
+from octoform.daemon.sensing.sampling import Sensors
+from octoform.daemon.telling.advice import advice
+from octoform.daemon.telling.bulletin import FILE, FRESH_SECONDS
+from octoform.daemon.telling.notifying import Failing, failing
 from octoform.daemon.triage import judge, remember
 from octoform.daemon.triage.recall import Recall
 from octoform.daemon.triage.recall import from_json as recall_from

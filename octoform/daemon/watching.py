@@ -8,11 +8,11 @@ from pathlib import Path
 from types import FrameType
 
 import octoform
-from octoform.daemon import ownership
 from octoform.daemon.composing import Composition, Wanted, compose, wanted
+from octoform.daemon.loop.supervisor import Round, View
+from octoform.daemon.records import ownership
+from octoform.daemon.repairs.worker_port import Workers
 from octoform.daemon.sensing.moments import SystemClock
-from octoform.daemon.supervisor import Round, View
-from octoform.daemon.worker_port import Workers
 from octoform.diagnostics import Diagnostic, error
 from octoform.endpoint.files import LAUNCHER
 from octoform.manifest.model import FILE_NAME

@@ -5,9 +5,9 @@ from collections.abc import Iterator, Sequence
 from statistics import median
 from typing import Any
 
-from octoform.daemon.episodes import Episode
-from octoform.daemon.episodes import to_json as episode_json
 from octoform.daemon.model import Outcome
+from octoform.daemon.records.episodes import Episode
+from octoform.daemon.records.episodes import to_json as episode_json
 from octoform.diagnostics import Diagnostic
 from octoform.escaping import escaped_json
 from octoform.views import problems, table

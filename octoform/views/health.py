@@ -5,7 +5,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import asdict
 from typing import Any
 
-from octoform.daemon.ownership import Record
+from octoform.daemon.records.ownership import Record
 from octoform.engine.health import Process, Status
 from octoform.escaping import escaped_json
 from octoform.views import sentences

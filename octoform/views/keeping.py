@@ -4,8 +4,8 @@ import json
 from collections.abc import Sequence
 
 from octoform.daemon.asking import GivenUp
-from octoform.daemon.breakers import Breaker
-from octoform.daemon.ownership import Record
+from octoform.daemon.records.breakers import Breaker
+from octoform.daemon.records.ownership import Record
 from octoform.escaping import escaped_json
 from octoform.views.console import Console
 from octoform.views.sentences import counted

@@ -11,11 +11,11 @@ from datetime import UTC, datetime
 from textwrap import wrap
 from typing import Any
 
-from octoform.daemon.episodes import to_json as episode_json
 from octoform.daemon.health import ORDER, Health, Part
 from octoform.daemon.model import Outcome, Repair, Status
-from octoform.daemon.notifying import Failing
+from octoform.daemon.records.episodes import to_json as episode_json
 from octoform.daemon.surveying import Survey, Trouble
+from octoform.daemon.telling.notifying import Failing
 from octoform.diagnostics import to_json
 from octoform.escaping import escaped_json
 from octoform.views import problems

@@ -22,7 +22,7 @@ from campaign import cases_devices, cases_files, cases_process, cases_room
 from campaign.bench import Bench, until
 from campaign.making import made, plug_in
 
-from octoform.daemon import ownership
+from octoform.daemon.records import ownership
 
 MINUTE = 60.0
 CALM = 90.0

@@ -13,7 +13,7 @@ from launched import Launched, launched, tool
 from projects import OCTOFORM
 from terminals import Terminal
 
-from octoform.daemon import ownership
+from octoform.daemon.records import ownership
 
 SOURCE = '''
 """A bench with a meter."""

@@ -11,7 +11,7 @@ import pytest
 from launched import Launched, launched, tool
 from projects import OCTOFORM
 
-from octoform.daemon import ownership
+from octoform.daemon.records import ownership
 from octoform.endpoint.running import running
 
 SOURCE = """

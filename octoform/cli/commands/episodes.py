@@ -5,8 +5,8 @@ from argparse import Namespace
 from pathlib import Path
 
 from octoform.cli.options import UsageError
-from octoform.daemon.episodes import read
-from octoform.daemon.shelf import Shelf
+from octoform.daemon.records.episodes import read
+from octoform.daemon.records.shelf import Shelf
 from octoform.engine.serving import layout_of
 from octoform.views import episodes as view
 from octoform.views import problems

@@ -4,7 +4,7 @@ import os
 from argparse import Namespace
 from pathlib import Path
 
-from octoform.daemon import ownership
+from octoform.daemon.records import ownership
 from octoform.daemon.sensing.moments import SystemClock
 from octoform.engine.serving import layout_of
 from octoform.views import keeping, problems

@@ -4,7 +4,7 @@ import os
 from argparse import Namespace
 from pathlib import Path
 
-from octoform.daemon.ownership import alive
+from octoform.daemon.records.ownership import alive
 from octoform.engine.health import status
 from octoform.engine.serving import layout_of
 from octoform.views import health, problems

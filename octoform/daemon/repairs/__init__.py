@@ -1,1 +1,1 @@
-"""Repairs: one small module for each kind, and the port through which the loop carries them out."""
+"""Repairs: one small module for each kind, the process of their own in which they are made, and the port to it."""

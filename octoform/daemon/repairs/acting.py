@@ -12,7 +12,7 @@ from typing import Any
 from octoform.daemon.model import Done, Finding, Kind, Repair, Spent
 
 Run = Callable[[str, Mapping[str, Any], float], Mapping[str, Any]]
-"""Does a job in a child: name, brief, seconds; `octoform.daemon.worker_port.Workers.run`."""
+"""Does a job in a child: name, brief, seconds; `octoform.daemon.repairs.worker_port.Workers.run`."""
 
 
 Restart = Callable[[bool], Done]

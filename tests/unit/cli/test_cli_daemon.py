@@ -15,8 +15,8 @@ from octoform.claims.model import State
 from octoform.cli.commands import confirm as command
 from octoform.cli.dispatch import dispatch
 from octoform.cli.parser import parse
-from octoform.daemon import ownership
 from octoform.daemon.model import Cause, Done, Repair
+from octoform.daemon.records import ownership
 from octoform.daemon.sensing.moments import SystemClock
 from octoform.state.layout import Layout
 from octoform.views.console import Console

@@ -10,12 +10,12 @@ import pytest
 from octoform.claims.ledger import Ledger
 from octoform.claims.model import Channel, Reading, Signal, Value
 from octoform.claims.settings import Settings
-from octoform.daemon.bulletin import Bulletin
 from octoform.daemon.evidence import Evidence
 from octoform.daemon.expecting import current, measured
 from octoform.daemon.health import Health, compose, stand, worse
-from octoform.daemon.memory import Memory
 from octoform.daemon.model import Facts, Status
+from octoform.daemon.records.memory import Memory
+from octoform.daemon.telling.bulletin import Bulletin
 from octoform.endpoint.running import Running
 from octoform.manifest.model import Daemon
 from octoform.state.layout import Layout

@@ -10,12 +10,13 @@ import pytest
 from daemon_world import DaemonWorld
 
 import octoform
-from octoform.daemon import asking, ownership, surveying
-from octoform.daemon.bulletin import FRESH_SECONDS
+from octoform.daemon import asking, surveying
 from octoform.daemon.health import Health
 from octoform.daemon.model import Cause, Done, Repair, Status
+from octoform.daemon.records import ownership
 from octoform.daemon.sensing.moments import SystemClock
 from octoform.daemon.surveying import survey
+from octoform.daemon.telling.bulletin import FRESH_SECONDS
 from octoform.diagnostics import Diagnostic
 from octoform.state.layout import Layout
 

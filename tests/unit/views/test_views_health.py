@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
-from octoform.daemon.ownership import Record
+from octoform.daemon.records.ownership import Record
 from octoform.endpoint.running import Running
 from octoform.engine.health import Process, Status
 from octoform.state.holder import myself

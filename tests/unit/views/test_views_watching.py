@@ -10,10 +10,10 @@ import pyte
 import pytest
 from daemon_world import DaemonWorld
 
-from octoform.daemon import ownership
-from octoform.daemon.bench import Task, lane_of
-from octoform.daemon.episodes import finding_of
+from octoform.daemon.loop.bench import Task, lane_of
 from octoform.daemon.model import Cause, Done, Repair
+from octoform.daemon.records import ownership
+from octoform.daemon.records.episodes import finding_of
 from octoform.views.console import Console
 from octoform.views.watching import Lines, Objects, named
 

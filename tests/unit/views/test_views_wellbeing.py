@@ -7,12 +7,12 @@ from datetime import UTC, datetime, timedelta
 
 import pytest
 
-from octoform.daemon.episodes import Episode, Try
 from octoform.daemon.health import Health, Part
 from octoform.daemon.model import FaultClass, Kind, Outcome, Spent, Status
-from octoform.daemon.notifying import Failing
-from octoform.daemon.ownership import Record
+from octoform.daemon.records.episodes import Episode, Try
+from octoform.daemon.records.ownership import Record
 from octoform.daemon.surveying import Survey, Trouble
+from octoform.daemon.telling.notifying import Failing
 from octoform.state.holder import myself
 from octoform.views import claims, episodes, wellbeing
 from octoform.views.console import Console

@@ -8,11 +8,11 @@ from typing import Any
 
 import pytest
 
-from octoform.daemon.jobs import JOBS
 from octoform.daemon.model import Done, FaultClass, Finding, Kind, Repair
 from octoform.daemon.repairs import freeing
 from octoform.daemon.repairs.acting import Repairs, done
 from octoform.daemon.repairs.freeing import free
+from octoform.daemon.repairs.jobs import JOBS
 from octoform.daemon.repairs.rebinding import rebind
 from octoform.daemon.repairs.rotating import rotate
 from octoform.endpoint.environment import MARKER

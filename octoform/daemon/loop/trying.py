@@ -1,0 +1,297 @@
+"""Which repair is tried now, and what became of it: breakers before tries, facts before words. Light."""
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, field, replace
+
+from octoform.claims.model import Reading
+from octoform.daemon.evidence import Evidence
+from octoform.daemon.health import Stand, stand, worse
+from octoform.daemon.loop.barring import (
+    GRACE_SECONDS,
+    barred,
+    busy_with_ours,
+    concerns_process,
+    swaps,
+)
+from octoform.daemon.loop.bench import Bench, Ended, Lane, Product, Task, Work, lane_of
+from octoform.daemon.loop.troubles import Reported, Troubles
+from octoform.daemon.model import Cause, Done, Facts, FaultClass, Finding, Kind, Outcome, Repair
+from octoform.daemon.ports import Ports
+from octoform.daemon.records.episodes import Episode, Try
+from octoform.daemon.records.memory import Memory
+from octoform.daemon.records.spending import Entry
+from octoform.daemon.telling.advice import hint
+from octoform.daemon.triage.reported import findings_of
+
+PASSIVE = frozenset({Repair.NONE, Repair.WAIT, Repair.PERSON})
+AGENTS = frozenset({Repair.WATCH, Repair.HEAL, Repair.REDISCOVER})
+"""Repairs that may call a model."""
+CHANGING = frozenset(
+    {Repair.HEAL, Repair.REBUILD, Repair.RESTORE, Repair.REPUBLISH, Repair.REDISCOVER, Repair.ROLL_BACK}
+)
+"""Repairs after which a tool's former failures say nothing any more, and after which fresh readings are taken."""
+
+
+@dataclass(slots=True)
+class Waits:
+    """What is not tried now: why, by key; and when the next try is due (uptime)."""
+
+    why: dict[str, str] = field(default_factory=dict)
+    due: list[float] = field(default_factory=list)
+
+
+@dataclass(slots=True)
+class Trying:
+    """Begins repairs and draws the conclusions."""
+
+    ports: Ports
+    memory: Memory
+    troubles: Troubles
+    evidence: Evidence
+    bench: Bench
+    word_seconds: float
+    """How long an agent's word holds without evidence of our own."""
+    awaiting: dict[str, tuple[Task, Done]] = field(default_factory=dict)
+    tried: list[tuple[Episode, Try]] = field(default_factory=list)
+    _stands: dict[str, Stand] = field(default_factory=dict)
+    _entries: dict[str, Entry] = field(default_factory=dict)
+
+    def held(self) -> frozenset[str]:
+        """Keys of troubles whose repair is under way, or ended and not judged by facts yet."""
+        under_way = {task.key for task in self.bench.under_way() if task.finding is not None}
+        return frozenset(under_way | set(self.awaiting))
+
+    def begin(self, findings: Iterable[Finding], facts: Facts, causes: frozenset[Cause], paused: bool) -> Waits:
+        """Begin every repair that is due and may be made."""
+        waits = Waits()
+        for finding in findings:
+            acting = self.troubles.continued.get(finding.key, finding)
+            why = self._standing(finding, acting, facts)
+            why = self._bar(finding, acting, facts, waits, paused) if why is None else why
+            why = self._start(finding, acting, facts, causes) if why is None else why
+            if why:
+                waits.why[finding.key] = why
+        return waits
+
+    def conclude(self, ended: Iterable[Ended], facts: Facts) -> None:
+        """Write down what ended works made; whether it helped is seen from the look after this."""
+        for item in ended:
+            self.evidence.take(item.product.readings)
+            if item.product.done is not None and item.task.finding is not None and item.task.repair is not None:
+                self._made(item, item.task.finding, item.task.repair, item.product.done, facts)
+
+    def verdicts(self, findings: Iterable[Finding], facts: Facts, within: Callable[[Kind, str], bool]) -> None:
+        """Whether the repairs that ended helped: the trouble is gone, or it is not."""
+        present = {finding.key: finding for finding in findings}
+        for key, (task, done) in list(self.awaiting.items()):
+            acting = task.finding
+            assert acting is not None
+            if not within(acting.kind, acting.target):
+                continue
+            del self.awaiting[key]
+            if task.repair is Repair.HEAL and done.ok:
+                self._compare(acting, task, facts)
+            diagnosed = task.repair is Repair.WATCH and key in self.troubles.continued
+            if key in self.troubles.reported and done.ok:
+                del self.troubles.reported[key]  # no look gives it again, so the word is all there is
+            elif key in present and not diagnosed:
+                chain = chain_of(acting)
+                step = self.memory.breakers.of(acting.key).step
+                if not done.again and set(chain[step + 1 :]) <= {task.repair}:
+                    chain = chain[: step + 1]  # the same once more can help no more than this one
+                self.memory.breakers.failed(
+                    acting.key,
+                    facts.uptime,
+                    again=done.again,
+                    chain=len(chain),
+                    stamp=facts.stamp,
+                    limit=self._limit(acting),
+                )
+
+    def _standing(self, finding: Finding, acting: Finding, facts: Facts) -> str | None:
+        """Empty or a reason when there is nothing to try for it; None when there is."""
+        if acting.repair is Repair.PERSON:
+            self.troubles.stands(finding, Outcome.SURFACED, facts, acting.detail[:300] or "a person has to look at it")
+            return "waits for a person"
+        if not chain_of(acting):
+            return ""
+        breaker = self.memory.breakers.of(acting.key)
+        frozen = breaker.frozen or self.memory.breakers.of(finding.key).frozen
+        if frozen is None and (breaker.tries < self._limit(acting) or finding.key in self.held()):
+            return None
+        if frozen is None:  # a try that ended with its daemon is one that did not help
+            frozen = f"{breaker.tries} tries did not help"
+            self.memory.breakers.freeze(acting.key, acting.target, frozen, facts.stamp)
+        told = f"{frozen}; {hint(finding.kind, finding.target)}"
+        self.troubles.stands(finding, Outcome.FROZEN, facts, told)
+        return f"frozen: {frozen}"
+
+    def _bar(self, finding: Finding, acting: Finding, facts: Facts, waits: Waits, paused: bool) -> str | None:
+        """Why the next repair is not made now; None when it is. Also tells ``waits`` when it will be due."""
+        repair = self._next(acting)
+        tasks = self.bench.under_way()
+        if why := barred(repair, facts, paused, ours=busy_with_ours(facts, tasks)):
+            return why
+        if finding.key in self.held() or any(_same(task, finding.target) for task in tasks):
+            return "a repair of it is under way"
+        if any(task.lane is lane_of(repair) for task in tasks):
+            return "another repair is under way"
+        times = [self.memory.breakers.of(acting.key).next, self._grace(finding, tasks)]
+        if repair in AGENTS:
+            times.append(self.memory.purse.free_at(facts.uptime, facts.stamp) or 0.0)
+        due = max(times)
+        if facts.uptime >= due:
+            return None
+        waits.due.append(due)
+        spent = repair in AGENTS and due == times[-1]
+        return "the hour's agent calls are spent" if spent else f"{repair} is tried again later"
+
+    def _grace(self, finding: Finding, tasks: tuple[Task, ...]) -> float:
+        """A repair of ours that exchanges the endpoint may have it away for a moment."""
+        missed = self.memory.episodes.open[finding.key].opened_uptime
+        if not concerns_process(finding.kind, finding.target) or not any(swaps(task, missed) for task in tasks):
+            return 0.0
+        return missed + GRACE_SECONDS
+
+    def _next(self, acting: Finding) -> Repair:
+        chain = chain_of(acting)
+        return chain[min(self.memory.breakers.of(acting.key).step, len(chain) - 1)]
+
+    def _limit(self, acting: Finding) -> int:
+        """How many tries there are; fewer where the judge sends for a person after the last of its repairs."""
+        most = self.memory.breakers.limit
+        return min(most, len(chain_of(acting))) if Repair.PERSON in acting.then else most
+
+    def _start(self, finding: Finding, acting: Finding, facts: Facts, causes: frozenset[Cause]) -> str:
+        """Begin it; empty, or why it may not begin after all."""
+        repair, left = self._next(acting), self.memory.purse.left(facts.uptime, facts.stamp)
+        if repair in AGENTS:
+            entry = self.memory.purse.begin(facts.uptime, facts.stamp)
+            if entry is None:
+                return "what agents are asked cannot be written down, so none is"
+            self._entries[finding.key] = entry
+        self.memory.breakers.begin(acting.key, acting.target, facts.uptime)
+        if repair is Repair.HEAL:
+            self._stands[finding.key] = self._stand(facts)
+        data = self._brief(finding, acting, repair, facts, causes)
+        if isinstance(brief := data.get("brief"), dict):
+            data["brief"] = {**brief, "calls": left}
+        asked = replace(acting, data={**acting.data, **data})
+        task = Task(lane_of(repair), asked, repair, finding.key, facts.stamp, facts.uptime)
+        self.bench.begin(task, self._work(asked, repair))
+        return ""
+
+    def _brief(
+        self, finding: Finding, acting: Finding, repair: Repair, facts: Facts, causes: frozenset[Cause]
+    ) -> dict[str, object]:
+        episode = self.memory.episodes.open[finding.key].id
+        if repair is Repair.WATCH:
+            return {"episode": episode, "brief": self.evidence.brief(acting, causes, self.memory.recall, facts)}
+        if repair is Repair.HEAL:
+            return {"episode": episode, "brief": self.evidence.healing(acting, episode, self.memory.recall, facts)}
+        return {"episode": episode}
+
+    def _work(self, finding: Finding, repair: Repair) -> Work:
+        ports = self.ports
+
+        def work() -> Product:
+            done = ports.repair(finding, repair)
+            readings: tuple[Reading, ...] = ()
+            if done.ok and repair in CHANGING:
+                readings = tuple(ports.sample())
+            return Product(done, readings)
+
+        return work
+
+    def _made(self, item: Ended, acting: Finding, repair: Repair, done: Done, facts: Facts) -> None:
+        key = item.task.key
+        spent = done.spent
+        if (entry := self._entries.pop(key, None)) is not None and not done.untold:
+            self.memory.purse.settle(entry, spent)
+        made = Try(repair.value, item.task.stamp, done.ok, done.detail, round(item.seconds, 3))
+        episode = self.memory.episodes.open.get(key)
+        if episode is not None:
+            self.memory.episodes.tried(episode, made, spent)
+            self.tried.append((episode, made))
+        if done.report is not None and repair in (Repair.WATCH, Repair.HEAL):
+            self._offer(done, repair, facts)
+        if done.asked:
+            self.troubles.tell("asks", acting.target, done.detail[:600], facts, "octoform apply")
+        if repair is Repair.WATCH and done.ok:
+            self._diagnosed(key, acting, done, facts)
+        if done.ok:
+            self._forget(acting, repair)
+        self.awaiting[key] = (item.task, done)
+
+    def _offer(self, done: Done, repair: Repair, facts: Facts) -> None:
+        pending, refused = self.evidence.offer(done.report or {}, repair.value)
+        self.memory.shelf.said.extend(refused)
+        for claim in pending:
+            hint = f"octoform confirm {claim.id}, or octoform confirm {claim.id} -reject"
+            self.troubles.tell("confirm", claim.target, claim.statement, facts, hint)
+
+    def _diagnosed(self, key: str, asked: Finding, done: Done, facts: Facts) -> None:
+        """What WATCH says of the trouble that it was asked about is its diagnosis; the rest are others."""
+        found = list(done.findings or (findings_of(done.report, facts) if done.report is not None else ()))
+        own = next((each for each in found if each.target == asked.target), found[0] if found else None)
+        if own is None:
+            return
+        self.troubles.continued[key] = own
+        self.memory.breakers.seen(own.key, own.target, facts.uptime, facts.stamp)
+        for each in found:
+            if each is not own and each.key not in self.memory.episodes.open:
+                self.troubles.reported[each.key] = Reported(each, facts.uptime + self.word_seconds)
+
+    def _forget(self, acting: Finding, repair: Repair) -> None:
+        """Failures of code that is exchanged now are no evidence against what took its place.
+
+        What was given up before stays: it was another trouble, and only a call that works shows that it is over.
+        """
+        recall = self.memory.recall
+        if repair in CHANGING:
+            given_up = set() if repair is Repair.REDISCOVER else self._given_up() - {acting.target}
+            kept = {name: each for name, each in recall.failing.items() if f"tool:{name}" in given_up}
+            self.memory.keep(replace(recall, failing=kept))
+        elif repair is Repair.RESTART and acting.data.get("tool") in recall.failing:
+            tool = acting.data["tool"]
+            self.memory.keep(
+                replace(recall, failing={name: each for name, each in recall.failing.items() if name != tool})
+            )
+
+    def _given_up(self) -> set[str]:
+        """Targets of troubles that wait for a person."""
+        waiting = (Outcome.FROZEN, Outcome.SURFACED)
+        return {each.target for each in self.memory.episodes.open.values() if each.outcome in waiting}
+
+    def _stand(self, facts: Facts) -> Stand:
+        failing = {name: each.times for name, each in self.memory.recall.failing.items()}
+        return stand(facts, self.evidence.ledger.latest(), failing=failing)
+
+    def _compare(self, acting: Finding, task: Task, facts: Facts) -> None:
+        """What HEAL changed is taken back when the readings after it are worse than those before."""
+        before = self._stands.pop(task.key, None)
+        why = worse(before, self._stand(facts)) if before is not None else None
+        if why is None:
+            return
+        data = {"brief": {"episode": acting.data.get("episode"), "reason": why}, "episode": acting.data.get("episode")}
+        finding = Finding(
+            kind=Kind.TOOL_FAILING,
+            fault=FaultClass.BROKEN_TOOL,
+            target=acting.target,
+            summary=f"after HEAL it is worse than before: {why}",
+            evidence=("worse after heal", str(acting.data.get("episode"))),
+            repair=Repair.ROLL_BACK,
+            then=(Repair.ROLL_BACK, Repair.PERSON),
+            data=data,
+        )
+        self.troubles.reported[finding.key] = Reported(finding, facts.uptime + self.word_seconds)
+        self.memory.breakers.freeze(acting.key, acting.target, f"HEAL made it worse: {why}", facts.stamp)
+
+
+def chain_of(finding: Finding) -> tuple[Repair, ...]:
+    """The repairs that there are for a finding, in the order in which they are tried."""
+    return tuple(repair for repair in (finding.repair, *finding.then) if repair not in PASSIVE)
+
+
+def _same(task: Task, target: str) -> bool:
+    return task.lane is not Lane.SENSES and task.finding is not None and task.finding.target == target

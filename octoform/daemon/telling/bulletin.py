@@ -1,0 +1,59 @@
+"""What the daemon knows, written down for everybody who asks: health, with what waits and what is given up. Light."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+from octoform.claims.model import Channel, Reading, Signal
+from octoform.daemon.evidence import Evidence
+from octoform.daemon.expecting import current, measured
+from octoform.daemon.health import Health, compose
+from octoform.daemon.model import Facts
+from octoform.daemon.records.memory import Memory
+
+FILE = "health.json"
+FRESH_SECONDS = 60.0
+"""The longest between two writings of what has not changed: older health is not believed."""
+
+
+@dataclass(slots=True)
+class Bulletin:
+    """Writes health when it is new, and from time to time when it is not."""
+
+    memory: Memory
+    evidence: Evidence
+    stale: float
+    """Seconds after which a sensor that was not read again counts as one that cannot report."""
+    last: Health | None = None
+    _written: Mapping[str, Any] | None = None
+    _at: float = 0.0
+    _measured: frozenset[Signal] = frozenset()
+
+    def __call__(self, facts: Facts, waits: Mapping[str, str], paused: str | None) -> Health:
+        """Compose health of these facts, and write it down."""
+        ledger = self.evidence.ledger
+        known = current(ledger.latest(), self.memory.shelf.layout)
+        readings = [self._aged(reading, facts.uptime) for reading in known]
+        claims = [*ledger.active(), *ledger.pending()]
+        health = compose(facts, self.memory.episodes.open.values(), claims, readings, self._expected(known))
+        frozen = [{"target": each.target, "why": each.frozen} for each in self.memory.breakers.frozen()]
+        beside = {"paused": paused, "waits": dict(waits), "frozen": frozen}
+        document = {**health.as_json(), **beside}
+        same = {name: value for name, value in document.items() if name not in ("at", "uptime")}
+        if same != self._written or facts.uptime - self._at >= FRESH_SECONDS:
+            self.memory.shelf.write(FILE, document)
+            self._written, self._at = same, facts.uptime
+        self.last = health
+        return health
+
+    def _expected(self, known: list[Reading]) -> frozenset[Signal]:
+        """What measured something since this daemon began, or as far back as the ledger remembers each signal."""
+        fresh = [reading for reading in known if reading.signal not in self._measured]
+        self._measured |= measured(fresh, self.evidence.ledger.readings_of)
+        return self._measured & {reading.signal for reading in known}
+
+    def _aged(self, reading: Reading, now: float) -> Reading:
+        sensed = reading.signal.channel in (Channel.SENSOR, Channel.FRAME)
+        if not sensed or reading.value is None or now - reading.uptime <= self.stale:
+            return reading
+        return replace(reading, value=None, why="it was not read for a while")

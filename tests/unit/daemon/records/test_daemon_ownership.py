@@ -1,0 +1,97 @@
+"""One daemon for each host; what a person asks of it is noticed, whether it runs or not."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from octoform.daemon.records import ownership
+from octoform.state.layout import Layout
+
+HOLDER = """
+import sys
+from pathlib import Path
+from octoform.daemon.records import ownership
+from octoform.state.layout import Layout
+owned, problem = ownership.take(Layout(Path(sys.argv[1]), "bench"), "2026-11-22T12:00:00Z", 5.0, "1")
+print("taken" if owned else problem.code, flush=True)
+sys.stdin.read()
+"""
+
+
+@pytest.fixture
+def layout(tmp_path: Path) -> Layout:
+    return Layout(tmp_path, "bench")
+
+
+def holder(layout: Layout) -> "subprocess.Popen[str]":
+    process = subprocess.Popen(
+        [sys.executable, "-c", HOLDER, str(layout.project)], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+    )
+    assert process.stdout is not None and process.stdout.readline() == "taken\n"
+    return process
+
+
+def test_a_second_daemon_is_refused_and_a_killed_one_is_in_nobodys_way(layout: Layout) -> None:
+    with holder(layout) as process:
+        owned, problem = ownership.take(layout, "now", 1.0, "1")
+        assert owned is None and problem is not None
+        assert problem.code == "DAEMON-RUNNING" and f"process {process.pid}" in problem.summary
+        found = ownership.alive(layout)
+        assert found is not None and (found.process.pid, found.uptime) == (process.pid, 5.0)
+        process.kill()
+        process.wait()
+    assert ownership.alive(layout) is None
+    assert (layout.daemon / ownership.RECORD).exists(), "the killed one left its record"
+    owned, problem = ownership.take(layout, "now", 1.0, "1")
+    assert owned is not None and problem is None
+    owned.release()
+    assert ownership.alive(layout) is None and not (layout.daemon / ownership.RECORD).exists()
+
+
+def test_a_record_without_the_lock_is_believed_by_nobody(layout: Layout) -> None:
+    owned, _ = ownership.take(layout, "now", 1.0, "1")
+    assert owned is not None
+    record = (layout.daemon / ownership.RECORD).read_bytes()
+    owned.release()
+    (layout.daemon / ownership.RECORD).write_bytes(record)
+    assert ownership.alive(layout) is None
+
+
+@pytest.mark.parametrize("text", ["", "{", "[]", '{"pid": "x"}'])
+def test_a_damaged_record_is_no_daemon_and_the_lock_still_counts(layout: Layout, text: str) -> None:
+    with holder(layout) as process:
+        (layout.daemon / ownership.RECORD).write_text(text)
+        assert ownership.alive(layout) is None
+        _, problem = ownership.take(layout, "now", 1.0, "1")
+        assert problem is not None and "another process" in problem.summary
+        process.kill()
+
+
+def test_pausing_is_seen_also_where_its_file_cannot_be_read(layout: Layout) -> None:
+    assert ownership.paused_since(layout) is None
+    assert ownership.pause(layout, "2026-11-22T12:00:00Z") is None
+    assert ownership.paused_since(layout) == "2026-11-22T12:00:00Z"
+    (layout.daemon / ownership.PAUSED).write_text("{")
+    assert ownership.paused_since(layout) == ""
+    assert ownership.resume(layout) and not ownership.resume(layout)
+    assert ownership.paused_since(layout) is None
+
+
+def test_what_is_asked_is_taken_up_once_and_nothing_is_lost(layout: Layout) -> None:
+    assert ownership.taken_up(layout) == ()
+    ownership.ask(layout, ["endpoint"])
+    ownership.ask(layout, ["tool:a", "endpoint"])
+    assert ownership.taken_up(layout) == ("endpoint", "tool:a")
+    assert ownership.taken_up(layout) == ()
+    ownership.ask(layout, (f"tool:{number}" for number in range(500)))
+    assert len(ownership.taken_up(layout)) == 64
+
+
+def test_the_folder_is_private(layout: Layout) -> None:
+    owned, _ = ownership.take(layout, "now", 1.0, "1")
+    assert owned is not None
+    assert layout.daemon.stat().st_mode & 0o777 == 0o700
+    assert {path.stat().st_mode & 0o777 for path in layout.daemon.iterdir()} == {0o600}
+    owned.release()

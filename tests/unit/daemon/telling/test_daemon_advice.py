@@ -1,0 +1,41 @@
+"""What a person is told to do is the same command wherever it is told."""
+
+import io
+from pathlib import Path
+
+import pytest
+
+from octoform.daemon import asking
+from octoform.daemon.model import Kind
+from octoform.daemon.records.breakers import Breaker
+from octoform.daemon.records.ownership import Record
+from octoform.daemon.telling.advice import advice, hint
+from octoform.state.holder import myself
+from octoform.views import keeping
+from octoform.views.console import Console
+
+
+@pytest.mark.parametrize("kind", list(Kind))
+def test_every_trouble_that_is_given_up_has_a_command(kind: Kind) -> None:
+    assert "octoform " in advice(kind, "endpoint")
+    assert "octoform " in hint(kind, "endpoint")
+
+
+def test_hardware_that_a_person_has_to_apply_is_not_told_to_be_tried_again() -> None:
+    assert "-retry" not in advice(Kind.HARDWARE_CHANGED, "hardware") + hint(Kind.HARDWARE_CHANGED, "hardware")
+
+
+def test_heal_tells_what_health_tells(tmp_path: Path) -> None:
+    out = io.StringIO()
+    screen = Console(out, io.StringIO(), colour=False, colour_err=False, interactive=False)
+    frozen = (
+        Breaker("k1", "hardware", "b", frozen="2 tries did not help"),
+        Breaker("k2", "disk", "b", frozen="3 tries"),
+    )
+    told = {"hardware": advice(Kind.HARDWARE_CHANGED, "hardware")}
+    known = asking.GivenUp(frozen, ("hardware", "disk"), told)
+    keeping.asked(screen, Record(myself(), "2026-11-22T03:00:00Z", 1.0, "1.0"), known, (), as_json=False)
+    text = out.getvalue()
+    assert f"do     {told['hardware']}" in text
+    assert "do     octoform heal -retry disk" in text
+    assert "-retry hardware" not in text
