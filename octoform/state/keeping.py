@@ -5,6 +5,7 @@ So every accepted file is kept once more on this machine. What is given back is 
 a damaged copy restores nothing. Bounded: a few generations of each node, and files of a sane size. Light.
 """
 
+import contextlib
 import json
 import os
 import shutil
@@ -115,6 +116,8 @@ def _write_copy(path: Path, data: bytes) -> Diagnostic | None:
             os.close(descriptor)
         draft.replace(path)
     except OSError as problem:
+        with contextlib.suppress(OSError):
+            draft.unlink(missing_ok=True)
         return refused(problem, path)
     return None
 

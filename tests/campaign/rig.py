@@ -45,7 +45,6 @@ SERVER = replugged.SERVER.replace("from typing import", "import time\nfrom typin
     '\n\nif __name__ == "__main__":\n', _MORE
 )
 _TOOLS = {
-    **replugged._TOOLS,
     "weigh": ([SENSOR], "Weigh what lies on the sensor.", "read"),
     "wait_for_sensor": ([SENSOR], "Wait until the sensor is below a hundred degrees.", "read"),
 }
@@ -53,9 +52,7 @@ _TOOLS = {
 
 def script() -> dict[str, list[object]]:
     """What the scripted agent writes behind PROBE; WATCH finds nothing that it knows, HEAL does nothing."""
-    replugged._TOOLS.update(_TOOLS)
-    made = replugged.script()
-    made["serve"] = [{"write": SERVER}]
+    made = replugged.script(SERVER, _TOOLS)
     made["watch"] = [{"write": json.dumps(report("healthy"))}]
     made["heal"] = [{"exit": 1}]
     return made

@@ -66,7 +66,8 @@ def test_yaml_examples_are_valid_manifests(tmp_path: Path) -> None:
 @pytest.mark.slow
 def test_the_readmes_commands_run_in_their_order(tmp_path: Path, planted: Callable[..., Path]) -> None:
     tree = planted("laptop")
-    environ = {"PATH": os.environ["PATH"], "HOME": str(tmp_path / "home"), "OCTOFORM_SYSROOT": str(tree)}
+    kept = {name: os.environ[name] for name in ("PATH", "SSL_CERT_FILE") if name in os.environ}
+    environ = {**kept, "HOME": str(tmp_path / "home"), "OCTOFORM_SYSROOT": str(tree)}
     environ["UV_CACHE_DIR"] = os.environ.get("UV_CACHE_DIR", str(Path("~/.cache/uv").expanduser()))
     used = commands(ROOT / "README.md")
     assert [words[0] for words in used] == [

@@ -8,6 +8,7 @@ import json
 import os
 import threading
 import tty
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -87,7 +88,9 @@ def move_board(device: Which) -> Said:
 if __name__ == "__main__":
     mcp.run(show_banner=False)
 '''
-_TOOLS = {
+ToolRow = tuple[list[str], str, str]
+"""The devices of a tool, its description and its effect."""
+_TOOLS: Mapping[str, ToolRow] = {
     "capture_image": ([CAMERA], "Take a picture.", "read"),
     "read_temperature": ([SENSOR], "Read the temperature in thousandths of a degree Celsius.", "read"),
     "ask_board": ([BOARD, TWIN], "Ask a board for its name.", "read"),
@@ -161,23 +164,24 @@ def _answer(firmware: int, says: str) -> None:
         return
 
 
-def script() -> dict[str, list[object]]:
-    """What the scripted agent writes behind PROBE."""
+def script(server: str = SERVER, more: Mapping[str, ToolRow] | None = None) -> dict[str, list[object]]:
+    """What the scripted agent writes behind PROBE; ``more`` are tools that ``server`` has besides."""
+    tools = {**_TOOLS, **(more or {})}
     names = {CAMERA: "Bench Cam", BOARD: "Bench Board", TWIN: "Bench Board", SENSOR: "Bench Thermometer"}
-    identify = {"format": 1, "devices": [_annotated(each, name) for each, name in names.items()], "left_out": []}
-    interface = {"format": 1, "tools": [_tool(name) for name in _TOOLS], "left_out": []}
+    identify = {"format": 1, "devices": [_annotated(each, name, tools) for each, name in names.items()], "left_out": []}
+    interface = {"format": 1, "tools": [_tool(name, *row) for name, row in tools.items()], "left_out": []}
     return {
         "identify": [{"write": json.dumps(identify)}],
         "interface": [{"write": json.dumps(interface)}],
-        "serve": [{"write": SERVER}],
+        "serve": [{"write": server}],
         "deploy": ["good"],
     }
 
 
-def _annotated(device: str, name: str) -> dict[str, Any]:
+def _annotated(device: str, name: str, tools: Mapping[str, ToolRow]) -> dict[str, Any]:
     made = [
         {"name": tool, "description": text, "via": "an interface of the kernel", "effect": effect}
-        for tool, (devices, text, effect) in _TOOLS.items()
+        for tool, (devices, text, effect) in tools.items()
         if device in devices
     ]
     return {
@@ -191,8 +195,7 @@ def _annotated(device: str, name: str) -> dict[str, Any]:
     }
 
 
-def _tool(name: str) -> dict[str, Any]:
-    devices, text, effect = _TOOLS[name]
+def _tool(name: str, devices: list[str], text: str, effect: str) -> dict[str, Any]:
     reads = effect == "read"
     which = {"device": {"type": "string", "enum": devices, "description": "the board"}} if len(devices) > 1 else {}
     return {

@@ -149,6 +149,7 @@ def test_one_that_stands_still_is_ended_at_once(bench: Launched) -> None:
     assert (done.firmly, gone(found.pid)) == (True, True)
     assert time.monotonic() - began < supervising.STOP_SECONDS / 2
     assert not supervising.is_stopped(os.getpid())
+    bench.start()
 
 
 def test_who_came_to_a_process_that_dies_is_served_by_its_successor(bench: Launched) -> None:

@@ -28,7 +28,8 @@ from octoform.daemon.repairs import worker
 def heal(project, brief):
     agent = subprocess.Popen(["sleep", "600"])
     try:
-        open(os.path.join(project, "agent"), "w").write(f"{os.getpid()} {agent.pid}\\n")
+        with open(os.path.join(project, "agent"), "w") as told:  # a finalizer would swallow the end that comes in it
+            told.write(f"{os.getpid()} {agent.pid}\\n")
         agent.wait()
     finally:
         agent.kill()
