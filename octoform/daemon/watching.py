@@ -50,7 +50,7 @@ def watch(
         return None, [problem] if problem else []
     try:
         with _stopping() as stopping:
-            return _watched(found, environ, _Shown(view, folder), stopping, once)
+            return _watched(found, environ, _Shown(view, folder, owned), stopping, once)
     finally:
         owned.release()
 
@@ -72,26 +72,40 @@ class _Stopping:
 
 
 class _Shown:
-    """The view, and behind it a look whether the manifest is another one than it was."""
+    """The view, and behind it a look whether this is the host's daemon still, and the manifest the one that it was."""
 
-    def __init__(self, view: View, project: Path) -> None:
+    def __init__(self, view: View, project: Path, owned: ownership.Owned) -> None:
         self._view = view
+        self._owned = owned
         self._path = project / FILE_NAME
         self._stamp = _stamp(self._path)
         self.last: Round | None = None
         self.running: Composition | None = None
         self.changed = False
+        self._unkept: Diagnostic | None = None
+        self.replaced: Diagnostic | None = None
+        """The daemon that took this one's place, when somebody deleted what said that there was one."""
 
     def __call__(self, made: Round) -> None:
         """Show a round; let the loop end when it has to begin anew."""
         self.last = made
         self._view(made)
+        before, self._unkept = self._unkept, self._owned.keep()
+        if self._unkept is not None and self._unkept != before and self.running is not None:
+            self._unowned(self._unkept, self.running)
         if self.running is None or self.running.bench.under_way():
             return
         now = _stamp(self._path)
         if now != self._stamp:
             self._stamp, self.changed = now, True
             self.running.supervisor.stop()
+
+    def _unowned(self, problem: Diagnostic, running: Composition) -> None:
+        if problem.code == ownership.TAKEN:
+            self.replaced = problem
+            running.supervisor.stop()
+        else:
+            running.supervisor.say(problem)
 
 
 def _watched(
@@ -101,7 +115,7 @@ def _watched(
     while True:
         shown.changed = False
         refused = _run(found, environ, shown, stopping, (once, problem))
-        if refused is not None:
+        if refused := refused or shown.replaced:
             return None, [refused]
         if stopping.number is not None or not shown.changed:
             return Watched(found.layout.host, shown.last, stopping.number), []

@@ -26,6 +26,7 @@ LOCK = "daemon.lock"
 RECORD = "daemon.json"
 PAUSED = "paused.json"
 ASKED = "asked.json"
+TAKEN = "DAEMON-RUNNING"
 _LIMIT = 64 * 1024
 _TARGETS = 64
 
@@ -43,39 +44,46 @@ class Record:
 class Owned:
     """This process is the host's daemon until `release`, or until it ends."""
 
-    def __init__(self, layout: Layout, descriptor: int) -> None:
+    def __init__(self, layout: Layout, descriptor: int, record: bytes) -> None:
         """``descriptor`` is open on the lock file and carries the kernel's lock."""
         self._layout = layout
         self._descriptor: int | None = descriptor
+        self._record = record
+
+    def keep(self) -> Diagnostic | None:
+        """Lock and write down anew what somebody deleted; DAEMON-RUNNING when another one is the daemon by now."""
+        folder = self._layout.daemon
+        if self._descriptor is not None and not _same(folder / LOCK, self._descriptor):
+            descriptor, problem = _lock(self._layout)
+            if descriptor is None:
+                return problem
+            os.close(self._descriptor)
+            self._descriptor = descriptor
+        return None if (folder / RECORD).exists() else write_atomic(folder / RECORD, self._record, 0o600)
 
     def release(self) -> None:
         """Take the record away and let go."""
         if self._descriptor is None:
             return
-        with contextlib.suppress(OSError):  # a record without the lock is believed by nobody
-            (self._layout.daemon / RECORD).unlink(missing_ok=True)
+        if _same(self._layout.daemon / LOCK, self._descriptor):  # else the record is of another one
+            with contextlib.suppress(OSError):  # a record without the lock is believed by nobody
+                (self._layout.daemon / RECORD).unlink(missing_ok=True)
         os.close(self._descriptor)
         self._descriptor = None
 
 
 def take(layout: Layout, since: str, uptime: float, version: str) -> tuple[Owned | None, Diagnostic | None]:
     """Become the host's daemon; DAEMON-RUNNING names the one that is it already."""
-    try:
-        layout.daemon.mkdir(mode=0o700, parents=True, exist_ok=True)
-        descriptor = os.open(layout.daemon / LOCK, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC | os.O_NOFOLLOW, 0o600)
-    except OSError as problem:
-        return None, refused(problem, layout.daemon / LOCK)
-    try:
-        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except OSError:
-        os.close(descriptor)
-        return None, _running(layout)
+    descriptor, problem = _lock(layout)
+    if descriptor is None:
+        return None, problem
     document = {"format": FORMAT, **to_json(myself()), "since": since, "uptime": uptime, "version": version}
     document["argv"] = [sys.executable, *sys.argv]
-    if unwritten := write_atomic(layout.daemon / RECORD, _encoded(document), 0o600):
+    record = _encoded(document)
+    if unwritten := write_atomic(layout.daemon / RECORD, record, 0o600):
         os.close(descriptor)
         return None, unwritten
-    return Owned(layout, descriptor), None
+    return Owned(layout, descriptor, record), None
 
 
 def alive(layout: Layout) -> Record | None:
@@ -168,6 +176,30 @@ def _turn(layout: Layout, seconds: float = 2.0) -> Iterator[None]:
         os.close(descriptor)
 
 
+def _lock(layout: Layout) -> tuple[int | None, Diagnostic | None]:
+    """The lock file, open and locked."""
+    try:
+        layout.daemon.mkdir(mode=0o700, parents=True, exist_ok=True)
+        descriptor = os.open(layout.daemon / LOCK, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC | os.O_NOFOLLOW, 0o600)
+    except OSError as problem:
+        return None, refused(problem, layout.daemon / LOCK)
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except OSError:
+        os.close(descriptor)
+        return None, _running(layout)
+    return descriptor, None
+
+
+def _same(path: Path, descriptor: int) -> bool:
+    """Whether the file of that name is the one that is open."""
+    try:
+        found = path.stat(follow_symlinks=False)
+    except OSError:
+        return False
+    return os.path.samestat(found, os.fstat(descriptor))
+
+
 def _locked(path: Path) -> bool:
     try:
         descriptor = os.open(path, os.O_RDONLY | os.O_CLOEXEC | os.O_NOFOLLOW)
@@ -187,7 +219,7 @@ def _running(layout: Layout) -> Diagnostic:
     who = "another process" if found is None else f"process {found.process.pid} on {found.process.host}"
     since = "" if found is None else f", since {found.since}"
     return error(
-        "DAEMON-RUNNING",
+        TAKEN,
         f"the daemon of {layout.host} runs already: {who}{since}",
         path=shown(layout.daemon / LOCK),
         hint="octoform health tells what it sees; end it there, or let systemd do so, before another is started",

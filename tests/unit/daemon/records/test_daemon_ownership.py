@@ -1,5 +1,6 @@
 """One daemon for each host; what a person asks of it is noticed, whether it runs or not."""
 
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -48,6 +49,31 @@ def test_a_second_daemon_is_refused_and_a_killed_one_is_in_nobodys_way(layout: L
     assert owned is not None and problem is None
     owned.release()
     assert ownership.alive(layout) is None and not (layout.daemon / ownership.RECORD).exists()
+
+
+def test_what_somebody_deleted_is_there_again_and_a_second_daemon_is_still_refused(layout: Layout) -> None:
+    owned, _ = ownership.take(layout, "now", 1.0, "1")
+    assert owned is not None
+    shutil.rmtree(layout.daemon)
+    assert ownership.alive(layout) is None
+    assert owned.keep() is None
+    assert ownership.alive(layout) is not None
+    assert ownership.take(layout, "now", 1.0, "1")[0] is None
+    owned.release()
+    assert not (layout.daemon / ownership.RECORD).exists()
+
+
+def test_who_was_replaced_while_nothing_told_of_it_says_so_and_leaves_the_other_ones_record(layout: Layout) -> None:
+    owned, _ = ownership.take(layout, "now", 1.0, "1")
+    assert owned is not None
+    shutil.rmtree(layout.daemon)
+    with holder(layout) as process:
+        problem = owned.keep()
+        assert problem is not None and problem.code == ownership.TAKEN and f"process {process.pid}" in problem.summary
+        owned.release()
+        found = ownership.alive(layout)
+        assert found is not None and found.process.pid == process.pid
+        process.kill()
 
 
 def test_a_record_without_the_lock_is_believed_by_nobody(layout: Layout) -> None:
