@@ -149,7 +149,8 @@ class Facts:
     `octoform.endpoint.environment.intact`.
     ``appeared`` and ``gone`` are fingerprint entries against the last accepted PROBE. ``failures`` and ``worked`` are
     calls since the last look, ``printed`` new lines of the process's own log that are no access lines (bounded).
-    ``start_failed`` is what the last start of ours said when it failed. Sizes are in bytes.
+    ``start_failed`` is what the last start of ours said when it failed. Sizes are in bytes. ``put_off`` are causes
+    whose look was cut short because the endpoint's process ended: they are looked at again, right after that.
     """
 
     uptime: float
@@ -176,6 +177,7 @@ class Facts:
     worked: tuple[str, ...] = ()
     printed: tuple[str, ...] = ()
     start_failed: str | None = None
+    put_off: frozenset[Cause] = frozenset()
 
 
 @dataclass(frozen=True, slots=True)

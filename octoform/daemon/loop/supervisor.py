@@ -8,6 +8,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 
 from octoform.claims.ledger import Ledger
+from octoform.claims.model import Signal
 from octoform.daemon.evidence import Evidence
 from octoform.daemon.expecting import current
 from octoform.daemon.health import Health
@@ -86,7 +87,9 @@ class Supervisor:
         self._facts: Facts | None = None
         self._seen: Facts | None = None
         self._last: Round | None = None
+        self._read: tuple[str, frozenset[Signal]] = ("", frozenset())
         self._waits = Waits()
+        self._left_out = False
         self._stopping = False
 
     def stop(self) -> None:
@@ -117,13 +120,14 @@ class Supervisor:
             return same
         paused = ownership.paused_since(self._memory.shelf.layout)
         self._asked()
+        self._left_out = False
         begun: list[Task] = []
         sampled = False
         facts, findings = self._looked(causes)
         for _ in range(MOST_PASSES):
             before = {id(task) for task in self._bench.under_way()}
             self._waits = self._trying.begin(findings, facts, causes, paused is not None)
-            if causes & SAMPLING and not sampled:
+            if not sampled and (causes & SAMPLING or self._unread(facts)):
                 sampled = self._sample(facts)
             begun += [task for task in self._bench.under_way() if id(task) not in before]
             ended = self._bench.ended()
@@ -164,6 +168,7 @@ class Supervisor:
         busy = frozenset(task.key for task in self._bench.under_way() if task.finding is not None)
         before, facts = self._facts, self._seen or self._ports.look(causes)
         self._facts, self._seen = facts, None
+        self._left_out |= bool(facts.put_off)
         self._troubles.causes = causes
         self._ports.sources.follow(facts)
         self._evidence.seen(facts)
@@ -197,7 +202,7 @@ class Supervisor:
         begun: list[Task],
         paused: str | None,
     ) -> Round:
-        health = self._post(facts, self._waits.why, paused)
+        health = self._post(facts, self._waits.why, paused, self._ports.promised())
         opened, ended = self._troubles.taken()
         tried, self._trying.tried = tuple(self._trying.tried), []
         problems = (*self._memory.shelf.said_since(), *self._evidence.ledger.told())
@@ -210,15 +215,26 @@ class Supervisor:
         return made
 
     def _sample(self, facts: Facts) -> bool:
-        """Begin to take readings; True when that is done with for this round."""
-        if facts.process is None or facts.answers is False or facts.busy is not None:
+        """Begin to take readings; True when that is done with for this round.
+
+        Whoever is at work on the host: the endpoint is asked as by any client, and an agent may take an hour.
+        """
+        if facts.process is None or facts.answers is False:
             return True
         if any(task.lane is Lane.SENSES for task in self._bench.under_way()):
             return True
         ports = self._ports
+        self._read = facts.process.instance, ports.promised()
         task = Task(Lane.SENSES, None, None, "", facts.stamp, facts.uptime)
         self._bench.begin(task, lambda: Product(None, tuple(ports.sample())))
         return True
+
+    def _unread(self, facts: Facts) -> bool:
+        """Whether another process serves now than the one that was read, or tools that nobody has read since."""
+        if facts.process is None or not facts.answers:
+            return False
+        instance, promised = self._read
+        return facts.process.instance != instance or not self._ports.promised() <= promised
 
     def _asked(self) -> None:
         """What a person asked for: to try again what was given up; what cannot be taken up waits, and is told."""
@@ -247,8 +263,8 @@ class Supervisor:
         return min((time for time in (*self._waits.due, self._evidence.due()) if time is not None), default=None)
 
     def _soon(self, made: Round) -> bool:
-        """Whether a try is due now that the next round would make."""
-        return made.due is not None and made.due <= self._ports.clock.uptime()
+        """Whether the next round would make a try, or look at what this one left out."""
+        return self._left_out or (made.due is not None and made.due <= self._ports.clock.uptime())
 
 
 def _essence(facts: Facts) -> Facts:

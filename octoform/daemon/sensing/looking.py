@@ -86,6 +86,7 @@ class Looker:
             latched=os.path.lexists(layout.run / ESTOP),
             disk_free=_free(layout),
             start_failed=self.start_failed if process is None else None,
+            put_off=frozenset(),
         )
         facts = self._standing(facts, causes, after_work=before.busy is not None and busy is None)
         damaged = {path: how for path, how in facts.damaged.items() if path != FILE_NAME}
@@ -117,14 +118,18 @@ class Looker:
                 facts, endpoint=stands.endpoint, environment=stands.environment, damaged=dict(stands.damaged)
             )
         if causes & PRESENCE or after_work:
-            seen = self._senses.presence(anew=bool(causes & {Cause.START, Cause.HARDWARE, Cause.RESUMED}))
+            anew = bool(causes & {Cause.START, Cause.HARDWARE, Cause.RESUMED})
+            # Who only tells how it is starts nothing, and so hurries for no process.
+            seen = self._senses.presence(anew=anew, process=None if self._traceless else facts.process)
+            if seen is None:
+                return replace(facts, put_off=causes & PRESENCE or frozenset((Cause.FILES,)))
             facts = replace(facts, appeared=seen.appeared, gone=seen.gone, devices=dict(seen.devices))
         return facts
 
     def _answers(self, facts: Facts, causes: frozenset[Cause]) -> Facts:
         if facts.process is None:
             return replace(facts, answers=None, told=None)
-        if not causes & ANSWERS:
+        if not causes & ANSWERS or facts.put_off:
             return facts
         answers, told = self._senses.answering(facts.process)
         if answers is not True and running(self._layout) is None:  # it ended while it was asked

@@ -2,26 +2,33 @@
 
 Kinds are counted here, by the same fingerprint that a plan uses. Which specimen a device is, only the runtime of the
 generated server decides; it is asked in a process of its own, and only when a name in sysfs or in the ledger moved.
+On a slow computer the answer takes seconds: when the endpoint's process ends meanwhile, nobody waits for it.
 """
 
 import json
+import os
 import subprocess
 import sys
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from io import FileIO
 from typing import Any
 
 from octoform import host
 from octoform.daemon.model import Sighting
 from octoform.daemon.sensing.hardware import names
+from octoform.daemon.sensing.process import ProcessEar
+from octoform.daemon.sensing.sources import wait_readable
 from octoform.endpoint.files import CONNECTION
+from octoform.endpoint.running import Running, is_it
 from octoform.host.fingerprint import SYSROOT_VARIABLE
 from octoform.state.instances import read_instances
 from octoform.state.layout import Layout
 
 WHERE_SECONDS = 30.0
-Where = Callable[[Sequence[str]], Mapping[str, Mapping[str, Any]] | None]
-"""Device ids to what `octoform.runtime.where` answers; None when it did not."""
+WHERE = (sys.executable, "-I", "-m", "octoform.runtime.where")
+Where = Callable[[Sequence[str], Running | None], Mapping[str, Mapping[str, Any]] | None]
+"""Device ids to what `octoform.runtime.where` answers; None when it did not before the given process ended."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,8 +51,11 @@ class Presence:
         self._devices: Mapping[str, Sighting] = {}
         self._met: set[str] = set()
 
-    def __call__(self, *, anew: bool = False) -> Seen:
-        """What is there now; with ``anew`` the runtime is asked although no name moved."""
+    def __call__(self, *, anew: bool = False, process: Running | None = None) -> Seen | None:
+        """What is there now; with ``anew`` the runtime is asked although no name moved.
+
+        None when ``process`` ended before that was known: then the next look asks again.
+        """
         appeared, gone = self._kinds()
         acting = served(self._layout)
         ids = tuple(acting)
@@ -53,7 +63,10 @@ class Presence:
         recorded = {name: _recorded(ledger.get(name)) for name in ids}
         signature = (names(self._root), tuple(recorded.items()))
         if anew or signature != self._signature:
-            answers = self._where(ids) if ids else {}
+            answers = self._where(ids, process) if ids else {}
+            if answers is None and process is not None and not is_it(process):
+                self._signature = None
+                return None
             found = answers or {}
             self._devices = {
                 name: self._sighting(name, found.get(name), recorded[name], acts=acts) for name, acts in acting.items()
@@ -94,26 +107,53 @@ def served(layout: Layout) -> dict[str, bool]:
 class Asked:
     """The runtime, asked in a process of its own."""
 
-    def __init__(self, layout: Layout, environ: Mapping[str, str]) -> None:
+    def __init__(self, layout: Layout, environ: Mapping[str, str], command: Sequence[str] = WHERE) -> None:
+        self._command = command
         self._environment = {"PATH": environ.get("PATH", ""), "OCTOFORM_INSTANCES": str(layout.instances)}
         if environ.get(SYSROOT_VARIABLE):
             self._environment[SYSROOT_VARIABLE] = environ[SYSROOT_VARIABLE]
 
-    def __call__(self, ids: Sequence[str]) -> Mapping[str, Mapping[str, Any]] | None:
-        """Where each device is now; None when the runtime does not answer in time."""
+    def __call__(self, ids: Sequence[str], process: Running | None = None) -> Mapping[str, Mapping[str, Any]] | None:
+        """Where each device is now; None when the runtime does not answer in time, or ``process`` ends first."""
+        ear = ProcessEar()
         try:
-            done = subprocess.run(
-                [sys.executable, "-I", "-m", "octoform.runtime.where"],
-                input=json.dumps(dict.fromkeys(ids, ())).encode(),
-                env=self._environment,
-                capture_output=True,
-                timeout=WHERE_SECONDS,
-                check=True,
-            )
-            answers = json.loads(done.stdout)
-        except (OSError, ValueError, subprocess.SubprocessError):
+            if not ear.follow(process):
+                return None
+            answers = json.loads(self._told(json.dumps(dict.fromkeys(ids, ())).encode(), ear.fileno()))
+        except (OSError, ValueError):
             return None
+        finally:
+            ear.close()
         return answers if isinstance(answers, dict) else None
+
+    def _told(self, question: bytes, ending: int | None) -> bytes:
+        """What the runtime answers; nothing when its time is over, or ``ending`` can be read first."""
+        with _memory() as asked, _memory() as told:  # no file: the disk may be full
+            asked.write(question)
+            asked.seek(0)
+            child = subprocess.Popen(
+                self._command, env=self._environment, stdin=asked, stdout=told, stderr=subprocess.DEVNULL
+            )
+            try:
+                _either(child.pid, ending)
+            finally:
+                child.kill()  # does nothing to one that has ended
+                child.wait()
+            told.seek(0)
+            return told.read() if child.returncode == 0 else b""
+
+
+def _memory() -> FileIO:
+    return FileIO(os.memfd_create("octoform"), "r+")
+
+
+def _either(pid: int, ending: int | None) -> None:
+    """Wait for the end of a child of ours, or until ``ending`` can be read, at most WHERE_SECONDS."""
+    child = os.pidfd_open(pid)
+    try:
+        wait_readable([child] if ending is None else [child, ending], WHERE_SECONDS)
+    finally:
+        os.close(child)
 
 
 def _recorded(instance: object) -> str | None:

@@ -1,7 +1,8 @@
 """One wait for everything that can happen to a deployment. (Light.)
 
 The kernel wakes it; nothing is polled but where an ear has no other way. A burst of events comes as one reason to look.
-The end of the process is told at once, and everything else when it has been quiet for a moment.
+The end of the process is told at once and alone, since a look at everything else takes time in which it could be
+started again. All the rest is told when it has been quiet for a moment.
 """
 
 import os
@@ -62,7 +63,7 @@ class EventSources:
         end = None if seconds is None else self._clock.uptime() + seconds
         while True:
             if found := self._due():
-                return found
+                return self._first(found)
             now = self._clock.uptime()
             if end is not None and now >= end:
                 return _NOTHING
@@ -74,7 +75,7 @@ class EventSources:
                 os.eventfd_read(self._bell)
                 return _NOTHING
             if found := self._heard(ready):
-                return found if found & _AT_ONCE else found | self._burst()
+                return self._first(found if found & _AT_ONCE else found | self._burst())
 
     def rouse(self) -> None:
         """Let a wait return now, or the next one; may be called from a signal's handler or another thread."""
@@ -83,7 +84,8 @@ class EventSources:
     def follow(self, facts: Facts) -> None:
         """Listen to what these facts name: the process that runs now, the folders that are there now."""
         self._serves = facts.process is not None
-        if not self._process.follow(facts.process):
+        self._missed |= facts.put_off
+        if not self._process.follow(facts.process) or facts.put_off:
             self._missed |= _AT_ONCE
         for ear in self._ears:
             if isinstance(ear, FolderEar):
@@ -94,6 +96,13 @@ class EventSources:
         for ear in self._ears:
             ear.close()
         os.close(self._bell)
+
+    def _first(self, found: frozenset[Cause]) -> frozenset[Cause]:
+        """The end of the process by itself, and what came with it at the next wait; else all."""
+        if not found & _AT_ONCE:
+            return found
+        self._missed |= found - _AT_ONCE
+        return _AT_ONCE
 
     def _due(self) -> frozenset[Cause]:
         """What is due by time alone."""

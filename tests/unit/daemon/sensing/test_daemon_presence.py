@@ -12,6 +12,7 @@ from plugged import CAMERA, SENSOR, Host
 from octoform import host
 from octoform.daemon.model import Sighting
 from octoform.daemon.sensing.presence import Presence, served
+from octoform.endpoint.running import Running
 from octoform.state.instances import write_instances
 from octoform.state.layout import Layout
 
@@ -71,7 +72,7 @@ class Where:
         self.asked = 0
         self.answers: Mapping[str, Mapping[str, Any]] | None = {}
 
-    def __call__(self, ids: Sequence[str]) -> Mapping[str, Mapping[str, Any]] | None:
+    def __call__(self, ids: Sequence[str], process: Running | None = None) -> Mapping[str, Mapping[str, Any]] | None:
         self.asked += 1
         return self.answers
 
