@@ -45,6 +45,11 @@ def pytest_collection() -> Generator[None, object, object]:
         gc.enable()
 
 
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """What is dear comes first: workers take tests from each other's ends, and would make its fixtures once more."""
+    items.sort(key=lambda item: item.get_closest_marker("dear") is None)
+
+
 @pytest.fixture
 def update(request: pytest.FixtureRequest) -> bool:
     """True when expected files are to be rewritten."""

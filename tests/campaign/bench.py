@@ -55,20 +55,22 @@ class Bench:
         self.forgets = True
         """False where no fault comes twice, so that none looks like the return of one before."""
         self.closing: Callable[[], object] = lambda: None
+        self.spent = 0.0
+        """Seconds of a core that the daemon had used before the fault, where a case asks for that."""
         self.session: Any = None
         """A client that stays connected over the case, and what it was told at its beginning."""
 
     # The daemon's process
 
-    def watch(self) -> None:
-        """Start `octoform watch` and wait until it has looked once."""
+    def watch(self, *below: str) -> None:
+        """Start `octoform watch` and wait until it has looked once; ``below`` is a command that executes another."""
         self.daemons_started += 1
         health = self.layout.daemon / "health.json"
         health.unlink(missing_ok=True)
         log = (self.project.outside / "watch.log").open("ab")
         with log:
             self.daemon = subprocess.Popen(
-                [str(OCTOFORM), "watch"],
+                [*below, str(OCTOFORM), "watch"],
                 cwd=self.project.folder,
                 env=self.project.environment(),
                 stdin=subprocess.DEVNULL,
@@ -88,6 +90,15 @@ class Bench:
     def said(self) -> str:
         """The last words of the daemon."""
         return (self.project.outside / "watch.log").read_text(errors="replace")[-4000:]
+
+    def printed(self) -> dict[str, dict[str, Any]]:
+        """Every episode as the daemons have printed it last, by id."""
+        found: dict[str, dict[str, Any]] = {}
+        for line in (self.project.outside / "watch.log").read_bytes().split(b"\n"):
+            with suppress(ValueError, LookupError, TypeError):  # a line without an episode, or one just being written
+                entry = json.loads(line)["episode"]
+                found[entry["id"]] = entry
+        return found
 
     # What is seen from outside
 

@@ -41,7 +41,7 @@ def _connect(bench: Bench) -> None:
     bench.session = (session, declared, session.tools(), trials)
 
 
-def _appears(bench: Bench) -> None:
+def appears(bench: Bench) -> None:
     _connect(bench)
     _thermometer(bench, "1-6", "00a7", 6)
 
@@ -53,7 +53,7 @@ def _replaced(bench: Bench) -> None:
     _thermometer(bench, "1-4", "00a8", 2)
 
 
-def _kept(bench: Bench) -> list[str]:
+def kept(bench: Bench) -> list[str]:
     """What the client that was connected all the time has lost."""
     session, declared, schemas, trials = bench.session
     now, found = _declared(bench), []
@@ -73,7 +73,7 @@ def _kept(bench: Bench) -> list[str]:
     return found
 
 
-def _served(device: str, bench: Bench) -> bool:
+def served(device: str, bench: Bench) -> bool:
     """The endpoint has a tool for the new one, and answers."""
     try:
         published = (bench.layout.endpoint / "connection.json").read_text()
@@ -85,13 +85,13 @@ def _served(device: str, bench: Bench) -> bool:
 CASES = (
     Case(
         "a new kind of device",
-        _appears,
+        appears,
         CHANGED,
         DONE,
-        right=partial(_served, "usb-1f00-00a7"),
+        right=partial(served, "usb-1f00-00a7"),
         repair=10.0,
         may_change=MAY,
-        after=_kept,
+        after=kept,
         # The embedded agent's runs, one for each stage: no model is asked.
         calls=5,
         bench="builtin",
@@ -101,10 +101,10 @@ CASES = (
         _replaced,
         CHANGED,
         DONE,
-        right=partial(_served, "usb-1f00-00a8"),
+        right=partial(served, "usb-1f00-00a8"),
         repair=10.0,
         may_change=MAY,
-        after=_kept,
+        after=kept,
         # The embedded agent's runs, one for each stage: no model is asked.
         calls=5,
         bench="builtin",

@@ -118,6 +118,12 @@ def _daemon_killed_while_repairing(bench: Bench) -> None:
     bench.watch()
 
 
+def _in_sync(bench: Bench) -> bool:
+    """It serves with all of its packages, and nothing is left to be done."""
+    whole = any(bench.packages().glob("annotated_types"))
+    return whole and bench.serves() and bench.project.run("plan", "-detailed-exitcode").status == 0
+
+
 def _stopped_by_person(bench: Bench) -> None:
     bench.project.run("stop", status=0)
 
@@ -139,6 +145,23 @@ def _paused(bench: Bench) -> None:
     time.sleep(2.0)
     assert bench.process() is None, "a paused daemon repaired"
     bench.project.run("resume", status=0)
+
+
+def _five_times(bench: Bench) -> None:
+    """Somebody kills it whenever it serves, five times within a minute."""
+    for _ in range(5):
+        assert until(bench.serves, 30.0), f"it does not come back: {bench.said()}"
+        end(bench)
+
+
+def _applied_meanwhile(bench: Bench) -> None:
+    """A person applies while the environment is built again: one of both waits or is refused, and neither is torn."""
+    for path in bench.packages().glob("annotated_types*"):
+        subprocess.run(["rm", "-rf", str(path)], check=True)
+    known = set(bench.episodes())
+    assert until(lambda: set(bench.episodes()) - known, 10.0), "it is not noticed"
+    done = bench.project.run("apply", "-auto-approve")
+    assert done.status == 0 or "LOCK" in done.text, done.text
 
 
 def _at_work(bench: Bench) -> None:
@@ -202,6 +225,21 @@ CASES = (
         frozenset({Repair.REBUILD, Repair.RESTART}),
         right=lambda bench: bench.serves() and any(bench.packages().glob("annotated_types")),
         rows="F22",
+    ),
+    Case(
+        "killed five times within a minute",
+        _five_times,
+        _DEAD,
+        frozenset({Repair.RESTART, Repair.REBUILD}),
+        repair=60.0,
+    ),
+    Case(
+        "a person applies during a repair",
+        _applied_meanwhile,
+        frozenset({Kind.PACKAGE_DAMAGED}),
+        frozenset({Repair.REBUILD, Repair.RESTART}),
+        right=_in_sync,
+        may_change=("state/bench/state.json",),
     ),
     Case("stopped by a person", _stopped_by_person, ends=QUIET, mend=_started_by_person, hold=3.0),
     Case("emergency stop", _latched, ends=QUIET, hold=3.0),

@@ -12,6 +12,7 @@ from octoform.daemon.model import Kind, Repair
 
 FAILING = frozenset({Kind.TOOL_FAILING})
 ASKED = frozenset({Repair.WATCH, Repair.PERSON})
+HEALING = ASKED | {Repair.HEAL, Repair.ROLL_BACK}
 MOST_CALLS = 8
 BROKEN = {
     "tool": "weigh",
@@ -35,7 +36,7 @@ def _script(bench: Bench, **behaviours: Any) -> None:
     path.write_text(json.dumps({**json.loads(before), **behaviours}))
 
 
-def _break(bench: Bench, **behaviours: Any) -> None:
+def broken(bench: Bench, **behaviours: Any) -> None:
     """The tool fails in its own code from now on, and the agents do this."""
     if behaviours:
         _script(bench, **behaviours)
@@ -44,18 +45,36 @@ def _break(bench: Bench, **behaviours: Any) -> None:
     assert not bench.call("weigh")[0]
 
 
-def _mend(bench: Bench) -> None:
+def mended(bench: Bench) -> None:
     _sensor(bench, "21500")
     assert bench.call("weigh") == (True, "a cup")
 
 
-def told(name: str, rows: str = "", repairs: frozenset[Repair] = ASKED, **behaviours: Any) -> Case:
+def told(
+    name: str,
+    rows: str = "",
+    repairs: frozenset[Repair] = ASKED,
+    after: Callable[[Bench], list[str]] | None = None,
+    **behaviours: Any,
+) -> Case:
     """A broken tool about which the agents say or do this, and which a person has to hear of."""
 
     def inject(bench: Bench) -> None:
-        _break(bench, **behaviours)
+        served = str(bench.layout.output("serve"))
+        broken(bench, **json.loads(json.dumps(behaviours).replace("{server}", served)))
 
-    return Case(name, inject, FAILING, repairs, SURFACED, mend=_mend, repair=60.0, calls=MOST_CALLS, rows=rows)
+    return Case(
+        name,
+        inject,
+        FAILING,
+        repairs,
+        SURFACED,
+        mend=mended,
+        repair=60.0,
+        calls=MOST_CALLS,
+        rows=rows,
+        after=after,
+    )
 
 
 def watch(**more: Any) -> dict[str, Any]:
@@ -98,7 +117,6 @@ def _garbled(text: str) -> dict[str, Any]:
     return {"write": text}
 
 
-_HEALING = ASKED | {Repair.HEAL, Repair.ROLL_BACK}
 _works: Callable[[Bench], bool] = lambda bench: bench.call("weigh")[0]  # noqa: E731
 CASES = (
     told("tool fails, agent knows nothing"),
@@ -113,14 +131,14 @@ CASES = (
     ),
     told("agent prints bytes that are no text, and fails", "F38", watch={"shout": "fffe80", "exit": 1}),
     told("agent prints one line of 20 MB, and fails", "F37", watch={"flood": 20_000_000, "exit": 1}),
-    told("HEAL fails", "F33", _HEALING, watch=watch(), heal={"exit": 1}),
-    told("HEAL writes a server that does not compile", "F15", _HEALING, watch=watch(), heal=heal("broken")),
-    told("HEAL deletes a tool", "F16", _HEALING, watch=watch(), heal=heal("without_tool")),
+    told("HEAL fails", "F33", HEALING, watch=watch(), heal={"exit": 1}),
+    told("HEAL writes a server that does not compile", "F15", HEALING, watch=watch(), heal=heal("broken")),
+    told("HEAL deletes a tool", "F16", HEALING, watch=watch(), heal=heal("without_tool")),
     Case(
         "HEAL mends the tool",
-        lambda bench: _break(bench, watch=watch(), heal=heal("mended")),
+        lambda bench: broken(bench, watch=watch(), heal=heal("mended")),
         FAILING,
-        _HEALING,
+        HEALING,
         right=_works,
         repair=60.0,
         may_change=("state/bench/", ".octoform/bench/endpoint/"),

@@ -23,7 +23,7 @@ def injected(case: Case, bench: Bench) -> Result:
     """Make the fault once, see what comes of it, and leave the bench as it was."""
     result = Result(case.name)
     bench.reset()
-    known, before, daemon = set(bench.episodes()), bench.protected(), bench.daemon
+    known, before, daemon = {*bench.episodes(), *bench.printed()}, bench.protected(), bench.daemon
     bench.before, bench.nodes = before, bench.state()
     starts, attempts = bench.starts(), bench.attempts()
     case.inject(bench)
@@ -52,7 +52,11 @@ def _fresh(bench: Bench, known: set[str]) -> list[dict[str, Any]]:
 
 
 def _noticed(case: Case, bench: Bench, result: Result, known: set[str], began: float) -> None:
-    seen = until(lambda: any(each["kind"] in case.kinds for each in _fresh(bench, known)), case.detect * PATIENCE)
+    def told() -> bool:
+        entries = bench.printed() if case.unwritten else bench.episodes()
+        return any(each["kind"] in case.kinds for name, each in entries.items() if name not in known)
+
+    seen = until(told, case.detect * PATIENCE)
     took = time.monotonic() - began
     if not seen:
         result.missed.append(f"not noticed in {took:.1f} s")

@@ -23,6 +23,7 @@ class Case:
     seconds, from the injection on. ``may_change`` are paths below the project that the right repair changes; all else
     that was accepted or published must have the same bytes afterwards. ``rows`` are those of the list of known faults.
     ``calls`` is how many agent calls the case may cost. ``after`` tells what else is not as it has to be at the end.
+    ``unwritten``: the daemon can write nothing down meanwhile, so what it prints counts.
     """
 
     name: str
@@ -40,6 +41,7 @@ class Case:
     bench: str = "scripted"
     hold: float = 1.5
     after: Callable[["Bench"], list[str]] | None = None
+    unwritten: bool = False
 
 
 @dataclass

@@ -2,14 +2,15 @@
 
 ``python repairer.py SCRIPT``: SCRIPT is a JSON object, ``watch`` and ``heal`` to one behaviour each:
 ``{"write": TEXT}``, ``{"report": {...}}`` (an error without citations gets the first failure's), ``{"exit": N}``,
-``{"shout": HEX}`` and ``{"flood": BYTES}`` on stdout, ``{"touch": [PATHS]}``, and for HEAL
-``{"server": "broken" | "without_tool" | "mended"}``.
+``{"shout": HEX}`` and ``{"flood": BYTES}`` on stdout, ``{"touch": [PATHS]}``, ``{"sleep": SECONDS}`` before all of
+that, and for HEAL ``{"server": "broken" | "without_tool" | "weaker" | "mended"}``.
 """
 
 import json
 import os
 import re
 import sys
+import time
 from pathlib import Path
 from typing import Any
 
@@ -43,6 +44,7 @@ def server(how: str, source: Path, target: Path) -> None:
     else:
         text = text.replace("grams[runtime.read_text", "grams.get(runtime.read_text", 1)
         text = text.replace('"temp1_input") or "0"])', '"temp1_input") or "0", "something"))', 1)
+        text = text.replace("> HEAVIEST:", "> 2 * HEAVIEST:") if how == "weaker" else text
     target.write_text(text)
 
 
@@ -52,6 +54,7 @@ def main() -> int:
     with script.with_suffix(".log").open("a") as log:
         log.write(json.dumps({"stage": stage, "attempt": task["attempt"], "pid": os.getpid()}) + "\n")
     behaviour = json.loads(script.read_text())[stage]
+    time.sleep(behaviour.get("sleep", 0))
     if "shout" in behaviour:
         sys.stdout.buffer.write(bytes.fromhex(behaviour["shout"]) + b"\n")
     if "flood" in behaviour:

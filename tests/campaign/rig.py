@@ -15,6 +15,9 @@ __all__ = ["BOARD", "CAMERA", "SENSOR", "TWIN", "report", "script"]
 _READS = '{"readOnlyHint": True, "destructiveHint": False, "idempotentHint": True, "openWorldHint": False}'
 _MORE = f'''
 
+HEAVIEST = 400000
+
+
 @mcp.tool(
     annotations={_READS}
 )
@@ -22,6 +25,8 @@ _MORE = f'''
 def weigh() -> Said:
     """Weigh what lies on the sensor."""
     with runtime.device("{SENSOR}").bus() as unit:
+        if int(runtime.read_text(unit.path("hwmon") / "temp1_input") or "0") > HEAVIEST:
+            raise ValueError("too heavy")
         grams = {{"0": "nothing", "21500": "a cup", "22750": "a full cup", "200000": "a lot"}}
         return Said(text=grams[runtime.read_text(unit.path("hwmon") / "temp1_input") or "0"])
 

@@ -12,7 +12,16 @@ import traceback
 from collections.abc import Sequence
 from pathlib import Path
 
-from campaign import cases_devices, cases_discovery, cases_files, cases_process, cases_room, cases_tools
+from campaign import (
+    cases_agents,
+    cases_devices,
+    cases_discovery,
+    cases_files,
+    cases_machine,
+    cases_process,
+    cases_room,
+    cases_tools,
+)
 from campaign.bench import Bench
 from campaign.injecting import injected
 from campaign.making import made
@@ -27,7 +36,9 @@ CASES: tuple[Case, ...] = (
     *cases_files.CASES,
     *cases_devices.CASES,
     *cases_room.CASES,
+    *cases_machine.CASES,
     *cases_tools.CASES,
+    *cases_agents.CASES,
     *cases_discovery.CASES,
 )
 

@@ -21,6 +21,8 @@ from octoform.engine.diagnosing import diagnose
 from octoform.engine.healing import heal, roll_back
 from octoform.state.layout import Layout
 
+pytestmark = pytest.mark.dear
+
 TOOL, TARGET = "read_temperature", "tool:read_temperature"
 GOOD = (AGENT.parent / "good" / "server.py").read_text()
 READ = "        return Temperature(celsius=round(21.5, digits))"

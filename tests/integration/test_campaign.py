@@ -10,6 +10,8 @@ from campaign.making import made
 from campaign.model import Case
 from campaign.run import CASES
 
+pytestmark = pytest.mark.dear
+
 PATIENT = 6.0
 """How much longer than on a quiet machine things may take beside all other tests."""
 SAMPLE = (

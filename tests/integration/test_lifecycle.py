@@ -11,6 +11,8 @@ from pathlib import Path
 import pytest
 from projects import Project
 
+pytestmark = pytest.mark.dear
+
 
 def summary(project: Project, *arguments: str) -> dict[str, object]:
     """The `change_summary` of a plan."""

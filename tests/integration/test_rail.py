@@ -18,6 +18,8 @@ from octoform.diagnostics import Diagnostic
 from octoform.endpoint.client import CallResult, Wanted, call
 from octoform.state.layout import Layout
 
+pytestmark = pytest.mark.dear
+
 SHIPPED = Path(__file__).parents[2] / "profiles"
 
 

@@ -17,6 +17,8 @@ from projects import Done, Project
 
 from octoform.harness.recording import Recording, load
 
+pytestmark = pytest.mark.dear
+
 CASES = Path(__file__).parents[1] / "cases" / "recordings"
 HOSTS = Path(__file__).parents[1] / "hosts"
 STAGES = ("probe", "identify", "interface", "serve", "deploy")

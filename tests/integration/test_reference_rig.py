@@ -23,6 +23,8 @@ from octoform.simulation.descriptions import load
 from octoform.simulation.rig import Rig
 from octoform.state.layout import Layout
 
+pytestmark = pytest.mark.dear
+
 TOP = Path(__file__).parents[2]
 ARM, RAIL, CAMERA = "usb-1a86-55d3", "usb-2341-804f", "usb-045e-0772"
 TRANSACTIONS = 10_000

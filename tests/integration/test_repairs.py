@@ -23,6 +23,8 @@ from octoform.engine.undoing import go_back, remember
 from octoform.state.layout import Layout
 from octoform.state.store import StateStore
 
+pytestmark = pytest.mark.dear
+
 OTHERWISE: dict[str, object] = {
     "probe": [{"mutate": [[["scan_methods", 1, "status"], "ok"]]}],
     "identify": [{"mutate": [[["devices", 0, "confidence"], 0.75]]}],

@@ -9,6 +9,8 @@ import pytest
 from projects import Project
 from replugged import BOARD, CAMERA, SENSOR, TWIN, Host, script
 
+pytestmark = pytest.mark.dear
+
 
 @dataclass
 class Bench:

@@ -17,6 +17,8 @@ from octoform.simulation.descriptions import load
 from octoform.simulation.rig import Rig
 from octoform.simulation.servos import ServoBus
 
+pytestmark = pytest.mark.dear
+
 TOP = Path(__file__).parents[2]
 DEVICE = "usb-1a86-55d3"
 STILL = {name: "not for this test" for name in ("shoulder_pan", "shoulder_lift", "wrist_flex", "wrist_roll")}

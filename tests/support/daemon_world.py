@@ -84,7 +84,15 @@ class DaemonWorld:
 
     def begun(self) -> Supervisor:
         """A daemon that takes up what the one before it left: as after a restart."""
-        ports = Ports(self, self, self.look, self.repair, self.sample, self.alerts.append)  # type: ignore[arg-type]
+        ports = Ports(
+            self,
+            self,
+            self.look,
+            self.repair,
+            self.sample,
+            self.promised,
+            self.alerts.append,
+        )
         memory = Memory.open(self.layout, self.boot, self.now, self.settings)
         self.ledger = Ledger.open(self.layout, self, replace(self.claims, boot=self.boot))
         self.memory = memory
@@ -236,6 +244,10 @@ class DaemonWorld:
             self.ledger.make(Signal(Channel.SENSOR, tool, path), value, "" if value is not None else "not read")
             for (tool, path), value in self.truth.sensors.items()
         ]
+
+    def promised(self) -> frozenset[Signal]:
+        """Each tool that has a sensor."""
+        return frozenset(Signal(Channel.SENSOR, tool, "") for tool, _ in self.truth.sensors)
 
     # What was done
 

@@ -7,6 +7,7 @@ import pytest
 from daemon_world import DaemonWorld
 
 from octoform.daemon.loop.bench import Beside
+from octoform.daemon.loop.supervisor import Round
 from octoform.daemon.model import Cause, Done, Finding, Outcome, Repair
 
 SECONDS = 20.0
@@ -25,20 +26,24 @@ class Held:
 
 
 class Beat:
-    """A world whose repairs are made in threads; `settle` waits for the end of one of them."""
+    """A world whose repairs and readings are made in threads; `settle` waits for the end of a repair."""
 
     def __init__(self, folder: Path) -> None:
         self.ended = threading.Semaphore(0)
         self.bench = Beside(self.ended.release)
         self.world = DaemonWorld(folder, bench=self.bench)
         self.world.start()
-        self.bench.join(SECONDS)  # the first readings
-        self.settle()
+        self.next()  # the first readings
 
     def settle(self) -> None:
+        """Wait until a repair has ended, and let the loop know of that and of the readings before it."""
+        while not self.next().tried:
+            pass
+
+    def next(self) -> Round:
         """Wait until a work has ended, and let the loop know."""
         assert self.ended.acquire(timeout=SECONDS)
-        self.world.happens(Cause.PING)
+        return self.world.happens(Cause.PING)
 
 
 @pytest.fixture

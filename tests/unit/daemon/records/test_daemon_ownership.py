@@ -101,7 +101,7 @@ def test_pausing_is_seen_also_where_its_file_cannot_be_read(layout: Layout) -> N
     assert ownership.paused_since(layout) == "2026-11-22T12:00:00Z"
     (layout.daemon / ownership.PAUSED).write_text("{")
     assert ownership.paused_since(layout) == ""
-    assert ownership.resume(layout) and not ownership.resume(layout)
+    assert ownership.resume(layout) == (True, None) and ownership.resume(layout) == (False, None)
     assert ownership.paused_since(layout) is None
 
 
@@ -121,3 +121,10 @@ def test_the_folder_is_private(layout: Layout) -> None:
     assert layout.daemon.stat().st_mode & 0o777 == 0o700
     assert {path.stat().st_mode & 0o777 for path in layout.daemon.iterdir()} == {0o600}
     owned.release()
+
+
+def test_what_pauses_and_cannot_be_removed_is_told(layout: Layout) -> None:
+    (layout.daemon / ownership.PAUSED).mkdir(parents=True)
+    was, problem = ownership.resume(layout)
+    assert was and problem is not None and problem.path is not None and problem.path.endswith("paused.json")
+    assert ownership.paused_since(layout) == ""
