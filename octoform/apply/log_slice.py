@@ -6,11 +6,12 @@ attempt. Whatever the model does or leaves undone, the slice is there and within
 """
 
 import re
+import time
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from octoform.diagnostics import Diagnostic
-from octoform.endpoint.logs import CALLS, Line, logs_of
+from octoform.endpoint.logs import CALLS, Line, Logs, logs_of
 from octoform.escaping import escaped
 from octoform.harness.completion import Completion
 from octoform.harness.port import Usage
@@ -59,10 +60,21 @@ def slice_of(
     """The logs of a host from ``since`` on (seconds since 1970), redacted and escaped, at most `LOG_BYTES`."""
     logs = logs_of(layout)
     try:
-        lines = [line for line in logs.read() if line.at >= since][-MOST_LINES:]
+        lines = [line for line in _timed(logs, time.time()) if line.at >= since][-MOST_LINES:]
     finally:
         logs.close()
     return sliced(lines, secrets, completion)
+
+
+def _timed(logs: Logs, now: float) -> list[Line]:
+    """The lines of both logs in order. None is of the future: after a clock that was ahead the next line tells when."""
+    found = []
+    for tail in logs.tails:
+        latest = now
+        for line in reversed(tail.read()):
+            latest = line.at if line.at <= now else latest
+            found.append(replace(line, at=latest))
+    return sorted(reversed(found), key=lambda line: line.at)
 
 
 def sliced(lines: Sequence[Line], secrets: Mapping[str, str], completion: Completion | None = None) -> LogSlice:

@@ -82,6 +82,7 @@ class _Shown:
         self.last: Round | None = None
         self.running: Composition | None = None
         self.changed = False
+        self._unwatched = 0
         self._unkept: Diagnostic | None = None
         self.replaced: Diagnostic | None = None
         """The daemon that took this one's place, when somebody deleted what said that there was one."""
@@ -93,12 +94,23 @@ class _Shown:
         before, self._unkept = self._unkept, self._owned.keep()
         if self._unkept is not None and self._unkept != before and self.running is not None:
             self._unowned(self._unkept, self.running)
+        self._listens()
         if self.running is None or self.running.bench.under_way():
             return
         now = _stamp(self._path)
         if now != self._stamp:
             self._stamp, self.changed = now, True
             self.running.supervisor.stop()
+
+    def _listens(self) -> None:
+        """Let the next round say that folders are not watched, when that is another number than before."""
+        if self.running is None:
+            return
+        unwatched = self.running.sources.unwatched
+        problem = unwatched.told() if unwatched.folders != self._unwatched else None
+        self._unwatched = unwatched.folders
+        if problem is not None:
+            self.running.supervisor.say(problem)
 
     def _unowned(self, problem: Diagnostic, running: Composition) -> None:
         if problem.code == ownership.TAKEN:

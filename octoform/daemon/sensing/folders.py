@@ -33,6 +33,11 @@ class Watch:
     names: Mapping[str, Cause] = field(default_factory=dict)
     written: bool = False
 
+    @property
+    def causes(self) -> frozenset[Cause]:
+        """Everything that a change in it may be."""
+        return frozenset((self.cause, *self.names.values()))
+
     def of(self, name: str) -> Cause | None:
         """The cause that a changed name is; None when it does not count."""
         if self.names:
@@ -56,8 +61,8 @@ class FolderEar:
         self._watches: dict[int, Watch] = {}
         self._missing: tuple[Path, ...] = ()
         self._stale = True
-        self.unwatched = 0
-        """How many folders could not be watched, for want of watches; the interval looks at them."""
+        self.unwatched: tuple[Watch, ...] = ()
+        """What could not be watched, because the user's watches are used up (`octoform.daemon.sensing.unwatched`)."""
         self.follow()
 
     def fileno(self) -> int | None:
@@ -68,7 +73,7 @@ class FolderEar:
         """Bring the list of folders up to date, if anything was heard or a folder is there that was not."""
         if not (self._stale or any(folder.is_dir() for folder in self._missing)):
             return
-        self._stale, self.unwatched = False, 0
+        self._stale, self.unwatched = False, ()
         missing, kept = [], {}
         for watch in self._wanted():
             number = self._watch(watch)
@@ -88,7 +93,7 @@ class FolderEar:
             mask = int(event.mask)
             if mask & flags.Q_OVERFLOW:
                 self._stale = True
-                found.update(cause for watch in self._watches.values() for cause in _causes(watch))
+                found.update(cause for watch in self._watches.values() for cause in watch.causes)
                 continue
             watch = self._watches.get(event.wd)
             if watch is None:
@@ -120,9 +125,5 @@ class FolderEar:
             return int(self._inotify.add_watch(watch.folder, mask))
         except OSError as problem:
             if problem.errno == errno.ENOSPC:
-                self.unwatched += 1
+                self.unwatched += (watch,)
             return None
-
-
-def _causes(watch: Watch) -> set[Cause]:
-    return {watch.cause, *watch.names.values()}

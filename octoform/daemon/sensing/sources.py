@@ -18,6 +18,7 @@ from octoform.daemon.sensing.folders import FolderEar
 from octoform.daemon.sensing.hardware import hardware
 from octoform.daemon.sensing.moments import Moments, SystemClock
 from octoform.daemon.sensing.process import ProcessEar
+from octoform.daemon.sensing.unwatched import Unwatched
 from octoform.state.layout import Layout
 
 QUIET_SECONDS = 0.05
@@ -46,7 +47,9 @@ class EventSources:
         self, process: ProcessEar, ears: Iterable[Ear], timing: Timing, clock: SystemClock, poll: Poll | None = None
     ) -> None:
         self._process = process
-        self._ears: tuple[Ear, ...] = (process, *ears)
+        listening = tuple(ears)
+        self.unwatched = Unwatched(ear for ear in listening if isinstance(ear, FolderEar))
+        self._ears: tuple[Ear, ...] = (process, *listening, self.unwatched)
         self._timing = timing
         self._clock = clock
         self._poll = poll or wait_readable

@@ -21,6 +21,9 @@ SHORT_LIFE = 10.0
 MESSAGE_CHARS = 160
 OVERDUE = "Overdue"
 """Stands for the class of an exception where a call did not end at all."""
+ABSENT, AMBIGUOUS = "DeviceAbsent", "AmbiguousDevice"
+_OF_DEVICES = frozenset({ABSENT, AMBIGUOUS})
+"""Failures that say where a device is not; once all of them are where they should be, they say nothing any more."""
 _CHANGING = re.compile(r"0x[0-9a-fA-F]+|\b[0-9a-f]{8,}\b|\d+(?:\.\d+)?")
 
 
@@ -109,11 +112,20 @@ def _lives(recall: Recall, facts: Facts) -> tuple[tuple[float, ...], str | None,
 
 
 def _failing(recall: Recall, facts: Facts) -> dict[str, Failing]:
-    failing = {name: each for name, each in recall.failing.items() if name not in facts.worked}
+    # A tool that moves something is called by nobody to find out; the devices themselves tell that it may work again.
+    over = _OF_DEVICES if _found(facts) else frozenset[str]()
+    failing = {
+        name: each for name, each in recall.failing.items() if name not in facts.worked and each.error not in over
+    }
     for call in facts.failures:
         if not call.ok:
             failing[call.tool] = _once_more(failing.get(call.tool), call)
     return dict(list(failing.items())[-MOST_TOOLS:])
+
+
+def _found(facts: Facts) -> bool:
+    """Whether every device of the endpoint is known to be there, and none of them in doubt."""
+    return bool(facts.devices) and all(each.there and each.doubt is None for each in facts.devices.values())
 
 
 def _once_more(before: Failing | None, call: LoggedCall) -> Failing:

@@ -7,13 +7,13 @@ caused counts when it happens again with no success between.
 from collections.abc import Iterable, Iterator
 
 from octoform.daemon.model import Facts, FaultClass, Finding, Kind, Repair
-from octoform.daemon.triage.recall import OVERDUE, Failing, Recall
+from octoform.daemon.triage.recall import ABSENT, AMBIGUOUS, OVERDUE, Failing, Recall
 from octoform.endpoint.judging import DEFECTS
 
 AGAIN = 2
 """Failures in a row after which one that may be the room's is taken for the tool's."""
 BUSY_AGAIN = 5
-_ABSENT, _AMBIGUOUS, _BUSY = "DeviceAbsent", "AmbiguousDevice", "BusBusy"
+_BUSY = "BusBusy"
 _OF_PERSON = frozenset({"PermissionError"})
 _EXPLAINING = frozenset(
     {Kind.DEVICE_GONE, Kind.DEVICE_MOVED, Kind.DEVICE_BACK, Kind.PACKAGE_DAMAGED, Kind.PACKAGE_CONFLICT}
@@ -35,9 +35,9 @@ def judged(facts: Facts, recall: Recall, others: Iterable[Finding]) -> Iterator[
 def _judged(name: str, failing: Failing, explained: bool) -> Finding | None:
     if failing.error in _IMPORTS:
         return None  # told as a package
-    if failing.error == _AMBIGUOUS:
+    if failing.error == AMBIGUOUS:
         return _finding(Kind.DEVICE_DOUBTFUL, FaultClass.DEVICE_MOVED, name, failing, Repair.PERSON)
-    if failing.error == _ABSENT:
+    if failing.error == ABSENT:
         return None if explained else _finding(Kind.DEVICE_GONE, FaultClass.DEVICE_MOVED, name, failing, Repair.WAIT)
     if failing.error in DEFECTS:
         return _finding(Kind.TOOL_FAILING, FaultClass.BROKEN_TOOL, name, failing, Repair.WATCH)

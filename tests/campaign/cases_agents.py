@@ -1,0 +1,153 @@
+"""Agents of WATCH and HEAL that go too far or rest on nothing, and what happens to them while they work."""
+
+import json
+import os
+import signal
+import time
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from campaign.bench import Bench, until
+from campaign.cases_discovery import appears, kept, served
+from campaign.cases_tools import BROKEN, FAILING, HEALING, MOST_CALLS, broken, heal, told, watch
+from campaign.model import Case
+from campaign.rig import SENSOR, report
+
+from octoform.apply.endpoint_node import CANDIDATE
+from octoform.daemon.model import Kind, Repair
+from octoform.state.lock import Holder, read_holder
+
+LONG = 30.0
+WORKER = b"octoform.daemon.repairs.worker"
+PAUSE = 3.0
+"""Seconds that an agent takes in which a person does something."""
+CLAIM = {
+    "target": f"device:{SENSOR}",
+    "fault": "none",
+    "statement": "it is too hot to be asked",
+    "signal": {"channel": "sensor", "source": "read_temperature", "path": "/text"},
+    "condition": {"op": "!=", "value": "0"},
+    "seconds": 86400,
+    "restrictions": [{"tool": "weigh", "arguments": {}, "effect": "deny"}],
+}
+
+
+def _claims(cites: list[str]) -> dict[str, Any]:
+    document = report("error", dict(BROKEN))
+    return {"report": {**document, "claims": [{**CLAIM, "cites": cites}]}}
+
+
+def _no_claims(bench: Bench) -> list[str]:
+    """Nothing is claimed, and nothing waits for a yes."""
+    try:
+        known = json.loads((bench.layout.daemon / "claims.json").read_bytes())["claims"]
+    except FileNotFoundError:
+        return []
+    return [
+        f"a claim is {each['state']}: {each['statement']}" for each in known if each["state"] in ("active", "pending")
+    ]
+
+
+def _workers(bench: Bench) -> list[int]:
+    """The daemon's children that do a job."""
+    assert bench.daemon is not None
+    listed = Path(f"/proc/{bench.daemon.pid}/task").glob("*/children")
+    children = [int(pid) for each in listed for pid in each.read_text().split()]
+    return [pid for pid in children if WORKER in Path(f"/proc/{pid}/cmdline").read_bytes()]
+
+
+def _kill_worker(bench: Bench, when: Callable[[Bench], bool]) -> None:
+    """The child that does the daemon's work is killed, as by a kernel without memory."""
+    assert until(lambda: when(bench) and bool(_workers(bench)), LONG), "there was nothing to kill"
+    for pid in _workers(bench):
+        os.kill(pid, signal.SIGKILL)
+
+
+def _tries_candidate(bench: Bench) -> bool:
+    return (bench.layout.local / CANDIDATE / "server.py").exists()
+
+
+def _killed_in_trial(bench: Bench) -> None:
+    broken(bench, watch=watch(), heal=heal("mended"))
+    _kill_worker(bench, _tries_candidate)
+
+
+def _rediscovers(known: int, bench: Bench) -> bool:
+    """Re-discovery holds the state, and has begun to make something."""
+    holder = read_holder(bench.layout)
+    return isinstance(holder, Holder) and bench.attempts() > known + 1
+
+
+def _killed_in_discovery(bench: Bench) -> None:
+    known = bench.attempts()
+    appears(bench)
+    _kill_worker(bench, partial(_rediscovers, known))
+
+
+def _asked(bench: Bench, stage: str) -> int:
+    """How often the agent of a stage was begun, as it has written down itself."""
+    log = bench.project.outside / "repairer.log"
+    lines = log.read_text().splitlines() if log.exists() else []
+    return sum(json.loads(line)["stage"] == stage for line in lines)
+
+
+def _stopped_while(stage: str, bench: Bench) -> None:
+    """An emergency stop while this agent thinks: what it says is not carried out before the stop is cleared."""
+    before = {each: _asked(bench, each) for each in ("watch", "heal")}
+    pausing = {"sleep": PAUSE}
+    broken(
+        bench,
+        watch={**watch(), **(pausing if stage == "watch" else {})},
+        heal={**heal("mended"), **(pausing if stage == "heal" else {})},
+    )
+    assert until(lambda: _asked(bench, stage) > before[stage], LONG), f"{stage} is not asked"
+    healed = _asked(bench, "heal")
+    bench.project.run("estop", "-reason", "campaign", status=0)
+    bench.undo.append(partial(bench.project.run, "estop", "-clear"))
+    time.sleep(PAUSE + 4.0)
+    assert (bench.layout.run / "estop.json").exists(), "the emergency stop is gone"
+    assert _asked(bench, "heal") == healed, "HEAL is asked while an emergency stop is latched"
+    assert bench.protected() == bench.before, "something is exchanged while an emergency stop is latched"
+    bench.project.run("estop", "-clear", status=0)
+
+
+def _settled(bench: Bench) -> bool:
+    """The tool works, and nothing is being tried any more."""
+    return bench.call("weigh")[0] and not (bench.layout.local / CANDIDATE).exists()
+
+
+_HEALED = partial(
+    Case,
+    kinds=FAILING,
+    repairs=HEALING,
+    right=_settled,
+    repair=60.0,
+    may_change=("state/bench/", ".octoform/bench/endpoint/"),
+    calls=MOST_CALLS,
+)
+_LEFT = frozenset({Repair.RESTORE, Repair.REPUBLISH, Repair.RESTART})
+"""What may be needed after a worker that was killed in the middle of an exchange."""
+CASES = (
+    told("HEAL weakens a limit", repairs=HEALING, watch=watch(), heal=heal("weaker")),
+    told("a claim without a reading", watch=_claims([]), after=_no_claims),
+    told("a claim that cites what does not exist", watch=_claims(["r999999"]), after=_no_claims),
+    told("a report that cites readings that do not exist", watch=watch(cites=["r999999"])),
+    _HEALED("worker killed in the trial of HEAL", _killed_in_trial, repairs=HEALING | _LEFT),
+    _HEALED("emergency stop while WATCH works", partial(_stopped_while, "watch")),
+    _HEALED("emergency stop while HEAL works", partial(_stopped_while, "heal")),
+    Case(
+        "worker killed in re-discovery",
+        _killed_in_discovery,
+        frozenset({Kind.HARDWARE_CHANGED}),
+        frozenset({Repair.REDISCOVER, Repair.WAIT, Repair.REBIND}) | _LEFT,
+        right=partial(served, "usb-1f00-00a7"),
+        repair=40.0,
+        may_change=("state/", ".octoform/"),
+        after=kept,
+        # The embedded agent's runs, one for each stage and try: no model is asked.
+        calls=10,
+        bench="builtin",
+    ),
+)
