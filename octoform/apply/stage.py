@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from octoform import events
-from octoform.apply import audit, escalating, serving, spec_copy
+from octoform.apply import escalating, guarded, serving, spec_copy
 from octoform.apply.assignment import UNMEASURED, Assignment, of_stage, unaffordable
 from octoform.apply.attempt import Failed, Prepared, SoFar, prepare, run
 from octoform.apply.attempt_record import interrupted, record
@@ -22,13 +22,12 @@ from octoform.apply.settling import settle
 from octoform.apply.spec_copy import Edit
 from octoform.apply.story import readable_log
 from octoform.diagnostics import Diagnostic, error, has_errors
-from octoform.endpoint.files import CONNECTION, LAUNCHER, MANIFEST, SERVE_SCRIPT
 from octoform.harness import environment
 from octoform.harness.port import ExitReason, Harness, Outcome, Task, TaskLimits, Usage
 from octoform.harness.registry import resolve
 from octoform.harness.watching import added
 from octoform.protocol import PromptTooLarge
-from octoform.state import attempts, spec_edits
+from octoform.state import spec_edits
 from octoform.state.files import full_disk, refused
 
 DELAY_SECONDS = 0.5
@@ -155,18 +154,18 @@ def _attempt(
     except OSError as problem:
         progress.attempts -= 1
         return None, Verdict((refused(problem, context.layout.attempts),))
-    task, watch = prepared.task, _watch(context, prepared.task)
+    task, guard = prepared.task, guarded.begin(context, prepared.task)
     edit, so_far = None, SoFar(context.clock.monotonic())
     try:
         outcome = run(context, harness, task, so_far)
-        verdict = _gate(context, assignment, task, outcome, audit.end(watch, task.workdir / UNDONE))
+        verdict = _gate(context, assignment, task, outcome, guard.end(task.workdir / UNDONE))
         edit = _note_edit(context, prepared)
     except OSError as problem:  # a full disk, or an agent that has made away with its own folder
         outcome = Outcome(ExitReason.CRASHED, None, 0.0)
-        verdict = Verdict((*audit.end(watch, task.workdir / UNDONE), refused(problem, task.workdir)))
+        verdict = Verdict((*guard.end(task.workdir / UNDONE), refused(problem, task.workdir)))
     except BaseException:
         # What the agent did to others' files is undone also when nobody waits for its output any more.
-        audit.end(watch, task.workdir / UNDONE)
+        guard.end(task.workdir / UNDONE)
         interrupted(context, assignment, prepared, so_far)
         raise
     verdict = replace(verdict, diagnostics=without_secrets(task, verdict.diagnostics))
@@ -225,15 +224,6 @@ def prove(context: Context, task: Task, value: Any, found: list[Diagnostic]) -> 
 def _with(found: str, detail: Mapping[str, object]) -> str:
     said = detail.get("said")
     return f"{found}, {said}" if said else found
-
-
-def _watch(context: Context, task: Task) -> audit.Watch:
-    """What the agent may not touch: the sources, what was accepted, and octoform's own records of this host."""
-    layout, manifest = context.layout, context.manifest
-    files = [manifest.path, *manifest.profile_files, *(spec.path for spec in context.specs.values())]
-    files += [*layout.records(), *(layout.endpoint / name for name in (LAUNCHER, CONNECTION, SERVE_SCRIPT, MANIFEST))]
-    files += [folder / attempts.FILE_NAME for folder in attempts.folders(layout) if folder != task.workdir]
-    return audit.begin(layout.project, files, [layout.committed, layout.spec_edits])
 
 
 def _note_edit(context: Context, prepared: Prepared) -> Edit | None:

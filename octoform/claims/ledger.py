@@ -15,7 +15,7 @@ from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from pathlib import Path
 
-from octoform.claims import bookkeeping, restricting, storing
+from octoform.claims import bookkeeping, refusals, restricting, storing
 from octoform.claims.bookkeeping import ENDED, Moment, as_ended, carried, in_force, waiting
 from octoform.claims.conditions import holds
 from octoform.claims.judging import Level, Verdict, View, judge, outranked
@@ -26,7 +26,6 @@ from octoform.claims.settings import Clock, Settings
 from octoform.claims.storing import EVIDENCE, SECONDS, Book
 from octoform.conditions import is_number
 from octoform.diagnostics import Diagnostic, error
-from octoform.escaping import escaped
 from octoform.state.holder import PROC, myself
 from octoform.state.layout import Layout
 
@@ -41,7 +40,8 @@ _NOWHERE = Signal(Channel.LOG, "", "")
 class Ledger:
     """The ledger of one host; made with `Ledger.open`.
 
-    ``said`` holds what was wrong with its files; `told` empties it.
+    ``said`` holds what was wrong with its files; `told` empties it. While ``guarded`` is set, or the settings say so,
+    no other process may change it; ``strange`` counts how often one did so all the same.
     """
 
     def __init__(self, layout: Layout, clock: Clock, settings: Settings) -> None:
@@ -55,6 +55,7 @@ class Ledger:
         self._alone = self._standing_still = False
         self._run, self._made = os.urandom(3).hex(), itertools.count(1)
         self.said: list[Diagnostic] = []
+        self.guarded, self.strange = False, 0
 
     @classmethod
     def open(cls, layout: Layout, clock: Clock, settings: Settings) -> "Ledger":
@@ -131,7 +132,7 @@ class Ledger:
                     return refused
                 evidence = self._evidence(claim)
                 if evidence is None:
-                    return _over(claim)
+                    return refusals.over(claim)
                 believed = carried(believed, evidence, self._moment())
             return self._accept(believed, self._copy())
 
@@ -148,9 +149,9 @@ class Ledger:
         with self._held():
             claim = self._book.claims.get(identity)
             if claim is None or claim.state is not State.ACTIVE:
-                return _unknown(identity, "in force")
+                return refusals.unknown(identity, "in force")
             if not person:
-                return _nobody()
+                return refusals.nobody()
             return self._accept(as_ended(claim, "operator", (person,)), self._copy())
 
     def active(self) -> tuple[Claim, ...]:
@@ -255,8 +256,8 @@ class Ledger:
     def _pending(self, identity: str, person: str) -> Claim | Diagnostic:
         claim = self._book.claims.get(identity)
         if claim is None or claim.state is not State.PENDING:
-            return _unknown(identity, "waiting for a person")
-        return claim if person else _nobody()
+            return refusals.unknown(identity, "waiting for a person")
+        return claim if person else refusals.nobody()
 
     def _cited(self) -> frozenset[str]:
         alive = (claim for claim in self._book.claims.values() if claim.state not in ENDED)
@@ -267,7 +268,7 @@ class Ledger:
         claims = self._book.claims
         if changed := claims != before.claims or self._unwritten:
             bookkeeping.prune(self._book)
-            problem = storing.write(self._path, self._book, self._boot) if self._alone else _taken(self._lock)
+            problem = storing.write(self._path, self._book, self._boot) if self._alone else refusals.taken(self._lock)
             self._unwritten = problem is not None
             self.said.extend([problem] if problem is not None else [])
             self._seen = _stamp(self._path)
@@ -317,7 +318,7 @@ class Ledger:
                 fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
             except BlockingIOError:
                 if time.monotonic() >= end:
-                    self.said.extend([] if self._standing_still else [_taken(self._lock)])
+                    self.said.extend([] if self._standing_still else [refusals.taken(self._lock)])
                     self._standing_still = True
                     return False
                 time.sleep(STEP)
@@ -327,7 +328,8 @@ class Ledger:
 
     def _refresh(self) -> None:
         """Read what another process wrote."""
-        self.said.extend(self._readings.refresh())
+        strange = self._seen is not _UNSEEN and self._strangers()
+        self.said.extend(self._readings.refresh(shut=bool(strange)))
         seen = _stamp(self._path)
         if self._unwritten or (seen == self._seen and (seen is not None or not self._book.claims)):
             return
@@ -341,34 +343,23 @@ class Ledger:
         bookkeeping.trust(self._book, lost or found.boot == self._boot, self._moment())
         self._keep(before, publish=True)
 
+    def _strangers(self) -> list[Diagnostic]:
+        """What somebody else has changed although nobody may: said, counted, and not believed."""
+        mine = {self._path.name: _stamp(self._path) == self._seen, READINGS: self._readings.is_mine()}
+        if all(mine.values()) or not (self.guarded or self._settings.shut()):
+            return []
+        found = [refusals.changed(self._path.with_name(name)) for name, same in mine.items() if not same]
+        self.strange += len(found)
+        self.said.extend(found)
+        self._unwritten = not mine[self._path.name]
+        return found
+
     def _lost(self) -> None:
         """Go on without the book: with what a person made true, and with readings that are yet to come."""
         book = self._book
         book.claims = {claim.id: claim for claim in restricting.standing(self._layout.restrictions)}
         book.count = max((int(name[1:]) for name in book.claims if name[1:].isdigit()), default=0)
         book.spent = {reading.signal: reading.uptime for reading in self._readings.newest()}
-
-
-def _over(claim: Claim) -> Diagnostic:
-    return error(
-        "CLAIM-STALE",
-        f"no reading of the last time bears {claim.id} out any more",
-        hint="wait for a reading of its signal, then confirm it",
-    )
-
-
-def _unknown(identity: str, how: str) -> Diagnostic:
-    text = f"there is no claim {escaped(identity)[:60]} {how}"
-    return error("CLAIM-NOT-FOUND", text, hint="octoform claims shows them")
-
-
-def _taken(path: Path) -> Diagnostic:
-    text = "the ledger of claims cannot be locked: another process stands still with it"
-    return error("CLAIM-LEDGER-LOCK", text, path=str(path), hint="end that process; fuser tells which one it is")
-
-
-def _nobody() -> Diagnostic:
-    return error("CLAIM-NO-PERSON", "nobody answers for it", hint="say who you are")
 
 
 def _opened(path: Path) -> int:

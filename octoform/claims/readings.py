@@ -67,7 +67,7 @@ class Readings:
         self._path, self._boot = path, boot
         self._series: dict[Signal, _Series] = {}
         self._kept: dict[str, Reading] = {}
-        self._seen: tuple[int, int] | None = None
+        self._seen: tuple[int, int, int] | None = None
 
     def find(self, identity: str) -> Reading | None:
         """A reading by its id; None when it is not remembered."""
@@ -92,11 +92,16 @@ class Readings:
         series = self._series.get(signal)
         return series is not None and any(holds(condition, each.value) is False for each in series.all())
 
-    def refresh(self) -> list[Diagnostic]:
-        """Read what another process wrote; what is damaged is said and left out."""
+    def refresh(self, *, shut: bool = False) -> list[Diagnostic]:
+        """Read what another process wrote; what is damaged is said and left out.
+
+        With ``shut`` nobody else may have written: then what is known here is written again, and nothing is read.
+        """
         seen = _stamp(self._path)
         if seen == self._seen and seen is not None:
             return []
+        if shut:
+            return self._start(self._kept.values())
         self._seen = seen
         data, problem = read_regular(self._path, SIZE_LIMIT)
         if problem is not None:
@@ -104,6 +109,10 @@ class Readings:
         if data is None:
             return []
         return self._load(data)
+
+    def is_mine(self) -> bool:
+        """Whether the file is as this process left or read it."""
+        return _stamp(self._path) == self._seen
 
     def add(self, readings: Iterable[Reading], cited: Collection[str]) -> list[Diagnostic]:
         """Remember these, on disk too; ``cited`` are ids that must not be forgotten."""
@@ -237,9 +246,9 @@ def _object(line: str) -> dict[str, Any] | None:
     return found if isinstance(found, dict) else None
 
 
-def _stamp(path: Path) -> tuple[int, int] | None:
+def _stamp(path: Path) -> tuple[int, int, int] | None:
     try:
         status = path.lstat()
     except OSError:
         return None
-    return status.st_ino, status.st_size
+    return status.st_ino, status.st_size, status.st_mtime_ns

@@ -4,7 +4,7 @@ The ledger judges an agent's words against facts that no agent wrote, so none of
 """
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Protocol
 
@@ -92,18 +92,24 @@ class Bound:
         return self._is_low(value) or self._is_high(value)
 
 
+def _open() -> bool:
+    return False
+
+
 @dataclass(frozen=True, slots=True)
 class Settings:
     """``claim_seconds`` is the longest that a claim holds without new evidence, and how fresh evidence has to be.
 
     ``tools`` by name; a claim can restrict only what stands there. ``bounds`` are the profiles'. ``boot`` tells one
-    start of the machine from the next; empty: ask the kernel.
+    start of the machine from the next; empty: ask the kernel. ``shut`` is asked when another process has changed
+    the ledger: True while none may, since an agent is at work; then what this process knows is written again.
     """
 
     claim_seconds: float = CLAIM_SECONDS
     tools: Mapping[str, ToolFacts] = field(default_factory=dict)
     bounds: tuple[Bound, ...] = ()
     boot: str = ""
+    shut: Callable[[], bool] = _open
 
     def devices_of(self, tool: str) -> frozenset[str]:
         """The ids of a tool's devices."""

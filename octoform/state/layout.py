@@ -11,6 +11,18 @@ STAGES = ("probe", "identify", "interface", "serve", "deploy")
 OUTPUT_NAMES = {"serve": "server.py"}
 STEP = "step."
 STEPS = "steps"
+_ON_THE_WAY = ("adopting.json", "former-server.py", "state.json.backup")
+"""What a killed run is finished from, or gone back to."""
+_MEMORY = (
+    "asks.json",
+    "breakers.json",
+    "claims.json",
+    "episodes.jsonl",
+    "readings.jsonl",
+    "recall.json",
+    "spend.json",
+    "starts.json",
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,7 +84,11 @@ class Layout:
     def records(self) -> tuple[Path, ...]:
         """The files beside the folders that octoform alone writes, and not while an agent runs."""
         names = ("instances.json", "fingerprint.json", "pseudonym.key", "journal.jsonl", "lock.json")
-        return (*(self.local / name for name in names), self.project / ".octoform" / "compiled.json")
+        return (*(self.local / name for name in (*names, *_ON_THE_WAY)), self.project / ".octoform" / "compiled.json")
+
+    def memory(self) -> tuple[Path, ...]:
+        """The files that the daemon alone writes and goes on from; what a person asks of it lies beside them."""
+        return tuple(self.daemon / name for name in _MEMORY)
 
     @property
     def environments(self) -> Path:
@@ -118,6 +134,11 @@ class Layout:
     def daemon(self) -> Path:
         """What the daemon remembers: its record, episodes, breakers, readings, claims, health; mode 0700."""
         return self.local / "daemon"
+
+    @property
+    def daemon_lock(self) -> Path:
+        """The kernel's lock on this file says that a daemon lives; its text names the last one that took it."""
+        return self.daemon / "daemon.lock"
 
     @property
     def restrictions(self) -> Path:

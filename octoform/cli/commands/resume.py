@@ -15,5 +15,7 @@ def run(arguments: Namespace, project: Path, screen: Console) -> int:
     layout, found = layout_of(project, os.environ)
     if layout is None:
         return problems.show(screen, found, as_json=arguments.json)
-    was = ownership.resume(layout)
+    was, problem = ownership.resume(layout)
+    if problem is not None:
+        return problems.show(screen, [problem], as_json=arguments.json)
     return keeping.resumed(screen, layout.host, ownership.alive(layout), was=was, as_json=arguments.json)

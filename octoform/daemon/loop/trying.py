@@ -5,7 +5,7 @@ from dataclasses import dataclass, field, replace
 
 from octoform.claims.model import Reading
 from octoform.daemon.evidence import Evidence
-from octoform.daemon.health import Stand, stand, worse
+from octoform.daemon.health import Stand, stand
 from octoform.daemon.loop.barring import (
     GRACE_SECONDS,
     barred,
@@ -14,7 +14,9 @@ from octoform.daemon.loop.barring import (
     swaps,
 )
 from octoform.daemon.loop.bench import Bench, Ended, Lane, Product, Task, Work, lane_of
+from octoform.daemon.loop.probation import Probation
 from octoform.daemon.loop.troubles import Reported, Troubles
+from octoform.daemon.loop.untouched import Untouched
 from octoform.daemon.model import Cause, Done, Facts, FaultClass, Finding, Kind, Outcome, Repair
 from octoform.daemon.ports import Ports
 from octoform.daemon.records.episodes import Episode, Try
@@ -53,8 +55,14 @@ class Trying:
     """How long an agent's word holds without evidence of our own."""
     awaiting: dict[str, tuple[Task, Done]] = field(default_factory=dict)
     tried: list[tuple[Episode, Try]] = field(default_factory=list)
+    untouched: Untouched = field(init=False)
+    probation: Probation = field(default_factory=Probation)
     _stands: dict[str, Stand] = field(default_factory=dict)
     _entries: dict[str, Entry] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        """What guards the daemon's own files while an agent is at work."""
+        self.untouched = Untouched(self.memory, self.evidence.ledger)
 
     def held(self) -> frozenset[str]:
         """Keys of troubles whose repair is under way, or ended and not judged by facts yet."""
@@ -76,9 +84,12 @@ class Trying:
     def conclude(self, ended: Iterable[Ended], facts: Facts) -> None:
         """Write down what ended works made; whether it helped is seen from the look after this."""
         for item in ended:
+            done = item.product.done
+            if done is not None and item.task.repair in AGENTS:
+                done = self._heard(item.task, done, facts)
             self.evidence.take(item.product.readings)
-            if item.product.done is not None and item.task.finding is not None and item.task.repair is not None:
-                self._made(item, item.task.finding, item.task.repair, item.product.done, facts)
+            if done is not None and item.task.finding is not None and item.task.repair is not None:
+                self._made(item, item.task.finding, item.task.repair, done, facts)
 
     def verdicts(self, findings: Iterable[Finding], facts: Facts, within: Callable[[Kind, str], bool]) -> None:
         """Whether the repairs that ended helped: the trouble is gone, or it is not."""
@@ -89,8 +100,6 @@ class Trying:
             if not within(acting.kind, acting.target):
                 continue
             del self.awaiting[key]
-            if task.repair is Repair.HEAL and done.ok:
-                self._compare(acting, task, facts)
             diagnosed = task.repair is Repair.WATCH and key in self.troubles.continued
             if key in self.troubles.reported and done.ok:
                 del self.troubles.reported[key]  # no look gives it again, so the word is all there is
@@ -107,6 +116,7 @@ class Trying:
                     stamp=facts.stamp,
                     limit=self._limit(acting),
                 )
+        self._prove(facts)
 
     def _standing(self, finding: Finding, acting: Finding, facts: Facts) -> str | None:
         """Empty or a reason when there is nothing to try for it; None when there is."""
@@ -171,6 +181,8 @@ class Trying:
                 return "what agents are asked cannot be written down, so none is"
             self._entries[finding.key] = entry
         self.memory.breakers.begin(acting.key, acting.target, facts.uptime)
+        if repair in AGENTS:
+            self.untouched.begin()
         if repair is Repair.HEAL:
             self._stands[finding.key] = self._stand(facts)
         data = self._brief(finding, acting, repair, facts, causes)
@@ -267,22 +279,36 @@ class Trying:
         failing = {name: each.times for name, each in self.memory.recall.failing.items()}
         return stand(facts, self.evidence.ledger.latest(), failing=failing)
 
-    def _compare(self, acting: Finding, task: Task, facts: Facts) -> None:
-        """What HEAL changed is taken back when the readings after it are worse than those before."""
-        before = self._stands.pop(task.key, None)
-        why = worse(before, self._stand(facts)) if before is not None else None
-        if why is None:
+    def _heard(self, task: Task, said: Done, facts: Facts) -> Done:
+        """What an agent's run came to; nothing where the daemon's own files were changed meanwhile."""
+        done, before = self.untouched.end(said), self._stands.pop(task.key, None)
+        if task.finding is None or task.repair is not Repair.HEAL or not said.ok:
+            return done
+        if done.ok and before is not None:
+            self.probation.begin(task.key, task.finding, before, facts)
+        elif not done.ok and (said.report or {}).get("action") == "rewrite":
+            self._take_back(task.finding, "the daemon's own files were changed while its agent was at work", facts)
+        return done
+
+    def _prove(self, facts: Facts) -> None:
+        """What HEAL changed is taken back when what is read after it is worse than what was read before."""
+        if not self.probation.tried:
             return
-        data = {"brief": {"episode": acting.data.get("episode"), "reason": why}, "episode": acting.data.get("episode")}
+        latest = self.evidence.ledger.latest()
+        for finding, why in self.probation.judge(facts, self._stand(facts), self.ports.promised, latest):
+            self._take_back(finding, why, facts)
+
+    def _take_back(self, acting: Finding, why: str, facts: Facts) -> None:
+        episode = acting.data.get("episode")
         finding = Finding(
             kind=Kind.TOOL_FAILING,
             fault=FaultClass.BROKEN_TOOL,
             target=acting.target,
             summary=f"after HEAL it is worse than before: {why}",
-            evidence=("worse after heal", str(acting.data.get("episode"))),
+            evidence=("worse after heal", str(episode)),
             repair=Repair.ROLL_BACK,
             then=(Repair.ROLL_BACK, Repair.PERSON),
-            data=data,
+            data={"brief": {"episode": episode, "reason": why}, "episode": episode},
         )
         self.troubles.reported[finding.key] = Reported(finding, facts.uptime + self.word_seconds)
         self.memory.breakers.freeze(acting.key, acting.target, f"HEAL made it worse: {why}", facts.stamp)

@@ -142,7 +142,7 @@ class Breakers:
         for key in old:
             del self._all[key]
         if old:
-            self._save()
+            self.save()
 
     def thaw(self, target: str) -> tuple[str, ...]:
         """Let a target (``*``: every one) be tried again from the first repair on; the keys that were there."""
@@ -150,7 +150,7 @@ class Breakers:
         for key in keys:
             del self._all[key]
         if keys:
-            self._save()
+            self.save()
         return keys
 
     def freeze(self, key: str, target: str, why: str, stamp: str) -> None:
@@ -163,9 +163,10 @@ class Breakers:
             spare = sorted((one for one in self._all.values() if one.frozen is None), key=lambda one: one.next)
             for one in spare[: len(self._all) - LIMIT]:
                 del self._all[one.key]
-        self._save()
+        self.save()
 
-    def _save(self) -> None:
+    def save(self) -> None:
+        """Write all of it down."""
         self.shelf.write(FILE, {"boot": self.boot, "breakers": [_encoded(item) for item in self._all.values()]})
 
 

@@ -86,6 +86,7 @@ class Episodes:
         known = read(self.shelf)
         self._count = max((_ordinal(item.id) for item in known), default=0)
         self.open = {item.key: item for item in known if not item.over}
+        self.shelf.wrote(FILE)
         if self._size() > GROWN:
             self._cut(known)
 
@@ -136,6 +137,7 @@ class Episodes:
     def note(self, episode: Episode) -> None:
         """Write a line with what it is now; a disk that refuses is said."""
         path = self.shelf.path(FILE)
+        self.shelf.is_mine(FILE)
         line = json.dumps(to_json(episode), separators=(",", ":")).encode() + b"\n"
         try:
             path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
@@ -146,6 +148,7 @@ class Episodes:
                 file.write(line)
         except OSError as problem:
             self.shelf.said.append(refused(problem, path))
+        self.shelf.wrote(FILE)
 
     def _size(self) -> int:
         try:
@@ -160,6 +163,12 @@ class Episodes:
         lines = [json.dumps(to_json(item), separators=(",", ":")) for item in kept if item.id in wanted]
         if problem := write_atomic(self.shelf.path(FILE), "".join(f"{line}\n" for line in lines).encode(), 0o600):
             self.shelf.said.append(problem)
+        self.shelf.wrote(FILE)
+
+    def save(self) -> None:
+        """Write down once more what lasts; the last line of an episode counts, whoever wrote one before it."""
+        for episode in self.open.values():
+            self.note(episode)
 
 
 def read(shelf: Shelf) -> list[Episode]:

@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass, field
 
+from octoform.daemon.records import breakers, episodes, spending
 from octoform.daemon.records.breakers import Breakers
 from octoform.daemon.records.episodes import Episodes
 from octoform.daemon.records.shelf import Shelf
@@ -42,7 +43,22 @@ class Memory:
         """Remember what triage made of a look; written only when it is new."""
         if recall != self.recall:
             self.recall = recall
-            self.shelf.write(RECALL, {"boot": self.boot, "recall": as_json(recall)})
+            self._save()
+
+    def reclaim(self) -> None:
+        """Write again what somebody else has changed since; `Shelf.strange` names it."""
+        files = {
+            breakers.FILE: self.breakers.save,
+            spending.FILE: self.purse.save,
+            episodes.FILE: self.episodes.save,
+            RECALL: self._save,
+        }
+        for name, save in files.items():
+            if not self.shelf.is_mine(name):
+                save()
+
+    def _save(self) -> bool:
+        return self.shelf.write(RECALL, {"boot": self.boot, "recall": as_json(self.recall)})
 
 
 def _recall(shelf: Shelf, boot: str) -> Recall:

@@ -57,6 +57,7 @@ class Owned:
             descriptor, problem = _lock(self._layout)
             if descriptor is None:
                 return problem
+            _sign(descriptor, self._record)
             os.close(self._descriptor)
             self._descriptor = descriptor
         return None if (folder / RECORD).exists() else write_atomic(folder / RECORD, self._record, 0o600)
@@ -80,6 +81,7 @@ def take(layout: Layout, since: str, uptime: float, version: str) -> tuple[Owned
     document = {"format": FORMAT, **to_json(myself()), "since": since, "uptime": uptime, "version": version}
     document["argv"] = [sys.executable, *sys.argv]
     record = _encoded(document)
+    _sign(descriptor, record)
     if unwritten := write_atomic(layout.daemon / RECORD, record, 0o600):
         os.close(descriptor)
         return None, unwritten
@@ -109,13 +111,16 @@ def pause(layout: Layout, stamp: str) -> Diagnostic | None:
     return write_atomic(layout.daemon / PAUSED, _encoded(document), 0o600)
 
 
-def resume(layout: Layout) -> bool:
-    """Let repairs be made again; False when nothing was paused."""
+def resume(layout: Layout) -> tuple[bool, Diagnostic | None]:
+    """Let repairs be made again: False when nothing was paused, and why what pauses them cannot be removed."""
+    path = layout.daemon / PAUSED
     try:
-        (layout.daemon / PAUSED).unlink()
+        path.unlink()
     except FileNotFoundError:
-        return False
-    return True
+        return False, None
+    except OSError as problem:
+        return True, refused(problem, path)
+    return True, None
 
 
 def paused_since(layout: Layout) -> str | None:
@@ -189,6 +194,13 @@ def _lock(layout: Layout) -> tuple[int | None, Diagnostic | None]:
         os.close(descriptor)
         return None, _running(layout)
     return descriptor, None
+
+
+def _sign(descriptor: int, record: bytes) -> None:
+    """Leave in the lock file which daemon was there last: whoever finds another text knows that one was."""
+    with contextlib.suppress(OSError):  # a full disk; the record, which is written next, says so
+        os.ftruncate(descriptor, 0)
+        os.pwrite(descriptor, record, 0)
 
 
 def _same(path: Path, descriptor: int) -> bool:

@@ -1,11 +1,13 @@
 """What the daemon keeps on disk: small JSON files of one format, never half written, never silently lost.
 
 A file that is damaged, of a newer octoform or no file at all is set aside under another name and said; the daemon
-then begins with what it would have known on its first day. Light.
+then begins with what it would have known on its first day. While it lives it alone writes them: what somebody else
+makes of them meanwhile is noticed, and what it knows itself is written again. Light.
 """
 
 import contextlib
 import json
+import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -26,6 +28,9 @@ class Shelf:
 
     layout: Layout
     said: list[Diagnostic] = field(default_factory=list)
+    strange: set[str] = field(default_factory=set)
+    """Names of files that somebody else has changed or removed since this was emptied last."""
+    _mine: dict[str, tuple[int, int, int] | None] = field(default_factory=dict)
 
     def path(self, name: str) -> Path:
         """Where a file lies."""
@@ -35,6 +40,7 @@ class Shelf:
         """A file's document; an empty one when there is none, or when it was set aside."""
         path = self.path(name)
         data, problem = read_regular(path, LIMIT)
+        self.wrote(name)
         if data is None and problem is None:
             return {}
         document = None
@@ -49,13 +55,30 @@ class Shelf:
     def write(self, name: str, document: Mapping[str, Any]) -> bool:
         """Replace a file as a whole; False for a refusal by the disk, which is said: the former one stays."""
         path = self.path(name)
+        self.is_mine(name)
         with contextlib.suppress(OSError):  # the write says what is wrong
             path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
         data = json.dumps({"format": FORMAT, **document}, separators=(",", ":")).encode() + b"\n"
         if problem := write_atomic(path, data, 0o600):
             self.said.append(problem)
             return False
+        self.wrote(name)
         return True
+
+    def wrote(self, name: str) -> None:
+        """The file is as it should be now: only this process has changed it."""
+        self._mine[name] = _stamp(self.path(name))
+
+    def is_mine(self, name: str) -> bool:
+        """False when somebody else has changed the file since it was read or written here, which is said."""
+        if name not in self._mine or _stamp(self.path(name)) == self._mine[name]:
+            return True
+        self.strange.add(name)
+        self.wrote(name)
+        summary = "a file of the daemon was changed by somebody else; what the daemon knows is written again"
+        hint = "these files are no settings: octoform heal -retry, pause and claims say what a person wants"
+        self.said.append(warning("DAEMON-MEMORY-CHANGED", summary, path=shown(self.path(name)), hint=hint))
+        return False
 
     def aside(self, path: Path, why: str) -> None:
         """Move what is no file of ours out of the way, and say it; the one that was set aside before is gone then."""
@@ -65,6 +88,7 @@ class Shelf:
             detail = f"it was set aside as {kept.name}"
         except OSError as problem:
             detail = f"it cannot be set aside: {problem.strerror}"
+        self.wrote(path.name)
         hint = "nothing is to be done; what it told is begun anew"
         item = warning("DAEMON-MEMORY-DAMAGED", why, path=shown(path), detail=detail, hint=hint)
         self.said.append(item)
@@ -74,6 +98,14 @@ class Shelf:
         found = tuple(self.said)
         self.said.clear()
         return found
+
+
+def _stamp(path: Path) -> tuple[int, int, int] | None:
+    try:
+        found = os.lstat(path)
+    except OSError:
+        return None
+    return found.st_ino, found.st_size, found.st_mtime_ns
 
 
 def number(value: object, default: float = 0.0) -> float:

@@ -48,7 +48,7 @@ class Purse:
         )
         if len(self.shelf.said) != said:
             self._entries = [Entry(now, stamp, self.boot, self.calls_per_hour, None)]
-            self._save()
+            self.save()
 
     def spent(self, now: float, stamp: str) -> Spent:
         """What the last hour cost."""
@@ -79,7 +79,7 @@ class Purse:
         self._entries = [*(item for item in self._entries if self._age(item, now, stamp) < WINDOW_SECONDS), entry][
             -LIMIT:
         ]
-        if self._save():
+        if self.save():
             return entry
         self._entries.remove(entry)
         return None
@@ -89,7 +89,7 @@ class Purse:
         entry.calls, entry.usd = spent.calls, spent.usd
         if spent.calls == 0 and not spent.usd and entry in self._entries:
             self._entries.remove(entry)
-        self._save()
+        self.save()
 
     def _age(self, entry: Entry, now: float, stamp: str) -> float:
         """Seconds since an entry. From before a reboot only wall time tells, and never less than since the boot."""
@@ -101,7 +101,8 @@ class Purse:
             passed = 0.0
         return max(passed, now)
 
-    def _save(self) -> bool:
+    def save(self) -> bool:
+        """Write all of it down; False when the disk refuses."""
         listed = [
             {"at": entry.at, "stamp": entry.stamp, "boot": entry.boot, "calls": entry.calls, "usd": entry.usd}
             for entry in self._entries

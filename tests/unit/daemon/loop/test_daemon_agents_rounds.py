@@ -265,3 +265,88 @@ def test_no_agent_is_asked_for_what_cannot_be_written_down(world: DaemonWorld) -
     world.advance(10)
     assert world.repairs() == []
     assert "cannot be written down" in next(iter(world.rounds[-1].waits.values()))
+
+
+def rewritten(world: DaemonWorld, finding: Finding) -> Done:
+    return Done(True, "rewritten", spent=Spent(1), report={"claims": [], "action": "rewrite"})
+
+
+def on_probation(world: DaemonWorld) -> None:
+    """A repair of HEAL after which all is well, for now."""
+    world.mends |= {Repair.WATCH: said("broken_tool"), Repair.HEAL: rewritten}
+    world.mends[Repair.ROLL_BACK] = lambda world, finding: Done(True, "as before")
+    world.truth.sensors[("status", "/volts")] = 7.4
+    world.start()
+    broken(world)
+    world.happens(Cause.LOG)
+    world.advance(5)
+    assert world.repairs() == [Repair.WATCH, Repair.HEAL]
+
+
+def test_heal_is_on_probation_until_everything_was_read_once_more(world: DaemonWorld) -> None:
+    on_probation(world)
+    world.truth.sensors[("status", "/volts")] = None
+    world.advance(310)
+    assert world.repairs() == [Repair.WATCH, Repair.HEAL, Repair.ROLL_BACK]
+
+
+def test_heal_that_has_held_for_a_round_is_not_blamed_for_what_comes_later(world: DaemonWorld) -> None:
+    on_probation(world)
+    world.advance(310)
+    world.truth.sensors[("status", "/volts")] = None
+    world.advance(600)
+    assert Repair.ROLL_BACK not in world.repairs()
+
+
+def test_a_process_that_ends_again_and_again_after_heal_takes_it_back_and_one_end_does_not(world: DaemonWorld) -> None:
+    on_probation(world)
+    world.die()
+    world.happens(Cause.PROCESS)
+    world.advance(5)
+    assert world.repairs()[2:] == [Repair.RESTART]
+    world.die()
+    world.happens(Cause.PROCESS)
+    world.advance(10)
+    assert world.repairs()[2:] == [Repair.RESTART, Repair.RESTART, Repair.ROLL_BACK]
+
+
+@pytest.mark.parametrize("name", ["breakers.json", "spend.json", "episodes.jsonl", "claims.json", "readings.jsonl"])
+def test_an_agent_that_writes_the_daemons_files_has_said_nothing_and_they_are_as_before(
+    world: DaemonWorld, name: str
+) -> None:
+    path = world.layout.daemon / name
+
+    def forging(world: DaemonWorld, finding: Finding) -> Done:
+        path.write_text('{"format": 1}\n')
+        return said("broken_tool")(world, finding)
+
+    world.mends |= {Repair.WATCH: forging, Repair.HEAL: healed}
+    world.truth.sensors[("status", "/volts")] = 7.4
+    world.start()
+    broken(world)
+    world.happens(Cause.LOG)
+    assert world.repairs() == [Repair.WATCH]
+    (tried,) = [made for item in world.rounds for _, made in item.tried]
+    assert not tried.ok and "refused" in tried.detail
+    codes = {item.code for made in world.rounds for item in made.problems}
+    assert codes & {"DAEMON-MEMORY-CHANGED", "CLAIM-LEDGER-CHANGED"}
+    again = DaemonWorld.__new__(DaemonWorld)
+    again.__dict__ |= world.__dict__
+    again.begun()
+    assert [item.tries for item in again.memory.breakers.all()] == [1]
+    assert again.memory.purse.spent(world.now, world.stamp()).calls == 1
+    assert len(again.memory.episodes.open) == 1 and again.ledger.latest()
+
+
+def test_a_rewrite_of_an_agent_that_writes_the_daemons_files_is_taken_back(world: DaemonWorld) -> None:
+    def forging(world: DaemonWorld, finding: Finding) -> Done:
+        (world.layout.daemon / "breakers.json").unlink()
+        return rewritten(world, finding)
+
+    world.mends |= {Repair.WATCH: said("broken_tool"), Repair.HEAL: forging}
+    world.mends[Repair.ROLL_BACK] = lambda world, finding: Done(True, "as before")
+    world.start()
+    broken(world)
+    world.happens(Cause.LOG)
+    world.advance(5)
+    assert world.repairs() == [Repair.WATCH, Repair.HEAL, Repair.ROLL_BACK]
