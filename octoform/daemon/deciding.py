@@ -9,10 +9,13 @@ from octoform.claims.gathering import settings_of
 from octoform.claims.ledger import Ledger
 from octoform.claims.model import Claim
 from octoform.daemon.sensing.moments import SystemClock
-from octoform.diagnostics import Diagnostic
+from octoform.diagnostics import Diagnostic, error
 from octoform.engine.serving import layout_of
+from octoform.escaping import escaped
 from octoform.manifest.loading import load
 from octoform.manifest.model import FILE_NAME, Daemon
+from octoform.state.holder import Liveness, liveness, myself
+from octoform.state.lock import Holder, read_holder
 
 
 def open_ledger(project: Path, environ: Mapping[str, str]) -> tuple[Ledger | None, list[Diagnostic]]:
@@ -25,9 +28,19 @@ def open_ledger(project: Path, environ: Mapping[str, str]) -> tuple[Ledger | Non
     return Ledger.open(layout, SystemClock(), settings_of(layout, float(settings.claim_seconds))), found
 
 
+def undecidable(project: Path, environ: Mapping[str, str]) -> Diagnostic | None:
+    """Why nothing can be decided now: somebody works on the host, and an agent's word would look like a person's."""
+    layout, _ = layout_of(project, environ)
+    holder = read_holder(layout) if layout is not None else None
+    if not isinstance(holder, Holder) or liveness(holder.process, myself()) is Liveness.DEAD:
+        return None
+    summary = f"nothing is decided while {escaped(holder.operation)[:60]} is under way (process {holder.process.pid})"
+    hint = "an agent may be at work, and what it decides would look like a person's word; say it when that has ended"
+    return error("CLAIM-AGENT-AT-WORK", summary, hint=hint)
+
+
 def everything(ledger: Ledger, *, over: bool) -> list[Claim]:
     """Those that wait for a person, those in force, and with ``over`` those that ended, the newest first."""
-    ledger.expire()
     return [*ledger.pending(), *ledger.active(), *(reversed(ledger.recent()) if over else ())]
 
 

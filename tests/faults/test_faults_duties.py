@@ -16,10 +16,12 @@ from typing import Any
 import pytest
 from projects import AGENT, Project
 
+from octoform.daemon.records import ownership
 from octoform.endpoint.running import running
 from octoform.engine.diagnosing import diagnose
 from octoform.engine.healing import heal, roll_back
 from octoform.state.layout import Layout
+from octoform.state.lock import acquire
 
 pytestmark = pytest.mark.dear
 
@@ -164,8 +166,17 @@ def test_a_report_is_held_to_what_was_given_and_changes_nothing(bench: Bench) ->
     server, pid = bench.layout.output("serve"), bench.process
     with bench.layout.call_log.open("ab") as log:
         log.write(b'{"event": "result", "id": "x", "tool": "t", "ok": false, "error": "OSError", "message": "\xff"}\n')
-    bench.duty("watch", {"report": REPORT, "touch": [str(server)]}, {"report": REPORT})
+    layout = bench.layout
+    layout.daemon.mkdir(mode=0o700, exist_ok=True)
+    touched = [server, layout.endpoint / "policy.json", layout.endpoint / "launcher" / "gate.py"]
+    touched += [layout.daemon / "claims.json", layout.daemon / "breakers.json", layout.local / "adopting.json"]
+    touched += [layout.kept / "index.json"]
+    before = {path: path.read_bytes() if path.exists() else None for path in touched}
+    bench.duty("watch", {"report": REPORT, "touch": [str(path) for path in touched]}, {"report": REPORT})
     result = bench.watch()
+    assert {path: path.read_bytes() if path.exists() else None for path in touched} == before
+    refused = json.loads((bench.project.attempts("watch")[-2] / "attempt.json").read_text())["diagnostics"]
+    assert len({item["path"] for item in refused if item["code"] == "APPLY-OUTSIDE-WRITE"}) == len(touched)
     assert result["ok"] and result["report"] == REPORT and result["spent"]["calls"] == 2
     assert bench.refusals("watch", 2) == [{"APPLY-OUTSIDE-WRITE"}, set()]
     assert server.read_text() == BROKEN and bench.process == pid
@@ -174,6 +185,20 @@ def test_a_report_is_held_to_what_was_given_and_changes_nothing(bench: Bench) ->
     assert given["perception"] == {"available": False, "reason": "perception is off: nobody looks through a camera"}
     assert "OSError" in given["log"] and len(given["log"].encode()) <= 16384
     assert [tool["name"] for tool in given["tools"]] == [TOOL]
+
+
+def test_a_living_daemon_knows_itself_what_it_wrote_and_nobody_decides_while_an_agent_works(bench: Bench) -> None:
+    claims = bench.layout.daemon / "claims.json"
+    owned, _ = ownership.take(bench.layout, AT, 1.0, "1")
+    assert owned is not None
+    bench.duty("watch", {"report": REPORT, "touch": [str(claims)]})
+    assert bench.watch()["ok"] and claims.exists()
+    claims.unlink()
+    owned.release()
+    with acquire(bench.layout, "heal").lock or pytest.fail("the lock is held"):
+        for words in (("claims", "-retire", "c1"), ("confirm", "c1", "-auto-approve"), ("confirm", "c1", "-reject")):
+            assert "CLAIM-AGENT-AT-WORK" in bench.project.run(*words, "-json", status=1).text
+    assert "CLAIM-NOT-FOUND" in bench.project.run("confirm", "c1", "-auto-approve", "-json", status=1).text
 
 
 def test_an_agent_that_hangs_blocks_no_longer_than_its_budget(bench: Bench) -> None:

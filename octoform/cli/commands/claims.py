@@ -4,7 +4,7 @@ import os
 from argparse import Namespace
 from pathlib import Path
 
-from octoform.daemon.deciding import everything, open_ledger, person
+from octoform.daemon.deciding import everything, open_ledger, person, undecidable
 from octoform.diagnostics import Diagnostic
 from octoform.views import claims as view
 from octoform.views import problems
@@ -16,11 +16,16 @@ def run(arguments: Namespace, project: Path, screen: Console) -> int:
     ledger, found = open_ledger(project, os.environ)
     if ledger is None:
         return problems.show(screen, found, as_json=arguments.json)
+    problem = undecidable(project, os.environ)
     if arguments.retire is not None:
+        if problem is not None:
+            return problems.show(screen, [problem], as_json=arguments.json)
         done = ledger.retire(arguments.retire, person())
         if isinstance(done, Diagnostic):
             return problems.show(screen, [done], as_json=arguments.json)
         return view.decided(screen, done, as_json=arguments.json)
+    if problem is None:
+        ledger.expire()
     listed = everything(ledger, over=arguments.all)
     problems.show(screen, ledger.told())
     return view.listed(screen, listed, everything=arguments.all, as_json=arguments.json)

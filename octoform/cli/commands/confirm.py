@@ -5,7 +5,7 @@ from argparse import Namespace
 from pathlib import Path
 
 from octoform.claims.model import Claim
-from octoform.daemon.deciding import open_ledger, person
+from octoform.daemon.deciding import open_ledger, person, undecidable
 from octoform.diagnostics import Diagnostic, error
 from octoform.views import claims as view
 from octoform.views import problems
@@ -18,6 +18,8 @@ def run(arguments: Namespace, project: Path, screen: Console) -> int:
     ledger, found = open_ledger(project, os.environ)
     if ledger is None:
         return problems.show(screen, found, as_json=arguments.json)
+    if problem := undecidable(project, os.environ):
+        return problems.show(screen, [problem], as_json=arguments.json)
     if arguments.reject:
         return _told(screen, ledger.reject(arguments.claim, person()), as_json=arguments.json)
     claim = next((each for each in ledger.pending() if each.id == arguments.claim), None)
@@ -28,6 +30,8 @@ def run(arguments: Namespace, project: Path, screen: Console) -> int:
             screen.line(line)
         if not approves(screen, "Make this claim true?"):
             return problems.show(screen, [_not_approved()])
+        if problem := undecidable(project, os.environ):  # a person takes their time
+            return problems.show(screen, [problem])
     return _told(screen, ledger.confirm(arguments.claim, person()), as_json=arguments.json)
 
 
