@@ -9,7 +9,7 @@ from typing import Any
 
 from octoform.claims.gathering import settings_of
 from octoform.claims.ledger import Ledger
-from octoform.claims.model import Reading
+from octoform.claims.model import Channel, Reading, Signal
 from octoform.claims.settings import Settings
 from octoform.daemon.agents import Agents
 from octoform.daemon.loop.bench import Beside
@@ -35,6 +35,7 @@ from octoform.state.layout import Layout
 METRICS_SECONDS = 15.0
 LOOK_SECONDS = 120.0
 JOIN_SECONDS = 5.0
+_PICTURE = frozenset({Signal(Channel.FRAME, "", "")})
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,12 +93,14 @@ def compose(wanted: Wanted, environ: Mapping[str, str], workers: Workers, view: 
     ledger, maker = Ledger.open(layout, clock, claims), Ledger(layout, clock, claims)
     notifier = notifying.open_notifier(layout, settings.notify, environ)
     plain = Repairs(layout.host, workers.run, settings.apply, lambda hung: restart(layout, hung=hung))
+    sensors = Sensors(layout, maker.make)
     ports = Ports(
         clock=clock,
         sources=sources,
         look=looker,
         repair=_starting(Agents(layout.host, workers.run, plain), looker),
-        sample=_sampling(wanted, maker, workers),
+        sample=_sampling(wanted, sensors, maker, workers),
+        promised=lambda: sensors.promised() | (_PICTURE if wanted.looks else frozenset()),
         notify=notifier,
     )
     bench = Beside(sources.rouse)
@@ -120,10 +123,9 @@ def _starting(repair: Callable[[Finding, Repair], Done], looker: Looker) -> Call
     return made
 
 
-def _sampling(wanted: Wanted, maker: Ledger, workers: Workers) -> Callable[[], Iterable[Reading]]:
+def _sampling(wanted: Wanted, sensors: Sensors, maker: Ledger, workers: Workers) -> Callable[[], Iterable[Reading]]:
     """Readings are made in threads beside the loop: one at a time, and with ids that the loop's own never are."""
     layout = wanted.layout
-    sensors = Sensors(layout, maker.make)
     frames = Frames(layout, maker.make, lambda: workers.run("look", {"host": layout.host}, LOOK_SECONDS))
     guard = threading.Lock()
 

@@ -25,10 +25,16 @@ def newest(readings: Iterable[Reading]) -> dict[Signal, Reading]:
     return found
 
 
-def silent(readings: Iterable[Reading], expected: Iterable[Signal] = ()) -> list[Silence]:
-    """Every unit that cannot report, told once, in order. ``expected`` are signals that reported before."""
+def silent(
+    readings: Iterable[Reading], expected: Iterable[Signal] = (), unread: Iterable[Silence] = ()
+) -> list[Silence]:
+    """Every unit that cannot report, told once, in order.
+
+    ``expected`` are signals that reported before, ``unread`` what should report as a whole and was not asked.
+    """
     latest = newest(readings)
-    found = {(source, path): why for source, path, why in _skipped(latest)}
+    found = {(source, path): why for source, path, why in unread}
+    found |= {(source, path): why for source, path, why in _skipped(latest) if (source, "") not in found}
     for source, path, why in [*_failed(latest), *_missing(latest, expected)]:
         if not any(source == other and f"{path}/".startswith(f"{above}/") for other, above in found):
             found[source, path] = why

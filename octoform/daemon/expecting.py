@@ -1,8 +1,11 @@
-"""What ought to report: signals that measured something before, of tools that are still offered. (Light.)
+"""What ought to report: what the tools promise, and signals that measured something before. (Light.)
 
-Only what had a number or a truth value counts as having reported: a member that always was null promises nothing, and
-texts come and go with what they tell of. What an apply took away is missed by nobody: a tool or a device that is not
-offered any more, and a member that the tool's answers have not had since.
+A reading tool that is offered promises to report: until it was asked, and when it was not asked for long, nothing is
+known of what it reads.
+
+Of its signals only what had a number or a truth value counts as having reported: a member that always was null
+promises nothing, and texts come and go with what they tell of. What an apply took away is missed by nobody: a tool or a
+device that is not offered any more, and a member that the tool's answers have not had since.
 """
 
 from collections.abc import Callable, Iterable, Mapping
@@ -10,6 +13,7 @@ from datetime import UTC, datetime
 from typing import Any
 
 from octoform.claims.model import Channel, Reading, Signal
+from octoform.daemon.coverage import Silence
 from octoform.daemon.sensing.sampling import tool_of
 from octoform.endpoint.promise import promised
 from octoform.state.layout import Layout
@@ -43,6 +47,25 @@ def measured(readings: Iterable[Reading], of: Callable[[Signal], Iterable[Readin
         if reading.signal.channel is Channel.SENSOR
         and (_measures(reading) or (reading.value is None and any(map(_measures, of(reading.signal)))))
     )
+
+
+def unread(promised: Iterable[Signal], readings: Iterable[Reading], since: float) -> list[Silence]:
+    """What is promised and was not read since ``since`` (uptime in seconds), whatever a reading of it said.
+
+    A promise has no path: it is all that its source reports; without a source, any of its channel.
+    """
+    last: dict[tuple[Channel, str], float] = {}
+    for reading in readings:
+        for source in (reading.signal.source, ""):
+            key = reading.signal.channel, source
+            last[key] = max(reading.uptime, last.get(key, reading.uptime))
+    found = []
+    for each in promised:
+        at = last.get((each.channel, each.source))
+        if at is None or at < since:
+            why = "it has not been read yet" if at is None else "it was not read for a while"
+            found.append((each.source or str(each.channel), each.path, why))
+    return found
 
 
 def _measures(reading: Reading) -> bool:

@@ -10,7 +10,7 @@ from typing import Any, Protocol
 
 from octoform.claims.conditions import holds
 from octoform.claims.model import Claim, Reading, Signal, State
-from octoform.daemon.coverage import answered, newest, reporting, silent
+from octoform.daemon.coverage import Silence, answered, newest, reporting, silent
 from octoform.daemon.model import Facts, Kind, Outcome, Status
 
 FORMAT = 1
@@ -115,10 +115,14 @@ def compose(
     claims: Iterable[Claim] = (),
     readings: Iterable[Reading] = (),
     expected: Iterable[Signal] = (),
+    unread: Iterable[Silence] = (),
 ) -> Health:
-    """Health as of these facts. ``episodes`` may hold ended ones; ``expected`` are signals that ought to report."""
+    """Health as of these facts. ``episodes`` may hold ended ones; ``expected`` are signals that ought to report.
+
+    ``unread`` is what is promised to report and was not asked (`octoform.daemon.expecting.unread`).
+    """
     latest, made = newest(readings), list(claims)
-    quiet = silent(latest.values(), expected)
+    quiet = silent(latest.values(), expected, unread)
     standing = [each for each in made if each.state is State.ACTIVE and _stands(each, latest)]
     pending = [each for each in made if each.state is State.PENDING]
     parts = [*_process(facts), *_devices(facts)]

@@ -4,7 +4,7 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import Protocol
 
-from octoform.claims.model import Reading
+from octoform.claims.model import Reading, Signal
 from octoform.daemon.model import Alert, Cause, Done, Facts, Finding, Repair
 
 
@@ -50,6 +50,8 @@ class Repairer(Protocol):
 
 Sample = Callable[[], Iterable[Reading]]
 """Fresh readings of one channel; what cannot be read is a reading of ``None``, never left out."""
+Promised = Callable[[], frozenset[Signal]]
+"""What ought to report: each reading tool, and the camera where it may be looked through; without a path."""
 Notify = Callable[[Alert], None]
 
 
@@ -62,4 +64,5 @@ class Ports:
     look: Look
     repair: Repairer
     sample: Sample
+    promised: Promised
     notify: Notify

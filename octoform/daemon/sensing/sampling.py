@@ -36,6 +36,8 @@ _POSSIBLE = frozenset(("list", "describe", "formats", "modes", "capabilities"))
 """Words of tools that tell what a device can do, which is no reading of what it does."""
 _WAITING = re.compile(r"timeout|duration|seconds|wait|_ms$|_s$", re.I)
 
+EMPTY = "empty"
+"""The value of a result that tells of nothing, as a list without items does: also that is an answer."""
 Make = Callable[[Signal, Value, str], Reading]
 """Makes a reading with an id and its times: `octoform.claims.ledger.Ledger.make`."""
 
@@ -87,6 +89,10 @@ class Sensors:
         tools = [(name, tool) for name, tool in known if name not in unseen and is_sensor(tool)]
         return sorted((Probe(name, device) for name, tool in tools for device in _devices(tool)), key=_order)
 
+    def promised(self) -> frozenset[Signal]:
+        """What these calls ought to report, as a whole: signals without a path."""
+        return frozenset(Signal(Channel.SENSOR, each.source, "") for each in self.probes())
+
     def _read(self, wire: Wire, probe: Probe) -> Iterator[Reading]:
         if probe.tool in self._pictures:  # it gave one of another device a moment ago
             return
@@ -108,7 +114,8 @@ class Sensors:
         elif not isinstance(structured, Mapping):
             yield self._nothing(probe, "its result is not structured")
         else:
-            for path, value, why in flattened(structured):
+            leaves = list(flattened(structured)) or [("", EMPTY, "")]
+            for path, value, why in leaves:
                 yield self._make(Signal(Channel.SENSOR, probe.source, path), value, why)
 
     def _nothing(self, probe: Probe, why: str) -> Reading:

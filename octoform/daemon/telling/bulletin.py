@@ -1,12 +1,13 @@
 """What the daemon knows, written down for everybody who asks: health, with what waits and what is given up. Light."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import Any
 
 from octoform.claims.model import Channel, Reading, Signal
 from octoform.daemon.evidence import Evidence
-from octoform.daemon.expecting import current, measured
+from octoform.daemon.expecting import current, measured, unread
 from octoform.daemon.health import Health, compose
 from octoform.daemon.model import Facts
 from octoform.daemon.records.memory import Memory
@@ -29,22 +30,34 @@ class Bulletin:
     _at: float = 0.0
     _measured: frozenset[Signal] = frozenset()
 
-    def __call__(self, facts: Facts, waits: Mapping[str, str], paused: str | None) -> Health:
-        """Compose health of these facts, and write it down."""
+    def __call__(
+        self, facts: Facts, waits: Mapping[str, str], paused: str | None, promised: Iterable[Signal] = ()
+    ) -> Health:
+        """Compose health of these facts, and write it down; ``promised`` is what ought to report (`ports.Promised`)."""
         ledger = self.evidence.ledger
-        known = current(ledger.latest(), self.memory.shelf.layout)
+        latest = ledger.latest()
+        known = current(latest, self.memory.shelf.layout)
         readings = [self._aged(reading, facts.uptime) for reading in known]
         claims = [*ledger.active(), *ledger.pending()]
-        health = compose(facts, self.memory.episodes.open.values(), claims, readings, self._expected(known))
+        silent = unread(promised, latest, facts.uptime - self.stale) if facts.process is not None else []
+        health = compose(facts, self.memory.episodes.open.values(), claims, readings, self._expected(known), silent)
         frozen = [{"target": each.target, "why": each.frozen} for each in self.memory.breakers.frozen()]
         beside = {"paused": paused, "waits": dict(waits), "frozen": frozen}
         document = {**health.as_json(), **beside}
         same = {name: value for name, value in document.items() if name not in ("at", "uptime")}
         if same != self._written or facts.uptime - self._at >= FRESH_SECONDS:
-            self.memory.shelf.write(FILE, document)
-            self._written, self._at = same, facts.uptime
+            if self.memory.shelf.write(FILE, document):
+                self._written, self._at = same, facts.uptime
+            else:
+                self._withdraw()
         self.last = health
         return health
+
+    def _withdraw(self) -> None:
+        """What cannot be replaced must not be taken for how things are; nothing is better than what was."""
+        with suppress(OSError):  # a disk that refuses this too is seen by whoever asks
+            self.memory.shelf.path(FILE).unlink(missing_ok=True)
+        self.memory.shelf.wrote(FILE)
 
     def _expected(self, known: list[Reading]) -> frozenset[Signal]:
         """What measured something since this daemon began, or as far back as the ledger remembers each signal."""

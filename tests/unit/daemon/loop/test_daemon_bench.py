@@ -32,13 +32,15 @@ class Beat:
         self.ended = threading.Semaphore(0)
         self.bench = Beside(self.ended.release)
         self.world = DaemonWorld(folder, bench=self.bench)
+        self.seen = 0
         self.world.start()
         self.next()  # the first readings
 
     def settle(self) -> None:
-        """Wait until a repair has ended, and let the loop know of that and of the readings before it."""
-        while not self.next().tried:
-            pass
+        """Wait until a repair has ended, and the loop knows of that and of the readings before it."""
+        while not any(made.tried for made in self.world.rounds[self.seen :]):
+            self.next()
+        self.seen = len(self.world.rounds)
 
     def next(self) -> Round:
         """Wait until a work has ended, and let the loop know."""

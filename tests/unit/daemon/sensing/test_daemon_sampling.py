@@ -11,7 +11,16 @@ from hypothesis import strategies as st
 from launched import Launched, launched, tool
 
 from octoform.claims.model import Channel, Reading, Signal, Value
-from octoform.daemon.sensing.sampling import MOST_CALLS, MOST_VALUES, Frames, Sensors, flattened, is_sensor, tool_of
+from octoform.daemon.sensing.sampling import (
+    EMPTY,
+    MOST_CALLS,
+    MOST_VALUES,
+    Frames,
+    Sensors,
+    flattened,
+    is_sensor,
+    tool_of,
+)
 from octoform.endpoint.running import running
 from octoform.state.layout import Layout
 
@@ -47,6 +56,11 @@ def eye() -> ToolResult:
     return ToolResult(content=[Image(data=b"x", format="png").to_image_content()], structured_content={"mean": 1})
 
 @mcp.tool
+def faults() -> dict[str, list[str]]:
+    """There are none."""
+    return {"faults": []}
+
+@mcp.tool
 def move() -> dict[str, bool]:
     """Moves."""
     raise RuntimeError("it was called")
@@ -63,6 +77,7 @@ TOOLS = [
     declared("joints"),
     declared("broken"),
     declared("eye"),
+    declared("faults"),
     declared("move", "actuate"),
     declared("read_temperature", properties={"device": CHIPS}, required=["device"]),
 ]
@@ -92,12 +107,13 @@ def endpoint(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Launched]:
 def test_what_tools_answer_are_readings_and_so_is_what_they_do_not(endpoint: Launched) -> None:
     sensors = Sensors(endpoint.layout, make)
     chips = ["read_temperature(hwmon-k10temp)", "read_temperature(hwmon-nvme)"]
-    assert sources(sensors) == ["broken", "eye", "joints", *chips]
+    assert sources(sensors) == ["broken", "eye", "faults", "joints", *chips]
     found = sensors()
     assert {each.signal.channel for each in found} == {Channel.SENSOR}
-    broken, *joints = [each for each in told(found) if each[0] not in chips]
+    broken, faults, *joints = [each for each in told(found) if each[0] not in chips]
     assert broken[:3] == ("broken", "", None)
     assert broken[3]
+    assert faults == ("faults", "", EMPTY, ""), "to tell of nothing is an answer"
     assert joints == [
         ("joints", "/joints/base/name", "base", ""),
         ("joints", "/joints/base/heat", 30, ""),
@@ -106,7 +122,9 @@ def test_what_tools_answer_are_readings_and_so_is_what_they_do_not(endpoint: Lau
         ("joints", "/joints/elbow/heat", None, "it is switched off"),
         ("joints", "/joints/elbow/skipped", "it is switched off", ""),
     ]
-    assert sources(sensors) == ["broken", "joints", *chips], "a tool that gave a picture was called again"
+    left = ["broken", "faults", "joints", *chips]
+    assert sources(sensors) == left, "a tool that gave a picture was called again"
+    assert sensors.promised() == {Signal(Channel.SENSOR, name, "") for name in left}
 
 
 def test_a_tool_of_several_devices_is_asked_for_each_and_one_that_fails_is_told_apart(endpoint: Launched) -> None:
@@ -137,6 +155,7 @@ def test_the_calls_pass_the_gate_and_nothing_is_moved(endpoint: Launched) -> Non
     assert {each["tool"] for each in records if each["event"] == "decision"} == {
         "broken",
         "eye",
+        "faults",
         "joints",
         "read_temperature",
     }
@@ -146,7 +165,13 @@ def test_an_endpoint_that_does_not_run_is_not_started(endpoint: Launched) -> Non
     endpoint.stop()
     try:
         found = Sensors(endpoint.layout, make)()
-        assert {tool_of(each.signal.source) for each in found} == {"broken", "eye", "joints", "read_temperature"}
+        assert {tool_of(each.signal.source) for each in found} == {
+            "broken",
+            "eye",
+            "faults",
+            "joints",
+            "read_temperature",
+        }
         assert all(each.value is None and each.why for each in found)
         assert Frames(endpoint.layout, make, lambda: pytest.fail("it looked"))() == ()
         assert running(endpoint.layout) is None
