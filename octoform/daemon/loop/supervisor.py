@@ -33,6 +33,9 @@ SAMPLING = frozenset({Cause.START, Cause.INTERVAL, Cause.RESUMED, Cause.ASKED})
 AFTER = frozenset({Cause.RETRY, Cause.PROCESS, Cause.HARDWARE, Cause.FILES, Cause.PING, Cause.LOG})
 """What is looked at after a repair: everything that it may have changed."""
 QUIET = frozenset({Cause.PING})
+READ = QUIET | {Cause.LOG}
+"""What is looked at after readings: a tool that could not be read has left a line in the log, and both are one trouble.
+"""
 BACK = PROCESS | {Kind.DEVICE_GONE, Kind.DEVICE_BACK}
 """Troubles at whose end something reports again that was silent: read once, or health would stay unknown for long."""
 MOST_PASSES = 12
@@ -135,7 +138,7 @@ class Supervisor:
                 break
             self._trying.conclude(ended, facts)
             repaired = any(item.task.finding is not None for item in ended)
-            facts, findings = self._looked(AFTER if repaired else QUIET)
+            facts, findings = self._looked(AFTER if repaired else READ)
         if not sampled and any(each.kind in BACK for each in self._troubles.ended):
             self._sample(facts)
         return self._over(causes, facts, findings, begun, paused)
@@ -163,7 +166,7 @@ class Supervisor:
         """Look, judge, and let episodes begin and end."""
         if early := self._bench.ended():  # what ended while nobody looked
             self._trying.conclude(early, self._facts or self._ports.look(causes))
-            causes |= AFTER if any(item.task.finding is not None for item in early) else frozenset()
+            causes |= AFTER if any(item.task.finding is not None for item in early) else READ
         # Before the look: a repair that ends while it is made is judged by the next one, and not lost between the two.
         busy = frozenset(task.key for task in self._bench.under_way() if task.finding is not None)
         before, facts = self._facts, self._seen or self._ports.look(causes)

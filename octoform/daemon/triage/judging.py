@@ -34,8 +34,9 @@ def judge(
     # An edited file stays as long as its person wants it: the endpoint is started with it, or refuses and says why.
     awaited = [each for each in standing if each.key not in given_up]
     serving = [*barred, *process.judged(facts, known, [*awaited, *barred]), *process.tunnel(facts)]
-    using = [*tools.judged(facts, known, [*standing, *plugged, *serving]), *sensing.judged(facts, readings)]
-    return _once([*standing, *plugged, *serving, *using])
+    using = list(tools.judged(facts, known, [*standing, *plugged, *serving]))
+    reported = sensing.judged(facts, readings, known.failing, [*serving, *using])
+    return _once([*standing, *plugged, *serving, *using, *reported])
 
 
 def _once(found: list[Finding]) -> tuple[Finding, ...]:
