@@ -11,6 +11,8 @@ from typing import Any
 from vm.user import PROJECT, Octoform
 
 EPISODES = f"{PROJECT}/.octoform/bench/daemon/episodes.jsonl"
+LEFT = "[o]ctoform watch|[o]ctoform.(daemon|runtime).[a-z.]*"
+"""Processes of the daemon, as pgrep looks for them: itself, its worker, and whom it asks."""
 NOTICED_SECONDS = 120.0
 """For what a real computer notices at once: here the daemon shares one emulated processor with everything else."""
 
@@ -48,18 +50,26 @@ class Watch:
         said = self.octoform.guest.run("tail -n 20 /root/watch.log", check=False)
         raise AssertionError(f"not noticed within {seconds:.0f} s\n{self.episodes()[since:]}\n{said}")
 
+    def end(self) -> None:
+        """Tell it to end as a service manager does, and wait until nothing of it is left."""
+        guest = self.octoform.guest
+        record = f"{PROJECT}/.octoform/bench/daemon/daemon.json"
+        ending = f"test ! -e {record} || kill $(python3 -c \"import json; print(json.load(open('{record}'))['pid'])\")"
+        guest.run(ending, check=False)
+        guest.until(f"! pgrep -f '{LEFT}' >/dev/null", 60.0)
+
 
 @contextlib.contextmanager
 def watching(octoform: Octoform) -> Iterator[Watch]:
-    """The daemon from its start to a SIGTERM, after which nothing of it is left."""
+    """The daemon from its start until it is told to end."""
     line = octoform.line("watch", "-json")
     folder, _, command = line.partition(" && ")
     whole = f"{folder} && exec env {command} >/root/watch.log 2>&1 </dev/null"
     octoform.guest.run(f"setsid sh -c {shlex.quote(whole)} >/dev/null 2>&1 & echo started")
     try:
-        octoform.guest.until(f"test -s {PROJECT}/.octoform/bench/daemon/health.json")
+        octoform.guest.until(f"test -s {PROJECT}/.octoform/bench/daemon/health.json || ! pgrep -f '{LEFT}' >/dev/null")
+        said = octoform.guest.run("tail -n 30 /root/watch.log")
+        assert octoform.guest.run(f"pgrep -f '{LEFT}'", check=False), f"the daemon ended\n{said}"
         yield Watch(octoform)
     finally:
-        ending = "kill $(python3 -c \"import json; print(json.load(open('{}'))['pid'])\")"
-        octoform.guest.run(ending.format(f"{PROJECT}/.octoform/bench/daemon/daemon.json"), check=False)
-        octoform.guest.until("! pgrep -f '[o]ctoform watch' >/dev/null", 60.0)
+        Watch(octoform).end()

@@ -21,7 +21,7 @@ See = Callable[[str, str], None]
 _MANIFEST = """\
 profiles: [profiles/so-arm101.md, profiles/camera-rail.md]
 answers: {usb-2341-804f: "the camera rail of the bench"}
-daemon: {interval: 24h}
+daemon: {interval: 24h, calls_per_hour: 100}
 """
 
 
@@ -163,5 +163,9 @@ def test_a_device_replaced_by_another_model(rig_bench: RigBench, watch: Watch, c
     see("daemon, replaced", "the other model's tools are there, those of the former one are not")
 
 
-def test_nothing_is_left_when_it_is_told_to_end(watch: Watch) -> None:
-    assert watch.octoform.asked("health")["daemon"] is not None
+def test_the_endpoint_goes_on_when_the_daemon_is_told_to_end(watch: Watch, caller: McpClient, see: See) -> None:
+    assert watch.octoform.asked("health")["watched"] is not None
+    watch.end()
+    assert watch.octoform.asked("health")["watched"] is None
+    caller.call("rail_position", device=RAIL)
+    see("daemon, ended", "told by SIGTERM: no process of it is left, the endpoint goes on")
