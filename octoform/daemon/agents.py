@@ -10,6 +10,9 @@ from octoform.daemon.repairs.acting import Run, done
 
 SECONDS = {Repair.WATCH: 900.0, Repair.HEAL: 2400.0, Repair.ROLL_BACK: 300.0}
 """Above what the manifest lets an agent take, so that its own budget ends it first."""
+LEAVING = frozenset({Repair.HEAL, Repair.ROLL_BACK, Repair.REDISCOVER})
+"""Repairs that exchange what is served before it is proved."""
+SETTLE_SECONDS = 180.0
 
 
 class Agents:
@@ -22,7 +25,13 @@ class Agents:
         self._plain = plain
 
     def __call__(self, finding: Finding, repair: Repair) -> Done:
-        """Do it once."""
+        """Do it once; what a child that was killed has left in service is settled before anybody looks again."""
+        made = self._made(finding, repair)
+        if made.untold and repair in LEAVING:
+            self._run("settle", {"host": self._host}, SETTLE_SECONDS)
+        return made
+
+    def _made(self, finding: Finding, repair: Repair) -> Done:
         if repair not in SECONDS:
             return self._plain(finding, repair)
         brief = finding.data.get("brief")

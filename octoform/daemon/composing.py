@@ -3,7 +3,7 @@
 import threading
 import time
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +21,7 @@ from octoform.daemon.records.memory import Memory
 from octoform.daemon.repairs.acting import Repairs
 from octoform.daemon.repairs.restarting import restart
 from octoform.daemon.repairs.worker_port import Workers
-from octoform.daemon.sensing.looking import Looker, open_look
+from octoform.daemon.sensing.looking import Looker, busy, open_look
 from octoform.daemon.sensing.moments import SystemClock
 from octoform.daemon.sensing.sampling import Frames, Sensors
 from octoform.daemon.sensing.sources import EventSources, Timing, open_sources
@@ -89,7 +89,7 @@ def compose(wanted: Wanted, environ: Mapping[str, str], workers: Workers, view: 
     sources = open_sources(layout, environ, Timing(float(settings.interval)), clock)
     looker = open_look(layout, environ, clock)
     memory = Memory.open(layout, myself().boot_id, clock.uptime(), settings)
-    claims = settings_of(layout, float(settings.claim_seconds), wanted.bounds)
+    claims = _claims(wanted)
     ledger, maker = Ledger.open(layout, clock, claims), Ledger(layout, clock, claims)
     notifier = notifying.open_notifier(layout, settings.notify, environ)
     plain = Repairs(layout.host, workers.run, settings.apply, lambda hung: restart(layout, hung=hung))
@@ -104,11 +104,17 @@ def compose(wanted: Wanted, environ: Mapping[str, str], workers: Workers, view: 
         notify=notifier,
     )
     bench = Beside(sources.rouse)
-    shown: View = _Knowing(ledger, layout, lambda: settings_of(layout, claims.claim_seconds, wanted.bounds), view)
+    shown: View = _Knowing(ledger, layout, lambda: _claims(wanted), view)
     if settings.metrics is not None:
         shown = _Counted(settings.metrics, memory, shown)
     supervisor = Supervisor(ports, memory, settings, ledger, bench, shown)
     return Composition(supervisor, workers, bench, sources, looker, notifier)
+
+
+def _claims(wanted: Wanted) -> Settings:
+    """What the ledger is told; while somebody works on the host no other process may change it."""
+    found = settings_of(wanted.layout, float(wanted.daemon.claim_seconds), wanted.bounds)
+    return replace(found, shut=lambda: busy(wanted.layout) is not None)
 
 
 def _starting(repair: Callable[[Finding, Repair], Done], looker: Looker) -> Callable[[Finding, Repair], Done]:

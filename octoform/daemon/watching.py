@@ -8,15 +8,18 @@ from pathlib import Path
 from types import FrameType
 
 import octoform
+from octoform.daemon.agents import SETTLE_SECONDS
 from octoform.daemon.composing import Composition, Wanted, compose, wanted
 from octoform.daemon.loop.supervisor import Round, View
 from octoform.daemon.records import ownership
 from octoform.daemon.repairs.worker_port import Workers
+from octoform.daemon.sensing.looking import busy
 from octoform.daemon.sensing.moments import SystemClock
 from octoform.diagnostics import Diagnostic, error
 from octoform.endpoint.files import LAUNCHER
 from octoform.manifest.model import FILE_NAME
 from octoform.state.belonging import foreign
+from octoform.state.layout import is_left
 
 SETTINGS_SECONDS = 60.0
 STOPS = (signal.SIGTERM, signal.SIGINT, signal.SIGHUP)
@@ -179,6 +182,8 @@ def _run(
         if said is not None:
             composed.supervisor.say(said)
             composed.looker.manifest = f"cannot be read, so what it was before counts: {said.detail or said.summary}"
+        if stopping.number is None and is_left(found.layout) and busy(found.layout) is None:
+            workers.run("settle", {"host": found.layout.host}, SETTLE_SECONDS)
         if stopping.number is None:
             composed.supervisor.run(once)
     finally:

@@ -93,7 +93,7 @@ def _planned(request: Request, options: Options, view: RunView, held: Locked) ->
     there = opened(compiled, options.ports)
     if isinstance(there, Refused):
         return replace(blank, failed=there.failed, diagnostics=there.diagnostics)
-    store, notices = there.store, (*held.notices, *there.finished)
+    store, notices = there.store, (*held.notices, *there.undone, *there.finished)
     saved, problems = read_saved(options.planfile, compiled)
     if problems:
         return replace(blank, failed="plan", diagnostics=tuple(problems))

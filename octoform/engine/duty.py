@@ -50,7 +50,7 @@ def on_duty(
             return refusal(there.diagnostics)
         with logging_to(held.compiled.layout.call_log, Clock(), _nobody) as emit:
             sweep(held.compiled.layout.attempts)
-            for text in (*held.notices, *there.finished):
+            for text in (*held.notices, *there.undone, *there.finished):
                 emit(Notice(operation, text))
             means = Means(environ, emit, checkpoint=(ports or Ports()).checkpoint)
             return _worked(held, there, means, operation, work)

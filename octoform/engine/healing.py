@@ -12,19 +12,20 @@ from typing import Any
 from octoform.apply import adopting, healing
 from octoform.apply.context import Context
 from octoform.apply.duty import Answer, refusal
-from octoform.apply.endpoint_node import CANDIDATE
 from octoform.diagnostics import has_errors
 from octoform.endpoint import supervising
 from octoform.endpoint.stopmark import is_marked
+from octoform.engine.affording import Left
 from octoform.engine.duty import on_duty, ready
 from octoform.engine.redeploying import redeploy
 from octoform.engine.rediscovering import rediscover
 from octoform.engine.repairing import restore
 from octoform.engine.serving import layout_of
+from octoform.harness.port import Usage
 from octoform.harness.watching import added
 from octoform.manifest.loading import load
 from octoform.manifest.model import FILE_NAME
-from octoform.state.layout import Layout
+from octoform.state.layout import Layout, is_left
 from octoform.state.store import Ports
 
 ROLL_BACK, SETTLE = "roll_back", "settle"
@@ -45,7 +46,7 @@ def heal(
     layout, _ = layout_of(project, environ)
     if not answer.ok or act is None or layout is None:
         return answer.told()
-    return _joined(answer, act(layout, environ)).told()
+    return _joined(answer, act(layout, environ, Left.of(brief, answer.calls, answer.usage.cost_usd))).told()
 
 
 def roll_back(
@@ -57,8 +58,7 @@ def roll_back(
 
 def settle(layout: Layout, environ: Mapping[str, str]) -> dict[str, Any] | None:
     """Finish or take back what a killed repair or step has left in service; None when it has left nothing."""
-    left = (layout.local / CANDIDATE).is_dir() or (layout.local / adopting.RECORD).is_file()
-    if not left or is_marked(layout):
+    if not is_left(layout) or is_marked(layout):
         return None
     return on_duty(layout.project, environ, SETTLE, _settled).told()
 
@@ -87,12 +87,12 @@ def _joined(asked: Answer, done: Answer) -> Answer:
     )
 
 
-def _restored(layout: Layout, _: Mapping[str, str]) -> Answer:
+def _restored(layout: Layout, _: Mapping[str, str], _left: Left) -> Answer:
     done = restore(layout)
     return Answer(ok=done.ok, detail=done.detail, again=done.again)
 
 
-def _restarted(layout: Layout, _: Mapping[str, str]) -> Answer:
+def _restarted(layout: Layout, _: Mapping[str, str], _left: Left) -> Answer:
     if is_marked(layout):
         return Answer(ok=False, detail="a person has stopped the endpoint; it stays so")
     supervising.stop(layout)
@@ -102,21 +102,26 @@ def _restarted(layout: Layout, _: Mapping[str, str]) -> Answer:
     return Answer(ok=True, detail="the endpoint was started anew")
 
 
-def _rediscovered(layout: Layout, environ: Mapping[str, str]) -> Answer:
+def _redeployed(layout: Layout, environ: Mapping[str, str], _left: Left) -> Answer:
+    return redeploy(layout, environ)
+
+
+def _rediscovered(layout: Layout, environ: Mapping[str, str], left: Left) -> Answer:
     manifest, _ = load(layout.project / FILE_NAME, environ)
-    told = rediscover(layout, environ, apply=manifest.daemon.apply if manifest is not None else ASK)
+    told = rediscover(layout, environ, apply=manifest.daemon.apply if manifest is not None else ASK, left=left)
     spent = told.get("spent") or {}
     return Answer(
         ok=bool(told["ok"]),
         detail=str(told["detail"]),
         again=bool(told["again"]),
         calls=int(spent.get("calls") or 0),
+        usage=Usage(spent.get("input_tokens"), None, spent.get("output_tokens"), spent.get("usd", 0.0)),
     )
 
 
-ACTIONS: Mapping[str, Callable[[Layout, Mapping[str, str]], Answer]] = {
+ACTIONS: Mapping[str, Callable[[Layout, Mapping[str, str], Left], Answer]] = {
     "restore": _restored,
-    "redeploy": redeploy,
+    "redeploy": _redeployed,
     "restart": _restarted,
     "rediscover": _rediscovered,
 }

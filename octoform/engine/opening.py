@@ -13,6 +13,7 @@ from octoform.apply.context import Clock, Context
 from octoform.diagnostics import Diagnostic, has_errors
 from octoform.engine.compiling import Compiled, compile_project
 from octoform.engine.observing import Situation
+from octoform.engine.undoing import settle
 from octoform.events import EventSink
 from octoform.state.donors import Donors
 from octoform.state.files import Checkpoint, check_writable, pass_by
@@ -39,10 +40,14 @@ class Locked:
 
 @dataclass(frozen=True, slots=True)
 class Opened:
-    """Its state, with nothing left half done; ``finished`` says what a killed run had begun and was carried through."""
+    """Its state, with nothing left half done; ``finished`` says what a killed run had begun and was carried through.
+
+    ``undone`` says what a killed run that nobody watched had begun and was taken back.
+    """
 
     store: StateStore
     finished: tuple[str, ...] = ()
+    undone: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,13 +84,16 @@ def locked(
 def opened(compiled: Compiled, ports: Ports | None = None) -> Opened | Refused:
     """The state of a host whose lock the caller holds, after what a killed run had begun to adopt is finished."""
     layout = compiled.layout
+    undone, problems = settle(layout)
+    if has_errors(problems):
+        return Refused("state", tuple(problems), layout.host)
     store, found = StateStore.open(layout, ports or Ports())
     if store is None:
         return Refused("state", tuple(found), layout.host)
     finished, problems = resume(layout, store, compiled.graph)
     if has_errors(problems):
         return Refused("state", tuple(problems), layout.host)
-    return Opened(store, finished)
+    return Opened(store, finished, undone)
 
 
 def context_of(compiled: Compiled, situation: Situation, store: StateStore, means: Means) -> Context:

@@ -13,7 +13,7 @@ from octoform.endpoint.stopmark import is_marked
 from octoform.engine.applying import Options, apply
 from octoform.engine.planning import Outlook, Request
 from octoform.engine.results import RunResult
-from octoform.engine.undoing import Former, go_back, remember
+from octoform.engine.undoing import Former, forget, go_back, keep, remember, taken_back
 from octoform.engine.unwatched import Unwatched
 from octoform.harness.port import Usage
 from octoform.protocol.steps import FRAME
@@ -29,11 +29,13 @@ def redeploy(layout: Layout, environ: Mapping[str, str]) -> Answer:
         return Answer(ok=False, detail="a person has stopped the endpoint; it stays so")
     mine = _Consent(layout)
     request = Request(layout.project, environ, replace=("deploy",), reuse=False)
-    result = apply(request, Options(consent=mine, lock_seconds=LOCK_SECONDS), Unwatched())
+    with taken_back(lambda: mine.former):
+        result = apply(request, Options(consent=mine, lock_seconds=LOCK_SECONDS), Unwatched())
     if mine.why:
         return Answer(ok=False, detail=f"the packages are not decided anew: {mine.why}", again=False)
     usage = Usage(result.usage.input_tokens, None, result.usage.output_tokens, result.usage.cost_usd)
     if result.failed is None:
+        forget(layout)
         detail = "the packages of the endpoint were decided anew, and it serves from them"
         return Answer(ok=True, detail=detail, changed=True, calls=result.agent_runs, usage=usage)
     return Answer(ok=False, detail=_undone(mine.former, result), calls=result.agent_runs, usage=usage)
@@ -57,7 +59,9 @@ class _Consent:
             self.why = f"octoform apply would make {', '.join(more)} too, which is for a person to begin"
         else:
             self.former = remember(self._layout, outlook.snapshot)
-            self.why = "" if self.former is not None else "the host is not as it was applied"
+            problem = keep(self.former) if self.former is not None else None
+            self.why = problem.summary if problem is not None else ""
+            self.why = self.why if self.former is not None else "the host is not as it was applied"
         return not self.why
 
 

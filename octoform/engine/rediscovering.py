@@ -7,6 +7,7 @@ Unattended, so it does less than a person's apply and leaves no doubt behind:
 * A privileged step that has tried a device moves it again when the server is another one. That a step is listed
   allows its first proof, also with nobody there: of a device that came. It does not allow a movement because a camera
   came, nor another try of one that failed. So it asks.
+* It is begun only where the hour's agent runs and dollars are enough for all of it (`octoform.engine.affording`).
 * It is all or nothing. When a stage fails, everything is as it was before, and the former endpoint serves.
 
 What is asked lies in ``daemon/asks.json``, once for each change.
@@ -18,10 +19,11 @@ from typing import Any
 from octoform.diagnostics import Diagnostic, has_errors
 from octoform.endpoint.stopmark import is_marked
 from octoform.engine import onboarding
+from octoform.engine.affording import Left, shortages
 from octoform.engine.applying import Options, apply
 from octoform.engine.planning import Outlook, Request, prepare
 from octoform.engine.results import RunResult
-from octoform.engine.undoing import Former, go_back, remember
+from octoform.engine.undoing import Former, forget, go_back, keep, remember, taken_back
 from octoform.engine.unwatched import Unwatched
 from octoform.graph.model import STEP, key_parts
 from octoform.plan.model import Cause, PlannedAction
@@ -31,14 +33,15 @@ from octoform.state.layout import Layout
 AUTO = "auto"
 LOCK_SECONDS = 60.0
 HARDWARE = "hardware"
+NO_CAP = Left()
 _OURS = frozenset({Cause.UPSTREAM, Cause.ENDPOINT, Cause.FAILED, Cause.INTERRUPTED, Cause.INSTANCES_GONE})
 """Reasons that no person's edit stands behind."""
 _BEFORE = ("compile", "lock", "state", "plan", "approval")
 """Where a run stops before it has changed anything."""
 
 
-def rediscover(layout: Layout, environ: Mapping[str, str], *, apply: str) -> dict[str, Any]:
-    """Onboard what changed, or ask; ``apply`` is the manifest's ``daemon.apply``.
+def rediscover(layout: Layout, environ: Mapping[str, str], *, apply: str, left: Left = NO_CAP) -> dict[str, Any]:
+    """Onboard what changed, or ask; ``apply`` is the manifest's ``daemon.apply``, ``left`` what agents may cost.
 
     ``{ok, detail, again, spent, asked}``: ``asked`` is True where a question lies in ``daemon/asks.json`` now that was
     not there before.
@@ -47,11 +50,11 @@ def rediscover(layout: Layout, environ: Mapping[str, str], *, apply: str) -> dic
         return _told(False, "a person has stopped the endpoint; what changed waits for octoform apply", again=False)
     request = Request(layout.project, environ)
     if apply == AUTO:
-        return _carried_out(layout, request)
+        return _carried_out(layout, request, left)
     outlook, found = prepare(request)
     if outlook is None:
         return _told(False, f"there is no plan: {_words(found)}", again=False)
-    mine = _Consent(layout, apply)
+    mine = _Consent(layout, apply, left)
     mine(outlook)
     return mine.answer or _told(True, "the hardware is what PROBE saw")
 
@@ -59,8 +62,9 @@ def rediscover(layout: Layout, environ: Mapping[str, str], *, apply: str) -> dic
 class _Consent:
     """Decides over a plan in a person's place; ``answer`` is what is told where it is not carried out."""
 
-    def __init__(self, layout: Layout, apply: str) -> None:
+    def __init__(self, layout: Layout, apply: str, left: Left) -> None:
         self._layout = layout
+        self._left = left
         self._apply = apply
         self.answer: dict[str, Any] | None = None
         self.former: Former | None = None
@@ -72,10 +76,13 @@ class _Consent:
         elif not any(item.node == "probe" for item in outlook.plan.work):
             onboarding.withdraw(self._layout)
             self.answer = _told(True, "the hardware is what PROBE saw")
-        elif why := (*_asking(self._apply), *objections(outlook)):
+        elif why := (*_asking(self._apply), *objections(outlook), *shortages(outlook, self._left)):
             self.answer = _asked(self._layout, outlook, why)
         else:
             self.former = remember(self._layout, outlook.snapshot)
+            problem = keep(self.former) if self.former is not None else None
+            if problem is not None:
+                self.answer = _told(False, f"what there is cannot be kept, so nothing is begun: {problem.summary}")
         return self.answer is None
 
 
@@ -118,15 +125,17 @@ def _others(outlook: Outlook, item: PlannedAction) -> Iterator[str]:
             yield f"changed {part}"
 
 
-def _carried_out(layout: Layout, request: Request) -> dict[str, Any]:
-    mine = _Consent(layout, AUTO)
-    result = apply(request, Options(consent=mine, lock_seconds=LOCK_SECONDS), Unwatched())
+def _carried_out(layout: Layout, request: Request, left: Left) -> dict[str, Any]:
+    mine = _Consent(layout, AUTO, left)
+    with taken_back(lambda: mine.former):
+        result = apply(request, Options(consent=mine, lock_seconds=LOCK_SECONDS), Unwatched())
     if mine.answer is not None:
         return mine.answer
     spent = _spent(result)
     if result.failed is None and mine.former is None and not result.agent_runs:
         return _told(True, "the hardware is what PROBE saw")
     if result.failed is None:
+        forget(layout)
         tools = len(result.endpoint.tools) if result.endpoint is not None else 0
         return {**_told(True, f"{result.changed + result.added} nodes were made again, {tools} tools now"), **spent}
     why = f"{result.failed} failed: {_words(result.diagnostics)}"

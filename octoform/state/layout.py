@@ -11,7 +11,8 @@ STAGES = ("probe", "identify", "interface", "serve", "deploy")
 OUTPUT_NAMES = {"serve": "server.py"}
 STEP = "step."
 STEPS = "steps"
-_ON_THE_WAY = ("adopting.json", "former-server.py", "state.json.backup")
+UNATTENDED = "unattended.json"
+_ON_THE_WAY = ("adopting.json", "former-server.py", "state.json.backup", UNATTENDED)
 """What a killed run is finished from, or gone back to."""
 _MEMORY = (
     "asks.json",
@@ -23,6 +24,11 @@ _MEMORY = (
     "spend.json",
     "starts.json",
 )
+
+
+def is_left(layout: "Layout") -> bool:
+    """Whether a run is under way, or was killed, that has put something in service which is not accepted yet."""
+    return any((layout.local / name).exists() for name in ("candidate", "adopting.json", UNATTENDED))
 
 
 @dataclass(frozen=True, slots=True)

@@ -3,6 +3,8 @@
 import json
 import os
 import signal
+import subprocess
+import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -17,10 +19,11 @@ from octoform.endpoint.environment import at, intact, packages_of
 from octoform.endpoint.files import read_manifest
 from octoform.endpoint.running import running
 from octoform.engine import onboarding
+from octoform.engine.healing import settle
 from octoform.engine.rediscovering import rediscover
 from octoform.engine.repairing import rebuild, republish, restore
 from octoform.engine.undoing import go_back, remember
-from octoform.state.layout import Layout
+from octoform.state.layout import Layout, is_left
 from octoform.state.store import StateStore
 
 pytestmark = pytest.mark.dear
@@ -197,6 +200,53 @@ def test_re_discovery_that_fails_leaves_everything_as_it_was(applied: Project, l
     assert changed_nothing(applied, layout) == before
     (applied.outside / "script.json").write_text("{}")
     assert in_sync(applied)
+
+
+ENDED = """
+import os, signal, sys
+from functools import partial
+from pathlib import Path
+from octoform.daemon.repairs import worker
+from octoform.engine import rediscovering
+from octoform.state.store import Ports
+from octoform.state.layout import Layout as Paths
+
+number, last = int(sys.argv[2]), int(sys.argv[3])
+passed = []
+
+def checkpoint(name):
+    if name == "journal.success.synced":
+        passed.append(name)
+        if len(passed) == last:
+            os.kill(os.getpid(), number)
+
+signal.signal(signal.SIGTERM, worker._end)
+rediscovering.Options = partial(rediscovering.Options, ports=Ports(checkpoint=checkpoint))
+done = rediscovering.rediscover(Paths(Path(sys.argv[1]), "bench"), os.environ, apply="auto")
+print(len(passed), done)
+"""
+"""A re-discovery whose process gets a signal when so many nodes were accepted."""
+
+
+@pytest.mark.parametrize(("number", "accepted"), [("KILL", 1), ("KILL", 4), ("TERM", 4), ("KILL", 5)])
+def test_re_discovery_that_is_ended_at_any_point_is_taken_back(
+    applied: Project, layout: Layout, number: str, accepted: int
+) -> None:
+    before = changed_nothing(applied, layout)
+    (applied.outside / "script.json").write_text(json.dumps(OTHERWISE))
+    ended = signal.Signals[f"SIG{number}"]
+    with plugged(applied):
+        words = [sys.executable, "-c", ENDED, str(applied.folder), str(int(ended)), str(accepted)]
+        done = subprocess.run(words, env=applied.environment(), capture_output=True, text=True, timeout=120)
+    assert done.returncode == (-9 if number == "KILL" else 1), done.stdout + done.stderr
+    (applied.outside / "script.json").write_text("{}")
+    if number == "KILL":
+        assert is_left(layout)
+        told = settle(layout, applied.environment())
+        assert told is not None and told["ok"], told
+    assert not is_left(layout) and not layout.lock.exists()
+    assert applied.nodes() == before[1] and layout.output("serve").read_bytes() == before[2]
+    assert running(layout) is not None and in_sync(applied)
 
 
 def test_the_former_endpoint_serves_again_when_a_new_one_was_published_and_failed(

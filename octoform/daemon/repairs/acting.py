@@ -68,7 +68,7 @@ class Repairs:
             return {"device": name}
         if repair is Repair.ROTATE and not _frees(finding, repair):
             return {"log": name}
-        return {"apply": self._apply} if repair is Repair.REDISCOVER else {}
+        return {**finding.data.get("brief", {}), "apply": self._apply} if repair is Repair.REDISCOVER else {}
 
 
 def _frees(finding: Finding, repair: Repair) -> bool:

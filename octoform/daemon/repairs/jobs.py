@@ -54,6 +54,13 @@ def _republish(project: str, brief: Brief) -> dict[str, Any]:
     return settle(layout, os.environ) or asdict(republish(layout))
 
 
+def _settle(project: str, brief: Brief) -> dict[str, Any]:
+    from octoform.engine.healing import settle
+
+    nothing = _plain(True, "nothing was left unfinished")
+    return settle(_layout(project, brief), os.environ) or nothing
+
+
 def _rebuild(project: str, brief: Brief) -> dict[str, Any]:
     from octoform.engine.repairing import rebuild
 
@@ -61,9 +68,11 @@ def _rebuild(project: str, brief: Brief) -> dict[str, Any]:
 
 
 def _rediscover(project: str, brief: Brief) -> dict[str, Any]:
+    from octoform.engine.affording import Left
     from octoform.engine.rediscovering import rediscover
 
-    return rediscover(_layout(project, brief), os.environ, apply=str(brief.get("apply") or "ask"))
+    apply = str(brief.get("apply") or "ask")
+    return rediscover(_layout(project, brief), os.environ, apply=apply, left=Left.of(brief))
 
 
 def _rebind(project: str, brief: Brief) -> dict[str, Any]:
@@ -126,6 +135,7 @@ JOBS: Mapping[str, Job] = {
     "restore": _restore,
     "republish": _republish,
     "rebuild": _rebuild,
+    "settle": _settle,
     "rebind": _rebind,
     "rotate": _rotate,
     "free": _free,

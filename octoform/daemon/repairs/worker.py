@@ -51,6 +51,8 @@ def main() -> int:
 
 
 def _end(_number: int, _frame: FrameType | None) -> None:
+    """What is under way is taken back in order, and no second word interrupts that; who has no patience kills."""
+    signal.signal(signal.SIGTERM, signal.SIG_IGN)
     raise _Ended
 
 

@@ -74,13 +74,13 @@ class Looker:
         process = running(layout)
         changed = _instance(process) != _instance(before.process)
         causes |= {Cause.PROCESS} if changed else frozenset()
-        busy = _busy(layout)
+        holder = busy(layout)
         applied = read_manifest(layout) is not None
         facts = replace(
             before,
             applied=applied,
             destroyed=not applied and _destroyed(layout),
-            busy=busy,
+            busy=holder,
             stopped_by=_stopped_by(layout),
             process=process,
             latched=os.path.lexists(layout.run / ESTOP),
@@ -88,7 +88,7 @@ class Looker:
             start_failed=self.start_failed if process is None else None,
             put_off=frozenset(),
         )
-        facts = self._standing(facts, causes, after_work=before.busy is not None and busy is None)
+        facts = self._standing(facts, causes, after_work=before.busy is not None and holder is None)
         damaged = {path: how for path, how in facts.damaged.items() if path != FILE_NAME}
         facts = replace(facts, damaged={**damaged, FILE_NAME: self.manifest} if self.manifest else damaged)
         facts = self._answers(facts, causes)
@@ -177,7 +177,7 @@ def _instance(process: Running | None) -> str | None:
     return process.instance if process is not None else None
 
 
-def _busy(layout: Layout) -> str | None:
+def busy(layout: Layout) -> str | None:
     """The operation of a live holder of the state's lock."""
     holder = read_holder(layout)
     if not isinstance(holder, Holder) or liveness(holder.process, myself()) is Liveness.DEAD:

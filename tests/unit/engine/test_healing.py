@@ -59,6 +59,7 @@ def outlook(*work: str, host: str = "bench", steps: tuple[Any, ...] = ()) -> Out
 
 def test_a_redeploy_consents_to_nothing_but_the_packages(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(redeploying, "remember", lambda layout, snapshot: cast(Any, "all of it"))
+    monkeypatch.setattr(redeploying, "keep", lambda former: None)
 
     def consent(plan: Outlook) -> tuple[bool, str]:
         mine = redeploying._Consent(LAYOUT)
