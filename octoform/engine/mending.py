@@ -9,7 +9,8 @@ What is damage and what is an edit is said in `octoform.state.damage`. Three rul
 * The endpoint's own files are written by octoform alone; all of them are put back but clients' configurations that
   somebody has edited, which decide nothing.
 
-What is not kept on this machine is not guessed: `octoform apply` makes it again.
+What is not kept on this machine, as in a fresh clone, is taken from git where a commit holds the very files that the
+state accepted. Nothing is guessed: `octoform apply` makes the rest again.
 """
 
 import os
@@ -21,7 +22,7 @@ from octoform.diagnostics import Diagnostic, has_errors
 from octoform.endpoint.files import CLIENTS, LAUNCHER
 from octoform.endpoint.running import running
 from octoform.endpoint.stopmark import is_marked
-from octoform.state import keeping
+from octoform.state import history, keeping
 from octoform.state.artifacts import observe
 from octoform.state.damage import Damage, damage_of, set_aside
 from octoform.state.files import shown, write_atomic
@@ -65,14 +66,21 @@ def mend_artifacts(layout: Layout) -> Mended:
         there = facts.get(node)
         if there is not None and there.digest == wanted:
             continue
-        files = keeping.kept(layout, node, wanted)
+        files = keeping.kept(layout, node, wanted) or _committed(layout, node, wanted)
         if files is None:
             done.lost.append(
-                f"{node} is not as it was accepted, and no copy of it is kept; octoform plan tells what apply would do"
+                f"{node} is not as it was accepted, and neither a kept copy nor a commit holds it; "
+                "octoform plan tells what apply would do"
             )
             continue
         _mend_folder(layout, layout.folder(node), files, done, hold=node != SERVE or _holds(layout))
     return done
+
+
+def _committed(layout: Layout, node: str, wanted: str) -> dict[str, bytes] | None:
+    """The accepted files as a commit of the project has them; None when none of the last ones does."""
+    versions = history.versions(layout.project, layout.folder(node))
+    return next((files for files in versions if files and keeping.folder_digest(files) == wanted), None)
 
 
 def mend_endpoint(layout: Layout) -> Mended:

@@ -19,6 +19,8 @@ from octoform.state.revision import Repository, repository
 _SECONDS = 300
 _TAIL = 3000
 _MOST_NAMES = 200  # in one command line, which the system bounds
+_PLAIN = ("100644", "100755")
+"""Modes of files in a tree: no links, no repositories within this one."""
 _INHERITED = ("GIT_DIR", "GIT_WORK_TREE", "GIT_INDEX_FILE")
 _UNDER_WAY = {
     "MERGE_HEAD": "a merge",
@@ -59,6 +61,20 @@ class _Git:
             kill_after_timeout=_SECONDS,
         )
         return status, str(output), str(complaints)
+
+    def blob(self, name: str) -> bytes | None:
+        """The bytes of an object; None when it is not there."""
+        from git import Git
+
+        status, output, _ = Git(str(self.where.root)).execute(
+            ["git", "cat-file", "blob", name],
+            env={**self._environment(), **self.extra},
+            with_extended_output=True,
+            with_exceptions=False,
+            stdout_as_string=False,
+            strip_newline_in_stdout=False,
+        )
+        return output if status == 0 and isinstance(output, bytes) else None
 
     def _environment(self) -> dict[str, str]:
         fixed = {"GIT_OPTIONAL_LOCKS": "0", "GIT_LITERAL_PATHSPECS": "1", "GIT_TERMINAL_PROMPT": "0"}
@@ -134,6 +150,36 @@ def kept(project: Path, folders: Sequence[Path]) -> frozenset[Path]:
         failed, listing, _ = git.run("ls-files", *options, "--", *names[start : start + _MOST_NAMES])
         found.update(git.where.root / name for name in listing.split("\0") if name and not failed)
     return frozenset(found)
+
+
+def versions(project: Path, folder: Path, most: int = 20) -> Iterator[dict[str, bytes]]:
+    """The files of ``folder`` as the last ``most`` commits that changed it have them, newest first: name to bytes.
+
+    Nothing outside a repository and where git is not usable. Reads only objects: neither index nor work tree.
+    """
+    git, _ = _open(project)
+    names = _inside(git.where, [folder]) if git is not None else []
+    if git is None or not names:
+        return
+    failed, revisions, _ = git.run("log", f"-n{most}", "--format=%H", "HEAD", "--", *names)
+    for revision in () if failed else revisions.split():
+        _, listing, _ = git.run("ls-tree", "-r", "-z", revision, "--", *names)
+        found: dict[str, bytes] = {}
+        for kind, blob, name in _blobs(listing):
+            data = git.blob(blob) if kind in _PLAIN else None
+            if data is None:
+                break
+            found[str(Path(name).relative_to(names[0]))] = data
+        else:
+            yield found
+
+
+def _blobs(listing: str) -> Iterator[tuple[str, str, str]]:
+    """Mode, object and name (relative to the repository) of each entry of a tree."""
+    for entry in filter(None, listing.split("\0")):
+        facts, _, name = entry.partition("\t")
+        mode, _, blob = facts.split()
+        yield mode, blob, name
 
 
 def _inside(where: Repository, paths: Iterable[Path]) -> list[str]:
