@@ -192,6 +192,16 @@ class Objects:
             self._stream.emit("health", f"{health.host}: {health.status}", health=health.as_json())
 
 
+class Silence:
+    """Nothing, for a command that prints one document at its end."""
+
+    def __call__(self, _made: Round) -> None:
+        """Show nothing."""
+
+    def end(self) -> None:
+        """There is nothing to clear away."""
+
+
 def _tried(episode: Episode, tried: Try) -> dict[str, Any]:
     return {
         "episode": episode.id,

@@ -43,6 +43,8 @@ class Bench:
         self.project, self.host, self._plug = project, host, plug
         self.layout = Layout(project.folder, project.host)
         self.daemon: subprocess.Popen[str] | None = None
+        self.log = project.outside / "watch.log"
+        """What the daemons have printed."""
         self.undo: list[Callable[[], None]] = []
         """What a case made of the world and its `mend` takes back."""
         self.daemons_started = 0
@@ -55,6 +57,8 @@ class Bench:
         self.forgets = True
         """False where no fault comes twice, so that none looks like the return of one before."""
         self.closing: Callable[[], object] = lambda: None
+        self.unwritten = False
+        """True while the daemon can write nothing down, so that what it prints counts."""
         self.spent = 0.0
         """Seconds of a core that the daemon had used before the fault, where a case asks for that."""
         self.session: Any = None
@@ -67,7 +71,7 @@ class Bench:
         self.daemons_started += 1
         health = self.layout.daemon / "health.json"
         health.unlink(missing_ok=True)
-        log = (self.project.outside / "watch.log").open("ab")
+        log = self.log.open("ab")
         with log:
             self.daemon = subprocess.Popen(
                 [*below, str(OCTOFORM), "watch"],
@@ -89,12 +93,12 @@ class Bench:
 
     def said(self) -> str:
         """The last words of the daemon."""
-        return (self.project.outside / "watch.log").read_text(errors="replace")[-4000:]
+        return self.log.read_text(errors="replace")[-4000:]
 
     def printed(self) -> dict[str, dict[str, Any]]:
         """Every episode as the daemons have printed it last, by id."""
         found: dict[str, dict[str, Any]] = {}
-        for line in (self.project.outside / "watch.log").read_bytes().split(b"\n"):
+        for line in self.log.read_bytes().split(b"\n"):
             with suppress(ValueError, LookupError, TypeError):  # a line without an episode, or one just being written
                 entry = json.loads(line)["episode"]
                 found[entry["id"]] = entry
@@ -126,8 +130,8 @@ class Bench:
         return not done.is_error, str((done.structured or {}).get("text", done.message))
 
     def episodes(self) -> dict[str, dict[str, Any]]:
-        """Every episode as it was last written down, by id."""
-        found: dict[str, dict[str, Any]] = {}
+        """Every episode as it was last written down, by id; as it was last printed, where nothing can be written."""
+        found = self.printed() if self.unwritten else {}
         with suppress(FileNotFoundError):
             for line in (self.layout.daemon / "episodes.jsonl").read_bytes().split(b"\n"):
                 with suppress(ValueError):  # a line that is just being written

@@ -126,6 +126,7 @@ _HEALED = partial(
     repair=60.0,
     may_change=("state/bench/", ".octoform/bench/endpoint/"),
     calls=MOST_CALLS,
+    spoils=True,
 )
 _LEFT = frozenset({Repair.RESTORE, Repair.REPUBLISH, Repair.RESTART})
 """What may be needed after a worker that was killed in the middle of an exchange."""
@@ -134,7 +135,7 @@ CASES = (
     told("a claim without a reading", watch=_claims([]), after=_no_claims),
     told("a claim that cites what does not exist", watch=_claims(["r999999"]), after=_no_claims),
     told("a report that cites readings that do not exist", watch=watch(cites=["r999999"])),
-    _HEALED("worker killed in the trial of HEAL", _killed_in_trial, repairs=HEALING | _LEFT),
+    _HEALED("worker killed in the trial of HEAL", _killed_in_trial, repairs=HEALING | _LEFT, untold=1),
     _HEALED("emergency stop while WATCH works", partial(_stopped_while, "watch")),
     _HEALED("emergency stop while HEAL works", partial(_stopped_while, "heal")),
     Case(
@@ -148,6 +149,7 @@ CASES = (
         after=kept,
         # The embedded agent's runs, one for each stage and try: no model is asked.
         calls=10,
+        untold=5,
         bench="builtin",
     ),
 )

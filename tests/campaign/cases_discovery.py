@@ -82,31 +82,18 @@ def served(device: str, bench: Bench) -> bool:
     return device in published and bench.serves()
 
 
+_onboarded = partial(
+    Case,
+    kinds=CHANGED,
+    repairs=DONE,
+    repair=10.0,
+    may_change=MAY,
+    after=kept,
+    # The embedded agent's runs, one for each stage: no model is asked.
+    calls=5,
+    bench="builtin",
+)
 CASES = (
-    Case(
-        "a new kind of device",
-        appears,
-        CHANGED,
-        DONE,
-        right=partial(served, "usb-1f00-00a7"),
-        repair=10.0,
-        may_change=MAY,
-        after=kept,
-        # The embedded agent's runs, one for each stage: no model is asked.
-        calls=5,
-        bench="builtin",
-    ),
-    Case(
-        "replaced by another model",
-        _replaced,
-        CHANGED,
-        DONE,
-        right=partial(served, "usb-1f00-00a8"),
-        repair=10.0,
-        may_change=MAY,
-        after=kept,
-        # The embedded agent's runs, one for each stage: no model is asked.
-        calls=5,
-        bench="builtin",
-    ),
+    _onboarded("a new kind of device", appears, right=partial(served, "usb-1f00-00a7")),
+    _onboarded("replaced by another model", _replaced, right=partial(served, "usb-1f00-00a8")),
 )

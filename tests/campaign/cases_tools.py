@@ -143,6 +143,7 @@ CASES = (
         repair=60.0,
         may_change=("state/bench/", ".octoform/bench/endpoint/"),
         calls=MOST_CALLS,
+        spoils=True,
     ),
     Case(
         "tool that does not come back",

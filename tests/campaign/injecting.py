@@ -22,10 +22,12 @@ CLOSING = 30.0
 def injected(case: Case, bench: Bench) -> Result:
     """Make the fault once, see what comes of it, and leave the bench as it was."""
     result = Result(case.name)
+    bench.unwritten = False
     bench.reset()
     known, before, daemon = {*bench.episodes(), *bench.printed()}, bench.protected(), bench.daemon
     bench.before, bench.nodes = before, bench.state()
     starts, attempts = bench.starts(), bench.attempts()
+    bench.unwritten = case.unwritten
     case.inject(bench)
     began, served = time.monotonic(), bench.process()
     if case.ends == QUIET:
@@ -34,7 +36,7 @@ def injected(case: Case, bench: Bench) -> Result:
         _noticed(case, bench, result, known, began)
         {REPAIRED: _repaired, WAITS: _waits, SURFACED: _surfaced}[case.ends](case, bench, result, known, began)
     _judge(case, bench, result, known, before)
-    _unsaid(bench, result, bench.starts() - starts, bench.attempts() - attempts)
+    _unsaid(result, bench.starts() - starts, bench.attempts() - attempts - case.untold)
     exchanged = served is not None and bench.process() != served
     if exchanged and not EXCHANGING.intersection(result.repairs) and case.ends != QUIET:
         result.wrong.append("another process serves, and no repair tells why")
@@ -52,11 +54,7 @@ def _fresh(bench: Bench, known: set[str]) -> list[dict[str, Any]]:
 
 
 def _noticed(case: Case, bench: Bench, result: Result, known: set[str], began: float) -> None:
-    def told() -> bool:
-        entries = bench.printed() if case.unwritten else bench.episodes()
-        return any(each["kind"] in case.kinds for name, each in entries.items() if name not in known)
-
-    seen = until(told, case.detect * PATIENCE)
+    seen = until(lambda: any(each["kind"] in case.kinds for each in _fresh(bench, known)), case.detect * PATIENCE)
     took = time.monotonic() - began
     if not seen:
         result.missed.append(f"not noticed in {took:.1f} s")
@@ -116,7 +114,7 @@ def _quiet(case: Case, bench: Bench, result: Result, known: set[str]) -> None:
         case.mend(bench)
 
 
-def _unsaid(bench: Bench, result: Result, starts: int, attempts: int) -> None:
+def _unsaid(result: Result, starts: int, attempts: int) -> None:
     """What was done and stands in no episode."""
     told = result.repairs.count(Repair.RESTART)
     if starts > told:

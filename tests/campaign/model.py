@@ -23,6 +23,8 @@ class Case:
     seconds, from the injection on. ``may_change`` are paths below the project that the right repair changes; all else
     that was accepted or published must have the same bytes afterwards. ``rows`` are those of the list of known faults.
     ``calls`` is how many agent calls the case may cost. ``after`` tells what else is not as it has to be at the end.
+    ``spoils``: another server is served afterwards, so the next case has a bench of its own. ``untold`` is how many
+    runs of agents nobody can tell of, because whoever counts them was killed.
     ``unwritten``: the daemon can write nothing down meanwhile, so what it prints counts.
     """
 
@@ -41,6 +43,8 @@ class Case:
     bench: str = "scripted"
     hold: float = 1.5
     after: Callable[["Bench"], list[str]] | None = None
+    spoils: bool = False
+    untold: int = 0
     unwritten: bool = False
 
 

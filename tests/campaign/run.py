@@ -101,7 +101,7 @@ def one(case: Case, benches: Benches) -> Result:
     failed = bool(result.missed or result.wrong)
     if failed and benches.bench is not None:
         print(story(benches.bench), file=sys.stderr, flush=True)
-    if failed or case.bench in FRESH:
+    if failed or case.spoils or case.bench in FRESH:
         benches.drop()
     return result
 

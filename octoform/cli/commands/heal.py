@@ -4,12 +4,12 @@ import os
 from argparse import Namespace
 from pathlib import Path
 
+from octoform.cli.keeping_watch import watched
 from octoform.daemon.asking import daemon_of, given_up, retry
-from octoform.daemon.watching import watch
 from octoform.engine.serving import layout_of
 from octoform.views import keeping, problems
 from octoform.views.console import Console
-from octoform.views.watching import EXIT, Lines
+from octoform.views.watching import Lines, Silence
 
 
 def run(arguments: Namespace, project: Path, screen: Console) -> int:
@@ -24,16 +24,8 @@ def run(arguments: Namespace, project: Path, screen: Console) -> int:
     daemon = daemon_of(layout)
     if daemon is not None:
         return keeping.asked(screen, daemon, known, retried, as_json=arguments.json)
-    view = Lines(screen)
-    try:
-        done, found = watch(project, os.environ, (lambda _: None) if arguments.json else view, once=True)
-    finally:
-        view.end()
-    if done is None:
-        return problems.show(screen, found, as_json=arguments.json)
-    if done.signal is not None:
-        return 128 + done.signal
-    health = done.last.health if done.last is not None else None
-    status = str(health.status) if health is not None else "unknown"
-    keeping.healed(screen, given_up(layout), retried, status, as_json=arguments.json)
-    return EXIT[health.status] if health is not None else 1
+    view = Silence() if arguments.json else Lines(screen)
+    code, status = watched(project, screen, view, once=True, as_json=arguments.json)
+    if status is not None:
+        keeping.healed(screen, given_up(layout), retried, str(status), as_json=arguments.json)
+    return code
