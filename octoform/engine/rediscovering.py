@@ -68,9 +68,12 @@ class _Consent:
         self._apply = apply
         self.answer: dict[str, Any] | None = None
         self.former: Former | None = None
+        self.free = True
+        """No agent of the plan uses a model, so that it costs nothing."""
 
     def __call__(self, outlook: Outlook) -> bool:
         """True when it may be done; what the host has before it is remembered then."""
+        self.free = not any(item.calls_model for item in outlook.plan.work)
         if outlook.compiled.layout.host != self._layout.host:
             self.answer = _told(False, f"the manifest is of host {outlook.compiled.layout.host} now", again=False)
         elif not any(item.node == "probe" for item in outlook.plan.work):
@@ -131,7 +134,7 @@ def _carried_out(layout: Layout, request: Request, left: Left) -> dict[str, Any]
         result = apply(request, Options(consent=mine, lock_seconds=LOCK_SECONDS), Unwatched())
     if mine.answer is not None:
         return mine.answer
-    spent = _spent(result)
+    spent = _spent(result, free=mine.free)
     if result.failed is None and mine.former is None and not result.agent_runs:
         return _told(True, "the hardware is what PROBE saw")
     if result.failed is None:
@@ -163,10 +166,11 @@ def _asked(layout: Layout, outlook: Outlook, why: tuple[str, ...]) -> dict[str, 
     return {**_told(False, question.text, again=False), "asked": fresh}
 
 
-def _spent(result: RunResult) -> dict[str, Any]:
+def _spent(result: RunResult, *, free: bool) -> dict[str, Any]:
     used = result.usage
+    usd = 0.0 if free and used.cost_usd is None else used.cost_usd
     tokens = {"input_tokens": used.input_tokens or 0, "output_tokens": used.output_tokens or 0}
-    return {"spent": {"calls": result.agent_runs, **tokens, "usd": used.cost_usd}}
+    return {"spent": {"calls": result.agent_runs, **tokens, "usd": usd}}
 
 
 def _told(ok: bool, detail: str, *, again: bool = True) -> dict[str, Any]:

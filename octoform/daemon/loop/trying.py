@@ -7,6 +7,7 @@ from octoform.claims.model import Reading
 from octoform.daemon.evidence import Evidence
 from octoform.daemon.health import Stand, stand
 from octoform.daemon.loop.barring import (
+    APPLYING,
     GRACE_SECONDS,
     barred,
     busy_with_ours,
@@ -21,7 +22,7 @@ from octoform.daemon.model import Cause, Done, Facts, FaultClass, Finding, Kind,
 from octoform.daemon.ports import Ports
 from octoform.daemon.records.episodes import Episode, Try
 from octoform.daemon.records.memory import Memory
-from octoform.daemon.records.spending import Entry
+from octoform.daemon.records.spending import ATTEMPTS, Entry
 from octoform.daemon.telling.advice import hint
 from octoform.daemon.triage.reported import findings_of
 
@@ -174,9 +175,11 @@ class Trying:
 
     def _start(self, finding: Finding, acting: Finding, facts: Facts, causes: frozenset[Cause]) -> str:
         """Begin it; empty, or why it may not begin after all."""
-        repair, left = self._next(acting), self.memory.purse.left(facts.uptime, facts.stamp)
+        repair, purse = self._next(acting), self.memory.purse
+        left = {"calls": purse.left(facts.uptime, facts.stamp), "usd": purse.usd_left(facts.uptime, facts.stamp)}
         if repair in AGENTS:
-            entry = self.memory.purse.begin(facts.uptime, facts.stamp)
+            most = purse.calls_per_hour if repair in APPLYING else ATTEMPTS
+            entry = purse.begin(facts.uptime, facts.stamp, most)
             if entry is None:
                 return "what agents are asked cannot be written down, so none is"
             self._entries[finding.key] = entry
@@ -187,7 +190,7 @@ class Trying:
             self._stands[finding.key] = self._stand(facts)
         data = self._brief(finding, acting, repair, facts, causes)
         if isinstance(brief := data.get("brief"), dict):
-            data["brief"] = {**brief, "calls": left}
+            data["brief"] = {**brief, **left}
         asked = replace(acting, data={**acting.data, **data})
         task = Task(lane_of(repair), asked, repair, finding.key, facts.stamp, facts.uptime)
         self.bench.begin(task, self._work(asked, repair))
@@ -201,7 +204,7 @@ class Trying:
             return {"episode": episode, "brief": self.evidence.brief(acting, causes, self.memory.recall, facts)}
         if repair is Repair.HEAL:
             return {"episode": episode, "brief": self.evidence.healing(acting, episode, self.memory.recall, facts)}
-        return {"episode": episode}
+        return {"episode": episode, **({"brief": {}} if repair is Repair.REDISCOVER else {})}
 
     def _work(self, finding: Finding, repair: Repair) -> Work:
         ports = self.ports

@@ -73,9 +73,18 @@ class Purse:
         """How many calls may still be made in this hour."""
         return max(0, self.calls_per_hour - self.spent(now, stamp).calls)
 
-    def begin(self, now: float, stamp: str) -> Entry | None:
-        """Count a run of an agent that is about to start; None when that cannot be written down: it may not start."""
-        entry = Entry(now, stamp, self.boot, max(1, min(ATTEMPTS, self.left(now, stamp))), None)
+    def usd_left(self, now: float, stamp: str) -> float | None:
+        """How many US dollars may still be spent in this hour; None where there is no cap."""
+        if self.usd_per_hour is None:
+            return None
+        return max(0.0, self.usd_per_hour - (self.spent(now, stamp).usd or 0.0))
+
+    def begin(self, now: float, stamp: str, most: int = ATTEMPTS) -> Entry | None:
+        """Count a run of an agent that is about to start; None when that cannot be written down: it may not start.
+
+        ``most`` is how often it may ask: so much is gone when nobody hears of its end.
+        """
+        entry = Entry(now, stamp, self.boot, max(1, min(most, self.left(now, stamp))), None)
         self._entries = [*(item for item in self._entries if self._age(item, now, stamp) < WINDOW_SECONDS), entry][
             -LIMIT:
         ]

@@ -26,7 +26,7 @@ def test_an_action_is_carried_out_and_both_are_told_and_paid(monkeypatch: pytest
     done = Answer(ok=False, detail="it went wrong", again=False, calls=2, usage=Usage(1, 0, 1, 0.25))
     monkeypatch.setattr(healing, "on_duty", lambda *_: asked(action))
     monkeypatch.setattr(healing, "layout_of", lambda *_: (LAYOUT, []))
-    monkeypatch.setattr(healing, "ACTIONS", {**healing.ACTIONS, action: lambda layout, environ: done})
+    monkeypatch.setattr(healing, "ACTIONS", {**healing.ACTIONS, action: lambda layout, environ, left: done})
     told = healing.heal(Path("/nowhere"), {}, {})
     assert (told["ok"], told["again"], told["detail"]) == (False, False, "it went wrong (why)")
     assert told["spent"] == {"calls": 3, "input_tokens": 4, "output_tokens": 5, "usd": 0.75}

@@ -65,7 +65,7 @@ def test_watch_and_heal_are_given_their_briefs(world: DaemonWorld) -> None:
     world.happens(Cause.LOG)
     world.advance(30)
     watch, heal = given["watch"], given["heal"]
-    assert set(watch) == {"causes", "readings", "failures", "claims", "summary", "since", "target", "calls"}
+    assert set(watch) == {"causes", "readings", "failures", "claims", "summary", "since", "target", "calls", "usd"}
     assert watch["target"] == f"tool:{TOOL}" and watch["causes"] == ["log"]
     assert [(item["tool"], item["count"]) for item in watch["failures"]] == [(TOOL, 1)]
     assert watch["failures"][0]["id"] in {item["id"] for item in watch["readings"]}
