@@ -95,7 +95,9 @@ def survey(project: Path, environ: Mapping[str, str]) -> tuple[Survey | None, li
         return None, found
     known = _known(layout)
     watched = ownership.alive(layout)
-    told = _bulletin(layout, environ) if watched is not None else None
+    # A daemon that can write nothing down any more has left what was true before.
+    heard = watched is not None and os.access(layout.daemon, os.W_OK)
+    told = _bulletin(layout, environ) if heard else None
     if told is None:
         health, troubles = _looked(layout, environ, known)
         age = 0.0

@@ -93,6 +93,8 @@ class EventSources:
         for ear in self._ears:
             if isinstance(ear, FolderEar):
                 ear.follow()
+        if self.unwatched.every is not None:
+            self._deaf.setdefault(self.unwatched, self._clock.uptime() + self.unwatched.every)
 
     def close(self) -> None:
         """Let go of everything."""

@@ -13,10 +13,14 @@ class Unwatched:
     """An ear for the folders that others could not watch; says nothing while there is none."""
 
     hold = 0.0
-    every = LOOK_SECONDS
 
     def __init__(self, ears: Iterable[FolderEar]) -> None:
         self._ears = tuple(ears)
+
+    @property
+    def every(self) -> float | None:
+        """Seconds between two looks; None while there is nothing to look at."""
+        return LOOK_SECONDS if self.folders else None
 
     @property
     def folders(self) -> int:

@@ -92,6 +92,16 @@ def test_secrets_bytes_and_what_was_before_are_not_told(tmp_path: Path) -> None:
     assert slice_of(Layout(tmp_path, "nothing"), 0.0, {}).text == ""
 
 
+def test_lines_of_a_clock_that_was_ahead_take_no_room_from_what_came_after(tmp_path: Path) -> None:
+    layout = Layout(tmp_path, "bench")
+    layout.logs.mkdir(parents=True)
+    ahead = {"event": "result", "id": "1", "time": "2999-01-01T00:00:00Z", "tool": "early", "ok": True}
+    failed = {"event": "result", "id": "2", "time": "2026-11-22T00:00:00Z", "tool": "weigh", "ok": False}
+    layout.call_log.write_text(f"{json.dumps(ahead)}\n" * 5000 + f"{json.dumps(failed)}\n")
+    text = slice_of(layout, 1_795_000_000.0, {}).text
+    assert "weigh" in text and "early" in text, "neither hides the other"
+
+
 def test_what_is_trouble() -> None:
     assert is_trouble(result(1, ok=False)) and not is_trouble(result(1, ok=True))
     said = {"event": "result", "ok": True, "value": "error: none"}

@@ -1,6 +1,7 @@
 """How a host is: believed of a daemon that lives and is fresh, and looked at in every other case."""
 
 import json
+import os
 import time
 from collections.abc import Iterator
 from dataclasses import replace
@@ -13,11 +14,11 @@ import octoform
 from octoform.daemon import asking, surveying
 from octoform.daemon.health import Health
 from octoform.daemon.model import Cause, Done, Repair, Status
-from octoform.daemon.records import ownership
+from octoform.daemon.records import ownership, shelf
 from octoform.daemon.sensing.moments import SystemClock
 from octoform.daemon.surveying import survey
 from octoform.daemon.telling.bulletin import FRESH_SECONDS
-from octoform.diagnostics import Diagnostic
+from octoform.diagnostics import Diagnostic, error
 from octoform.state.layout import Layout
 
 
@@ -81,6 +82,31 @@ def test_health_is_believed_for_an_interval_and_a_little(watched: Layout, age: f
     found, _ = survey(watched.project, {})
     assert found is not None
     assert found.looked is not is_believed
+
+
+def test_a_daemon_that_can_write_nothing_down_is_not_believed(watched: Layout, monkeypatch: pytest.MonkeyPatch) -> None:
+    wrote(watched, health())
+    there = os.access
+    monkeypatch.setattr(os, "access", lambda path, mode: path != watched.daemon and there(path, mode))
+    found, _ = survey(watched.project, {})
+    assert found is not None and found.looked
+    assert found.health.status is not Status.HEALTHY
+
+
+def test_health_that_cannot_be_replaced_does_not_stay(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    world = DaemonWorld(tmp_path)
+    world.start()
+    path = world.layout.daemon / "health.json"
+    assert json.loads(path.read_bytes())["status"] == "healthy"
+    refused = error("STATE-DISK-FULL", "cannot be written: No space left on device")
+    with monkeypatch.context() as full:
+        full.setattr(shelf, "write_atomic", lambda *_: refused)
+        world.truth.busy = "apply"  # so that nothing is repaired meanwhile
+        world.die()
+        world.happens(Cause.PROCESS)
+        assert not path.exists()
+    world.happens(Cause.LOG)
+    assert json.loads(path.read_bytes())["status"] == "down"
 
 
 @pytest.mark.parametrize("text", ["", "{", "[]", "3", '{"format": 2}', '{"format": 1}', "[" * 9000])

@@ -228,6 +228,23 @@ def test_an_endpoint_whose_manifest_is_gone_is_no_host_without_an_endpoint() -> 
     assert judge(replace(DEAD, applied=False), None, remember(known, replace(DEAD, applied=False))) == ()
 
 
+@pytest.mark.parametrize("error", ["AmbiguousDevice", "DeviceAbsent"])
+def test_what_a_call_said_of_a_device_is_over_once_all_of_them_are_certain(error: str) -> None:
+    known = remember(Recall(), replace(WELL, failures=failed("move", error)))
+    for sightings in (
+        {},
+        {"a": Sighting(None)},
+        {"a": Sighting(True), "b": Sighting(False)},
+        {"a": Sighting(True, doubt="?")},
+    ):
+        assert "move" in remember(known, replace(WELL, devices=sightings)).failing, sightings
+    there = replace(WELL, devices={"a": Sighting(True), "b": Sighting(True)})
+    assert remember(known, there).failing == {}, "nobody has to move something to find out"
+    assert "move" in remember(known, replace(there, failures=failed("move", error))).failing
+    broken = remember(Recall(), replace(WELL, failures=failed("move", "KeyError")))
+    assert "move" in remember(broken, there).failing
+
+
 def test_pictures_that_show_nothing_wait_for_light_and_a_camera_that_stands_still_is_asked_about() -> None:
     dark = reading("/trouble", "black", channel=Channel.FRAME, source="usb-1")
     assert said(WELL, readings=(dark,)) == [(Kind.PICTURE_ODD, "device:usb-1", Repair.WAIT)]
