@@ -4,18 +4,29 @@ One live endpoint for all tests of the file: the real command line onboards a pl
 firmware on a pseudo terminal. What counts is what that firmware saw.
 """
 
+import asyncio
 import json
+import sys
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
+from fastmcp import Client
+from fastmcp.client.transports import StdioTransport
 from hosts.plant import plant
-from projects import Project
+from projects import AGENT, Project
 from rig.rail import ANSWER, DEVICE, FARTHEST, HOST, HOT, MOST, Board, Rail
 
+from octoform.claims.gathering import settings_of
+from octoform.claims.ledger import Ledger
+from octoform.claims.model import Channel, Claim, Reading, Signal, State
+from octoform.claims.readings import to_json
+from octoform.daemon.evidence import Evidence
+from octoform.daemon.sensing.moments import SystemClock
 from octoform.diagnostics import Diagnostic
 from octoform.endpoint.client import CallResult, Wanted, call
+from octoform.engine.diagnosing import diagnose
 from octoform.state.layout import Layout
 
 pytestmark = pytest.mark.dear
@@ -165,3 +176,95 @@ def test_the_device_is_named_by_the_profile_and_the_adapter_beside_it_asks_one_q
     assert (rail["method"], rail["profile"], rail["category"]) == ("profile", "camera-rail", "bidirectional")
     assert rail["identified_as"].startswith("Camera rail")
     assert adapter["category"] == "unknown" and adapter["missing"].startswith("What is connected")
+
+
+AWAY = Signal(Channel.SENSOR, "rail_position", "/x")
+
+
+def connected(bench: Bench, *tools: tuple[str, dict[str, object]]) -> list[str]:
+    """What a client of another maker is told of each call; empty where it goes well."""
+    layout = Layout(bench.project.folder, bench.project.host)
+    program, *arguments = json.loads((layout.endpoint / "connection.json").read_bytes())["command"]
+
+    async def calls() -> list[str]:
+        async with Client(StdioTransport(program, arguments)) as client:
+            done = [await client.call_tool(name, given, raise_on_error=False) for name, given in tools]
+            return [each.content[0].text if each.is_error else "" for each in done]
+
+    return asyncio.run(calls())
+
+
+def seen(bench: Bench) -> tuple[Ledger, Reading]:
+    """Where the carriage is, as a reading of the ledger."""
+    layout = Layout(bench.project.folder, bench.project.host)
+    ledger = Ledger.open(layout, SystemClock(), settings_of(layout, 600.0))
+    reading = ledger.make(AWAY, bench.call("rail_position")["x"])  # type: ignore[arg-type]
+    ledger.record([reading])
+    return ledger, reading
+
+
+def reported(bench: Bench, *, claims: list[dict[str, object]], declarations: list[dict[str, object]]) -> Ledger:
+    """The ledger after an agent of WATCH was given a reading of the carriage and said this, citing it."""
+    ledger, reading = seen(bench)
+    cited = [{**each, "cites": [reading.id]} for each in [*claims, *declarations]]
+    report = {
+        "format": 1,
+        "stage": "watch",
+        "status": "degraded",
+        "summary": "The carriage is far out.",
+        "physical_state": {"available": False, "seen": None, "reason": "perception is off"},
+        "errors": [],
+        "claims": cited[: len(claims)],
+        "declarations": cited[len(claims) :],
+    }
+    bench.project.script = {"watch": [{"report": report}]}
+    command = json.dumps([sys.executable, str(AGENT), str(bench.project.outside / "script.json")])
+    bench.project.manifest["stages"] = f"{{watch: {{harness: {{name: command, command: {command}}}}}}}"
+    bench.project.write()
+    brief = {"readings": [to_json(reading)], "failures": [], "claims": [], "since": "", "target": "endpoint"}
+    result = diagnose(bench.project.folder, bench.project.environment(), brief)
+    assert result["ok"], result
+    _, refused = Evidence(ledger).offer(result["report"], "watch")
+    assert refused == ()
+    return ledger
+
+
+def test_what_watch_claims_keeps_any_client_from_the_call_and_never_from_a_stop_until_a_person_retires_it(
+    bench: Bench,
+) -> None:
+    bench.call("rail_home")
+    seen(bench)  # a clean one, which tells when the claim will be over
+    bench.rail.lines.clear()
+    bench.call("rail_move_x", steps=200)
+    held = {
+        "target": f"device:{DEVICE}",
+        "fault": "none",
+        "statement": "The carriage is too far out to go on.",
+        "signal": {"channel": "sensor", "source": "rail_position", "path": "/x"},
+        "condition": {"op": ">", "value": 100},
+        "seconds": 600,
+        "restrictions": [{"tool": "rail_move_x", "arguments": {}, "effect": "deny"}],
+    }
+    (claim,) = reported(bench, claims=[held], declarations=[]).active()
+    told, stopped = connected(bench, ("rail_move_x", {"steps": 5}), ("rail_stop", {}))
+    assert claim.id in told and claim.statement in told and claim.expires_at in told and "octoform claims" in told
+    assert stopped == "" and bench.rail.lines == ["MOVE_X 200"]
+    bench.project.run("claims", "-retire", claim.id, status=0)
+    assert connected(bench, ("rail_home", {}), ("rail_move_x", {"steps": 5})) == ["", ""]
+    assert bench.rail.lines == ["MOVE_X 200", "HOME", "MOVE_X 5"]
+
+
+def test_what_holds_for_good_waits_for_a_person_who_can_also_take_it_back(bench: Bench) -> None:
+    told = {"kind": "disable_unit", "target": f"device:{DEVICE}", "statement": "The rail is worn out."}
+    ledger = reported(bench, claims=[], declarations=[told])
+    assert ledger.active() == ()
+    (waiting,) = ledger.pending()
+    assert waiting.irreversible == "disable_unit" and waiting.id in bench.project.run("claims", status=0).out
+    assert f"octoform confirm {waiting.id}" in bench.project.run("health").out
+    assert "CLAIM-NOT-APPROVED" in bench.project.run("confirm", waiting.id, status=1).text
+    bench.project.run("confirm", waiting.id, "-auto-approve", status=0)
+    (claim,) = ledger.active()
+    assert (claim.id, claim.state) == (waiting.id, State.ACTIVE) and claim.data["confirmed_by"]
+    bench.project.run("claims", "-retire", waiting.id, status=0)
+    over = ledger.recent()[-1]
+    assert isinstance(over, Claim) and over.id == waiting.id and ledger.active() == ()
