@@ -160,6 +160,22 @@ def test_a_servo_that_acknowledges_and_does_not_move_fails_the_step_and_the_endp
     assert bench.steps("arm").status == 0 and bench.is_in_sync()
 
 
+def test_a_step_whose_agent_leaves_no_report_fails_whatever_an_earlier_run_has_left(bench: Bench) -> None:
+    """Reports of earlier runs lie in the state and in the folders of their attempts; none of them counts again."""
+    report = (bench.project.state / "steps" / "arm" / "output.json").read_bytes()
+    assert any((each / "output.json").is_file() for each in bench.project.attempts("step.arm"))
+    for ending, code in (("pass", "ARTIFACT-MISSING"), ("raise SystemExit(3)", "APPLY-AGENT-FAILED")):
+        agent = f"{{name: command, command: {json.dumps([sys.executable, '-c', ending])}}}"
+        done = bench.steps("arm", harness=agent)
+        assert done.status == 1 and code in done.codes(), done.text
+        node = bench.project.nodes()["step.arm"]
+        assert node["status"] == "failed", ending
+        assert not (bench.project.attempts("step.arm")[-1] / "output.json").exists()
+        assert not bench.is_in_sync()
+    assert (bench.project.state / "steps" / "arm" / "output.json").read_bytes() == report
+    assert bench.steps("arm").status == 0 and bench.is_in_sync()
+
+
 MOVE = "return ArmMoveJointAnswer(**units.move(joint, position, speed))"
 
 
