@@ -11,7 +11,7 @@ from typing import Any
 from vm.user import PROJECT, Octoform
 
 EPISODES = f"{PROJECT}/.octoform/bench/daemon/episodes.jsonl"
-LEFT = "[o]ctoform watch|[o]ctoform.(daemon|runtime).[a-z.]*"
+LEFT = r"[o]ctoform\.(cli watch|daemon\.|runtime\.)"
 """Processes of the daemon, as pgrep looks for them: itself, its worker, and whom it asks."""
 NOTICED_SECONDS = 120.0
 """For what a real computer notices at once: here the daemon shares one emulated processor with everything else."""
@@ -50,6 +50,15 @@ class Watch:
         said = self.octoform.guest.run("tail -n 20 /root/watch.log", check=False)
         raise AssertionError(f"not noticed within {seconds:.0f} s\n{self.episodes()[since:]}\n{said}")
 
+    def rediscovered(self, since: int, seconds: float) -> None:
+        """Wait until hardware was onboarded after the first ``since`` troubles, and no change of it is open."""
+
+        def whole(episode: dict[str, Any]) -> bool:
+            changes = [each for each in self.episodes()[since:] if each["kind"] == "hardware_changed"]
+            return episode["outcome"] == "repaired" and all(each["closed"] for each in changes)
+
+        self.until(lambda episode: episode["kind"] == "hardware_changed" and whole(episode), since, seconds)
+
     def end(self) -> None:
         """Tell it to end as a service manager does, and wait until nothing of it is left."""
         guest = self.octoform.guest
@@ -64,11 +73,11 @@ def watching(octoform: Octoform) -> Iterator[Watch]:
     """The daemon from its start until it is told to end."""
     line = octoform.line("watch", "-json")
     folder, _, command = line.partition(" && ")
-    whole = f"{folder} && exec env {command} >/root/watch.log 2>&1 </dev/null"
+    whole = f"{folder} && env {command} >/root/watch.log 2>&1 </dev/null; touch /root/watch.ended"
     octoform.guest.run(f"setsid sh -c {shlex.quote(whole)} >/dev/null 2>&1 & echo started")
     try:
-        octoform.guest.until(f"test -s {PROJECT}/.octoform/bench/daemon/health.json || ! pgrep -f '{LEFT}' >/dev/null")
-        said = octoform.guest.run("tail -n 30 /root/watch.log")
+        octoform.guest.until(f"test -e /root/watch.ended || test -s {PROJECT}/.octoform/bench/daemon/health.json")
+        said = octoform.guest.run("tail -n 30 /root/watch.log", check=False)
         assert octoform.guest.run(f"pgrep -f '{LEFT}'", check=False), f"the daemon ended\n{said}"
         yield Watch(octoform)
     finally:
