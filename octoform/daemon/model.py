@@ -6,7 +6,7 @@ are one *episode*.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from typing import Any
 
@@ -125,6 +125,10 @@ class Outcome(StrEnum):
     """No playbook entry: a person is needed."""
 
 
+ANY = ("whatever it says",)
+"""The evidence of all troubles of one target and class."""
+
+
 @dataclass(frozen=True, slots=True)
 class Sighting:
     """Where a device is: ``there`` is None when that cannot be told. ``place`` is its place in sysfs (instance).
@@ -205,6 +209,11 @@ class Finding:
     def key(self) -> str:
         """What breakers count by: target, class and a digest of the evidence."""
         return f"{self.target} {self.fault} {short(of_value(list(self.evidence)))}"
+
+    @property
+    def broadly(self) -> "Finding":
+        """The same whatever its evidence is: for a target and class that are given up as a whole."""
+        return replace(self, evidence=ANY)
 
 
 @dataclass(frozen=True, slots=True)

@@ -85,7 +85,7 @@ class Supervisor:
         self._evidence = Evidence(ledger)
         self._troubles = Troubles(memory, ports.notify)
         word = float(settings.claim_seconds)
-        self._trying = Trying(ports, memory, self._troubles, self._evidence, bench, word)
+        self._trying = Trying(ports, memory, self._troubles, self._evidence, bench, word, settings.apply)
         self._post = Bulletin(memory, self._evidence, 3.0 * settings.interval)
         self._facts: Facts | None = None
         self._seen: Facts | None = None

@@ -68,13 +68,31 @@ class Troubles:
         self.memory.episodes.stands(episode, outcome)
         self.tell(outcome.value, episode.target, episode.summary, facts, hint)
 
+    def broaden(self, finding: Finding) -> Finding:
+        """From now on all troubles of this target and class are this one, whatever they say."""
+        broad, known = finding.broadly, self.memory.episodes
+        self.continued.pop(finding.key, None)
+        if (episode := known.open.pop(finding.key, None)) is not None:
+            episode.key, episode.evidence = broad.key, broad.evidence
+            known.open[broad.key] = episode
+            known.note(episode)
+        return broad
+
+    def goes_on(self, finding: Finding, acting: Finding) -> None:
+        """What was given up may be tried again."""
+        for key in {finding.key, acting.key}:
+            self.memory.breakers.forget(key)
+        if (episode := self.memory.episodes.open.get(finding.key)) is not None:
+            self.memory.episodes.stands(episode, Outcome.OPEN)
+
     def reopen(self, target: str) -> tuple[str, ...]:
         """A person wants a target (``*``: every one) tried again; the targets that were given up."""
         self.memory.breakers.thaw(target)
         given_up = []
         for key, episode in self.memory.episodes.open.items():
             if target in ("*", episode.target):
-                self.continued.pop(key, None)
+                if (acting := self.continued.pop(key, None)) is not None:
+                    self.memory.breakers.thaw(acting.target)
                 if self.memory.episodes.stands(episode, Outcome.OPEN):
                     given_up.append(episode.target)
         return tuple(given_up)

@@ -15,6 +15,7 @@ from octoform.daemon.loop.barring import (
     swaps,
 )
 from octoform.daemon.loop.bench import Bench, Ended, Lane, Product, Task, Work, lane_of
+from octoform.daemon.loop.choosing import QUICK, chain_of, limit_of, most_in_hour, rediscovers
 from octoform.daemon.loop.probation import Probation
 from octoform.daemon.loop.troubles import Reported, Troubles
 from octoform.daemon.loop.untouched import Untouched
@@ -26,7 +27,7 @@ from octoform.daemon.records.spending import ATTEMPTS, Entry
 from octoform.daemon.telling.advice import hint
 from octoform.daemon.triage.reported import findings_of
 
-PASSIVE = frozenset({Repair.NONE, Repair.WAIT, Repair.PERSON})
+AUTO = "auto"
 AGENTS = frozenset({Repair.WATCH, Repair.HEAL, Repair.REDISCOVER})
 """Repairs that may call a model."""
 CHANGING = frozenset(
@@ -54,6 +55,8 @@ class Trying:
     bench: Bench
     word_seconds: float
     """How long an agent's word holds without evidence of our own."""
+    apply: str = AUTO
+    """The manifest's ``daemon.apply``: ``auto`` or ``ask``."""
     awaiting: dict[str, tuple[Task, Done]] = field(default_factory=dict)
     tried: list[tuple[Episode, Try]] = field(default_factory=list)
     untouched: Untouched = field(init=False)
@@ -105,18 +108,16 @@ class Trying:
             if key in self.troubles.reported and done.ok:
                 del self.troubles.reported[key]  # no look gives it again, so the word is all there is
             elif key in present and not diagnosed:
-                chain = chain_of(acting)
-                step = self.memory.breakers.of(acting.key).step
-                if not done.again and set(chain[step + 1 :]) <= {task.repair}:
-                    chain = chain[: step + 1]  # the same once more can help no more than this one
                 self.memory.breakers.failed(
                     acting.key,
                     facts.uptime,
-                    again=done.again,
-                    chain=len(chain),
-                    stamp=facts.stamp,
+                    chain=chain_of(acting),
                     limit=self._limit(acting),
+                    stamp=facts.stamp,
+                    hopeless=None if done.again else task.repair,
                 )
+                if not done.again and rediscovers(task.repair, done):
+                    self.memory.breakers.under(acting.key, self._terms())
         self._prove(facts)
 
     def _standing(self, finding: Finding, acting: Finding, facts: Facts) -> str | None:
@@ -128,11 +129,20 @@ class Trying:
             return ""
         breaker = self.memory.breakers.of(acting.key)
         frozen = breaker.frozen or self.memory.breakers.of(finding.key).frozen
-        if frozen is None and (breaker.tries < self._limit(acting) or finding.key in self.held()):
+        if frozen and breaker.terms and self.apply == AUTO and breaker.terms != self._terms():
+            self.troubles.goes_on(finding, acting)  # the manifest allows more than it did
             return None
-        if frozen is None:  # a try that ended with its daemon is one that did not help
-            frozen = f"{breaker.tries} tries did not help"
+        if frozen is None and finding.key in self.held():
+            return None
+        if frozen is None and breaker.tries >= self._limit(acting):
+            frozen = f"{breaker.tries} tries did not help"  # one that ended with its daemon is one of them
             self.memory.breakers.freeze(acting.key, acting.target, frozen, facts.stamp)
+        if frozen is None and (frozen := self._too_often(acting, facts)) is not None:
+            if acting is finding:
+                finding = acting = self.troubles.broaden(finding)
+            self.memory.breakers.freeze(acting.key, acting.target, frozen, facts.stamp)
+        if frozen is None:
+            return None
         told = f"{frozen}; {hint(finding.kind, finding.target)}"
         self.troubles.stands(finding, Outcome.FROZEN, facts, told)
         return f"frozen: {frozen}"
@@ -165,13 +175,20 @@ class Trying:
         return missed + GRACE_SECONDS
 
     def _next(self, acting: Finding) -> Repair:
-        chain = chain_of(acting)
-        return chain[min(self.memory.breakers.of(acting.key).step, len(chain) - 1)]
+        return self.memory.breakers.of(acting.key).next_of(chain_of(acting))
 
     def _limit(self, acting: Finding) -> int:
-        """How many tries there are; fewer where the judge sends for a person after the last of its repairs."""
-        most = self.memory.breakers.limit
-        return min(most, len(chain_of(acting))) if Repair.PERSON in acting.then else most
+        return limit_of(acting, self.memory.breakers.limit)
+
+    def _too_often(self, acting: Finding, facts: Facts) -> str | None:
+        """Why a target and class have had enough tries for an hour, whatever their evidence; None: they have not."""
+        repair, breakers = self._next(acting), self.memory.breakers
+        made = len(breakers.in_hour(acting.key, facts.uptime, quick=repair in QUICK))
+        return f"{made} tries in an hour" if made >= most_in_hour(repair, breakers.limit) else None
+
+    def _terms(self) -> str:
+        """What the manifest allows a re-discovery."""
+        return f"{self.apply} {self.memory.purse.calls_per_hour} {self.memory.purse.usd_per_hour}"
 
     def _start(self, finding: Finding, acting: Finding, facts: Facts, causes: frozenset[Cause]) -> str:
         """Begin it; empty, or why it may not begin after all."""
@@ -183,7 +200,7 @@ class Trying:
             if entry is None:
                 return "what agents are asked cannot be written down, so none is"
             self._entries[finding.key] = entry
-        self.memory.breakers.begin(acting.key, acting.target, facts.uptime)
+        self.memory.breakers.begin(acting.key, acting.target, facts.uptime, quick=repair in QUICK)
         if repair in AGENTS:
             self.untouched.begin()
         if repair is Repair.HEAL:
@@ -315,11 +332,6 @@ class Trying:
         )
         self.troubles.reported[finding.key] = Reported(finding, facts.uptime + self.word_seconds)
         self.memory.breakers.freeze(acting.key, acting.target, f"HEAL made it worse: {why}", facts.stamp)
-
-
-def chain_of(finding: Finding) -> tuple[Repair, ...]:
-    """The repairs that there are for a finding, in the order in which they are tried."""
-    return tuple(repair for repair in (finding.repair, *finding.then) if repair not in PASSIVE)
 
 
 def _same(task: Task, target: str) -> bool:

@@ -2,13 +2,15 @@
 
 A trouble is known by its key (target, class, digest of the evidence). Tries are written down before they are made, so
 that a repair which kills the daemon is counted too, and a freeze survives restarts and reboots. What stayed away long
-enough is forgiven; what comes back sooner was not repaired, whatever it looked like. Light.
+enough is forgiven; what comes back sooner was not repaired, whatever it looked like. Words that change each time are
+other evidence, so the tries of a target and class are counted for an hour as well, whatever they were made for. Light.
 """
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
+from octoform.daemon.model import Repair
 from octoform.daemon.records.shelf import Shelf, number
 
 FILE = "breakers.json"
@@ -23,6 +25,7 @@ FLAPS = 20
 FLAP_SECONDS = 3600.0
 FORGIVE_SECONDS = 900.0
 """How long a trouble must stay away before everything of it is forgotten: somebody has mended it for good."""
+HOUR_SECONDS = 3600.0
 LIMIT = 500
 
 
@@ -46,6 +49,15 @@ class Breaker:
     since: str = ""
     gone: float | None = None
     helped: tuple[float, ...] = ()
+    hopeless: tuple[str, ...] = ()
+    """Repairs that said of themselves that no further try can help."""
+    terms: str = ""
+    """What the manifest allowed when a re-discovery ended in a question; empty: none did."""
+
+    def next_of(self, chain: Sequence[Repair]) -> Repair:
+        """The repair of its chain that is tried next: from its step on, and none that can help no more."""
+        left = [repair for repair in chain if repair not in self.hopeless] or list(chain)
+        return next((repair for repair in chain[self.step :] if repair in left), left[-1])
 
 
 @dataclass(slots=True)
@@ -57,12 +69,17 @@ class Breakers:
     limit: int = 3
     hold: float = HOLD_SECONDS
     _all: dict[str, Breaker] = field(default_factory=dict)
+    _tries: dict[str, tuple[float, ...]] = field(default_factory=dict)
+    """Uptimes of the tries of the last hour, by `_kin`."""
     _troubled: frozenset[str] = frozenset()
 
     def load(self, now: float) -> None:
         """Take up what the daemon before this one knew; after a reboot nothing waits any more, and freezes stay."""
-        for item in _entries(self.shelf.read(FILE)):
-            same = item.boot == self.boot
+        document = self.shelf.read(FILE)
+        same = document.get("boot") == self.boot
+        for name, times in _times(document).items():
+            self._tries[name] = times if same else (now,) * len(times)
+        for item in _entries(document):
             gone = item.gone if same else None if item.gone is None else now
             helped = item.helped if same else ()
             self._all[item.key] = replace(
@@ -81,24 +98,38 @@ class Breakers:
         """Every trouble that is remembered."""
         return tuple(self._all.values())
 
-    def begin(self, key: str, target: str, now: float) -> Breaker:
-        """Count a try that is about to be made, and set when the next one may be."""
+    def begin(self, key: str, target: str, now: float, *, quick: bool = False) -> Breaker:
+        """Count a try that is about to be made, and set when the next one may be.
+
+        Those of ``quick`` repairs have an hour's count of their own.
+        """
         item = self.of(key, target)
+        self._tries = {name: times for name, times in self._tries.items() if now - times[-1] < HOUR_SECONDS}
+        self._tries[_kin(key, quick=quick)] = (*self.in_hour(key, now, quick=quick), now)
         pause = min(LONGEST_SECONDS, FIRST_SECONDS * FACTOR**item.tries)
         item = replace(item, target=target, tries=item.tries + 1, next=now + pause, gone=None)
         self._put(item)
         return item
 
-    def failed(self, key: str, now: float, *, again: bool, chain: int, limit: int, stamp: str) -> Breaker:
-        """A try did not help: on to the next of ``chain`` repairs, or frozen after ``limit`` tries.
+    def in_hour(self, key: str, now: float, *, quick: bool = False) -> tuple[float, ...]:
+        """When tries were made for this target and class in the last hour, whatever their evidence (uptimes)."""
+        return tuple(at for at in self._tries.get(_kin(key, quick=quick), ()) if now - at < HOUR_SECONDS)
 
-        ``again`` False: this repair can never help, so the next one is tried at once.
+    def failed(
+        self, key: str, now: float, *, chain: Sequence[str], limit: int, stamp: str, hopeless: str | None = None
+    ) -> Breaker:
+        """A try did not help: on to the next repair of ``chain``, or frozen after ``limit`` tries.
+
+        ``hopeless`` is the repair that was made, where it can never help: then it is tried no more, wherever it stands
+        in the chain, and the next one is tried at once.
         """
         item = self.of(key)
-        last = item.step >= chain - 1
-        step = item.step if last else item.step + 1
-        item = replace(item, step=step, next=now if not again and not last else max(item.next, now))
-        if (last and not again) or item.tries >= limit:
+        ruled = item.hopeless if hopeless is None else tuple(dict.fromkeys((*item.hopeless, hopeless)))
+        later = [step for step in range(item.step + 1, len(chain)) if chain[step] not in ruled]
+        at_once = hopeless is not None and bool(later)
+        item = replace(item, step=later[0] if later else item.step, hopeless=ruled)
+        item = replace(item, next=now if at_once else max(item.next, now))
+        if (not later and hopeless is not None) or item.tries >= limit:
             count = f"{item.tries} tries" if item.tries > 1 else "one try"
             item = replace(item, frozen=f"{count} did not help", since=stamp)
         self._put(item)
@@ -111,7 +142,7 @@ class Breakers:
             return item or self.of(key, target)
         recent = tuple(at for at in item.helped if now - at < FLAP_SECONDS)
         if now - item.gone >= self.hold and item.frozen is None:
-            item = replace(item, tries=0, step=0, next=now, gone=None, helped=recent)
+            item = replace(item, tries=0, step=0, next=now, gone=None, helped=recent, hopeless=())
         else:
             item = replace(item, step=item.step + 1, gone=None, helped=recent)
             if item.tries >= self.limit and item.frozen is None:
@@ -149,9 +180,20 @@ class Breakers:
         keys = tuple(item.key for item in self._all.values() if target in ("*", item.target))
         for key in keys:
             del self._all[key]
-        if keys:
+        kept = {name: times for name, times in self._tries.items() if not _concerns(target, name)}
+        if keys or kept != self._tries:
+            self._tries = kept
             self.save()
         return keys
+
+    def under(self, key: str, terms: str) -> None:
+        """A re-discovery ended in a question that ``terms`` may have made."""
+        self._put(replace(self.of(key), terms=terms))
+
+    def forget(self, key: str) -> None:
+        """A trouble may be tried as if it never was."""
+        if self._all.pop(key, None) is not None:
+            self.save()
 
     def freeze(self, key: str, target: str, why: str, stamp: str) -> None:
         """Nothing is tried any more for this trouble."""
@@ -167,7 +209,23 @@ class Breakers:
 
     def save(self) -> None:
         """Write all of it down."""
-        self.shelf.write(FILE, {"boot": self.boot, "breakers": [_encoded(item) for item in self._all.values()]})
+        listed = [_encoded(item) for item in self._all.values()]
+        self.shelf.write(FILE, {"boot": self.boot, "tries": self._tries, "breakers": listed})
+
+
+def _kin(key: str, *, quick: bool) -> str:
+    """What a target and class are counted by: a key without its evidence."""
+    return f"{key.rpartition(' ')[0]}{' quick' if quick else ''}"
+
+
+def _concerns(target: str, name: str) -> bool:
+    return target == "*" or name.removesuffix(" quick").rpartition(" ")[0] == target
+
+
+def _times(document: Mapping[str, Any]) -> dict[str, tuple[float, ...]]:
+    found = document.get("tries")
+    listed = found.items() if isinstance(found, dict) else ()
+    return {name: tuple(number(at) for at in times) for name, times in listed if isinstance(times, list) and times}
 
 
 def _encoded(item: Breaker) -> dict[str, Any]:
@@ -181,6 +239,8 @@ def _encoded(item: Breaker) -> dict[str, Any]:
         "since": item.since,
         "gone": item.gone,
         "helped": list(item.helped),
+        "hopeless": list(item.hopeless),
+        "terms": item.terms,
     }
 
 
@@ -194,6 +254,7 @@ def _entries(document: Mapping[str, Any]) -> Iterable[Breaker]:
 
 def _decoded(entry: Mapping[str, Any], boot: str) -> Breaker:
     helped, gone, frozen = entry.get("helped"), entry.get("gone"), entry.get("frozen")
+    hopeless = entry.get("hopeless")
     return Breaker(
         key=entry["key"],
         target=str(entry.get("target", "")),
@@ -205,4 +266,6 @@ def _decoded(entry: Mapping[str, Any], boot: str) -> Breaker:
         since=str(entry.get("since", "")),
         gone=None if gone is None else number(gone),
         helped=tuple(number(at) for at in helped) if isinstance(helped, list) else (),
+        hopeless=tuple(str(name) for name in hopeless) if isinstance(hopeless, list) else (),
+        terms=str(entry.get("terms") or ""),
     )

@@ -23,7 +23,8 @@ def judge(
 
     ``before`` are the facts of the look before, ``recall`` what `remember` made of all looks with this one,
     ``readings`` the newest of each signal. The same trouble gives equal keys at each look. ``given_up`` are keys of
-    troubles that nobody repairs any more: a process that ended is started again beside them.
+    troubles that nobody repairs any more: a process that ended is started again beside them. Where a target and class
+    are given up as a whole, other words are no other trouble.
     """
     known = recall or Recall()
     if facts.busy is not None or not (facts.applied or known.applied):
@@ -32,11 +33,15 @@ def judge(
     plugged = [*devices.judged(facts, before), *devices.hardware(facts, before)]
     barred = list(room.port(facts))
     # An edited file stays as long as its person wants it: the endpoint is started with it, or refuses and says why.
-    awaited = [each for each in standing if each.key not in given_up]
+    awaited = [each for each in standing if _known(each, given_up).key not in given_up]
     serving = [*barred, *process.judged(facts, known, [*awaited, *barred]), *process.tunnel(facts)]
     using = list(tools.judged(facts, known, [*standing, *plugged, *serving]))
     reported = sensing.judged(facts, readings, known.failing, [*serving, *using])
-    return _once([*standing, *plugged, *serving, *using, *reported])
+    return _once([_known(each, given_up) for each in (*standing, *plugged, *serving, *using, *reported)])
+
+
+def _known(finding: Finding, given_up: Collection[str]) -> Finding:
+    return finding.broadly if finding.broadly.key in given_up else finding
 
 
 def _once(found: list[Finding]) -> tuple[Finding, ...]:

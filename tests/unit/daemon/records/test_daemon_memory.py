@@ -41,7 +41,9 @@ def breakers(shelf: Shelf, boot: str = "b1", now: float = 0.0) -> Breakers:
 
 def fail(found: Breakers, now: float, *, again: bool = True, chain: int = 1) -> None:
     found.begin("k", "t", now)
-    found.failed("k", now, again=again, chain=chain, limit=3, stamp=STAMP)
+    repairs = [Repair.RESTORE, Repair.REBUILD][:chain]
+    hopeless = None if again else found.of("k").next_of(repairs)
+    found.failed("k", now, chain=repairs, limit=3, stamp=STAMP, hopeless=hopeless)
 
 
 def test_three_tries_then_frozen_over_restarts_and_reboots(shelf: Shelf) -> None:
