@@ -26,6 +26,8 @@ from octoform.engine.results import RunResult
 from octoform.engine.undoing import Former, forget, go_back, keep, remember, taken_back
 from octoform.engine.unwatched import Unwatched
 from octoform.graph.model import STEP, key_parts
+from octoform.host.fingerprint import root_from_environment
+from octoform.host.settling import settle
 from octoform.plan.model import Cause, PlannedAction
 from octoform.protocol.steps import FRAME
 from octoform.state.layout import Layout
@@ -48,6 +50,7 @@ def rediscover(layout: Layout, environ: Mapping[str, str], *, apply: str, left: 
     """
     if is_marked(layout):
         return _told(False, "a person has stopped the endpoint; what changed waits for octoform apply", again=False)
+    settle(root_from_environment(environ))
     request = Request(layout.project, environ)
     if apply == AUTO:
         return _carried_out(layout, request, left)

@@ -51,13 +51,20 @@ class Watch:
         raise AssertionError(f"not noticed within {seconds:.0f} s\n{self.episodes()[since:]}\n{said}")
 
     def rediscovered(self, since: int, seconds: float) -> None:
-        """Wait until hardware was onboarded after the first ``since`` troubles, and no change of it is open."""
+        """Wait until hardware was onboarded after the first ``since`` troubles, and no change of it is open.
 
-        def whole(episode: dict[str, Any]) -> bool:
-            changes = [each for each in self.episodes()[since:] if each["kind"] == "hardware_changed"]
-            return episode["outcome"] == "repaired" and all(each["closed"] for each in changes)
+        It has to be onboarded once: the drivers of what was plugged have all been waited for.
+        """
 
-        self.until(lambda episode: episode["kind"] == "hardware_changed" and whole(episode), since, seconds)
+        def changes() -> list[dict[str, Any]]:
+            return [each for each in self.episodes()[since:] if each["kind"] == "hardware_changed"]
+
+        def done(episode: dict[str, Any]) -> bool:
+            return episode["outcome"] == "repaired" and all(each["closed"] for each in changes())
+
+        self.until(lambda episode: episode["kind"] == "hardware_changed" and done(episode), since, seconds)
+        tries = [made for episode in changes() for made in episode["tries"]]
+        assert len(tries) == 1, f"onboarded more than once: {tries}"
 
     def end(self) -> None:
         """Tell it to end as a service manager does, and wait until nothing of it is left."""
