@@ -225,6 +225,11 @@ REFUSED: dict[str, tuple[list[list[str]], dict[str, Any], str]] = {
     "an import": ([["        value", "        import ctypes\n        value"], *MEND], {}, "HEAL-BEYOND"),
     "the module": ([['FastMCP("bench")', 'FastMCP("mine")'], *MEND], {}, "HEAL-BEYOND"),
     "nothing": ([], {}, "HEAL-UNCHANGED"),
+    "a call out": (
+        [["        value", '        __import__("socket")\n        value'], *MEND],
+        {},
+        "SERVE-DYNAMIC-CODE",
+    ),
     "a foreign function": (MEND, {"functions": ["main"]}, "HEAL-FOREIGN-FUNCTION"),
     "another class": (MEND, {"class": "dependency"}, "HEAL-CLASS-DIFFERS"),
 }
@@ -239,6 +244,18 @@ def test_f15_f16_a_repair_that_goes_too_far_changes_nothing(bench: Bench) -> Non
     assert {name: codes for name, codes in found.items() if REFUSED[name][2] not in codes} == {}
     assert bench.server == BROKEN and bench.process == pid
     assert bench.in_sync()
+
+
+def test_a_repair_that_also_writes_the_manifest_the_policy_or_the_interface_changes_nothing(bench: Bench) -> None:
+    layout, pid = bench.layout, bench.process
+    mine = [layout.project / "octopus.yaml", layout.endpoint / "policy.json", layout.output("interface")]
+    bench.duty("heal", {"rewrite": MEND, "report": REPAIR, "touch": [str(path) for path in mine]})
+    before = [path.read_bytes() for path in mine]
+    result = bench.heal()
+    assert (result["ok"], result["changed"]) == (False, False)
+    assert bench.refusals("heal", 1) == [{"APPLY-OUTSIDE-WRITE"}]
+    assert [path.read_bytes() for path in mine] == before
+    assert bench.server == BROKEN and bench.process == pid
 
 
 @pytest.mark.parametrize("status", ["failed", "not_mine"])
