@@ -11,8 +11,8 @@ from typing import Any
 
 from campaign.bench import Bench, until
 from campaign.cases_discovery import appears, kept, served
-from campaign.cases_tools import BROKEN, FAILING, HEALING, MOST_CALLS, broken, heal, told, watch
-from campaign.model import Case
+from campaign.cases_tools import BROKEN, FAILING, HEALING, MOST_CALLS, broken, heal, mended, told, watch
+from campaign.model import WAITS, Case
 from campaign.rig import SENSOR, report
 
 from octoform.apply.endpoint_node import CANDIDATE
@@ -21,6 +21,8 @@ from octoform.state.lock import Holder, read_holder
 
 LONG = 30.0
 WORKER = b"octoform.daemon.repairs.worker"
+SETTLED = 20.0
+"""Seconds after which what a killed worker has left must be settled."""
 PAUSE = 3.0
 """Seconds that an agent takes in which a person does something."""
 CLAIM = {
@@ -86,6 +88,28 @@ def _killed_in_discovery(bench: Bench) -> None:
     _kill_worker(bench, partial(_rediscovers, known))
 
 
+def _whole(bench: Bench) -> None:
+    """What was begun is taken back, the former endpoint serves, and whoever asks hears that something is wrong.
+
+    How often agents were asked was known to the worker alone, so the hour counts as spent and nothing more is tried.
+    """
+    assert not (bench.layout.local / CANDIDATE).exists(), "a server that was only tried is still there"
+    changed = [name for name, node in bench.nodes.items() if bench.state().get(name) != node]
+    assert not changed, f"the state of {changed} is another one"
+    assert bench.serves() and bench.call("read_temperature")[0], "the former endpoint does not serve"
+    assert bench.health()["status"] != "healthy", "health says healthy"
+
+
+def _mended_after_kill(bench: Bench) -> None:
+    _whole(bench)
+    mended(bench)
+
+
+def _applied_after_kill(bench: Bench) -> None:
+    _whole(bench)
+    bench.project.apply(status=0)
+
+
 def _asked(bench: Bench, stage: str) -> int:
     """How often the agent of a stage was begun, as it has written down itself."""
     log = bench.project.outside / "repairer.log"
@@ -137,7 +161,18 @@ CASES = (
     told("a claim without a reading", watch=_claims([]), after=_no_claims),
     told("a claim that cites what does not exist", watch=_claims(["r999999"]), after=_no_claims),
     told("a report that cites readings that do not exist", watch=watch(cites=["r999999"])),
-    _HEALED("worker killed in the trial of HEAL", _killed_in_trial, repairs=HEALING | _LEFT, untold=1),
+    Case(
+        "worker killed in the trial of HEAL",
+        _killed_in_trial,
+        FAILING,
+        frozenset({Repair.WATCH, Repair.HEAL}) | _LEFT,
+        WAITS,
+        mend=_mended_after_kill,
+        hold=SETTLED,
+        may_change=("state/bench/state.json", ".octoform/bench/endpoint/"),
+        calls=MOST_CALLS,
+        untold=1,
+    ),
     _HEALED("emergency stop while WATCH works", partial(_stopped_while, "watch")),
     _HEALED("emergency stop while HEAL works", partial(_stopped_while, "heal")),
     Case(
@@ -145,13 +180,13 @@ CASES = (
         _killed_in_discovery,
         frozenset({Kind.HARDWARE_CHANGED}),
         frozenset({Repair.REDISCOVER, Repair.WAIT, Repair.REBIND}) | _LEFT,
+        WAITS,
         right=partial(served, "usb-1f00-00a7"),
-        repair=40.0,
+        mend=_applied_after_kill,
+        hold=SETTLED,
         may_change=("state/", ".octoform/"),
         after=kept,
-        # The embedded agent's runs, one for each stage and try: no model is asked.
-        calls=10,
-        untold=5,
+        untold=10,  # of the worker that was killed, and of the person's apply
         bench="builtin",
     ),
 )

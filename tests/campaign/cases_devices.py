@@ -97,7 +97,8 @@ def _unknown_board(bench: Bench) -> None:
 def _same_nodes(bench: Bench) -> list[str]:
     """The state's file counts one more step of its history; what it says of each node is what it said."""
     nodes = bench.state()
-    return [f"the state of {name} is another one" for name, node in bench.nodes.items() if nodes.get(name) != node]
+    names = sorted({*nodes, *bench.nodes})
+    return [f"the state of {name} is another one" for name in names if nodes.get(name) != bench.nodes.get(name)]
 
 
 def _virtual_noise(bench: Bench) -> None:

@@ -7,6 +7,7 @@ from typing import Any
 from campaign.bench import Bench
 from campaign.connected import Connected
 from campaign.model import Case
+from campaign.rig import SENSOR
 
 from octoform.daemon.model import Kind, Repair
 
@@ -27,18 +28,28 @@ def _declared(bench: Bench) -> dict[str, dict[str, Any]]:
     return {tool["name"]: tool for tool in json.loads(bench.layout.output("interface").read_bytes())["tools"]}
 
 
-def _connect(bench: Bench) -> None:
-    """A client connects, and its session is open until the case is over. What it sees now is what it may count on."""
+def _connect(bench: Bench, *gone: str) -> None:
+    """A client connects, and its session is open until the case is over.
+
+    What it sees now is what it may count on, but for the devices that will be ``gone``.
+    """
     session = Connected(bench.layout.endpoint)
     bench.undo.append(session.close)
-    declared = _declared(bench)
+    declared, schemas = _declared(bench), session.tools()
     trials = {
-        (name, device): session.works(name, {"device": device})
+        (name, device): session.works(name, _arguments(schemas[name], device))
         for name, tool in declared.items()
         if tool["effect"] == "read"
-        for device in tool["devices"]
+        for device in set(tool["devices"]) - set(gone)
     }
-    bench.session = (session, declared, session.tools(), trials)
+    lasting = {name: tool for name, tool in declared.items() if not set(tool["devices"]) <= set(gone)}
+    assert any(trials.values()), "no tool works before the fault"
+    bench.session = (session, lasting, schemas, trials)
+
+
+def _arguments(schema: dict[str, Any], device: str) -> dict[str, str]:
+    """What a tool of several devices is to be told."""
+    return {"device": device} if "device" in schema.get("properties", {}) else {}
 
 
 def appears(bench: Bench) -> None:
@@ -48,27 +59,26 @@ def appears(bench: Bench) -> None:
 
 def _replaced(bench: Bench) -> None:
     """The sensor is taken away and one of another make is plugged into its port."""
-    _connect(bench)
+    _connect(bench, SENSOR)
     bench.host.unplug("1-4")
     _thermometer(bench, "1-4", "00a8", 2)
 
 
 def kept(bench: Bench) -> list[str]:
     """What the client that was connected all the time has lost."""
-    session, declared, schemas, trials = bench.session
+    session, lasting, schemas, trials = bench.session
     now, found = _declared(bench), []
     try:
         told = session.tools()
     except Exception as problem:  # noqa: BLE001 - whatever its session ends with, it was dropped
         return [f"the connected client was dropped: {type(problem).__name__}: {problem}"]
-    for name, tool in declared.items():
-        same = now.get(name) == tool
-        if set(tool["devices"]) & {each for other in now.values() for each in other["devices"]} and name not in told:
+    for name, tool in lasting.items():
+        if name not in told:
             found.append(f"the tool {name} is gone although its device is there")
-        if same and told.get(name) != schemas[name]:
+        elif now.get(name) == tool and told[name] != schemas[name]:
             found.append(f"the tool {name} has another schema although nothing of it changed")
     for (name, device), worked in trials.items():
-        if worked and name in now and device in now[name]["devices"] and not session.works(name, {"device": device}):
+        if worked and not session.works(name, _arguments(told.get(name, {}), device)):
             found.append(f"{name} of {device} worked before and does not now")
     return found
 

@@ -137,8 +137,8 @@ def _beside_holder(bench: Bench) -> bool:
 
 
 CASES = (
-    Case("call log overgrown", _grow_call_log, GROWN, ROTATED, right=_kept, detect=8.0, repair=15.0, rows="F20b"),
-    Case("server's log overgrown", _grow_server_log, GROWN, ROTATED, right=_rotated, detect=8.0, repair=15.0),
+    Case("call log overgrown", _grow_call_log, GROWN, ROTATED, right=_kept, rows="F20b"),
+    Case("server's log overgrown", _grow_server_log, GROWN, ROTATED, right=_rotated),
     Case(
         "bytes that are no text in the logs",
         _not_text,
@@ -153,8 +153,7 @@ CASES = (
         _long_line,
         frozenset({Kind.PROCESS_DEAD, *GROWN}),
         ROTATED,
-        detect=1.5,
-        repair=15.0,
+        detect=1.0,
         rows="F37",
     ),
     Case("twenty thousand lines", _many_lines, ends=QUIET, rows="F20a"),
