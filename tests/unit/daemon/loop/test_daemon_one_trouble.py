@@ -100,3 +100,6 @@ def test_a_unit_that_is_silent_by_itself_is_told(world: Failing) -> None:
     world.ledger.record([world.ledger.make(skipped, "its owner disabled it")])
     world.happens(Cause.LOG)
     assert opened(world) == [("opened", "unit:read_joints/joints/elbow")]
+    world.broken = True
+    world.advance(INTERVAL + 1)
+    assert [each for each in opened(world) if each[0] == "cleared"] == [], "its owner has not enabled it since"

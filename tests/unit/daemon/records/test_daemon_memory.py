@@ -66,6 +66,22 @@ def test_a_repair_that_cannot_help_is_not_tried_again(shelf: Shelf) -> None:
     assert found.of("k").frozen == "2 tries did not help"
 
 
+def test_what_said_that_it_cannot_help_and_the_tries_of_an_hour_are_known_after_a_reboot(shelf: Shelf) -> None:
+    chain = [Repair.RESTART, Repair.REBUILD, Repair.RESTART]
+    found = breakers(shelf)
+    for now in (100.0, 200.0):
+        found.begin("t dependency abc", "t", now)
+    found.begin("t dependency def", "t", 300.0, quick=True)
+    found.failed("t dependency abc", 200.0, chain=chain, limit=9, stamp=STAMP, hopeless=Repair.RESTART)
+    again = breakers(shelf, boot="b2", now=7.0)
+    assert again.in_hour("t dependency ghi", 8.0) == (7.0, 7.0), "an uptime of another boot counts from its end"
+    assert again.in_hour("t dependency ghi", 8.0, quick=True) == (7.0,)
+    assert again.in_hour("t dependency ghi", 3607.0) == again.in_hour("t broken_tool abc", 8.0) == ()
+    assert again.of("t dependency abc").next_of(chain) is Repair.REBUILD
+    again.failed("t dependency abc", 9.0, chain=chain, limit=9, stamp=STAMP)
+    assert again.of("t dependency abc").next_of(chain) is Repair.REBUILD, "the last that is left, and not the first"
+
+
 def test_what_waits_does_not_wait_for_an_uptime_of_another_boot(shelf: Shelf) -> None:
     found = breakers(shelf)
     fail(found, 1_000_000.0)
