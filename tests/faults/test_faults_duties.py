@@ -5,6 +5,7 @@ it as it was, the very process too; what is accepted must leave nothing for a pl
 """
 
 import json
+import signal
 import subprocess
 import sys
 import time
@@ -19,8 +20,8 @@ from projects import AGENT, Project
 from octoform.daemon.records import ownership
 from octoform.endpoint.running import running
 from octoform.engine.diagnosing import diagnose
-from octoform.engine.healing import heal, roll_back
-from octoform.state.layout import Layout
+from octoform.engine.healing import heal, roll_back, settle
+from octoform.state.layout import Layout, is_left
 from octoform.state.lock import acquire
 
 pytestmark = pytest.mark.dear
@@ -290,6 +291,46 @@ def checkpoint(name):
 
 roll_back(Path(sys.argv[1]), os.environ, {"episode": "e1", "reason": "x"}, Ports(checkpoint=checkpoint))
 """
+
+
+TRIED = """
+import os, signal, sys
+from pathlib import Path
+from octoform.apply import adopting
+from octoform.daemon.repairs import worker
+from octoform.engine.healing import heal
+import json
+
+offer = adopting.offer
+
+def offered(*given):
+    found = offer(*given)
+    os.kill(os.getpid(), int(sys.argv[2]))
+    return found
+
+signal.signal(signal.SIGTERM, worker._end)
+adopting.offer = offered
+heal(Path(sys.argv[1]), os.environ, json.loads(sys.argv[3]))
+"""
+"""A repair whose process gets a signal while its candidate is in service."""
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGKILL])
+def test_a_repair_that_is_ended_during_its_trial_leaves_the_accepted_server_in_service(
+    bench: Bench, number: signal.Signals
+) -> None:
+    bench.duty("heal", {"rewrite": MEND, "report": REPAIR})
+    brief = {**EVIDENCE, "error": ERROR, "target": TARGET, "episode": "e7"}
+    words = [sys.executable, "-c", TRIED, str(bench.project.folder), str(int(number)), json.dumps(brief)]
+    done = subprocess.run(words, env=bench.project.environment(), capture_output=True, text=True, timeout=120)
+    assert done.returncode == (-9 if number is signal.SIGKILL else 1), done.stderr
+    if number is signal.SIGKILL:
+        assert is_left(bench.layout) and bench.works(), "the candidate serves"
+        told = settle(bench.layout, bench.project.environment())
+        assert told is not None and told["ok"], told
+    assert not is_left(bench.layout) and not bench.layout.lock.exists()
+    assert bench.server == BROKEN and bench.process and not bench.works() and bench.in_sync()
 
 
 @pytest.mark.slow
