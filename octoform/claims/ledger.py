@@ -70,8 +70,12 @@ class Ledger:
         return said
 
     def use(self, settings: Settings) -> None:
-        """Go on with other settings: the manifest or the tools changed."""
+        """Go on with other settings: the manifest or the tools changed. Claims in force are held to them at once."""
         self._settings = replace(settings, boot=self._boot)
+        with self._held():
+            before = self._copy()
+            bookkeeping.trust(self._book, True, self._moment())
+            self._keep(before, publish=True)
 
     def make(self, signal: Signal, value: Value, why: str = "") -> Reading:
         """A reading of now, with an id of its own; `record` makes it evidence. What is no finite number is no value.

@@ -325,6 +325,24 @@ def test_processes_that_write_at_once_lose_nothing(tmp_path: Path) -> None:
     assert all(len(bench.ledger.readings_of(load(f"p{number}"))) == 8 for number in range(3))
 
 
+@pytest.mark.parametrize("anew", [False, True])
+def test_a_shorter_time_counts_at_once_for_what_is_in_force(bench: Bench, anew: bool) -> None:
+    assert bench.code(bench.read(70)) == ""
+    assert len(bench.ledger.active()) == 1
+    bench.clock.now += 700
+    shorter = replace(bench.settings(), claim_seconds=600.0)
+    if anew:  # the daemon takes up another manifest
+        bench.ledger = ledgers.Ledger.open(bench.layout, bench.clock, shorter)
+    else:
+        bench.ledger.use(shorter)
+    assert bench.ledger.active() == ()
+    assert bench.ledger.recent()[-1].ended == "expired"
+    assert bench.code(bench.read(70)) == ""
+    bench.clock.now += 601
+    bench.ledger.expire()
+    assert bench.ledger.active() == ()
+
+
 def test_other_tools_count_from_then_on(bench: Bench) -> None:
     restrictions = (Restriction("arm_dance"),)
     assert bench.code(bench.read(70), restrictions=restrictions) == "CLAIM-UNKNOWN-TOOL"
