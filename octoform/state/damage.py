@@ -24,7 +24,7 @@ from octoform.state.files import read_regular, refused
 from octoform.state.layout import Layout
 
 MOST_ASIDE = 30
-"""Folders of damaged files that are kept; those with edits are never dropped by octoform."""
+"""Folders of damaged files that are kept; those with edits of committed files are never dropped by octoform."""
 _MARKER = re.compile(rb"^(<{7} |>{7} )", re.MULTILINE)
 
 
@@ -82,7 +82,8 @@ def set_aside(layout: Layout, path: Path, stamp: str, why: Damage) -> tuple[Path
     """
     if not os.path.lexists(path):
         return None, None
-    kind = "edited" if why is Damage.EDITED else "damaged"
+    # What somebody wrote into a committed file may be work, and is kept; what octoform alone writes is no place for any.
+    kind = "edited" if why is Damage.EDITED and path.is_relative_to(layout.committed) else "damaged"
     try:
         inside = path.relative_to(layout.project)
     except ValueError:

@@ -23,6 +23,7 @@ from campaign.bench import Bench, until
 from campaign.making import made, plug_in
 
 from octoform.daemon.records import ownership
+from octoform.state.damage import MOST_ASIDE
 
 MINUTE = 60.0
 CALM = 90.0
@@ -34,7 +35,7 @@ LEAST = 6
 """Counts behind which it can be told whether something grows."""
 BEYOND = (
     *(("resident", 3072), ("descriptors", 3), ("threads", 2), ("watches", 8), ("locks", 1)),
-    *(("children", 1), ("strangers", 0)),
+    *(("children", 1), ("strangers", 0), ("files", MOST_ASIDE)),
 )
 """What may not grow, and by how much it may differ from moment to moment."""
 NAMES = (

@@ -127,6 +127,11 @@ def test_nothing_is_lost_of_what_is_set_aside_and_edits_stay_for_ever(layout: La
     names = [folder.name for folder in (layout.daemon / "aside").iterdir()]
     assert sum(name.endswith("-damaged") for name in names) == MOST_ASIDE
     assert sum(name.endswith("-edited") for name in names) == MOST_ASIDE + 5
+    own = layout.endpoint / "connection.json"
+    own.parent.mkdir(parents=True)
+    own.write_text("{}")
+    found, _ = set_aside(layout, own, "2026-01-01T00:00:59Z", Damage.EDITED)
+    assert found is not None and "-damaged" in str(found)
     path.symlink_to("nowhere")
     link, _ = set_aside(layout, path, "2026-01-01T00:01:00Z", Damage.LINK)
     assert link is not None and link.is_symlink()
