@@ -113,6 +113,6 @@ def _until(holds: Callable[[], bool]) -> None:
 
 
 def test_every_repair_and_every_duty_has_its_job() -> None:
-    duties = {"settings", "watch", "heal", "roll_back", "look"}
+    duties = {"settings", "watch", "heal", "roll_back", "look", "settle"}
     repairs = {"restart", "restore", "republish", "rebuild", "rebind", "rotate", "free", "rediscover"}
     assert set(JOBS) == duties | repairs
