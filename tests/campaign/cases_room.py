@@ -24,8 +24,8 @@ _ERROR = json.dumps(
 def _grow_call_log(bench: Bench) -> None:
     """Twelve megabytes of calls, with one old error among them."""
     line = json.dumps({"event": "result", "id": "aa", "tool": "capture_image", "ok": True, "ms": 1.0}) + "\n"
-    with bench.layout.call_log.open("a") as log:
-        log.write(_ERROR + "\n" + line * (12_000_000 // len(line)))
+    with bench.layout.call_log.open("ab", buffering=0) as log:  # at once: the error is old when the daemon reads
+        log.write((_ERROR + "\n" + line * (12_000_000 // len(line))).encode())
 
 
 def _grow_server_log(bench: Bench) -> None:
