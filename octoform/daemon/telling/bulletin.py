@@ -45,7 +45,8 @@ class Bulletin:
         beside = {"paused": paused, "waits": dict(waits), "frozen": frozen}
         document = {**health.as_json(), **beside}
         same = {name: value for name, value in document.items() if name not in ("at", "uptime")}
-        if same != self._written or facts.uptime - self._at >= FRESH_SECONDS:
+        there = self.memory.shelf.path(FILE).exists()
+        if same != self._written or facts.uptime - self._at >= FRESH_SECONDS or not there:
             if self.memory.shelf.write(FILE, document):
                 self._written, self._at = same, facts.uptime
             else:

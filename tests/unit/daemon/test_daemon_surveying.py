@@ -109,6 +109,15 @@ def test_health_that_cannot_be_replaced_does_not_stay(tmp_path: Path, monkeypatc
     assert json.loads(path.read_bytes())["status"] == "down"
 
 
+def test_health_that_somebody_deleted_is_written_in_the_next_round_although_nothing_changed(tmp_path: Path) -> None:
+    world = DaemonWorld(tmp_path)
+    world.start()
+    path = world.layout.daemon / "health.json"
+    path.unlink()
+    world.happens(Cause.FILES)
+    assert json.loads(path.read_bytes())["status"] == "healthy"
+
+
 @pytest.mark.parametrize("text", ["", "{", "[]", "3", '{"format": 2}', '{"format": 1}', "[" * 9000])
 def test_a_damaged_record_is_looked_past(watched: Layout, text: str) -> None:
     (watched.daemon / "health.json").write_text(text)
