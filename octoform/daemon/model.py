@@ -169,6 +169,8 @@ class Facts:
     answers: bool | None = None
     told: Mapping[str, Any] | None = None
     latched: bool = False
+    offered: frozenset[str] = frozenset()
+    """The endpoint's tools by name; empty where that is not known."""
     endpoint: tuple[str, ...] = ()
     damaged: Mapping[str, str] = field(default_factory=dict)
     environment: tuple[str, ...] = ()

@@ -18,6 +18,7 @@ from octoform.daemon.sensing.presence import Presence
 from octoform.daemon.sensing.standing import Standing
 from octoform.daemon.sensing.watched import ESTOP
 from octoform.endpoint.files import read_manifest
+from octoform.endpoint.promise import published
 from octoform.endpoint.running import Running, running
 from octoform.escaping import escaped
 from octoform.manifest.model import FILE_NAME
@@ -84,6 +85,7 @@ class Looker:
             stopped_by=_stopped_by(layout),
             process=process,
             latched=os.path.lexists(layout.run / ESTOP),
+            offered=frozenset(published(layout)) if causes & (STANDING | LOGS) else before.offered,
             disk_free=_free(layout),
             start_failed=self.start_failed if process is None else None,
             put_off=frozenset(),

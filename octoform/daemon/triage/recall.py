@@ -120,7 +120,9 @@ def _failing(recall: Recall, facts: Facts) -> dict[str, Failing]:
     for call in facts.failures:
         if not call.ok:
             failing[call.tool] = _once_more(failing.get(call.tool), call)
-    return dict(list(failing.items())[-MOST_TOOLS:])
+    # What an apply took away is missed by nobody, and no call could ever show that it works again.
+    there = {name: each for name, each in failing.items() if not facts.offered or name in facts.offered}
+    return dict(list(there.items())[-MOST_TOOLS:])
 
 
 def _found(facts: Facts) -> bool:

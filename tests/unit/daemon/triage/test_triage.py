@@ -245,6 +245,13 @@ def test_what_a_call_said_of_a_device_is_over_once_all_of_them_are_certain(error
     assert "move" in remember(broken, there).failing
 
 
+def test_a_tool_that_is_not_offered_any_more_fails_no_more() -> None:
+    known = remember(Recall(), replace(WELL, failures=failed("gone_by", "KeyError")))
+    assert "gone_by" in remember(known, WELL).failing, "nobody knows what is offered"
+    assert "gone_by" in remember(known, replace(WELL, offered=frozenset({"gone_by", "look"}))).failing
+    assert remember(known, replace(WELL, offered=frozenset({"look"}))).failing == {}
+
+
 def test_pictures_that_show_nothing_wait_for_light_and_a_camera_that_stands_still_is_asked_about() -> None:
     dark = reading("/trouble", "black", channel=Channel.FRAME, source="usb-1")
     assert said(WELL, readings=(dark,)) == [(Kind.PICTURE_ODD, "device:usb-1", Repair.WAIT)]
