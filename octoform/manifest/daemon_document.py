@@ -66,7 +66,7 @@ class Daemon(Table):
     """How often one trouble is tried to be repaired before it is frozen and a person is told."""
     apply: Literal["auto", "ask"] = "auto"
     """Whether new or vanished kinds of hardware are taken up at once, or planned and asked about."""
-    calls_per_hour: Annotated[int, Field(ge=0, le=MOST_CALLS)] = 6
+    calls_per_hour: Annotated[int, Field(ge=0, le=MOST_CALLS)] = 30
     """How often in an hour agents may be asked; 0 is never."""
     usd_per_hour: Dollars | None = None
     """US dollars that agents may cost in an hour; without it there is no limit."""

@@ -207,7 +207,7 @@ class Daemon:
     interval: int = 300
     heal_attempts: int = 3
     apply: str = "auto"
-    calls_per_hour: int = 6
+    calls_per_hour: int = 30
     usd_per_hour: float | None = None
     claim_seconds: int = 1800
     notify: Notify = Notify()

@@ -35,6 +35,8 @@ CHANGING = frozenset(
 )
 """Repairs after which a tool's former failures say nothing any more, and after which fresh readings are taken."""
 
+_WHOLE = " whole"
+
 
 @dataclass(slots=True)
 class Waits:
@@ -117,7 +119,7 @@ class Trying:
                     hopeless=None if done.again else task.repair,
                 )
                 if not done.again and rediscovers(task.repair, done):
-                    self.memory.breakers.under(acting.key, self._terms())
+                    self.memory.breakers.under(acting.key, self._terms(facts))
         self._prove(facts)
 
     def _standing(self, finding: Finding, acting: Finding, facts: Facts) -> str | None:
@@ -129,8 +131,8 @@ class Trying:
             return ""
         breaker = self.memory.breakers.of(acting.key)
         frozen = breaker.frozen or self.memory.breakers.of(finding.key).frozen
-        if frozen and breaker.terms and self.apply == AUTO and breaker.terms != self._terms():
-            self.troubles.goes_on(finding, acting)  # the manifest allows more than it did
+        if frozen and breaker.terms and self.apply == AUTO and self._allows_more(breaker.terms, facts):
+            self.troubles.goes_on(finding, acting)
             return None
         if frozen is None and finding.key in self.held():
             return None
@@ -186,9 +188,17 @@ class Trying:
         made = len(breakers.in_hour(acting.key, facts.uptime, quick=repair in QUICK))
         return f"{made} tries in an hour" if made >= most_in_hour(repair, breakers.limit) else None
 
-    def _terms(self) -> str:
-        """What the manifest allows a re-discovery."""
-        return f"{self.apply} {self.memory.purse.calls_per_hour} {self.memory.purse.usd_per_hour}"
+    def _terms(self, facts: Facts) -> str:
+        """What the manifest allows a re-discovery, and whether all of it is left of this hour."""
+        purse = self.memory.purse
+        now, stamp = facts.uptime, facts.stamp
+        whole = (purse.left(now, stamp), purse.usd_left(now, stamp)) == (purse.calls_per_hour, purse.usd_per_hour)
+        return f"{self.apply} {purse.calls_per_hour} {purse.usd_per_hour}{_WHOLE if whole else ''}"
+
+    def _allows_more(self, before: str, facts: Facts) -> bool:
+        """Whether what made a question does so no more: the manifest is another, or the hour is as good as new."""
+        now = self._terms(facts)
+        return before.removesuffix(_WHOLE) != now.removesuffix(_WHOLE) or len(before) < len(now)
 
     def _start(self, finding: Finding, acting: Finding, facts: Facts, causes: frozenset[Cause]) -> str:
         """Begin it; empty, or why it may not begin after all."""

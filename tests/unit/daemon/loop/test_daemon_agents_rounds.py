@@ -229,6 +229,7 @@ def test_a_tool_that_was_given_up_is_not_well_because_something_else_was_repaire
 
 def test_a_run_that_ends_without_a_word_is_not_free(world: DaemonWorld) -> None:
     """Else an agent that kills what started it could be asked for ever."""
+    world.memory.purse.calls_per_hour = 6
     given: list[int] = []
 
     def killed(world: DaemonWorld, finding: Finding) -> Done:

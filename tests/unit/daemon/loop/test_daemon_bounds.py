@@ -147,6 +147,21 @@ def test_a_question_that_the_manifest_answers_goes_on(
     assert [made.id for each in world.rounds for made in each.opened] == [episode.id], "it is the same episode"
 
 
+def test_a_question_of_an_hour_that_had_too_little_left_goes_on_with_a_whole_one(tmp_path: Path) -> None:
+    world = DaemonWorld(tmp_path, Daemon(calls_per_hour=6, interval=60))
+    assert world.memory.purse.begin(world.uptime(), world.stamp(), 2) is not None
+    world.mends[Repair.REDISCOVER] = asks
+    world.start()
+    world.truth.appeared = ("usb:1f00:00a1",)
+    world.happens(Cause.HARDWARE)
+    world.advance(3000)
+    assert len(world.made) == 1
+    world.advance(1000)
+    assert len(world.made) == 2, "once more, and then a person is needed"
+    world.advance(20_000)
+    assert len(world.made) == 2
+
+
 def test_a_heal_that_asked_for_it_goes_on_as_well(tmp_path: Path) -> None:
     def heals(world: DaemonWorld, finding: Finding) -> Done:
         return Done(False, "shall it be?", again=False, spent=Spent(1), report={"action": "rediscover"})
