@@ -133,7 +133,8 @@ def test_a_killed_endpoint_is_back_and_the_client_goes_on(watch: Watch, caller: 
     assert episode["outcome"] == "repaired", episode
     caller.call("rail_position", device=RAIL)
     seconds = episode["closed_uptime"] - episode["opened_uptime"]
-    see("daemon, endpoint", f"killed and back after {seconds:.1f} emulated s; the same client called again")
+    made = ", ".join(f"{each['repair']} in {each['seconds']:.1f} s" for each in episode["tries"])
+    see("daemon, endpoint", f"killed; {made}; over after {seconds:.1f} emulated s; the same client called again")
 
 
 def test_hardware_of_a_new_kind_is_onboarded_while_the_others_work(
