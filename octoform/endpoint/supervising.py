@@ -56,18 +56,14 @@ def start(layout: Layout, seconds: float = START_SECONDS) -> tuple[Running | Non
     for folder in (layout.run, layout.logs):
         if foreign := not_ours(folder):
             return None, error("ENDPOINT-START-FAILED", "the endpoint is not started", detail=foreign)
-    try:
-        with _turn(layout):
-            end = time.monotonic() + seconds
-            found = running(layout)
-            if found is not None:
-                if accepts(layout):
-                    return found, None
-                _gone(found, min(end, time.monotonic() + STOP_SECONDS))  # what takes nobody is ending
-            return _start(layout, end)
-    except OSError as problem:  # a full disk or one that is read-only: whoever asks for a start is told
-        what = f"{problem.filename}: {problem.strerror}" if problem.filename else str(problem.strerror)
-        return None, error("ENDPOINT-START-FAILED", "the endpoint is not started", detail=what)
+    with _turn(layout):
+        end = time.monotonic() + seconds
+        found = running(layout)
+        if found is not None:
+            if accepts(layout):
+                return found, None
+            _gone(found, min(end, time.monotonic() + STOP_SECONDS))  # what takes nobody is ending
+        return _start(layout, end)
 
 
 def accepts(layout: Layout) -> bool:

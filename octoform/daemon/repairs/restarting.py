@@ -20,7 +20,7 @@ from octoform.endpoint import supervising
 from octoform.endpoint.control import ask
 from octoform.endpoint.running import Running, is_it, running
 from octoform.endpoint.stopmark import is_marked
-from octoform.state.files import read_regular, write_atomic
+from octoform.state.files import read_regular, refused, write_atomic
 from octoform.state.layout import Layout
 
 FORMAT = 1
@@ -96,7 +96,7 @@ def restart(layout: Layout, world: World | None = None, *, hung: bool = False) -
 
 def _started(layout: Layout, world: World, starts: list[Start]) -> Done:
     before = _address(layout)
-    process, problem = (None, None) if is_marked(layout) else world.start(layout, supervising.START_SECONDS)
+    process, problem = (None, None) if is_marked(layout) else _brought_up(layout, world)
     if is_marked(layout):  # a person was faster than the process, and found none to stop
         world.stop(layout)
         return Done(False, "a person has stopped the endpoint meanwhile", again=False)
@@ -111,6 +111,13 @@ def _started(layout: Layout, world: World, starts: list[Start]) -> Done:
     if process is None:
         return Done(False, now.why)
     return Done(True, f"process {process.pid} serves it{_moved(before, process)}")
+
+
+def _brought_up(layout: Layout, world: World) -> tuple[Running | None, Diagnostic | None]:
+    try:
+        return world.start(layout, supervising.START_SECONDS)
+    except OSError as problem:  # a full disk or one that is read-only: no start, and told as every other failed one
+        return None, refused(problem, Path(problem.filename or layout.run))
 
 
 def _well(layout: Layout) -> bool:

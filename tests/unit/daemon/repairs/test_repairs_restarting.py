@@ -1,5 +1,6 @@
 """Restarts: a loop of crashes is known for what it is, waited for, told, and forgiven when a person asks."""
 
+import errno
 import json
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -55,6 +56,15 @@ class Machine:
 @pytest.fixture
 def machine(tmp_path: Path) -> Machine:
     return Machine(Layout(tmp_path, "bench"))
+
+
+def test_a_disk_that_refuses_a_start_is_a_start_that_failed(machine: Machine, monkeypatch: pytest.MonkeyPatch) -> None:
+    def full(layout: Layout, _: float) -> tuple[Running | None, Diagnostic | None]:
+        raise OSError(errno.EROFS, "Read-only file system", str(layout.run))
+
+    monkeypatch.setattr(machine, "_start", full)
+    ok, again, why = machine.restart()
+    assert not ok and again and "Read-only file system" in why
 
 
 def test_a_start_that_lasts_costs_no_pause_however_often_it_is_needed(machine: Machine) -> None:
