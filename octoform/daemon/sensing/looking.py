@@ -135,7 +135,8 @@ class Looker:
             return facts
         answers, told = self._senses.answering(facts.process)
         if answers is not True and running(self._layout) is None:  # it ended while it was asked
-            return replace(facts, process=None, answers=None, told=None)
+            put_off = frozenset() if self._traceless else causes - {Cause.PROCESS}
+            return replace(facts, process=facts.process if put_off else None, answers=None, told=None, put_off=put_off)
         return replace(facts, answers=answers, told=told)
 
     def _log(self, facts: Facts, causes: frozenset[Cause], *, changed: bool) -> Facts:

@@ -72,7 +72,8 @@ class Presence:
                 name: self._sighting(name, found.get(name), recorded[name], acts=acts) for name, acts in acting.items()
             }
             self._signature = signature if answers is not None else None
-        return Seen(appeared, gone, self._devices)
+        # What went is no news while nobody can tell whether it is one of the endpoint's devices, which are waited for.
+        return Seen(appeared, gone if self._signature is not None else (), self._devices)
 
     def _sighting(self, name: str, answer: Mapping[str, Any] | None, recorded: str | None, *, acts: bool) -> Sighting:
         """Absent is only what is known to have been there; a doubt counts only for what something is moved with."""

@@ -35,7 +35,7 @@ from octoform.state.layout import Layout
 DEVICE = "usb-1a86-55d3"
 AT_MOST = 20.0
 """Seconds that a busy machine may take for what takes milliseconds; the runtime takes three times as long."""
-HARDWARE, PROCESS = frozenset((Cause.HARDWARE,)), frozenset((Cause.PROCESS,))
+HARDWARE, PROCESS, FILES = (frozenset((each,)) for each in (Cause.HARDWARE, Cause.PROCESS, Cause.FILES))
 
 
 @pytest.fixture
@@ -130,6 +130,32 @@ def test_a_look_at_the_hardware_is_cut_short_and_made_again(
     assert sources.wait(AT_MOST) == HARDWARE
     assert look(HARDWARE).devices[DEVICE].there is False
     assert sources.wait(0.0) == frozenset()
+    sources.close()
+
+
+def test_a_process_that_ends_while_it_is_asked_is_told_by_the_kernel(
+    layout: Layout, endpoint: subprocess.Popen[bytes], tmp_path: Path
+) -> None:
+    clock = SystemClock()
+    asked = Answering(layout, clock.uptime)
+    presence = Presence(layout, {"OCTOFORM_SYSROOT": str(tmp_path)}, lambda _ids, _process: {})
+    look = Looker(layout, clock, Senses(asked, Standing(layout), presence, Hearing(layout, clock.uptime)))
+    sources = EventSources(ProcessEar(), (), Timing(interval=1000, ping=1000), clock)
+    sources.follow(look(frozenset((Cause.START,))))
+
+    def ask(_layout: Layout, _seconds: float) -> None:
+        endpoint.kill()
+        endpoint.wait()
+
+    asked.ask = ask
+    facts = look(FILES)
+    assert (facts.process is None, facts.answers, facts.put_off) == (False, None, FILES)
+    sources.follow(facts)
+    assert sources.wait(AT_MOST) == PROCESS
+    facts = look(PROCESS)
+    assert (facts.process, facts.put_off) == (None, frozenset())
+    sources.follow(facts)
+    assert sources.wait(AT_MOST) == FILES
     sources.close()
 
 
