@@ -145,7 +145,7 @@ def test_hardware_of_a_new_kind_is_onboarded_while_the_others_work(
     episode = watch.until(lambda item: item["kind"] == "hardware_changed", since)
     assert "hardware" in episode["causes"], episode
     caller.call("rail_position", device=RAIL)
-    watch.rediscovered(since, APPLY_SECONDS)
+    runs = watch.rediscovered(since, APPLY_SECONDS)
     interface, now = watch.octoform.artifact("interface"), set(caller.tools())
     assert any(tool["devices"] == [LIGHT] and tool["name"] in now for tool in interface["tools"])
     # A generated server is at most 500 lines long: what is worth least makes room for the newcomer, and that is said.
@@ -154,19 +154,19 @@ def test_hardware_of_a_new_kind_is_onboarded_while_the_others_work(
     assert not lost, f"{lost} are gone without a word"
     assert watch.octoform.status("plan", "-detailed-exitcode") == 0, watch.octoform.run("plan")
     spared = f"made room for it: {', '.join(sorted(before - now))}" if before - now else "none less"
-    see("daemon, new kind", f"new: {', '.join(sorted(now - before))}; {spared}")
+    see("daemon, new kind", f"new: {', '.join(sorted(now - before))}; {spared} ({runs})")
 
 
 def test_a_device_replaced_by_another_model(rig_bench: RigBench, watch: Watch, caller: McpClient, see: See) -> None:
     since, guest = watch.count(), rig_bench.guest
     guest.unplug("light")
     guest.plug("breakout", Breakout(), 12)
-    watch.rediscovered(since, APPLY_SECONDS)
+    runs = watch.rediscovered(since, APPLY_SECONDS)
     devices = {device for tool in watch.octoform.artifact("interface")["tools"] for device in tool["devices"]}
     assert BREAKOUT in devices
     assert LIGHT not in devices, "the tools of what is gone are still there"
     caller.call("read_gpio_line", device=BREAKOUT, line=1)
-    see("daemon, replaced", "the other model's tools are there, those of the former one are not")
+    see("daemon, replaced", f"the other model's tools are there, those of the former one are not ({runs})")
 
 
 def test_the_endpoint_goes_on_when_the_daemon_is_told_to_end(watch: Watch, caller: McpClient, see: See) -> None:

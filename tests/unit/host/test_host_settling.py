@@ -2,28 +2,42 @@
 
 from pathlib import Path
 
-from octoform.host.settling import QUEUE, SETTLE_SECONDS, settle
+import pytest
+
+from octoform.host.settling import QUEUE, QUIET_SECONDS, SETTLE_SECONDS, settle
 
 
-def test_it_waits_for_as_long_as_udev_is_at_work(tmp_path: Path) -> None:
-    (tmp_path / QUEUE).parent.mkdir(parents=True)
-    (tmp_path / QUEUE).touch()
+@pytest.fixture
+def queue(tmp_path: Path) -> Path:
+    queue = tmp_path / QUEUE
+    queue.parent.mkdir(parents=True)
+    return queue
+
+
+def test_it_waits_until_udev_has_had_nothing_to_do_for_a_while(tmp_path: Path, queue: Path) -> None:
+    queue.touch()
     waited: list[float] = []
 
     def pause(seconds: float) -> None:
+        """The first device is done, its driver takes a moment, and then there is another one."""
         waited.append(seconds)
-        if len(waited) == 7:
-            (tmp_path / QUEUE).unlink()
+        if len(waited) in (7, 15):
+            queue.unlink()
+        if len(waited) == 12:
+            queue.touch()
 
     assert settle(tmp_path, pause)
-    assert len(waited) == 7
-    assert settle(tmp_path, pause)
-    assert len(waited) == 7, "nobody is at work"
+    assert sum(waited) == pytest.approx(1.5 + QUIET_SECONDS)
 
 
-def test_a_udev_that_never_ends_is_not_waited_for_without_end(tmp_path: Path) -> None:
-    (tmp_path / QUEUE).parent.mkdir(parents=True)
-    (tmp_path / QUEUE).touch()
+def test_a_udev_that_never_ends_is_not_waited_for_without_end(tmp_path: Path, queue: Path) -> None:
+    queue.touch()
     waited: list[float] = []
     assert not settle(tmp_path, waited.append)
-    assert 0.9 * SETTLE_SECONDS < sum(waited) < 1.1 * SETTLE_SECONDS
+    assert sum(waited) == pytest.approx(SETTLE_SECONDS)
+
+
+def test_without_udev_nothing_is_waited_for(tmp_path: Path) -> None:
+    waited: list[float] = []
+    assert settle(tmp_path, waited.append)
+    assert waited == []
