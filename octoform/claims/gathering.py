@@ -5,7 +5,6 @@ the daemon: what they call clean is made into plain values once (`bounds_told`, 
 from there (`bounds_of`).
 """
 
-import json
 from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any, Protocol
@@ -15,6 +14,7 @@ from octoform.conditions import is_number
 from octoform.endpoint.files import POLICY
 from octoform.endpoint.promise import promised
 from octoform.state.layout import Layout
+from octoform.state.reading import json_of
 
 
 class Protects(Protocol):
@@ -65,7 +65,7 @@ class ServedTools(Mapping[str, ToolFacts]):
 def tools_of(layout: Layout) -> dict[str, ToolFacts]:
     """The tools that the endpoint serves, by name; none where interface or policy cannot be read."""
     try:
-        policies = json.loads((layout.endpoint / POLICY).read_bytes())["tools"]
+        policies = json_of(layout.endpoint / POLICY)["tools"]
         return {
             name: _facts(tool, policies[name])
             for name, tool in promised(layout).items()
@@ -118,7 +118,7 @@ def _stamp(path: Path) -> tuple[int, int, int] | None:
 def _devices(layout: Layout, profile: str) -> set[str]:
     """The devices to whose meaning a profile contributed."""
     try:
-        devices = json.loads(layout.output("identify").read_bytes())["devices"]
+        devices = json_of(layout.output("identify"))["devices"]
         return {str(each["id"]) for each in devices if each.get("profile") == profile}
     except (OSError, ValueError, LookupError, TypeError, AttributeError):
         return set()

@@ -16,6 +16,7 @@ from octoform.claims.readings import Readings
 from octoform.claims.settings import Settings
 from octoform.diagnostics import Diagnostic
 from octoform.state.files import read_regular, refused, write_atomic
+from octoform.state.reading import bytes_of
 
 FORMAT = 1
 NAMES = ("name", "id", "label", "unit", "joint", "motor", "channel", "index", "number", "address")
@@ -34,7 +35,7 @@ def document(claims: Iterable[Claim], boot: str, settings: Settings, readings: R
 def publish(path: Path, data: bytes) -> Diagnostic | None:
     """Put it where the endpoint looks, unless it stands there; None when it does."""
     try:
-        if path.read_bytes() == data and not path.is_symlink():
+        if bytes_of(path) == data and not path.is_symlink():
             return None
     except OSError:
         pass  # whatever is wrong with it, it is replaced

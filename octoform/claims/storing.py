@@ -57,7 +57,7 @@ def read(path: Path) -> Read:
             if document["format"] != FORMAT:
                 raise ValueError(f"it has format {document['format']!r}, and this octoform reads {FORMAT}")
             return Read(_book(document), str(document["boot"]))
-        except (ValueError, KeyError, TypeError, AttributeError, RecursionError) as wrong:
+        except (ValueError, KeyError, TypeError, AttributeError, RecursionError, OverflowError) as wrong:
             problem = _damaged(path, f"{type(wrong).__name__}: {wrong}")
     assert problem is not None
     aside = path.with_name(f"{path.name}.aside")

@@ -136,7 +136,7 @@ def _bulletin(layout: Layout, environ: Mapping[str, str]) -> tuple[Health, float
         document = json.loads(data or b"")
         health = from_json(document)
         waits = {str(key): str(why) for key, why in document.get("waits", {}).items()}
-    except (ValueError, LookupError, TypeError, AttributeError, RecursionError):
+    except (ValueError, LookupError, TypeError, AttributeError, RecursionError, OverflowError):
         return None
     age = SystemClock().uptime() - health.uptime
     if age < 0 or health.host != layout.host:
@@ -234,7 +234,7 @@ def _recall(shelf: Shelf) -> Recall:
     """Which tools failed and have not worked since, as the last daemon knew it; nothing where there was none."""
     try:
         return recall_from(shelf.read(RECALL)["recall"])
-    except (LookupError, TypeError, ValueError, AttributeError):
+    except (LookupError, TypeError, ValueError, AttributeError, OverflowError):
         return Recall()
 
 

@@ -5,7 +5,6 @@ never changed, only made or dropped. Light: no process is started and nothing he
 asks whether the environment drifted.
 """
 
-import json
 import os
 import re
 import sys
@@ -15,6 +14,7 @@ from typing import Any
 
 from octoform.digest import of_value, short
 from octoform.state.layout import Layout
+from octoform.state.reading import json_of
 
 MARKER = "octoform-complete.json"
 FOLDER_NAME = re.compile(r"[0-9a-f]{12}")
@@ -138,7 +138,8 @@ def _by_name(distributions: list[str]) -> dict[str, str]:
 
 def _marker(path: Path) -> dict[str, Any] | None:
     try:
-        value = json.loads((path / MARKER).read_bytes())
+        value = json_of(path / MARKER)
     except (OSError, ValueError):
         return None
-    return value if isinstance(value, dict) and isinstance(value.get("distributions"), list) else None
+    whole = isinstance(value, dict) and {"digest", "lock", "distributions"} <= set(value)
+    return value if whole and isinstance(value["distributions"], list) else None

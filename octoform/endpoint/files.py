@@ -3,7 +3,6 @@
 Light: used by the observation that every plan makes.
 """
 
-import json
 import os
 import stat
 from pathlib import Path
@@ -11,6 +10,7 @@ from typing import Any
 
 from octoform.digest import of_bytes, of_value
 from octoform.state.layout import Layout
+from octoform.state.reading import bytes_of, json_of
 
 CONNECTION = "connection.json"
 LAUNCHER = "launch"
@@ -25,13 +25,16 @@ CHECK = "check.json"
 
 
 def files_below(folder: Path) -> dict[str, str]:
-    """Relative name to digest of all files below ``folder``, bytecode left out; empty when there is no folder."""
+    """Relative name to digest of all files below ``folder``, bytecode left out; empty when there is no folder.
+
+    The digest is empty where a file cannot be read: an editor leaves links there that lead nowhere.
+    """
     entries = {}
     for root, folders, names in os.walk(folder):
         folders[:] = sorted(name for name in folders if name != "__pycache__")
         for name in sorted(names):
             path = Path(root, name)
-            entries[path.relative_to(folder).as_posix()] = of_bytes(path.read_bytes())
+            entries[path.relative_to(folder).as_posix()] = file_digest(path) or ""
     return entries
 
 
@@ -43,7 +46,7 @@ def folder_digest(folder: Path) -> str | None:
 def file_digest(path: Path) -> str | None:
     """Digest of the bytes, or None when the file is not there or cannot be read."""
     try:
-        return of_bytes(path.read_bytes())
+        return of_bytes(bytes_of(path))
     except OSError:
         return None
 
@@ -75,7 +78,7 @@ def not_ours(folder: Path) -> str | None:
 def read_manifest(layout: Layout) -> dict[str, Any] | None:
     """The manifest of the applied endpoint; None when nothing is applied or the file is no manifest of ours."""
     try:
-        value = json.loads((layout.endpoint / MANIFEST).read_bytes())
+        value = json_of(layout.endpoint / MANIFEST)
     except (OSError, ValueError):
         return None
     fits = isinstance(value, dict) and value.get("format") == 1 and isinstance(value.get("files"), dict)

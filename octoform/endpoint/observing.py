@@ -4,7 +4,6 @@ Light: a few files are read and hashed, one folder is listed; nothing is started
 has nothing to do stays fast (a few milliseconds).
 """
 
-import json
 import os
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -25,6 +24,7 @@ from octoform.endpoint.files import (
 )
 from octoform.endpoint.running import Running, running
 from octoform.state.layout import Layout
+from octoform.state.reading import json_of
 
 _WORDS = {LAUNCHER: "the launcher", CONNECTION: "the connection descriptor", POLICY: "the resolved policy"}
 
@@ -147,8 +147,8 @@ def _checked(check: Mapping[str, Any] | None, manifest: Mapping[str, Any], wante
 
 def _check(layout: Layout) -> dict[str, Any] | None:
     try:
-        value = json.loads((layout.endpoint / CHECK).read_bytes())
+        value = json_of(layout.endpoint / CHECK)
     except (OSError, ValueError):
         return None
-    whole = isinstance(value, dict) and {"answered", "tools", "at"} <= set(value)
+    whole = isinstance(value, dict) and {"answered", "at"} <= set(value) and isinstance(value.get("tools"), list)
     return value if whole else None

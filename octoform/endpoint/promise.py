@@ -1,17 +1,17 @@
 """Which tools the endpoint should show: those of INTERFACE without what the policy denies. Light."""
 
-import json
 from collections.abc import Mapping
 from typing import Any
 
 from octoform.endpoint.files import POLICY
 from octoform.state.layout import Layout
+from octoform.state.reading import json_of
 
 
 def promised(layout: Layout) -> dict[str, Any]:
     """The tools of the INTERFACE artifact by name; none when it can be read no more, which the plan tells."""
     try:
-        return {tool["name"]: tool for tool in json.loads(layout.output("interface").read_bytes())["tools"]}
+        return {tool["name"]: tool for tool in json_of(layout.output("interface"))["tools"]}
     except (OSError, ValueError, LookupError, TypeError):
         return {}
 
@@ -19,7 +19,7 @@ def promised(layout: Layout) -> dict[str, Any]:
 def published(layout: Layout) -> dict[str, Mapping[str, Any]]:
     """The tools of the endpoint as it was last made, by name, each with ``effect`` and ``buses``; none without one."""
     try:
-        tools = json.loads((layout.endpoint / POLICY).read_bytes())["tools"]
+        tools = json_of(layout.endpoint / POLICY)["tools"]
         return {name: {"effect": str(tool["effect"]), "buses": list(tool["buses"])} for name, tool in tools.items()}
     except (OSError, ValueError, LookupError, TypeError, AttributeError):
         return {}
@@ -31,7 +31,7 @@ def hidden(layout: Layout) -> frozenset[str]:
     A policy that cannot be read hides nothing here: the endpoint does not start with it, and a plan tells.
     """
     try:
-        return denied(json.loads((layout.endpoint / POLICY).read_bytes()))
+        return denied(json_of(layout.endpoint / POLICY))
     except (OSError, ValueError, LookupError, TypeError, AttributeError):
         return frozenset()
 

@@ -3,13 +3,13 @@
 Light: the pipe of every client and every plan ask this.
 """
 
-import json
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from octoform.state.holder import PROC, start_time
 from octoform.state.layout import Layout
+from octoform.state.reading import json_of
 
 RECORD = "process.json"
 MARK = "OCTOFORM_ENDPOINT"
@@ -38,9 +38,9 @@ class Running:
 def running(layout: Layout) -> Running | None:
     """The process that serves this host's endpoint; None when its record is of no such live process."""
     try:
-        record = json.loads((layout.run / RECORD).read_bytes())
+        record = json_of(layout.run / RECORD)
         found = _read(record)
-    except (OSError, ValueError, LookupError, TypeError):
+    except (OSError, ValueError, LookupError, TypeError, OverflowError):
         return None
     return found if record["boot"] == _boot() and is_it(found) else None
 

@@ -59,7 +59,7 @@ def read(layout: Layout) -> Question | None:
             return None
         hardware, nodes, why = (tuple(str(one) for one in told[name]) for name in ("hardware", "nodes", "why"))
         return Question(hardware, nodes, why, str(told["at"]))
-    except (ValueError, LookupError, TypeError):
+    except (ValueError, LookupError, TypeError, RecursionError):
         return None
 
 

@@ -104,7 +104,7 @@ def read_holder(layout: Layout) -> Holder | Diagnostic | None:
         document = json.loads(data)
         process = from_json(document)
         return Holder(str(document["id"]), process, str(document["operation"]), str(document["created"]))
-    except (ValueError, KeyError, TypeError, AttributeError):
+    except (ValueError, KeyError, TypeError, AttributeError, RecursionError):
         return error(
             "STATE-LOCK-UNREADABLE",
             "the lock file is not one that octoform wrote",

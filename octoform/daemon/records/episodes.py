@@ -267,7 +267,7 @@ def _decoded(line: bytes) -> Episode | None:
     try:
         entry = json.loads(line)
         return _episode(entry) if entry["format"] == FORMAT else None
-    except (ValueError, LookupError, TypeError, AttributeError):
+    except (ValueError, LookupError, TypeError, AttributeError, RecursionError, OverflowError):
         return None
 
 

@@ -67,7 +67,7 @@ def _recall(shelf: Shelf, boot: str) -> Recall:
         return Recall()
     try:
         found = from_json(document["recall"])
-    except (LookupError, TypeError, ValueError, AttributeError):
+    except (LookupError, TypeError, ValueError, AttributeError, OverflowError):
         path = shelf.path(RECALL)
         shelf.said.append(warning("DAEMON-MEMORY-DAMAGED", "it is damaged", path=shown(path), hint="it is begun anew"))
         return Recall()

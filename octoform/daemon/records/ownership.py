@@ -242,7 +242,7 @@ def _read(path: Path) -> dict[str, Any] | None:
     data, _ = read_regular(path, _LIMIT)
     try:
         document = json.loads(data or b"")
-    except ValueError:
+    except (ValueError, RecursionError):
         return None
     return document if isinstance(document, dict) else None
 

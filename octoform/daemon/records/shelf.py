@@ -7,6 +7,7 @@ makes of them meanwhile is noticed, and what it knows itself is written again. L
 
 import contextlib
 import json
+import math
 import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -109,5 +110,6 @@ def _stamp(path: Path) -> tuple[int, int, int] | None:
 
 
 def number(value: object, default: float = 0.0) -> float:
-    """A number of a document; ``default`` when it is none."""
-    return float(value) if isinstance(value, int | float) and not isinstance(value, bool) else default
+    """A finite number of a document; ``default`` when it is none."""
+    found = float(value) if isinstance(value, int | float) and not isinstance(value, bool) else default
+    return found if math.isfinite(found) else default

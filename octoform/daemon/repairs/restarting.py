@@ -144,7 +144,7 @@ def read(layout: Layout) -> list[Start]:
         if document["format"] != FORMAT:
             return []
         return [_start(each) for each in document["starts"]]
-    except (ValueError, LookupError, TypeError):
+    except (ValueError, LookupError, TypeError, RecursionError):
         return []
 
 
@@ -183,7 +183,7 @@ def _address(layout: Layout) -> str | None:
     data, _ = read_regular(layout.run / "network.json")
     try:
         return str(json.loads(data or b"")["url"])
-    except (ValueError, LookupError, TypeError):
+    except (ValueError, LookupError, TypeError, RecursionError):
         return None
 
 

@@ -3,7 +3,6 @@
 Everything in a log is foreign text: bounded, and its hidden characters made visible, before anybody else sees it.
 """
 
-import json
 import re
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
@@ -14,6 +13,7 @@ from octoform.endpoint.calllog import LoggedCall
 from octoform.endpoint.files import POLICY
 from octoform.escaping import escaped
 from octoform.state.layout import Layout
+from octoform.state.reading import json_of
 
 MOST_CALLS, MOST_LINES, MOST_UNDER_WAY = 200, 100, 500
 TEXT_CHARS = 500
@@ -96,7 +96,7 @@ class Hearing:
     def _allowed(self) -> dict[str, float]:
         """What the policy gives each tool, in seconds."""
         try:
-            tools = json.loads((self._layout.endpoint / POLICY).read_bytes())["tools"]
+            tools = json_of(self._layout.endpoint / POLICY)["tools"]
             return {name: float(tool["timeout"]) for name, tool in tools.items()}
         except (OSError, ValueError, LookupError, TypeError, AttributeError):
             return {}

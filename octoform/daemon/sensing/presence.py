@@ -24,6 +24,7 @@ from octoform.endpoint.running import Running, is_it
 from octoform.host.fingerprint import SYSROOT_VARIABLE
 from octoform.state.instances import read_instances
 from octoform.state.layout import Layout
+from octoform.state.reading import json_of
 
 WHERE_SECONDS = 30.0
 WHERE = (sys.executable, "-I", "-m", "octoform.runtime.where")
@@ -87,7 +88,7 @@ class Presence:
 
     def _kinds(self) -> tuple[tuple[str, ...], tuple[str, ...]]:
         try:
-            before = json.loads(self._layout.fingerprint.read_bytes())["entries"]
+            before = json_of(self._layout.fingerprint)["entries"]
             return host.difference([str(each) for each in before], host.fingerprint(self._root).entries)
         except (OSError, ValueError, KeyError, TypeError):
             return (), ()  # nothing is remembered of what PROBE saw
@@ -97,7 +98,7 @@ def served(layout: Layout) -> dict[str, bool]:
     """The devices of the endpoint's tools by id, each with whether a tool acts on it; none without an endpoint."""
     found: dict[str, bool] = {}
     try:
-        for tool in json.loads((layout.endpoint / CONNECTION).read_bytes())["tools"]:
+        for tool in json_of(layout.endpoint / CONNECTION)["tools"]:
             for each in tool.get("devices") or ():
                 found[str(each)] = found.get(str(each), False) or tool.get("effect") != "read"
     except (OSError, ValueError, KeyError, TypeError, AttributeError):
@@ -121,7 +122,7 @@ class Asked:
             if not ear.follow(process):
                 return None
             answers = json.loads(self._told(json.dumps(dict.fromkeys(ids, ())).encode(), ear.fileno()))
-        except (OSError, ValueError):
+        except (OSError, ValueError, RecursionError):
             return None
         finally:
             ear.close()

@@ -19,6 +19,7 @@ from octoform.state.artifacts import observe as observe_artifacts
 from octoform.state.keeping import kept
 from octoform.state.layout import Layout
 from octoform.state.peek import peek
+from octoform.state.reading import bytes_of
 
 MISSING, CHANGED, LINK, FOREIGN = "missing", "changed", "link", "foreign"
 _NOT_RUNNING = "the endpoint is not running"
@@ -124,7 +125,7 @@ def _differing(layout: Layout, folder: Path, accepted: Mapping[str, bytes]) -> I
             yield _below(layout, path), LINK
             continue
         try:
-            same = path.read_bytes() == data
+            same = bytes_of(path) == data
         except FileNotFoundError:
             yield _below(layout, path), MISSING
             continue

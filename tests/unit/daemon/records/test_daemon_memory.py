@@ -252,3 +252,15 @@ def test_no_agent_is_asked_where_that_cannot_be_written_down(shelf: Shelf) -> No
     purse = Purse(shelf, "b1", 6, None)
     assert purse.begin(0.0, STAMP) is None and shelf.said
     assert purse.left(0.0, STAMP) == 6
+
+
+def test_numbers_that_are_none_and_lines_without_end_end_nobody(shelf: Shelf) -> None:
+    numbers = '{"key": "k", "target": "t", "tries": 1e999, "step": NaN, "calls": 1e999, "at": NaN}'
+    shelf.path("breakers.json").write_text(f'{{"format": 1, "breakers": [{numbers}]}}')
+    shelf.path("spend.json").write_text(f'{{"format": 1, "spent": [{numbers}]}}')
+    shelf.path("recall.json").write_text('{"format": 1, "recall": {"failing": {"t": ["e", "s", "m", 1e999]}}}')
+    shelf.path("episodes.jsonl").write_text("[" * 100_000 + "\n")
+    memory = Memory.open(shelf.layout, "b1", 10.0, Daemon())
+    assert memory.episodes.open == {}
+    assert memory.purse.spent(10.0, STAMP).calls == 0
+    assert memory.breakers.of("k").tries == 0
