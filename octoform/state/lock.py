@@ -148,7 +148,7 @@ def _try(layout: Layout, operation: str, proc: Path) -> Acquired | Holder:
                 return Acquired(None, (there,))
             notices: tuple[str, ...] = ()
             if there is not None:
-                if not _dead(layout, there, proc):
+                if not is_dead(layout, there, proc):
                     return there
                 layout.lock.unlink()
                 notices = (_cleared(there),)
@@ -157,7 +157,8 @@ def _try(layout: Layout, operation: str, proc: Path) -> Acquired | Holder:
         return Acquired(None, (refused(problem, layout.lock),))
 
 
-def _dead(layout: Layout, holder: Holder, proc: Path) -> bool:
+def is_dead(layout: Layout, holder: Holder, proc: Path = PROC) -> bool:
+    """True for a holder that is gone for certain; OSError when the lock cannot be looked at any more."""
     verdict = liveness(holder.process, myself(proc), proc)
     return verdict is Liveness.DEAD or (verdict is Liveness.HIDDEN and not _kernel_locked(layout.lock))
 

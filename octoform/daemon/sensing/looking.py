@@ -23,9 +23,8 @@ from octoform.endpoint.running import Running, running
 from octoform.escaping import escaped
 from octoform.manifest.model import FILE_NAME
 from octoform.state.files import read_regular, write_atomic
-from octoform.state.holder import Liveness, liveness, myself
 from octoform.state.layout import Layout
-from octoform.state.lock import Holder, read_holder
+from octoform.state.lock import Holder, is_dead, read_holder
 from octoform.state.peek import peek
 
 FULL = frozenset((Cause.START, Cause.INTERVAL, Cause.RESUMED, Cause.ASKED, Cause.RETRY))
@@ -183,8 +182,15 @@ def _instance(process: Running | None) -> str | None:
 def busy(layout: Layout) -> str | None:
     """The operation of a live holder of the state's lock."""
     holder = read_holder(layout)
-    if not isinstance(holder, Holder) or liveness(holder.process, myself()) is Liveness.DEAD:
+    if not isinstance(holder, Holder):
         return None
+    try:
+        if is_dead(layout, holder):
+            return None
+    except FileNotFoundError:  # it was given back in this moment
+        return None
+    except OSError:
+        pass  # what cannot be told apart is taken for one that lives
     return escaped(holder.operation[:_LONGEST_WORDS])
 
 

@@ -12,7 +12,7 @@ from launched import Launched, launched, tool
 
 from octoform.daemon.model import Cause, Facts
 from octoform.daemon.sensing import answering
-from octoform.daemon.sensing.looking import Looker, open_look
+from octoform.daemon.sensing.looking import Looker, busy, open_look
 from octoform.daemon.sensing.moments import SystemClock
 from octoform.daemon.sensing.standing import Standing, damaged
 from octoform.daemon.sensing.tailing import Tail
@@ -252,3 +252,17 @@ def test_accepted_files_that_are_not_as_they_were_are_named(tmp_path: Path) -> N
     assert dict(damaged(layout)) == {**changed, "state/bench/serve/server.py": "link"}
     layout.snapshot.write_text("<<<<<<< ours\n")
     assert dict(damaged(layout)) == {"state/bench/state.json": "changed"}
+
+
+def test_the_lock_of_another_container_counts_only_while_the_kernel_keeps_it(tmp_path: Path) -> None:
+    layout = Layout(tmp_path, "bench")
+    layout.local.mkdir(parents=True)
+    acquired = acquire(layout, "apply")
+    assert acquired.lock is not None
+    with acquired.lock:
+        told = json.loads(layout.lock.read_bytes())
+        hidden = json.dumps({**told, "namespace": "pid:[1]"})
+        layout.lock.write_text(hidden)
+        assert busy(layout) == "apply"
+    layout.lock.write_text(hidden)  # its process was killed: nobody took the file away
+    assert busy(layout) is None
