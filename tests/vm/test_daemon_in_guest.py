@@ -86,7 +86,7 @@ def test_a_moved_serial_board_works_at_the_next_call(
 
 
 def test_a_board_pulled_in_the_middle_of_a_call(rig_bench: RigBench, watch: Watch, caller: McpClient, see: See) -> None:
-    since, said = watch.count(), list[str]()
+    since, said, attempts = watch.count(), list[str](), watch.octoform.attempts()
     servo = rig_bench.servos.servos[6]
     goal = round(servo.position) + (900 if servo.position < 2048 else -900)
     mover = threading.Thread(
@@ -102,11 +102,12 @@ def test_a_board_pulled_in_the_middle_of_a_call(rig_bench: RigBench, watch: Watc
         watch.until(about(ARM, "device_gone"), since)
     watch.until(over(ARM, "device_gone"), since)
     assert len(caller.call("arm_status", device=ARM)["joints"]) == 6
+    assert watch.octoform.attempts() == attempts, "an agent ran"
     see("daemon, in a call", f"{said[0][:70]!r}; back and read again")
 
 
 def test_two_boards_that_change_places(rig_bench: RigBench, watch: Watch, caller: McpClient, see: See) -> None:
-    since, guest = watch.count(), rig_bench.guest
+    since, guest, attempts = watch.count(), rig_bench.guest, watch.octoform.attempts()
     for name in ("arm", "rail"):
         guest.unplug(name)
     watch.until(about(ARM, "device_gone"), since)
@@ -122,6 +123,7 @@ def test_two_boards_that_change_places(rig_bench: RigBench, watch: Watch, caller
     assert len(rig_bench.line.lines) > lines
     assert rig_bench.servos.broken == 0, "the rail's words went to the arm"
     assert len(caller.call("arm_status", device=ARM)["joints"]) == 6
+    assert watch.octoform.attempts() == attempts, "an agent ran"
     see("daemon, swapped", "each call reached its own board")
 
 

@@ -57,7 +57,6 @@ class Presence:
 
         None when ``process`` ended before that was known: then the next look asks again.
         """
-        appeared, gone = self._kinds()
         acting = served(self._layout)
         ids = tuple(acting)
         ledger = read_instances(self._layout)[0] or {}
@@ -73,6 +72,8 @@ class Presence:
                 name: self._sighting(name, found.get(name), recorded[name], acts=acts) for name, acts in acting.items()
             }
             self._signature = signature if answers is not None else None
+        # After the devices: one that came back meanwhile is neither absent nor gone, and nothing to discover anew.
+        appeared, gone = self._kinds()
         # What went is no news while nobody can tell whether it is one of the endpoint's devices, which are waited for.
         return Seen(appeared, gone if self._signature is not None else (), self._devices)
 

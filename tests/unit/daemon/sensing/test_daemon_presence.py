@@ -119,6 +119,21 @@ def test_what_was_never_there_is_not_gone_and_a_doubt_is_of_what_moves(layout: L
     assert (seen[SENSOR].there, seen[CAMERA].there) == (False, False)
 
 
+def test_a_device_that_comes_back_while_the_runtime_is_asked_is_not_gone(layout: Layout, rig: Host) -> None:
+    layout.fingerprint.write_text(json.dumps({"entries": host.fingerprint(rig.root).entries}))
+    rig.unplug_camera()
+
+    class Slow(Where):
+        def __call__(
+            self, ids: Sequence[str], process: Running | None = None
+        ) -> Mapping[str, Mapping[str, Any]] | None:
+            rig.plug(CAMERA)
+            return {CAMERA: {"attached": True, "sysfs": PLACE}}
+
+    seen = Presence(layout, environ(rig), Slow())()
+    assert (seen.devices[CAMERA].there, seen.appeared, seen.gone) == (True, (), ())
+
+
 def test_kinds_that_came_or_went_since_probe(layout: Layout, rig: Host) -> None:
     presence = Presence(layout, environ(rig), Where())
     assert presence().appeared == ()
