@@ -120,17 +120,23 @@ def test_what_was_never_there_is_not_gone_and_a_doubt_is_of_what_moves(layout: L
 
 
 def test_a_device_that_comes_back_while_the_runtime_is_asked_is_not_gone(layout: Layout, rig: Host) -> None:
-    layout.fingerprint.write_text(json.dumps({"entries": host.fingerprint(rig.root).entries}))
-    rig.unplug_camera()
+    modalias = rig.root / "sys/bus/usb/devices/1-5:1.0/modalias"
+    modalias.parent.mkdir()
+    modalias.write_text("usb:v045Ep0772d0100\n")
+    entries = host.fingerprint(rig.root).entries
+    assert "usb:v045Ep0772d0100" in entries
+    layout.fingerprint.write_text(json.dumps({"entries": entries}))
+    modalias.unlink()
 
     class Slow(Where):
         def __call__(
             self, ids: Sequence[str], process: Running | None = None
         ) -> Mapping[str, Mapping[str, Any]] | None:
-            rig.plug(CAMERA)
+            modalias.write_text("usb:v045Ep0772d0100\n")
             return {CAMERA: {"attached": True, "sysfs": PLACE}}
 
     seen = Presence(layout, environ(rig), Slow())()
+    assert seen is not None
     assert (seen.devices[CAMERA].there, seen.appeared, seen.gone) == (True, (), ())
 
 
