@@ -210,17 +210,6 @@ def test_the_reason_of_a_failed_start_is_told(tmp_path: Path) -> None:
     assert running(layout) is None
 
 
-def test_a_disk_that_refuses_is_a_reason_and_ends_nobody(tmp_path: Path) -> None:
-    layout = write(tmp_path, SOURCE, Service(TOOLS, policy(TOOLS)))
-    (layout.run / "start.lock").mkdir(parents=True)
-    process, problem = supervising.start(layout, 5.0)
-    assert process is None and problem is not None
-    assert (problem.code, problem.detail) == (
-        "ENDPOINT-START-FAILED",
-        f"{layout.run / 'start.lock'}: Is a directory",
-    )
-
-
 def test_without_an_endpoint_nothing_is_started(tmp_path: Path) -> None:
     process, problem = supervising.start(Layout(tmp_path, "bench"))
     assert process is None and problem is not None

@@ -101,6 +101,12 @@ def test_two_hosts_at_once_lose_both_packets_and_are_counted(bench: Bench) -> No
     assert bench.bus.corrupt > 0
 
 
+def test_a_question_that_was_asked_again_before_anybody_could_read_it_is_answered_once(bench: Bench) -> None:
+    read = packet(1, READ, bytes([56, 2]))
+    assert bench.bus.feed(read + read) == bench.bus.feed(read) != b""
+    assert bench.bus.broken == 0
+
+
 def test_a_goal_is_reached_at_the_speed_that_was_asked_for(bench: Bench) -> None:
     bench.move(1, 1048, speed=500, acceleration=50)
     way = bench.wait(3.0)
