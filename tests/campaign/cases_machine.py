@@ -124,7 +124,7 @@ def _clock_ahead(bench: Bench) -> None:
 
 def _agent_saw(bench: Bench) -> list[str]:
     """What WATCH was given tells of the call that failed, beside the lines of the wrong time."""
-    ahead = WRONG_TIME.findall(bench.layout.server_log.read_text())[-1]
+    ahead = WRONG_TIME.findall(bench.layout.server_log.read_text(errors="replace"))[-1]
     logs = [json.loads(path.read_bytes())["log"] for path in bench.layout.attempts.glob("*watch*/input.json")]
     seen = any("the tool weigh failed" in log and ahead in log for log in logs)
     return [] if seen else ["the log that WATCH was given says nothing of the tool that failed"]
