@@ -29,7 +29,7 @@ STEP = 0.005
 LONG = 60.0
 PATIENCE = 10.0
 """Seconds in which calm has to come back by itself after a case."""
-REMEMBERED = ("breakers.json", "starts.json", "recall.json")
+REMEMBERED = ("breakers.json", "starts.json", "recall.json", "spend.json")
 """What the daemon knows of former troubles; a fault that is injected again is meant to be a first one each time."""
 OPEN = ("open", "frozen", "surfaced")
 _UNWATCHED = ("check.json",)
