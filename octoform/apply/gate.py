@@ -33,6 +33,7 @@ class Verdict:
 
     ``files`` are the committed files by name below the stage's folder; ``found`` is one line for a person; ``detail``
     goes into the state. ``rewritten`` is the server that a step has put into the place of the accepted one.
+    ``last``: the agent is not asked again, whatever it is that was wrong.
     """
 
     diagnostics: tuple[Diagnostic, ...]
@@ -42,6 +43,7 @@ class Verdict:
     found: str = ""
     detail: Mapping[str, object] = field(default_factory=dict)
     rewritten: str | None = None
+    last: bool = False
 
     @property
     def accepted(self) -> bool:

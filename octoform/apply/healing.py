@@ -29,6 +29,7 @@ from octoform.contracts.duties import told_devices, told_tools
 from octoform.contracts.model import Artifacts
 from octoform.contracts.parsing import MAX_SOURCE_BYTES, parse
 from octoform.diagnostics import Diagnostic, error, has_errors
+from octoform.endpoint import estop
 from octoform.endpoint.check import CheckReport
 from octoform.endpoint.check import check as check_endpoint
 from octoform.endpoint.promise import shown as promised
@@ -79,7 +80,10 @@ def heal(context: Context, brief: Mapping[str, Any]) -> Answer:
     if not finished.verdict.accepted:
         return refusal(finished.verdict.diagnostics, finished)
     if finished.verdict.rewritten is not None:
-        found = _adopted(context, case, finished.verdict.rewritten)
+        found = _stopped(context)
+        found += (
+            adopting.put_back(context, smoke=False) if found else _adopted(context, case, finished.verdict.rewritten)
+        )
         if has_errors(found):
             return refusal(found, finished)
     return _answer(finished)
@@ -101,6 +105,14 @@ def roll_back(context: Context, brief: Mapping[str, Any]) -> Answer:
     if has_errors(found):
         return replace(refusal(found), changed=context.store.snapshot.nodes[adopting.MAKER].output_digest != now)
     return Answer(ok=True, detail="the former server is the accepted one again", changed=True)
+
+
+def _stopped(context: Context) -> list[Diagnostic]:
+    """Why nothing is tried or exchanged now: a person has pulled the brake while the agent was thinking."""
+    if not estop.is_latched(context.layout):
+        return []
+    hint = "octoform estop -clear opens it; the repair is tried again then"
+    return [error("HEAL-ESTOPPED", "an emergency stop was given while the repair was made", hint=hint)]
 
 
 def _case(context: Context, brief: Mapping[str, Any]) -> Case:
@@ -193,6 +205,8 @@ def _prove_of(case: Case) -> Prove:
         return known[0]
 
     def prove(context: Context, task: Task, proposal: Proposal, found: list[Diagnostic]) -> Verdict:
+        if proposal.server is not None and (stopped := _stopped(context)):
+            return Verdict((*found, *stopped), last=True)
         if proposal.server is not None:
             judge = no_worse(before(context), case.reach.tools)
             found = [*found, *adopting.offer(context, task, proposal.server, judge)]

@@ -106,7 +106,7 @@ def _attempts(context: Context, assignment: Assignment, started: float, progress
         full = full_disk(context.layout)
         if full is not None:
             return replace(verdict, diagnostics=(full,))
-        if outcome.reason in HOPELESS or is_servers_fault(stage, verdict.diagnostics):
+        if verdict.last or outcome.reason in HOPELESS or is_servers_fault(stage, verdict.diagnostics):
             return verdict
         if progress.attempts < budget.attempts:
             context.clock.sleep(_delay(outcome, progress.attempts))

@@ -73,7 +73,7 @@ def _done(layout: Layout, op: str, verb: str, asked: Mapping[str, Any]) -> Estop
 
 
 def _told(layout: Layout, answer: Mapping[str, Any], problems: list[str], direct: bool) -> Estop:
-    lasting = _stands(layout)
+    lasting = is_latched(layout)
     # What a program of octoform's own held in its memory has ended with that program.
     latched = bool(answer.get("latched")) and (lasting or not direct)
     estop = (answer.get("estop") if latched or answer.get("ok") else None) or {}
@@ -94,7 +94,7 @@ def _told(layout: Layout, answer: Mapping[str, Any], problems: list[str], direct
     )
 
 
-def _stands(layout: Layout) -> bool:
+def is_latched(layout: Layout) -> bool:
     """Whether the latch is on the disk; a place that cannot be looked at counts as latched, as for the gate."""
     try:
         os.lstat(layout.run / LATCH)

@@ -13,7 +13,7 @@ from octoform.apply import adopting, healing
 from octoform.apply.context import Context
 from octoform.apply.duty import Answer, refusal
 from octoform.diagnostics import has_errors
-from octoform.endpoint import supervising
+from octoform.endpoint import estop, supervising
 from octoform.endpoint.stopmark import is_marked
 from octoform.engine.affording import Left
 from octoform.engine.duty import on_duty, ready
@@ -46,6 +46,9 @@ def heal(
     layout, _ = layout_of(project, environ)
     if not answer.ok or act is None or layout is None:
         return answer.told()
+    if estop.is_latched(layout):
+        held = Answer(ok=False, detail="an emergency stop was given meanwhile, so nothing is carried out")
+        return _joined(answer, held).told()
     return _joined(answer, act(layout, environ, Left.of(brief, answer.calls, answer.usage.cost_usd))).told()
 
 

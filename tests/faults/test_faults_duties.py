@@ -259,6 +259,18 @@ def test_a_repair_that_also_writes_the_manifest_the_policy_or_the_interface_chan
     assert bench.server == BROKEN and bench.process == pid
 
 
+def test_nothing_is_tried_behind_an_emergency_stop(bench: Bench) -> None:
+    """The agent has begun before the stop was given; it is asked once and no more."""
+    pid = bench.process
+    bench.duty("heal", *([{"rewrite": MEND, "report": REPAIR}] * 3))
+    bench.project.run("estop", "-reason", "hot", status=0)
+    result = bench.heal()
+    bench.project.run("estop", "-clear", status=0)
+    assert (result["ok"], result["again"], result["changed"]) == (False, True, False)
+    assert result["spent"]["calls"] == 1 and "HEAL-ESTOPPED" in result["detail"]
+    assert bench.server == BROKEN and bench.process == pid
+
+
 @pytest.mark.parametrize("status", ["failed", "not_mine"])
 def test_f33_an_honest_failure_is_for_a_person(bench: Bench, status: str) -> None:
     none: dict[str, Any] = {"status": status, "action": "none", "functions": [], "server": None}

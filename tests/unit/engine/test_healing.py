@@ -8,6 +8,7 @@ import pytest
 
 from octoform.apply.duty import Answer
 from octoform.endpoint import stopmark
+from octoform.endpoint.estop import LATCH
 from octoform.engine import healing, redeploying
 from octoform.engine.planning import Outlook
 from octoform.harness.port import Usage
@@ -49,6 +50,20 @@ def test_nothing_more_is_done_after_a_rewrite_or_a_failure(monkeypatch: pytest.M
     monkeypatch.setattr(healing, "layout_of", lambda *_: (LAYOUT, []))
     monkeypatch.setattr(healing, "ACTIONS", dict.fromkeys(healing.ACTIONS, never))
     assert healing.heal(Path("/nowhere"), {}, {}) == answer.told()
+
+
+def test_nothing_is_carried_out_behind_an_emergency_stop(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def never(*_: object) -> Answer:
+        raise AssertionError("nothing is to be done")
+
+    layout = Layout(tmp_path, "bench")
+    layout.run.mkdir(parents=True)
+    (layout.run / LATCH).write_text("{}")
+    monkeypatch.setattr(healing, "on_duty", lambda *_: asked("restart"))
+    monkeypatch.setattr(healing, "layout_of", lambda *_: (layout, []))
+    monkeypatch.setattr(healing, "ACTIONS", dict.fromkeys(healing.ACTIONS, never))
+    told = healing.heal(tmp_path, {}, {})
+    assert (told["ok"], told["again"], told["spent"]["calls"]) == (False, True, 1)
 
 
 def outlook(*work: str, host: str = "bench", steps: tuple[Any, ...] = ()) -> Outlook:
