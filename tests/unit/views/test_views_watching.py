@@ -17,7 +17,7 @@ from octoform.daemon.records.episodes import finding_of
 from octoform.views.console import Console
 from octoform.views.watching import Lines, Objects, named
 
-COLUMNS, LINES = 100, 20
+COLUMNS, LINES = 120, 20  # wide enough for the date, which lines of another day have
 
 
 class Terminal(io.StringIO):
