@@ -6,7 +6,8 @@ from octoform import events
 from octoform.apply.context import Context
 from octoform.apply.tally import Tally
 from octoform.diagnostics import Diagnostic, has_errors, warning
-from octoform.endpoint.removing import remove, stopped, stopped_devices
+from octoform.endpoint.estop import is_latched
+from octoform.endpoint.removing import remove, stopped_devices
 from octoform.endpoint.systemd import is_ours, unit_path
 from octoform.plan.model import Action, Plan
 from octoform.state.files import refused
@@ -48,7 +49,7 @@ def take_away(context: Context, node: str) -> list[Diagnostic]:
 def left_behind(layout: Layout) -> list[Diagnostic]:
     """What an endpoint that was taken away leaves, and a person should know of: its emergency stop, its service."""
     found = []
-    if stopped(layout):
+    if is_latched(layout):
         found.append(
             warning(
                 "DESTROY-ESTOP-KEPT",

@@ -33,6 +33,7 @@ from octoform.daemon.triage import judge, remember
 from octoform.daemon.triage.recall import Recall
 from octoform.daemon.triage.recall import from_json as recall_from
 from octoform.diagnostics import Diagnostic
+from octoform.endpoint.estop import is_latched
 from octoform.engine import onboarding
 from octoform.engine.serving import layout_of
 from octoform.manifest.model import FILE_NAME
@@ -244,7 +245,7 @@ def _todo(layout: Layout, health: Health, watched: Record | None, paused: str | 
         return
     if os.path.lexists(layout.stop_mark):
         yield "octoform start", "a person stopped the endpoint"
-    if os.path.lexists(layout.run / "estop.json"):
+    if is_latched(layout):
         yield "octoform estop -clear", "the emergency stop is latched"
     if paused is not None:
         yield "octoform resume", "a person paused repairs"

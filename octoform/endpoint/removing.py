@@ -50,23 +50,14 @@ def remove(layout: Layout) -> list[Path]:
     return [*_sweep(folder / CLIENTS), *_sweep(folder), *_sweep(layout.environments)]
 
 
-def stopped(layout: Layout) -> bool:
-    """True while an emergency stop is engaged; whatever stands in the latch's place counts."""
-    return _latched(layout.run)
-
-
 def stopped_devices(layout: Layout) -> tuple[Path, ...]:
     """The stops of single devices, which the runtime keeps until the command that ends each went well."""
     return tuple(sorted(layout.run.glob(STOPS)))
 
 
-def _latched(run: Path) -> bool:
-    return os.path.lexists(run / LATCH)
-
-
 def _empty(run: Path) -> None:
     """Remove what the process kept, but for the latch of the emergency stop and the stops of devices."""
-    kept = {path.name for path in run.glob(STOPS)} | ({LATCH} if _latched(run) else set())
+    kept = {path.name for path in run.glob(STOPS)} | ({LATCH} if os.path.lexists(run / LATCH) else set())
     if not kept:
         shutil.rmtree(run, ignore_errors=True)
         return

@@ -9,6 +9,7 @@ from typing import Any
 from octoform.diagnostics import Diagnostic
 from octoform.endpoint import control, tokens
 from octoform.endpoint.client import list_tools
+from octoform.endpoint.estop import LATCH
 from octoform.endpoint.neighbours import running_beside
 from octoform.endpoint.observing import observe
 from octoform.endpoint.promise import hidden, promised
@@ -95,7 +96,7 @@ def _process(layout: Layout) -> Process:
 def _latched(layout: Layout) -> Mapping[str, Any] | None:
     """What latched the emergency stop; whatever stands in the latch's place holds it, readable or not."""
     try:
-        words = json.loads((layout.run / "estop.json").read_bytes())
+        words = json.loads((layout.run / LATCH).read_bytes())
         return {name: str(words[name]) for name in ("by", "reason", "since")}
     except FileNotFoundError:
         return None

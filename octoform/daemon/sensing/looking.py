@@ -16,7 +16,7 @@ from octoform.daemon.sensing.answering import Answering
 from octoform.daemon.sensing.hearing import Heard, Hearing
 from octoform.daemon.sensing.presence import Presence
 from octoform.daemon.sensing.standing import Standing
-from octoform.daemon.sensing.watched import ESTOP
+from octoform.endpoint.estop import is_latched
 from octoform.endpoint.files import read_manifest
 from octoform.endpoint.promise import published
 from octoform.endpoint.running import Running, running
@@ -83,7 +83,7 @@ class Looker:
             busy=holder,
             stopped_by=_stopped_by(layout),
             process=process,
-            latched=os.path.lexists(layout.run / ESTOP),
+            latched=is_latched(layout),
             offered=frozenset(published(layout)) if causes & (STANDING | LOGS) else before.offered,
             disk_free=_free(layout),
             start_failed=self.start_failed if process is None else None,

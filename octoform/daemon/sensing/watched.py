@@ -11,12 +11,12 @@ from pathlib import Path
 from octoform.daemon.model import Cause
 from octoform.daemon.sensing.folders import Watch
 from octoform.endpoint.environment import packages_of
+from octoform.endpoint.estop import LATCH
 from octoform.endpoint.files import read_manifest
 from octoform.endpoint.running import RECORD
 from octoform.state.layout import Layout
 
 MANIFEST = "octopus.yaml"
-ESTOP = "estop.json"
 ASKED = ("paused.json", "asked.json")
 """What commands write into the daemon's folder to be noticed by it."""
 MOST_FOLDERS = 300
@@ -33,7 +33,7 @@ def signs(layout: Layout) -> Iterator[Watch]:
     local = dict.fromkeys((layout.lock.name, layout.instances.name, layout.fingerprint.name), Cause.FILES)
     folders = dict.fromkeys(("endpoint", "run", "log", "daemon", "environments", "kept"), Cause.FILES)
     yield Watch(layout.local, Cause.FILES, {**local, **folders})
-    run = {RECORD: Cause.PROCESS, layout.stop_mark.name: Cause.FILES, ESTOP: Cause.FILES}
+    run = {RECORD: Cause.PROCESS, layout.stop_mark.name: Cause.FILES, LATCH: Cause.FILES}
     yield Watch(layout.run, Cause.FILES, run)
     yield Watch(layout.daemon, Cause.FILES, dict.fromkeys(ASKED, Cause.ASKED))
 
