@@ -6,7 +6,8 @@
 # make vm          boot emulated hosts with real kernels, onboard them and call their tools (docs/testing.md); needs root.
 #                  ARCHES="amd64" takes one architecture alone
 # make faults      inject every fault of the campaign into live deployments, TIMES times (default 5), and print a table
-#                  (docs/faults.md); ONLY="words" takes the cases with one of these words in their names
+#                  (docs/faults.md); ONLY="words" takes the cases with one of these words in their names. Then spoil
+#                  every file of a host MUTATIONS times (default 200; 0 leaves that out)
 # make soak        random faults at a high rate for SECONDS (default 3600): memory, processes, files and locks stay flat
 # make bench       print the measurements of bench/
 # make lock        renew the lock files of .ci/ from pyproject.toml
@@ -60,10 +61,13 @@ vm:
 
 TIMES := 5
 ONLY :=
+MUTATIONS := 200
+SEED := 1
 SECONDS := 3600
 CAMPAIGN := PYTHONPATH=tests:tests/support $(PYTHON) -m campaign
 faults: setup
 	@$(CAMPAIGN).run --times $(TIMES) --only $(ONLY)
+	@$(CAMPAIGN).mutations --mutations $(MUTATIONS) --seed $(SEED) --only $(ONLY)
 
 soak: setup
 	@$(CAMPAIGN).soak --seconds $(SECONDS)

@@ -133,7 +133,13 @@ def abuse(endpoint: Launched, folder: Path) -> tuple[list[Row], list[str]]:
     wall, cpu = time.monotonic() - began, spent(endpoint.process.pid) - before
     records = (endpoint.layout.logs / "audit.jsonl").read_bytes().splitlines()
     ended = {entry["call"] for entry in map(json.loads, records) if entry["event"] == "outcome"}
-    audit = [PYTHON, "-I", str(endpoint.layout.endpoint / "launcher" / "chain.py"), "verify", str(endpoint.layout.logs)]
+    audit = [
+        PYTHON,
+        "-I",
+        str(endpoint.layout.endpoint / "octoform/launcher/chain.py"),
+        "verify",
+        str(endpoint.layout.logs),
+    ]
     verified = subprocess.run(audit, cwd=folder, env=environment(), capture_output=True, text=True, check=False)
     said = [
         f"{CALLS:,} calls, {AT_ONCE} at once: {CALLS / wall:,.0f} calls/s, {1000 * cpu / CALLS:.2f} ms CPU each",

@@ -8,6 +8,8 @@ import hashlib
 import json
 from pathlib import Path
 
+from octoform.base import files
+
 PREFIX = "sha256:"
 
 
@@ -29,7 +31,7 @@ def of_value(value: object) -> str:
 
 def of_file(path: Path) -> str:
     """Digest of a file's bytes; OSError when it cannot be read."""
-    return of_bytes(path.read_bytes())
+    return of_bytes(files.read(path))
 
 
 def short(digest: str) -> str:

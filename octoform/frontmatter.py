@@ -13,6 +13,7 @@ from ruamel.yaml import YAML
 from ruamel.yaml.error import MarkedYAMLError, YAMLError
 from ruamel.yaml.nodes import MappingNode, Node, ScalarNode, SequenceNode
 
+from octoform.base import files
 from octoform.diagnostics import Diagnostic, Span, error
 
 MOST_BYTES = 64 * 1024
@@ -46,7 +47,7 @@ class Document:
 def read(path: Path, code: str) -> tuple[Document | None, list[Diagnostic]]:
     """The file, or why it cannot be read; every problem carries ``code``."""
     try:
-        data = path.read_bytes()[: MOST_BYTES + 1]
+        data = files.head(path, MOST_BYTES + 1, follow=True)
     except OSError as reason:
         return None, [error(code, f"the file cannot be read: {reason.strerror}", path=str(path))]
     if len(data) > MOST_BYTES:

@@ -14,10 +14,12 @@ from pathlib import Path
 from typing import Any
 
 from octoform import digest
+from octoform.apply import audit, guarded
 from octoform.apply.context import Context
 from octoform.apply.endpoint_node import CANDIDATE, made_of
 from octoform.apply.serving import Judge, prove_import, publish
 from octoform.apply.settling import runtime_files, text_of
+from octoform.base import files
 from octoform.diagnostics import Diagnostic, error, has_errors
 from octoform.endpoint.building import build
 from octoform.endpoint.check import judge_check
@@ -66,8 +68,9 @@ def offer(context: Context, task: Task, source: str, judge: Judge = judge_check)
     environment, found = _environment(context)
     if environment is None:
         return found
+    watch = guarded.of_sources(context)
     more, _ = prove_import(context, environment, task, source)
-    found += more
+    found += [*more, *audit.end(watch, task.workdir / guarded.UNDONE)]
     if has_errors(found):
         return found
     trial = Candidate(context.layout.project, context.layout.host)
@@ -144,7 +147,7 @@ def _environment(context: Context) -> tuple[Environment | None, list[Diagnostic]
     if not path.is_file():
         hint = "octoform apply -replace deploy"
         return None, [error("ENDPOINT-NO-LOCK", "the lock of the endpoint is gone", path=str(path), hint=hint)]
-    environment, found = build(context.layout, path.read_text(encoding="utf-8"))
+    environment, found = build(context.layout, files.read(path).decode("utf-8", "replace"))
     return environment, list(found)
 
 

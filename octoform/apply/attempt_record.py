@@ -54,6 +54,7 @@ def record(
         files=written_files(task.workdir),
         spec_edit=spec_edit(edit),
         survivors_killed=outcome.survivors_killed,
+        unconfined=outcome.unconfined,
     )
     return attempts.write(task.workdir, written)
 

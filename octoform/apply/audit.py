@@ -1,17 +1,19 @@
 """What an agent may not touch: the manifest, specs, profiles and accepted artifacts are compared after every attempt.
 
 An agent has one folder and one file to write. A change of anything else that octoform answers for is undone and fails
-the attempt, by name; other new or changed files in the project are told, since a person may be at work there too. For
-the same reason nothing that is undone is lost: it is kept in the attempt's folder.
+the attempt, by name; so is a new file where one would be read as instruction. Other new or changed files in the
+project are told, since a person may be at work there too. For the same reason nothing that is undone is lost: it is
+kept in the attempt's folder.
 """
 
 import os
 import shutil
 import stat
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, replace
 from pathlib import Path
 
+from octoform.base import files
 from octoform.diagnostics import Diagnostic, error, warning
 
 MOST_FILES = 5000
@@ -20,35 +22,62 @@ _SKIPPED = {"node_modules", "__pycache__"}
 
 @dataclass(frozen=True, slots=True)
 class _There:
-    """What lies at a path: a plain file with its bytes, a link with its target, or something else."""
+    """What lies at a path: a plain file with bytes and mode, a link with its target, something else, or what is closed.
+
+    What is closed lies where this user may not look.
+    """
 
     kind: str
     data: bytes = b""
+    mode: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class Guarded:
+    """What is to be as it was: files and whole folders, none of which need exist.
+
+    No folder of ``rooms`` may get another entry. What is ``installed`` is told and never put back. ``spared`` tells,
+    at the beginning and at the end, below which paths another run is at work.
+    """
+
+    files: Iterable[Path]
+    folders: Iterable[Path]
+    rooms: Iterable[Path] = ()
+    installed: frozenset[Path] = frozenset()
+    spared: Callable[[], tuple[Path, ...]] = tuple
 
 
 @dataclass(frozen=True, slots=True)
 class Watch:
     """What lies at the guarded paths (None: nothing) and what else lay in the project, by size and time.
 
-    ``real`` are the folders above the guarded paths that were no links.
+    ``real`` are the folders at and above the guarded paths that were no links; every path below ``folders`` that is in
+    neither of both was not there.
     """
 
     project: Path
     guarded: Mapping[Path, _There | None]
     real: frozenset[Path]
     folders: tuple[Path, ...]
+    rooms: Mapping[Path, frozenset[str]]
     seen: Mapping[Path, tuple[int, int]]
+    installed: frozenset[Path]
+    busy: tuple[Path, ...]
+    spared: Callable[[], tuple[Path, ...]]
 
 
-def begin(project: Path, files: Iterable[Path], folders: Iterable[Path]) -> Watch:
-    """Remember ``files``, all files below ``folders``, and the sizes and times of the rest of the project."""
-    folders = tuple(folders)
-    guarded = {path: _look(path) for path in files}
+def begin(project: Path, wanted: Guarded) -> Watch:
+    """Remember what is guarded, and the sizes and times of the rest of the project."""
+    folders = tuple(wanted.folders)
+    guarded = {path: _look(path) for path in (*wanted.files, *folders)}
     for folder in folders:
         guarded |= {path: _look(path) for path in _files(folder)}
     above = {parent for path in guarded for parent in path.parents if parent.is_relative_to(project)}
-    real = frozenset(parent for parent in above if parent.is_dir() and not parent.is_symlink())
-    return Watch(project, guarded, real, folders, _listing(project))
+    within = {path for folder in folders for path in _folders(folder)}
+    real = frozenset(place for place in above | within if place.is_dir() and not place.is_symlink())
+    rooms = {room: _names(room) for room in wanted.rooms}
+    listing, busy = _listing(project), wanted.spared()
+    return Watch(project, guarded, real, folders, rooms, listing, wanted.installed, busy, wanted.spared)
 
 
 def end(watch: Watch, undone: Path) -> list[Diagnostic]:
@@ -56,24 +85,48 @@ def end(watch: Watch, undone: Path) -> list[Diagnostic]:
 
     ``undone`` is a folder, made when it is needed, for what the changed files had become.
     """
+    watch = replace(watch, busy=(*watch.busy, *watch.spared()))
     found = []
     for path, before in watch.guarded.items():
-        if _look(path) == before:
+        if _look(path) == before or _is_spared(watch, path):
             continue
-        if not path.is_relative_to(watch.project):
+        if path in watch.installed:
             found.append(_shared(path))
             continue
+        if before is None and path in watch.folders and path.is_dir() and not path.is_symlink():
+            continue  # a new folder: what is in it goes below
         kept = _keep(watch, path, undone)
         _restore(watch, path, before)
         found.append(_touched(watch, path, kept))
     for folder in watch.folders:
-        for path in _files(folder):
-            if path not in watch.guarded:
-                kept = _keep(watch, path, undone)
-                path.unlink()
-                found.append(_touched(watch, path, kept))
+        found += _new(watch, folder, undone)
+    for room, names in watch.rooms.items():
+        for path in (room / name for name in sorted(_names(room) - names)):
+            if not _is_spared(watch, path):
+                found.append(_touched(watch, path, _keep(watch, path, undone)))
+                _clear(path)
     found += _strangers(watch)
     return found
+
+
+def _new(watch: Watch, folder: Path, undone: Path) -> list[Diagnostic]:
+    """Take away what was not there before: files, links and whatever else, then the folders that held nothing more."""
+    found = []
+    for path in _files(folder):
+        if path not in watch.guarded and not _is_spared(watch, path):
+            kept = _keep(watch, path, undone)
+            path.unlink()
+            found.append(_touched(watch, path, kept))
+    for path in sorted(_folders(folder), reverse=True):
+        if path not in watch.real and not path.is_symlink() and not _is_spared(watch, path):
+            path.rmdir()
+            if not found:
+                found.append(_touched(watch, path, None))
+    return found
+
+
+def _is_spared(watch: Watch, path: Path) -> bool:
+    return any(path.is_relative_to(place) for place in watch.busy)
 
 
 def _shared(path: Path) -> Diagnostic:
@@ -87,14 +140,20 @@ def _shared(path: Path) -> Diagnostic:
 
 
 def _keep(watch: Watch, path: Path, undone: Path) -> Path | None:
-    """A copy of what a file has become; None when no plain file lies there, or the copy cannot be written."""
+    """What has become of a file, out of its place; None when nothing can be kept of it, or there is no room.
+
+    A folder is moved, so that nothing of a person's is lost; a link is told by a file that holds its target.
+    """
     there = _look(path)
-    if there is None or there.kind != "file":
+    if there is None or (there.kind == "other" and not path.is_dir()):
         return None
     copy = undone / _name(watch.project, path).lstrip("/")
     try:
         copy.parent.mkdir(parents=True, exist_ok=True)
-        copy.write_bytes(there.data)
+        if there.kind == "other":
+            shutil.move(path, copy)
+        else:
+            copy.write_bytes(there.data)
     except OSError:
         return None  # the agent has filled the disk or made away with its folder; both are told elsewhere
     return copy
@@ -131,11 +190,13 @@ def _look(path: Path) -> _There | None:
     """Never follows a link, and never waits for a pipe that was put in a file's place."""
     try:
         mode = path.lstat().st_mode
+        if stat.S_ISLNK(mode):
+            return _There("link", os.fsencode(path.readlink()))
+        return _There("file", files.read(path), stat.S_IMODE(mode)) if stat.S_ISREG(mode) else _There("other")
     except (FileNotFoundError, NotADirectoryError):
         return None
-    if stat.S_ISLNK(mode):
-        return _There("link", os.fsencode(path.readlink()))
-    return _There("file", path.read_bytes()) if stat.S_ISREG(mode) else _There("other")
+    except OSError:  # closed to this user, or larger than anything that is read as instruction
+        return _There("closed")
 
 
 def _restore(watch: Watch, path: Path, before: _There | None) -> None:
@@ -144,14 +205,18 @@ def _restore(watch: Watch, path: Path, before: _There | None) -> None:
         if parent in watch.real and (parent.is_symlink() or not parent.is_dir()):
             parent.unlink(missing_ok=True)
             parent.mkdir()
+    if before is not None and before.kind == "closed":
+        return  # nobody knows what stood there; that it can be seen now is told
     _clear(path)
     if before is None or before.kind == "other":
         return
     path.parent.mkdir(parents=True, exist_ok=True)
     if before.kind == "link":
         path.symlink_to(os.fsdecode(before.data))
-    else:
-        path.write_bytes(before.data)
+        return
+    path.touch(before.mode)
+    path.write_bytes(before.data)
+    path.chmod(before.mode)
 
 
 def _clear(path: Path) -> None:
@@ -163,9 +228,24 @@ def _clear(path: Path) -> None:
 
 
 def _files(folder: Path) -> list[Path]:
-    if not folder.is_dir():
-        return []
-    return sorted(Path(root) / name for root, _, names in os.walk(folder) for name in names)
+    """All that lies below a folder and is none itself; a link to a folder is a link."""
+    found = []
+    for root, folders, names in os.walk(folder):
+        links = (name for name in folders if (Path(root) / name).is_symlink())
+        found += [Path(root) / name for name in (*names, *links)]
+    return sorted(found)
+
+
+def _folders(folder: Path) -> list[Path]:
+    """The folder and all folders below it."""
+    return [Path(root) for root, _, _ in os.walk(folder)]
+
+
+def _names(room: Path) -> frozenset[str]:
+    try:
+        return frozenset(path.name for path in room.iterdir())
+    except OSError:
+        return frozenset()
 
 
 def _listing(project: Path) -> dict[Path, tuple[int, int]]:

@@ -1,6 +1,7 @@
-"""The pictures that an agent of the daemon is given: two at most, each under the reading that vouches for it.
+"""What an agent of the daemon is given of perception: two pictures at most, and the summary of all looks.
 
-A picture without a fresh reading says nothing of now, so it is not given, and the agent is told why there is none.
+Each picture comes under the reading that vouches for it: the current one, and the one before it. A picture without a
+fresh reading says nothing of now, so it is not given, and the agent is told why there is none.
 Perception that fails is no reason not to look at everything else.
 """
 
@@ -9,7 +10,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from octoform.manifest.model import Perception
-from octoform.perception.frames import Frame, Record
+from octoform.perception.frames import Frame, Record, words
 from octoform.perception.keeping import picture_of, read
 from octoform.state.layout import Layout
 
@@ -20,16 +21,20 @@ MOST_BYTES = 8 << 20
 
 @dataclass(frozen=True, slots=True)
 class Beheld:
-    """``frames`` as the input lists them, ``files`` by name, ``reason`` why there is no picture (None: there is)."""
+    """``frames`` as the input lists them, ``files`` by name, ``reason`` why there is no picture (None: there is).
+
+    ``summary`` are a few lines about all looks until now, at most 3 KB; None where nobody looked.
+    """
 
     frames: tuple[dict[str, str], ...] = ()
     files: Mapping[str, bytes] = field(default_factory=dict)
     reason: str | None = None
+    summary: str | None = None
 
     @property
     def perception(self) -> dict[str, Any]:
         """What the input says of perception."""
-        return {"available": bool(self.frames), "reason": self.reason}
+        return {"available": bool(self.frames), "reason": self.reason, "summary": self.summary}
 
 
 def beheld(layout: Layout, settings: Perception, readings: Sequence[Mapping[str, Any]]) -> Beheld:
@@ -38,8 +43,9 @@ def beheld(layout: Layout, settings: Perception, readings: Sequence[Mapping[str,
         return Beheld(reason="perception is off: nobody looks through a camera")
     record, _ = read(layout)
     reason = _absent(record)
+    summary = words(record) if record is not None else None
     if record is None or record.current is None or reason is not None:
-        return Beheld(reason=reason)
+        return Beheld(reason=reason, summary=summary)
     seen = [row for row in readings if row["channel"] == FRAME and row["path"] == TROUBLE]
     frames, files = [], {}
     for frame, row in zip((record.current, record.previous), reversed(seen), strict=False):
@@ -51,8 +57,8 @@ def beheld(layout: Layout, settings: Perception, readings: Sequence[Mapping[str,
         frames.append({"reading": row["id"], "file": frame.file})
         files[frame.file] = data
     if not frames:
-        return Beheld(reason="no reading of now tells of the picture that is kept")
-    return Beheld(tuple(frames), files)
+        return Beheld(reason="no reading of now tells of the picture that is kept", summary=summary)
+    return Beheld(tuple(frames), files, summary=summary)
 
 
 def _absent(record: Record | None) -> str | None:

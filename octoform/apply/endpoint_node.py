@@ -10,6 +10,7 @@ from octoform.apply.result import Finished
 from octoform.apply.service import service_of
 from octoform.apply.serving import calls_said, publish
 from octoform.apply.settling import counted
+from octoform.base import files
 from octoform.diagnostics import Diagnostic, error, has_errors
 from octoform.endpoint.building import build
 from octoform.endpoint.observing import observe
@@ -35,7 +36,7 @@ def _publish(context: Context, anew: bool) -> Verdict:
     if not lock_path.is_file():
         hint = "octoform apply -replace deploy"
         return Verdict((error("ENDPOINT-NO-LOCK", "the lock of the endpoint is gone", path=str(lock_path), hint=hint),))
-    lock = lock_path.read_text(encoding="utf-8")
+    lock = files.read(lock_path).decode("utf-8", "replace")
     facts = observe(context.layout)
     if not facts.reasons and not anew and is_published(context.layout, service_of(context), context.environ):
         return _verdict(context, [], lock, f"{counted(len(facts.tools), 'tool')}, as DEPLOY left it")

@@ -16,7 +16,8 @@ FAILURE_BYTES = 8 << 10
 CLAIM_BYTES = 8 << 10
 SUMMARY_CHARACTERS = 600
 TEXT_CHARACTERS = 300
-CHANNELS = ("log", "frame", "sensor", "kernel", "process")
+FRAME = "frame"
+CHANNELS = ("log", FRAME, "sensor", "kernel", "process")
 
 Row = dict[str, Any]
 
@@ -24,11 +25,13 @@ Row = dict[str, Any]
 def readings_of(brief: Mapping[str, Any]) -> list[Row]:
     """The readings of a brief as rows ``{id, at, channel, source, path, value, why}``, oldest first, bounded.
 
+    Of too many the newest of each signal stay, and of a camera the one before it, which vouches for the former picture.
+
     A reading may come with its signal in a member of its own.
     """
     rows = [row for item in _listed(brief, "readings") for row in _reading(item)]
-    newest = {(row["channel"], row["source"], row["path"]): at for at, row in enumerate(rows)}
-    first = sorted(range(len(rows)), key=lambda at: (at not in newest.values(), -at))
+    newest = _newest_of_each(rows)
+    first = sorted(range(len(rows)), key=lambda at: (at not in newest, -at))
     kept = sorted(_within((at, rows[at]) for at in first))
     return [rows[at] for at in kept]
 
@@ -78,6 +81,16 @@ def _reading(item: Mapping[str, Any]) -> Iterable[Row]:
 
 def _is_plain(value: object) -> bool:
     return value is None or isinstance(value, bool | int | float)
+
+
+def _newest_of_each(rows: Sequence[Row]) -> frozenset[int]:
+    """The places of the newest row of each signal; the newest two of a camera's."""
+    found: dict[tuple[str, str, str], list[int]] = {}
+    for at, row in enumerate(rows):
+        kept = found.setdefault((row["channel"], row["source"], row["path"]), [])
+        del kept[: -1 if row["channel"] == FRAME else None]
+        kept.append(at)
+    return frozenset(at for kept in found.values() for at in kept)
 
 
 def _within(rows: Iterable[tuple[int, Row]]) -> Iterable[int]:

@@ -12,6 +12,7 @@ from typing import Any
 
 from octoform.apply.context import Context
 from octoform.apply.reading import accepted_before
+from octoform.base import files
 from octoform.contracts.canon import output_digest
 from octoform.contracts.checking import check
 from octoform.contracts.model import Artifacts, ProfileFacts
@@ -144,7 +145,7 @@ def read_output(task: Task) -> tuple[bytes, list[Diagnostic]]:
     if facts.st_size > most:
         text = f"the output of {task.stage} has {facts.st_size} bytes; at most {most} are read"
         return b"", [error("ARTIFACT-TOO-LARGE", text, path=path)]
-    return task.output.read_bytes(), []
+    return files.read(task.output, most), []
 
 
 def judge(context: Context, task: Task, data: bytes) -> tuple[Any, list[Diagnostic]]:

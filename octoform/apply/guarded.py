@@ -1,26 +1,27 @@
 """Which files an agent may not touch while it runs, whatever it is asked: sources, what was accepted, what is served.
 
 Guarded is what nobody else has a reason to write meanwhile, since the state's lock is held: a difference is the
-agent's. What the endpoint, a daemon and a person write at any time (logs, counters, latches, what a person asks for)
-is not guarded here. The daemon's memory is, as long as none has been there; one that lives knows itself what it wrote.
+agent's, and so is a new file where one is read as instruction (`instructions`). What the endpoint, a daemon and a
+person write at any time (logs, counters, latches, what a person asks for) is not guarded here. The daemon's memory is,
+as long as none has been there; one that lives knows itself what it wrote.
 """
 
 import fcntl
 import os
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from octoform.apply import audit
+from octoform.apply import audit, instructions
 from octoform.apply.context import Context
-from octoform.apply.endpoint_node import CANDIDATE
-from octoform.apply.healing_record import FOLDER as HEALED
 from octoform.diagnostics import Diagnostic
-from octoform.endpoint.files import CLIENTS, CONNECTION, LAUNCHER, LAUNCHER_PACKAGE, MANIFEST, POLICY, SERVE_SCRIPT
 from octoform.harness.port import Task
 from octoform.state import attempts
 from octoform.state.layout import Layout
+from octoform.state.lock import is_locked
 
-_SERVED = (LAUNCHER, CONNECTION, SERVE_SCRIPT, MANIFEST, POLICY)
+UNDONE = "undone"
+"""Folder of an attempt with what files had become that were not the agent's to change."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,14 +47,37 @@ class Guard:
 
 def begin(context: Context, task: Task) -> Guard:
     """Remember all that the agent of this attempt may not touch."""
-    layout, manifest = context.layout, context.manifest
-    files = [manifest.path, *manifest.profile_files, *(spec.path for spec in context.specs.values())]
-    files += [*layout.records(), *(layout.endpoint / name for name in _SERVED)]
+    layout, read = context.layout, instructions.sources(context)
+    files = [*read.files, *layout.records(), *(layout.endpoint / name for name in instructions.SERVED)]
     files += [folder / attempts.FILE_NAME for folder in attempts.folders(layout) if folder != task.workdir]
-    folders = [layout.committed, layout.spec_edits, layout.kept, layout.local / HEALED, layout.local / CANDIDATE]
-    folders += [layout.endpoint / name for name in (CLIENTS, LAUNCHER_PACKAGE)]
+    folders = [*read.folders, layout.committed, *instructions.records(layout)]
     sign = _daemon(layout)
-    return Guard(audit.begin(layout.project, [*files, *layout.memory()], folders), layout, sign)
+    return Guard(_begun(context, [*files, *layout.memory()], folders), layout, sign)
+
+
+def of_sources(context: Context) -> audit.Watch:
+    """Remember only what is read as instruction: for the time in which an agent's code is run to judge it."""
+    read = instructions.sources(context)
+    return _begun(context, read.files, read.folders)
+
+
+def _begun(context: Context, files: Iterable[Path], folders: Iterable[Path]) -> audit.Watch:
+    project, own = context.layout.project, context.layout.host
+    wanted = audit.Guarded(files, folders, [project / ".octoform"], _installed(context), lambda: _at_work(project, own))
+    return audit.begin(project, wanted)
+
+
+def _at_work(project: Path, own: str) -> tuple[Path, ...]:
+    """What belongs to other hosts of this folder that a run or a daemon is changing right now."""
+    others = [Layout(project, path.parent.name) for path in (project / ".octoform").glob("*/lock.guard")]
+    busy = [other for other in others if other.host != own and (is_locked(other) or _daemon(other) is None)]
+    return tuple(place for other in busy for place in (other.committed, other.local))
+
+
+def _installed(context: Context) -> frozenset[Path]:
+    """The specs that come with octoform: other projects read them as well."""
+    paths = (spec.path for spec in context.specs.values())
+    return frozenset(path for path in paths if not path.is_relative_to(context.layout.project))
 
 
 def _daemon(layout: Layout) -> bytes | None:

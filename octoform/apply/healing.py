@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from octoform import digest, events
-from octoform.apply import adopting, evidence, healing_record
+from octoform.apply import adopting, evidence, healing_record, pending_rewrite
 from octoform.apply.assignment import Judge, Prove
 from octoform.apply.context import Context
 from octoform.apply.diagnosing import ALL, Given, assignment, calls_of, judge_of, paid, told_log
@@ -19,6 +19,7 @@ from octoform.apply.gate import Verdict, artifacts, digest_of, shown
 from octoform.apply.heal_candidate import Reach, objections, reach_of
 from octoform.apply.healing_record import Healed
 from octoform.apply.leaks import leaked
+from octoform.apply.pending_rewrite import Rewrite
 from octoform.apply.reading import accepted
 from octoform.apply.result import Finished
 from octoform.apply.settling import text_of
@@ -80,6 +81,8 @@ def heal(context: Context, brief: Mapping[str, Any]) -> Answer:
     if not finished.verdict.accepted:
         return refusal(finished.verdict.diagnostics, finished)
     if finished.verdict.rewritten is not None:
+        if moves := _actuated(case, finished.verdict.value):
+            return _waiting(context, case, finished, ", ".join(moves))
         found = _stopped(context)
         found += (
             adopting.put_back(context, smoke=False) if found else _adopted(context, case, finished.verdict.rewritten)
@@ -87,6 +90,21 @@ def heal(context: Context, brief: Mapping[str, Any]) -> Answer:
         if has_errors(found):
             return refusal(found, finished)
     return _answer(finished)
+
+
+def confirm(context: Context, rewrite: Rewrite) -> Answer:
+    """Put a rewrite in service that a person has read; a server that does not come up with it is taken back."""
+    known = artifacts(context, ALL, None)
+    if known.serve != rewrite.base:
+        return Answer(ok=False, detail="the server was made again since; the rewrite is of another one", again=False)
+    case = Case(rewrite.episode, rewrite.target, {"tool": rewrite.tool}, Reach(frozenset(), ()), known)
+    found = [*_stopped(context)]
+    found += [] if found else _adopted(context, case, rewrite.source)
+    if has_errors(found):
+        return refusal(found)
+    problem = pending_rewrite.forget(context.layout, rewrite.id)
+    note = "" if problem is None else f"; {problem.summary}"
+    return Answer(ok=True, detail=f"the rewrite {rewrite.id} is in service{note}", changed=True)
 
 
 def roll_back(context: Context, brief: Mapping[str, Any]) -> Answer:
@@ -105,6 +123,34 @@ def roll_back(context: Context, brief: Mapping[str, Any]) -> Answer:
     if has_errors(found):
         return replace(refusal(found), changed=context.store.snapshot.nodes[adopting.MAKER].output_digest != now)
     return Answer(ok=True, detail="the former server is the accepted one again", changed=True)
+
+
+def _actuated(case: Case, value: Mapping[str, Any]) -> tuple[str, ...]:
+    """The tools that move something and whose code a rewrite changes."""
+    interface = case.known.interface or {"tools": []}
+    return pending_rewrite.actuated(str(case.known.serve), interface, frozenset(value["functions"]))
+
+
+def _waiting(context: Context, case: Case, finished: Finished, moves: str) -> Answer:
+    """The rewrite is kept for a person, and nothing of it was tried."""
+    source = str(finished.verdict.rewritten)
+    rewrite = Rewrite(
+        id=pending_rewrite.identity_of(source),
+        episode=case.episode,
+        target=case.target,
+        tool=case.tool,
+        moves=moves,
+        at=context.clock.stamp(),
+        base=str(case.known.serve),
+        source=source,
+    )
+    problem = pending_rewrite.keep(context.layout, rewrite)
+    if problem is not None:
+        return refusal([problem], finished)
+    waits = pending_rewrite.waits(rewrite)
+    context.emit(events.Notice(HEAL, f"{waits.summary}: {waits.hint}"))
+    told = refusal([waits], finished)
+    return replace(told, detail=f"{told.detail}; {waits.hint}", again=False)
 
 
 def _stopped(context: Context) -> list[Diagnostic]:
@@ -205,9 +251,10 @@ def _prove_of(case: Case) -> Prove:
         return known[0]
 
     def prove(context: Context, task: Task, proposal: Proposal, found: list[Diagnostic]) -> Verdict:
+        tries = proposal.server is not None and not _actuated(case, proposal.value)
         if proposal.server is not None and (stopped := _stopped(context)):
             return Verdict((*found, *stopped), last=True)
-        if proposal.server is not None:
+        if proposal.server is not None and tries:
             judge = no_worse(before(context), case.reach.tools)
             found = [*found, *adopting.offer(context, task, proposal.server, judge)]
         if has_errors(found):

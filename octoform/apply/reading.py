@@ -4,6 +4,7 @@ from pathlib import Path
 from typing import Any
 
 from octoform.apply.context import Context
+from octoform.base import files
 from octoform.contracts.parsing import parse
 from octoform.state.layout import STAGES
 
@@ -11,7 +12,7 @@ from octoform.state.layout import STAGES
 def accepted(context: Context, stage: str) -> Any:
     """The value of an accepted artifact; ValueError when it is not there, which the order of the run prevents."""
     path = context.layout.output(stage)
-    value, found = parse(stage, path.read_bytes(), str(path))
+    value, found = parse(stage, files.read(path), str(path))
     if value is None:
         raise ValueError(f"{path} cannot be read any more: {found}")
     return value

@@ -103,6 +103,7 @@ def _parts(context: Context, node: Node) -> dict[str, str]:
 
 def _carry_out(context: Context, node: Node, action: PlannedAction, tally: Tally, again: _Again | None = None) -> None:
     context.emit(events.NodeStarted(node.name, action.action.value))
+    before = _output(context, node)
     found = context.store.begin(node.name, {"action": action.action.value})
     if not has_errors(found):
         finished = _run(context, node, action, again)
@@ -117,8 +118,16 @@ def _carry_out(context: Context, node: Node, action: PlannedAction, tally: Tally
         return  # counted when it was first accepted
     elif action.action is Action.CREATE:
         tally.added += 1
+    elif before is not None and before == _output(context, node):
+        tally.alike += 1
     else:
         tally.changed += 1
+
+
+def _output(context: Context, node: Node) -> str | None:
+    """The digest of the node's accepted output; None where there is none."""
+    known = context.store.snapshot.nodes.get(node.name)
+    return known.output_digest if known is not None else None
 
 
 def _run(context: Context, node: Node, action: PlannedAction, again: _Again | None) -> Finished:

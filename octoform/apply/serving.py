@@ -13,6 +13,7 @@ from octoform.apply.context import Context
 from octoform.apply.reading import accepted
 from octoform.apply.service import doubts_of, service_of
 from octoform.apply.settling import counted, runtime_files
+from octoform.base import files
 from octoform.contracts.deploying import deploy_lock
 from octoform.contracts.header import declared_requirements
 from octoform.contracts.serving import serve_dynamic
@@ -26,7 +27,7 @@ from octoform.endpoint.prewarming import await_bytecode
 from octoform.endpoint.promise import shown
 from octoform.endpoint.publishing import write_endpoint
 from octoform.endpoint.resolving import resolve
-from octoform.endpoint.supervising import stop
+from octoform.endpoint.supervising import PUBLISHED_BYTES, obstacle, stop
 from octoform.endpoint.tokens import ensure_default
 from octoform.harness.port import Task
 
@@ -94,6 +95,9 @@ def publish(
     ``judge`` says what of the check is wrong: an error takes the endpoint out of service. Without ``smoke`` no tool is
     called, and the endpoint only has to answer with its tools.
     """
+    if problem := obstacle(context.layout, PUBLISHED_BYTES):
+        found.append(problem)
+        return None
     with Client(context.layout, environment) as client:
         stop(context.layout)
         service = service_of(context)
@@ -125,8 +129,10 @@ def calls_said(report: CheckReport) -> str:
 def _lock(context: Context, requirements: Sequence[str]) -> tuple[str | None, list[Diagnostic]]:
     """The full set for these direct requirements; what was locked before is preferred."""
     path = context.layout.requirements_lock
-    previous = path.read_text(encoding="utf-8") if path.is_file() else None
+    previous = files.read(path).decode("utf-8", "replace") if path.is_file() else None
     lock, found = resolve(requirements, context.layout.project, previous)
+    if lock is None and previous is not None:  # it may be the former lock that is damaged: it is a preference, no more
+        lock, found = resolve(requirements, context.layout.project, None)
     return lock, list(found)
 
 

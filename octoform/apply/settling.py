@@ -12,9 +12,10 @@ import octoform
 from octoform import events
 from octoform.apply.context import Context
 from octoform.apply.gate import Verdict, digest_of
+from octoform.base import files
 from octoform.contracts.instance import instances, pseudonymise
 from octoform.contracts.parsing import parse
-from octoform.contracts.specimens import keep_ids
+from octoform.contracts.specimens import judged, keep_ids
 from octoform.diagnostics import Diagnostic
 from octoform.state.files import read_regular, write_atomic
 from octoform.state.instances import read_instances, write_instances
@@ -62,6 +63,7 @@ def remember(context: Context, stage: str, value: Any) -> list[Diagnostic]:
 
 def _with_kept_ids(context: Context, value: Any) -> Any:
     """PROBE's value with every specimen under the id that it has on this machine; what cannot be told is said."""
+    value = judged(value)
     ledger, _ = read_instances(context.layout)
     data, _ = read_regular(context.layout.output("probe"))
     before = parse("probe", data, "output.json")[0] if data is not None else None
@@ -89,7 +91,7 @@ def pseudonym_key(layout: Layout, lineage: str = "") -> bytes:
     """
     path = layout.local / "pseudonym.key"
     if path.is_file() and path.stat().st_size == KEY_BYTES:
-        return path.read_bytes()
+        return files.read(path, KEY_BYTES)
     machine = machine_id() if lineage else b""
     drawn = hmac.digest(machine, f"octoform pseudonyms {lineage}".encode(), "sha256") if machine else None
     key = drawn or secrets.token_bytes(KEY_BYTES)
@@ -134,7 +136,8 @@ _SENTENCES = {
         f"{counted(len(value['devices']), 'device')} seen by {counted(len(value['scan_methods']), 'scan')}"
     ),
     "identify": lambda value: (
-        f"{len(value['devices'])} annotated, {_unknown(value)} of them unknown, {len(value['left_out'])} left out"
+        f"{len(value['devices']) - _unknown(value)} identified, {_unknown(value)} unknown, "
+        f"{len(value['left_out'])} skipped"
     ),
     "interface": lambda value: counted(len(value["tools"]), "tool"),
     "serve": lambda value: f"server.py, {len(value.splitlines())} lines",

@@ -10,7 +10,16 @@ from typing import Any
 
 from octoform.apply.hand import Seen
 from octoform.apply.trials import Bench, Mover, Trial, Tried
-from octoform.perception.judging import Picture, complaint, difference, frozen
+from octoform.perception.judging import (
+    FROZEN_PICTURES,
+    FROZEN_SECONDS,
+    Picture,
+    complaint,
+    difference,
+    frozen,
+    noisy,
+    repeated,
+)
 
 NOISE_FACTOR = 3.0
 """A movement must change the picture by at least so many times what differs while nothing moves."""
@@ -39,20 +48,43 @@ def by_view(bench: Bench, trial: Trial, where: str) -> Tried:
 
 
 def by_frame(bench: Bench, camera: Mapping[str, Any], where: str = "/camera") -> Tried:
-    """Look twice through the chosen camera: both pictures must show something; that they are the same is told."""
+    """Look twice through the chosen camera: both pictures must show something.
+
+    Where both are the same, more are taken some seconds apart: a sensor's picture that comes again and again fails,
+    and of a source without noise it cannot be told.
+    """
     tried = Tried(camera["device"], camera["tool"])
     seen = [_look(bench, tried, camera, where, name) for name in ("first", "second")]
     if seen[0] is not None and seen[1] is not None:
         tried.noise = difference(seen[0], seen[1])
-        if frozen(seen[0], seen[1]):
-            text = f"two pictures of {camera['device']} are the same in every figure"
-            hint = "a working sensor has noise; see whether the camera gives new pictures"
-            tried.warn("STEP-PICTURE-FROZEN", text, where, hint)
+        if repeated(seen[0], seen[1]):
+            _stands_still(bench, tried, camera, where)
     return tried
+
+
+def _stands_still(bench: Bench, tried: Tried, camera: Mapping[str, Any], where: str) -> None:
+    """Tell a frozen camera from one that cannot be told, by further pictures."""
+    began, first, count = bench.clock.monotonic(), None, 0
+    while count < FROZEN_PICTURES or bench.clock.monotonic() - began < FROZEN_SECONDS:
+        seen = _look(bench, tried, camera, where, "again")
+        if seen is None or (first is not None and not repeated(first, seen)):
+            return
+        first, count = first or seen, count + 1
+        bench.clock.sleep(FROZEN_SECONDS / FROZEN_PICTURES)
+    if first is not None and frozen(first, count - 1, bench.clock.monotonic() - began):
+        text = f"{count} pictures of {camera['device']} in a row are the same, pixel by pixel, with the same noise"
+        hint = "a working sensor's noise is never twice the same: plug the camera in again, or choose another one"
+        tried.blame("STEP-PICTURE-FROZEN", text, where, hint=hint)
+    else:
+        text = f"{camera['device']} gives the same picture again and again, and the picture has no noise"
+        hint = "a drawn or digital source may just stand still: move something in its view and run octoform look"
+        tried.warn("STEP-PICTURE-REPEATED", text, where, hint)
 
 
 class _ByView(Mover):
     """A movement that the camera shows."""
+
+    _blind = False
 
     def carry_out(self) -> None:
         tried = self.tried
@@ -69,6 +101,7 @@ class _ByView(Mover):
             return
         after = self._at_rest("after")
         if after:
+            self._blind = noisy(after[0]) and all(repeated(after[0], seen) for seen in (*still, *after))
             tried.moved = min(difference(a, b) for a, b in product(still, after))
             if tried.moved < wanted:
                 self._unseen(tried.moved, wanted)
@@ -115,7 +148,12 @@ class _ByView(Mover):
 
     def _unseen(self, moved: float, wanted: float) -> None:
         tried = self.tried
-        self.tried.blame(
+        if self._blind:
+            text = f"the camera gives the same picture again and again: it cannot show whether {tried.unit} moved"
+            hint = "a working sensor's noise is never twice the same: plug the camera in again, or choose another one"
+            tried.blame("STEP-PICTURE-FROZEN", text, self.where, hint=hint)
+            return
+        tried.blame(
             "STEP-NOT-SEEN",
             f"{tried.unit} did not move in the camera's view: the picture differs by {moved:g} of 255, "
             f"by {tried.noise:g} while nothing moves; at least {wanted:g} were wanted",

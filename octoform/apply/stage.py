@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from octoform import events
-from octoform.apply import escalating, guarded, serving, spec_copy
+from octoform.apply import audit, escalating, guarded, serving, spec_copy
 from octoform.apply.assignment import UNMEASURED, Assignment, of_stage, unaffordable
 from octoform.apply.attempt import Failed, Prepared, SoFar, prepare, run
 from octoform.apply.attempt_record import interrupted, record
@@ -33,8 +33,6 @@ from octoform.state.files import full_disk, refused
 DELAY_SECONDS = 0.5
 IDLE_SECONDS = 120.0
 """For agents whose output tells what they do; others may work for minutes and print nothing."""
-UNDONE = "undone"
-"""Folder of an attempt with what files had become that were not the agent's to change."""
 FARAWAY_SECONDS = 5.0
 HOPELESS = frozenset({ExitReason.NOT_INSTALLED, ExitReason.AUTH, ExitReason.REFUSED, ExitReason.BUDGET})
 """Ends after which another attempt can only end the same way."""
@@ -155,17 +153,22 @@ def _attempt(
         progress.attempts -= 1
         return None, Verdict((refused(problem, context.layout.attempts),))
     task, guard = prepared.task, guarded.begin(context, prepared.task)
+    touched: list[Diagnostic] | None = None
     edit, so_far = None, SoFar(context.clock.monotonic())
     try:
         outcome = run(context, harness, task, so_far)
-        verdict = _gate(context, assignment, task, outcome, guard.end(task.workdir / UNDONE))
+        touched = guard.end(task.workdir / guarded.UNDONE)
+        verdict = _gate(context, assignment, task, outcome, touched)
         edit = _note_edit(context, prepared)
     except OSError as problem:  # a full disk, or an agent that has made away with its own folder
         outcome = Outcome(ExitReason.CRASHED, None, 0.0)
-        verdict = Verdict((*guard.end(task.workdir / UNDONE), refused(problem, task.workdir)))
+        told = guard.end(task.workdir / guarded.UNDONE) if touched is None else touched
+        verdict = Verdict((*told, refused(problem, task.workdir)))
     except BaseException:
-        # What the agent did to others' files is undone also when nobody waits for its output any more.
-        guard.end(task.workdir / UNDONE)
+        # What the agent did to others' files is undone also when nobody waits for its output any more; later
+        # differences are of a repair that is being tried, which its own way back takes away.
+        if touched is None:
+            guard.end(task.workdir / guarded.UNDONE)
         interrupted(context, assignment, prepared, so_far)
         raise
     verdict = replace(verdict, diagnostics=without_secrets(task, verdict.diagnostics))
@@ -213,8 +216,9 @@ def prove(context: Context, task: Task, value: Any, found: list[Diagnostic]) -> 
     proof = serving.PROOFS.get(task.stage)
     if proof is None:
         return settle(context, task.stage, value, found)
+    watch = guarded.of_sources(context)
     more, files, detail = proof(context, task, value)
-    found += more
+    found += [*more, *audit.end(watch, task.workdir / guarded.UNDONE)]
     if has_errors(found):
         return Verdict(tuple(found))
     verdict = settle(context, task.stage, value, found, files)

@@ -9,12 +9,12 @@ from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any, Protocol
 
+from octoform.base.files import read_json
 from octoform.claims.settings import Bound, Settings, ToolFacts
 from octoform.conditions import is_number
-from octoform.endpoint.files import POLICY
+from octoform.endpoint.files import POLICY, read_policy
 from octoform.endpoint.promise import promised
 from octoform.state.layout import Layout
-from octoform.state.reading import json_of
 
 
 class Protects(Protocol):
@@ -65,7 +65,7 @@ class ServedTools(Mapping[str, ToolFacts]):
 def tools_of(layout: Layout) -> dict[str, ToolFacts]:
     """The tools that the endpoint serves, by name; none where interface or policy cannot be read."""
     try:
-        policies = json_of(layout.endpoint / POLICY)["tools"]
+        policies = (read_policy(layout) or {"tools": {}})["tools"]
         return {
             name: _facts(tool, policies[name])
             for name, tool in promised(layout).items()
@@ -104,7 +104,8 @@ _NUMBERS = ("trouble_above", "settled_below", "trouble_below", "settled_above")
 def _facts(tool: Mapping[str, Any], policy: Mapping[str, Any]) -> ToolFacts:
     properties = (tool.get("input_schema") or {}).get("properties") or {}
     choices = {name: tuple(each["enum"]) for name, each in properties.items() if isinstance(each.get("enum"), list)}
-    return ToolFacts(str(tool["effect"]), bool(policy.get("stops")), tuple(tool.get("devices") or ()), choices)
+    named = str((tool.get("units") or {}).get("parameter") or "")
+    return ToolFacts(str(tool["effect"]), bool(policy.get("stops")), tuple(tool.get("devices") or ()), choices, named)
 
 
 def _stamp(path: Path) -> tuple[int, int, int] | None:
@@ -118,7 +119,7 @@ def _stamp(path: Path) -> tuple[int, int, int] | None:
 def _devices(layout: Layout, profile: str) -> set[str]:
     """The devices to whose meaning a profile contributed."""
     try:
-        devices = json_of(layout.output("identify"))["devices"]
+        devices = read_json(layout.output("identify"))["devices"]
         return {str(each["id"]) for each in devices if each.get("profile") == profile}
     except (OSError, ValueError, LookupError, TypeError, AttributeError):
         return set()

@@ -258,7 +258,7 @@ def _always_so(case: _Case) -> Diagnostic | None:
 def _irreversible(proposal: Proposal) -> Diagnostic:
     return error(
         "CLAIM-IRREVERSIBLE",
-        f"{proposal.irreversible} of {_shown(proposal.target)} is for good, so it waits for a person",
+        f"{proposal.irreversible} of {_shown(proposal.target)} is a permanent restriction, so it waits for a person",
         hint="octoform claims shows it; octoform confirm makes it true, octoform confirm -reject refuses it",
     )
 

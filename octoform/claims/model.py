@@ -109,3 +109,10 @@ class Claim:
     ended: str | None = None
     ended_by: tuple[str, ...] = ()
     data: Mapping[str, Any] = field(default_factory=dict)
+
+    @property
+    def kind(self) -> str:
+        """What it is or would be once a person confirms it, in words."""
+        if self.irreversible is None:
+            return "temporary claim"
+        return f"permanent restriction {self.irreversible}"

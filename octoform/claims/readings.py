@@ -15,11 +15,12 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from octoform.base.files import write_all
 from octoform.claims.conditions import holds
 from octoform.claims.model import Channel, Condition, Reading, Signal
 from octoform.conditions import is_number
 from octoform.diagnostics import Diagnostic, warning
-from octoform.state.files import read_regular, refused, shown, write_all, write_atomic
+from octoform.state.files import read_regular, refused, shown, write_atomic
 
 FORMAT = 1
 OF_ONE = 16

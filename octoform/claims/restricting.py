@@ -1,22 +1,23 @@
 """What claims restrict, written for the endpoint: each with its end, so that it lets go by itself. Light.
 
 The endpoint knows neither claims nor readings. It reads this file, and an entry counts there only until its moment of
-CLOCK_BOOTTIME and only in the start of the machine that it names, whether the daemon lives or not.
+CLOCK_BOOTTIME and only in the start of the machine that it names, whether the daemon lives or not. What a person made
+true has no moment. A claim about a unit of a device restricts that unit, whichever tool an agent thought of.
 """
 
 import json
 import math
-from collections.abc import Iterable
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
+from octoform.base.files import read
 from octoform.claims import storing
 from octoform.claims.model import Channel, Claim, Restriction, Value
 from octoform.claims.readings import Readings
-from octoform.claims.settings import Settings
+from octoform.claims.settings import Settings, ToolFacts
 from octoform.diagnostics import Diagnostic
 from octoform.state.files import read_regular, refused, write_atomic
-from octoform.state.reading import bytes_of
 
 FORMAT = 1
 NAMES = ("name", "id", "label", "unit", "joint", "motor", "channel", "index", "number", "address")
@@ -24,9 +25,9 @@ NAMES = ("name", "id", "label", "unit", "joint", "motor", "channel", "index", "n
 SIZE_LIMIT = 4 * 1024 * 1024
 
 
-def document(claims: Iterable[Claim], boot: str, settings: Settings, readings: Readings) -> bytes:
+def document(claims: Sequence[Claim], boot: str, settings: Settings, readings: Readings) -> bytes:
     """The file's bytes for these active claims; the same for the same claims."""
-    entries = [_entry(claim, each, settings, readings) for claim in claims for each in claim.restrictions]
+    entries = [entry for claim in claims for entry in _entries(claim, settings, readings)]
     standing = [storing.to_json(claim) for claim in claims if not math.isfinite(claim.expires)]
     whole = {"format": FORMAT, "boot": boot, "restrictions": entries, "standing": standing}
     return json.dumps(whole, separators=(",", ":"), allow_nan=False).encode("ascii")
@@ -35,7 +36,7 @@ def document(claims: Iterable[Claim], boot: str, settings: Settings, readings: R
 def publish(path: Path, data: bytes) -> Diagnostic | None:
     """Put it where the endpoint looks, unless it stands there; None when it does."""
     try:
-        if bytes_of(path) == data and not path.is_symlink():
+        if read(path) == data and not path.is_symlink():
             return None
     except OSError:
         pass  # whatever is wrong with it, it is replaced
@@ -56,18 +57,62 @@ def standing(path: Path) -> list[Claim]:
     return [claim for claim in found if claim.irreversible is not None and claim.data.get("confirmed_by")]
 
 
+def _entries(claim: Claim, settings: Settings, readings: Readings) -> Iterator[dict[str, Any]]:
+    if claim.irreversible is not None:
+        yield _declared(claim, settings, readings)
+    made = [_entry(claim, each, settings, readings) for each in claim.restrictions]
+    yield from (entry for index, entry in enumerate(made) if entry not in made[:index])
+
+
+def _declared(claim: Claim, settings: Settings, readings: Readings) -> dict[str, Any]:
+    """A permanent restriction: nothing that it is about moves, whichever tool moves it."""
+    kind, _, name = claim.target.partition(":")
+    whole = {**_frame(claim), "kind": str(claim.irreversible), "tool": "", "arguments": {}, "effect": "deny"}
+    if kind == "device":
+        device, _, unit = name.partition("/")
+        return {**whole, "device": device, "units": _unit(unit, device, settings, readings)}
+    return {**whole, "tool": name if kind == "tool" else ""}
+
+
 def _entry(claim: Claim, each: Restriction, settings: Settings, readings: Readings) -> dict[str, Any]:
+    """A restriction of the unit that the claim or its arguments name; else of calls with these arguments."""
     facts = settings.tools.get(each.tool)
+    whole = {**_frame(claim), "tool": each.tool, "arguments": {}, "effect": each.effect}
+    device, unit = _place(claim, each, facts)
+    if unit:
+        return {**whole, "device": device, "units": _unit(unit, device, settings, readings)}
     arguments = {name: [value] for name, value in each.arguments.items()}
     for name, values in arguments.items():
         choices = facts.choices.get(name, ()) if facts is not None else ()
         names = _names_of(values[0], settings.devices_of(each.tool), settings, readings) if choices else frozenset()
         values.extend(choice for choice in choices if str(choice) in names and choice not in values)
+    return {**whole, "arguments": arguments}
+
+
+def _place(claim: Claim, each: Restriction, facts: ToolFacts | None) -> tuple[str, str]:
+    """(device, unit) that a restriction is of: as its tool's arguments name it, else as the claim's target does."""
+    kind, _, name = claim.target.partition(":")
+    device, _, unit = name.partition("/") if kind == "device" else ("", "", "")
+    if facts is not None and not device:
+        named = each.arguments.get("device")
+        device = str(named) if named is not None else facts.devices[0] if len(facts.devices) == 1 else ""
+    if facts is not None and facts.names_unit_by in each.arguments:
+        unit = str(each.arguments[facts.names_unit_by])
+    return device, unit if device else ""
+
+
+def _unit(unit: str, device: str, settings: Settings, readings: Readings) -> list[str]:
+    """Every word for a unit, its own name first; empty for a whole device."""
+    if not unit:
+        return []
+    words = _names_of(unit, frozenset({device}), settings, readings)
+    return [unit, *sorted(words - {unit})]
+
+
+def _frame(claim: Claim) -> dict[str, Any]:
+    """What an entry has of its claim."""
     return {
         "claim": claim.id,
-        "tool": each.tool,
-        "arguments": arguments,
-        "effect": each.effect,
         "target": claim.target,
         "statement": claim.statement,
         "expires": claim.expires if math.isfinite(claim.expires) else None,

@@ -31,13 +31,14 @@ class ToolFacts:
     """A tool as the endpoint serves it. ``effect`` is ``read``, ``actuate`` or ``irreversible``.
 
     ``stops`` is set for a tool that stops a movement. ``choices`` are the values that an argument may have, where its
-    schema lists them. ``devices`` are ids.
+    schema lists them. ``devices`` are ids. ``names_unit_by`` is the argument that names a unit, where it has one.
     """
 
     effect: str
     stops: bool = False
     devices: tuple[str, ...] = ()
     choices: Mapping[str, tuple[Value, ...]] = field(default_factory=dict)
+    names_unit_by: str = ""
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,13 +7,28 @@ import os
 import sys
 from argparse import Namespace
 from collections.abc import Sequence
+from dataclasses import replace
 from importlib import import_module
 from pathlib import Path
 
 from octoform.cli.options import UsageError
 from octoform.cli.parser import parse
 from octoform.cli.stopping import Stopped, orderly
+from octoform.diagnostics import Severity
 from octoform.views import console, problems
+
+_READING = frozenset(
+    (
+        *("attempts", "claims", "coverage", "devices", "doctor", "episodes", "explain", "graph", "health"),
+        *("logs", "plan", "schema", "show", "status", "validate", "help", "version", "completion"),
+    )
+)
+"""Commands that write nothing into the project; every other one first sees to it that git ignores what is private."""
+
+
+_HERE = frozenset(("init", "simulate", "schema", "explain", "help", "version", "completion", "connect", "estop"))
+"""Commands that need no project, make one, or find theirs by a rule of their own."""
+MANIFEST = "octopus.yaml"
 
 
 def dispatch(argv: Sequence[str]) -> int:
@@ -22,6 +37,8 @@ def dispatch(argv: Sequence[str]) -> int:
     try:
         with orderly():
             arguments = parse(argv)
+            if arguments.no_color:
+                screen = replace(screen, colour=False, colour_err=False)
             if arguments.version:
                 return problems.version(screen)
             return _run(arguments, screen)
@@ -40,9 +57,9 @@ def dispatch(argv: Sequence[str]) -> int:
 def _run(arguments: Namespace, screen: console.Console) -> int:
     """The command itself; where the operating system refuses it something, it ends with that as a problem."""
     try:
-        project = Path(arguments.chdir).resolve()
-        if not project.is_dir():
-            raise UsageError(f"-chdir: {arguments.chdir} is not a folder", "")
+        project = _project(arguments, screen)
+        if arguments.command not in _READING:
+            _hide(project, screen)
         command = import_module(f"octoform.cli.commands.{arguments.command.replace('-', '_')}")
         status: int = command.run(arguments, project, screen)
     except BrokenPipeError:
@@ -52,6 +69,37 @@ def _run(arguments: Namespace, screen: console.Console) -> int:
 
         return problems.show(screen, [refusal(problem)], as_json=_as_json(arguments))
     return status
+
+
+def _project(arguments: Namespace, screen: console.Console) -> Path:
+    """The folder to work in: the one that was named, else this one or the nearest above that is a project of ours."""
+    here = Path(arguments.chdir or ".").resolve()
+    if not here.is_dir():
+        raise UsageError(f"-chdir: {arguments.chdir} is not a folder", "")
+    if arguments.chdir is not None or arguments.command in _HERE:
+        return here
+    above = next((folder for folder in (here, *here.parents) if _is_project(folder)), here)
+    if above != here:
+        screen.problem(f"octoform: working in {above}, the nearest folder with {MANIFEST}")
+    return above
+
+
+def _is_project(folder: Path) -> bool:
+    """Whether its manifest is of this user: in a folder that others write to, somebody else may have put one."""
+    try:
+        owners = {(folder / MANIFEST).stat().st_uid, folder.stat().st_uid}
+    except OSError:  # none, or one that may not be looked at
+        return False
+    return owners == {os.geteuid()}
+
+
+def _hide(project: Path, screen: console.Console) -> None:
+    """A refusal is only told: an emergency stop is not held up by a full disk, and what has to write says so itself."""
+    from octoform.state.files import hide_from_git
+
+    problem = hide_from_git(project)
+    if problem is not None:
+        problems.show(screen, [replace(problem, severity=Severity.WARNING)])
 
 
 def _as_json(arguments: Namespace) -> bool:

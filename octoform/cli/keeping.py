@@ -34,7 +34,9 @@ def commands_of(commands: Commands) -> None:
     flag(claims, "all", "also those that are over, with the reason")
     value(claims, "retire", "ID", "take back a claim that is in force")
     confirm = add(commands, "confirm", "say yes or no to a claim that only a person may make true")
-    confirm.add_argument("claim", metavar="ID", help="the claim, as `octoform claims` shows it")
+    confirm.add_argument(
+        "claim", metavar="ID", help="a claim, as `octoform claims` shows it, or a rewrite that a notice names"
+    )
     flag(confirm, "reject", "say no")
     flag(confirm, "auto-approve", "do not ask")
     add(commands, "pause", "let the daemon repair nothing until `resume`; it goes on looking")

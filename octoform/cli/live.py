@@ -4,6 +4,7 @@ from octoform.cli.options import Commands, add, flag, value, verbs_of
 
 _CALL_JSON = "all arguments as one JSON object; also makes the output JSON"
 _CLIENT = "an MCP client, such as claude-code, codex or vscode"
+_START = "start the endpoint although `octoform stop` ended it, which nothing else but `start` and `apply` does"
 _TRANSPORT = "stdio or http (default: what the scope calls for)"
 
 
@@ -38,15 +39,16 @@ def _running(commands: Commands) -> None:
 
 
 def _calling(commands: Commands) -> None:
-    add(commands, "tools", "list the tools of the live endpoint")
+    flag(add(commands, "tools", "list the tools of the live endpoint"), "start", _START)
     call = add(commands, "call", "call a tool of the live endpoint", json=False)
-    call.add_argument("tool", metavar="TOOL")
+    call.add_argument("tool", metavar="TOOL", nargs="?", help="without one, a reading tool is called as an example")
     text = "one argument; repeatable"
     call.add_argument("-arg", "--arg", metavar="NAME=VALUE", action="append", default=[], help=text)
     call.add_argument("-json", "--json", metavar="OBJECT", nargs="?", const="", dest="json_arguments", help=_CALL_JSON)
     value(call, "timeout", "DURATION", "give up after so long", default="60s")
     flag(call, "dry-run", "tell what would be done, and do nothing")
     flag(call, "auto-approve", "approve what the policy wants confirmed")
+    flag(call, "start", _START)
 
 
 def _looking(commands: Commands) -> None:
@@ -63,6 +65,7 @@ def _clients(commands: Commands) -> None:
     connect.add_argument("host", metavar="HOST", nargs="?", help="the host (default: the only one of this project)")
     value(connect, "print", "CLIENT", f"print the configuration for {_CLIENT}; connect to nothing")
     value(connect, "transport", "KIND", _TRANSPORT)
+    flag(connect, "start", _START)
     verbs = verbs_of(add(commands, "clients", "put the endpoint into the configuration of MCP clients", json=False))
     add(verbs, "list", "list the clients, their files, and whether the endpoint is in them")
     for name, text in (("install", "add the endpoint to a client's file; a backup is kept"), ("remove", "take it out")):
@@ -94,5 +97,11 @@ def _guarding(commands: Commands) -> None:
     audit = add(commands, "audit", "show what was allowed, refused and approved")
     flag(audit, "verify", "check that no record was changed, removed or added")
     value(audit, "n", "LINES", "so many of the latest records", default="50")
+    value(audit, "tool", "TOOL", "only records of this tool")
+    flag(audit, "refused", "only calls that were refused")
+    value(
+        audit, "since", "WHEN", "only from then on: a duration back from now (1h30m) or a time (2026-05-04T12:00:00Z)"
+    )
+    value(audit, "client", "TEXT", "only calls of clients, tokens or process numbers like this, and what came of them")
     limits = add(commands, "limits", "show the limits and what is used of them")
     value(limits, "reset", "TOOL", "set the sums of a tool to zero")

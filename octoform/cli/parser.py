@@ -5,9 +5,9 @@ leave with status 1, because 2 is an answer: "changes" in ``plan -detailed-exitc
 """
 
 import argparse
-import re
 from collections.abc import Sequence
 
+from octoform import durations
 from octoform.cli import keeping, live
 from octoform.cli.options import JSON_HELP, Commands, Parser, UsageError, add, flag, value, verbs_of
 
@@ -16,14 +16,15 @@ exit codes:
   0    done; for `plan -detailed-exitcode`: no changes
   1    an error; the reason is on standard error
   2    for `plan -detailed-exitcode`: there are changes; for `look`: the picture shows nothing
-  3    for `health`, `heal` and `watch -once`: degraded; 4: error, 5: down, 6: unknown, 0: healthy
+  3    for `status`, `health`, `heal` and `watch -once`: degraded; 4: error, 5: down, 6: unknown, 0: healthy;
+       for `apply`: done, and this user may not use a served device
   129  stopped by SIGHUP: its terminal was closed
   130  interrupted from the keyboard
   143  stopped by SIGTERM
 """
 
 
-def build() -> argparse.ArgumentParser:
+def build() -> Parser:
     """The parser of all commands; cheap enough to be built for ``--help`` on a small board."""
     parser = Parser(
         prog="octoform",
@@ -32,7 +33,9 @@ def build() -> argparse.ArgumentParser:
         formatter_class=argparse.RawDescriptionHelpFormatter,
         allow_abbrev=False,
     )
-    parser.add_argument("-chdir", "--chdir", metavar="DIR", default=".", help="work in DIR, the folder of octopus.yaml")
+    text = "work in DIR, the folder of octopus.yaml (default: this folder, else the nearest above that has one)"
+    parser.add_argument("-chdir", "--chdir", metavar="DIR", help=text)
+    parser.add_argument("-no-color", "--no-color", action="store_true", help="no colour")
     parser.add_argument("-version", "--version", action="store_true", help="print the version and leave")
     commands = parser.add_subparsers(dest="command", metavar="COMMAND", title="commands", parser_class=Parser)
     _reading(commands)
@@ -41,6 +44,7 @@ def build() -> argparse.ArgumentParser:
     live.commands_of(commands)
     keeping.commands_of(commands)
     _agents(commands)
+    _about(commands)
     return parser
 
 
@@ -101,7 +105,7 @@ def _state(commands: Commands) -> None:
     show = add(commands, "show", "show the state, or a saved plan")
     show.add_argument("planfile", metavar="PLANFILE", nargs="?", help="a plan saved with `plan -out`")
     devices = add(commands, "devices", "list the devices, their tools, and where each is attached now")
-    flag(devices, "v", "also serial numbers, evidence, what is in doubt, and what was left out and why")
+    flag(devices, "v", "also serial numbers, evidence, what is in doubt, and what was skipped and why")
     state = add(commands, "state", "look into the state, node by node", json=False)
     verbs = verbs_of(state)
     add(verbs, "list", "list the nodes of the state")
@@ -168,6 +172,14 @@ def _agents(commands: Commands) -> None:
     _simulating(commands)
 
 
+def _about(commands: Commands) -> None:
+    text = "show the commands, or the options of one"
+    add(commands, "help", text, json=False).add_argument("words", metavar="COMMAND", nargs="*")
+    add(commands, "version", "print the version")
+    completion = add(commands, "completion", "print a script that completes commands and options", json=False)
+    completion.add_argument("shell", metavar="SHELL", choices=("bash", "zsh", "fish"), help="bash, zsh or fish")
+
+
 def _simulating(commands: Commands) -> None:
     simulate = add(commands, "simulate", "run simulated devices until Ctrl-C, to be used in place of hardware")
     simulate.add_argument("rig", metavar="RIG", help="a rig by its name, such as reference, or a .yaml file")
@@ -176,22 +188,19 @@ def _simulating(commands: Commands) -> None:
     simulate.add_argument("-set", "--set", metavar="NAME.KEY=VALUE", action="append", default=[], help=text)
 
 
-_DURATION = re.compile(r"(\d+(?:\.\d+)?)(ms|s|m|h)")
-
-
 def seconds(text: str) -> float:
-    """Seconds of a duration such as ``30s``, ``5m`` or ``1h30m``; UsageError for anything else."""
-    units = {"ms": 0.001, "s": 1.0, "m": 60.0, "h": 3600.0}
-    pieces = _DURATION.findall(text)
-    if not pieces or "".join(number + unit for number, unit in pieces) != text:
-        raise UsageError(f"{text!r} is not a duration; write 30s, 5m or 1h30m", "")
-    return sum(float(number) * units[unit] for number, unit in pieces)
+    """Seconds of a duration such as ``30s``, ``1.5m`` or ``1h30m``; UsageError for anything else."""
+    length = durations.seconds(text)
+    if length is None:
+        raise UsageError(f"{text!r} is no duration; {durations.HINT}", "")
+    return length
 
 
 def parse(argv: Sequence[str]) -> argparse.Namespace:
     """The parsed command line; UsageError when it cannot be understood, SystemExit(0) after ``--help``."""
     parser = build()
-    arguments = parser.parse_args(list(argv))
+    arguments, rest = parser.parse_known_args(list(argv))
+    getattr(arguments, "parser", parser).check_rest(rest)
     if arguments.command is None and not arguments.version:
         parser.print_help()
         raise SystemExit(1)

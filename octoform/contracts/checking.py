@@ -13,6 +13,7 @@ from octoform.contracts import (
     identify_rules,
     interface_rules,
     interface_schemas,
+    interface_unit_rules,
     probe_rules,
     serve_rules,
     step_rules,
@@ -29,7 +30,12 @@ MAX_PER_RULE = 10
 RULES: dict[str, tuple[Rule, ...]] = {
     "probe": probe_rules.RULES,
     "identify": (*identify_rules.RULES, *topology_rules.RULES),
-    "interface": (*interface_rules.RULES, *interface_schemas.RULES, *grammar_rules.RULES),
+    "interface": (
+        *interface_rules.RULES,
+        *interface_schemas.RULES,
+        *interface_unit_rules.RULES,
+        *grammar_rules.RULES,
+    ),
     "serve": serve_rules.RULES,
     "deploy": deploy_rules.RULES,
     "step": step_rules.RULES,

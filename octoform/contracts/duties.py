@@ -77,6 +77,21 @@ class DutyFacts:
         values = [row["value"] for row in self.readings if place_of(row) == place and row["value"] is not None]
         return values[-1] if values else None
 
+    def unreadable(self) -> list[Place]:
+        """The signals that could not be read: null, with a reason. A null without one is what the tool answered.
+
+        A call that failed as a whole is over once the same source was read after it.
+        """
+        found: dict[Place, None] = {}
+        for row in self.readings:
+            place = place_of(row)
+            found.pop(place, None)
+            if row["value"] is None and row.get("why"):
+                found[place] = None
+            elif row["path"]:
+                found.pop((row["channel"], row["source"], ""), None)
+        return list(found)
+
     def lasting(self) -> list[Row]:
         """The failures that no later reading shows to be over: a success of the tool, or a value that it returned."""
         return [row for row in self.failures if not self._over(row)]

@@ -10,6 +10,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from octoform.contracts.model import JsonObject
+from octoform.runtime import serials
 
 _ORDINAL = re.compile(r"(.+)-([2-9]|[1-9]\d+)")
 _CONTENT = ("name", "interface", "raw_descriptor", "vid", "pid")
@@ -21,6 +22,33 @@ class Kept:
 
     probe: JsonObject
     notices: list[str] = field(default_factory=list)
+
+
+def judged(probe: JsonObject) -> JsonObject:
+    """The artifact with no identity called strong for a serial number that does not tell its unit from its twins.
+
+    Which agent wrote it does not matter: a default number in a ledger would lead an actuator to the wrong twin.
+    """
+    devices = probe["devices"]
+    known = {device["id"] for device in devices}
+    numbers: dict[str, list[str]] = {}
+    for device in devices:
+        numbers.setdefault(_kind(device, known), []).append(str(_instance(device).get("serial") or ""))
+    out = []
+    for device in devices:
+        instance = _instance(device)
+        own, others = str(instance.get("serial") or ""), list(numbers[_kind(device, known)])
+        others.remove(own)
+        said = [device["name"], f"{device.get('vid', '')}{device.get('pid', '')}"]
+        if instance.get("strength") == "strong" and own and not serials.tells_apart(own, filter(None, others), said):
+            place = "positional" if instance.get("port") else "weak"
+            device = {**device, "instance": {**instance, "strength": place}}
+        out.append(device)
+    return {**probe, "devices": out}
+
+
+def _kind(device: JsonObject, known: set[str]) -> str:
+    return f"{device['vid']}-{device.get('pid')}" if device.get("vid") else _base(device["id"], known)
 
 
 def keep_ids(probe: JsonObject, shown: JsonObject, before: JsonObject, ledger: Mapping[str, Any]) -> Kept:

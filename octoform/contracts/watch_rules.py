@@ -50,10 +50,9 @@ def health_uncovered(value: JsonObject, artifacts: Artifacts) -> Found:
 
 
 def _uncovered(facts: DutyFacts) -> Iterator[tuple[str, str]]:
-    newest = facts.newest()
-    if not newest:
+    if not facts.newest():
         yield "there is no reading at all", "write unknown: absence of a report is no report"
-    silent = [" ".join(place) for place, row in newest.items() if row["value"] is None]
+    silent = [" ".join(place) for place in facts.unreadable()]
     if silent:
         yield f"{listed(silent)} could not be read", "write unknown, or degraded with the error that shows it"
     lasting = [str(row["id"]) for row in facts.lasting()]

@@ -18,7 +18,7 @@ ALL = "all"
 
 @dataclass(frozen=True, slots=True)
 class GivenUp:
-    """What waits for a person: breakers that are frozen, and the targets of all troubles that last."""
+    """What waits for a person: troubles that last and were given up, and the targets of all that last."""
 
     frozen: tuple[Breaker, ...] = ()
     targets: tuple[str, ...] = ()
@@ -34,10 +34,9 @@ def given_up(layout: Layout) -> GivenUp:
     shelf = Shelf(layout)
     breakers = Breakers(shelf, myself().boot_id)
     breakers.load(SystemClock().uptime())
-    lasting = {each.target: advice(each.kind, each.target) for each in episodes.read(shelf) if not each.over}
-    frozen = breakers.frozen()
-    targets = dict.fromkeys([*(each.target for each in frozen), *lasting])
-    return GivenUp(frozen, tuple(targets), lasting, tuple(shelf.said))
+    lasting = [each for each in episodes.read(shelf) if not each.over]
+    told = {each.target: advice(each.kind, each.target) for each in lasting}
+    return GivenUp(breakers.given_up(lasting), tuple(told), told, tuple(shelf.said))
 
 
 def retry(layout: Layout, known: GivenUp, target: str | None) -> tuple[tuple[str, ...], Diagnostic | None]:

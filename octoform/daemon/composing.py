@@ -14,7 +14,7 @@ from octoform.claims.settings import Settings
 from octoform.daemon.agents import Agents
 from octoform.daemon.loop.bench import Beside
 from octoform.daemon.loop.supervisor import Round, Supervisor, View
-from octoform.daemon.model import Done, Finding, Repair
+from octoform.daemon.model import Done, Finding, Repair, Status
 from octoform.daemon.ports import Ports
 from octoform.daemon.records import episodes
 from octoform.daemon.records.memory import Memory
@@ -168,24 +168,27 @@ class _Knowing:
 
 
 class _Counted:
-    """A view behind which the numbers of each round are written for Prometheus, at most every few seconds."""
+    """A view behind which the numbers are written for Prometheus: at a change of health, else every few seconds."""
 
     def __init__(self, path: Path, memory: Memory, view: View) -> None:
         self._path = path
         self._memory = memory
         self._view = view
         self._next = 0.0
+        self._status: Status | None = None
         self._problem: Diagnostic | None = None
 
     def __call__(self, made: Round) -> None:
         """Write, then show."""
-        if made.health is not None and made.facts.uptime >= self._next:
+        status = made.health.status if made.health is not None else None
+        if made.health is not None and (made.facts.uptime >= self._next or status is not self._status):
+            self._status = status
             self._next = made.facts.uptime + METRICS_SECONDS
             picture = metrics.Picture(
                 made.health,
                 episodes.read(self._memory.shelf),
                 time.time(),
-                len(self._memory.breakers.frozen()),
+                len(self._memory.breakers.given_up(self._memory.episodes.open.values())),
                 made.paused is not None,
                 sum(each.lost for each in notifying.failing(self._memory.shelf.layout)),
             )

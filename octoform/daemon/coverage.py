@@ -12,6 +12,7 @@ from octoform.claims.model import Channel, Reading, Signal
 
 SKIPPED = "/skipped"
 UNKNOWN = "/unknown"
+NO_VALUE = "it reported before and has no value now"
 Silence = tuple[str, str, str]
 """Source, path of the unit in it (empty for all of it), and why it does not report."""
 
@@ -110,4 +111,4 @@ def _missing(latest: Mapping[Signal, Reading], expected: Iterable[Signal]) -> It
         if reading is None:
             yield signal.source, signal.path, "it reported before and was not read since"
         elif reading.value is None and not reading.why and not signal.path.endswith(SKIPPED):
-            yield signal.source, signal.path, "it reported before and has no value now"
+            yield signal.source, signal.path, NO_VALUE

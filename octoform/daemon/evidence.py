@@ -1,6 +1,10 @@
-"""Readings and claims as the loop deals with them: facts are recorded, what agents say is only offered. Light."""
+"""Readings and claims as the loop deals with them: facts are recorded, what agents say is only offered. Light.
 
-from collections.abc import Iterable, Mapping
+What an agent is given is what triage knows: everything in it comes from records that outlive the daemon.
+"""
+
+from collections.abc import Callable, Collection, Iterable, Mapping
+from dataclasses import replace
 from typing import Any
 
 from octoform.claims.ledger import Ledger
@@ -8,9 +12,13 @@ from octoform.claims.model import Channel, Claim, Reading, Signal, State, Value
 from octoform.claims.proposal import of_claim, of_declaration
 from octoform.claims.readings import to_json as reading_json
 from octoform.claims.storing import to_json as claim_json
+from octoform.daemon.coverage import NO_VALUE, answered
+from octoform.daemon.expecting import current, measured
 from octoform.daemon.model import Cause, Facts, Finding
+from octoform.daemon.records.memory import Memory, Report
 from octoform.daemon.triage.recall import Recall
 from octoform.diagnostics import Diagnostic
+from octoform.state.layout import Layout
 
 MOST_GIVEN = 200
 """Readings that an agent is given; the newest ones."""
@@ -21,15 +29,11 @@ _ENDPOINT = "endpoint"
 class Evidence:
     """The ledger, and what was last recorded of facts, so that only what is new is written."""
 
-    def __init__(self, ledger: Ledger) -> None:
-        """``ledger`` of this host."""
+    def __init__(self, ledger: Ledger, promised: Callable[[], Collection[Signal]] = tuple) -> None:
+        """``ledger`` of this host; ``promised`` is what ought to report (`octoform.daemon.ports.Promised`)."""
         self.ledger = ledger
+        self._promised = promised
         self._known: dict[Signal, Value] = {}
-        self._failed: dict[str, str] = {}
-        self._first: dict[str, str] = {}
-        self._last: dict[str, str] = {}
-        self._summary: str | None = None
-        self._since = self._from = ""
 
     def seen(self, facts: Facts) -> tuple[Claim, ...]:
         """Record what facts say; the claims that this ended come back."""
@@ -38,15 +42,14 @@ class Evidence:
         made = [self.ledger.make(signal, value) for signal, value in fresh]
         for call in facts.failures:
             if call.ended and not call.ok:
-                made.append(self.ledger.make(Signal(Channel.LOG, call.tool, "/ok"), False))
-                self._failed[call.tool] = made[-1].id
-                self._first.setdefault(call.tool, facts.stamp)
-                self._last[call.tool] = facts.stamp
+                made.append(self.ledger.make(_success(call.tool), False))
                 made.append(self.ledger.make(Signal(Channel.LOG, call.tool, "/error"), call.error or "Error"))
-        made += [self.ledger.make(Signal(Channel.LOG, tool, "/ok"), True) for tool in dict.fromkeys(facts.worked)]
-        for tool in facts.worked:
-            self._first.pop(tool, None)
+        made += [self.ledger.make(_success(tool), True) for tool in dict.fromkeys(facts.worked)]
         return self.ledger.record(made) if made else ()
+
+    def current(self, layout: Layout) -> list[Reading]:
+        """The newest reading of each signal that somebody still wants to know of."""
+        return current(self.ledger.latest(), layout, self._promised())
 
     def take(self, readings: Iterable[Reading]) -> tuple[Claim, ...]:
         """Record fresh readings; the claims that they ended come back."""
@@ -64,8 +67,6 @@ class Evidence:
                 refused.append(found)
             elif found.state is State.PENDING:
                 pending.append(found)
-        if by == "watch":
-            self._summary = str(report.get("summary") or "")[:600] or None
         return tuple(pending), tuple(refused)
 
     def due(self) -> float | None:
@@ -73,22 +74,26 @@ class Evidence:
         times = [claim.expires for claim in self.ledger.active() if claim.irreversible is None]
         return min(times, default=None)
 
-    def brief(self, finding: Finding, causes: Iterable[Cause], recall: Recall, facts: Facts) -> dict[str, Any]:
-        """What WATCH is asked with."""
+    def brief(self, finding: Finding, causes: Iterable[Cause], memory: Memory, facts: Facts) -> dict[str, Any]:
+        """What WATCH is asked with; ``memory`` has what triage knows and the last report, and notes the question."""
         # Stamps of a clock that was set back since then cannot be compared: then the log counts as a whole.
-        self._from, self._since = self._since if self._since <= facts.stamp else "", facts.stamp
+        before = memory.report
+        since = before.asked if before.asked <= facts.stamp else ""
+        memory.keep_report(Report(before.summary, since, facts.stamp))
+        failures = self._failures(memory.recall)  # first: what is missing among the readings is recorded with it
         return {
             "causes": sorted(str(cause) for cause in causes),
-            "readings": self._readings(),
-            "failures": self._failures(recall, facts),
+            "readings": self._readings(memory.shelf.layout),
+            "failures": failures,
             "claims": [claim_json(claim) for claim in self.ledger.active()],
-            "summary": self._summary,
-            "since": self._from,
+            "summary": before.summary,
+            "since": since,
             "target": finding.target,
         }
 
-    def healing(self, finding: Finding, episode: str, recall: Recall, facts: Facts) -> dict[str, Any]:
+    def healing(self, finding: Finding, episode: str, memory: Memory) -> dict[str, Any]:
         """What HEAL is asked with: one error of WATCH's, or what triage made of it where WATCH was not asked."""
+        failures = self._failures(memory.recall)
         error = finding.data.get("error")
         if not isinstance(error, Mapping):
             error = {
@@ -98,34 +103,61 @@ class Evidence:
                 "message": finding.summary[:300],
                 "severity": "recoverable",
                 "suggested_fix": finding.detail[:300],
-                "cites": list(self._failed.values())[-MOST_OFFERED:],
+                "cites": [each["id"] for each in failures][-MOST_OFFERED:],
             }
         return {
             "error": dict(error),
-            "readings": self._readings(),
-            "failures": self._failures(recall, facts),
+            "readings": self._readings(memory.shelf.layout),
+            "failures": failures,
             "target": finding.target,
             "episode": episode,
-            "since": self._from,
+            "since": memory.report.since,
         }
 
-    def _failures(self, recall: Recall, facts: Facts) -> list[dict[str, Any]]:
+    def _failures(self, recall: Recall) -> list[dict[str, Any]]:
+        """A row for each tool that fails, under the reading that shows it; one is made where none is remembered."""
+        known = {each.signal: each for each in self.ledger.latest()}
+        shown = {tool: known.get(_success(tool)) for tool in recall.failing}
+        made = {tool: self.ledger.make(_success(tool), False) for tool, each in shown.items() if _is_clean(each)}
+        if made:
+            self.take(made.values())
+        cited = {**shown, **made}
         return [
             {
-                "id": self._failed.get(tool, ""),
+                "id": reading.id,
                 "tool": tool,
                 "error": failing.error,
                 "message": failing.message,
                 "count": failing.times,
-                "first": self._first.get(tool, facts.stamp),
-                "last": self._last.get(tool, facts.stamp),
+                "first": failing.first or reading.at,
+                "last": failing.last or reading.at,
             }
             for tool, failing in recall.failing.items()
+            if (reading := cited[tool]) is not None
         ]
 
-    def _readings(self) -> list[dict[str, Any]]:
-        newest = sorted(self.ledger.latest(), key=lambda each: each.uptime)[-MOST_GIVEN:]
-        return [_flat(reading) for reading in newest]
+    def _readings(self, layout: Layout) -> list[dict[str, Any]]:
+        """The newest of each signal; of a camera's also the one before, which vouches for the former picture."""
+        newest = sorted(self.current(layout), key=lambda each: each.uptime)[-MOST_GIVEN:]
+        seen = [each.signal for each in newest if each.signal.channel is Channel.FRAME]
+        former = [each for signal in seen for each in self.ledger.readings_of(signal)[-2:-1]]
+        lost = measured(newest, self.ledger.readings_of) - answered(newest)
+        told = [each if each.value is not None or each.why else _lost(each, lost) for each in newest]
+        return [_flat(reading) for reading in sorted([*former, *told], key=lambda each: each.uptime)]
+
+
+def _success(tool: str) -> Signal:
+    return Signal(Channel.LOG, tool, "/ok")
+
+
+def _is_clean(reading: Reading | None) -> bool:
+    """Whether a reading of a tool's success shows no failure: it is of an earlier boot, or the call never ended."""
+    return reading is None or reading.value is not False
+
+
+def _lost(reading: Reading, lost: Collection[Signal]) -> Reading:
+    """A null of a signal that measured something before is one that cannot be read, as health counts it too."""
+    return replace(reading, why=NO_VALUE) if reading.signal in lost else reading
 
 
 def _flat(reading: Reading) -> dict[str, Any]:

@@ -4,39 +4,68 @@ A reading tool that is offered promises to report: until it was asked, and when 
 known of what it reads.
 
 Of its signals only what had a number or a truth value counts as having reported: a member that always was null
-promises nothing, and texts come and go with what they tell of. What an apply took away is missed by nobody: a tool or a
-device that is not offered any more, and a member that the tool's answers have not had since.
+promises nothing, and texts come and go with what they tell of. What is not wanted any more is missed by nobody: a tool
+or a device that is not offered, whether an apply took it away or the policy denies it; pictures while perception is
+switched off, or of a camera that is not looked through any more; a member that the tool's answers have not had since.
 """
 
 from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
 from datetime import UTC, datetime
 from typing import Any
 
 from octoform.claims.model import Channel, Reading, Signal
 from octoform.daemon.coverage import Silence
 from octoform.daemon.sensing.sampling import tool_of
-from octoform.endpoint.promise import promised
+from octoform.endpoint.promise import hidden, promised
 from octoform.state.layout import Layout
 
 
-def current(readings: Iterable[Reading], layout: Layout) -> list[Reading]:
-    """These without the ones of sensors that are not there any more since the tools were made anew.
+@dataclass(frozen=True, slots=True)
+class _Wanted:
+    """What there is to be read: tools by name that clients are shown, when they were made, the camera looked through.
 
-    All of them where it cannot be read which tools there are.
+    ``newest`` is the stamp of the last reading by channel and source. Which tools there are is not known without any.
+    """
+
+    tools: Mapping[str, Any]
+    made: str
+    camera: str | None
+    newest: Mapping[tuple[Channel, str], str]
+
+    def has(self, reading: Reading) -> bool:
+        """Whether somebody still wants to know what this is a reading of."""
+        channel, source = reading.signal.channel, reading.signal.source
+        if channel is Channel.FRAME:
+            return source == self.camera
+        if channel is Channel.PROCESS or not self.tools:
+            return True
+        if channel is Channel.KERNEL:
+            return any(source in (tool.get("devices") or ()) for tool in self.tools.values())
+        if channel is Channel.LOG:
+            return source in self.tools
+        return _is_there(reading, self.tools, self.newest[channel, source], self.made)
+
+
+def current(readings: Iterable[Reading], layout: Layout, wanted: Iterable[Signal] = ()) -> list[Reading]:
+    """These without the ones of what nobody wants to know any more; ``wanted`` is what ought to report (`Promised`).
+
+    All of them but pictures where it cannot be read which tools there are.
     """
     listed = list(readings)
-    if not any(reading.signal.channel is Channel.SENSOR for reading in listed):
-        return listed
-    tools, made = promised(layout), _made(layout)
-    if not tools:
-        return listed
-    newest: dict[str, str] = {}
+    if not listed:
+        return []
+    unseen = hidden(layout)
+    tools = {name: tool for name, tool in promised(layout).items() if name not in unseen}
+    newest: dict[tuple[Channel, str], str] = {}
     for reading in listed:
-        source = reading.signal.source
-        newest[source] = max(newest.get(source, ""), reading.at)
-    return [
-        each for each in listed if each.signal.channel is not Channel.SENSOR or _is_there(each, tools, newest, made)
-    ]
+        place = reading.signal.channel, reading.signal.source
+        newest[place] = max(newest.get(place, ""), reading.at)
+    looked = [each for each in listed if each.signal.channel is Channel.FRAME]
+    last = max(looked, key=lambda each: each.uptime, default=None)
+    sees = any(each.channel is Channel.FRAME for each in wanted)
+    found = _Wanted(tools, _made(layout), last.signal.source if last is not None and sees else None, newest)
+    return [each for each in listed if found.has(each)]
 
 
 def measured(readings: Iterable[Reading], of: Callable[[Signal], Iterable[Reading]]) -> frozenset[Signal]:
@@ -72,7 +101,7 @@ def _measures(reading: Reading) -> bool:
     return isinstance(reading.value, bool | int | float)
 
 
-def _is_there(reading: Reading, tools: Mapping[str, Any], newest: Mapping[str, str], made: str) -> bool:
+def _is_there(reading: Reading, tools: Mapping[str, Any], newest: str, made: str) -> bool:
     source = reading.signal.source
     tool = tools.get(tool_of(source))
     if tool is None:
@@ -80,7 +109,7 @@ def _is_there(reading: Reading, tools: Mapping[str, Any], newest: Mapping[str, s
     device = source.removeprefix(tool_of(source)).strip("()")
     if device and device not in (tool.get("devices") or ()):
         return False
-    return not reading.at < made <= newest[source]
+    return not reading.at < made <= newest
 
 
 def _made(layout: Layout) -> str:

@@ -12,6 +12,7 @@ from octoform.claims.conditions import holds
 from octoform.claims.model import Claim, Reading, Signal, State
 from octoform.daemon.coverage import Silence, answered, newest, reporting, silent
 from octoform.daemon.model import Facts, Kind, Outcome, Status
+from octoform.endpoint.observing import OTHER_TOOLS
 
 FORMAT = 1
 ORDER = (Status.HEALTHY, Status.UNKNOWN, Status.DEGRADED, Status.ERROR, Status.DOWN)
@@ -128,8 +129,11 @@ def compose(
     parts = [*_process(facts), *_devices(facts)]
     parts += [Part(f"unit:{source}{path}", Status.UNKNOWN, f"does not report: {why}") for source, path, why in quiet]
     parts += _troubles(episodes)
-    parts += [Part(each.target, Status.DEGRADED, f"claim {each.id}: {each.statement}") for each in standing]
-    parts += [Part(each.target, Status.DEGRADED, f"{each.id} waits for a person: {each.statement}") for each in pending]
+    parts += [Part(each.target, Status.DEGRADED, f"{each.kind} {each.id}: {each.statement}") for each in standing]
+    parts += [
+        Part(each.target, Status.DEGRADED, f"{each.id} waits for a person as a {each.kind}: {each.statement}")
+        for each in pending
+    ]
     # What is seen directly comes first, and an episode of the same adds nothing to it.
     told = {(each.target, each.status): each for each in reversed(parts) if each.status is not Status.HEALTHY}
     ill = sorted(told.values(), key=_rank)
@@ -161,8 +165,15 @@ def _process(facts: Facts) -> Iterable[Part]:
         yield Part("endpoint", Status.UNKNOWN, "nobody has asked yet whether it answers")
     elif not facts.answers:
         yield Part("endpoint", Status.DOWN, "its process does not answer")
-    elif facts.latched:
-        yield Part("endpoint", Status.DEGRADED, "the emergency stop is latched: nothing that moves is called")
+    else:
+        if facts.latched:
+            yield Part("endpoint", Status.DEGRADED, "the emergency stop is engaged: nothing that moves is called")
+        for reason in facts.endpoint:
+            if reason.startswith(OTHER_TOOLS):
+                yield Part("endpoint:tools", Status.DEGRADED, reason)
+    for name in facts.unproved:
+        why = f"the hardware test of {name} failed when it was last applied: octoform state show {name} tells more"
+        yield Part(name, Status.DEGRADED, why)
 
 
 def _devices(facts: Facts) -> Iterable[Part]:
@@ -171,6 +182,8 @@ def _devices(facts: Facts) -> Iterable[Part]:
             yield Part(f"device:{name}", Status.UNKNOWN, "whether it is there cannot be told")
         elif not each.there:
             yield Part(f"device:{name}", Status.DEGRADED, "it is not there")
+        elif each.refused is not None:
+            yield Part(f"device:{name}", Status.DEGRADED, each.refused)
         elif each.doubt is not None:
             yield Part(f"device:{name}", Status.DEGRADED, "which device it is cannot be told for certain")
 

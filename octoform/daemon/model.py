@@ -134,12 +134,14 @@ class Sighting:
     """Where a device is: ``there`` is None when that cannot be told. ``place`` is its place in sysfs (instance).
 
     ``recorded`` is the place that the ledger of instances has for it, in the same form (None: none is written down).
+    ``refused`` is a sentence on a node of it that this user may not use.
     """
 
     there: bool | None
     place: str | None = None
     doubt: str | None = None
     recorded: str | None = None
+    refused: str | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -169,6 +171,8 @@ class Facts:
     answers: bool | None = None
     told: Mapping[str, Any] | None = None
     latched: bool = False
+    unproved: tuple[str, ...] = ()
+    """Privileged steps whose hardware test failed when they were last applied."""
     offered: frozenset[str] = frozenset()
     """The endpoint's tools by name; empty where that is not known."""
     endpoint: tuple[str, ...] = ()

@@ -10,6 +10,7 @@ import os
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 from octoform.claims.ledger import Ledger
 from octoform.claims.model import Claim, Signal
@@ -27,13 +28,15 @@ from octoform.daemon.sensing.looking import open_look
 from octoform.daemon.sensing.moments import SystemClock
 from octoform.daemon.sensing.sampling import Sensors
 from octoform.daemon.telling.advice import advice
-from octoform.daemon.telling.bulletin import FILE, FRESH_SECONDS
+from octoform.daemon.telling.bulletin import FILE, FRESH_SECONDS, basis
 from octoform.daemon.telling.notifying import Failing, failing
 from octoform.daemon.triage import judge, remember
 from octoform.daemon.triage.recall import Recall
 from octoform.daemon.triage.recall import from_json as recall_from
 from octoform.diagnostics import Diagnostic
+from octoform.endpoint import stopmark
 from octoform.endpoint.estop import is_latched
+from octoform.endpoint.running import running
 from octoform.engine import onboarding
 from octoform.engine.serving import layout_of
 from octoform.manifest.model import FILE_NAME
@@ -140,12 +143,20 @@ def _bulletin(layout: Layout, environ: Mapping[str, str]) -> tuple[Health, float
     except (ValueError, LookupError, TypeError, AttributeError, RecursionError, OverflowError):
         return None
     age = SystemClock().uptime() - health.uptime
-    if age < 0 or health.host != layout.host:
+    if age < 0 or health.host != layout.host or _is_past(document, layout):
         return None
     # The interval is asked for only where it matters: reading a manifest takes longer than all the rest.
     if age > FRESH_SECONDS and age > _interval(layout, environ) + FRESH_SECONDS:
         return None
     return health, age, waits
+
+
+def _is_past(document: Mapping[str, Any], layout: Layout) -> bool:
+    """True when the process, a person's stop or the emergency stop is not as the record of health has it."""
+    stop = stopmark.read(layout)
+    by, latched = None if stop is None else stop.by, is_latched(layout)
+    now = basis(Facts(0.0, "", layout.host, process=running(layout), stopped_by=by, latched=latched))
+    return bool(document.get("basis", now) != now)
 
 
 def _interval(layout: Layout, environ: Mapping[str, str]) -> float:
@@ -243,7 +254,7 @@ def _todo(layout: Layout, health: Health, watched: Record | None, paused: str | 
     if not layout.endpoint.is_dir():
         yield "octoform apply", "nothing is applied yet"
         return
-    if os.path.lexists(layout.stop_mark):
+    if stopmark.is_marked(layout):
         yield "octoform start", "a person stopped the endpoint"
     if is_latched(layout):
         yield "octoform estop -clear", "the emergency stop is latched"

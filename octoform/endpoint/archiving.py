@@ -11,7 +11,7 @@ import shutil
 from collections.abc import Iterator
 from pathlib import Path
 
-from octoform.state.files import TEMPORARY
+from octoform.base.files import TEMPORARY, read, replace
 from octoform.state.layout import Layout
 
 ARCHIVES = 5
@@ -110,17 +110,11 @@ def _keep_errors(archive: Path, errors: Path) -> None:
     found = b"".join(line for line in _lines(archive) if any(mark in line for mark in _ERROR_MARKS))
     if not found:
         return
-    former = errors.read_bytes() if errors.is_file() and not errors.is_symlink() else b""
+    former = read(errors, follow=False) if errors.exists() else b""
     kept = (former + found)[-MOST_ERRORS:]
     if len(former) + len(found) > MOST_ERRORS:
         kept = kept.partition(b"\n")[2]
-    draft = errors.with_name(f".{errors.name}{TEMPORARY}")
-    try:
-        draft.write_bytes(kept)
-        draft.chmod(0o600)
-        draft.replace(errors)
-    finally:
-        draft.unlink(missing_ok=True)
+    replace(errors, kept)
 
 
 def _lines(archive: Path) -> Iterator[bytes]:

@@ -4,7 +4,9 @@ The rule of its hash is the launcher's; checking runs the launcher's own program
 """
 
 import json
+from collections.abc import Iterator
 from dataclasses import dataclass
+from datetime import datetime
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +16,7 @@ from octoform.state.layout import Layout
 
 LOG = "audit.jsonl"
 _BLOCK = 256 * 1024
+Record = dict[str, Any]
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,17 +35,63 @@ class Checked:
     note: str
 
 
-def latest(layout: Layout, count: int) -> tuple[list[dict[str, Any]], list[Diagnostic]]:
-    """Up to ``count`` records, the latest last; lines that are none are left out. None where there is no log."""
-    found: list[dict[str, Any]] = []
-    for path in _files(layout.logs):
-        if len(found) >= count:
-            break
+@dataclass(frozen=True, slots=True)
+class Wanted:
+    """Which records are looked for; nothing set means all.
+
+    ``tool`` is the exact name, ``client`` a part of what the client calls itself, of its token's name, or its process
+    number, ``since`` the earliest moment, ``refused`` only what was not allowed.
+    """
+
+    tool: str | None = None
+    client: str | None = None
+    since: datetime | None = None
+    refused: bool = False
+
+    def takes(self, record: Record) -> bool:
+        """Whether the record is looked for; an outcome does not name its client (see `latest`)."""
+        by_tool = self.tool is None or record.get("tool") == self.tool
+        by_client = self.client is None or self._from(record)
+        return by_tool and by_client and (not self.refused or record.get("decision") == "refuse")
+
+    def over(self, record: Record) -> bool:
+        """Whether the record, and every one before it, is too old."""
+        if self.since is None:
+            return False
         try:
-            found = [*_tail(path, count - len(found)), *found]
-        except OSError as problem:
-            return [], [_unreadable(path, problem.strerror or str(problem))]
-    return found, []
+            return datetime.fromisoformat(str(record.get("time"))) < self.since
+        except (ValueError, TypeError):  # no moment, or one without a zone: not known to be too old
+            return False
+
+    def _from(self, record: Record) -> bool:
+        part = (self.client or "").casefold()
+        said = f"{record.get('client') or ''}\n{record.get('caller') or ''}".casefold()
+        return "decision" in record and (part in said or part == str(record.get("pid")))
+
+
+ALL = Wanted()
+
+
+def latest(layout: Layout, count: int, wanted: Wanted = ALL) -> tuple[list[Record], list[Diagnostic]]:
+    """Up to ``count`` of the wanted records, the latest last; lines that are no record are left out.
+
+    With a client, what came of its calls belongs to them, and does not count.
+    """
+    found: list[Record] = []
+    outcomes: dict[str, list[Record]] = {}
+    left = count
+    try:
+        for record in _backwards(layout.logs):
+            if left <= 0 or wanted.over(record):
+                break
+            if wanted.takes(record):
+                found += [*(outcomes.pop(str(record.get("call")), ())), record]
+                left -= 1
+            elif wanted.client is not None and not wanted.refused and record.get("call"):
+                outcomes.setdefault(str(record["call"]), []).append(record)
+    except OSError as problem:
+        return [], [_unreadable(Path(problem.filename or layout.logs), problem.strerror or str(problem))]
+    return sorted(found, key=lambda record: _number(record.get("seq"))), []
 
 
 def verify(layout: Layout) -> tuple[Checked | None, list[Diagnostic]]:
@@ -69,20 +118,27 @@ def _files(folder: Path) -> list[Path]:
     return [folder / LOG, *aside] if (folder / LOG).exists() else aside
 
 
-def _tail(path: Path, count: int) -> list[dict[str, Any]]:
-    """The last records of a file; only so much of it is read as is needed."""
-    with path.open("rb") as log:
-        position, data = log.seek(0, 2), b""
-        while position and data.count(b"\n") <= count:
-            step = min(_BLOCK, position)
-            position -= step
-            log.seek(position)
-            data = log.read(step) + data
-    lines = data.splitlines()[1 if position else 0 :]
-    return [record for record in map(_parsed, lines[-count:]) if record is not None] if count else []
+def _backwards(folder: Path) -> Iterator[Record]:
+    """The records of all logs, the newest first; only so much is read as is asked for."""
+    for path in _files(folder):
+        with path.open("rb") as log:
+            position, rest = log.seek(0, 2), b""
+            while position:
+                step = min(_BLOCK, position)
+                position -= step
+                log.seek(position)
+                first, *lines = (log.read(step) + rest).split(b"\n")
+                rest = first
+                yield from filter(None, map(_parsed, reversed(lines)))
+            if (record := _parsed(rest)) is not None:
+                yield record
 
 
-def _parsed(line: bytes) -> dict[str, Any] | None:
+def _number(value: object) -> int:
+    return value if isinstance(value, int) else 0
+
+
+def _parsed(line: bytes) -> Record | None:
     try:
         value = json.loads(line)
     except ValueError:

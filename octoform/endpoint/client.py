@@ -39,7 +39,8 @@ class Wanted:
 
     ``texts`` are arguments as a command line has them (``channel=2``); they are converted by the tool's own input
     schema. With ``dry_run`` the endpoint tells what it would do, and does nothing. ``approved``: a person said yes
-    before they knew what would be asked, which the audit log must not take for an answer.
+    before they knew what would be asked, which the audit log must not take for an answer. ``revive``: an endpoint that
+    a person stopped is started.
     """
 
     tool: str
@@ -48,6 +49,7 @@ class Wanted:
     seconds: float = 60.0
     dry_run: bool = False
     approved: bool = False
+    revive: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -101,12 +103,16 @@ Tools = tuple[tuple[dict[str, Any], ...], tuple[Diagnostic, ...]]
 Called = tuple[CallResult | None, tuple[Diagnostic, ...]]
 
 
-def list_tools(layout: Layout, waiting: Callable[[], None] | None = None, *, start: bool = True) -> Tools:
+def list_tools(
+    layout: Layout, waiting: Callable[[], None] | None = None, *, start: bool = True, revive: bool = False
+) -> Tools:
     """The tools of the live endpoint (name, description, input_schema, output_schema, annotations), by name.
 
-    With ``start`` it is started when nothing runs; ``waiting`` is called when that takes more than a second.
+    With ``start`` it is started when nothing runs; ``waiting`` is called when that takes more than a second. With
+    ``revive`` it is started although a person stopped it.
     """
-    found = _opened(layout, partial(reach, layout, waiting) if start else partial(knock, layout))
+    connect = partial(reach, layout, waiting, revive=revive) if start else partial(knock, layout)
+    found = _opened(layout, connect)
     if isinstance(found, Diagnostic):
         return (), (found,)
     wire, tools = found
@@ -121,7 +127,7 @@ def call(layout: Layout, wanted: Wanted, person: Person | None = None) -> Called
     dead endpoint are diagnostics.
     """
     somebody = person or Nobody()
-    found = _opened(layout, partial(reach, layout, somebody.waiting))
+    found = _opened(layout, partial(reach, layout, somebody.waiting, revive=wanted.revive))
     if isinstance(found, Diagnostic):
         return None, (found,)
     wire, tools = found
@@ -155,7 +161,7 @@ def _opened(
         found = down(str(found))
     if not isinstance(found, Diagnostic):
         record_sight(layout, asked, seen_of(tool["name"] for tool in found[1]))
-    elif found.code != "ENDPOINT-NOT-APPLIED":
+    elif found.code not in ("ENDPOINT-NOT-APPLIED", "ENDPOINT-STOPPED"):
         record_sight(layout, asked, Sight(False, found.detail or found.summary))
     return found
 

@@ -4,23 +4,32 @@ from pathlib import Path
 
 from octoform.diagnostics import Diagnostic
 from octoform.endpoint.files import LAUNCHER
-from octoform.endpoint.piping import Again, pipe
+from octoform.endpoint.piping import Again, pipe, refuse
 from octoform.endpoint.reaching import reach
 from octoform.manifest.host_name import is_legal
 from octoform.state.belonging import foreign_among
 from octoform.state.layout import Layout
 
 
-def connect(project: Path, host: str | None) -> str | None:
-    """Carry a client's bytes until it is done; the reason in one line when it ended otherwise."""
+def connect(project: Path, host: str | None, *, revive: bool = False) -> str | None:
+    """Carry a client's bytes until it is done; the reason in one line when it ended otherwise.
+
+    A client that is refused is told so in an answer to its first request too. ``revive``: it may end a person's stop.
+    """
     layout = _layout(project, host)
     if isinstance(layout, str):
-        return layout
-    connection = reach(layout)
+        return _refused(layout)
+    connection = reach(layout, revive=revive)
     if isinstance(connection, Diagnostic):
-        return ": ".join(filter(None, (connection.summary, connection.detail)))
+        hint = connection.hint if connection.code == "ENDPOINT-STOPPED" else None
+        return _refused(": ".join(filter(None, (connection.summary, connection.detail, hint))))
     with connection:
         return None if pipe(connection, again=lambda: _again(layout)) else f"the endpoint of {layout.host} was stopped"
+
+
+def _refused(why: str) -> str:
+    refuse(why)
+    return why
 
 
 def _again(layout: Layout) -> Again:

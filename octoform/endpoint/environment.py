@@ -12,11 +12,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from octoform.base.files import read_json
+from octoform.base.shape import fits
 from octoform.digest import of_value, short
 from octoform.state.layout import Layout
-from octoform.state.reading import json_of
 
 MARKER = "octoform-complete.json"
+_WHOLE = {"digest": str, "lock": str, "distributions": [str], "modules": ([str], None)}
 FOLDER_NAME = re.compile(r"[0-9a-f]{12}")
 _PIN = re.compile(r"^([A-Za-z0-9][A-Za-z0-9._-]*)==([^\s;\\]+)", re.MULTILINE)
 _DIST_INFO = ".dist-info"
@@ -64,7 +66,7 @@ def intact(environment: Environment) -> list[str]:
     names = contents(environment.path)
     built = _by_name(marker["distributions"])
     present = _by_name(_distributions(names))
-    lost = sorted(set(marker.get("modules", ())) - set(names))
+    lost = sorted(set(marker.get("modules") or ()) - set(names))
     reasons = [f"{name} is gone from the serving environment" for name in lost]
     for name in sorted({*built, *present}):
         before, after = built.get(name), present.get(name)
@@ -138,8 +140,7 @@ def _by_name(distributions: list[str]) -> dict[str, str]:
 
 def _marker(path: Path) -> dict[str, Any] | None:
     try:
-        value = json_of(path / MARKER)
+        value = read_json(path / MARKER)
     except (OSError, ValueError):
         return None
-    whole = isinstance(value, dict) and {"digest", "lock", "distributions"} <= set(value)
-    return value if whole and isinstance(value["distributions"], list) else None
+    return value if fits(value, _WHOLE) else None

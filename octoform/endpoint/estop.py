@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from octoform.endpoint import control, offline
+from octoform.endpoint.files import is_copy, of_another
 from octoform.endpoint.running import running
 from octoform.state.layout import Layout
 
@@ -61,6 +62,10 @@ def _done(layout: Layout, op: str, verb: str, asked: Mapping[str, Any]) -> Estop
     if control.ask(layout, {"op": "status"}, ALIVE_SECONDS) is not None:
         answer = control.ask(layout, {"op": op, **asked}, ANSWER_SECONDS)
     direct = answer is None or "latched" not in answer
+    original = of_another(layout) if direct and is_copy(layout) else None
+    if original is not None:
+        # The devices are those of the original's endpoint, which is not asked from here.
+        return _told(layout, {"ok": False}, [f"{original.summary}; {original.hint}"], direct)
     if answer is None or direct:
         answer = offline.ask(layout, verb, asked)
         process = running(layout)

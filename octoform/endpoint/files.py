@@ -8,20 +8,44 @@ import stat
 from pathlib import Path
 from typing import Any
 
+from octoform.base.files import read, read_json
+from octoform.base.shape import fits
+from octoform.diagnostics import Diagnostic, error
 from octoform.digest import of_bytes, of_value
 from octoform.state.layout import Layout
-from octoform.state.reading import bytes_of, json_of
 
 CONNECTION = "connection.json"
 LAUNCHER = "launch"
 SERVE_SCRIPT = "serve.py"
-LAUNCHER_PACKAGE = "launcher"
+PROGRAM = "octoform"
+"""The folder of what runs in the endpoint's process: the launcher and what it stands on, named as here."""
 POLICY = "policy.json"
-PACKAGE = Path(__file__).parents[1] / LAUNCHER_PACKAGE
-"""The package that runs in the endpoint's process: copied as files, never imported by the core."""
+_SOURCE = Path(__file__).parents[1]
+_PACKAGES = ("launcher", "base")
+PACKAGES = tuple(_SOURCE / name for name in _PACKAGES)
+"""The packages that are copied there as files; the core never imports the launcher."""
 CLIENTS = "clients"
 MANIFEST = "manifest.json"
+_MANIFEST = {
+    "format": int,
+    "files": {str: str},
+    "environment": str,
+    "previous_environment": (str, None),
+    "lock": str,
+    "tools": [str],
+    "server": str,
+    "runtime": (str, None),
+    "launcher": (str, None),
+}
 CHECK = "check.json"
+_TOOL = {
+    "effect": str,
+    "decision": (str, None),
+    "timeout": (float, None),
+    "buses": ([str], None),
+    "limits": ([dict], None),
+}
+_POLICY = {"mode": (str, None), "tools": {str: _TOOL}}
 
 
 def files_below(folder: Path) -> dict[str, str]:
@@ -38,6 +62,17 @@ def files_below(folder: Path) -> dict[str, str]:
     return entries
 
 
+def program_files() -> dict[str, bytes]:
+    """Name below the endpoint's folder to bytes of the program around the server; OSError when it cannot be read."""
+    paths = [_SOURCE / "__init__.py", *(path for folder in PACKAGES for path in sorted(folder.glob("*.py")))]
+    return {f"{PROGRAM}/{path.relative_to(_SOURCE).as_posix()}": read(path) for path in paths}
+
+
+def program_digest() -> str:
+    """Digest of the program that this octoform publishes."""
+    return of_value([files_below(folder) for folder in PACKAGES])
+
+
 def folder_digest(folder: Path) -> str | None:
     """Digest of names and bytes of all files below ``folder``; None when there is no folder."""
     return of_value(files_below(folder)) if folder.is_dir() else None
@@ -46,7 +81,7 @@ def folder_digest(folder: Path) -> str | None:
 def file_digest(path: Path) -> str | None:
     """Digest of the bytes, or None when the file is not there or cannot be read."""
     try:
-        return of_bytes(bytes_of(path))
+        return of_bytes(read(path))
     except OSError:
         return None
 
@@ -75,11 +110,56 @@ def not_ours(folder: Path) -> str | None:
     return None
 
 
+def written_for(layout: Layout) -> Path | None:
+    """The project that this endpoint's files name, where that is another folder; None where it is this one.
+
+    They hold absolute paths, so those of a copied or renamed project lead to the place where they were written. None
+    also where nothing is applied, or the descriptor cannot be read, which a start tells.
+    """
+    try:
+        run = Path(read_json(layout.endpoint / CONNECTION)["paths"]["run"])
+    except (OSError, ValueError, LookupError, TypeError):
+        return None
+    try:
+        return None if run.parent.samefile(layout.local) else run.parents[2]
+    except (OSError, IndexError):
+        return run.parents[2] if len(run.parents) > 2 else run
+
+
+def is_copy(layout: Layout) -> bool:
+    """Whether the folder that the endpoint's files name is there: else this one was renamed, or moved here."""
+    other = written_for(layout)
+    return other is not None and Layout(other, layout.host).endpoint.is_dir()
+
+
+def of_another(layout: Layout) -> Diagnostic | None:
+    """ENDPOINT-ELSEWHERE where the endpoint's files were written for another folder."""
+    other = written_for(layout)
+    if other is None:
+        return None
+    there = is_copy(layout)
+    what = f"that of {other}, of which this folder is a copy" if there else f"written for {other}, which is not there"
+    hint = "octoform apply makes this folder one of its own"
+    hint += f"; for the original: octoform -chdir={other} ..." if there else ""
+    return error("ENDPOINT-ELSEWHERE", f"the endpoint of {layout.host} is {what}", path=str(layout.endpoint), hint=hint)
+
+
 def read_manifest(layout: Layout) -> dict[str, Any] | None:
     """The manifest of the applied endpoint; None when nothing is applied or the file is no manifest of ours."""
     try:
-        value = json_of(layout.endpoint / MANIFEST)
+        value = read_json(layout.endpoint / MANIFEST)
     except (OSError, ValueError):
         return None
-    fits = isinstance(value, dict) and value.get("format") == 1 and isinstance(value.get("files"), dict)
-    return value if fits else None
+    return value if fits(value, _MANIFEST) and value["format"] == 1 else None
+
+
+def read_policy(layout: Layout) -> dict[str, Any] | None:
+    """The resolved policy as it was published; None where there is none, or none that can be used.
+
+    For who looks: what may be called is decided by the endpoint's own process, which refuses the whole of such a file.
+    """
+    try:
+        value = read_json(layout.endpoint / POLICY)
+    except (OSError, ValueError):
+        return None
+    return value if fits(value, _POLICY) else None

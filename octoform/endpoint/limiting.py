@@ -1,15 +1,14 @@
 """The limits of the published policy and what is used of them, and setting them back. Light."""
 
-import json
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
 from octoform.diagnostics import Diagnostic, did_you_mean, error
 from octoform.endpoint import control, offline
+from octoform.endpoint.files import read_policy
 from octoform.state.layout import Layout
 
-POLICY = "policy.json"
 SECONDS = 5.0
 
 
@@ -40,7 +39,7 @@ class Limits:
 
 def show(layout: Layout) -> tuple[Limits | None, list[Diagnostic]]:
     """The limits now; asks the process, or reads what it left."""
-    policy = _policy(layout)
+    policy = read_policy(layout)
     if policy is None:
         return None, [_not_applied(layout)]
     answer = control.ask(layout, {"op": "limits"}, SECONDS)
@@ -54,7 +53,7 @@ def show(layout: Layout) -> tuple[Limits | None, list[Diagnostic]]:
 
 def reset(layout: Layout, tool: str, by: str) -> list[Diagnostic]:
     """Forget what was counted for a tool; ``all`` is every tool."""
-    policy = _policy(layout)
+    policy = read_policy(layout)
     if policy is None:
         return [_not_applied(layout)]
     if tool != "all" and tool not in policy["tools"]:
@@ -69,21 +68,13 @@ def reset(layout: Layout, tool: str, by: str) -> list[Diagnostic]:
     return [] if "error" not in answer else [_refused({"problems": [answer["error"]]})]
 
 
-def _policy(layout: Layout) -> dict[str, Any] | None:
-    try:
-        policy = json.loads((layout.endpoint / POLICY).read_bytes())
-    except (OSError, ValueError):
-        return None
-    return policy if isinstance(policy, dict) and isinstance(policy.get("tools"), dict) else None
-
-
 def _limited(name: str, tool: Mapping[str, Any], used: Mapping[str, Any]) -> Limited:
     return Limited(
         tool=name,
         effect=str(tool["effect"]),
-        decision=str(tool["decision"]),
+        decision=str(tool.get("decision")),
         source=str(tool["source"]),
-        limits=tuple(tool["limits"]),
+        limits=tuple(tool.get("limits") or ()),
         sums=used.get("sums", {}),
         last=used.get("last", {}),
         calls=tuple(used.get("calls", ())),

@@ -10,22 +10,26 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from octoform.base.files import read_json
+from octoform.base.shape import fits
 from octoform.digest import of_value
 from octoform.endpoint.environment import Environment, at, intact
 from octoform.endpoint.files import (
     CHECK,
     CONNECTION,
     LAUNCHER,
-    PACKAGE,
     POLICY,
     file_digest,
     folder_digest,
+    program_digest,
     read_manifest,
+    written_for,
 )
 from octoform.endpoint.running import Running, running
 from octoform.state.layout import Layout
-from octoform.state.reading import json_of
 
+OTHER_TOOLS = "tools differ"
+"""How the reason begins that the endpoint listed other tools than INTERFACE has."""
 _WORDS = {LAUNCHER: "the launcher", CONNECTION: "the connection descriptor", POLICY: "the resolved policy"}
 
 
@@ -68,7 +72,9 @@ def observe(layout: Layout, expected: Expected | None = None) -> EndpointFacts:
         return EndpointFacts(False, ("the endpoint is not there",))
     check = _check(layout)
     server, runtime = file_digest(layout.output("serve")), folder_digest(layout.runtime)
+    other = written_for(layout)
     reasons = [
+        *([f"the endpoint was written for {other}"] if other is not None else []),
         *_files(layout, manifest["files"]),
         *_environment(manifest),
         *_served(manifest, server, runtime, wanted),
@@ -128,7 +134,7 @@ def _served(manifest: Mapping[str, Any], server: str | None, runtime: str | None
 
 def _launcher(manifest: Mapping[str, Any]) -> list[str]:
     """An endpoint that another octoform published is brought up to this one: what guards it is part of it."""
-    same = manifest.get("launcher") == folder_digest(PACKAGE)
+    same = manifest.get("launcher") == program_digest()
     return [] if same else ["the endpoint was published by another version of octoform"]
 
 
@@ -142,13 +148,12 @@ def _checked(check: Mapping[str, Any] | None, manifest: Mapping[str, Any], wante
     if not added and not gone:
         return []
     words = [f"+{name}" for name in sorted(added)] + [f"-{name}" for name in sorted(gone)]
-    return [f"tools differ: {' '.join(words)}"]
+    return [f"{OTHER_TOOLS}: {' '.join(words)}"]
 
 
 def _check(layout: Layout) -> dict[str, Any] | None:
     try:
-        value = json_of(layout.endpoint / CHECK)
+        value = read_json(layout.endpoint / CHECK)
     except (OSError, ValueError):
         return None
-    whole = isinstance(value, dict) and {"answered", "at"} <= set(value) and isinstance(value.get("tools"), list)
-    return value if whole else None
+    return value if fits(value, {"answered": bool, "at": str, "tools": [str]}) else None

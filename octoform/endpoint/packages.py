@@ -21,6 +21,8 @@ _FROM_PIP = (
     ("PIP_EXTRA_INDEX_URL", "UV_INDEX", ("UV_EXTRA_INDEX_URL",)),
     ("PIP_FIND_LINKS", "UV_FIND_LINKS", ()),
 )
+_SYSTEM_CERTS = ("UV_SYSTEM_CERTS", "UV_NATIVE_TLS")
+"""The system's certificates, which a host behind an inspecting proxy has been given: uv's name today, and before."""
 _DROPPED = ("UV_PROJECT_ENVIRONMENT", "UV_SYSTEM_PYTHON", "UV_PYTHON", "UV_BREAK_SYSTEM_PACKAGES")
 _CREDENTIALS = re.compile(r"(://)[^/@\s]+@")
 _NETWORK = re.compile(
@@ -48,6 +50,8 @@ def tool_environment() -> dict[str, str]:
     for name, value in os.environ.items():
         if (name.startswith(_PREFIXES) or name in _NAMES) and name not in _DROPPED:
             found[name] = value
+    for name in _SYSTEM_CERTS:
+        found.setdefault(name, "true")
     for pip_name, uv_name, rivals in _FROM_PIP:
         if pip_name in found and uv_name not in found and not any(rival in found for rival in rivals):
             # pip separates by blanks; uv's find-links list wants commas.

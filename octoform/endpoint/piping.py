@@ -10,7 +10,8 @@ import fcntl
 import os
 import select
 import socket
-from collections.abc import Callable
+import time
+from collections.abc import Callable, Iterator
 
 from octoform.endpoint.conversing import Conversation
 from octoform.endpoint.flowing import Down, Up, read
@@ -20,6 +21,8 @@ PIPE_BYTES = 1 << 20
 """What a pipe may hold, where the system grants it: a picture then passes in a few steps instead of many."""
 STEP_MS, REST_MS = 50, 500
 """Milliseconds between two looks for another endpoint: while the client waits for one, and while it does not."""
+REFUSAL_SECONDS = 2.0
+"""How long a client that gets no endpoint may take for its first request."""
 
 Again = Callable[[bool], "socket.socket | str | None"]
 """Another connection, asked for again and again and told whether the client waits; it must return at once.
@@ -35,13 +38,30 @@ def pipe(connection: socket.socket, stdin: int = 0, stdout: int = 1, again: Retu
 
     With ``again`` the end of an endpoint is no end: the client goes on with the next one's.
     """
-    before = {descriptor: os.get_blocking(descriptor) for descriptor in (stdin, stdout)}
+    with _unblocked(stdin, stdout):
+        return _Pipe(stdin, stdout).carry(connection, again)
+
+
+def refuse(why: str, stdin: int = 0, stdout: int = 1) -> None:
+    """Answer the first requests of a client that gets no endpoint with ``why``; a silent one is not waited for.
+
+    A client shows an answer to the person behind it, and most drop what a command prints on standard error.
+    """
+    if os.isatty(stdin):  # a person typed the command, and reads standard error
+        return
+    with _unblocked(stdin, stdout):
+        _Pipe(stdin, stdout).refuse(why, time.monotonic() + REFUSAL_SECONDS)
+
+
+@contextlib.contextmanager
+def _unblocked(*descriptors: int) -> Iterator[None]:
+    before = {descriptor: os.get_blocking(descriptor) for descriptor in descriptors}
     try:
         for descriptor in before:
             os.set_blocking(descriptor, False)
             with contextlib.suppress(OSError):  # no pipe, or more than this user may have
                 fcntl.fcntl(descriptor, fcntl.F_SETPIPE_SZ, PIPE_BYTES)
-        return _Pipe(stdin, stdout).carry(connection, again)
+        yield
     finally:
         # Others may have the same terminal open.
         for descriptor, blocking in before.items():
@@ -73,6 +93,14 @@ class _Pipe:
         while self._down.waiting and not self._left:
             self._turn({})
         return self._up.ended or self._left
+
+    def refuse(self, why: str, end: float) -> None:
+        """Answer the requests that come first, at the latest until ``end`` on the monotonic clock; see `refuse`."""
+        while not (self._down.waiting or self._left or self._up.ended) and time.monotonic() < end:
+            self._turn({}, STEP_MS)
+            self._refuse(why)
+        while self._down.waiting and not self._left:
+            self._turn({})
 
     def _serve(self, connection: socket.socket) -> bool:
         """Carry messages until this endpoint or the client is done; False when another endpoint would not help."""

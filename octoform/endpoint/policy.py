@@ -11,6 +11,7 @@ from fnmatch import fnmatchcase
 from typing import TYPE_CHECKING, Any
 
 from octoform import durations
+from octoform.endpoint import unit_ranges
 from octoform.manifest.policy_model import Limit, Policy
 
 if TYPE_CHECKING:  # the package brings the YAML reader with it
@@ -21,6 +22,7 @@ INTERFACE = "the interface of the tool"
 Holding = Sequence["tuple[Profile, Collection[str]]"]
 """Profiles, each with the ids of the devices that it holds for."""
 Tool = Mapping[str, Any]
+Places = Mapping[unit_ranges.Place, unit_ranges.Range]
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,15 +38,29 @@ class Claim:
 
 def resolve(policy: Policy, tools: Iterable[Tool], holding: Holding) -> dict[str, Any]:
     """The content of the endpoint's policy file, JSON-able; ``tools`` are those of an accepted INTERFACE artifact."""
+    listed = list(tools)
+    places = places_of(policy, listed, holding)
     return {
         "format": FORMAT,
         "mode": policy.mode,
-        "tools": {tool["name"]: _tool(policy, tool, holding) for tool in tools},
+        "tools": {tool["name"]: _tool(policy, tool, holding, places) for tool in listed},
         "stop": [action for profile, ids in holding for action in _stop(profile, ids)],
     }
 
 
-def _tool(policy: Policy, tool: Tool, holding: Holding) -> dict[str, Any]:
+def places_of(policy: Policy, tools: Iterable[Tool], holding: Holding) -> Places:
+    """The range of each unit's place, whoever limits it and for whichever tool."""
+    return unit_ranges.ranges(
+        unit_ranges.Bound(
+            tool, limit.parameter, limit.minimum, limit.maximum, f"{claim.source}, for {tool['name']}", limit.units
+        )
+        for tool in tools
+        for claim in claims(policy, tool, holding)
+        if (limit := claim.limit).parameter is not None
+    )
+
+
+def _tool(policy: Policy, tool: Tool, holding: Holding, places: Places) -> dict[str, Any]:
     decision, source = _decision(policy, tool)
     return {
         "effect": tool["effect"],
@@ -54,7 +70,8 @@ def _tool(policy: Policy, tool: Tool, holding: Holding) -> dict[str, Any]:
         "result_bytes": policy.result_bytes,
         "buses": sorted(tool["devices"]),
         **({"stops": True} if tool.get("stops") else {}),  # then it does not wait for the devices
-        "limits": list(_limits(tool, list(claims(policy, tool, holding)))),
+        **({"units": tool["units"]} if tool.get("units") else {}),
+        "limits": [*_limits(tool, list(claims(policy, tool, holding))), *unit_ranges.limits(tool, places)],
     }
 
 
@@ -130,6 +147,7 @@ def _of_profile(item: Mapping[str, Any]) -> Limit:
 
 def _limits(tool: Tool, found: list[Claim]) -> Iterator[dict[str, Any]]:
     """What is in force: for each parameter, then for calls."""
+    found = [claim for claim in found if not claim.limit.units]  # those are of single units, and become limits of goals
     named = dict.fromkeys(claim.limit.parameter for claim in found if claim.limit.parameter is not None)
     for name in named:
         of_it = [claim for claim in found if claim.limit.parameter == name]
@@ -146,7 +164,7 @@ def _limits(tool: Tool, found: list[Claim]) -> Iterator[dict[str, Any]]:
         yield {"kind": "quiet_hours", "from": begin, "to": end, "source": source}
 
 
-def _cooldown(claim: Claim) -> int:
+def _cooldown(claim: Claim) -> float:
     return claim.limit.cooldown or 0
 
 
@@ -209,7 +227,7 @@ def _source(low: Claim | None, high: Claim | None) -> str:
 
 def _rates(found: list[Claim]) -> Iterator[dict[str, Any]]:
     """Rates of several times hold side by side, save those that another one is tighter than in both numbers."""
-    first: dict[tuple[int, int], Claim] = {}
+    first: dict[tuple[int, float], Claim] = {}
     for claim in found:
         if claim.limit.rate is not None:
             first.setdefault(claim.limit.rate, claim)
@@ -218,6 +236,6 @@ def _rates(found: list[Claim]) -> Iterator[dict[str, Any]]:
             yield {"kind": "rate", "calls": rate[0], "seconds": float(rate[1]), "source": claim.source}
 
 
-def _is_within(other: tuple[int, int], rate: tuple[int, int]) -> bool:
+def _is_within(other: tuple[int, float], rate: tuple[int, float]) -> bool:
     """Whether the other rate lets no more pass than this one: no more calls in no less time."""
     return other[0] <= rate[0] and other[1] >= rate[1]

@@ -3,11 +3,13 @@
 The manifest is written before an agent has named the tools, so this can only be told afterwards. Pure, light.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from fnmatch import fnmatchcase
+from typing import Any
 
 from octoform.diagnostics import Diagnostic, did_you_mean, warning
-from octoform.endpoint.policy import Holding, Tool, claims, is_meant, parameters, tightest
+from octoform.endpoint.policy import Holding, Tool, claims, is_meant, parameters, places_of, tightest
+from octoform.endpoint.unit_ranges import fixed_outside
 from octoform.manifest.policy_model import Policy
 
 _MOST_NAMED = 8
@@ -15,7 +17,14 @@ _MOST_NAMED = 8
 
 def doubts(policy: Policy, tools: Sequence[Tool], holding: Holding) -> list[Diagnostic]:
     """Warnings for every part of the policy and of the profiles in force that concerns no tool, or lets none pass."""
-    return [*_globs(policy, tools), *_profiles(tools, holding), *_contradictions(policy, tools, holding)]
+    return [
+        *_globs(policy, tools),
+        *_units(policy, tools),
+        *_profiles(tools, holding),
+        *_contradictions(policy, tools, holding),
+        *_defaults(policy, tools, holding),
+        *_poses(policy, tools, holding),
+    ]
 
 
 def _globs(policy: Policy, tools: Sequence[Tool]) -> Iterator[Diagnostic]:
@@ -82,6 +91,65 @@ def _contradictions(policy: Policy, tools: Sequence[Tool], holding: Holding) -> 
                     f"and at most {most} ({high.source})",
                     hint="change one of the two",
                 )
+
+
+def _units(policy: Policy, tools: Sequence[Tool]) -> Iterator[Diagnostic]:
+    """Units that a limit names and no tool of it has."""
+    for index, limit in enumerate(policy.limits):
+        meant = [tool.get("units") or {} for tool in tools if fnmatchcase(tool["name"], limit.tool)]
+        placed = [told for told in meant if _is_goal(limit.parameter, told)]
+        known = list(dict.fromkeys(name for told in placed for name in told["names"]))
+        for unit in limit.units:
+            if unit not in known:
+                near = did_you_mean(unit, known)
+                hint = f"did you mean {near}?" if near else f"the units are {_listed(known)}" if known else None
+                text = f"policy.limits[{index}] does not hold for {unit}: {limit.parameter} moves no such unit"
+                yield warning("POLICY-UNMATCHED", text, hint=hint)
+
+
+def _is_goal(parameter: str | None, told: Mapping[str, Any]) -> bool:
+    return parameter is not None and parameter in (
+        told.get("goal", {}).get("parameter"),
+        *(told.get("parameters", {}) if "goal" in told else ()),
+    )
+
+
+def _defaults(policy: Policy, tools: Sequence[Tool], holding: Holding) -> Iterator[Diagnostic]:
+    """Ranges without the default of their parameter: every call that leaves the parameter out is refused."""
+    for tool in tools:
+        found = [claim for claim in claims(policy, tool, holding) if not claim.limit.units]
+        for name, schema in parameters(tool).items():
+            default = schema.get("default") if isinstance(schema, Mapping) else None
+            if isinstance(default, bool) or not isinstance(default, int | float):
+                continue
+            of_it = [claim for claim in found if claim.limit.parameter == name]
+            low, high = tightest(of_it, "minimum"), tightest(of_it, "maximum")
+            least = low.limit.minimum if low is not None else None
+            most = high.limit.maximum if high is not None else None
+            if low is not None and least is not None and default < least:
+                yield _default(tool, name, default, f"at least {least} ({low.source})")
+            elif high is not None and most is not None and default > most:
+                yield _default(tool, name, default, f"at most {most} ({high.source})")
+
+
+def _default(tool: Tool, name: str, default: float, bound: str) -> Diagnostic:
+    return warning(
+        "POLICY-DEFAULT",
+        f"{tool['name']} will refuse every call without {name}: its default is {default}, allowed is {bound}",
+        hint="move the limit, or let every caller give a value",
+    )
+
+
+def _poses(policy: Policy, tools: Sequence[Tool], holding: Holding) -> Iterator[Diagnostic]:
+    """Tools that move a unit to a fixed place outside of its range: every call is refused."""
+    places = places_of(policy, tools, holding)
+    for tool in tools:
+        for unit, place, source in fixed_outside(tool, places):
+            yield warning(
+                "POLICY-POSE",
+                f"{tool['name']} will refuse every call: it moves {unit} to {place:g}, outside of its range ({source})",
+                hint="move the limit, or change the pose in your copy of the profile",
+            )
 
 
 def _listed(names: Sequence[str]) -> str:

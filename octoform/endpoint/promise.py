@@ -3,26 +3,25 @@
 from collections.abc import Mapping
 from typing import Any
 
-from octoform.endpoint.files import POLICY
+from octoform.base.files import read_json
+from octoform.base.shape import fits
+from octoform.endpoint.files import read_policy
 from octoform.state.layout import Layout
-from octoform.state.reading import json_of
 
 
 def promised(layout: Layout) -> dict[str, Any]:
     """The tools of the INTERFACE artifact by name; none when it can be read no more, which the plan tells."""
     try:
-        return {tool["name"]: tool for tool in json_of(layout.output("interface"))["tools"]}
-    except (OSError, ValueError, LookupError, TypeError):
+        interface = read_json(layout.output("interface"), any_text=True)
+    except (OSError, ValueError):
         return {}
+    return {tool["name"]: tool for tool in interface["tools"]} if fits(interface, {"tools": [{"name": str}]}) else {}
 
 
 def published(layout: Layout) -> dict[str, Mapping[str, Any]]:
     """The tools of the endpoint as it was last made, by name, each with ``effect`` and ``buses``; none without one."""
-    try:
-        tools = json_of(layout.endpoint / POLICY)["tools"]
-        return {name: {"effect": str(tool["effect"]), "buses": list(tool["buses"])} for name, tool in tools.items()}
-    except (OSError, ValueError, LookupError, TypeError, AttributeError):
-        return {}
+    tools = (read_policy(layout) or {"tools": {}})["tools"]
+    return {name: {"effect": tool["effect"], "buses": tool.get("buses") or []} for name, tool in tools.items()}
 
 
 def hidden(layout: Layout) -> frozenset[str]:
@@ -30,10 +29,8 @@ def hidden(layout: Layout) -> frozenset[str]:
 
     A policy that cannot be read hides nothing here: the endpoint does not start with it, and a plan tells.
     """
-    try:
-        return denied(json_of(layout.endpoint / POLICY))
-    except (OSError, ValueError, LookupError, TypeError, AttributeError):
-        return frozenset()
+    policy = read_policy(layout)
+    return frozenset() if policy is None else denied(policy)
 
 
 def shown(layout: Layout, interface: Mapping[str, Any]) -> dict[str, Any]:
@@ -44,6 +41,6 @@ def shown(layout: Layout, interface: Mapping[str, Any]) -> dict[str, Any]:
 
 def denied(policy: Mapping[str, Any]) -> frozenset[str]:
     """The tools that a resolved policy keeps from everybody; none where it only watches."""
-    if policy["mode"] == "shadow":
+    if policy.get("mode") == "shadow":
         return frozenset()
-    return frozenset(name for name, tool in policy["tools"].items() if tool["decision"] == "deny")
+    return frozenset(name for name, tool in policy["tools"].items() if tool.get("decision") == "deny")

@@ -3,13 +3,13 @@
 A tunnel opens some seconds after the process that serves, or never: whoever tells a person that all is done asks here.
 """
 
-import json
 import time
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 from urllib.parse import urlsplit
 
+from octoform.base import files
 from octoform.diagnostics import Diagnostic, warning
 from octoform.endpoint import control
 from octoform.endpoint.files import CONNECTION
@@ -86,7 +86,7 @@ def no_tunnel(found: TunnelSight | None) -> Diagnostic | None:
 
 def _published(layout: Layout) -> dict[str, Any]:
     try:
-        found = json.loads((layout.endpoint / CONNECTION).read_bytes())
+        found = files.read_json(layout.endpoint / CONNECTION)
     except (OSError, ValueError):
         return {}
     return found if isinstance(found, dict) else {}

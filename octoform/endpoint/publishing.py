@@ -14,6 +14,8 @@ from pathlib import Path
 from typing import Any
 
 import octoform
+from octoform.base.files import make_way
+from octoform.base.files import read as read_bytes
 from octoform.diagnostics import Diagnostic, Severity
 from octoform.digest import of_bytes
 from octoform.endpoint.building import prune
@@ -23,19 +25,22 @@ from octoform.endpoint.files import (
     CLIENTS,
     CONNECTION,
     LAUNCHER,
-    LAUNCHER_PACKAGE,
     MANIFEST,
-    PACKAGE,
+    PACKAGES,
     POLICY,
+    PROGRAM,
     SERVE_SCRIPT,
     files_below,
     folder_digest,
     private_folder,
+    program_digest,
+    program_files,
     read_manifest,
 )
 from octoform.endpoint.promise import denied
 from octoform.endpoint.service import Service
 from octoform.endpoint.snippets import snippets
+from octoform.endpoint.starter import lasting_command
 from octoform.state.files import write_atomic
 from octoform.state.keeping import ENDPOINT, keep
 from octoform.state.layout import Layout
@@ -54,13 +59,16 @@ def write_endpoint(
     folder = private_folder(layout.endpoint)
     former = read_manifest(layout)
     # What was seen of the former server says nothing of this one.
+    for name in (CHECK, MANIFEST):
+        make_way(folder / name)
     (folder / CHECK).unlink(missing_ok=True)
     private_folder(layout.logs)
     descriptor = _descriptor(layout, service, os.environ if environ is None else environ)
     files = _files(layout, environment, service, descriptor)
-    for name in (CLIENTS, LAUNCHER_PACKAGE):
+    for name in (CLIENTS, PROGRAM, *(f"{PROGRAM}/{package.name}" for package in PACKAGES)):
         private_folder(folder / name)
     for name, (data, mode) in files.items():
+        make_way(folder / name)
         if problem := write_atomic(folder / name, data, mode):
             return [problem]
     manifest = {
@@ -72,7 +80,7 @@ def write_endpoint(
         "tools": sorted(tool["name"] for tool in service.tools if tool["name"] not in denied(service.policy)),
         "server": descriptor["server"]["digest"],
         "runtime": folder_digest(layout.runtime),
-        "launcher": folder_digest(PACKAGE),
+        "launcher": program_digest(),
     }
     if problem := write_atomic(folder / MANIFEST, _json(manifest), 0o600):
         return [problem]
@@ -99,8 +107,8 @@ def _files(
     files = {CONNECTION: (_json(descriptor), 0o600), POLICY: (_json(service.policy), 0o600)}
     for name, text in snippets(f"octoform-{layout.host}", descriptor["command"]).items():
         files[f"{CLIENTS}/{name}"] = (text.encode(), 0o600)
-    for path in sorted(PACKAGE.glob("*.py")):
-        files[f"{LAUNCHER_PACKAGE}/{path.name}"] = (path.read_bytes(), 0o600)
+    for name, data in program_files().items():
+        files[name] = (data, 0o600)
     files[SERVE_SCRIPT] = (SCRIPT.read_bytes(), 0o600)
     files[LAUNCHER] = (launcher_text(environment, layout.endpoint / SERVE_SCRIPT).encode(), 0o700)
     return files
@@ -117,7 +125,9 @@ def _previous(former: Mapping[str, Any] | None, environment: Environment) -> str
     if former is None:
         return None
     last = former.get("environment")
-    return former.get("previous_environment") if last == str(environment.path) else last
+    found = former.get("previous_environment") if last == str(environment.path) else last
+    # That of the folder that this one was copied from is the other one's to keep or to drop.
+    return found if found is not None and Path(found).parent == environment.path.parent else None
 
 
 def _descriptor(layout: Layout, service: Service, environ: Mapping[str, str]) -> dict[str, Any]:
@@ -147,7 +157,7 @@ def _descriptor(layout: Layout, service: Service, environ: Mapping[str, str]) ->
         "environment": variables,
         "tools": [{key: tool[key] for key in told if key in tool} for tool in service.tools],
         "devices": [dict(device) for device in service.devices],
-        "server": {"path": str(server), "digest": of_bytes(server.read_bytes()), "runtime": runtime},
+        "server": {"path": str(server), "digest": of_bytes(read_bytes(server)), "runtime": runtime},
         "paths": {"run": str(layout.run), "log": str(layout.logs)},
         "network": service.network,
         "tunnel": service.tunnel,
@@ -155,9 +165,20 @@ def _descriptor(layout: Layout, service: Service, environ: Mapping[str, str]) ->
 
 
 def client_command(layout: Layout) -> list[str]:
-    """What a client starts: this interpreter by its absolute path, so it can be started from any folder."""
-    project = f"-chdir={layout.project}"
-    return [sys.executable, "-I", "-m", "octoform.cli", project, "connect", layout.host]
+    """What a client starts: this interpreter by its absolute path, so it can be started from any folder.
+
+    An octoform of the PATH instead, where this one will not stay.
+    """
+    return lasting_client_command(layout) or [sys.executable, "-I", "-m", "octoform.cli", *_pipe(layout)]
+
+
+def lasting_client_command(layout: Layout) -> list[str] | None:
+    """The same for a file that outlives this run; None where octoform runs from a cache and none is installed."""
+    return lasting_command(_pipe(layout), os.environ)
+
+
+def _pipe(layout: Layout) -> list[str]:
+    return [f"-chdir={layout.project}", "connect", layout.host]
 
 
 def _json(value: object) -> bytes:

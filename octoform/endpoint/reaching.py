@@ -5,8 +5,8 @@ from collections.abc import Callable
 
 from octoform.diagnostics import Diagnostic, error
 from octoform.endpoint.sockets import greeted
-from octoform.endpoint.stopmark import unmark
-from octoform.endpoint.supervising import start
+from octoform.endpoint.stopmark import refusal, unmark
+from octoform.endpoint.supervising import start, stop
 from octoform.state.files import refused
 from octoform.state.layout import Layout
 
@@ -15,13 +15,19 @@ PATIENCE_SECONDS = 1.0
 """How long a start may take before whoever waits is told of it."""
 
 
-def reach(layout: Layout, waiting: Callable[[], None] | None = None) -> socket.socket | Diagnostic:
-    """A connected socket, or why there is none; ``waiting`` is called when a start takes more than a second."""
+def reach(
+    layout: Layout, waiting: Callable[[], None] | None = None, *, revive: bool = False
+) -> socket.socket | Diagnostic:
+    """A connected socket, or why there is none; ``waiting`` is called when a start takes more than a second.
+
+    What a person stopped is started with ``revive`` alone, which also ends the stop.
+    """
     try:
         return greeted(layout.socket, CONNECT_SECONDS)
     except OSError:
         pass  # nothing runs, or nothing that takes clients: `start` knows
-    problem = _started(layout, waiting)
+    problem = _revived(layout) if revive else None
+    problem = problem or _started(layout, waiting)
     if problem is not None:
         return problem
     try:
@@ -30,20 +36,36 @@ def reach(layout: Layout, waiting: Callable[[], None] | None = None) -> socket.s
         return down(f"it was started and takes no client ({fault.strerror})")
 
 
-def _started(layout: Layout, waiting: Callable[[], None] | None) -> Diagnostic | None:
+def started(layout: Layout) -> Diagnostic | None:
+    """Start the endpoint unless a person stopped it; why it does not run, None when it does."""
+    stopped = refusal(layout)
+    if stopped is not None:
+        return stopped
+    problem = start(layout)[1]
+    stopped = refusal(layout)
+    if stopped is not None:  # the person was faster than the process, and found none to stop
+        stop(layout)
+    return stopped or problem
+
+
+def _revived(layout: Layout) -> Diagnostic | None:
     try:
         unmark(layout)
     except OSError as problem:
         return refused(problem, layout.stop_mark)
+    return None
+
+
+def _started(layout: Layout, waiting: Callable[[], None] | None) -> Diagnostic | None:
     if waiting is None:
-        return start(layout)[1]
+        return started(layout)
     import threading  # here, so that a pipe to a running endpoint does not load it
 
     timer = threading.Timer(PATIENCE_SECONDS, waiting)
     timer.daemon = True
     timer.start()
     try:
-        return start(layout)[1]
+        return started(layout)
     finally:
         timer.cancel()
 

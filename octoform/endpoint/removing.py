@@ -11,9 +11,9 @@ from octoform.endpoint.files import (
     CLIENTS,
     CONNECTION,
     LAUNCHER,
-    LAUNCHER_PACKAGE,
     MANIFEST,
     POLICY,
+    PROGRAM,
     SERVE_SCRIPT,
 )
 from octoform.endpoint.snippets import snippets
@@ -40,7 +40,7 @@ def remove(layout: Layout) -> list[Path]:
         _unlink(folder, name)
     for name in snippets("", []):
         _unlink(folder / CLIENTS, name)
-    shutil.rmtree(folder / LAUNCHER_PACKAGE, ignore_errors=True)
+    shutil.rmtree(folder / PROGRAM, ignore_errors=True)
     for path in sorted(layout.environments.glob("*")):
         if FOLDER_NAME.fullmatch(path.name) and ((path / MARKER).is_file() or (path / "pyvenv.cfg").is_file()):
             shutil.rmtree(path)

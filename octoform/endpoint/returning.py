@@ -12,9 +12,9 @@ from collections.abc import Callable
 
 from octoform.diagnostics import Diagnostic
 from octoform.endpoint.files import LAUNCHER
+from octoform.endpoint.reaching import started
 from octoform.endpoint.sockets import greeted
 from octoform.endpoint.stopmark import is_marked
-from octoform.endpoint.supervising import start
 from octoform.state.layout import Layout
 
 PATIENCE_SECONDS = 2.0
@@ -28,7 +28,7 @@ class Returning:
 
     def __init__(self, layout: Layout, begin: Start | None = None, clock: Callable[[], float] = time.monotonic) -> None:
         self._layout = layout
-        self._begin = begin or _start
+        self._begin = begin or started
         self._clock = clock
         self._since: float | None = None
         self._starting: threading.Thread | None = None
@@ -68,7 +68,3 @@ class Returning:
         self._starting = self._since = None
         problem, self._failed = self._failed, None
         return None if problem is None else ": ".join(filter(None, (problem.summary, problem.detail)))
-
-
-def _start(layout: Layout) -> Diagnostic | None:
-    return start(layout)[1]

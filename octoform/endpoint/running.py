@@ -7,13 +7,28 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from octoform.base.files import read_json
+from octoform.base.place import is_from
+from octoform.base.shape import fits
 from octoform.state.holder import PROC, start_time
 from octoform.state.layout import Layout
-from octoform.state.reading import json_of
 
 RECORD = "process.json"
 MARK = "OCTOFORM_ENDPOINT"
 """A variable by which what the tools of an endpoint leave behind is known: a random word for each start."""
+
+
+_RECORD = {
+    "pid": int,
+    "start": int,
+    "boot": str,
+    "argv": [str],
+    "instance": str,
+    "since": str,
+    "scope": str,
+    "url": (str, None),
+    "mark": (str, None),
+}
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,13 +51,18 @@ class Running:
 
 
 def running(layout: Layout) -> Running | None:
-    """The process that serves this host's endpoint; None when its record is of no such live process."""
+    """The process that serves this host's endpoint; None when its record is of no such live process.
+
+    The record in a copy of the folder is of the original's process, which is none of the copy's.
+    """
     try:
-        record = json_of(layout.run / RECORD)
-        found = _read(record)
-    except (OSError, ValueError, LookupError, TypeError, OverflowError):
+        record = read_json(layout.run / RECORD)
+    except (OSError, ValueError):
         return None
-    return found if record["boot"] == _boot() and is_it(found) else None
+    if not fits(record, _RECORD):
+        return None
+    found = _read(record)
+    return found if record["boot"] == _boot() and is_from(record, layout.run) and is_it(found) else None
 
 
 def is_it(process: Running) -> bool:
@@ -52,12 +72,12 @@ def is_it(process: Running) -> bool:
 
 def _read(record: dict[str, Any]) -> Running:
     return Running(
-        pid=int(record["pid"]),
-        start=int(record["start"]),
+        pid=record["pid"],
+        start=record["start"],
         argv=tuple(record["argv"]),
-        instance=str(record["instance"]),
-        since=str(record["since"]),
-        scope=str(record["scope"]),
+        instance=record["instance"],
+        since=record["since"],
+        scope=record["scope"],
         url=record["url"],
         mark=record.get("mark"),
     )

@@ -10,6 +10,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from datetime import UTC, datetime
 
+from octoform.base import files
 from octoform.endpoint.files import CHECK, read_manifest
 from octoform.state.files import write_atomic
 from octoform.state.layout import Layout
@@ -44,7 +45,7 @@ def record_sight(layout: Layout, asked: str | None, sight: Sight) -> None:
     """
     path = layout.endpoint / CHECK
     try:
-        known = json.loads(path.read_bytes())
+        known = files.read_json(path)
     except (OSError, ValueError):
         return  # never checked: a plan says so already
     if not isinstance(known, dict) or published(layout) != asked:

@@ -11,13 +11,13 @@ import signal
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Protocol
 
 from octoform.diagnostics import Diagnostic, error
 from octoform.endpoint import systemd
-from octoform.endpoint.files import LAUNCHER, not_ours
+from octoform.endpoint.files import LAUNCHER, not_ours, of_another
 from octoform.endpoint.running import MARK, Running, is_it, running
 from octoform.endpoint.sockets import greeted
 from octoform.state.layout import Layout
@@ -34,6 +34,10 @@ PASSED = ("HOME", "PATH", "LANG", "LC_ALL", "TMPDIR", "TZ", "USER", "LOGNAME", "
 """Variables that the process gets of whoever starts it: no secrets, and the same from every place."""
 MALLOC = {"MALLOC_TRIM_THRESHOLD_": "16777216", "MALLOC_MMAP_THRESHOLD_": "16777216"}
 """Bytes (mallopt(3)): memory of a picture is used again for the next one, instead of being mapped anew each time."""
+ROOM_BYTES = 256 * 1024
+"""What a start writes at most before it serves: records, the first lines of its logs, and some to spare."""
+PUBLISHED_BYTES = 4 * 1024 * 1024
+"""What publishing an endpoint takes, copies included."""
 _STEP = 0.02
 
 
@@ -53,6 +57,9 @@ def start(layout: Layout, seconds: float = START_SECONDS) -> tuple[Running | Non
     if not (layout.endpoint / LAUNCHER).is_file():
         hint = "run octoform apply, which builds it"
         return None, error("ENDPOINT-NOT-APPLIED", f"{layout.host} has no endpoint yet", hint=hint)
+    if copied := of_another(layout):
+        found = running(layout)  # a renamed folder keeps what was started from it
+        return (found, None) if found is not None and accepts(layout) else (None, copied)
     for folder in (layout.run, layout.logs):
         if foreign := not_ours(folder):
             return None, error("ENDPOINT-START-FAILED", "the endpoint is not started", detail=foreign)
@@ -64,6 +71,21 @@ def start(layout: Layout, seconds: float = START_SECONDS) -> tuple[Running | Non
                 return found, None
             _gone(found, min(end, time.monotonic() + STOP_SECONDS))  # what takes nobody is ending
         return _start(layout, end)
+
+
+def obstacle(layout: Layout, size: int = ROOM_BYTES) -> Diagnostic | None:
+    """Why a start could not write what it has to; asked before an endpoint that is well is ended for another start."""
+    from octoform.base.files import require_room  # here, so that a client's pipe does not load them
+    from octoform.state.files import refused
+
+    for folder in (layout.endpoint, layout.run, layout.logs):
+        try:
+            folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+            require_room(folder, size)
+        except OSError as problem:
+            found = refused(problem, folder)
+            return replace(found, detail="; ".join(filter(None, (found.detail, "the endpoint was left as it is"))))
+    return None
 
 
 def accepts(layout: Layout) -> bool:

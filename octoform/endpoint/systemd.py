@@ -13,6 +13,7 @@ from pathlib import Path
 from octoform.digest import of_bytes
 from octoform.endpoint.files import LAUNCHER
 from octoform.endpoint.running import MARK
+from octoform.endpoint.stopmark import unmark
 from octoform.state.layout import Layout
 
 PROGRAM = "systemctl"
@@ -25,6 +26,8 @@ _UNIT = """\
 # Written by octoform service install; octoform service uninstall takes it away.
 [Unit]
 Description=octoform endpoint of {host}
+# What octoform stop ended stays so, also after a boot.
+ConditionPathExists=!{stop}
 StartLimitIntervalSec=300
 StartLimitBurst=10
 
@@ -79,6 +82,7 @@ def unit_text(layout: Layout, path: str, account: str | None = None) -> str:
         host=plain(layout.host),
         user="" if account is None else f"User={plain(account)}\n",
         launcher=program(layout.endpoint / LAUNCHER),
+        stop=plain(str(layout.stop_mark)),
         folder=plain(str(layout.run)),
         path=quoted(f"PATH={path}"),
         mark=f"{MARK}={of_bytes(os.fsencode(layout.endpoint))[-16:]}",
@@ -165,9 +169,13 @@ class Service:
 
 
 def started(layout: Layout) -> Service | None:
-    """Let systemd start the endpoint; None when no unit of ours is installed, or when systemd does not take it."""
+    """Let systemd start the endpoint; None when no unit of ours is installed, or when systemd does not take it.
+
+    Whoever gets here may end a person's stop, and the unit starts nothing while its mark is there.
+    """
     if not is_ours(layout, unit_path(layout)):
         return None
+    unmark(layout)
     name = unit_name(layout)
     return Service(name) if systemctl("start", name).status == 0 else None
 

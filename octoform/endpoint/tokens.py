@@ -9,16 +9,15 @@ in any case. Light.
 import contextlib
 import fcntl
 import hashlib
-import json
 import os
-import re
 import secrets
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
-from typing import Any
 
+from octoform.base import files
+from octoform.base.tokens import NAME, Token, encoded, read
 from octoform.diagnostics import Diagnostic, did_you_mean, error, warning
 from octoform.endpoint import offline
 from octoform.state.files import write_atomic
@@ -33,23 +32,7 @@ EFFECTS = ("read", "actuate", "irreversible")
 PREFIX = "octoform_"
 """Begins every value, so that whoever finds one knows what it opens."""
 _LOCK = "tokens.lock"
-_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,63}")
-
-
-@dataclass(frozen=True, slots=True)
-class Token:
-    """A token without its value; ``sha256`` is of the value (hexadecimal), the times are RFC 3339."""
-
-    name: str
-    sha256: str
-    effects: tuple[str, ...]
-    created: str
-    expires: str | None
-
-    @property
-    def ended(self) -> bool:
-        """True when it counts no more."""
-        return self.expires is not None and datetime.now(UTC) >= datetime.fromisoformat(self.expires)
+MOST_VALUE_BYTES = 4096
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,13 +59,10 @@ def ensure_default(layout: Layout) -> list[Diagnostic]:
 def listed(layout: Layout) -> tuple[tuple[Token, ...], list[Diagnostic]]:
     """All tokens by name, without their values."""
     try:
-        document = json.loads((layout.run / RECORD).read_bytes())
-        if document["format"] != 1:
-            raise ValueError("another format")
-        tokens = [_token(item) for item in document["tokens"]]
+        tokens = read(layout.run / RECORD)
     except FileNotFoundError:
         return (), []
-    except (OSError, ValueError, LookupError, TypeError, AttributeError) as problem:
+    except (OSError, ValueError) as problem:
         return (), [_damaged(layout, problem)]
     return tuple(sorted(tokens, key=lambda token: token.name)), []
 
@@ -146,7 +126,7 @@ def value_of(layout: Layout, name: str) -> tuple[str | None, list[Diagnostic]]:
     if found or all(token.name != name for token in tokens):
         return None, found or [_unknown(name, tokens)]
     try:
-        return path_of(layout, name).read_text(encoding="ascii").strip(), []
+        return files.read(path_of(layout, name), MOST_VALUE_BYTES, follow=False).decode("ascii").strip(), []
     except (OSError, ValueError) as problem:
         hint = f"octoform token rotate {name} gives it a new one"
         text = f"the value of the token {name!r} cannot be read"
@@ -188,32 +168,12 @@ def _keep(layout: Layout, others: Sequence[Token], token: Token) -> tuple[Made |
 
 
 def _write(layout: Layout, tokens: Sequence[Token]) -> Diagnostic | None:
-    items = [
-        {
-            "name": token.name,
-            "sha256": token.sha256,
-            "effects": list(token.effects),
-            "created": token.created,
-            "expires": token.expires,
-        }
-        for token in sorted(tokens, key=lambda token: token.name)
-    ]
-    text = json.dumps({"format": 1, "tokens": items}, indent=1) + "\n"
-    return write_atomic(layout.run / RECORD, text.encode(), 0o600)
-
-
-def _token(item: dict[str, Any]) -> Token:
-    expires = item["expires"]
-    if expires is not None:
-        datetime.fromisoformat(expires)
-    return Token(
-        str(item["name"]), str(item["sha256"]), tuple(map(str, item["effects"])), str(item["created"]), expires
-    )
+    return write_atomic(layout.run / RECORD, encoded(tokens), 0o600)
 
 
 def _wrong(name: str, effects: Sequence[str]) -> list[Diagnostic]:
     found = []
-    if not _NAME.fullmatch(name):
+    if not NAME.fullmatch(name):
         hint = "letters, digits, '.', '_' and '-', at most 64, the first one a letter or digit"
         found.append(error("TOKEN-BAD-NAME", f"{name!r} cannot be the name of a token", hint=hint))
     unknown = [effect for effect in effects if effect not in EFFECTS]

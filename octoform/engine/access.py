@@ -4,9 +4,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from octoform.base.tokens import Token
 from octoform.diagnostics import Diagnostic
 from octoform.endpoint import tokens
-from octoform.endpoint.tokens import Made, Token
+from octoform.endpoint.tokens import Made
 from octoform.endpoint.tunnel import Revocation
 from octoform.endpoint.tunnel import revoke as end_tunnel
 from octoform.engine.guarding import person

@@ -1,6 +1,6 @@
 """Apply: plan under the lock, show, ask, do, record. (Heavy.)"""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import nullcontext
 from dataclasses import asdict, dataclass, field, replace
 from functools import cache, partial
@@ -22,6 +22,7 @@ from octoform.engine.observing import read_artifacts
 from octoform.engine.opening import Locked, Means, Refused, context_of, locked, opened
 from octoform.engine.planning import Outlook, Request, prepare
 from octoform.engine.ports import RunView
+from octoform.engine.prices import unpriced
 from octoform.engine.results import RunResult, RunUsage
 from octoform.engine.saved import SavedRun, read_saved
 from octoform.engine.sources import source_files
@@ -67,10 +68,10 @@ def apply(request: Request, options: Options, view: RunView) -> RunResult:
 
 
 def _rounded(request: Request, result: RunResult) -> RunResult:
-    """The result with what lies outside of this host's folders: its tunnel, or entries of clients that are left."""
+    """The result with what lies outside of this host's folders: rights, a tunnel, entries of clients that are left."""
     layout = Layout(request.project, result.host)
     if not request.destroy:
-        return reporting.outside(layout, result)
+        return reporting.outside(layout, reporting.rights(layout, result, request.environ))
     from octoform.engine.clients import left_behind  # only a destroy pays for it
 
     return replace(result, diagnostics=(*result.diagnostics, *left_behind(layout, request.environ)))
@@ -100,6 +101,9 @@ def _planned(request: Request, options: Options, view: RunView, held: Locked) ->
     outlook, found = prepare(saved.request(request) if saved else request, store)
     if outlook is None:
         return replace(blank, failed="plan", diagnostics=tuple(found))
+    costs = [] if request.destroy else unpriced(outlook.compiled.manifest, request.environ, outlook.plan)
+    if has_errors(costs):
+        return replace(blank, failed="plan", diagnostics=(*found, *costs))
     refused = saved.check(outlook) if saved else ()
     shown = saved.plan if saved else outlook.plan
     view.plan(shown)
@@ -119,7 +123,7 @@ def _planned(request: Request, options: Options, view: RunView, held: Locked) ->
     result = run.record(shown, tally, options.clock.monotonic() - started)
     return replace(
         result,
-        diagnostics=(*outlook.diagnostics, *result.diagnostics, *refused),
+        diagnostics=(*outlook.diagnostics, *costs, *result.diagnostics, *refused),
         failed=result.failed or ("saved plan" if refused else None),
         refused=tuple(sorted(saved.stale)) if saved else (),
     )
@@ -187,17 +191,24 @@ class _Run:
             host=plan.host,
             added=tally.added,
             changed=tally.changed,
+            alike=tally.alike,
             destroyed=tally.destroyed,
             agent_runs=tally.agent_runs,
             usage=RunUsage(**asdict(tally.usage)),
             seconds=seconds,
             failed=failed,
-            diagnostics=tuple(found),
+            diagnostics=tuple([*found, *self._offers(artifacts)]),
             funnel=None if self.request.destroy else reporting.funnel(artifacts),
             questions=() if self.request.destroy else knowledge.questions(artifacts, compiled.manifest.answers),
             endpoint=None if self.request.destroy or failed else reporting.endpoint(compiled.layout, artifacts),
             commit=commit,
         )
+
+    def _offers(self, artifacts: Mapping[str, Any]) -> list[Diagnostic]:
+        """Shipped profiles that match what this run found; what the plan said already is not repeated."""
+        if self.request.destroy or any(item.code == knowledge.OFFERED for item in self.outlook.diagnostics):
+            return []
+        return knowledge.offers(artifacts, self.outlook.compiled)
 
     def _keep(self) -> list[Diagnostic]:
         """Copies of what was accepted; a run without room for them has done its work all the same, and says so."""
@@ -226,7 +237,7 @@ class _Run:
 
 def _has_strays(outlook: Outlook) -> bool:
     """Whether there is something to say that a plan from the memo would not say."""
-    return any(item.code == knowledge.STRAY for item in outlook.diagnostics)
+    return any(item.code in (knowledge.STRAY, knowledge.OFFERED) for item in outlook.diagnostics)
 
 
 def _sources(compiled: Compiled) -> tuple[tuple[str, ...], tuple[str, ...]]:

@@ -9,13 +9,14 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+from octoform.base import files
 from octoform.diagnostics import Diagnostic, did_you_mean, error, warning
 from octoform.endpoint import public, tokens
 from octoform.endpoint.clients import formats, installing, merging
 from octoform.endpoint.clients.formats import CLIENTS, Client
 from octoform.endpoint.clients.installing import Outcome, Reach, Server, Sight
 from octoform.endpoint.clients.places import Surroundings
-from octoform.endpoint.publishing import client_command
+from octoform.endpoint.publishing import client_command, lasting_client_command
 from octoform.endpoint.running import running
 from octoform.engine import memo
 from octoform.engine.compiling import compile_project
@@ -190,7 +191,7 @@ def _server(layout: Layout, client: Client, transport: str | None) -> tuple[Serv
     server = Server(_name(layout), tuple(client_command(layout)))
     url = _url(layout)
     if transport == STDIO or (transport is None and (url is None or client.http is None or client.reference is None)):
-        return server, []
+        return (server, []) if lasting_client_command(layout) else (None, [_temporary()])
     if client.http is None:
         return None, [_no_http(f"{client.title} starts its servers itself and knows no HTTP in its file")]
     if url is None:
@@ -203,6 +204,15 @@ def _server(layout: Layout, client: Client, transport: str | None) -> tuple[Serv
             summary = f"{client.title} needs the value of a token, and there is none"
             return None, [error("CLIENT-NO-TOKEN", summary, hint=hint)]
     return replace(server, url=url, bearer=bearer), []
+
+
+def _temporary() -> Diagnostic:
+    summary = "octoform runs from a cache, and a client would not find it there later"
+    hint = (
+        "install it where it stays (uv tool install octoform, pipx install octoform, or a virtual environment), "
+        "then run this again with that one"
+    )
+    return error("CLIENT-COMMAND-TEMPORARY", summary, detail=sys.prefix, hint=hint)
 
 
 def _no_http(reason: str) -> Diagnostic:
@@ -219,8 +229,8 @@ def _tokens(layout: Layout) -> dict[str, str]:
     """The values of the tokens that can be read, by name."""
     folder = tokens.path_of(layout, tokens.DEFAULT).parent
     try:
-        return {path.name: path.read_text(encoding="ascii").strip() for path in folder.iterdir() if path.is_file()}
-    except OSError:
+        return {path.name: files.read(path).decode("ascii").strip() for path in folder.iterdir() if path.is_file()}
+    except (OSError, ValueError):
         return {}
 
 

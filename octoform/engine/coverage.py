@@ -63,6 +63,11 @@ class Device:
     detail: str = ""
     question: str = ""
 
+    @property
+    def usable(self) -> bool:
+        """True for a device that a tool serves and that this user may use."""
+        return self.standing is Standing.USABLE
+
 
 @dataclass(frozen=True, slots=True)
 class Share:
@@ -124,12 +129,16 @@ class Coverage:
 
 @dataclass(frozen=True, slots=True)
 class Ground:
-    """What coverage rests on: accepted artifacts by stage, answers and tiers by device, tools denied to all."""
+    """What coverage rests on: accepted artifacts by stage, answers and tiers by device, tools denied to all.
+
+    ``closed`` are devices that this user may not use now, each with the sentence that says why.
+    """
 
     artifacts: Mapping[str, Any]
     answers: Mapping[str, str] = field(default_factory=dict)
     tiers: Mapping[str, int] = field(default_factory=dict)
     denied: frozenset[str] = frozenset()
+    closed: Mapping[str, str] = field(default_factory=dict)
 
 
 def coverage(ground: Ground) -> Coverage:
@@ -157,7 +166,7 @@ def coverage(ground: Ground) -> Coverage:
 
 def _share(devices: Sequence[Device], *counted: Counted) -> Share:
     chosen = [item for item in devices if item.counted in counted]
-    return Share(sum(1 for item in chosen if item.tools), len(chosen))
+    return Share(sum(1 for item in chosen if item.usable), len(chosen))
 
 
 def _groups(named: Iterable[tuple[str, Device]]) -> tuple[Group, ...]:
@@ -169,7 +178,7 @@ def _groups(named: Iterable[tuple[str, Device]]) -> tuple[Group, ...]:
         Group(
             name=name,
             annotated=len(items),
-            usable=sum(1 for item in items if item.tools),
+            usable=sum(1 for item in items if item.usable),
             tools=len({tool for item in items for tool in item.tools}),
         )
         for name, items in members.items()
@@ -188,6 +197,8 @@ def _devices(ground: Ground) -> Iterable[Device]:
         base = {"id": name, "seen_as": seen["name"], "bus": seen["interface"], "answered": name in ground.answers}
         if name in annotated:
             told = _annotated(annotated[name], tools.get(name, ()), left.get(name, {}))
+            if told["tools"] and name in ground.closed:
+                told |= {"standing": Standing.NAMED, "reason": "not_permitted", "detail": ground.closed[name]}
             yield Device(**base, tier=ground.tiers.get(name), **told)
         else:
             yield Device(**base, **_unannotated(left.get(name)))

@@ -16,6 +16,7 @@ from octoform.contracts.tier import tier, wanted
 from octoform.diagnostics import Diagnostic, error
 from octoform.endpoint.observing import observe as observe_endpoint
 from octoform.endpoint.promise import hidden
+from octoform.engine import knowledge
 from octoform.engine.attempts import MOST_TASK_BYTES, Attempt, of_host, run_of
 from octoform.engine.compiling import Compiled
 from octoform.engine.coverage import Coverage, Ground, coverage
@@ -23,6 +24,7 @@ from octoform.engine.coverage_notes import notes
 from octoform.engine.inspecting import open_project
 from octoform.engine.observing import read_artifacts
 from octoform.engine.passes import Output, Pass, grouped, passes, runs
+from octoform.engine.rights import lacking
 from octoform.engine.stability import Run, Stability, compare
 from octoform.engine.stability import run_of as stable_run
 from octoform.graph.model import ANSWER
@@ -83,14 +85,14 @@ def report(project: Path, environ: Mapping[str, str]) -> tuple[Report | None, li
     endpoint, heard = observe_endpoint(compiled.layout), _heard(snapshot)
     made = Report(
         platform={name: str(value) for name, value in artifacts["probe"]["platform"].items() if name != "kernel"},
-        coverage=coverage(_ground(compiled, artifacts, heard)),
+        coverage=coverage(_ground(compiled, artifacts, heard, lacking(compiled.layout, environ))),
         stability=_stability(artifacts, snapshot, attempts, runs(groups, output)),
         stages=tuple(_stage(name, snapshot.nodes[name]) for name in STAGES if name in artifacts),
         passes=passes(groups, output),
         endpoint="running" if endpoint.process is not None else "stopped" if endpoint.present else "absent",
         notes=(*notes(snapshot, artifacts, files), *_waiting(artifacts, compiled.manifest.answers, heard)),
     )
-    return made, found
+    return made, [*found, *knowledge.offers(artifacts, compiled)]
 
 
 def save(path: Path, text: str) -> Diagnostic | None:
@@ -129,11 +131,13 @@ def _waiting(artifacts: Mapping[str, Any], answers: Mapping[str, str], heard: Ma
     return [f"answered since: {', '.join(names)}; octoform apply takes it into account"] if names else []
 
 
-def _ground(compiled: Compiled, artifacts: Mapping[str, Any], answers: Mapping[str, str]) -> Ground:
+def _ground(
+    compiled: Compiled, artifacts: Mapping[str, Any], answers: Mapping[str, str], closed: Mapping[str, str]
+) -> Ground:
     descriptions = {profile.name for profile in compiled.profiles if profile.describes}
     annotated = artifacts.get("identify", {"devices": []})["devices"]
     tiers = {item["id"]: wanted(item) or tier(item, answers, descriptions) for item in annotated}
-    return Ground(artifacts, answers, tiers, hidden(compiled.layout))
+    return Ground(artifacts, answers, tiers, hidden(compiled.layout), closed)
 
 
 def _outputs(schemas: Path) -> Output:

@@ -14,10 +14,11 @@ from typing import Any
 
 from octoform.contracts.parsing import parse
 from octoform.diagnostics import Diagnostic, error
+from octoform.engine import knowledge
 from octoform.engine.compiling import compile_project
 from octoform.host.fingerprint import SYSROOT_VARIABLE
 from octoform.state.files import read_regular, shown
-from octoform.state.instances import read_instances
+from octoform.state.instances import classes_of, read_instances
 from octoform.state.layout import Layout
 
 WHERE_SECONDS = 30.0
@@ -25,13 +26,17 @@ WHERE_SECONDS = 30.0
 
 @dataclass(frozen=True, slots=True)
 class Attached:
-    """Where a device is now: ``port`` and ``nodes``; ``doubt`` is why it is absent, or why nothing is moved with it."""
+    """Where a device is now: ``port`` and ``nodes``; ``doubt`` is why it is absent, or why nothing is moved with it.
+
+    ``refused`` are the nodes that this user may not use, as `octoform.runtime.rights.refused` tells them.
+    """
 
     attached: bool
     port: str
     strength: str
     nodes: tuple[str, ...]
     doubt: str
+    refused: tuple[Mapping[str, str], ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,7 +89,8 @@ def listing(project: Path, environ: Mapping[str, str]) -> tuple[Listing | None, 
         path = shown(layout.output(absent))
         return None, [error("ARTIFACT-MISSING", f"{absent} has no accepted output yet", path=path, hint=hint)]
     ledger, told = read_instances(layout)
-    return _listed(layout, artifacts, ledger, environ), [*found, *told]
+    offers = knowledge.offers(artifacts, compiled)
+    return _listed(layout, artifacts, ledger, environ), [*found, *told, *offers]
 
 
 def _listed(
@@ -102,7 +108,7 @@ def _listed(
             tools.setdefault(name, []).append(tool["name"])
     # Only Linux shows in files where a device is now.
     followed = annotated if str(artifacts["probe"]["platform"]["os"]).casefold() == "linux" else ()
-    now = _attached(layout, environ, {device["id"]: _classes(known.get(device["id"], {})) for device in followed})
+    now = attached(layout, environ, {device["id"]: classes_of(known.get(device["id"])) for device in followed})
     rows = tuple(
         Row(
             id=device["id"],
@@ -128,13 +134,7 @@ def _artifact(layout: Layout, stage: str) -> Mapping[str, Any]:
     return value if isinstance(value, dict) else {}
 
 
-def _classes(instance: Mapping[str, Any]) -> list[str]:
-    nodes = instance.get("nodes")
-    items = nodes if isinstance(nodes, list) else []
-    return sorted({str(item["class"]) for item in items if isinstance(item, dict) and "class" in item})
-
-
-def _attached(layout: Layout, environ: Mapping[str, str], asked: Mapping[str, list[str]]) -> dict[str, Attached]:
+def attached(layout: Layout, environ: Mapping[str, str], asked: Mapping[str, list[str]]) -> dict[str, Attached]:
     """Where each device is; empty when the looking itself fails or hangs."""
     environment = {"PATH": environ.get("PATH", ""), "OCTOFORM_INSTANCES": str(layout.instances)}
     if environ.get(SYSROOT_VARIABLE):
@@ -158,4 +158,4 @@ def _attached(layout: Layout, environ: Mapping[str, str], asked: Mapping[str, li
 
 def _told(answer: Mapping[str, Any]) -> Attached:
     told = {field: answer[field] for field in ("attached", "port", "strength", "doubt")}
-    return Attached(**told, nodes=tuple(answer["nodes"]))
+    return Attached(**told, nodes=tuple(answer["nodes"]), refused=tuple(answer["refused"]))

@@ -10,7 +10,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from octoform.diagnostics import Diagnostic
+from octoform.endpoint.rights import served
 from octoform.engine.compiling import MANIFEST
+from octoform.engine.rights import lacking
 from octoform.harness import port, registry
 from octoform.harness.access import access
 from octoform.harness.adapters.command import CommandHarness
@@ -22,6 +24,7 @@ from octoform.harness.reaching import model_checks
 from octoform.manifest.loading import load
 from octoform.manifest.model import MODEL_FREE, HarnessSpec, Manifest
 from octoform.manifest.references import resolve
+from octoform.state.layout import Layout
 
 LITELLM = "litellm"
 
@@ -75,7 +78,8 @@ def diagnose(project: Path, environ: Mapping[str, str]) -> Diagnosis:
         Group(agent.harness.name, agent.model, tuple(uses), tuple(rounds.checks(agent)))
         for agent, uses in _agents(manifest).items()
     )
-    return Diagnosis(manifest.host, groups, (_git(manifest, environ), *_tunnel(manifest, environ)), tuple(found))
+    machine = (_git(manifest, environ), *_tunnel(manifest, environ), *_rights(manifest, environ))
+    return Diagnosis(manifest.host, groups, machine, tuple(found))
 
 
 def _agents(manifest: Manifest) -> dict[Agent, list[str]]:
@@ -135,11 +139,12 @@ class _Rounds:
         return (passed(_subject(spec), detail),)
 
     def _sandbox(self, spec: HarnessSpec) -> tuple[Check, ...]:
-        if spec.sandbox is None:
+        if spec.name in MODEL_FREE:
             return ()
-        if spec.sandbox not in self.seen:
-            self.seen[spec.sandbox] = (sandbox_check(spec.sandbox, self.environ),)
-        return self.seen[spec.sandbox]
+        key = ("sandbox", spec.sandbox)
+        if key not in self.seen:
+            self.seen[key] = (sandbox_check(spec.sandbox, self.environ),)
+        return self.seen[key]
 
     def _litellm_model(self, agent: Agent) -> Iterable[Check]:
         name = self._name(agent)
@@ -178,7 +183,7 @@ class _Rounds:
                 f"prices: {{{agent.model}: {{input: ..., output: ...}}}} in octopus.yaml, dollars for a million tokens"
             )
             return (failed("price", f"budget.usd is set, and nobody knows what {agent.model} costs", hint),)
-        whose = "octopus.yaml" if price.source == "manifest" else f"the table of {price.source}"
+        whose = "octopus.yaml" if price.source == "manifest" else price.source
         return (passed("price", f"{price.input:g} and {price.output:g} dollars for a million tokens, by {whose}"),)
 
 
@@ -199,6 +204,17 @@ def _git(manifest: Manifest, environ: Mapping[str, str]) -> Check:
         return passed("git", path)
     hint = "install git; without it no revision is recorded and nothing is committed"
     return (failed if manifest.git.commit else unknown)("git", "there is no git on PATH", hint)
+
+
+def _rights(manifest: Manifest, environ: Mapping[str, str]) -> tuple[Check, ...]:
+    """Whether this user may use the devices of the endpoint; nothing to check before there is one."""
+    layout = Layout(manifest.project, manifest.host)
+    count = len(served(layout))
+    if not count:
+        return ()
+    shut = lacking(layout, environ)
+    closed = tuple(failed("rights", f"{name}: {why}") for name, why in sorted(shut.items()))
+    return closed or (passed("rights", f"this user may use all {count} devices of the endpoint"),)
 
 
 def _tunnel(manifest: Manifest, environ: Mapping[str, str]) -> tuple[Check, ...]:

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from octoform.contracts.naming import is_chip_name
 from octoform.diagnostics import Diagnostic, did_you_mean, error
 from octoform.engine.profiling import MANIFEST, probes
 from octoform.manifest.loading import load as load_manifest
@@ -20,6 +21,11 @@ FOLDER = "profiles"
 # A hidden serial number, where a value was cut, a character that cannot be shown, a pseudonym.
 _MARKS = re.compile(
     r"<serial>|\[cut]|\\x1b(?:\[[0-9;]*[A-Za-z])?|\\x[0-9a-f]{2}|\\u[0-9a-f]{4}|\\U[0-9a-f]{8}|\bredacted-[0-9]{10}\b"
+)
+# Words before the name of a product in a sentence about it, and words that begin to tell where it is.
+_BEFORE = re.compile(r"^(?:(?:it's|that's|this|that|it|there|here|is|are|a|an|the|my|our|one)\b[ ,]*)+", re.IGNORECASE)
+_BEHIND = re.compile(
+    r"\s(?:on|of|at|in|under|over|behind|beside|near|for|which|that|with|and)\s|[,;()]|\.\s", re.IGNORECASE
 )
 _DRAFT = """\
 ---
@@ -105,7 +111,7 @@ def draft(project: Path, environ: Mapping[str, str], device: str) -> tuple[Draft
         near = did_you_mean(device, list(devices)[:2000])
         hint = f"did you mean {near}?" if near else "octoform coverage lists the devices"
         return None, [error("PROFILE-NO-DEVICE", f"{device!r} is no device of {manifest.host}", hint=hint)]
-    text, name = _text(devices[device])
+    text, name = _text(devices[device], manifest.answers.get(device, ""))
     path = project / FOLDER / f"{name}.md"
     if path.exists() or path.is_symlink():
         summary = f"{FOLDER}/{name}.md is there already"
@@ -118,9 +124,11 @@ def draft(project: Path, environ: Mapping[str, str], device: str) -> tuple[Draft
     return Draft(f"{FOLDER}/{name}.md", device, bool(manifest.profiles)), []
 
 
-def _text(device: Mapping[str, Any]) -> tuple[str, str]:
-    """The draft and the name of the profile in it."""
-    product, maker = _said(device, "product"), _said(device, "manufacturer")
+def _text(device: Mapping[str, Any], answer: str) -> tuple[str, str]:
+    """The draft and the name of the profile in it; what the owner answered goes before what the device says."""
+    product, maker = _named_in(answer), ""
+    if not product and not is_chip_name(_said(device, "product"), str(device.get("raw_descriptor", ""))):
+        product, maker = _said(device, "product"), _said(device, "manufacturer")
     called = product if maker.casefold() in product.casefold() else f"{maker} {product}".strip()
     name = _slug(called) or _slug(device["id"]) or "device"
     tests = []
@@ -140,6 +148,12 @@ def _text(device: Mapping[str, Any]) -> tuple[str, str]:
         grammar=_LINES + _REGISTERS if "tty" in (device.get("classes") or ()) else "",
     )
     return text, name
+
+
+def _named_in(answer: str) -> str:
+    """What an answer calls the device, letter by letter: without the words before the name and the place behind it."""
+    said = _BEFORE.sub("", " ".join(answer.split()))
+    return _BEHIND.split(said, maxsplit=1)[0].strip(" .,;:!")[:120]
 
 
 def _said(device: Mapping[str, Any], key: str) -> str:

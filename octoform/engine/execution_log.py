@@ -11,9 +11,9 @@ from dataclasses import asdict
 from pathlib import Path
 
 from octoform.apply.context import Clock
+from octoform.base.files import write_all
 from octoform.diagnostics import Diagnostic, to_json
 from octoform.events import AttemptProgress, Event, Notice
-from octoform.state.files import write_all
 
 
 @contextmanager

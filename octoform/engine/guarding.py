@@ -9,7 +9,7 @@ from typing import Any
 
 from octoform.diagnostics import Diagnostic, error
 from octoform.endpoint import auditing, estop, limiting
-from octoform.endpoint.auditing import Checked
+from octoform.endpoint.auditing import Checked, Wanted
 from octoform.endpoint.estop import Estop
 from octoform.endpoint.limiting import Limits
 from octoform.state.belonging import foreign_among
@@ -31,12 +31,14 @@ def clear(project: Path) -> tuple[list[Estop], list[Diagnostic]]:
     return _each(project, lambda layout: estop.clear(layout, person()))
 
 
-def records(project: Path, environ: Environ, count: int) -> tuple[list[dict[str, Any]] | None, list[Diagnostic]]:
-    """The latest records of the audit log."""
+def records(
+    project: Path, environ: Environ, count: int, wanted: Wanted
+) -> tuple[list[dict[str, Any]] | None, list[Diagnostic]]:
+    """The latest records of the audit log that are wanted."""
     layout, found = _layout(project, environ)
     if layout is None:
         return None, found
-    latest, found = auditing.latest(layout, count)
+    latest, found = auditing.latest(layout, count, wanted)
     return (None, found) if found else (latest, [])
 
 

@@ -9,10 +9,10 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from octoform.apply import adopting, healing
+from octoform.apply import adopting, healing, pending_rewrite
 from octoform.apply.context import Context
 from octoform.apply.duty import Answer, refusal
-from octoform.diagnostics import has_errors
+from octoform.diagnostics import Diagnostic, error, has_errors
 from octoform.endpoint import estop, supervising
 from octoform.endpoint.stopmark import is_marked
 from octoform.engine.affording import Left
@@ -28,7 +28,7 @@ from octoform.manifest.model import FILE_NAME
 from octoform.state.layout import Layout, is_left
 from octoform.state.store import Ports
 
-ROLL_BACK, SETTLE = "roll_back", "settle"
+ROLL_BACK, SETTLE, CONFIRM = "roll_back", "settle", "confirm"
 ASK = "ask"
 
 
@@ -57,6 +57,30 @@ def roll_back(
 ) -> dict[str, Any]:
     """Put the server back that an episode's repair has replaced; ``brief`` is ``{episode, reason}``."""
     return on_duty(project, environ, ROLL_BACK, lambda context: _done(context, healing.roll_back, brief), ports).told()
+
+
+def waiting_rewrite(project: Path, environ: Mapping[str, str], identity: str) -> pending_rewrite.Rewrite | None:
+    """The rewrite of what moves a device that waits for a person under this id; None where none does."""
+    layout, _ = layout_of(project, environ)
+    return pending_rewrite.read(layout, identity) if layout is not None else None
+
+
+def decide_rewrite(
+    project: Path, environ: Mapping[str, str], rewrite: pending_rewrite.Rewrite, *, yes: bool
+) -> Diagnostic | None:
+    """Put it in service, or drop it; None when that is done."""
+    layout, found = layout_of(project, environ)
+    if layout is None:
+        return found[0]
+    if not yes:
+        return pending_rewrite.forget(layout, rewrite.id)
+    answer = on_duty(
+        project, environ, CONFIRM, lambda context: _done(context, lambda here, _: healing.confirm(here, rewrite), {})
+    )
+    if answer.ok:
+        return None
+    hint = "octoform plan tells how the endpoint is; the rewrite still waits"
+    return error("HEAL-NOT-CONFIRMED", f"{rewrite.id} is not in service: {answer.detail}", hint=hint)
 
 
 def settle(layout: Layout, environ: Mapping[str, str]) -> dict[str, Any] | None:
@@ -98,6 +122,9 @@ def _restored(layout: Layout, _: Mapping[str, str], _left: Left) -> Answer:
 def _restarted(layout: Layout, _: Mapping[str, str], _left: Left) -> Answer:
     if is_marked(layout):
         return Answer(ok=False, detail="a person has stopped the endpoint; it stays so")
+    problem = supervising.obstacle(layout)
+    if problem is not None:
+        return refusal([problem])
     supervising.stop(layout)
     process, problem = supervising.start(layout)
     if process is None:

@@ -1,11 +1,14 @@
-"""Status: in sync or not, healthy or not, and what the process that serves the endpoint says of itself. (Heavy.)"""
+"""In sync or not, and what the process that serves the endpoint says of itself. (Heavy.)
 
-import json
+How the deployment is, no word is said of here: that verdict is one for all (`octoform.daemon.surveying`).
+"""
+
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from octoform.base import files
 from octoform.diagnostics import Diagnostic
 from octoform.endpoint import control, tokens
 from octoform.endpoint.client import list_tools
@@ -17,8 +20,7 @@ from octoform.endpoint.public import no_tunnel, tunnel_now
 from octoform.endpoint.running import Running, running
 from octoform.engine import memo
 from octoform.engine.planning import Request, prepare
-from octoform.graph.model import STEP
-from octoform.plan.model import Cause, Plan
+from octoform.plan.model import Plan
 from octoform.state.layout import Layout
 
 NOT_RUNNING = "the endpoint is not running"
@@ -41,15 +43,13 @@ class Process:
 
 @dataclass(frozen=True, slots=True)
 class Status:
-    """In sync or not, and healthy, unhealthy or unknown: two separate things.
+    """In sync or not, and what was seen of the endpoint: ``reasons`` are what is not as apply left it.
 
-    ``health`` is ``healthy`` only when the endpoint answered just now with the tools that it promises. ``others`` are
-    hosts of the same folder whose endpoints run, and which the manifest no longer names.
+    ``others`` are hosts of the same folder whose endpoints run, and which the manifest no longer names.
     """
 
     host: str
     sync: bool | None
-    health: str
     reasons: tuple[str, ...] = ()
     plan: Plan | None = None
     tools: tuple[str, ...] = ()
@@ -64,26 +64,23 @@ def status(project: Path, environ: Mapping[str, str]) -> Status:
     if plan is None:
         outlook, found = prepare(Request(project, environ))
         if outlook is None:
-            return Status("", None, "unknown", diagnostics=tuple(found))
+            return Status("", None, diagnostics=tuple(found))
         plan = outlook.plan
     layout = Layout(project, plan.host)
     facts = observe(layout)
     others = running_beside(layout)
     if not facts.present:
-        return Status(plan.host, plan.empty, "unknown", ("there is no endpoint yet",), plan, others=others)
+        return Status(plan.host, plan.empty, ("there is no endpoint yet",), plan, others=others)
     process = _process(layout)
     if process.running is None:
         reasons = (NOT_RUNNING, *(reason for reason in facts.reasons if reason != NOT_RUNNING))
-        return Status(plan.host, plan.empty, "unhealthy", reasons, plan, process=process, others=others)
+        return Status(plan.host, plan.empty, reasons, plan, process=process, others=others)
     listed, problems = list_tools(layout, start=False)
     names = tuple(str(tool["name"]) for tool in listed)
-    trouble = (*_trouble(process, problems), *_tunnel(layout, process))
+    reasons = (*facts.reasons, *_trouble(process, problems), *_tunnel(layout, process))
     if not problems and set(names) != set(promised(layout)) - hidden(layout):
-        trouble = (*trouble, "the endpoint's tools are not those of INTERFACE")
-    trouble = (*trouble, *_unproved(plan))
-    health = "unhealthy" if trouble else "healthy"
-    # Drift is told here too, and makes nothing unhealthy: it is the other axis.
-    return Status(plan.host, plan.empty, health, (*facts.reasons, *trouble), plan, names, process, problems, others)
+        reasons = (*reasons, "the endpoint's tools are not those of INTERFACE")
+    return Status(plan.host, plan.empty, reasons, plan, names, process, problems, others)
 
 
 def _process(layout: Layout) -> Process:
@@ -96,7 +93,7 @@ def _process(layout: Layout) -> Process:
 def _latched(layout: Layout) -> Mapping[str, Any] | None:
     """What latched the emergency stop; whatever stands in the latch's place holds it, readable or not."""
     try:
-        words = json.loads((layout.run / LATCH).read_bytes())
+        words = files.read_json(layout.run / LATCH, any_text=True)
         return {name: str(words[name]) for name in ("by", "reason", "since")}
     except FileNotFoundError:
         return None
@@ -109,13 +106,6 @@ def _trouble(process: Process, problems: Sequence[Diagnostic]) -> tuple[str, ...
     if process.told is None or "error" in process.told:
         reasons.append("the endpoint's process does not answer octoform's own questions")
     return tuple(reasons)
-
-
-def _unproved(plan: Plan) -> list[str]:
-    """Steps whose proof failed: the endpoint answers, and what it moves was seen not to move."""
-    failed = [item.node for item in plan.work if any(reason.cause is Cause.FAILED for reason in item.reasons)]
-    text = "{} failed when it was last applied: octoform state show {} tells what was found"
-    return [text.format(node, node) for node in failed if node.startswith(STEP)]
 
 
 def _tunnel(layout: Layout, process: Process) -> list[str]:

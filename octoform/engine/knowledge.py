@@ -5,13 +5,16 @@ from typing import Any
 
 from octoform.contracts.tier import tier, wanted
 from octoform.diagnostics import Diagnostic, did_you_mean, warning
+from octoform.engine.compiling import Compiled
 from octoform.graph.model import ANSWER
+from octoform.manifest.profile_paths import shipped
 from octoform.plan.diff import Prior
 from octoform.plan.model import Action, NearProfile, OpenQuestion, ProfileUse, ToldDevice
-from octoform.profiles import Profile, contributions, near
+from octoform.profiles import Profile, contributions, load, near
 
 Artifacts = Mapping[str, Any]
 STRAY = "PLAN-ANSWER-WITHOUT-DEVICE"
+OFFERED = "PROFILE-OFFERED"
 
 
 def questions(artifacts: Artifacts, answers: Mapping[str, str]) -> tuple[OpenQuestion, ...]:
@@ -75,6 +78,24 @@ def accepted_answers(prior: Mapping[str, Prior]) -> dict[str, str]:
     """What had been said when IDENTIFY was accepted."""
     parts = prior["identify"].key_parts if "identify" in prior else {}
     return {part.removeprefix(ANSWER): text for part, text in parts.items() if part.startswith(ANSWER)}
+
+
+def offers(artifacts: Artifacts, compiled: Compiled) -> list[Diagnostic]:
+    """Profiles that come with octoform, match a device of this host and are not in the manifest; one warning each."""
+    probe, answers = artifacts.get("probe"), compiled.manifest.answers
+    if probe is None:
+        return []
+    known = {profile.name for profile in compiled.profiles}
+    settled = {device for device, _ in contributions(compiled.profiles, probe, answers)}
+    found = []
+    for profile in load(sorted(shipped().glob("*.md")))[0]:
+        matched = [device for device, _ in contributions([profile], probe, answers) if device not in settled]
+        if matched and profile.name not in known:
+            name = profile.name
+            line = f"add `{name}` to `profiles`" if compiled.manifest.profiles else f"write `profiles: [{name}]`"
+            summary = f"octoform comes with a profile that matches {', '.join(matched)}: {profile.product or name}"
+            found.append(warning(OFFERED, summary, hint=f"{line} in octopus.yaml to use it"))
+    return found
 
 
 def stray(artifacts: Artifacts, answers: Mapping[str, str]) -> list[Diagnostic]:

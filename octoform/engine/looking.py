@@ -20,6 +20,7 @@ from octoform.manifest.model import Perception
 from octoform.perception import choosing
 from octoform.perception.choosing import best
 from octoform.perception.frames import Camera, Record
+from octoform.perception.judging import FROZEN_PICTURES
 from octoform.perception.keeping import keep
 from octoform.perception.looking import Taken, take
 from octoform.state.belonging import foreign
@@ -29,6 +30,8 @@ from octoform.state.layout import Layout
 
 PERCEIVE = "step.perceive"
 _STAGES = ("probe", "identify", "interface")
+REPEAT_SECONDS = 2.0
+"""Between the pictures that tell whether a camera stands still, once it gave the same one twice."""
 Take = Callable[[Layout, Mapping[str, Any], Person | None], Taken | Diagnostic]
 
 
@@ -61,6 +64,12 @@ class Look:
         frame = self.record.current if self.record else None
         return frame.trouble if frame and isinstance(self.outcome, Taken) else None
 
+    @property
+    def suspected(self) -> bool:
+        """True when more pictures are needed to tell whether the camera stands still."""
+        frame = self.record.current if self.record else None
+        return frame is not None and frame.suspected
+
 
 def open_eye(
     project: Path, environ: Mapping[str, str], device: str | None = None
@@ -86,13 +95,27 @@ def open_eye(
 
 
 def look(eye: Eye, person: Person | None = None, clock: Clock | None = None, take: Take = take) -> Look:
-    """Take one picture and note it, or note why there is none. The endpoint is started if need be."""
+    """Take one picture and note it, or note why there is none. The endpoint is started if need be.
+
+    Where the camera gave the same picture again, a few more are taken at once: they tell whether it stands still.
+    """
+    clock = clock or Clock()
+    seen = _look(eye, person, clock, take)
+    for _ in range(FROZEN_PICTURES):
+        if not seen.suspected:
+            break
+        clock.sleep(REPEAT_SECONDS)
+        seen = _look(eye, person, clock, take)
+    return seen
+
+
+def _look(eye: Eye, person: Person | None, clock: Clock, take: Take) -> Look:
     outcome: Taken | Diagnostic
     if eye.camera is None:
         outcome = eye.blind or error("PERCEPTION-NO-CAMERA", "there is no camera")
     else:
         outcome = take(eye.layout, eye.camera.model_dump(), person)
-    at = (clock or Clock()).stamp()
+    at = clock.stamp()
     record, found = keep(eye.layout, eye.camera.model_dump() if eye.camera else {}, outcome, at)
     return Look(at, eye.camera, outcome, record, tuple(found))
 

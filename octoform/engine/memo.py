@@ -16,6 +16,7 @@ from typing import Any
 
 import octoform
 from octoform import digest, host
+from octoform.base import files
 from octoform.endpoint.neighbours import running_beside
 from octoform.endpoint.observing import observe
 from octoform.plan.encode import from_json, to_json
@@ -67,7 +68,7 @@ def _read(path: Path) -> dict[str, Any] | None:
     try:
         if path.is_symlink() or path.stat().st_uid != os.getuid():
             return None
-        seal, _, text = path.read_bytes().partition(b"\n")
+        seal, _, text = files.read(path).partition(b"\n")
     except OSError:
         return None  # no memo: the long way
     if seal.decode("ascii", "replace") != digest.of_bytes(text):
@@ -152,21 +153,20 @@ def _below(path: str, name: str) -> Iterator[str]:
 
 def _dirty(project: Path, memo: Mapping[str, Any]) -> tuple[str, ...] | None:
     """Which of the project's own sources git calls changed; None when git cannot say, and the long way tells why."""
-    import subprocess  # only after a commit since the last apply
+    from octoform.state.git_command import RepositoryRefused, call  # only after a commit since the last apply
 
     inside = [name for name in memo["sources"] if (project / name).is_relative_to(project)]
-    # Without optional locks: a plan writes nothing, not even git's own cache of file times.
-    command = ["git", "--no-optional-locks", "-C", str(project), "status", "--porcelain=v1", "-z", "--no-renames"]
+    options = ["--porcelain=v1", "-z", "--no-renames", "--ignore-submodules=all"]
     try:
-        done = subprocess.run([*command, "--", *inside], capture_output=True, text=True, check=False)
-    except OSError:
+        done = call(str(project), ["status", *options, "--", *inside])
+    except (OSError, RepositoryRefused):
         return None
     if done.returncode != 0:
         return None
     where = repository(project)
     if where is None:
         return None
-    entries = [where.root / entry[3:] for entry in done.stdout.split("\0") if entry]
+    entries = [where.root / entry[3:] for entry in os.fsdecode(done.stdout).split("\0") if entry]
     return tuple(sorted(os.path.relpath(entry, project.resolve()) for entry in entries))
 
 

@@ -1,6 +1,5 @@
 """Observe: state, artifacts, hardware and the live side as the plain values that the plan compares. (Heavy.)"""
 
-import json
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -9,6 +8,8 @@ from typing import Any
 import octoform
 from octoform import digest, host
 from octoform.apply.step_facts import facts_of
+from octoform.base import files
+from octoform.base.shape import fits
 from octoform.contracts.canon import schema_path
 from octoform.contracts.checking import check, has_shape
 from octoform.contracts.model import Artifacts, ProfileFacts
@@ -92,7 +93,7 @@ def read_artifacts(compiled: Compiled, snapshot: Snapshot, digests: Mapping[str,
         path = compiled.layout.output(stage)
         if digests.get(stage) is None or not path.is_file() or path.is_symlink():
             continue
-        value, _ = parse(stage, path.read_bytes(), str(path))
+        value, _ = parse(stage, files.read(path), str(path))
         state = snapshot.nodes.get(stage)
         as_accepted = state is not None and state.file_digest == digests[stage]
         if value is not None and (as_accepted or has_shape(stage, value, compiled.schemas)):
@@ -144,10 +145,12 @@ def _cameras(compiled: Compiled, artifacts: Mapping[str, Any]) -> tuple[Camera, 
 def _hardware(layout: Layout, now: host.Fingerprint) -> tuple[str, ...]:
     """What came and what went since PROBE was accepted, as far as this machine remembers."""
     try:
-        entries = json.loads(layout.fingerprint.read_bytes())["entries"]
-    except (OSError, ValueError, KeyError):
+        kept = files.read_json(layout.fingerprint)
+    except (OSError, ValueError):
+        kept = None
+    if not fits(kept, {"entries": [str]}):
         return ()  # nothing is remembered; the digests alone say that it moved
-    appeared, gone = host.difference(entries, now.entries)
+    appeared, gone = host.difference(kept["entries"], now.entries)
     return (*_named("appeared", appeared), *_named("gone", gone))
 
 

@@ -11,7 +11,9 @@ from octoform.endpoint.neighbours import running_beside
 from octoform.endpoint.policy_check import doubts
 from octoform.engine import knowledge, step_outlook
 from octoform.engine.compiling import Compiled, compile_project
+from octoform.engine.confinement import without_sandbox
 from octoform.engine.observing import Situation, look
+from octoform.engine.prices import unpriced
 from octoform.engine.results import PlanResult
 from octoform.engine.sources import source_files
 from octoform.engine.tool_changes import tool_changes
@@ -63,7 +65,10 @@ def make_plan(request: Request, out: Path | None = None) -> PlanResult:
     outlook, found = prepare(request)
     if outlook is None:
         return PlanResult(None, tuple(found))
-    found += [] if request.destroy else _doubts(outlook)
+    if not request.destroy:
+        found += [*unpriced(outlook.compiled.manifest, request.environ, outlook.plan), *_doubts(outlook)]
+    if has_errors(found):
+        return PlanResult(None, tuple(found))
     if out is None:
         return PlanResult(outlook.plan, tuple(found))
     problem = write_atomic(out, save(request, outlook), 0o600)
@@ -95,8 +100,11 @@ def prepare(request: Request, store: StateStore | None = None) -> tuple[Outlook 
     if store is None or has_errors(found):
         return None, found
     situation = look(compiled, store.snapshot, request.environ)
-    found += [] if request.destroy else knowledge.stray(situation.artifacts, compiled.manifest.answers)
+    if not request.destroy:
+        found += knowledge.stray(situation.artifacts, compiled.manifest.answers)
+        found += [] if request.tier1 else knowledge.offers(situation.artifacts, compiled)
     plan = _plan(request, compiled, store.snapshot, situation)
+    found += without_sandbox(compiled.manifest, plan, request.environ)
     return Outlook(compiled, store.snapshot, situation, plan, tuple(found)), found
 
 

@@ -6,11 +6,12 @@ import shutil
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 
+from octoform.base.files import TEMPORARY, sync_folder
 from octoform.diagnostics import Diagnostic, error
 from octoform.harness.dialect import json_object
 from octoform.harness.plainfile import read_plain
 from octoform.harness.recording import FILE_NAME, MOST_BYTES, NAME
-from octoform.state.files import TEMPORARY, refused, shown, sync_folder
+from octoform.state.files import refused, shown
 
 _NAME = re.compile(NAME)
 

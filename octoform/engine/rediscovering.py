@@ -143,7 +143,10 @@ def _carried_out(layout: Layout, request: Request, left: Left) -> dict[str, Any]
     if result.failed is None:
         forget(layout)
         tools = len(result.endpoint.tools) if result.endpoint is not None else 0
-        return {**_told(True, f"{result.changed + result.added} nodes were made again, {tools} tools now"), **spent}
+        return {
+            **_told(True, f"{result.changed + result.alike + result.added} nodes were made again, {tools} tools now"),
+            **spent,
+        }
     why = f"{result.failed} failed: {_words(result.diagnostics)}"
     if mine.former is None and result.failed in _BEFORE:
         return {**_told(False, why), **spent}

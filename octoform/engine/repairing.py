@@ -133,6 +133,8 @@ def _restarted(layout: Layout, detail: str) -> Repaired:
     if is_marked(layout):
         return Repaired(True, f"{detail}; a person has stopped the endpoint, so it is not started")
     if running(layout) is not None:
+        if problem := supervising.obstacle(layout):
+            return Repaired(False, f"{detail}; {_words([problem])}")
         supervising.stop(layout)
     process, problem = supervising.start(layout)
     if process is None:

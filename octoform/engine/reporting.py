@@ -1,15 +1,17 @@
 """What the end of a run tells: the funnel and the endpoint, read from the accepted artifacts."""
 
-import json
 from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
+from octoform.base import files
+from octoform.base.shape import fits
 from octoform.endpoint.observing import observe
 from octoform.endpoint.promise import shown
 from octoform.endpoint.public import no_tunnel, through, tunnel_opened
 from octoform.endpoint.tokens import listed
 from octoform.engine.results import EndpointSummary, Funnel, RunResult
+from octoform.engine.rights import diagnostics, lacking
 from octoform.state.layout import Layout
 
 
@@ -18,12 +20,11 @@ def funnel(artifacts: Mapping[str, Any]) -> Funnel | None:
     probe, identify, interface = (artifacts.get(stage) for stage in ("probe", "identify", "interface"))
     if probe is None or identify is None:
         return None
-    served = {device for tool in interface["tools"] for device in tool["devices"]} if interface else set()
     return Funnel(
         seen=len(probe["devices"]),
         annotated=len(identify["devices"]),
         unknown=sum(1 for device in identify["devices"] if device["category"] == "unknown"),
-        left_out=len(probe["devices"]) - len(served),
+        left_out=len(probe["devices"]) - len(identify["devices"]),
         tools=len(interface["tools"]) if interface else 0,
     )
 
@@ -51,6 +52,13 @@ def endpoint(layout: Layout, artifacts: Mapping[str, Any]) -> EndpointSummary | 
     )
 
 
+def rights(layout: Layout, result: RunResult, environ: Mapping[str, str]) -> RunResult:
+    """The result with each served device that this user may not use; its tools answer with an error until then."""
+    shut = lacking(layout, environ)
+    told = (*result.diagnostics, *diagnostics(shut))
+    return replace(result, diagnostics=told, incomplete=tuple(sorted(shut))) if shut else result
+
+
 def outside(layout: Layout, result: RunResult) -> RunResult:
     """The result with the address of the tunnel, or a warning that nobody gets in there; waits until one is known."""
     told = result.endpoint
@@ -66,7 +74,11 @@ def outside(layout: Layout, result: RunResult) -> RunResult:
 def _trial_calls(layout: Layout) -> list[dict[str, Any]]:
     """The calls of the last check; empty when there was none."""
     path = layout.endpoint / "check.json"
-    calls: list[dict[str, Any]] = json.loads(path.read_bytes()).get("calls", []) if path.is_file() else []
+    try:
+        document = files.read_json(path)
+    except (OSError, ValueError):
+        return []  # the check's own verdict was told already; only its calls are not to be had
+    calls: list[dict[str, Any]] = document["calls"] if fits(document, {"calls": [dict]}) else []
     return calls
 
 

@@ -52,13 +52,15 @@ class RunUsage:
 class RunResult:
     """How an apply or a destroy ended; ``failed`` names the node that stopped it.
 
-    ``questions`` are those that are open: one for each device whose meaning is missing.
+    ``questions`` are those that are open: one for each device whose meaning is missing. ``incomplete`` are the ids of
+    served devices that this user may not use: nothing failed, and the host is degraded.
     """
 
     operation: str
     host: str
     added: int = 0
     changed: int = 0
+    alike: int = 0
     destroyed: int = 0
     agent_runs: int = 0
     usage: RunUsage = field(default_factory=RunUsage)
@@ -70,6 +72,7 @@ class RunResult:
     questions: tuple[OpenQuestion, ...] = ()
     endpoint: EndpointSummary | None = None
     commit: str | None = None
+    incomplete: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)

@@ -9,15 +9,20 @@ from typing import Any
 from octoform.diagnostics import Diagnostic, error, has_errors
 from octoform.endpoint.client import CallResult, Person, Wanted, list_tools, save_media
 from octoform.endpoint.client import call as call_tool
+from octoform.endpoint.files import CHECK
 from octoform.endpoint.promise import promised
 from octoform.engine import memo
 from octoform.state.belonging import foreign
+from octoform.state.files import read_regular
 from octoform.state.layout import Layout
 
 
 @dataclass(frozen=True, slots=True)
 class Request:
-    """A call as a command line has it: ``name=value`` pairs and one JSON object; ``seconds`` for its answer."""
+    """A call as a command line has it: ``name=value`` pairs and one JSON object; ``seconds`` for its answer.
+
+    ``revive``: an endpoint that a person stopped is started.
+    """
 
     tool: str
     pairs: Sequence[str] = ()
@@ -25,6 +30,7 @@ class Request:
     seconds: float = 60.0
     dry_run: bool = False
     approved: bool = False
+    revive: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,16 +42,17 @@ class Answer:
 
 
 def tools(
-    project: Path, environ: Mapping[str, str], waiting: Callable[[], None] | None = None
+    project: Path, environ: Mapping[str, str], waiting: Callable[[], None] | None = None, *, revive: bool = False
 ) -> tuple[list[dict[str, Any]] | None, list[Diagnostic]]:
     """The tools that the endpoint lists, with effect and devices from the INTERFACE artifact.
 
-    The endpoint is started when nothing runs; ``waiting`` is called when that takes more than a second.
+    The endpoint is started when nothing runs, and with ``revive`` also when a person stopped it; ``waiting`` is called
+    when that takes more than a second.
     """
     layout, found = layout_of(project, environ)
     if layout is None:
         return None, found
-    listed, problems = list_tools(layout, waiting)
+    listed, problems = list_tools(layout, waiting, revive=revive)
     if has_errors(problems):
         return None, list(problems)
     known = promised(layout)
@@ -61,12 +68,36 @@ def call(
     layout, more = layout_of(project, environ)
     if layout is None or found:
         return None, [*found, *more]
-    wanted = Wanted(request.tool, given, texts, request.seconds, request.dry_run, request.approved)
+    wanted = Wanted(request.tool, given, texts, request.seconds, request.dry_run, request.approved, request.revive)
     result, problems = call_tool(layout, wanted, person)
     if result is None:
         return None, list(problems)
     saved, more = save_media(result.content, layout.local / "results", request.tool)
     return Answer(result, tuple(saved)), more
+
+
+def answered(project: Path, environ: Mapping[str, str]) -> frozenset[str]:
+    """The reading tools that answered well when DEPLOY tried them; empty where that is not known."""
+    layout, _ = layout_of(project, environ)
+    data = read_regular(layout.endpoint / CHECK)[0] if layout is not None else None
+    try:
+        calls = json.loads(data or b"{}").get("calls", ())
+        return frozenset(each["tool"] for each in calls if each.get("ok"))
+    except (ValueError, LookupError, TypeError, AttributeError):  # it only chooses an example
+        return frozenset()
+
+
+def example(listed: Sequence[Mapping[str, Any]], good: frozenset[str]) -> tuple[str, list[str]] | None:
+    """Name and arguments (``NAME=VALUE``) of a call that only reads; None where each needs what nobody can guess.
+
+    One of the ``good`` tools goes first. A required argument that is a choice gets its first value.
+    """
+    for tool in sorted(listed, key=lambda each: each["name"] not in good):
+        properties = tool["input_schema"].get("properties", {})
+        required = tool["input_schema"].get("required", ())
+        if tool.get("effect") == "read" and all(properties.get(name, {}).get("enum") for name in required):
+            return tool["name"], [f"{name}={properties[name]['enum'][0]}" for name in required]
+    return None
 
 
 def layout_of(project: Path, environ: Mapping[str, str]) -> tuple[Layout | None, list[Diagnostic]]:

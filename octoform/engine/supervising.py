@@ -38,10 +38,16 @@ def start(project: Path, environ: Mapping[str, str]) -> tuple[Started | None, li
 
 
 def restart(project: Path, environ: Mapping[str, str]) -> tuple[Started | None, list[Diagnostic]]:
-    """End the endpoint's process, if one runs, and start another."""
+    """End the endpoint's process, if one runs, and start another; what a person stopped stays so."""
     layout, found = layout_of(project, environ)
     if layout is None:
         return None, found
+    refused = stopmark.refusal(layout)
+    if refused is not None:
+        return None, [refused]
+    problem = supervising.obstacle(layout)
+    if problem is not None:
+        return None, [problem]
     return _start(layout, supervising.stop(layout).process)
 
 

@@ -9,7 +9,7 @@ import os
 import shutil
 import signal
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from octoform.diagnostics import Diagnostic
@@ -29,9 +29,10 @@ class Invocation:
 
     ``settings`` are variables that the harness itself sets; ``path`` are folders to put before PATH. ``dialect`` reads
     its output; without one each line is something that it said. ``program`` names it with its version, for the record.
-    ``sandbox`` confines it; None: it may write wherever the user may. ``closes``: its output always ends with a word on
-    how the run went, so that a run without one was cut short, whatever its exit status. ``piped`` are variables that it
-    gets as a JSON object on its standard input instead, since any process of the user can read its environment.
+    ``sandbox`` confines it where that can be had; None: it may write wherever the user may. ``closes``: its output
+    always ends with a word on how the run went, so that a run without one was cut short, whatever its exit status.
+    ``piped`` are variables that it gets as a JSON object on its standard input instead, since any process of the user
+    can read its environment.
     """
 
     argv: tuple[str, ...]
@@ -54,6 +55,8 @@ def run_contained(task: Task, invocation: Invocation, progress: ProgressSink) ->
     try:
         return _contained(task, invocation, progress)
     finally:
+        if invocation.sandbox is not None:
+            sandbox.released(task.workdir)
         environment.remove_private(task.workdir)
 
 
@@ -63,13 +66,14 @@ def _contained(task: Task, invocation: Invocation, progress: ProgressSink) -> Ou
     program = shutil.which(name, path=variables["PATH"])
     if program is None:
         return Outcome(ExitReason.NOT_INSTALLED, None, 0.0, not_installed(name))
-    argv = _confined((program, *invocation.argv[1:]), task, invocation, variables)
-    if isinstance(argv, Diagnostic):
-        return Outcome(ExitReason.NOT_INSTALLED, None, 0.0, f"{argv.summary} ({argv.hint})")
+    argv = (program, *invocation.argv[1:])
+    confined = _confined(argv, task, invocation, variables)
+    if isinstance(confined, Diagnostic) and invocation.sandbox is not None and invocation.sandbox.required:
+        return Outcome(ExitReason.NOT_INSTALLED, None, 0.0, f"{confined.summary} ({confined.hint})")
     watcher = Watcher(invocation.dialect, task.limits, progress, task.price).recording(task.transcript)
     ended = run(
         Program(
-            argv=argv,
+            argv=argv if isinstance(confined, Diagnostic) else confined,
             workdir=task.workdir,
             environment=variables,
             log=task.log,
@@ -80,7 +84,14 @@ def _contained(task: Task, invocation: Invocation, progress: ProgressSink) -> Ou
         Limits(wall_seconds=task.limits.wall_seconds),
         watcher,
     )
-    return outcome(ended, task, invocation, watcher)
+    told = outcome(ended, task, invocation, watcher)
+    return _unconfined(told, confined.summary) if isinstance(confined, Diagnostic) else told
+
+
+def _unconfined(told: Outcome, why: str) -> Outcome:
+    """The outcome of an agent that no sandbox held, with what follows from that."""
+    said = [told.detail, f"it ran without a sandbox: {why}"]
+    return replace(told, unconfined=why, detail="; ".join(text for text in said if text))
 
 
 def _piped(task: Task, invocation: Invocation) -> bytes:

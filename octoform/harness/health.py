@@ -93,10 +93,18 @@ def _node(pin: Pin, located: Located, environ: Mapping[str, str], install: str) 
     return unknown("node", detail, f"if it does not start: {install} brings one")
 
 
-def sandbox_check(wanted: Sandbox, environ: Mapping[str, str]) -> Check:
+def sandbox_check(wanted: Sandbox | None, environ: Mapping[str, str]) -> Check:
     """Whether an agent can be confined here as it is wanted; tried out with a program that does nothing."""
+    if wanted is None:
+        return unknown(
+            "sandbox", f"the agent runs without: {sandbox.unconfined(environ, None)}", "write `sandbox: auto`"
+        )
     problem = sandbox.available(environ, wanted)
-    return failed("sandbox", problem.summary, problem.hint) if problem is not None else passed("sandbox", "can be made")
+    if problem is None:
+        return passed("sandbox", "can be made")
+    if wanted.required:
+        return failed("sandbox", problem.summary, problem.hint)
+    return unknown("sandbox", f"the agent runs without: {problem.summary}", problem.hint)
 
 
 def command_check(program: str, environ: Mapping[str, str]) -> Check:

@@ -13,6 +13,7 @@ import time
 from dataclasses import dataclass
 from pathlib import Path
 
+from octoform.base.place import KEY, is_from, place_of
 from octoform.harness import processes
 from octoform.harness.environment import ATTEMPT, remove_private
 from octoform.harness.plainfile import read_plain
@@ -53,6 +54,7 @@ def write(workdir: Path, record: Record) -> None:
         "attempt": record.mark,
         "supervisor": {"pid": record.pid, "start": record.start},
         "ended": record.ended,
+        KEY: place_of(workdir),
         "written_at": time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime()),
     }
     temporary = workdir / (RECORD + ".part")
@@ -66,7 +68,10 @@ def write(workdir: Path, record: Record) -> None:
 
 
 def read(workdir: Path) -> Record | None:
-    """The record of an attempt; None when there is none or it is no such thing (an agent may have spoilt it)."""
+    """The record of an attempt; None when there is none or it is no such thing (an agent may have spoilt it).
+
+    One that was copied along with its folder is of a process of the original's.
+    """
     data = read_plain(workdir / RECORD, RECORD_LIMIT)
     try:
         value = json.loads(data or b"")
@@ -74,7 +79,7 @@ def read(workdir: Path) -> Record | None:
         record = Record(str(value["attempt"]), int(supervisor["pid"]), int(supervisor["start"]), value["ended"] is True)
     except (ValueError, KeyError, TypeError, RecursionError):
         return None
-    return record if len(record.mark) == 32 else None
+    return record if len(record.mark) == 32 and is_from(value, workdir) else None
 
 
 def sweep(attempts: Path) -> Swept:

@@ -109,7 +109,8 @@ class Outcome:
     """How the run ended; ``exit_status`` is negative for a signal, None when nothing was started.
 
     ``turns`` counts replies of the model, None where the harness cannot tell. ``program`` is the program that ran,
-    with its version where it said one.
+    with its version where it said one. ``unconfined`` says why the agent ran without a sandbox that was to be had;
+    empty where it was confined or was not to be.
     """
 
     reason: ExitReason
@@ -120,6 +121,7 @@ class Outcome:
     survivors_killed: int = 0
     turns: int | None = None
     program: str | None = None
+    unconfined: str = ""
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,10 +1,11 @@
-"""What tokens cost: the manifest's own prices first, then the table that litellm ships, if it is installed.
+"""What tokens cost: the manifest's own prices, then litellm's table if it is there, then the dated one shipped here.
 
 A price that nobody knows stays unknown: a run is never reported as free because its model is not in a table.
 """
 
 import json
 from collections.abc import Mapping
+from datetime import date
 from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 from importlib.util import find_spec
@@ -15,6 +16,9 @@ from octoform.harness.port import Price, Usage
 
 TABLE = "model_prices_and_context_window_backup.json"
 MILLION = 1_000_000
+SHIPPED = Path(__file__).with_name("prices.json")
+OLD_DAYS = 180
+"""Days after which the shipped prices are warned about: makers change theirs a few times a year."""
 
 
 def cost_of(usage: Usage, price: Price) -> float | None:
@@ -28,15 +32,43 @@ def cost_of(usage: Usage, price: Price) -> float | None:
 
 def price_of(model: str, prices: Mapping[str, Price]) -> Price | None:
     """The price of a model by the name that the manifest gives it; None when no table knows it."""
-    return prices.get(model) or _listed(model)
+    return prices.get(model) or _listed(model) or _shipped(model)
+
+
+def age_days(price: Price, today: date) -> int | None:
+    """Days since a price of the shipped table was looked up; None for one of another table."""
+    return (today - date.fromisoformat(_prices()["date"])).days if price.source == _source() else None
+
+
+def _shipped(model: str) -> Price | None:
+    models = _prices()["models"]
+    for name in _names(model):
+        if name in models:
+            into, cached, out = models[name]
+            return Price(into, cached, out, _source())
+    return None
+
+
+def _source() -> str:
+    return f"octoform's prices of {_prices()['date']}"
+
+
+@cache
+def _prices() -> Mapping[str, Any]:
+    document: Mapping[str, Any] = json.loads(SHIPPED.read_bytes())
+    return document
+
+
+def _names(model: str) -> list[str]:
+    """Names with and without the provider are listed; a shorter name is the same model sold by its maker."""
+    parts = model.split("/")
+    return ["/".join(parts[start:]) for start in range(len(parts))]
 
 
 def _listed(model: str) -> Price | None:
     table = _table()
-    # Names with and without the provider are listed; a shorter name is the same model sold by its maker.
-    parts = model.split("/")
-    for start in range(len(parts)):
-        entry = table.get("/".join(parts[start:]))
+    for name in _names(model):
+        entry = table.get(name)
         price = _price(entry) if isinstance(entry, dict) else None
         if price is not None:
             return price

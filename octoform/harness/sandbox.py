@@ -6,7 +6,7 @@ needs of those; the project without its private parts; last the attempt's folder
 user may use them, since hardware is what the agent is asked about. Disks as a whole do not, nor the sockets of
 services that write wherever they are told to: each of them would be a way around.
 
-There is no falling back: an agent that was to be confined and cannot be does not run.
+Where octoform runs as root the agent is another user (`agent_user`), because what root may do a file mode lets it do.
 """
 
 import json
@@ -19,6 +19,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from octoform.diagnostics import Diagnostic, error
+from octoform.harness.agent_user import AgentUser, agent_user, hand_over
 from octoform.harness.exposed import belongings
 from octoform.harness.plainfile import read_plain
 from octoform.manifest.model import Sandbox
@@ -37,6 +38,9 @@ ROOT_DOORS = ("/run/dbus/system_bus_socket", "/run/systemd/private", "/run/syste
 SYSTEM = frozenset({"usr", "bin", "sbin", "lib", "lib64", "etc", "dev", "proc", "sys", "boot", "nix", "snap"})
 SHALLOW = frozenset({"run", "var", "opt", "srv", "mnt", "media", "tmp"})
 TASK_BYTES = 8 << 20
+UNREADABLE = """for path; do [ -r "$path" ] || { echo "its user cannot read $path" >&2; exit 1; }; done"""
+OF_PROCESSES = frozenset({"self", "thread-self", "mounts", "net"})
+"""What of /proc is about the process that looks at it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,14 +56,28 @@ class Confinement:
 def wrap(argv: Sequence[str], sandbox: Sandbox, around: Confinement) -> tuple[str, ...] | Diagnostic:
     """The command that runs ``argv`` (its program an absolute path) confined; what is wrong where that cannot be.
 
-    Tried out first with a program that does nothing, so that a refusal is told before the agent's time runs.
+    Tried out first with a program that does nothing, so that a refusal is told before the agent's time runs. As root
+    the attempt's folder belongs to the agent's user from then on; `released` gives it back.
     """
     program = shutil.which(PROGRAM, path=around.caller.get("PATH"))
     if program is None:
         return _none("bubblewrap (bwrap) is not installed")
-    prefix = (program, *_options(sandbox), *_views(argv, around), "--chdir", str(around.workdir), "--")
-    problem = _tried(prefix)
-    return problem if problem is not None else (*prefix, *argv)
+    user = agent_user()
+    if user is not None:
+        hand_over(around.workdir, user.uid, user.groups[0])
+    prefix = (program, *_options(sandbox, user), *_views(argv, around, user), "--chdir", str(around.workdir), "--")
+    prefix += user.command() if user is not None else ()
+    problem = _tried(prefix, _readable(argv, around) if user is not None else ())
+    if problem is None:
+        return (*prefix, *argv)
+    released(around.workdir)
+    return problem
+
+
+def released(workdir: Path) -> None:
+    """The attempt's folder is octoform's again; call it when no process of the agent is left."""
+    if agent_user() is not None and not workdir.is_symlink():
+        hand_over(workdir, os.geteuid(), os.getegid())
 
 
 def available(caller: Mapping[str, str], sandbox: Sandbox) -> Diagnostic | None:
@@ -67,22 +85,34 @@ def available(caller: Mapping[str, str], sandbox: Sandbox) -> Diagnostic | None:
     program = shutil.which(PROGRAM, path=caller.get("PATH"))
     if program is None:
         return _none("bubblewrap (bwrap) is not installed")
-    return _tried((program, *_options(sandbox), "--"))
+    user = agent_user()
+    return _tried((program, *_options(sandbox, user), "--", *(user.command() if user is not None else ())))
+
+
+def unconfined(caller: Mapping[str, str], sandbox: Sandbox | None) -> str:
+    """Why an agent with this setting runs without a sandbox here; empty when it is confined, or does not run at all."""
+    if sandbox is None:
+        return "octopus.yaml says `sandbox: false`"
+    problem = None if sandbox.required else available(caller, sandbox)
+    return problem.summary if problem is not None else ""
 
 
 def _none(why: str) -> Diagnostic:
     return error(
         "HARNESS-NO-SANDBOX",
         f"the agent cannot be confined: {why}",
-        hint="install it (Debian: apt-get install bubblewrap) and allow user namespaces, or set sandbox: false",
+        hint="install it (Debian: apt-get install bubblewrap) and allow user namespaces, or set sandbox: auto",
     )
 
 
-def _tried(prefix: Sequence[str]) -> Diagnostic | None:
-    nothing = shutil.which("true") or "/bin/true"
+def _tried(prefix: Sequence[str], readable: Sequence[str] = ()) -> Diagnostic | None:
+    """What is wrong with running something behind that prefix that looks whether files can be read and does nothing."""
+    nothing: tuple[str, ...] = (shutil.which("true") or "/bin/true",)
+    if readable:
+        nothing = ("/bin/sh", "-c", UNREADABLE, "sh", *readable)
     try:
         done = subprocess.run(
-            [*prefix, nothing], stdin=subprocess.DEVNULL, capture_output=True, timeout=TRIAL_SECONDS, check=False
+            [*prefix, *nothing], stdin=subprocess.DEVNULL, capture_output=True, timeout=TRIAL_SECONDS, check=False
         )
     except (OSError, subprocess.TimeoutExpired) as problem:
         return _none(f"{PROGRAM}: {problem}")
@@ -92,18 +122,43 @@ def _tried(prefix: Sequence[str]) -> Diagnostic | None:
     return _none(said[-1] if said else f"{PROGRAM} left with status {done.returncode}")
 
 
-def _options(sandbox: Sandbox) -> list[str]:
+def _readable(argv: Sequence[str], around: Confinement) -> tuple[str, ...]:
+    """The files without which the agent cannot begin."""
+    named = [item for item in argv if item.startswith("/") and Path(item).is_file()]
+    return (*named, *map(str, _named_in_task(around.document)))
+
+
+def _options(sandbox: Sandbox, user: AgentUser | None) -> list[str]:
     """What holds for each agent: its own process ids, a file system to read, devices, and an end with its parent."""
-    out = ["--die-with-parent", "--unshare-pid", "--unshare-ipc"]
+    out = ["--die-with-parent", "--unshare-pid", "--unshare-ipc", "--unshare-uts"]
     out += [] if sandbox.network else ["--unshare-net"]
-    # root would keep what it needs to mount everything writable again
-    out += ["--cap-drop", "ALL"] if os.geteuid() == 0 else []
+    # Root needs no user namespace to make this one, and keeps of its powers what makes an ordinary user of it.
+    out += (
+        ["--unshare-user"]
+        if user is None
+        else ["--cap-drop", "ALL", "--cap-add", "CAP_SETUID", "--cap-add", "CAP_SETGID"]
+    )
     out += ["--ro-bind", "/", "/", "--dev-bind", "/dev", "/dev", "--tmpfs", "/dev/shm", "--proc", "/proc"]
+    for name in _of_the_kernel():
+        out += ["--ro-bind", name, name]
     for path in _disks():
         out += ["--dev-bind", "/dev/null", str(path)]
     for path in map(Path, (*DOORS, *(ROOT_DOORS if os.geteuid() == 0 else ()))):
         out += _covered(path)
     return out
+
+
+def _of_the_kernel() -> Iterator[str]:
+    """What /proc has besides processes, as far as it could be written: settings of the whole machine."""
+    for entry in os.scandir("/proc"):
+        if entry.name.isdigit() or entry.name in OF_PROCESSES or entry.is_symlink():
+            continue
+        try:
+            mode = entry.stat(follow_symlinks=False).st_mode
+        except OSError:
+            continue  # gone since the folder was read
+        if stat.S_ISDIR(mode) or mode & 0o222:
+            yield entry.path
 
 
 def _disks() -> Iterator[Path]:
@@ -127,26 +182,36 @@ def _covered(path: Path) -> list[str]:
     return ["--ro-bind", "/dev/null", str(path)]
 
 
-def _views(argv: Sequence[str], around: Confinement) -> list[str]:
+def _views(argv: Sequence[str], around: Confinement, user: AgentUser | None) -> list[str]:
     """What this agent sees besides: places hidden, what it needs of them, its project, its own folder."""
-    hidden = _hidden(around.caller)
     project = _project(around.workdir)
+    hidden = _hidden(around.caller)
+    if project is not None and user is not None and not project.stat().st_mode & stat.S_IXOTH:
+        # Closed to the agent's user, who needs parts of it.
+        hidden = sorted({*hidden, *filter(_may_be_hidden, _forms(project))})
     wanted = [*belongings(argv, around.variables), *_named_in_task(around.document)]
     wanted += _of_project(project, hidden) if project is not None else []
     outermost = [path for path in hidden if not any(path != other and path.is_relative_to(other) for other in hidden)]
+    # A project that is a home itself is hidden already but for the parts that are shown.
+    open_places = [place for place in (_forms(project) if project is not None else ()) if place not in hidden]
+    masks = [*outermost, *(place / LOCAL for place in open_places)]
     out = [option for path in outermost for option in ("--tmpfs", str(path))]
     for path in _shown(wanted, hidden):
-        out += ["--ro-bind", str(path), str(path)]
-    for place in _forms(project) if project is not None else ():
-        # A project that is a home itself is hidden already but for the parts that are shown.
-        if place not in hidden:
-            out += [option for name in PRIVATE if name != LOCAL for option in _covered(place / name)]
-            out += ["--tmpfs", str(place / LOCAL)]
+        out += [*_way(path, masks), "--ro-bind", str(path), str(path)]
+    for place in open_places:
+        out += [option for name in PRIVATE if name != LOCAL for option in _covered(place / name)]
+        out += ["--tmpfs", str(place / LOCAL)]
     for place in _forms(around.workdir):
-        out += ["--bind", str(place), str(place)]
-    masks = [path for path in outermost if not _is_scratch(path)]
-    masks += [place / LOCAL for place in (_forms(project) if project is not None else ()) if place not in hidden]
-    return out + [option for path in masks for option in ("--remount-ro", str(path))]
+        out += [*_way(place, masks), "--bind", str(place), str(place)]
+    return out + [option for path in masks if not _is_scratch(path) for option in ("--remount-ro", str(path))]
+
+
+def _way(path: Path, masks: Iterable[Path]) -> Iterator[str]:
+    """Folders on the way to what is shown below a mask; bubblewrap would close those that it makes itself."""
+    nearest = max((mask for mask in masks if path.is_relative_to(mask)), key=lambda mask: len(mask.parts), default=None)
+    if nearest is not None:
+        for above in reversed([place for place in path.parents if place != nearest and place.is_relative_to(nearest)]):
+            yield from ("--dir", str(above))
 
 
 def _hidden(caller: Mapping[str, str]) -> list[Path]:

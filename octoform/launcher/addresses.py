@@ -16,7 +16,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from .owner import replace
+from octoform.base.files import read_json, replace
+from octoform.base.place import KEY, is_from, place_of
 
 ALL = "all"
 PORTS = 100
@@ -74,8 +75,9 @@ def addresses_of(interface: str) -> tuple[str, ...]:
 def _candidates(run: Path, first: int) -> Sequence[int]:
     ports = [port for port in range(first, first + PORTS) if port < 65536]
     try:
-        record = json.loads((run / RECORD).read_bytes())
-        last = record["port"] if record["first"] == first else None
+        record = read_json(run / RECORD, follow=False)
+        # The port of the folder that this one was copied from stays with that one, also while it is stopped.
+        last = record["port"] if record["first"] == first and is_from(record, run) else None
     except (OSError, ValueError, LookupError, TypeError):
         last = None
     return ports if last not in ports else [last, *(port for port in ports if port != last)]
@@ -121,7 +123,7 @@ def _listening(
     everywhere = interface == ALL
     url = _url(_outward() if everywhere else addresses[0], port)
     local_url = _url("127.0.0.1" if everywhere else addresses[0], port)
-    record = {"format": 1, "first": first, "port": port, "addresses": list(addresses), "url": url}
+    record = {"format": 1, "first": first, "port": port, "addresses": list(addresses), "url": url, KEY: place_of(run)}
     replace(run / RECORD, json.dumps(record, indent=1).encode())
     return Listening(sockets, port, tuple(addresses), url, local_url)
 

@@ -55,7 +55,7 @@ class Verifier(TokenVerifier):
         if found is None:
             return None
         return AccessToken(
-            token=found.digest, client_id=found.name, subject=found.digest, scopes=sorted(found.effects), claims={}
+            token=found.sha256, client_id=found.name, subject=found.sha256, scopes=sorted(found.effects), claims={}
         )
 
 

@@ -54,7 +54,7 @@ SCHEMA: dict[str, Any] = {
 @dataclass(frozen=True, slots=True)
 class Question:
     """What the person is asked: may ``caller`` call ``tool`` with ``arguments``? ``stops``: how many emergency stops
-    there had been when the call came."""
+    there had been when the call came; ``client``: the program that asks, in words."""
 
     tool: str
     effect: str
@@ -63,14 +63,16 @@ class Question:
     given: Mapping[str, Any]
     arguments: Mapping[str, Any]
     stops: int = 0
+    client: str = ""
 
     def text(self) -> str:
         """One paragraph for a person; hostile text in the arguments stays inside their JSON."""
         shown = json.dumps(self.arguments, ensure_ascii=True, default=repr)
         if len(shown) > ARGUMENTS_CHARS:
             shown = f"{shown[:ARGUMENTS_CHARS]}... ({len(shown)} characters)"
+        caller = f"{self.caller} ({self.client})" if self.client else self.caller
         return (
-            f"Allow one call of {self.tool} (effect: {self.effect}), asked for by {self.caller}? "
+            f"Allow one call of {self.tool} (effect: {self.effect}), asked for by {caller}? "
             f"Arguments: {shown}. Why you are asked: {self.source}."
         )
 
@@ -223,12 +225,6 @@ def _overhear(boundary: Any, heard: Callable[[str, str], None]) -> None:
             raise
 
     boundary._unseal = unsealed
-
-
-def client_of(request: FastMCPRequestContext | None) -> str:
-    """How the client calls itself, with its version; empty when it does not say. Nobody checks that."""
-    params = request.session.client_params if request is not None else None
-    return f"{params.client_info.name} {params.client_info.version}".strip() if params is not None else ""
 
 
 def _can_ask(context: Context) -> bool:

@@ -12,9 +12,12 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
+from fastmcp.server.dependencies import fastmcp_request_ctx
+
 from . import principal
 from .audit import Audit, AuditFailed
 from .buses import Holder
+from .clients import Client, client_of
 from .entries import Entry
 from .guarding import Work
 from .principal import Principal
@@ -38,9 +41,9 @@ class Refused(Exception):
 class Call:
     """``given`` are the arguments as they came, ``effective`` as the tool will see them; ``began`` in monotonic
     seconds, of its way here, and once it waited for a person or a bus from then on; ``stops`` how many emergency stops
-    there had been when it came; ``noted`` what shadow mode let pass; ``asked`` what its records say of asking a person:
-    approval (the same for question and answer), answer, client; ``well``: its code has ended with a result;
-    ``restricted`` what a claim restricts about it now, in words."""
+    there had been when it came; ``client`` is the program that calls; ``noted`` what shadow mode let pass; ``asked``
+    what its records say of asking a person: approval (the same for question and answer), answer; ``well``: its code
+    has ended with a result; ``restricted`` what a claim restricts about it now, in words."""
 
     identity: str
     entry: Entry
@@ -58,6 +61,7 @@ class Call:
     answered: bool = False
     well: bool = False
     restricted: str = ""
+    client: Client = field(default_factory=Client)
 
     @property
     def arguments(self) -> Mapping[str, Any]:
@@ -144,6 +148,7 @@ class Records:
             tool=tool,
             caller=caller.name,
             transport=caller.transport,
+            **client_of(fastmcp_request_ctx.get()).fields(),
             decision="refuse",
             code="replayed",
             text=f"an approval that is not for this call: {reason}",
@@ -184,6 +189,7 @@ def _decision(call: Call, decision: str, more: dict[str, Any]) -> dict[str, Any]
         "effect": policy.effect,
         "caller": call.caller.name,
         "transport": call.caller.transport,
+        **call.client.fields(),
         "decision": decision,
         "source": policy.source,
         "arguments": call.arguments or call.given,

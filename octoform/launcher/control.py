@@ -13,9 +13,11 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
+from octoform.base.files import parse
+
 from .quiet import Throttle
 from .saying import say
-from .socketfile import PASSING, PAUSE, is_mine, listen
+from .socketfile import PASSING, PAUSE, listen, peer
 
 Handler = Callable[[Mapping[str, Any]], Mapping[str, Any]]
 NAME = "control.sock"
@@ -113,16 +115,16 @@ class Control:
         with connection:
             try:
                 try:
-                    if not is_mine(connection):
+                    if not peer(connection).mine:
                         return
                     connection.settimeout(SECONDS)
-                    question = json.loads(_line(connection))
+                    question = parse(_line(connection))
                 finally:
                     self._heard(connection)  # before it is closed, and its number another connection's
                 answer = self._handle(question)
                 connection.settimeout(SECONDS)
                 connection.sendall(json.dumps(answer).encode() + b"\n")
-            except (OSError, ValueError, RecursionError) as problem:
+            except (OSError, ValueError) as problem:
                 LOGGER.error("a question was not answered: %s", problem)
 
     def _handle(self, question: Any) -> Mapping[str, Any]:

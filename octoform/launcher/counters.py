@@ -19,6 +19,8 @@ from fractions import Fraction
 from pathlib import Path
 from typing import Any
 
+from octoform.base import files
+
 from .owner import boot
 
 HEADER = {"format": 1}
@@ -77,7 +79,6 @@ class Counters:
             TypeError,
             AttributeError,
             ArithmeticError,
-            RecursionError,
         ) as problem:
             self.damage = f"{path} cannot be read ({problem})"
             self._used = {name: Used(damaged=True) for name in names}
@@ -151,18 +152,10 @@ class Counters:
         return size
 
     def _replace(self, used: Mapping[str, Used]) -> None:
-        temporary = self._path.with_suffix(".new")
         data = b"".join([_encoded(HEADER), *(self._line(name, item) for name, item in used.items())])
         try:
             self._path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
-            descriptor = os.open(temporary, os.O_WRONLY | os.O_CREAT | os.O_TRUNC | os.O_CLOEXEC | os.O_NOFOLLOW, 0o600)
-            try:
-                written = os.write(descriptor, data)
-            finally:
-                os.close(descriptor)
-            if written != len(data):
-                raise CountersUnwritable(f"{self._path} cannot be written: the disk is full")
-            temporary.replace(self._path)
+            files.replace(self._path, data, synced=False)
         except OSError as problem:
             raise self._unwritable(problem) from problem
         self._whole, self._compacted = False, len(data)
@@ -174,16 +167,14 @@ class Counters:
 
     def _read(self) -> dict[str, Used]:
         try:
-            descriptor = os.open(self._path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC | os.O_NOFOLLOW)
+            lines = files.read(self._path, _LARGEST, follow=False).split(b"\n")
         except FileNotFoundError:
             return {}
-        with os.fdopen(descriptor, "rb") as file:
-            lines = file.read(_LARGEST).split(b"\n")
-        if lines.pop() or not lines or json.loads(lines[0]) != HEADER:
+        if lines.pop() or not lines or files.parse(lines[0]) != HEADER:
             raise ValueError("it is cut off, or of another format")
         latest: dict[str, Mapping[str, Any]] = {}
         moments: dict[str, list[float]] = {}
-        for item in map(json.loads, lines[1:]):
+        for item in map(files.parse, lines[1:]):
             name = str(item["tool"])
             shift = self._shift(str(item["boot"]), float(item["wall"]), float(item["clock"]))
             calls = [float(moment) + shift for moment in item["calls"]]

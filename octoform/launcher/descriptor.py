@@ -1,11 +1,12 @@
 """What the endpoint is: the connection descriptor as octoform wrote it beside this package. Standard library only."""
 
 import hashlib
-import json
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
+
+from octoform.base import files
 
 FORMAT = 2
 
@@ -50,7 +51,7 @@ class Descriptor:
 def read(folder: Path) -> Descriptor:
     """The descriptor of an endpoint's folder; RefusedError when it cannot be read or is another format's."""
     try:
-        value = json.loads((folder / "connection.json").read_bytes())
+        value = files.read_json(folder / "connection.json")
         if value["format"] != FORMAT:
             raise RefusedError("the connection descriptor is of another version of octoform; run octoform apply")
         return Descriptor(
@@ -77,14 +78,22 @@ def untouched(folder: Path) -> None:
     The manifest of the endpoint has their digests. The clients' configurations decide nothing and may be edited.
     """
     try:
-        files = json.loads((folder / "manifest.json").read_bytes())["files"]
-        wanted = {name: digest for name, digest in files.items() if not name.startswith("clients/")}
+        listed = files.read_json(folder / "manifest.json")["files"]
+        wanted = {name: digest for name, digest in listed.items() if not name.startswith("clients/")}
     except (OSError, ValueError, LookupError, TypeError, AttributeError) as problem:
         raise RefusedError(f"the endpoint's manifest cannot be read ({problem}); run octoform apply") from problem
     for name, digest in sorted(wanted.items()):
         path = folder / name
-        if not path.is_file() or digest_of(path.read_bytes()) != digest:
+        if digest_of_file(path) != digest:
             raise RefusedError(f"{path} is not the file that was published; run octoform apply")
+
+
+def digest_of_file(path: Path) -> str | None:
+    """The digest of a file's bytes; None where there is no file that can be read."""
+    try:
+        return digest_of(files.read(path))
+    except OSError:
+        return None
 
 
 def digest_of(data: bytes) -> str:

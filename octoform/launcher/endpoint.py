@@ -131,10 +131,13 @@ class Endpoint:
         doors = [asyncio.create_task(self._clients.serve(listen(descriptor.run / SOCKET)), name="of local clients")]
         if descriptor.network is not None:
             from .tokens import Tokens  # here, so that scope local carries no web server in its memory
+            from .verdict import Verdict
             from .web import PATH, Web
 
             tokens = Tokens(descriptor.run / "tokens.json")
             web = Web(self._server, descriptor, tokens, instance=self._owner.instance)
+            daemon, latched = descriptor.run.parent / "daemon", lambda: self._latch.engaged() is not None
+            web.verdict = Verdict(daemon, self._owner.instance, latched, self._offer.presence.lacks)
             listening = web.open()
             self._url = listening.url + PATH
             doors.append(asyncio.create_task(web.serve(), name="of HTTP"))

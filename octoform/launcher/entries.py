@@ -20,6 +20,7 @@ from fastmcp.utilities.types import find_kwarg_by_type
 from .buses import Bus
 from .guarding import guard
 from .policy import Policy, ToolPolicy
+from .restrictions import Subject
 from .shapes import Check, Coerce, Effective, check, coercion
 
 AT_ONCE = 64
@@ -67,6 +68,19 @@ class Entries:
         self._known: dict[str, Entry] = {}
         self._total = Bus("this endpoint", AT_ONCE)
         self._buses: dict[str, Bus] = {}
+        self._units: dict[str, set[str]] = {}
+        """Each device's units, by every word that any tool of it has for one."""
+        for tool in policy.tools.values():
+            words = (
+                {word for name, others in tool.units.names.items() for word in (name, *others)} if tool.units else ()
+            )
+            for device in tool.buses:
+                self._units.setdefault(device, set()).update(words)
+
+    def subject(self, tool: str, arguments: Mapping[str, Any]) -> Subject:
+        """A call of a tool of the policy as restrictions judge it."""
+        policy = self._policy.tools[tool]
+        return Subject(tool, arguments, policy.buses, policy.units, self._units)
 
     def get(self, name: str) -> Entry | None:
         return self._known.get(name)

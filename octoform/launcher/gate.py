@@ -24,11 +24,12 @@ from mcp_types import CallToolRequestParams
 from pydantic import ValidationError
 
 from . import answers, misfits, principal
-from .asking import Approvals, Question, Reply, client_of, overhear
+from .asking import Approvals, Question, Reply, overhear
 from .audit import Audit
 from .beating import Beat
 from .buses import Busy, Holder, abandon, release, take, take_free
 from .calls import Call, Records, Refused
+from .clients import client_of
 from .entries import Entries, Entry
 from .guarding import FRAMES, Patience, Stopped, TooLarge, Work, current, masked
 from .latch import Latch
@@ -145,22 +146,18 @@ class Gate(Middleware):
             entry = await self._entries.find(context.fastmcp_context.fastmcp, name)
         caller = principal.current()
         request = fastmcp_request_ctx.get()
+        client = client_of(request)
         meta = (request.meta if request is not None else None) or {}
         if entry is None or entry.policy.effect not in caller.effects or not _same_version(entry, meta):
             code = "unknown_tool" if entry is None else "hidden_tool"
-            self._records.write("decision", tool=name, caller=caller.name, decision="refuse", code=code)
+            told = {"tool": name, "caller": caller.name, "decision": "refuse", "code": code}
+            self._records.write("decision", **told, **client.fields())
             raise NotFoundError(f"Unknown tool: {name!r}")
         wants = meta.get(answers.DRY) is True
         dry = wants or (self._policy.mode == "dry_run" and entry.policy.effect != "read")
-        call = Call(
-            self._records.identity(),
-            entry,
-            caller,
-            context.message.arguments or {},
-            dry,
-            time.monotonic(),
-            self._stops,
-        )
+        arguments = context.message.arguments or {}
+        call = Call(self._records.identity(), entry, caller, arguments, dry, time.monotonic(), self._stops)
+        call.client = client
         call.beats = entry.silent and "progressToken" in meta
         return call
 
@@ -196,7 +193,7 @@ class Gate(Middleware):
         """What claims forbid for now, or want a person asked about; asked again when the call has its buses."""
         if not call.moves or call.entry.policy.ends:
             return
-        found = self.restrictions.against(call.entry.name, call.arguments)
+        found = self.restrictions.against(self._entries.subject(call.entry.name, call.arguments))
         call.restricted = "" if found is None else found.words
         if found is not None and (found.effect == "deny" or (call.holder is not None and not call.approved)):
             self._object(call, "restricted", found.words)
@@ -212,10 +209,10 @@ class Gate(Middleware):
     async def _confirm(self, call: Call, context: Context) -> ToolResult | None:
         """Ask a person; None when the call may go on, the question itself where that is the answer."""
         entry, request = call.entry, fastmcp_request_ctx.get()
-        call.asked["client"] = client_of(request)
         policy, caller = entry.policy, call.caller.name
         source = call.restricted or policy.source
-        question = Question(entry.name, policy.effect, source, caller, call.given, call.arguments, call.stops)
+        asked_by = call.client.words()
+        question = Question(entry.name, policy.effect, source, caller, call.given, call.arguments, call.stops, asked_by)
         reply = self.approvals.answered(question, context.message)
         if reply is None:
             if self._policy.mode == "shadow":

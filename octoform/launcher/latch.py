@@ -5,7 +5,6 @@ latched, readable or not: a damaged latch must never set an arm free. Latching n
 """
 
 import contextlib
-import errno
 import fcntl
 import json
 import os
@@ -13,6 +12,8 @@ import time
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
+
+from octoform.base import files
 
 _TEXT = 500
 _SIZE = 16 * 1024
@@ -112,12 +113,7 @@ class Latch:
         told = {"format": 1, "by": estop.by, "reason": estop.reason, "since": estop.since}
         words = json.dumps(told).encode("ascii")
         try:
-            descriptor = os.open(temporary, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o600)
-            try:
-                if os.write(descriptor, words) != len(words):
-                    raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
-            finally:
-                os.close(descriptor)
+            files.create(temporary, words, synced=False)
             os.link(temporary, self.path)
         except FileExistsError:
             return
@@ -139,13 +135,9 @@ class Latch:
 
     def _read(self, changed: float) -> Estop:
         try:
-            descriptor = os.open(self._place, os.O_RDONLY | os.O_NONBLOCK | os.O_NOFOLLOW | os.O_CLOEXEC)
-            try:
-                words = json.loads(os.read(descriptor, _SIZE))
-            finally:
-                os.close(descriptor)
+            words = files.read_json(self.path, _SIZE, follow=False, any_text=True)
             return Estop(str(words["by"]), str(words["reason"]), str(words["since"]))
-        except (OSError, ValueError, LookupError, TypeError, RecursionError) as problem:
+        except (OSError, ValueError, LookupError, TypeError) as problem:
             reason = f"the latch {self.path} is there but cannot be read ({type(problem).__name__})"
             return Estop("unknown", reason, _utc(changed))
 

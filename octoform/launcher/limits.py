@@ -18,6 +18,7 @@ from typing import Any
 
 from .counters import Counters, CountersUnwritable, Used
 from .policy import Limit, Policy
+from .units import Units
 
 _COUNTED = frozenset({"step", "cumulative", "rate", "cooldown"})
 _SHOWN = 60
@@ -147,6 +148,8 @@ class Ledger:
 
     def _one(self, tool: str, limit: Limit, arguments: Mapping[str, Any], used: Used) -> Refusal | None:
         """What one limit says."""
+        if limit.kind == "goal":
+            return _of_goal(tool, limit, self._tools[tool].units, arguments)
         if limit.parameter:
             return _of_value(limit, arguments, used, tool)
         if limit.kind == "quiet_hours":
@@ -200,11 +203,29 @@ def _of_value(limit: Limit, arguments: Mapping[str, Any], used: Used, tool: str)
         return None
     if limit.kind == "range":
         text = _range(limit, value)
+        if text and limit.default is not None and value == exact(limit.default):
+            text += f" {limit.default}{_unit(limit)} is its default: a call that does not give {name} is refused too."
     elif limit.kind == "step":
         text = _step(limit, value, used.last.get(name))
     else:
         text = _cumulative(limit, value, used, tool)
     return Refusal(limit.kind, text) if text else None
+
+
+def _of_goal(tool: str, limit: Limit, units: Units | None, arguments: Mapping[str, Any]) -> Refusal | None:
+    """A bound of the place to which a unit is moved, whatever tool moves it."""
+    goals = {} if units is None else units.goals(arguments)
+    if limit.of not in goals:
+        return None
+    goal = goals[limit.of]
+    if not _is_number(goal):
+        text = (
+            f"{tool} does not tell in advance where it moves {limit.of}, whose range is limited ({limit.source})"
+            f"{_allowed(limit)}. Use a tool that is given the goal."
+        )
+        return Refusal("goal", text)
+    text = _range(replace(limit, parameter=f"the goal of {limit.of} in {tool},"), exact(goal))
+    return Refusal("goal", text) if text else None
 
 
 def _value(limit: Limit, arguments: Mapping[str, Any]) -> Fraction | None:
@@ -307,7 +328,7 @@ def _quiet(tool: str, limit: Limit, now: datetime) -> str:
 
 def _allowed(limit: Limit) -> str:
     low, high = limit.minimum, limit.maximum
-    if limit.kind != "range":
+    if limit.kind not in ("range", "goal"):
         return ""
     words = (
         f"{low} to {high}"

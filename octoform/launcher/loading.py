@@ -4,15 +4,18 @@ Hand-edited code is never served silently, so the server's digest and the runtim
 them runs.
 """
 
+import importlib
 import os
 import sys
 import types
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
-from .descriptor import Descriptor, RefusedError, digest_of
+from octoform.base import files
+
+from .descriptor import Descriptor, RefusedError, digest_of, digest_of_file
 
 
 def load(descriptor: Descriptor) -> Any:
@@ -28,14 +31,14 @@ def accepted(descriptor: Descriptor) -> bytes:
     """The server's source, after its digest and the runtime's were compared with the accepted ones."""
     path = Path(descriptor.server["path"])
     try:
-        source = path.read_bytes()
+        source = files.read(path)
     except OSError as problem:
         raise RefusedError(f"{path} cannot be read ({problem.strerror}); run octoform apply") from problem
     if digest_of(source) != descriptor.server["digest"]:
         raise RefusedError(f"{path} is not the file that was accepted; run octoform plan to see what would be done")
     for name, digest in descriptor.server["runtime"].items():
         file = path.parent / name
-        if not file.is_file() or digest_of(file.read_bytes()) != digest:
+        if digest_of_file(file) != digest:
             raise RefusedError(f"{file} is not the file that was accepted; run octoform apply")
     return source
 
@@ -50,6 +53,9 @@ def _execute(path: Path, source: bytes) -> Any:
     sys.modules["server"] = module
     try:
         exec(compile(source, str(path), "exec"), module.__dict__)
+        if "runtime" in sys.modules:
+            with suppress(ImportError):  # who looks at devices asks for it later, when bytecode goes beside the code
+                importlib.import_module("runtime.rights")
     finally:
         sys.pycache_prefix = None
     found = [value for value in module.__dict__.values() if isinstance(value, FastMCP)]

@@ -3,7 +3,7 @@ leave a record of what was done beside it.
 
 A program: ``python -I offline.py VERB ENDPOINT-FOLDER [JSON]``; one JSON object on standard output, exit status 0 when
 its ``ok`` is true. It needs no serving environment, only the standard library, this folder, and the runtime beside it
-or beside the generated server. So it imports the package that it lies in by its place, whatever that is called.
+or beside the generated server. So it finds the package that it lies in by its place.
 """
 
 import importlib
@@ -16,7 +16,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
-_PACKAGE = "octoform_launcher"
+_PACKAGE = "octoform.launcher"
 
 
 def main(arguments: list[str]) -> int:
@@ -26,7 +26,7 @@ def main(arguments: list[str]) -> int:
     if not 2 <= len(arguments) <= 3 or arguments[0] not in verbs:
         print(f"usage: offline.py {'|'.join(verbs)} FOLDER [JSON]", file=sys.stderr)
         return 2
-    _package(_PACKAGE, Path(__file__).resolve().parent)
+    sys.path.append(str(Path(__file__).resolve().parents[2]))
     folder = Path(arguments[1]).resolve()
     answer = verbs[arguments[0]](folder, json.loads(arguments[2]) if len(arguments) == 3 else {})
     print(json.dumps(answer), flush=True)
@@ -114,10 +114,14 @@ def _runtime(folder: Path) -> None:
 
 def _connection(folder: Path) -> Mapping[str, Any]:
     try:
-        document = json.loads((folder / "connection.json").read_bytes())
+        document = _read_json(folder / "connection.json")
     except (OSError, ValueError):  # stopping goes on with what lies in its usual place
         return {}
     return document if isinstance(document, dict) else {}
+
+
+def _read_json(path: Path) -> Any:
+    return importlib.import_module("octoform.base.files").read_json(path)
 
 
 def _log(folder: Path) -> Any:

@@ -4,6 +4,7 @@ Ownership is a file lock, which the kernel gives back however the process ends. 
 it (pid, start time, boot, command line), because a pid alone may be anybody's by the time it is read.
 """
 
+import contextlib
 import fcntl
 import json
 import os
@@ -11,6 +12,12 @@ import secrets
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
+
+from octoform.base import files
+from octoform.base.place import KEY, place_of
+from octoform.base.shape import fits
+
+from .saying import say
 
 RECORD = "process.json"
 MARK = "OCTOFORM_ENDPOINT"
@@ -26,6 +33,7 @@ class Owner:
         self._lock = descriptor
         self.instance = secrets.token_hex(8)
         """Tells this start of the endpoint from any other."""
+        self._document = b""
 
     @staticmethod
     def take(folder: Path) -> "Owner | None":
@@ -49,38 +57,41 @@ class Owner:
             "argv": command_line(os.getpid()),
             "instance": self.instance,
             "mark": os.environ.get(MARK),
+            KEY: place_of(self._folder),
             "since": datetime.now(UTC).isoformat(timespec="seconds"),
             **facts,
         }
-        replace(self._folder / RECORD, json.dumps(document, indent=1).encode())
+        self._document = json.dumps(document, indent=1).encode()
+        files.replace(self._folder / RECORD, self._document)
 
     def is_recorded(self) -> bool:
-        """False once the record is gone or tells of another start."""
+        """False once the record is gone or tells of another start; one that was damaged is written again.
+
+        Nobody finds a process whose record cannot be read, and none other can be started beside it.
+        """
+        path = self._folder / RECORD
         try:
-            found = json.loads((self._folder / RECORD).read_bytes())
+            data = files.read(path, follow=False)
+            if data == self._document:
+                return True
+            found = files.parse(data)
+            if fits(found, {"instance": str}) and found["instance"] != self.instance:
+                return False
         except FileNotFoundError:
             return False
-        except (OSError, ValueError):
-            return True  # not gone, only not to be read now
-        return bool(found.get("instance") == self.instance)
+        except (OSError, ValueError) as problem:
+            say(f"the record of this process was damaged ({problem}) and is written again")
+        if self._document:
+            with contextlib.suppress(OSError):  # tried again with the next look
+                files.make_way(path)
+                files.replace(path, self._document)
+        return True
 
     def release(self) -> None:
         """Take the record away and let the next one own the endpoint."""
         if self.is_recorded():
             (self._folder / RECORD).unlink(missing_ok=True)
         os.close(self._lock)
-
-
-def replace(path: Path, data: bytes) -> None:
-    """Write a private file so that a reader sees the old bytes or the new ones."""
-    staging = path.with_name(f".{path.name}.{os.getpid()}")
-    descriptor = os.open(staging, os.O_WRONLY | os.O_CREAT | os.O_TRUNC | os.O_CLOEXEC, 0o600)
-    try:
-        os.write(descriptor, data)
-        os.fsync(descriptor)
-    finally:
-        os.close(descriptor)
-    staging.replace(path)
 
 
 def boot() -> str:

@@ -5,17 +5,20 @@ published, so that the process that holds the devices needs to know none of them
 format or says something unforeseen is refused whole: half a policy would be a gate with a hole that nobody sees.
 """
 
-import json
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal, cast, get_args
 
+from octoform.base.files import read_json
+
+from .units import Goal, Units
+
 Mode = Literal["enforce", "shadow", "dry_run"]
 Effect = Literal["read", "actuate", "irreversible"]
 Decision = Literal["allow", "confirm", "deny"]
-Kind = Literal["range", "step", "cumulative", "rate", "cooldown", "quiet_hours"]
+Kind = Literal["range", "step", "cumulative", "rate", "cooldown", "quiet_hours", "goal"]
 
 FORMAT = 1
 _DAY = 24 * 60
@@ -31,7 +34,8 @@ class Limit:
 
     range: parameter, minimum, maximum (either may be None). step, cumulative: parameter, most. rate: calls, seconds.
     cooldown: seconds. quiet_hours: begin, end (minutes after midnight, local time; end before begin passes midnight,
-    equal ones are the whole day). ``default`` is what an absent parameter counts as; None: its call is not judged.
+    equal ones are the whole day). goal: of (a unit of the device), minimum, maximum of the place to which a call moves
+    it, whatever parameter says so. ``default`` is what an absent parameter counts as; None: its call is not judged.
     ``zero`` of a cumulative one is the tool after whose call the sum begins again at zero.
     """
 
@@ -48,6 +52,7 @@ class Limit:
     unit: str = ""
     default: float | None = None
     zero: str = ""
+    of: str = ""
 
     @property
     def sum(self) -> str:
@@ -61,7 +66,7 @@ class ToolPolicy:
 
     ``buses`` are the ids of the devices whose calls it waits for: none for a tool that stops a movement, which would
     come too late behind it. Its code takes the lock of a device itself, between two steps of the movement. ``ends``
-    are the devices that such a tool stops.
+    are the devices that such a tool stops. ``units`` tells which units of a device a call acts on; None: not known.
     """
 
     effect: Effect
@@ -72,6 +77,7 @@ class ToolPolicy:
     buses: tuple[str, ...] = ()
     limits: tuple[Limit, ...] = ()
     ends: tuple[str, ...] = ()
+    units: Units | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -97,8 +103,8 @@ class Policy:
 def read(path: Path) -> Policy:
     """The policy of this file; PolicyInvalid when it cannot be read or says anything that is not foreseen."""
     try:
-        document = json.loads(path.read_bytes())
-    except (OSError, ValueError, RecursionError) as problem:
+        document = read_json(path)
+    except (OSError, ValueError) as problem:
         raise PolicyInvalid(f"{path}: the policy cannot be read: {problem}") from problem
     try:
         return parse(document)
@@ -123,8 +129,8 @@ def stop_actions(path: Path) -> tuple[tuple[StopAction, ...], tuple[str, ...]]:
     Nothing else of the file is looked at, and an action that cannot be understood hinders no other.
     """
     try:
-        items = _array(_object(json.loads(path.read_bytes()), "the policy").get("stop", []), "stop")
-    except (OSError, ValueError, RecursionError) as problem:
+        items = _array(_object(read_json(path), "the policy").get("stop", []), "stop")
+    except (OSError, ValueError) as problem:
         return (), (f"{path}: the stop actions cannot be read: {problem}",)
     found, problems = [], []
     for index, item in enumerate(items):
@@ -141,6 +147,7 @@ def _tool(document: Any, place: str) -> ToolPolicy:
     named = _array(item.get("buses", []), f"{place}.buses")
     buses = tuple(sorted({_string(bus, f"{place}.buses") for bus in named}))
     stops = _flag(item, "stops", place)
+    units = None if item.get("units") is None else _units(item["units"], f"{place}.units")
     return ToolPolicy(
         effect=cast(Effect, _one_of(item, "effect", get_args(Effect), place)),
         decision=cast(Decision, _one_of(item, "decision", get_args(Decision), place)),
@@ -150,6 +157,34 @@ def _tool(document: Any, place: str) -> ToolPolicy:
         buses=() if stops else buses,
         ends=buses if stops else (),
         limits=tuple(_limit(limit, f"{place}.limits[{index}]") for index, limit in enumerate(limits)),
+        units=units,
+    )
+
+
+def _units(document: Any, place: str) -> Units:
+    item = _object(document, place)
+    names = {
+        name: tuple(_string(word, f"{place}.names") for word in _array(words, f"{place}.names"))
+        for name, words in _object(item.get("names"), f"{place}.names").items()
+    }
+    stands = _object(item.get("parameters", {}), f"{place}.parameters")
+    goal = None if item.get("goal") is None else _goal(item["goal"], f"{place}.goal")
+    return Units(
+        names,
+        _string(item.get("parameter") or "", f"{place}.parameter"),
+        {name: _string(unit, f"{place}.parameters") for name, unit in stands.items()},
+        goal,
+    )
+
+
+def _goal(document: Any, place: str) -> Goal:
+    item = _object(document, place)
+    fixed = _object(item.get("fixed", {}), f"{place}.fixed")
+    return Goal(
+        _text(item, "of", place),
+        _string(item.get("parameter") or "", f"{place}.parameter"),
+        {name: value for name in fixed if (value := _bound(fixed, name, f"{place}.fixed")) is not None},
+        _string(item.get("unit") or "", f"{place}.unit"),
     )
 
 
@@ -169,18 +204,20 @@ def _limit(document: Any, place: str) -> Limit:
 def _numeric(kind: Kind, item: Mapping[str, Any], place: str) -> Limit:
     """A limit on the value of a parameter."""
     minimum, maximum = _bound(item, "minimum", place), _bound(item, "maximum", place)
-    if kind == "range" and minimum is None and maximum is None:
+    bounds = kind in ("range", "goal")
+    if bounds and minimum is None and maximum is None:
         raise PolicyInvalid(f"{place}: a range needs minimum or maximum")
     return Limit(
         kind,
         _text(item, "source", place),
-        parameter=_text(item, "parameter", place),
+        parameter="" if kind == "goal" else _text(item, "parameter", place),
         minimum=minimum,
         maximum=maximum,
-        most=0.0 if kind == "range" else _not_negative(item, "most", place),
+        most=0.0 if bounds else _not_negative(item, "most", place),
         unit=_string(item.get("unit") or "", f"{place}.unit"),
         default=_bound(item, "default", place),
         zero=_string(item.get("zero") or "", f"{place}.zero"),
+        of=_text(item, "of", place) if kind == "goal" else "",
     )
 
 

@@ -8,7 +8,6 @@ Absent is only what is known to have been there: seen before, or recorded with i
 """
 
 import importlib
-import json
 import os
 import select
 import socket
@@ -18,6 +17,8 @@ from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from types import ModuleType
 from typing import Any
+
+from octoform.base.files import read_json
 
 from .saying import say
 
@@ -51,12 +52,17 @@ class Presence:
         self._on_change = on_change
         self._events = events or kernel_events
         self._there: dict[str, bool] = {}
+        self._closed: frozenset[str] = frozenset()
         self._stopping, self._wake = socket.socketpair()
         self._thread: threading.Thread | None = None
 
     def present(self, device: str) -> bool | None:
         """Whether a device is there; None when that is not known."""
         return self._there.get(device)
+
+    def lacks(self) -> bool:
+        """Whether a device was absent at the last look, or has a node that the user of this process may not use."""
+        return bool(self._closed) or False in self._there.values()
 
     def absent(self, tool: str) -> list[str]:
         """The names of a tool's devices that are absent now, in the order of its devices."""
@@ -117,6 +123,7 @@ class Presence:
             self._there[device] = there
             if there is not before:
                 changed.add(device)
+        self._closed = frozenset(each for each, there in self._there.items() if there and _is_closed(runtime, each))
         return frozenset(changed)
 
 
@@ -131,6 +138,17 @@ def _there(runtime: ModuleType, device: str) -> bool | None:
     return True
 
 
+def _is_closed(runtime: ModuleType, device: str) -> bool:
+    """True when this user may not use a node of the device; False as well where that cannot be told."""
+    try:
+        rights = importlib.import_module("runtime.rights")
+        kinds = {str(node["class"]) for node in _instances()[device]["nodes"]}
+        found = runtime.device(device)
+        return bool(rights.refused([(kind, node) for kind in kinds for node in found.nodes(kind)]))
+    except (ImportError, OSError, ValueError, LookupError, AttributeError, TypeError, runtime.DeviceFault):
+        return False
+
+
 def _runtime() -> ModuleType | None:
     """The package beside the generated server; None where a server brings none."""
     try:
@@ -140,11 +158,16 @@ def _runtime() -> ModuleType | None:
     return found if hasattr(found, "device") and hasattr(found, "DeviceAbsent") else None
 
 
+def _instances() -> Mapping[str, Any]:
+    """The devices of the instances file; OSError, ValueError, LookupError or TypeError where it is none."""
+    found: Mapping[str, Any] = read_json(Path(os.environ["OCTOFORM_INSTANCES"]))["devices"]
+    return found
+
+
 def _placed() -> frozenset[str]:
     """The devices whose place in sysfs is recorded in the instances file."""
     try:
-        devices = json.loads(Path(os.environ["OCTOFORM_INSTANCES"]).read_bytes())["devices"]
-        return frozenset(name for name, each in devices.items() if each.get("sysfs"))
+        return frozenset(name for name, each in _instances().items() if each.get("sysfs"))
     except (OSError, ValueError, LookupError, AttributeError, TypeError):
         return frozenset()  # without the file nothing is known, which marks nothing as absent
 

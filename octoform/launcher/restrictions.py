@@ -1,22 +1,26 @@
 """What claims restrict for now: read from the file that octoform writes, let go of here at the moment each one names.
 
-A claim is a conclusion, and whoever drew it may be gone or wrong. So nothing here lasts by itself: an entry counts in
-the start of the machine that it names and until its moment, whether or not anybody lives to take it back. A file that
-cannot be read restricts nothing, and that is said: a restriction that nobody can justify is none, and what the policy
-says holds as before. Readings and tools that stop are never restricted, whatever the file says.
+A claim is a conclusion, and whoever drew it may be gone or wrong. So it does not last by itself: an entry counts in
+the start of the machine that it names and until its moment, whether or not anybody lives to take it back. A permanent
+restriction is a person's decision: it has no moment, and only a file that no longer names it ends it. A file that
+cannot be read, or is gone, ends what is temporary, and that is said: a restriction that nobody can justify is none.
+Readings and tools that stop are never restricted, whatever the file says.
 """
 
 import enum
-import json
 import os
 import threading
 import time
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass
+from collections.abc import Set as AbstractSet
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from octoform.base.files import read_json
+
 from .saying import say
+from .units import Units
 
 NAME = "restrictions.json"
 FORMAT = 1
@@ -31,10 +35,40 @@ Tell = Callable[[str, Mapping[str, Any]], None]
 
 
 @dataclass(frozen=True, slots=True)
-class Entry:
-    """One restriction: of calls of ``tool`` whose ``arguments`` have one of these values each.
+class Subject:
+    """A call, as far as a restriction is about it: ``devices`` are those that it may reach.
 
-    ``effect`` is deny or confirm; ``expires`` in seconds of CLOCK_BOOTTIME, None until a person ends it.
+    ``units`` says which units of them it acts on, ``known`` each device's units, by every word of its tools for one.
+    """
+
+    tool: str
+    arguments: Mapping[str, Any]
+    devices: tuple[str, ...] = ()
+    units: Units | None = None
+    known: Mapping[str, AbstractSet[str]] = field(default_factory=dict)
+
+    def reaches(self, device: str) -> bool:
+        """Whether it may reach a device: the one that it names, else any of its tool's."""
+        named = self.arguments.get("device")
+        named = named.value if isinstance(named, enum.Enum) else named
+        return device == named if named in self.devices else device in self.devices
+
+    def acts_on(self, device: str, words: frozenset[str]) -> bool:
+        """Whether it acts on the unit of a device that these words mean; True where that cannot be told."""
+        if self.units is None or words.isdisjoint(self.known.get(device, ())):
+            return True
+        acted = self.units.of_call(self.arguments)
+        return any({name, *self.units.names[name]} & words for name in acted)
+
+
+@dataclass(frozen=True, slots=True)
+class Entry:
+    """One restriction: of calls that act on a unit, on a device, or of calls of a tool.
+
+    With ``device`` it concerns every call that reaches it and acts on one of ``units`` (words for one unit; none: the
+    whole device). Else it concerns calls of ``tool`` (empty: all) whose ``arguments`` have one of these values each.
+    ``effect`` is deny or confirm; ``expires`` in seconds of CLOCK_BOOTTIME, None until a person ends it; ``kind`` says
+    what a permanent one declares.
     """
 
     claim: str
@@ -44,22 +78,35 @@ class Entry:
     statement: str
     expires: float | None
     expires_at: str
+    device: str = ""
+    units: tuple[str, ...] = ()
+    kind: str = ""
 
-    def concerns(self, tool: str, arguments: Mapping[str, Any]) -> bool:
-        """Whether a call with these effective arguments is restricted by it."""
-        if tool != self.tool:
+    def concerns(self, call: Subject) -> bool:
+        """Whether a call is restricted by it."""
+        if self.device:
+            return call.reaches(self.device) and (not self.units or call.acts_on(self.device, frozenset(self.units)))
+        if self.tool not in ("", call.tool):
             return False
-        return all(_names(arguments.get(name), values) for name, values in self.arguments)
+        return all(_names(call.arguments.get(name), values) for name, values in self.arguments)
 
     @property
     def words(self) -> str:
         """For whoever called, and for a person who is asked."""
-        until = f"until {self.expires_at or 'its readings are clean'}" if self.expires is not None else "by a person"
+        if self.expires is None:
+            kind = f"the permanent restriction {self.kind}" if self.kind else "a permanent restriction"
+            how, end = f"by {kind} (claim {self.claim})", f"A person ends it with octoform claims -retire {self.claim}"
+        else:
+            until = self.expires_at or "its readings are clean"
+            how = f"until {until} by the temporary claim {self.claim}"
+            end = "It ends by itself once readings say otherwise; octoform claims shows it"
+        return f"{self._what()} is restricted {how}, which says {self.statement[:SHOWN]!a}. {end}"
+
+    def _what(self) -> str:
+        if self.device:
+            return f"{self.units[0]} of {self.device}" if self.units else self.device
         which = ", ".join(f"{name} {values[0]}" for name, values in self.arguments)
-        what = f"{self.tool} ({which})" if which else self.tool
-        text = f"{what} is restricted {until} by claim {self.claim}, which says {self.statement[:SHOWN]!a}"
-        end = "It ends by itself once readings say otherwise" if self.expires is not None else "A person ends it"
-        return f"{text}. {end}; octoform claims shows it"
+        return (f"{self.tool} ({which})" if which else self.tool) or "all that moves"
 
     def shown(self, now: float) -> dict[str, Any]:
         """As plain values; ``seconds`` are left."""
@@ -67,6 +114,8 @@ class Entry:
             "claim": self.claim,
             "tool": self.tool,
             "arguments": {name: list(values) for name, values in self.arguments},
+            **({"device": self.device, "units": list(self.units)} if self.device else {}),
+            **({"kind": self.kind} if self.kind else {}),
             "effect": self.effect,
             "statement": self.statement[:SHOWN],
             "expires_at": self.expires_at,
@@ -100,9 +149,9 @@ class Restrictions:
         self.problem: str | None = None
         """Why the file cannot be used; None when it can, or is not there."""
 
-    def against(self, tool: str, arguments: Mapping[str, Any]) -> Entry | None:
+    def against(self, call: Subject) -> Entry | None:
         """What stands against a call, the strictest first; None when nothing does."""
-        found = [entry for entry in self.in_force() if entry.concerns(tool, arguments)]
+        found = [entry for entry in self.in_force() if entry.concerns(call)]
         return min(found, key=lambda entry: entry.effect != "deny", default=None)
 
     def in_force(self) -> tuple[Entry, ...]:
@@ -128,34 +177,34 @@ class Restrictions:
             status = os.lstat(place)
             stamp = status.st_ino, status.st_mtime_ns, status.st_size
         except FileNotFoundError:
-            self._seen, self._entries, self.problem = None, (), None
+            self._seen, self._entries, self.problem = None, self._permanent(), None
             return
         except OSError as problem:
             self._wrong(f"it cannot be looked at: {problem.strerror}")
             return
         if stamp == self._seen:
             return
-        self._seen, self._entries = stamp, ()
+        self._seen = stamp
         try:
             self._entries, self.problem = self._read(place), None
-        except (OSError, ValueError, LookupError, TypeError, AttributeError, RecursionError) as problem:
+        except (OSError, ValueError, LookupError, TypeError, AttributeError) as problem:
             self._wrong(f"it cannot be read: {type(problem).__name__}: {problem}")
 
+    def _permanent(self) -> tuple[Entry, ...]:
+        """What only a person ends, who writes a whole file for that."""
+        return tuple(entry for entry in self._entries if entry.expires is None)
+
     def _wrong(self, why: str) -> None:
-        self._entries = ()
-        text = f"{self._place}: {why[:SHOWN]}; nothing is restricted by it"
+        self._entries = self._permanent()
+        kept = "only the permanent restrictions from before hold" if self._entries else "nothing is restricted by it"
+        text = f"{self._place}: {why[:SHOWN]}; {kept}"
         if text != self.problem:
             self.problem = text
             say(text)
             self._tell("restrictions_unreadable", {"text": text})
 
     def _read(self, place: str) -> tuple[Entry, ...]:
-        descriptor = os.open(place, os.O_RDONLY | os.O_NONBLOCK | os.O_NOFOLLOW | os.O_CLOEXEC)
-        with os.fdopen(descriptor, "rb") as file:
-            text = file.read(SIZE + 1)
-        if len(text) > SIZE:
-            raise ValueError(f"it has more than {SIZE} bytes")
-        document = json.loads(text)
+        document = read_json(Path(place), SIZE, follow=False, any_text=True)
         if document["format"] != FORMAT:
             raise ValueError(f"format {document['format']!r} is not known; this launcher reads {FORMAT}")
         here, latest = document["boot"] == self._boot, self._clock() + LONGEST
@@ -200,12 +249,15 @@ def _entry(item: Mapping[str, Any]) -> Entry:
         str(item["statement"]),
         expires,
         str(item["expires_at"]),
+        str(item.get("device") or ""),
+        tuple(str(word) for word in item.get("units") or ()),
+        str(item.get("kind") or ""),
     )
 
 
 def _same(entry: Entry) -> tuple[Any, ...]:
     """What stays when only its end is put off."""
-    return entry.claim, entry.tool, repr(entry.arguments), entry.effect
+    return entry.claim, entry.tool, repr(entry.arguments), entry.device, entry.units, entry.effect
 
 
 def _names(given: Any, values: tuple[Any, ...]) -> bool:

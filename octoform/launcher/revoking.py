@@ -22,7 +22,10 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import urlsplit
 
-from .owner import boot, replace
+from octoform.base.files import parse, read_json, replace
+from octoform.base.place import KEY, is_from, place_of
+
+from .owner import boot
 
 RECORD = "tunnel.json"
 REVOKED = "tunnel-revoked.json"
@@ -81,7 +84,7 @@ def publish(run: Path, record: Mapping[str, Any]) -> None:
     former = read(run)
     if former is not None and former["mark"] == record["mark"] and former["url"] == record["url"]:
         record = {**record, "answered": record.get("answered") is True or former.get("answered") is True}
-    replace(run / RECORD, json.dumps(record, indent=1).encode())
+    replace(run / RECORD, json.dumps({**record, KEY: place_of(run)}, indent=1).encode())
 
 
 def forbid(run: Path) -> None:
@@ -98,9 +101,10 @@ def forbidden(run: Path) -> bool:
 def read(run: Path) -> dict[str, Any] | None:
     """The record of the tunnel that was started last; None when there is none, or it is none of ours."""
     try:
-        record = json.loads((run / RECORD).read_bytes())
+        record = read_json(run / RECORD, follow=False)
         int(record["pid"]), int(record["start"]), str(record["instance"]), str(record["mark"]), str(record["boot"])
-        return record if record["url"] is None or isinstance(record["url"], str) else None
+        fits = record["url"] is None or isinstance(record["url"], str)
+        return record if fits and is_from(record, run) else None
     except (OSError, ValueError, LookupError, TypeError):
         return None
 
@@ -152,7 +156,7 @@ def answers(url: str, instance: str) -> bool:
         answer = connection.getresponse()
         if answer.getheader(INSTANCE_HEADER) == instance:
             return True
-        told = json.loads(answer.read(_MOST_BYTES))
+        told = parse(answer.read(_MOST_BYTES))
         return isinstance(told, dict) and told.get("instance") == instance
     except (OSError, http.client.HTTPException, ValueError):
         return False

@@ -4,6 +4,7 @@ import errno
 import os
 import socket
 import struct
+from dataclasses import dataclass
 from pathlib import Path
 
 LONGEST = 100
@@ -29,11 +30,24 @@ def listen(path: Path, backlog: int = 64) -> socket.socket:
     return server
 
 
-def is_mine(connection: socket.socket) -> bool:
-    """True when the process at the other end runs as this user, or as root (SO_PEERCRED of socket(7))."""
+@dataclass(frozen=True, slots=True)
+class Peer:
+    """The process at the other end, as the kernel knows it: its number and its user."""
+
+    pid: int
+    uid: int
+
+    @property
+    def mine(self) -> bool:
+        """True when it runs as this user, or as root."""
+        return self.uid in (os.getuid(), 0)
+
+
+def peer(connection: socket.socket) -> Peer:
+    """Who is at the other end, as it was when it connected (SO_PEERCRED of socket(7))."""
     packed = connection.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, struct.calcsize("3i"))
-    _, user, _ = struct.unpack("3i", packed)
-    return user in (os.getuid(), 0)
+    pid, uid, _ = struct.unpack("3i", packed)
+    return Peer(pid, uid)
 
 
 class _Named:

@@ -5,32 +5,14 @@ cannot be understood lets nobody in, because the last good reading may hold a to
 """
 
 import hashlib
-import json
 import threading
 import time
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
-from datetime import datetime
 from pathlib import Path
-from typing import Any
+
+from octoform.base.tokens import Token, read
 
 from .saying import say
-
-FORMAT = 1
-
-
-@dataclass(frozen=True, slots=True)
-class Token:
-    """A named token: the SHA-256 of its value (hexadecimal), what it may call, its end in seconds since 1970."""
-
-    name: str
-    digest: str
-    effects: frozenset[str]
-    expires: float | None
-
-    def ended(self, now: float) -> bool:
-        """True when it counts no more at ``now``."""
-        return self.expires is not None and now >= self.expires
 
 
 class Tokens:
@@ -51,12 +33,12 @@ class Tokens:
         right.
         """
         token = self._current().get(hashlib.sha256(value.encode("utf-8", "surrogateescape")).hexdigest())
-        return None if token is None or token.ended(self._now()) else token
+        return None if token is None or token.ended_at(self._now()) else token
 
     def valid(self) -> frozenset[str]:
         """The digests of all tokens that count now."""
         now = self._now()
-        return frozenset(digest for digest, token in self._current().items() if not token.ended(now))
+        return frozenset(digest for digest, token in self._current().items() if not token.ended_at(now))
 
     def _current(self) -> Mapping[str, Token]:
         try:
@@ -73,28 +55,11 @@ class Tokens:
 
     def _load(self) -> Mapping[str, Token]:
         try:
-            document = json.loads(self._path.read_bytes())
-            if document["format"] != FORMAT:
-                raise ValueError("another format")
-            tokens = [_token(item) for item in document["tokens"]]
+            tokens = read(self._path)
         except FileNotFoundError:
             say("there are no tokens, so nobody gets in over the network; octoform token create makes one")
             return {}
-        except (OSError, ValueError, LookupError, TypeError, AttributeError) as problem:
+        except (OSError, ValueError) as problem:
             say(f"the tokens cannot be read ({problem!r}), so nobody gets in over the network: {self._path}")
             return {}
-        return {token.digest: token for token in tokens}
-
-
-def _token(item: Mapping[str, Any]) -> Token:
-    effects = item["effects"]
-    if not isinstance(effects, list) or not all(isinstance(effect, str) for effect in effects):
-        raise ValueError("effects must be a list of words")
-    ends = item["expires"]
-    expires = None if ends is None else datetime.fromisoformat(ends)
-    if expires is not None and expires.tzinfo is None:
-        raise ValueError("an end must have a time zone")
-    digest = str(item["sha256"]).lower()
-    if len(bytes.fromhex(digest)) != 32:
-        raise ValueError("a digest must be a SHA-256")
-    return Token(str(item["name"]), digest, frozenset(effects), None if expires is None else expires.timestamp())
+        return {token.sha256: token for token in tokens}

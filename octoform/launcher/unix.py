@@ -22,8 +22,9 @@ from fastmcp.server.context import reset_transport, set_transport
 from mcp.shared._context_streams import ContextReceiveStream, ContextSendStream, create_context_streams
 from mcp.shared.message import SessionMessage
 
+from .clients import connected
 from .quiet import Throttle
-from .socketfile import PASSING, PAUSE, is_mine
+from .socketfile import PASSING, PAUSE, peer
 
 LONGEST_LINE = 8 * 1024 * 1024
 """Bytes of one message from a client."""
@@ -84,7 +85,7 @@ class LocalClients:
             await asyncio.gather(*self._tasks, return_exceptions=True)
 
     def _admit(self, connection: socket.socket) -> None:
-        if not is_mine(connection):
+        if not peer(connection).mine:
             LOGGER.error("a client of another user was turned away")
             connection.close()
             return
@@ -103,6 +104,7 @@ class LocalClients:
     async def _client(self, connection: socket.socket) -> None:
         # A picture then leaves in one or two steps instead of many; the system grants what it may.
         connection.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, SEND_BYTES)
+        connected(peer(connection))  # this task's context, and that of all it starts
         reader, writer = await asyncio.open_unix_connection(sock=connection, limit=_CHUNK)
         to_server, read = create_context_streams[SessionMessage | Exception](0)
         write, from_server = create_context_streams[SessionMessage](0)

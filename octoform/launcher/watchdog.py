@@ -19,6 +19,8 @@ from pathlib import Path
 from types import CodeType, FrameType
 from typing import Any, Protocol
 
+from octoform.base import files
+
 from .workers import Interrupted
 
 LOG = logging.getLogger("octoform.launcher")
@@ -28,7 +30,7 @@ BLOCKED_SECONDS = 2.0
 """What a loop has for one turn else. Counted in looks, so that a machine that slept or had no time blames nobody."""
 _LOOP = asyncio.Handle._run.__code__
 """Where the event loop calls what is ready."""
-_PACKAGE = f"{Path(__file__).parent}{os.sep}"
+_PACKAGES = tuple(f"{Path(place).parent}{os.sep}" for place in (__file__, files.__file__))
 
 
 class Blocked(Exception):
@@ -164,7 +166,7 @@ class Watchdog:
 
 
 def _is_ours(frame: FrameType) -> bool:
-    return frame.f_code.co_filename.startswith(_PACKAGE)
+    return frame.f_code.co_filename.startswith(_PACKAGES)
 
 
 def _asked(loop: asyncio.AbstractEventLoop) -> threading.Event:

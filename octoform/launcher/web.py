@@ -1,9 +1,9 @@
 """The door of scopes intranet and internet: MCP over streamable HTTP, for whoever brings a token.
 
 The order at the door: is this host meant (Host, Origin), who is it (bearer token), is the body bearable, and only then
-the server behind. `/health` alone needs no token and tells no names. Everything else that the generated server may
-have put on its own web application is left out. There is no TLS here: in scope internet the tunnel brings it, and in
-scope intranet the token crosses the network in the clear.
+the server behind. `/health` alone needs no token, and tells one word and no names: 200 for `healthy`, else 503.
+Everything else that the generated server may have put on its own web application is left out. There is no TLS here: in
+scope internet the tunnel brings it, and in scope intranet the token crosses the network in the clear.
 """
 
 import asyncio
@@ -31,6 +31,7 @@ from .quiet import Throttle
 from .resuming import RETRY_MS, Recent
 from .revoking import INSTANCE_HEADER
 from .tokens import Tokens
+from .verdict import HEALTHY, UNKNOWN
 
 PATH = "/mcp"
 HEALTH = "/health"
@@ -53,8 +54,8 @@ class Web:
         self._open: Open | None = None
         self._listening: Listening | None = None
         self._trusted: tuple[str, ...] = ()
-        self.state: Callable[[], str] = lambda: "ok"
-        """What `/health` says of the endpoint; whoever assembles it may put a better answer here."""
+        self.verdict: Callable[[], str] = lambda: UNKNOWN
+        """How the deployment is, in one word of `octoform.launcher.verdict`; whoever assembles the endpoint sets it."""
         self._instance = instance
         self._app = self._made(server, tokens)
         self._guard = HostOriginGuardMiddleware(
@@ -169,8 +170,9 @@ class Web:
         return (*own, *(str(host) for host in self._network.get("hosts") or ()), *self._trusted)
 
     async def _health(self, _: Request) -> JSONResponse:
-        facts = {"status": self.state(), "tools": len(self._descriptor.tools), "instance": self._instance}
-        return JSONResponse(facts, headers={"Cache-Control": "no-store"})
+        word = await asyncio.to_thread(self.verdict)  # a disk may take its time, and clients wait for none
+        facts = {"status": word, "tools": len(self._descriptor.tools), "instance": self._instance}
+        return JSONResponse(facts, 200 if word == HEALTHY else 503, headers={"Cache-Control": "no-store"})
 
 
 def _session_manager(app: Starlette) -> Any:
@@ -218,7 +220,8 @@ class _Refusals:
 
         async def noted(message: Message) -> None:
             nonlocal replaced
-            if message["type"] == "http.response.start" and message["status"] >= 400:
+            verdict = scope["path"] == HEALTH and message.get("status") == 503  # an answer, and no refusal
+            if message["type"] == "http.response.start" and message["status"] >= 400 and not verdict:
                 _tell(scope, message["status"])
                 replaced = message["status"] == 421
                 if replaced:

@@ -4,13 +4,21 @@ import os
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from types import MappingProxyType
+from typing import Literal
 
 from octoform import digest
 from octoform.durations import seconds
 from octoform.manifest import agents, daemon_document, document
 from octoform.manifest.agents import Agent
 from octoform.manifest.document import Document
-from octoform.manifest.harness_document import CommandHarness, Confinement, ModelHarness, ProgramHarness, ReplayHarness
+from octoform.manifest.harness_document import (
+    AUTO,
+    CommandHarness,
+    Confinement,
+    ModelHarness,
+    ProgramHarness,
+    ReplayHarness,
+)
 from octoform.manifest.model import (
     KEEPERS,
     STAGES,
@@ -176,10 +184,12 @@ def _model(agent: Agent) -> str | None:
     return agent.model if agent.takes_model else None
 
 
-def _sandbox(chosen: bool | Confinement | None) -> Sandbox | None:
+def _sandbox(chosen: bool | Literal["auto"] | Confinement) -> Sandbox | None:
+    if chosen == AUTO:
+        return Sandbox()
     if isinstance(chosen, Confinement):
-        return Sandbox(chosen.network)
-    return Sandbox() if chosen else None
+        return Sandbox(chosen.network, required=True)
+    return Sandbox(required=True) if chosen else None
 
 
 def _price(chosen: document.Price) -> Price:

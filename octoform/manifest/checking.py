@@ -186,7 +186,7 @@ class _Problem:
         node = tree.at(self._root, self._loc)
         entry = node.get("name") if isinstance(node, Table) else None
         if self._loc[-1] == "sandbox":
-            self._wrong_type("true, false or a mapping")
+            self._wrong_type("auto, true, false or a mapping")
         elif not isinstance(node, Table):
             self._wrong_type()
         elif entry is None:

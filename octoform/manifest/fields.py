@@ -9,7 +9,7 @@ from typing import Annotated, Any, Literal
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field
 from pydantic_core import PydanticCustomError
 
-from octoform.durations import LONGEST_SECONDS, PATTERN, seconds
+from octoform.durations import HINT, LONGEST_SECONDS, PATTERN, seconds
 from octoform.escaping import is_hidden
 from octoform.manifest import base_url, host_name
 from octoform.manifest.references import NAME
@@ -50,10 +50,10 @@ def _version(value: object) -> object:
 
 def _duration(value: object) -> object:
     if isinstance(value, int | float) and not isinstance(value, bool):
-        raise problem("a duration needs a unit", f"write `{value}s` for seconds, or use m and h: `5m`, `1h30m`")
+        raise problem("a duration needs a unit", f"write `{value}s` for seconds, or use m and h: `1.5m`, `1h30m`")
     length = seconds(value) if isinstance(value, str) else None
     if length is None:
-        raise problem("this is no duration", "write whole numbers with h, m and s, in this order: `200s`, `1h30m`")
+        raise problem("this is no duration", HINT)
     if not 1 <= length <= LONGEST_SECONDS:
         raise problem("this is out of range", "a duration is between 1s and 24h")
     return value

@@ -19,6 +19,8 @@ from octoform.manifest.fields import (
 
 NAMED, BUILTIN, COMMAND, PROGRAM, LITELLM, REPLAY = "#name", "#builtin", "#command", "#program", "#litellm", "#replay"
 SWITCH, SETTINGS = "#switch", "#settings"
+AUTO: Literal["auto"] = "auto"
+"""The sandbox where it can be had."""
 TAGS = frozenset({NAMED, BUILTIN, COMMAND, PROGRAM, LITELLM, REPLAY, SWITCH, SETTINGS})
 """What pydantic puts into the path of a problem for the branch that it took."""
 
@@ -47,7 +49,7 @@ def _kind_of_agent(value: object) -> str | None:
 
 
 def _kind_of_sandbox(value: object) -> str | None:
-    if isinstance(value, bool):
+    if isinstance(value, bool) or value == AUTO:
         return SWITCH
     return SETTINGS if isinstance(value, dict | Confinement) else None
 
@@ -60,7 +62,8 @@ class Confinement(Table):
 
 
 Sandbox = Annotated[
-    Annotated[bool, Tag(SWITCH)] | Annotated[Confinement, Tag(SETTINGS)], Discriminator(_kind_of_sandbox)
+    Annotated[bool | Literal["auto"], Tag(SWITCH)] | Annotated[Confinement, Tag(SETTINGS)],
+    Discriminator(_kind_of_sandbox),
 ]
 
 
@@ -83,8 +86,8 @@ class CommandHarness(Table):
     """Names of the environment variables that the program may see, for example of API keys."""
     prompt: Literal["stdin", "file", "argument"] = "stdin"
     """How the program gets the prompt."""
-    sandbox: Sandbox | None = added(None)
-    """Let the program write only in its attempt's folder; {network: false} takes its network away, too."""
+    sandbox: Sandbox = added(AUTO)
+    """Let the program write only in its folder: auto (where that can be had), true, false or {network: false}."""
 
 
 class ModelHarness(Table):
@@ -100,8 +103,8 @@ class ModelHarness(Table):
     """The API that is spoken there, where the agent and the provider know more than one."""
     web_search: bool = False
     """Let the agent search the web; all can but pi."""
-    sandbox: Sandbox | None = None
-    """Let the agent write only in its attempt's folder; {network: false} takes its network away, too."""
+    sandbox: Sandbox = added(AUTO)
+    """Let the agent write only in its folder: auto (where that can be had), true, false or {network: false}."""
 
 
 class ProgramHarness(ModelHarness):

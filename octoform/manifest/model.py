@@ -30,9 +30,13 @@ PLACEHOLDERS = ("prompt_file", "task", "output", "workdir", "model", "stage", "p
 
 @dataclass(frozen=True, slots=True)
 class Sandbox:
-    """Confinement of an agent: it writes only in its attempt's folder; ``network`` says whether it has one."""
+    """Confinement of an agent: it writes only in its attempt's folder; ``network`` says whether it has one.
+
+    One that is not ``required`` is left out where it cannot be had, which is reported.
+    """
 
     network: bool = True
+    required: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,6 +49,7 @@ class HarnessSpec:
     usual one of the model's provider where none is named, None where none is needed. ``base_url`` is where the model's
     API is, reference unresolved, and ``api`` which one it speaks; None: the provider's own. ``prompt_via`` is
     ``stdin``, ``file`` or ``argument``. ``recording`` is the absolute folder of a recorded run.
+    ``sandbox`` None: the agent is not confined.
     """
 
     name: str
@@ -55,7 +60,7 @@ class HarnessSpec:
     base_url: str | None = None
     api: str | None = None
     web_search: bool = False
-    sandbox: Sandbox | None = None
+    sandbox: Sandbox | None = Sandbox()
     recording: Path | None = None
 
 
@@ -178,7 +183,7 @@ class Perception:
 
     enabled: bool = False
     camera: str | None = None
-    interval: int = 300
+    interval: float = 300
 
 
 @dataclass(frozen=True, slots=True)
@@ -204,12 +209,12 @@ class Daemon:
     (None: no limit in dollars). ``metrics`` is the absolute path of the file for Prometheus.
     """
 
-    interval: int = 300
+    interval: float = 300
     heal_attempts: int = 3
     apply: str = "auto"
     calls_per_hour: int = 30
     usd_per_hour: float | None = None
-    claim_seconds: int = 1800
+    claim_seconds: float = 1800
     notify: Notify = Notify()
     metrics: Path | None = None
 

@@ -31,6 +31,7 @@ def _limit(source: document.Limit) -> Limit:
         rate=rate(source.rate) if source.rate is not None else None,
         cooldown=seconds(source.cooldown) if source.cooldown is not None else None,
         quiet_hours=hours(source.quiet_hours) if source.quiet_hours is not None else None,
+        units=tuple(source.units),
     )
 
 

@@ -80,6 +80,12 @@ class Limit(Table):
     """The least time between two calls."""
     quiet_hours: Hours | None = None
     """When no call passes, in the host's local time: 22:00-07:00."""
+    units: Annotated[
+        list[Annotated[str, Field(min_length=1, max_length=64)]],
+        AfterValidator(distinct),
+        Field(max_length=100, json_schema_extra=UNIQUE),
+    ] = Field(default=[])
+    """Units of the device (joints, axes) that minimum and maximum are of, whichever tool moves them; none: of all."""
 
     @model_validator(mode="after")
     def _limits_something(self) -> "Limit":
@@ -94,6 +100,9 @@ class Limit(Table):
             raise problem(what, f"remove it, or add one of {', '.join(BOUNDS)}", "parameter")
         if self.minimum is not None and self.maximum is not None and self.minimum > self.maximum:
             raise problem("the minimum is above the maximum", "no value would pass; exchange the two", "minimum")
+        if self.units and (self.step is not None or self.cumulative is not None or not bounds):
+            what = "`units` narrows minimum and maximum, and nothing else"
+            raise problem(what, "write the other limits in an entry of their own", "units")
         return self
 
 

@@ -31,7 +31,8 @@ class Limit:
 
     The numbers are bounds of the value of ``parameter``: ``step`` of its change from call to call, ``cumulative`` of
     its sum. ``rate`` is a count of calls and the seconds that they are counted in, ``cooldown`` the seconds between
-    two calls, ``quiet_hours`` begin and end of the part of the day without calls (``HH:MM``, local time).
+    two calls, ``quiet_hours`` begin and end of the part of the day without calls (``HH:MM``, local time). With
+    ``units`` minimum and maximum are of these units of the device alone, and of every tool that moves them.
     """
 
     tool: str
@@ -40,9 +41,10 @@ class Limit:
     maximum: float | None = None
     step: float | None = None
     cumulative: float | None = None
-    rate: tuple[int, int] | None = None
-    cooldown: int | None = None
+    rate: tuple[int, float] | None = None
+    cooldown: float | None = None
     quiet_hours: tuple[str, str] | None = None
+    units: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,15 +60,15 @@ class Policy:
     irreversible: str = "confirm"
     rules: tuple[Rule, ...] = ()
     limits: tuple[Limit, ...] = ()
-    timeout: int = 30
-    timeouts: tuple[tuple[str, int], ...] = ()
+    timeout: float = 30
+    timeouts: tuple[tuple[str, float], ...] = ()
     result_bytes: int = RESULT_BYTES
 
     def decision_for(self, effect: str) -> str:
         """The decision for tools of an effect class that no rule names."""
         return {"read": self.read, "actuate": self.actuate, "irreversible": self.irreversible}[effect]
 
-    def timeout_for(self, name: str) -> int:
+    def timeout_for(self, name: str) -> float:
         """Seconds that one call of a tool may take.
 
         A mapping has no order, so of several globs the one that says most decides: a name in full, then the one with

@@ -1,10 +1,11 @@
-"""Profiles as a manifest names them: markdown files of the project, by a path relative to the manifest, or texts in it.
+"""Profiles as a manifest names them: files of the project by their paths, shipped ones by name, or texts in it.
 
 Only files inside the project's folder count, also after links are followed: profiles are part of what is kept in git,
 and a path that leads elsewhere would mean something different on every machine.
 """
 
 import os
+import re
 from pathlib import Path
 
 from octoform.diagnostics import did_you_mean
@@ -14,6 +15,8 @@ from octoform.manifest.model import ProfileSource, TypedProfile
 from octoform.manifest.report import Report
 from octoform.manifest.tree import Items, Scalar, Table
 
+FOLDER = "profiles"
+_NAME = re.compile(r"[a-z0-9][a-z0-9_-]{0,79}")
 _WHAT = "a profile is a readable markdown file inside the project"
 
 
@@ -40,6 +43,8 @@ def _one(item: Scalar, project: Path, report: Report) -> Path | None:
     shown = report.shown(item.text)
     if not item.text or "\0" in item.text:
         return None
+    if _NAME.fullmatch(item.text) and not (project / item.text).exists():
+        return _named(item, project, report)
     path = Path(os.path.normpath(project / item.text))
     if Path(item.text).is_absolute() or not path.is_relative_to(project):
         report.error(
@@ -59,6 +64,24 @@ def _one(item: Scalar, project: Path, report: Report) -> Path | None:
             hint=_WHAT,
         )
         return None
+
+
+def _named(item: Scalar, project: Path, report: Report) -> Path | None:
+    """A profile by its name alone: the project's own of that name goes before the one that comes with octoform."""
+    own, others = project / FOLDER / f"{item.text}.md", shipped() / f"{item.text}.md"
+    if own.exists():
+        return _file(item, own, project, report)
+    if others.is_file():
+        return others
+    names = sorted({*_stems(project / FOLDER), *_stems(shipped())})
+    near = did_you_mean(item.text[:80], names)
+    hint = f"did you mean `{near}`?" if near else f"octoform comes with {', '.join(_stems(shipped()))}"
+    report.error("MANIFEST-MISSING-PROFILE", f"there is no profile `{report.shown(item.text)}`", item.span, hint=hint)
+    return None
+
+
+def _stems(folder: Path) -> list[str]:
+    return sorted(path.stem for path in folder.glob("*.md"))
 
 
 def _file(item: Scalar, path: Path, project: Path, report: Report) -> Path | None:
@@ -90,7 +113,7 @@ def shipped() -> Path:
 
 def _near(path: Path, project: Path) -> str:
     if (shipped() / path.name[:80]).is_file():
-        return f"octoform comes with one of that name; copy {shipped() / path.name} there"
+        return f"octoform comes with one of that name: write `{path.stem}` alone to use it"
     try:
         names = [entry.name for entry in path.parent.iterdir() if entry.suffix == ".md"]
     except OSError:

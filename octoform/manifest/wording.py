@@ -19,7 +19,7 @@ FORMS = {
     "a text": "one word or quoted text",
     "a name": "one word",
     "a number": "a number without quotes, such as 2.5",
-    "true, false or a mapping": "`sandbox: true`, or `sandbox: {network: false}`",
+    "auto, true, false or a mapping": "`sandbox: auto`, `sandbox: true`, or `sandbox: {network: false}`",
     "a whole number": "a number without quotes and point, such as 3",
     "true or false": "`true` or `false`, without quotes",
     "a list": "a list: [first, second]",

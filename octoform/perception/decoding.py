@@ -70,7 +70,9 @@ def _decoded(item: dict[str, Any]) -> Decoded | None:
     thumb = base64.b64decode(item["thumb"], validate=True)
     if len(thumb) != THUMB_BYTES:
         raise ValueError("a thumbnail of another size")
-    return Decoded(int(item["width"]), int(item["height"]), Picture(float(item["mean"]), float(item["spread"]), thumb))
+    figures = (float(item["mean"]), float(item["spread"]))
+    seen = Picture(*figures, thumb, str(item["pixels"]), float(item["grain"]))
+    return Decoded(int(item["width"]), int(item["height"]), seen)
 
 
 def _failed(reason: str, hint: str) -> Diagnostic:

@@ -6,6 +6,7 @@ the last one old at once: what a camera showed before says nothing of what it wo
 
 import base64
 from collections.abc import Mapping
+from datetime import datetime
 from typing import Any, Literal
 
 from pydantic import BaseModel, ConfigDict
@@ -14,7 +15,7 @@ from octoform.diagnostics import Diagnostic
 from octoform.digest import of_bytes
 from octoform.endpoint.media import ending_of
 from octoform.escaping import escaped
-from octoform.perception.judging import CHANGED, Complaint, Picture, complaint, difference, frozen
+from octoform.perception.judging import CHANGED, Complaint, Picture, complaint, difference, frozen, noisy, repeated
 from octoform.perception.looking import Taken
 
 MOST_CHANGES = 40
@@ -38,8 +39,10 @@ class Camera(_Kept):
 class Frame(_Kept):
     """One picture: where it lies in the folder of frames, when it was taken and through which camera, what it shows.
 
-    ``complaint`` is ``black`` or ``uniform``; ``frozen`` and ``difference`` compare it with the picture before of the
-    same camera (None: there is none). ``thumb`` is base64 of 48 rows of 64 grey bytes.
+    ``complaint`` is ``black`` or ``uniform``; ``difference`` compares it with the picture before of the same camera
+    (None: there is none). ``repeats`` is how many pictures before it, the first at ``since``, had the very same pixels;
+    ``frozen`` is None while it is not known whether the camera stands still. ``thumb`` is base64 of 48 rows of 64 grey
+    bytes, ``pixels`` and ``grain`` are those of `Picture`.
     """
 
     file: str
@@ -56,16 +59,25 @@ class Frame(_Kept):
     frozen: bool | None
     difference: float | None
     thumb: str
+    pixels: str = ""
+    grain: float = 0.0
+    repeats: int = 0
+    since: str | None = None
 
     @property
     def picture(self) -> Picture:
         """The figures that are compared."""
-        return Picture(self.mean, self.spread, base64.b64decode(self.thumb))
+        return Picture(self.mean, self.spread, base64.b64decode(self.thumb), self.pixels, self.grain)
 
     @property
     def trouble(self) -> str | None:
         """Why the picture shows nothing: ``black``, ``uniform``, ``frozen``; None for one that shows something."""
         return self.complaint or ("frozen" if self.frozen else None)
+
+    @property
+    def suspected(self) -> bool:
+        """True when a sensor's picture came again and a few more are needed to tell whether the camera stands still."""
+        return self.complaint is None and self.repeats > 0 and self.frozen is None and noisy(self.picture)
 
 
 class Absence(_Kept):
@@ -161,6 +173,7 @@ def words(record: Record) -> str:
 
 def _frame(taken: Taken, camera: Camera, at: str, before: Frame | None) -> Frame:
     alike = before if before is not None and before.camera == camera else None
+    repeats, since = _repeats(alike, taken.picture, at)
     return Frame(
         file=_name("current", taken.mime),
         digest=of_bytes(taken.data),
@@ -173,10 +186,25 @@ def _frame(taken: Taken, camera: Camera, at: str, before: Frame | None) -> Frame
         mean=taken.picture.mean,
         spread=taken.picture.spread,
         complaint=complaint(taken.picture),
-        frozen=frozen(alike.picture, taken.picture) if alike else None,
+        frozen=frozen(taken.picture, repeats, _seconds(since, at)) if alike else None,
         difference=difference(alike.picture, taken.picture) if alike else None,
         thumb=base64.b64encode(taken.picture.thumb).decode(),
+        pixels=taken.picture.pixels,
+        grain=taken.picture.grain,
+        repeats=repeats,
+        since=since,
     )
+
+
+def _repeats(before: Frame | None, picture: Picture, at: str) -> tuple[int, str]:
+    """How many pictures in a row had these pixels before, and since when."""
+    if before is None or not repeated(before.picture, picture):
+        return 0, at
+    return before.repeats + 1, before.since or before.at
+
+
+def _seconds(since: str, at: str) -> float:
+    return (datetime.fromisoformat(at) - datetime.fromisoformat(since)).total_seconds()
 
 
 def _changes(known: Record, before: Frame | None, frame: Frame) -> list[str]:

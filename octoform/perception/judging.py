@@ -20,17 +20,31 @@ BLACK_SPREAD = 6.0
 """A dark room with one lit lamp has more (1 % of the picture at 100 gives 10), noise of a covered sensor less."""
 CHANGED = 3.0
 """A difference from which on something changed: 1 % of the picture by 30 levels. Noise of a camera gives below 1."""
+GRAIN = 0.2
+"""The part of all pixels with fine structure from which on a picture carries the noise of a sensor.
+
+Drawn patterns, screens of text and bars of colour have less; a sensor's picture has more, also after a JPEG coder.
+"""
+FROZEN_PICTURES = 4
+FROZEN_SECONDS = 5.0
+"""So many pictures without a different pixel, over so long at least, prove that the source gives an old one again."""
 _FIT_PART = 0.75
 _GAINS = (0.5, 2.0)
 
 
 @dataclass(frozen=True, slots=True)
 class Picture:
-    """Brightness of a picture (mean and standard deviation, 0..255) and ``thumb``: 48 rows of 64 grey bytes."""
+    """Brightness of a picture (mean and standard deviation, 0..255) and ``thumb``: 48 rows of 64 grey bytes.
+
+    ``pixels`` is a digest of all pixels at full size (empty: not known), ``grain`` the part of them, 0..1, that is off
+    the line between its neighbours both across and down.
+    """
 
     mean: float
     spread: float
     thumb: bytes
+    pixels: str = ""
+    grain: float = 0.0
 
 
 def complaint(picture: Picture) -> Complaint | None:
@@ -40,9 +54,26 @@ def complaint(picture: Picture) -> Complaint | None:
     return "uniform" if picture.spread < UNIFORM_SPREAD else None
 
 
-def frozen(a: Picture, b: Picture) -> bool:
-    """True when two pictures are the same in every figure: the noise of a working sensor is never twice the same."""
-    return a == b
+def repeated(a: Picture, b: Picture) -> bool:
+    """True when no pixel differs. That alone proves nothing: a drawn pattern or a screen has no noise."""
+    return a.pixels == b.pixels != ""
+
+
+def noisy(picture: Picture) -> bool:
+    """True when the picture carries noise as a sensor's does, so that a later one of the same source must differ."""
+    return picture.grain >= GRAIN
+
+
+def frozen(picture: Picture, repeats: int, seconds: float) -> bool | None:
+    """Whether the source stands still, when ``repeats`` pictures before this one, over ``seconds``, had its pixels.
+
+    False for a picture with new pixels. None where it cannot be told: too few pictures, too close together, or a
+    source without noise, whose scene may just stand still.
+    """
+    if not repeats:
+        return False
+    proven = noisy(picture) and repeats + 1 >= FROZEN_PICTURES and seconds >= FROZEN_SECONDS
+    return True if proven else None
 
 
 def difference(a: Picture, b: Picture) -> float:

@@ -90,13 +90,13 @@ class Found:
 
     def seconds(
         self, given: Mapping[str, Any], name: str, place: Place, span: tuple[int, int], default: int | None = None
-    ) -> int:
+    ) -> float:
         """A duration within ``span`` seconds; with ``default`` None it must be there."""
         value = given.get(name)
         seconds = durations.seconds(value) if isinstance(value, str) else default if value is None else None
         if seconds is None or not span[0] <= seconds <= span[1]:
             summary = f"{name!r} is no duration from {span[0]}s to {span[1]}s"
-            self.add((*place, name), summary, "write for example 5s")
+            self.add((*place, name), summary, durations.HINT)
             return span[0]
         return seconds
 

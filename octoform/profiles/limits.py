@@ -66,7 +66,7 @@ def _times(item: Mapping[str, Any]) -> Problem | None:
     if "cooldown" in item:
         seconds = durations.seconds(cooldown) if isinstance(cooldown, str) else None
         if seconds is None or not 1 <= seconds <= durations.LONGEST_SECONDS:
-            return "'cooldown' of the limit is no duration", "write for example 2s or 1m30s, at most 24h"
+            return "'cooldown' of the limit is no duration from 1s to 24h", durations.HINT
     if "quiet_hours" in item and not (isinstance(quiet, str) and durations.hours(quiet)):
         return "'quiet_hours' of the limit are no hours of a day", "write two different times: 22:00-07:00"
     return None

@@ -103,7 +103,12 @@ def _line(found: Found, given: object, place: Place) -> Line:
         baud = 1
     if ending not in ENDINGS:
         found.add((*place, "ending"), "the ending of a line is none that is known", r'write "\n", "\r" or "\r\n"')
-    ok = found.text(line, "ok", place)
+    ok = ""
+    if "ok" in line:
+        ok = found.text(line, "ok", place)
+    else:
+        hint = 'write the line that the product answers when it did what it was told, such as ok: "OK"'
+        found.add((*place, "ok"), "the line of the grammar does not say its `ok`", hint)
     if "{" in ok or "}" in ok:
         found.add((*place, "ok"), "`ok` has a placeholder", "what an answer says stands in the `reply` of a command")
     error = found.text(line, "error", place) if "error" in line else None

@@ -111,7 +111,7 @@ def _words(document: Document) -> list[Diagnostic]:
     budget = fields.get("budget")
     if budget is not None and not (isinstance(budget, str) and durations.seconds(budget)):
         summary = "the field 'budget' is no time for one attempt"
-        found.append(document.problem("PROTOCOL-FIELD", summary, ("budget",), "write it like 200s or 5m"))
+        found.append(document.problem("PROTOCOL-FIELD", summary, ("budget",), durations.HINT))
     return found
 
 
@@ -153,6 +153,6 @@ def _proof_problems(proof: dict[str, Any]) -> list[tuple[str, str, str]]:
         found.append(("unit", "the field 'unit' is no short word", "write it like unit: raw"))
     length = durations.seconds(settle) if isinstance(settle, str) else None
     if length is None or not 0 < length <= MOST_SETTLE:
-        hint = f"write it like settle: 2s; at most {MOST_SETTLE}s are waited for a movement"
+        hint = f"{durations.HINT}; at most {MOST_SETTLE}s are waited for a movement"
         found.append(("settle", "the field 'settle' is no time that a movement may take", hint))
     return found

@@ -7,11 +7,11 @@ only reads may answer by order. docs/identity.md has the table.
 
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from . import kinds
+from . import kinds, serials
 from .faults import AmbiguousDevice, DeviceAbsent
 from .places import path_of, place, socket
 from .sysfs import sysroot
@@ -36,26 +36,33 @@ class _Claim:
     path: str = ""
     port: str = ""
     serial: str = ""
+    numbered: bool = False
     unique: bool = False
 
     def excludes(self, folder: Path) -> bool:
         """Whether the folder is certainly another specimen: it shows another serial number."""
-        shown = kinds.serial(folder)
-        return bool(self.serial and shown) and not kinds.same_serial(self.serial, shown)
+        shown = kinds.serial(folder) or ""
+        return bool(self.serial and shown) and not serials.same(self.serial, shown)
+
+    def rules_out(self, folder: Path) -> bool:
+        """The same by a number that can decide between several: a default says nothing about the one that is left."""
+        return self.excludes(folder) and (self.unique or serials.weight(self.serial) >= serials.SHORT)
 
     def lacks(self, folder: Path) -> bool:
         """Whether the serial number that would prove it is not shown where it should be."""
-        return self.unique and kinds.serial(folder) == ""
+        return self.numbered and kinds.serial(folder) == ""
 
     def gained(self, folder: Path) -> bool:
         """Whether it shows a serial number and the one that is known had none: most likely it is another one."""
-        return bool(self.path and not self.serial and kinds.telling(kinds.serial(folder) or ""))
+        shown = kinds.serial(folder) or ""
+        return bool(self.path and not self.serial and serials.weight(shown, kinds.said(folder)) >= serials.SHORT)
 
 
 def in_place(device_id: str, known: Mapping[str, Any]) -> Binding | None:
     """The specimen where it was last seen, for a reader: nothing else is looked at while all is as it was."""
     instance = known.get(device_id)
     claim = _claim(device_id, instance if isinstance(instance, Mapping) else {})
+    claim = _proved(claim, [claim])
     folder = _recorded(claim)
     if folder is None or not kinds.matches(folder, device_id) or claim.excludes(folder) or claim.lacks(folder):
         return None
@@ -81,7 +88,7 @@ def bind(device_id: str, known: Mapping[str, Any], actuate: bool) -> Binding:
 def _by_serial(claims: list[_Claim], specimens: list[Path]) -> dict[str, Binding]:
     bound = {}
     for claim in claims:
-        alike = [each for each in specimens if claim.unique and kinds.same_serial(claim.serial, kinds.serial(each))]
+        alike = [each for each in specimens if claim.unique and serials.same(claim.serial, kinds.serial(each) or "")]
         if len(alike) == 1:
             bound[claim.id] = Binding(alike[0], STRONG)
     return bound
@@ -131,8 +138,9 @@ def _left_over(
     wanting = [claim for claim in claims if claim.id == mine.id or claim.id not in bound]
     rivals = [claim for claim in wanting if any(not claim.excludes(each) for each in open_to_me)]
     unlike = mine.lacks(open_to_me[0]) or mine.gained(open_to_me[0])
-    if actuate and (len(open_to_me) > 1 or len(rivals) > 1 or unlike):
-        raise AmbiguousDevice(mine.id, _doubt(mine, open_to_me, rivals))
+    candidates = [each for each in free if not mine.rules_out(each)]
+    if actuate and (len(candidates) > 1 or len(rivals) > 1 or unlike):
+        raise AmbiguousDevice(mine.id, _doubt(mine, candidates, rivals))
     given = _in_order(wanting, free)
     if mine.id not in given:
         raise DeviceAbsent(mine.id, _why_absent(mine, []))
@@ -159,10 +167,17 @@ def _claims(device_id: str, name: str, known: Mapping[str, Any], specimens: list
         # A second one was counted after a first one.
         ids |= {name if count == 1 else f"{name}-{count}" for count in range(1, _ordinal(device_id, name))}
     instances = {each: known.get(each) for each in ids}
-    return [
+    claims = [
         _claim(each, instance if isinstance(instance, Mapping) else {})
         for each, instance in sorted(instances.items(), key=lambda item: _ordinal(item[0], name))
     ]
+    return [_proved(claim, claims) for claim in claims]
+
+
+def _proved(claim: _Claim, claims: list[_Claim]) -> _Claim:
+    """The claim, unique where its number is one among those of its kind."""
+    others = [other.serial for other in claims if other.id != claim.id and other.serial]
+    return replace(claim, unique=claim.numbered and serials.tells_apart(claim.serial, others))
 
 
 def _ordinal(device_id: str, name: str) -> int:
@@ -181,7 +196,8 @@ def _of_same_kind(device_id: str, name: str, instance: object, specimens: list[P
 
 
 def _claim(device_id: str, instance: Mapping[str, Any]) -> _Claim:
-    serial = kinds.telling(str(instance.get("serial") or ""))
+    serial = str(instance.get("serial") or "").strip()
+    serial = serial if serials.weight(serial) > serials.NONE else ""
     path = str(instance.get("sysfs") or "")
     return _Claim(
         device_id,

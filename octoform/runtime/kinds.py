@@ -5,7 +5,7 @@ ids, its name attribute, its driver), so it has a set of kinds and matches an id
 """
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from .sysfs import files, members, read_text, subsystem, uevent
@@ -17,17 +17,32 @@ _PARTS = frozenset(
         *("serial-base", "siox", "snd_seq", "spi_master", "ulpi", "usb-serial", "usb_device"),
     )
 )
-_NAMES = ("name", "type", "model", "id", "description", "hid")
+_NAMES = ("name", "type", "model", "id", "description", "hid", "label", "identity")
+_KIND_NAMES = ("product", "manufacturer", "model", "name")
+_ANNOUNCED = ("OF_NAME", "NAME", "HID_NAME", "POWER_SUPPLY_MODEL_NAME", "POWER_SUPPLY_TYPE", "DEVTYPE")
 _ADDRESS = re.compile(r"^(?:[0-9a-f]{4,16}\.|soc:|[0-9a-f]{4,16}[:.])(?=[a-z])")
-_TRAILER = re.compile(r"(?:[:.]\d+|\.auto|:[0-9a-f]{2}|@[0-9a-f]+|-?\d+)+$")
-_NOT_SERIAL = re.compile(r"[^0-9a-z]+")
-_COUNTING = ("0123456789abcdef", "1234567890abcdef")
+# A number behind a colon or a dot counts specimens; digits that end a name itself (AMDI0010, i2c2) are the kind's.
+_TRAILER = re.compile(r"(?:[:.]\d+|\.auto|:[0-9a-fA-F]{2}|@[0-9a-f]+)+$")
+_NUMBERED = re.compile(r"[0-9:.].*$")
+_AT_ADDRESS = re.compile(r",? at \S+$")
+_LED_OWNER = re.compile(r"(?<![a-z])(input|phy|mmc|usb|hid|card)\d+(?=\W|$)")
+_LED_HID = re.compile(r"^[0-9A-F]{4}:[0-9A-F]{4}:[0-9A-F]{4}\.[0-9A-F]+:")
+_HID_ID = re.compile(r"0*[0-9A-Fa-f]{1,4}:0*([0-9A-Fa-f]{1,8}):0*([0-9A-Fa-f]{1,8})")
+_HID_NAME = re.compile(r"[0-9A-F]{4}:([0-9A-F]{4}):([0-9A-F]{4})\.[0-9A-F]+")
+_HEX = re.compile(r"[0-9a-f]+")
+_FAMILY = re.compile(r"([0-9a-f]{2})-[0-9a-f]{12}")
+_SLUG_CHARS = 72
+# Ids say what a thermal device is for; the kernel lists zones and cooling devices in one class.
+_LISTED = {"cooling": "thermal"}
+_PLAIN_MODALIAS = frozenset(("spi", "i2c", "platform", "acpi", "wmi", "rpmsg", "tee", "scmi", "mdio"))
+_OWN_WORDS = {"usb": "device", "pci": "device", "hid": "device", "scsi": "device", "mmc": "card", "dmi": "board"}
+_OWN_WORDS |= {"gpio": "gpiochip"}
 _ORDINAL = re.compile(r"^(.*)-([2-9]|[1-9]\d+)$")
 
 
 def slug(text: str) -> str:
-    """Lower-case words joined by dashes, as in device ids."""
-    return re.sub(r"[^a-z0-9]+", "-", text.lower()).strip("-")
+    """Lower-case words joined by dashes, at most 72 characters, as in device ids."""
+    return re.sub(r"[^a-z0-9]+", "-", text[: 4 * _SLUG_CHARS].lower()).strip("-")[:_SLUG_CHARS].strip("-")
 
 
 def is_unit(path: Path) -> bool:
@@ -45,30 +60,85 @@ def is_unit(path: Path) -> bool:
 def vid_pid(path: Path) -> str:
     """``vvvv-pppp`` of a USB, PCI or HID device, empty for others."""
     _, name = subsystem(path)
-    pair: tuple[str, ...] = ()
+    pair: Sequence[str] = ()
     if name == "usb":
-        pair = (read_text(path / "idVendor") or "", read_text(path / "idProduct") or "")
+        vendor, product = _two(uevent(path).get("PRODUCT", ""), "/")
+        pair = (read_text(path / "idVendor") or vendor, read_text(path / "idProduct") or product)
     elif name == "pci":
-        pair = (read_text(path / "vendor") or "", read_text(path / "device") or "")
+        vendor, product = _two(uevent(path).get("PCI_ID", ""), ":")
+        pair = (vendor or read_text(path / "vendor") or "", product or read_text(path / "device") or "")
     elif name == "hid":
-        pair = tuple(uevent(path).get("HID_ID", "").split(":")[1:3])
+        found = _HID_ID.fullmatch(uevent(path).get("HID_ID", "")) or _HID_NAME.fullmatch(path.name)
+        pair = found.groups() if found else ()
     digits = [part.lower().removeprefix("0x").zfill(4)[-4:] for part in pair if part]
-    return "-".join(digits) if len(digits) == 2 else ""
+    return "-".join(digits) if len(digits) == 2 and all(map(_HEX.fullmatch, digits)) else ""
+
+
+def _two(packed: str, sign: str) -> tuple[str, str]:
+    first, _, rest = packed.partition(sign)
+    return first, rest.partition(sign)[0]
 
 
 def kinds(path: Path) -> set[str]:
     """Every word by which an id may call the device of this folder."""
     ids = vid_pid(path)
-    if ids:
-        return {ids}
-    said = [read_text(path / name) or "" for name in _NAMES]
+    return {ids} if ids else {slug(text) for text in _said(path)} - {""}
+
+
+def _said(path: Path) -> Iterator[str]:
+    """What the folder, its attributes and the kernel's announcement call the device, whole and without its place."""
     events = uevent(path)
-    said += [events.get("DRIVER", ""), events.get("OF_NAME", ""), path.name]
-    said.append(_TRAILER.sub("", _ADDRESS.sub("", path.name)))
-    said.append(f"{read_text(path / 'vendor') or ''} {read_text(path / 'model') or ''}")
-    said.append((read_text(path / "device") or "").removeprefix("0x"))
-    said.append(f"{events.get('MMC_TYPE', '')} {events.get('MMC_NAME', '')}")
-    return {slug(text) for text in said} - {""}
+    attributes = [_AT_ADDRESS.sub("", read_text(path / name) or "") for name in _NAMES]
+    alias = _of_modalias(events.get("MODALIAS") or read_text(path / "modalias") or "")
+    driver = events.get("DRIVER") or _driver(path)
+    announced = (events.get(key, "").strip('"') for key in _ANNOUNCED)
+    if not (alias or driver):
+        yield "device"
+    for text in (*attributes, *announced, alias, driver, path.name, _ADDRESS.sub("", path.name)):
+        yield text
+        yield _TRAILER.sub("", text)
+    # A clock's driver, before the place where the clock is attached.
+    yield attributes[0].partition(" ")[0]
+    yield f"{read_text(path / 'vendor') or ''} {read_text(path / 'model') or ''}"
+    yield " ".join(events.get(f"MMC_{key}") or read_text(path / key.lower()) or "" for key in ("TYPE", "NAME"))
+    yield from _of_folder_name(path)
+    yield from _of_bus(path)
+
+
+def _of_folder_name(path: Path) -> Iterator[str]:
+    """What the name of a folder says of a kind: a class device's before its number, an ACPI id, a 1-Wire family."""
+    form, name = subsystem(path)
+    if form == "class":
+        yield _NUMBERED.sub("", path.name) or "device"
+        yield _LED_OWNER.sub(r"\1", _LED_HID.sub("", path.name))
+    elif name == "acpi":
+        yield path.name.partition(":")[0]
+    elif family := _FAMILY.fullmatch(path.name):
+        yield f"family {family[1]}"
+
+
+def _of_bus(path: Path) -> Iterator[str]:
+    """The words that stand for a kind where a bus or class has a word of its own for it."""
+    _, name = subsystem(path)
+    if name in _OWN_WORDS:
+        yield _OWN_WORDS[name]
+    if name == "virtio":
+        yield (read_text(path / "device") or "").lower().removeprefix("0x").zfill(4)[-4:]
+
+
+def _of_modalias(alias: str) -> str:
+    """The part of a modalias that names the kind: ``spi:adc`` is ``adc``, a device tree's its first compatible."""
+    prefix, _, rest = alias.partition(":")
+    if prefix == "of":
+        return rest.partition("C")[2].partition("C")[0]
+    return rest.strip(":") if prefix in _PLAIN_MODALIAS else ""
+
+
+def _driver(path: Path) -> str:
+    try:
+        return (path / "driver").readlink().name
+    except OSError:
+        return ""
 
 
 def contradicts(path: Path, device_id: str) -> bool:
@@ -113,7 +183,8 @@ def _splits(name: str) -> Iterator[tuple[set[str], str]]:
     """Every way to read a name as a bus or class and the rest; these are written with underscores and dashes alike."""
     parts = name.split("-")
     for count in range(1, len(parts) + 1):
-        yield {"-".join(parts[:count]), "_".join(parts[:count])}, "-".join(parts[count:])
+        head = "-".join(parts[:count])
+        yield {_LISTED.get(head, head), head.replace("-", "_")}, "-".join(parts[count:])
 
 
 def serial(path: Path) -> str | None:
@@ -130,14 +201,7 @@ def serial(path: Path) -> str | None:
     return uevent(path).get("HID_UNIQ") or None if name == "hid" else None
 
 
-def telling(serial: str) -> str:
-    """A serial number that can tell one specimen from another, empty for one that makers put where they have none."""
-    bare = _NOT_SERIAL.sub("", serial.lower())
-    if len(set(bare)) < 2 or not any(map(str.isdigit, bare)) or bare in _COUNTING[0] or bare in _COUNTING[1]:
-        return ""
-    return serial.strip()
-
-
-def same_serial(one: str, other: str | None) -> bool:
-    """Whether two serial numbers are one, as tools spell them: some replace blanks, some change the case."""
-    return bool(one and other) and _NOT_SERIAL.sub("_", one.lower()) == _NOT_SERIAL.sub("_", (other or "").lower())
+def said(path: Path) -> list[str]:
+    """What a device says of its kind: no number of a specimen is equal to one of these."""
+    ids = vid_pid(path)
+    return [text for text in (ids, *(read_text(path / name) or "" for name in _KIND_NAMES)) if text]

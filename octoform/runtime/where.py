@@ -13,6 +13,7 @@ from typing import Any
 from .devices import device
 from .faults import AmbiguousDevice, DeviceFault
 from .places import path_of
+from .rights import refused
 from .sysfs import sysroot
 
 
@@ -24,13 +25,19 @@ def main() -> int:
 
 
 def whereabouts(device_id: str, classes: Iterable[str] = ()) -> dict[str, Any]:
-    """``attached``, ``port``, ``sysfs``, ``strength``, ``nodes``; ``doubt`` is why nothing would be moved with it."""
+    """``attached``, ``port``, ``sysfs``, ``strength``, ``nodes``; ``doubt`` is why nothing would be moved with it.
+
+    ``refused`` are the nodes that this user may not use (`octoform.runtime.rights.refused`).
+    """
     answer: dict[str, Any] = {"attached": False, "port": "", "sysfs": "", "strength": "", "nodes": [], "doubt": ""}
+    answer["refused"] = []
     try:
         found = device(device_id)
     except DeviceFault as problem:
         return {**answer, "doubt": str(problem)}
-    nodes = dict.fromkeys(_on_host(node) for kind in sorted(set(classes)) for node in found.nodes(kind))
+    kinds = [(kind, node) for kind in sorted(set(classes)) for node in found.nodes(kind)]
+    nodes = dict.fromkeys(_on_host(node) for _, node in kinds)
+    answer["refused"] = refused(kinds)
     where = {"attached": True, "port": found.folder.name, "sysfs": path_of(found.folder), "nodes": [*nodes]}
     answer = {**answer, **where, "strength": found.strength}
     try:

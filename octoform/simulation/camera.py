@@ -8,6 +8,7 @@ import threading
 from pathlib import Path
 
 from octoform.simulation.scene import Planes, Scene
+from octoform.simulation.sensor import Sensor
 
 FAULTS = ("black", "uniform", "frozen")
 _LONGEST = 0.2
@@ -21,6 +22,7 @@ class Camera:
         self.scene, self._node, self._size, self._frames = scene, node, size, frames
         self.fault: str | None = None
         self.written = 0
+        self._sensor = Sensor()
         self._over = threading.Event()
         self._thread = threading.Thread(target=self._run, name=node.name, daemon=True)
 
@@ -41,12 +43,13 @@ class Camera:
         if self.fault == "frozen" and self.written:
             return
         wide, high = self._size
-        planes = (b"FRAME\n", *self._seen())
+        luma, blue, red = self._seen()
+        dead = self.fault in ("black", "uniform")
         new = self._node.with_name(f".{self._node.name}.new")
         with new.open("wb") as out:
             out.write(f"YUV4MPEG2 W{wide} H{high} F30:1 Ip A1:1 C420jpeg\n".encode())
             for _ in range(self._frames):
-                out.writelines(planes)
+                out.writelines((b"FRAME\n", luma if dead else self._sensor.exposed(luma), blue, red))
         new.replace(self._node)
         self.written += 1
 

@@ -11,16 +11,15 @@ from dataclasses import dataclass, replace
 from pathlib import Path, PurePosixPath
 
 from octoform import digest
+from octoform.base.files import TEMPORARY, sync_folder
 from octoform.diagnostics import Diagnostic
 from octoform.state.files import (
-    TEMPORARY,
     Checkpoint,
     make_folders,
     pass_by,
     read_regular,
     refused,
     shown,
-    sync_folder,
     unreadable,
     write_atomic,
 )

@@ -56,6 +56,7 @@ class AttemptRecord(Persisted):
     files: list[str] = Field(default_factory=list)
     spec_edit: SpecEdit | None = None
     survivors_killed: int = 0
+    unconfined: str = ""
 
 
 def write(folder: Path, record: AttemptRecord) -> Diagnostic | None:

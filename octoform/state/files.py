@@ -14,6 +14,7 @@ import stat
 from collections.abc import Callable
 from pathlib import Path
 
+from octoform.base.files import TEMPORARY, read, replace
 from octoform.diagnostics import Diagnostic, error
 from octoform.state.layout import STAGES, Layout
 
@@ -22,7 +23,8 @@ Checkpoint = Callable[[str], None]
 
 SIZE_LIMIT = 64 * 1024 * 1024
 WRITE_PROBE_BYTES = 64 * 1024
-TEMPORARY = ".octoform-tmp"
+IGNORES_ALL = b"*\n"
+"""The rule of git by which nothing of a folder is ever committed (gitignore(5))."""
 _FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 _REFUSED = (errno.EROFS, errno.EACCES, errno.EPERM)
 
@@ -48,46 +50,12 @@ def write_atomic(
     refusal came after the rename (then the new one is in place and complete). Checkpoints: ``<name>.start``,
     ``<name>.written``, ``<name>.renamed``, ``<name>.synced``.
     """
-    temporary: Path | None = None
     try:
         checkpoint(f"{name}.start")
-        candidate = path.with_name(f".{path.name}.{os.urandom(6).hex()}{TEMPORARY}")
-        descriptor = os.open(candidate, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, mode)
-        temporary = candidate
-        try:
-            write_all(descriptor, data)
-            os.fsync(descriptor)
-        finally:
-            os.close(descriptor)
-        checkpoint(f"{name}.written")
-        temporary.replace(path)
-        temporary = None
-        checkpoint(f"{name}.renamed")
-        sync_folder(path.parent)
-        checkpoint(f"{name}.synced")
+        replace(path, data, mode, lambda step: checkpoint(f"{name}.{step}"))
     except OSError as problem:
         return refused(problem, path)
-    finally:
-        if temporary is not None:
-            with contextlib.suppress(OSError):
-                temporary.unlink()
     return None
-
-
-def write_all(descriptor: int, data: bytes) -> None:
-    """Write every byte; OSError when the disk takes only some."""
-    view = memoryview(data)
-    while view:
-        view = view[os.write(descriptor, view) :]
-
-
-def sync_folder(folder: Path) -> None:
-    """Make the names in a folder durable."""
-    descriptor = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
-    try:
-        os.fsync(descriptor)
-    finally:
-        os.close(descriptor)
 
 
 def read_regular(path: Path, limit: int = SIZE_LIMIT) -> tuple[bytes | None, Diagnostic | None]:
@@ -99,32 +67,14 @@ def read_regular(path: Path, limit: int = SIZE_LIMIT) -> tuple[bytes | None, Dia
         kind = os.lstat(path).st_mode
         if not stat.S_ISREG(kind):
             return None, _not_regular(path, "a symbolic link" if stat.S_ISLNK(kind) else "a folder or special file")
-        descriptor = os.open(path, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC)
-        try:
-            return _read(descriptor, path, limit)
-        finally:
-            os.close(descriptor)
+        return read(path, limit, follow=False), None
     except FileNotFoundError:
         return None, None
     except OSError as problem:
+        if problem.errno == errno.EFBIG:
+            summary = f"the file has more than {limit} bytes"
+            return None, error("STATE-TOO-LARGE", summary, path=shown(path), hint="look at what wrote it")
         return None, unreadable(problem, path)
-
-
-def _read(descriptor: int, path: Path, limit: int) -> tuple[bytes | None, Diagnostic | None]:
-    """What was looked at may have been exchanged before it was opened, so the open file is looked at again."""
-    facts = os.fstat(descriptor)
-    if not stat.S_ISREG(facts.st_mode):
-        return None, _not_regular(path, "no regular file")
-    chunks: list[bytes] = []
-    length = 0
-    while facts.st_size <= limit and length <= limit:
-        chunk = os.read(descriptor, min(limit + 1 - length, 1 << 20))
-        if not chunk:
-            return b"".join(chunks), None
-        chunks.append(chunk)
-        length += len(chunk)
-    summary = f"the file has more than {limit} bytes"
-    return None, error("STATE-TOO-LARGE", summary, path=shown(path), hint="look at what wrote it")
 
 
 def _not_regular(path: Path, what: str) -> Diagnostic:
@@ -196,8 +146,26 @@ def make_folders(layout: Layout) -> Diagnostic | None:
             target.chmod(0o700)
     except OSError as problem:
         return refused(problem, target)
-    ignore = layout.local.parent / ".gitignore"
-    return None if ignore.exists() else write_atomic(ignore, b"*\n")
+    return hide_from_git(layout.project)
+
+
+def hide_from_git(project: Path) -> Diagnostic | None:
+    """Write `.octoform/.gitignore` again unless it is as octoform wrote it; None when git ignores the whole folder.
+
+    Below lie serial numbers, keys, tokens and sockets, which one lost line would let `git add -A` take. Nothing is done
+    where ``project`` has no private folder. A link is replaced and not followed, a folder is moved aside, a pipe is
+    never opened.
+    """
+    folder = project / ".octoform"
+    path = folder / ".gitignore"
+    if not folder.is_dir() or read_regular(path, len(IGNORES_ALL))[0] == IGNORES_ALL:
+        return None
+    try:
+        if path.is_dir() and not path.is_symlink():
+            path.rename(folder / f"{path.name}.{os.urandom(6).hex()}")
+    except OSError as problem:
+        return refused(problem, path)
+    return write_atomic(path, IGNORES_ALL)
 
 
 def check_writable(layout: Layout) -> list[Diagnostic]:

@@ -1,9 +1,8 @@
 """Git: at which revision the inputs are, and one commit of what an apply changed.
 
 Nothing else of the person's repository is touched: the commit is made from an index of its own (HEAD and the given
-paths), so what they have staged stays staged, and a refused commit leaves no trace. Hooks and signing are theirs and
-run as ever. GitPython is imported by the functions, and only inside a repository: it looks for the git program when it
-is imported.
+paths), so what they have staged stays staged, and a refused commit leaves no trace. No hook runs, and no other program
+that the repository names (`git_command`): a run of agents has just ended there. Whether to sign is the person's.
 """
 
 import contextlib
@@ -11,12 +10,13 @@ import os
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from subprocess import CompletedProcess
 
 from octoform.diagnostics import Diagnostic, error, warning
 from octoform.state.files import shown
+from octoform.state.git_command import RepositoryRefused, call
 from octoform.state.revision import Repository, repository
 
-_SECONDS = 300
 _TAIL = 3000
 _MOST_NAMES = 200  # in one command line, which the system bounds
 _PLAIN = ("100644", "100755")
@@ -49,35 +49,21 @@ class _Git:
     extra: Mapping[str, str] = field(default_factory=dict)
 
     def run(self, *arguments: str) -> tuple[int, str, str]:
-        """(status, output, complaints) of one git command."""
-        from git import Git
-
-        quiet = ("-c", "gc.auto=0", "-c", "maintenance.auto=false")
-        status, output, complaints = Git(str(self.where.root)).execute(
-            ["git", *quiet, *arguments],
-            env={**self._environment(), **self.extra},
-            with_extended_output=True,
-            with_exceptions=False,
-            kill_after_timeout=_SECONDS,
-        )
-        return status, str(output), str(complaints)
+        """(status, output without its last line's end, complaints) of one git command."""
+        done = self._call(*arguments)
+        output, complaints = (data.decode(errors="surrogateescape") for data in (done.stdout, done.stderr))
+        return done.returncode, output.removesuffix("\n"), complaints
 
     def blob(self, name: str) -> bytes | None:
         """The bytes of an object; None when it is not there."""
-        from git import Git
+        done = self._call("cat-file", "blob", name)
+        return done.stdout if done.returncode == 0 else None
 
-        status, output, _ = Git(str(self.where.root)).execute(
-            ["git", "cat-file", "blob", name],
-            env={**self._environment(), **self.extra},
-            with_extended_output=True,
-            with_exceptions=False,
-            stdout_as_string=False,
-            strip_newline_in_stdout=False,
-        )
-        return output if status == 0 and isinstance(output, bytes) else None
+    def _call(self, *arguments: str) -> "CompletedProcess[bytes]":
+        return call(str(self.where.root), list(arguments), {**self._environment(), **self.extra})
 
     def _environment(self) -> dict[str, str]:
-        fixed = {"GIT_OPTIONAL_LOCKS": "0", "GIT_LITERAL_PATHSPECS": "1", "GIT_TERMINAL_PROMPT": "0"}
+        fixed = {"GIT_LITERAL_PATHSPECS": "1", "LANGUAGE": "C", "LC_ALL": "C"}
         if any(name in os.environ for name in _INHERITED):
             index = str(self.where.folder / "index")
             fixed |= {
@@ -96,7 +82,9 @@ def _open(project: Path) -> tuple[_Git | None, list[Diagnostic]]:
     found = _Git(where)
     try:
         status, _, complaints = found.run("rev-parse", "--git-dir")
-    except ImportError:  # the library looks for the program when it is imported
+    except RepositoryRefused as problem:
+        return None, [_unusable(where, str(problem))]
+    except OSError:
         hint = "install git, or ignore this: only revisions and commits need it"
         return None, [warning("GIT-UNUSABLE", "this is a repository, but there is no git program", hint=hint)]
     if status != 0:
@@ -127,7 +115,7 @@ def repository_facts(project: Path, paths: Iterable[Path]) -> tuple[GitFacts | N
     inside = _inside(git.where, paths)
     dirty: tuple[str, ...] = ()
     if inside:
-        options = ("--porcelain=v1", "-z", "--no-renames", "--untracked-files=all", "--ignored=matching")
+        options = ("--porcelain=v1", "-z", "--no-renames", "--untracked-files=all", "--ignored=matching", "--ignore-submodules=all")
         failed, listing, complaints = git.run("status", *options, "--", *inside)
         if failed:
             return None, [_unusable(git.where, complaints)]
@@ -150,6 +138,19 @@ def kept(project: Path, folders: Sequence[Path]) -> frozenset[Path]:
         failed, listing, _ = git.run("ls-files", *options, "--", *names[start : start + _MOST_NAMES])
         found.update(git.where.root / name for name in listing.split("\0") if name and not failed)
     return frozenset(found)
+
+
+def configuration_files(project: Path) -> frozenset[Path]:
+    """Every file that git reads its configuration of this repository from, included ones too; absolute.
+
+    Empty outside a repository and where git is not usable.
+    """
+    git, _ = _open(project)
+    if git is None:
+        return frozenset()
+    _, listing, _ = git.run("config", "--list", "--show-origin", "-z")
+    origins = (entry.removeprefix("file:") for entry in listing.split("\0")[::2] if entry.startswith("file:"))
+    return frozenset(Path(os.path.normpath(git.where.root / name)) for name in origins)
 
 
 def versions(project: Path, folder: Path, most: int = 20) -> Iterator[dict[str, bytes]]:
@@ -200,7 +201,7 @@ def commit(
     """Commit the present content of ``paths`` (files or folders, gone ones included) and nothing else.
 
     Returns the new revision; (None, []) outside a repository or when nothing changed. GIT-BUSY while a merge or rebase
-    is going on, GIT-IGNORED, GIT-COMMIT-FAILED with git's or the hook's words: then the repository is as it was.
+    is going on, GIT-IGNORED, GIT-COMMIT-FAILED with git's words: then the repository is as it was.
     """
     git, found = _open(project)
     if git is None:
@@ -299,7 +300,7 @@ def _failed(where: Repository, complaints: str) -> Diagnostic:
         "git did not make the commit; the state itself is written and stays",
         path=shown(where.root),
         detail=_words(complaints),
-        hint="do what git or its hook says, then commit the state by hand or apply again",
+        hint="do what git says, then commit the state by hand or apply again",
     )
 
 

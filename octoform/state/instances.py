@@ -27,6 +27,13 @@ def write_instances(layout: Layout, devices: Mapping[str, object]) -> list[Diagn
     return []
 
 
+def classes_of(instance: object) -> list[str]:
+    """The classes of a device's nodes, as its entry in the ledger has them; empty where it has none."""
+    nodes = instance.get("nodes") if isinstance(instance, Mapping) else None
+    items = nodes if isinstance(nodes, list) else []
+    return sorted({str(item["class"]) for item in items if isinstance(item, dict) and "class" in item})
+
+
 def read_instances(layout: Layout) -> tuple[dict[str, object] | None, list[Diagnostic]]:
     """Device id to instance; (None, []) when PROBE was never accepted on this machine."""
     data, problem = read_regular(layout.instances)

@@ -13,6 +13,7 @@ from enum import StrEnum
 from pathlib import Path
 
 from octoform import digest
+from octoform.base.files import sync_folder, write_all
 from octoform.diagnostics import Diagnostic, error, warning
 from octoform.state.files import (
     SIZE_LIMIT,
@@ -21,8 +22,6 @@ from octoform.state.files import (
     read_regular,
     refused,
     shown,
-    sync_folder,
-    write_all,
 )
 
 

@@ -16,7 +16,8 @@ from typing import Any
 from octoform import digest
 from octoform.diagnostics import Diagnostic
 from octoform.state.artifacts import contents
-from octoform.state.files import TEMPORARY, make_folders, read_regular, refused, write_all, write_atomic
+from octoform.base import files
+from octoform.state.files import make_folders, read_regular, refused, write_atomic
 from octoform.state.layout import Layout
 
 FORMAT = 1
@@ -107,17 +108,9 @@ def forget(layout: Layout, nodes: Iterable[str]) -> Diagnostic | None:
 
 def _write_copy(path: Path, data: bytes) -> Diagnostic | None:
     """Write one copy; not synced, since one that a power cut has torn is known by its digest and is written again."""
-    draft = path.with_name(f".{path.name}{TEMPORARY}")
     try:
-        descriptor = os.open(draft, os.O_WRONLY | os.O_CREAT | os.O_TRUNC | os.O_CLOEXEC | os.O_NOFOLLOW, 0o600)
-        try:
-            write_all(descriptor, data)
-        finally:
-            os.close(descriptor)
-        draft.replace(path)
+        files.replace(path, data, synced=False)
     except OSError as problem:
-        with contextlib.suppress(OSError):
-            draft.unlink(missing_ok=True)
         return refused(problem, path)
     return None
 

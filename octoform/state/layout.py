@@ -21,6 +21,7 @@ _MEMORY = (
     "episodes.jsonl",
     "readings.jsonl",
     "recall.json",
+    "report.json",
     "spend.json",
     "starts.json",
 )

@@ -20,8 +20,10 @@ from pathlib import Path
 from types import TracebackType
 
 from octoform import digest
+from octoform.base.place import KEY, is_from, place_of
 from octoform.diagnostics import Diagnostic, error
-from octoform.state.files import make_folders, read_regular, refused, shown, sync_folder, write_all
+from octoform.base.files import sync_folder, write_all
+from octoform.state.files import make_folders, read_regular, refused, shown
 from octoform.state.holder import PROC, Liveness, Process, from_json, liveness, myself, to_json
 from octoform.state.layout import Layout
 
@@ -32,12 +34,13 @@ _FIRST_PAUSE, _LONGEST_PAUSE = 0.1, 2.0
 
 @dataclass(frozen=True, slots=True)
 class Holder:
-    """What the lock file says: the lock's id, who holds it, for which operation, since when (RFC 3339)."""
+    """What the lock file says: the lock's id, who holds it, for which operation, since when (RFC 3339), and in which folder."""
 
     id: str
     process: Process
     operation: str
     created: str
+    place: object = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -103,7 +106,8 @@ def read_holder(layout: Layout) -> Holder | Diagnostic | None:
     try:
         document = json.loads(data)
         process = from_json(document)
-        return Holder(str(document["id"]), process, str(document["operation"]), str(document["created"]))
+        operation, created = str(document["operation"]), str(document["created"])
+        return Holder(str(document["id"]), process, operation, created, document.get(KEY))
     except (ValueError, KeyError, TypeError, AttributeError, RecursionError):
         return error(
             "STATE-LOCK-UNREADABLE",
@@ -158,9 +162,22 @@ def _try(layout: Layout, operation: str, proc: Path) -> Acquired | Holder:
 
 
 def is_dead(layout: Layout, holder: Holder, proc: Path = PROC) -> bool:
-    """True for a holder that is gone for certain; OSError when the lock cannot be looked at any more."""
+    """True for a holder that is gone for certain; OSError when the lock cannot be looked at any more.
+
+    One that lives on this machine and has locked another folder, of which this one is a copy, never had this one.
+    """
     verdict = liveness(holder.process, myself(proc), proc)
+    if verdict is Liveness.ALIVE and holder.place is not None:
+        return not is_from({KEY: holder.place}, layout.local)
     return verdict is Liveness.DEAD or (verdict is Liveness.HIDDEN and not _kernel_locked(layout.lock))
+
+
+def is_locked(layout: Layout) -> bool:
+    """Whether a run that lives holds the lock, as the kernel knows it: no text of an agent's makes it so."""
+    try:
+        return _kernel_locked(layout.lock)
+    except OSError:
+        return False
 
 
 def _kernel_locked(path: Path) -> bool:
@@ -180,6 +197,7 @@ def _create(layout: Layout, operation: str, proc: Path) -> Lock:
     created = datetime.now(UTC).strftime("%Y-%m-%dT%H:%M:%SZ")
     holder = Holder(str(uuid.uuid4()), myself(proc), operation, created)
     document = {"id": holder.id, **to_json(holder.process), "operation": operation, "created": created}
+    document[KEY] = place_of(layout.local)
     draft = layout.lock.with_name(f".{layout.lock.name}.{holder.id}")
     descriptor = os.open(draft, os.O_RDWR | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o600)
     try:

@@ -10,7 +10,8 @@ from collections.abc import Callable
 from pathlib import Path
 
 from octoform.diagnostics import Diagnostic
-from octoform.state.files import refused, write_all
+from octoform.base.files import create
+from octoform.state.files import refused
 from octoform.state.layout import Layout
 
 RESERVE_BYTES = 512 * 1024
@@ -27,15 +28,8 @@ def hold(layout: Layout) -> Diagnostic | None:
     if path.exists():
         return None
     try:
-        descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o600)
-        try:
-            write_all(descriptor, os.urandom(RESERVE_BYTES))  # not zeros: a file system may store those as nothing
-            os.fsync(descriptor)
-        finally:
-            os.close(descriptor)
+        create(path, os.urandom(RESERVE_BYTES))  # not zeros: a file system may store those as nothing
     except OSError as problem:
-        with contextlib.suppress(OSError):
-            path.unlink(missing_ok=True)
         return refused(problem, path)
     return None
 

@@ -2,7 +2,8 @@
 
 from collections.abc import Sequence
 
-from octoform.endpoint.tokens import Made, Token
+from octoform.base.tokens import Token
+from octoform.endpoint.tokens import Made
 from octoform.endpoint.tunnel import Revocation
 from octoform.engine.access import Shown
 from octoform.views.console import Console

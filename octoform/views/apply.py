@@ -198,7 +198,8 @@ class RunHuman:
         for item in dict.fromkeys(result.diagnostics):
             self._console.problem(render(near(item), colour=self._console.colour_err) + "\n")
         say()
-        say(paint(closing(result), "bold", "red" if result.failed else "green"))
+        style = "red" if result.failed else "yellow" if result.incomplete else "green"
+        say(paint(closing(result), "bold", style))
         if _is_made(result.failed) and result.operation == "apply":
             say("What was accepted stays accepted; the next apply goes on from there.")
         used = spent(result.usage.input_tokens, result.usage.output_tokens, result.usage.cost_usd)
@@ -225,9 +226,10 @@ class RunHuman:
         if funnel is None:
             return
         rows = [("seen", funnel.seen, "devices that the operating system shows")]
-        rows.append(("annotated", funnel.annotated, f"named on evidence, {funnel.unknown} of them unknown"))
+        rows.append(("identified", funnel.annotated - funnel.unknown, "of them, what each is, on evidence"))
+        rows.append(("unknown", funnel.unknown, "of them, for which no evidence says what they are"))
+        rows.append(("skipped", funnel.left_out, "the others, each with its reason: octoform devices -v"))
         rows.append(("tools", funnel.tools, "typed tools of the endpoint"))
-        rows.append(("left out", funnel.left_out, "devices without a tool, each with its reason"))
         for name, count, meaning in rows:
             self._console.line(f"  {name:<10} {count:>5}   {self._console.paint(meaning, 'dim')}")
 
@@ -275,5 +277,9 @@ def closing(result: RunResult) -> str:
         return f"{operation} stopped: see the error above."
     if result.operation == "destroy":
         return f"Destroy complete! Resources: {result.destroyed} destroyed."
-    counts = f"{result.added} added, {result.changed} changed, {result.destroyed} destroyed"
+    alike = f" {result.alike} made again with the same output," if result.alike else ""
+    counts = f"{result.added} added, {result.changed} changed,{alike} {result.destroyed} destroyed"
+    if result.incomplete:
+        shut = sentences.counted(len(result.incomplete), "device")
+        return f"Apply incomplete: this user may not use {shut}, see above. Resources: {counts}."
     return f"Apply complete! Resources: {counts}."

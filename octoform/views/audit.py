@@ -41,13 +41,13 @@ _OUTCOMES = {
 _PLUMBING = frozenset({"seq", "time", "event", "prev", "hash"})
 
 
-def records(console: Console, found: Sequence[Record], count: int, *, as_json: bool) -> int:
+def records(console: Console, found: Sequence[Record], count: int, *, as_json: bool, filtered: bool = False) -> int:
     """One record a line, the latest last; what a stop did to each device has lines of its own."""
     if as_json:
         return document(console, {"format": 1, "records": list(found)})
     if not found:
         if count:
-            console.line("Nothing was recorded yet.")
+            console.line("No record fits." if filtered else "Nothing was recorded yet.")
         return 0
     for record in found:
         _show(console, record)
@@ -59,7 +59,7 @@ def _show(console: Console, record: Record) -> None:
     painted = console.paint(f"{one_line(word, 11):11}", *([_COLOURS[word]] if word in _COLOURS else []))
     lead = f"{record.get('seq', ''):>6}  {_moment(record):20}  {painted}"
     for sentence in sentences or [""]:
-        console.line(f"{lead} {one_line(sentence, LONGEST)}")
+        console.wrapped(f"{lead} ", one_line(sentence, LONGEST), indent=42)
         lead = " " * 41
 
 
@@ -77,10 +77,19 @@ def _decision(record: Record) -> list[str]:
     given = record.get("arguments") or {}
     called = f"{record['tool']}({', '.join(f'{name}={_plain(value)}' for name, value in given.items())})"
     why = record.get("text") or _CODES.get(str(record.get("code"))) or record.get("code")
-    sentences = [f"{called} for {record['caller']}{f': {why}' if why else ''}"]
+    sentences = [f"{called} for {_caller(record)}{f': {why}' if why else ''}"]
     sentences[0] += _approval(record)
     sentences += [f"would have been refused: {note}" for note in record.get("shadow") or ()]
     return [word, *sentences]
+
+
+def _caller(record: Record) -> str:
+    """Who called: the caller, what its program calls itself, and its process; of old records what they know."""
+    name, pid, uid = record.get("client"), record.get("pid"), record.get("uid")
+    program = json.dumps(str(name), ensure_ascii=False) if name else ""  # its own words stay between the quotes
+    process = f"pid {pid} of uid {uid}" if pid is not None else ""
+    known = ", ".join(filter(None, [program, process]))
+    return f"{record['caller']} ({known})" if known else str(record["caller"])
 
 
 def _approval(record: Record) -> str:
@@ -89,8 +98,7 @@ def _approval(record: Record) -> str:
     if not asked and not record.get("answer"):
         return ""
     client = str(record.get("client") or "")
-    name, number = f"client {client}" if client else "", record.get("approval")
-    marks = ", ".join(filter(None, [name, f"approval {number}" if number else ""]))
+    marks = f"approval {record['approval']}" if record.get("approval") else ""
     told = ": a person has to approve it" if asked else ""
     if record.get("answer") == "approved":
         by = "-auto-approve" if client.startswith(BEFOREHAND) else "the client's person"

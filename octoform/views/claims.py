@@ -49,14 +49,13 @@ def lines(console: Console, claim: Claim) -> Iterator[str]:
     state = console.paint(word, style) if style else word
     yield f"{claim.id}  {state}  {one_line(claim.target, 60)}: {one_line(claim.statement, WIDTH)}"
     if claim.irreversible is not None:
-        yield f"    declares  {claim.irreversible}: for good, until a person takes it back"
+        yield f"    kind      permanent restriction {claim.irreversible}: nothing moves there until a person ends it"
     else:
+        yield "    kind      temporary claim: ends by itself once its readings say otherwise"
         yield f"    rests on  {one_line(_ground(claim), WIDTH)}"
     if claim.state is State.ACTIVE:
-        until = (
-            f"until {clock(claim.expires_at)} unless it is borne out" if claim.expires_at else "until a person ends it"
-        )
-        yield f"    holds     {until}"
+        until = f"until {clock(claim.expires_at)} unless it is borne out"
+        yield f"    holds     {until if claim.expires_at else f'until octoform claims -retire {claim.id}'}"
     for each in claim.restrictions if claim.state in (State.ACTIVE, State.PENDING) else ():
         given = ", ".join(f"{name}={json.dumps(value)}" for name, value in each.arguments.items())
         effect = "refuses" if each.effect == "deny" else "asks before"
@@ -67,6 +66,28 @@ def lines(console: Console, claim: Claim) -> Iterator[str]:
     yield f"    said by   {claim.by} at {clock(claim.made_at)}"
     if claim.state is State.PENDING:
         yield f"    do        {console.paint(f'octoform confirm {claim.id}', 'bold')}, or with -reject"
+
+
+def rewrite_lines(identity: str, moves: str, difference: Sequence[str]) -> Iterator[str]:
+    """A rewrite that waits for a person: what it moves, and what it changes, line by line."""
+    yield f"{identity}  a rewrite of the code that moves a device ({one_line(moves, WIDTH)}); it was not tried:"
+    yield from (f"    {one_line(line, 200)}" for line in difference)
+
+
+def rewrite_decided(console: Console, identity: str, *, served: bool, as_json: bool) -> int:
+    """What became of a rewrite that a person decided about."""
+    if as_json:
+        console.line(json.dumps({"format": 1, "rewrite": identity, "served": served}))
+    else:
+        console.line(f"{identity}: {'the rewritten server is in service' if served else 'dropped; nothing changed'}")
+    return 0
+
+
+def question(claim: Claim) -> str:
+    """What a person is asked: what their yes would make of it."""
+    if claim.irreversible is None:
+        return "Make this temporary claim true? It ends by itself once its readings say otherwise."
+    return f"Make this permanent restriction ({claim.irreversible}) true? Only octoform claims -retire ends it."
 
 
 def decided(console: Console, claim: Claim, *, as_json: bool) -> int:

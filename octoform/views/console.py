@@ -40,6 +40,22 @@ class Console:
         self.out.write(text + "\n")
         self.out.flush()
 
+    def wrapped(self, lead: str, text: str, *, indent: int) -> None:
+        """A text behind ``lead``: on a terminal broken between words, further lines ``indent`` in; in a pipe one line.
+
+        ``lead`` may be painted; it takes ``indent`` columns or is as long as it looks.
+        """
+        if not self.out.isatty():
+            return self.line(f"{lead}{text}".rstrip())
+        import textwrap  # a few milliseconds that a plan without changes need not wait
+
+        room = max(20, self.width - indent)
+        first, *rest = textwrap.wrap(text, room, break_long_words=False, break_on_hyphens=False) or [""]
+        self.line(f"{lead}{first}".rstrip())
+        for line in rest:
+            self.line(" " * indent + line)
+        return None
+
     def problem(self, text: str) -> None:
         """Text on standard error."""
         self.err.write(text + "\n")

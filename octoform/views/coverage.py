@@ -253,7 +253,7 @@ def _left_out(found: Coverage, width: int, paint: Paint, everything: bool) -> It
     groups = found.left_out()
     if not groups:
         return
-    yield from _head(f"left out ({sum(map(len, groups.values()))})", paint)
+    yield from _head(f"skipped ({sum(map(len, groups.values()))})", paint)
     for code, devices in groups.items():
         counts = "; onboardable" if devices[0].counted is Counted.ONBOARDABLE else ""
         told = f"{words.reason(code)} ({one_line(code, 40)}{counts})"

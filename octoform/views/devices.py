@@ -13,7 +13,7 @@ from octoform.views.console import Console
 from octoform.views.sentences import counted
 from octoform.views.text import one_line
 
-_WIDTH = 160
+_LONGEST = 4000
 _WIDEST_ID = 32
 """A longer id moves its own line alone."""
 _MEANS = {
@@ -36,28 +36,30 @@ def show(console: Console, found: Listing, *, as_json: bool, verbose: bool) -> i
     there = sum(row.now is not None and row.now.attached for row in found.devices)
     attached = f", {there} attached now" if any(row.now is not None for row in found.devices) else ""
     more = "" if verbose else "; -v shows reasons, evidence and serial numbers"
-    console.line(f"{counted(len(found.devices), 'device')}{attached}, {len(found.left_out)} left out{more}")
+    console.line(f"{counted(len(found.devices), 'device')}{attached}, {len(found.left_out)} skipped{more}")
     if verbose:
         for item in found.left_out:
-            console.line(one_line(_left_out(item), _WIDTH))
+            console.wrapped("", one_line(_left_out(item), _LONGEST), indent=4)
     return 0
 
 
 def _row(console: Console, row: Row, wide: int, *, verbose: bool) -> None:
     tools = counted(len(row.tools), "tool") if row.tools else "no tool"
-    text = one_line(f"{row.identified_as} ({row.category}, {tools})", 90)
-    console.line(f"{console.paint(f'{row.id:<{wide}}', 'bold')}  {text}  {_where(console, row)}")
+    what = one_line(f"{row.identified_as} ({row.category}, {tools})", _LONGEST)
+    lead = f"{console.paint(f'{row.id:<{wide}}', 'bold')}  "
+    console.wrapped(lead, f"{what}  {_where(console, row)}", indent=wide + 2)
     if not verbose:
         return
     details = [f"serial number: {row.serial}, committed as {row.pseudonym or 'nothing'}"] if row.serial else []
     details += [f"evidence: {quote}" for quote in row.evidence]
     details += [f"missing: {row.missing}"] if row.missing else []
     details += [f"tools: {', '.join(row.tools)}"] if row.tools else []
-    if row.now is not None and row.now.strength in _MEANS:
-        details.append(f"{row.now.strength}: {_MEANS[row.now.strength]}")
-    details += [f"note: {row.now.doubt}"] if row.now is not None and row.now.doubt else []
+    if row.now is not None:
+        details += [f"{row.now.strength}: {_MEANS[row.now.strength]}"] if row.now.strength in _MEANS else []
+        details += [f"note: {row.now.doubt}"] if row.now.doubt else []
+        details += [f"no rights: {node['node']}: {node['remedy']}" for node in row.now.refused]
     for line in details:
-        console.line(f"    {one_line(line, _WIDTH * 2)}")
+        console.wrapped("    ", one_line(line, _LONGEST), indent=8)
 
 
 def _where(console: Console, row: Row) -> str:
@@ -67,11 +69,12 @@ def _where(console: Console, row: Row) -> str:
         return console.paint("absent", "red")
     nodes = f" as {', '.join(row.now.nodes)}" if row.now.nodes else ""
     held = f"{row.now.strength}, in doubt" if row.now.doubt else row.now.strength
-    return one_line(f"at {row.now.port}{nodes} [{held}]", 100)
+    held += ", no rights" if row.now.refused else ""
+    return one_line(f"at {row.now.port}{nodes} [{held}]", _LONGEST)
 
 
 def _left_out(item: LeftOut) -> str:
-    return f"left out: {item.id}: {item.reason.replace('_', ' ')}{f' ({item.detail})' if item.detail else ''}"
+    return f"skipped: {item.id}: {item.reason.replace('_', ' ')}{f' ({item.detail})' if item.detail else ''}"
 
 
 def _document(found: Listing, verbose: bool) -> dict[str, Any]:

@@ -8,9 +8,12 @@ from octoform.escaping import escaped_json
 from octoform.views.console import Console
 from octoform.views.text import escape, one_line
 
+_LONGEST = 20_000
+"""Characters of a foreign text: enough for every description, and no flood."""
+
 
 def tools(console: Console, listed: list[dict[str, Any]], *, as_json: bool) -> int:
-    """Name, effect, parameters and first line of each tool."""
+    """Name, effect, description and parameters of each tool; wrapped on a terminal, whole in a pipe."""
     if as_json:
         _json(console, {"format": 1, "tools": listed})
         return 0
@@ -20,9 +23,9 @@ def tools(console: Console, listed: list[dict[str, Any]], *, as_json: bool) -> i
         effect = tool.get("effect") or "?"
         colour = "green" if effect == "read" else "yellow"
         console.line(f"{console.paint(tool['name'], 'bold')}  {console.paint(effect, colour)}")
-        console.line(f"    {one_line(tool.get('description') or '', 110)}")
+        console.wrapped("    ", one_line(tool.get("description") or "", _LONGEST), indent=4)
         for line in _parameters(tool["input_schema"]):
-            console.line(f"      {line}")
+            console.wrapped("      ", line, indent=8)
     return 0
 
 
@@ -34,8 +37,8 @@ def _parameters(schema: dict[str, Any]) -> list[str]:
         low, high = given.get("minimum"), given.get("maximum")
         span = f" {'' if low is None else low}..{'' if high is None else high}" if (low, high) != (None, None) else ""
         default = "" if "default" not in given else f", default {json.dumps(given['default'])}"
-        need = ", required" if name in required else ""
-        lines.append(one_line(f"{name}: {kind}{span}{default}{need}", 110))
+        need = "required, " if name in required else ""
+        lines.append(one_line(f"{name}: {need}{kind}{span}{default}", _LONGEST))
     return lines
 
 

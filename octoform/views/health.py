@@ -1,39 +1,42 @@
 """Status for a person and for a program: both axes with their reasons, and what the process says of itself."""
 
 import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict
 from typing import Any
 
 from octoform.daemon.records.ownership import Record
+from octoform.daemon.surveying import Survey
 from octoform.engine.health import Process, Status
 from octoform.escaping import escaped_json
 from octoform.views import sentences
 from octoform.views.console import Console
 from octoform.views.text import one_line
+from octoform.views.watching import EXIT, STYLES, named
 
 WIDTH = 150
-_HEALTH = {"healthy": "green", "unhealthy": "red", "unknown": "yellow"}
 _MODES = {
     "shadow": "the policy only watches (mode shadow): nothing is refused",
     "dry_run": "what would move is a dry run (mode dry_run): only readings are done",
 }
 
 
-def status(console: Console, found: Status, watched: Record | None = None, *, as_json: bool) -> int:
-    """Exit code 0 only for in sync and healthy. ``watched`` is the daemon that lives."""
-    good = bool(found.sync) and found.health == "healthy"
+def status(console: Console, found: Status, surveyed: Survey, *, as_json: bool) -> int:
+    """Exit code 0 only for in sync and healthy; that of ``health`` where it is not healthy, else 1."""
+    verdict, watched = surveyed.health.status, surveyed.watched
+    code = EXIT[verdict] or (0 if found.sync else 1)
+    reasons = _reasons(found, surveyed)
     if as_json:
-        document = {**_document(found), "watched": None if watched is None else watched.process.pid}
+        document = {**_document(found, surveyed, reasons), "watched": None if watched is None else watched.process.pid}
         console.line(escaped_json(json.dumps(document, ensure_ascii=False, indent=2)))
-        return 0 if good else 1
+        return code
     sync = console.paint("in sync", "green") if found.sync else console.paint("out of sync", "yellow")
-    console.line(f"host {found.host}: {sync}, {console.paint(found.health, _HEALTH[found.health])}")
+    console.line(f"host {found.host}: {sync}, {console.paint(str(verdict), STYLES[verdict])}")
     if found.plan is not None and not found.sync:
         console.line(f"  {sentences.summary(found.plan).splitlines()[0]}  (octoform plan tells why)")
-    for reason in found.reasons:
+    for reason in reasons:
         console.line(f"  {one_line(reason, WIDTH)}")
-    if found.health == "healthy":
+    if found.tools:
         console.line(f"  the endpoint answers with {sentences.counted(len(found.tools), 'tool')}")
     for line in _process(found.process):
         console.line(f"  {one_line(line, WIDTH)}")
@@ -43,17 +46,26 @@ def status(console: Console, found: Status, watched: Record | None = None, *, as
         console.line(f"  the endpoint of {host}, which octopus.yaml does not name, runs: octoform stop {host} ends it")
     if found.process.estop is not None:
         console.line(console.paint(f"  {one_line(_estop(found.process.estop), WIDTH)}", "red"))
-    return 0 if good else 1
+    return code
 
 
-def _document(found: Status) -> dict[str, Any]:
+def _reasons(found: Status, surveyed: Survey) -> tuple[str, ...]:
+    """What is not as apply left it, then what the verdict rests on, each once."""
+    parts = (each for each in surveyed.health.parts if not each.target.startswith("unit:"))
+    told = [named(each.target, each.why) for each in parts]
+    silent = len(surveyed.health.uncovered)
+    counted = [f"{sentences.counted(silent, 'signal')} cannot report: octoform health names them"] if silent else []
+    return tuple(dict.fromkeys((*found.reasons, *told, *counted)))
+
+
+def _document(found: Status, surveyed: Survey, reasons: Sequence[str]) -> dict[str, Any]:
     process = found.process
     return {
         "format": 1,
         "host": found.host,
         "in_sync": found.sync,
-        "health": found.health,
-        "reasons": list(found.reasons),
+        "health": str(surveyed.health.status),
+        "reasons": list(reasons),
         "tools": list(found.tools),
         "running": process.running is not None,
         "process": None if process.running is None else {**asdict(process.running), **(process.told or {})},

@@ -33,9 +33,10 @@ def stopped(console: Console, number: int, said: str = GOES_ON) -> int:
     return 128 + number
 
 
-def version(console: Console) -> int:
+def version(console: Console, *, as_json: bool = False) -> int:
     """The version; exit code 0."""
-    console.line(f"octoform {octoform.__version__}")
+    plain = f"octoform {octoform.__version__}"
+    console.line(json.dumps({"format": 1, "version": octoform.__version__}) if as_json else plain)
     return 0
 
 

@@ -6,6 +6,8 @@ from dataclasses import asdict
 from octoform.engine.supervising import Started, Stopped
 from octoform.views.console import Console
 
+_STAYS = "  it stays stopped until octoform start or apply; other clients are refused"
+
 
 def started(console: Console, done: Started, *, as_json: bool) -> int:
     """Which process serves the endpoint now."""
@@ -29,7 +31,9 @@ def stopped(console: Console, done: Stopped, *, as_json: bool) -> int:
         console.line(json.dumps(document))
     elif pid is None:
         console.line(f"{done.host}: the endpoint was not running")
+        console.line(_STAYS)
     else:
         how = " firmly, because it did not end by itself" if done.firmly else ""
         console.line(f"{done.host}: the endpoint was stopped{how} (process {pid})")
+        console.line(_STAYS)
     return 0

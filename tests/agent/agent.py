@@ -16,6 +16,7 @@ one repeats). A behaviour is ``good`` (write the good artifact beside this file)
     {"replace_spec": [KIND, TARGET]}  put a pipe, a folder or a link to TARGET in the place of the spec's copy
     {"leak": NAME}           the good JSON with the value in it; with "escaped": true spelt in \\uXXXX
     {"edit_spec": TEXT}      add a line to the own copy of the spec, before anything else is done
+    {"shell": TEXT}          run this in a shell, in the attempt's folder
     {"new_spec": TEXT}       make this the whole copy of the spec
     {"needs_in_spec": TEXT}  the good artifact if the own copy of the spec holds the text, else none
     {"report": OBJECT}       write this as JSON
@@ -212,6 +213,8 @@ def act(behaviour: dict[str, object], stage: str, output: Path) -> None:
     for name in behaviour.get("touch", []):
         with Path(name).open("a") as file:
             file.write("touched by the agent\n")
+    if "shell" in behaviour:
+        subprocess.run(["/bin/sh", "-ec", behaviour["shell"]], check=True)
     edit_spec(behaviour)
     rewrite(behaviour.get("rewrite", []))
     write_output(behaviour, stage, output)

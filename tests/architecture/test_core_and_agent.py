@@ -44,3 +44,25 @@ def test_the_shipped_package_names_no_package_registry_and_no_machine_path() -> 
     suspicious = re.compile(r"//[\w.-]*\b(pypi|pythonhosted|npmjs)\b|/home/|/root/")
     found = [str(path.relative_to(ROOT)) for path in FILES if suspicious.search(path.read_text())]
     assert found == []
+
+
+def calls_git(path: Path) -> bool:
+    """Whether a module starts git by itself: a list or tuple that begins with its name, or a library that does it."""
+    tree = ast.parse(path.read_text())
+    names = {
+        alias.name.split(".")[0] for node in ast.walk(tree) if isinstance(node, ast.Import) for alias in node.names
+    }
+    names |= {
+        (node.module or "").split(".")[0]
+        for node in ast.walk(tree)
+        if isinstance(node, ast.ImportFrom) and not node.level
+    }
+    starts = [node.elts[0] for node in ast.walk(tree) if isinstance(node, ast.List | ast.Tuple) and node.elts]
+    told = [first.value for first in starts if isinstance(first, ast.Constant) and isinstance(first.value, str)]
+    return bool(names & {"git", "pygit2", "dulwich"}) or any(Path(word).name == "git" for word in told)
+
+
+def test_git_is_called_in_one_way_which_runs_no_program_of_the_repository() -> None:
+    found = [path.relative_to(ROOT / "octoform").as_posix() for path in FILES if calls_git(path)]
+    # A table of settings and a query name git as a word; neither starts it.
+    assert set(found) - {"manifest/tables.py", "state/model.py"} == {"state/git_command.py"}

@@ -55,7 +55,7 @@ def made(kind: str, folder: Path, environments: Path | None = None) -> Bench:
         script = project.outside / "repairer.json"
         script.write_text(json.dumps({"watch": {"report": rig.report("healthy")}, "heal": {"exit": 1}}))
         agent = json.dumps([sys.executable, str(REPAIRER), str(script)])
-        repairing = f"{{harness: {{name: command, command: {agent}}}, budget: {{attempts: 2}}}}"
+        repairing = f"{{harness: {{name: command, command: {agent}, sandbox: false}}, budget: {{attempts: 2}}}}"
         project.manifest["stages"] = f"{{probe: {{harness: builtin}}, watch: {repairing}, heal: {repairing}}}"
     else:
         del project.manifest["policy"]

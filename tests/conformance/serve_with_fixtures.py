@@ -18,8 +18,9 @@ def run() -> int:
     # FastMCP reads its settings as it is loaded.
     os.environ.update(json.loads((HERE / "connection.json").read_bytes())["environment"])
     from fastmcp.server.middleware import Middleware
-    from launcher import offering
-    from launcher.main import main
+
+    from octoform.launcher import offering
+    from octoform.launcher.main import main
 
     offering.only_tools = lambda server: Middleware()
     status: int = main(HERE)

@@ -21,6 +21,9 @@ from octoform.daemon.records import ownership
 from octoform.endpoint.running import running
 from octoform.engine.diagnosing import diagnose
 from octoform.engine.healing import heal, roll_back, settle
+from octoform.perception.judging import THUMB_BYTES, Picture
+from octoform.perception.keeping import keep
+from octoform.perception.looking import Taken
 from octoform.state.layout import Layout, is_left
 from octoform.state.lock import acquire
 
@@ -163,13 +166,32 @@ def test_f14_a_report_that_is_none_is_unknown_and_never_healthy(bench: Bench) ->
     assert {name: codes for name, codes in found.items() if MALFORMED[name][1] not in codes} == {}
 
 
+def test_watch_gets_both_pictures_their_readings_and_the_summary_of_all_looks(bench: Bench) -> None:
+    camera = {"device": "usb-1234-0001", "tool": "take_picture", "arguments": {}}
+    for number, data in enumerate((b"one", b"two", b"three")):
+        taken = Taken(data, "image/png", Picture(90.0 + 40 * number, 40.0, bytes([number * 80]) * THUMB_BYTES), 4, 3)
+        assert keep(bench.layout, camera, taken, f"2026-11-22T10:00:0{number}Z")[1] == []
+    seen = {"channel": "frame", "source": "usb-1234-0001", "path": "/trouble", "value": "", "why": ""}
+    readings = [READING, *({"id": f"v{number}", "at": f"2026-11-22T10:00:0{number}Z", **seen} for number in (1, 2))]
+    bench.project.manifest["perception"] = "{enabled: true}"
+    bench.duty("watch", {"report": REPORT})
+    assert bench.watch(readings=readings)["ok"]
+    del bench.project.manifest["perception"]
+    attempt = bench.project.attempts("watch")[-1]
+    (given,) = [json.loads(path.read_text()) for path in attempt.rglob("input.json")]
+    frames = [{"reading": "v2", "file": "current.png"}, {"reading": "v1", "file": "previous.png"}]
+    assert given["frames"] == frames
+    assert [next(attempt.rglob(each["file"])).read_bytes() for each in frames] == [b"three", b"two"]
+    assert given["perception"]["summary"].startswith("3 looks since") and len(given["perception"]["summary"]) < 3000
+
+
 def test_a_report_is_held_to_what_was_given_and_changes_nothing(bench: Bench) -> None:
     server, pid = bench.layout.output("serve"), bench.process
     with bench.layout.call_log.open("ab") as log:
         log.write(b'{"event": "result", "id": "x", "tool": "t", "ok": false, "error": "OSError", "message": "\xff"}\n')
     layout = bench.layout
     layout.daemon.mkdir(mode=0o700, exist_ok=True)
-    touched = [server, layout.endpoint / "policy.json", layout.endpoint / "launcher" / "gate.py"]
+    touched = [server, layout.endpoint / "policy.json", layout.endpoint / "octoform/launcher/gate.py"]
     touched += [layout.daemon / "claims.json", layout.daemon / "breakers.json", layout.local / "adopting.json"]
     touched += [layout.kept / "index.json"]
     before = {path: path.read_bytes() if path.exists() else None for path in touched}
@@ -183,7 +205,8 @@ def test_a_report_is_held_to_what_was_given_and_changes_nothing(bench: Bench) ->
     assert server.read_text() == BROKEN and bench.process == pid
     given = json.loads((bench.project.attempts("watch")[-1] / "input.json").read_text())
     assert given["readings"] == [READING] and given["failures"] == [FAILURE]
-    assert given["perception"] == {"available": False, "reason": "perception is off: nobody looks through a camera"}
+    reason = "perception is off: nobody looks through a camera"
+    assert given["perception"] == {"available": False, "reason": reason, "summary": None}
     assert "OSError" in given["log"] and len(given["log"].encode()) <= 16384
     assert [tool["name"] for tool in given["tools"]] == [TOOL]
 

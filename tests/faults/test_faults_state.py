@@ -72,7 +72,7 @@ def test_artifacts_that_are_no_json_any_more_are_told_by_every_command(project: 
     plan = project.run("plan", "-target", "interface", status=0)
     assert plan.out.count("edited by hand") == 2
     for command in (("status",), ("tools",), ("show",), ("state", "show", "identify")):
-        assert project.run(*command).status in (0, 1)
+        assert project.run(*command).status in ((6,) if command == ("status",) else (0, 1))
     done = project.run("accept", "identify", status=1)
     assert done.err.count("error[") == 1
     project.run("apply", "-auto-approve", "-target", "probe", status=0)
@@ -86,5 +86,5 @@ def test_f39_bytes_of_any_kind_in_the_log_blind_nobody(project: Project) -> None
     with log.open("ab") as file:
         file.write(b'\xff\xfe{"event": "call", "tool": "\x80"}\nnot json at all\n\x00\n')
     project.apply("-target", "identify", status=0)
-    assert project.run("status").status == 1
+    assert project.run("status").status == 6, "nothing is applied yet"
     assert Path(log).read_bytes().count(b"\xff\xfe") == 1

@@ -4,6 +4,7 @@ import json
 import os
 import re
 import shlex
+import shutil
 import subprocess
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -64,20 +65,29 @@ def test_yaml_examples_are_valid_manifests(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-def test_the_readmes_commands_run_in_their_order(tmp_path: Path, planted: Callable[..., Path]) -> None:
-    tree = planted("laptop")
+@pytest.mark.parametrize("host", ["server"])  # what it has answers in a planted tree too
+def test_the_readmes_commands_run_in_their_order_in_a_fresh_clone(
+    tmp_path: Path, planted: Callable[..., Path], host: str
+) -> None:
+    tree, clone = planted(host), tmp_path / "clone"
+    for name in ("octopus.yaml", "protocol", "profiles"):  # what of a clone octoform reads; its state is another host's
+        copied = shutil.copytree if (ROOT / name).is_dir() else shutil.copy
+        clone.mkdir(exist_ok=True)
+        copied(ROOT / name, clone / name)
     kept = {name: os.environ[name] for name in ("PATH", "SSL_CERT_FILE") if name in os.environ}
     environ = {**kept, "HOME": str(tmp_path / "home"), "OCTOFORM_SYSROOT": str(tree)}
     environ["UV_CACHE_DIR"] = os.environ.get("UV_CACHE_DIR", str(Path("~/.cache/uv").expanduser()))
     used = commands(ROOT / "README.md")
     assert [words[0] for words in used] == [
-        *("init", "plan", "apply", "status", "tools", "call", "attempts", "devices", "coverage"),
+        *("validate", "plan", "apply", "status", "tools", "call", "attempts", "devices", "coverage"),
         *("answer", "clients", "estop", "audit", "destroy"),
     ]
     for words in used:
         done = subprocess.run(
-            [OCTOFORM, *words], cwd=tmp_path, env=environ, input="yes\n", capture_output=True, text=True, timeout=120
+            [OCTOFORM, *words], cwd=clone, env=environ, input="yes\n", capture_output=True, text=True, timeout=120
         )
-        assert done.returncode == 0, (words, done.stdout, done.stderr)
-    hosts = list((tmp_path / "state").iterdir())
+        # A recorded sensor may have no reading: health is then unknown, which is an answer and no failure.
+        good = (0, 6) if words[0] == "status" else (0,)
+        assert done.returncode in good, (words, done.stdout, done.stderr)
+    hosts = list((clone / "state").iterdir())
     assert json.loads((hosts[0] / "state.json").read_text())["nodes"] == {}

@@ -30,6 +30,8 @@ from octoform.daemon.model import Cause, Done, Finding, Repair, Status
 from octoform.daemon.sensing.sampling import flattened
 from octoform.diagnostics import Diagnostic
 from octoform.endpoint.files import POLICY
+from octoform.launcher.entries import Entries
+from octoform.launcher.policy import read
 from octoform.launcher.restrictions import Restrictions
 from octoform.manifest.model import Daemon
 from octoform.profiles.registers import RegisterGrammar
@@ -83,6 +85,7 @@ class ArmWorld(DaemonWorld):
         super().__init__(folder, settings, claims=settings_of(layout, 1800.0, bounds_told(layout, protects)))
         self.began = self.now
         self.endpoint = Restrictions(layout.restrictions, clock=self.uptime, boot=self.boot)
+        self.served = Entries(read(layout.endpoint / POLICY))
         self.mends[Repair.WATCH] = _watch
 
     def begun(self) -> Supervisor:
@@ -107,7 +110,7 @@ class ArmWorld(DaemonWorld):
 
     def call(self, tool: str, **arguments: Any) -> bool | None:
         """A client calls a tool that moves: whether it worked; None when a claim stands against it."""
-        if self.endpoint.against(tool, arguments) is not None:
+        if self.endpoint.against(self.served.subject(tool, arguments)) is not None:
             self.seen["refused by a claim"] += 1
             return None
         self.passed()

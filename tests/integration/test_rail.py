@@ -6,6 +6,7 @@ firmware on a pseudo terminal. What counts is what that firmware saw.
 
 import asyncio
 import json
+import re
 import sys
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -27,6 +28,7 @@ from octoform.daemon.sensing.moments import SystemClock
 from octoform.diagnostics import Diagnostic
 from octoform.endpoint.client import CallResult, Wanted, call
 from octoform.engine.diagnosing import diagnose
+from octoform.engine.healing import heal
 from octoform.state.layout import Layout
 
 pytestmark = pytest.mark.dear
@@ -219,7 +221,7 @@ def reported(bench: Bench, *, claims: list[dict[str, object]], declarations: lis
     }
     bench.project.script = {"watch": [{"report": report}]}
     command = json.dumps([sys.executable, str(AGENT), str(bench.project.outside / "script.json")])
-    bench.project.manifest["stages"] = f"{{watch: {{harness: {{name: command, command: {command}}}}}}}"
+    bench.project.manifest["stages"] = f"{{watch: {{harness: {{name: command, command: {command}, sandbox: false}}}}}}"
     bench.project.write()
     brief = {"readings": [to_json(reading)], "failures": [], "claims": [], "since": "", "target": "endpoint"}
     result = diagnose(bench.project.folder, bench.project.environment(), brief)
@@ -268,3 +270,59 @@ def test_what_holds_for_good_waits_for_a_person_who_can_also_take_it_back(bench:
     bench.project.run("claims", "-retire", waiting.id, status=0)
     over = ledger.recent()[-1]
     assert isinstance(over, Claim) and over.id == waiting.id and ledger.active() == ()
+
+
+TIMES_TEN = [['line = f"MOVE_X {steps:d}"', 'line = f"MOVE_X {steps * 10:d}"']]
+
+
+def healed(bench: Bench, *rewrites: list[list[str]]) -> list[dict[str, object]]:
+    """What became of a repair of rail_move_x for each of these rewrites of the server by an agent."""
+    reading = {"channel": "log", "source": "rail_move_x", "path": "/ok", "value": False, "why": ""}
+    failure = {"id": "f1", "tool": "rail_move_x", "error": "DeviceFault", "message": "no answer", "count": 3}
+    broken = {"tool": "rail_move_x", "device": DEVICE, "class": "broken_tool", "message": "it moves too little"}
+    told = {
+        "format": 1,
+        "stage": "heal",
+        "class": "broken_tool",
+        "target": "tool:rail_move_x",
+        "status": "repaired",
+        "reason": "The firmware counts in tenths.",
+        "action": "rewrite",
+        "functions": ["rail_move_x"],
+        "server": "server.py",
+        "cites": ["f1"],
+        "claims": [],
+    }
+    brief = {
+        "error": {**broken, "severity": "recoverable", "suggested_fix": None, "cites": ["f1"]},
+        "readings": [{"id": "r1", "at": "2026-11-22T10:00:00Z", **reading}],
+        "failures": [{**failure, "first": "2026-11-22T10:00:00Z", "last": "2026-11-22T10:00:00Z"}],
+        "since": "2026-11-22T00:00:00Z",
+        "target": "tool:rail_move_x",
+        "episode": "e1",
+    }
+    command = json.dumps([sys.executable, str(AGENT), str(bench.project.outside / "script.json")])
+    bench.project.manifest["stages"] = f"{{heal: {{harness: {{name: command, command: {command}}}}}}}"
+    done = []
+    for rewrite in rewrites:
+        bench.project.script = {"heal": [{"rewrite": rewrite, "report": told}]}
+        bench.project.write()
+        done.append(heal(bench.project.folder, bench.project.environment(), brief))
+    return done
+
+
+def test_a_rewrite_that_would_move_more_than_the_caller_says_waits_for_a_person(bench: Bench) -> None:
+    server = Layout(bench.project.folder, bench.project.host).output("serve")
+    before = server.read_text()
+    (done,) = healed(bench, TIMES_TEN)
+    assert (done["ok"], done["changed"], done["again"]) == (False, False, False), done
+    found = re.search(r"octoform confirm (r\w+)", str(done["detail"]))
+    assert found is not None and "rail_move_x" in str(done["detail"]), done
+    bench.call("rail_move_x", steps=20)
+    assert bench.rail.lines == ["MOVE_X 20"] and server.read_text() == before
+    bench.project.run("confirm", found[1], status=1)
+    assert server.read_text() == before
+    bench.project.run("confirm", found[1], "-auto-approve", status=0)
+    assert "steps * 10" in server.read_text()
+    bench.call("rail_move_x", steps=20)
+    assert bench.rail.lines[-1] == "MOVE_X 200"

@@ -78,7 +78,7 @@ def test_a_replay_fails_where_the_run_failed_and_ends_where_it_ended(
     agents = len(project.agent_runs())
     replay = replaying(tmp_path, recording, environments)
     again = replay.apply(status=0)
-    assert again.codes() == done.codes()
+    assert again.codes() == [code for code in done.codes() if code != "HARNESS-UNCONFINED"]  # a replay has no agent
     assert {"PROBE-SERIAL-IN-ID", "ARTIFACT-NOT-JSON", "APPLY-AGENT-FAILED", "ARTIFACT-LINK"} <= set(done.codes())
     for stage in STAGES:
         assert artifact(replay, stage) == artifact(project, stage), stage

@@ -101,6 +101,7 @@ def test_in_other_ports_under_other_names_they_answer_without_plan_or_agent(benc
         "strength": "positional",
         "nodes": ["/dev/ttyUSB1"],
         "doubt": "",
+        "refused": [],
     }
 
 

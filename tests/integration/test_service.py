@@ -20,6 +20,7 @@ from projects import OCTOFORM
 from terminals import Terminal
 
 from octoform.daemon.repairs.restarting import restart
+from octoform.endpoint import stopmark
 from octoform.endpoint.running import running
 from octoform.endpoint.stopmark import is_marked
 from octoform.endpoint.supervising import start, stop
@@ -192,6 +193,18 @@ def test_while_it_is_installed_systemd_starts_and_stops_the_endpoint(systemd: Sy
     assert problem is None and process is not None
     assert systemd.told()[told:] == [["stop", NAME], ["start", NAME]]
     assert process.pid == int((systemd.folder / "pid").read_text())
+
+
+def test_a_stop_lasts_over_a_boot_and_ends_with_a_start(systemd: Systemd, bench: Launched) -> None:
+    """The unit is skipped while the mark of the stop is there, so a start takes the mark away before it asks."""
+    assert octoform(systemd, bench, "service", "install", "-user", "-auto-approve").returncode == 0
+    mark = str(bench.layout.stop_mark).replace("%", "%%")
+    condition = f"ConditionPathExists=!{mark}"
+    assert condition in (systemd.units / NAME).read_text().splitlines()
+    assert stopmark.mark(bench.layout) is None
+    bench.stop()
+    assert start(bench.layout)[0] is not None
+    assert not stopmark.is_marked(bench.layout)
 
 
 def test_a_start_that_systemd_reports_as_failed_is_told_with_its_reason(systemd: Systemd, bench: Launched) -> None:

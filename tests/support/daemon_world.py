@@ -103,6 +103,7 @@ class DaemonWorld:
     def reboot(self) -> None:
         """The machine starts again: another boot, an uptime that begins anew, no process."""
         self.boot = self.boot[:-1] + str(int(self.boot[-1]) + 1)
+        self.wall += timedelta(seconds=self.now)  # the wall clock goes on
         self.now = 20.0
         self.end = self.now
         self._interval, self._ping, self._due = self.now + INTERVAL, self.now + PING, []

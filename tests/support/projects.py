@@ -85,7 +85,8 @@ class Project:
         """The scripted agent as a harness of the manifest."""
         command = json.dumps([sys.executable, str(AGENT), str(self.outside / "script.json")])
         passed = f", env: {json.dumps(self.env)}" if self.env else ""
-        return f"{{name: command, command: {command}{passed}}}"
+        # It writes its log beside its script, which no sandbox would let it do.
+        return f"{{name: command, command: {command}{passed}, sandbox: false}}"
 
     def environment(self) -> dict[str, str]:
         kept = ("PATH", "HOME", "LANG", "UV_CACHE_DIR", "SSL_CERT_FILE", "PIP_CERT", "PIP_CONFIG_FILE")

@@ -74,7 +74,8 @@ def _environment() -> dict[str, str]:
     if home.is_dir():
         found["HOME"] = str(home)
     # The certificates of the system, which a host behind an inspecting proxy has been given.
-    found.setdefault("UV_NATIVE_TLS", "true")
+    for name in ("UV_SYSTEM_CERTS", "UV_NATIVE_TLS"):  # its name today, and before
+        found.setdefault(name, "true")
     return found
 
 

@@ -70,7 +70,8 @@ class Device:
         instance = entry.get("instance", {})
         self.path = str(instance.get("sysfs", ""))
         self.nodes = tuple((str(node["class"]), str(node["name"])) for node in instance.get("nodes", ()))
-        self.facts = tuple(_facts(str(entry["raw_descriptor"])))
+        self.raw = str(entry["raw_descriptor"])
+        self.facts = tuple(_facts(self.raw))
 
     def fact(self, *keys: str) -> Fact | None:
         """The first fact of the unit itself under one of the keys, tried in their order."""

@@ -9,7 +9,7 @@ from types import MappingProxyType
 from typing import Any
 
 from octoform.builtin.grammars import Profiles
-from octoform.builtin.identify import answered, leftover, profiled
+from octoform.builtin.identify import answered, leftover, profiled, refusable
 from octoform.builtin.identify.classes import (
     audio,
     buses,
@@ -104,6 +104,7 @@ def identify(
         if isinstance(verdict, Leave):
             left_out.append({"id": device.id, "reason": verdict.reason, "detail": verdict.detail[:300]})
         else:
+            verdict = refusable.accepted(device, verdict)
             devices.append(macos.without_tools(device, verdict) if mac else verdict)
     return {"format": 1, "devices": devices, "left_out": left_out}
 

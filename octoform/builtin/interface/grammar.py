@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from octoform.builtin.grammars import Profiles, commands, parameters
-from octoform.builtin.interface import answers
+from octoform.builtin.interface import answers, units
 from octoform.builtin.interface.kinds import Kind
 from octoform.builtin.interface.schemas import FLAG, NUMBER, TEXT, WHOLE, Schema, one_of
 from octoform.builtin.task import Refused
@@ -51,6 +51,7 @@ def _kind(profile: Mapping[str, Any], command: Mapping[str, Any]) -> Kind:
         units={name: str(value["unit"]) for name, value in values.items() if value.get("unit")},
         idempotent=is_read or command.get("do") in _IDEMPOTENT,
         stops=command.get("do") == "stop",
+        acts_on=units.acted_on(profile["grammar"], command),
     )
 
 

@@ -23,7 +23,7 @@ class Kind:
     measurement, 30 a description of something that another tool already shows. ``parameters`` makes the properties
     beside ``device``. ``smoke`` are the arguments of a trial call that is quick and changes nothing; only for reads.
     ``units`` names the unit of each bounded parameter, for the tool's limits. ``stops``: it ends a movement that is
-    under way, so it does not wait for it.
+    under way, so it does not wait for it. ``acts_on`` is the tool's ``units``: of a device with several, which ones.
     """
 
     name: str
@@ -36,3 +36,4 @@ class Kind:
     units: Mapping[str, str] = field(default_factory=dict)
     idempotent: bool = True
     stops: bool = False
+    acts_on: Mapping[str, Any] = field(default_factory=dict)

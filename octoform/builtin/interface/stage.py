@@ -94,6 +94,8 @@ def _tool(kind: Kind, owners: Sequence[tuple[Device, Mapping[str, Any]]]) -> dic
     }
     if kind.stops:
         tool["stops"] = True
+    if kind.acts_on:
+        tool["units"] = dict(kind.acts_on)
     if required:
         tool["input_schema"]["required"] = required
     if limits := [

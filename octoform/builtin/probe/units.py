@@ -5,13 +5,13 @@ ordered here is ordered by what it says first and by where it is only among equa
 """
 
 import re
-from collections import Counter
 from collections.abc import Iterable, Mapping
 
 from octoform.builtin.probe import descriptor, text
 from octoform.builtin.probe.node import Node
 from octoform.builtin.probe.sysfs import DEVICES, VIRTUAL, group_of
 from octoform.builtin.probe.unit import SCRUB_FROM, Unit, in_class_order, owned
+from octoform.runtime import serials
 
 MAX_MEMBERS = 400
 _NUMBERED = re.compile(r"[0-9:.].*$")
@@ -21,10 +21,6 @@ _APART = frozenset(("backlight",))
 _NO_CLASS = frozenset(
     ("wakeup", "usb", "scsi", "pci_express", "i2c", "platform", "usb-serial", "serial-base", "serial", "auxiliary")
 )
-_NO_SERIALS = frozenset(
-    ("0", "1", "none", "n/a", "na", "default string", "to be filled by o.e.m.", "unknown", "serial")
-)
-_COUNTING = ("0123456789abcdef", "1234567890abcdef")
 _ATTACHED = ("fixed", "removable")
 # Numbered in the order of discovery: the name says nothing about the place.
 _UNPLACED_BUSES = frozenset(("hid", "scsi"))
@@ -76,13 +72,22 @@ def entries(units: Iterable[Unit]) -> list[dict[str, object]]:
         ((_base(unit), descriptor.descriptor(unit), text.natural(unit.head.path), unit) for unit in units),
         key=lambda row: row[:3],
     )
-    serials = Counter((*unit.vid_pid(), _serial(unit)) for _, _, _, unit in made)
+    numbers: dict[tuple[str, str, str], list[str]] = {}
+    for base, _, _, unit in made:
+        numbers.setdefault(_kind_of(base, unit), []).append(_serial(unit))
     taken: set[str] = set()
     found = []
     for base, said, _, unit in made:
-        unique = serials[(*unit.vid_pid(), _serial(unit))] == 1
-        found.append(_entry(unit, _identity(base, taken), said, unique))
+        others = list(numbers[_kind_of(base, unit)])
+        others.remove(_serial(unit))
+        found.append(_entry(unit, _identity(base, taken), said, others))
     return found
+
+
+def _kind_of(base: str, unit: Unit) -> tuple[str, str, str]:
+    """What two units have in common that may be taken for each other: the product, else what they are called."""
+    vid, pid = unit.vid_pid()
+    return (vid, pid, "") if vid and pid else ("", "", base)
 
 
 def _identity(base: str, taken: set[str]) -> str:
@@ -106,7 +111,7 @@ def _base(unit: Unit) -> str:
     return kind if kind.startswith(f"{first}-") or kind == first else f"{first}-{kind}"
 
 
-def _entry(unit: Unit, identity: str, said: str, unique: bool) -> dict[str, object]:
+def _entry(unit: Unit, identity: str, said: str, others: list[str]) -> dict[str, object]:
     vid, pid = unit.vid_pid()
     nodes = [unit.head, *unit.members] if not unit.group else unit.members
     entry: dict[str, object] = {
@@ -125,7 +130,7 @@ def _entry(unit: Unit, identity: str, said: str, unique: bool) -> dict[str, obje
         entry["drivers"] = drivers[:MAX_NAMES]
     if unit.context:
         entry["context"] = True
-    return entry | {"instance": _instance(unit, unique)}
+    return entry | {"instance": _instance(unit, others)}
 
 
 def _interface(unit: Unit) -> str:
@@ -141,18 +146,17 @@ def _serial(unit: Unit) -> str:
         serial = node.serial.strip()
         # A root hub gives the address of its controller as its serial number: that is a place.
         placed = len(serial) >= SCRUB_FROM and f"/{serial}/" in node.path
-        if serial and not placed and serial.lower() not in _NO_SERIALS and serial.strip("0 .:-xX"):
+        if serial and not placed and not serials.is_placeholder(serial):
             return serial
     return ""
 
 
-def _tells_apart(serial: str) -> bool:
-    """Whether a serial number is one: a word without a digit, one sign again and again or a mere count is none."""
-    bare = re.sub(r"[^0-9a-z]+", "", serial.lower())
-    return len(set(bare)) > 1 and any(map(str.isdecimal, bare)) and not any(bare in row for row in _COUNTING)
+def _said(unit: Unit) -> list[str]:
+    """What the unit says of its kind: no number is equal to one of these."""
+    return ["".join(unit.vid_pid()), *(said for node in (unit.head, *unit.members) for _, said in node.lines)]
 
 
-def _instance(unit: Unit, unique: bool) -> dict[str, object]:
+def _instance(unit: Unit, others: list[str]) -> dict[str, object]:
     head = unit.head
     kernel = head.path.startswith(("/sys/", "/proc/"))
     instance: dict[str, object] = {"sysfs": text.visible(head.path)[:1000]} if kernel else {}
@@ -161,7 +165,7 @@ def _instance(unit: Unit, unique: bool) -> dict[str, object]:
         instance["port"] = text.value(head.name, 200)
         counted = head.subsystem in _UNPLACED_BUSES or (head.member and head.name[-1:].isdecimal())
         place = "weak" if counted else "positional"
-        instance["strength"] = "strong" if _tells_apart(serial) and unique else place
+        instance["strength"] = "strong" if serials.tells_apart(serial, filter(None, others), _said(unit)) else place
     if serial and not unit.group:
         instance["serial"] = text.value(serial, 300)
     nodes = in_class_order(owned(unit))

@@ -40,6 +40,21 @@ class Given:
         """The failures after which no success of the tool was read."""
         return [row for row in self.failures if not self._over(row)]
 
+    def unreadable(self) -> list[Place]:
+        """The signals that could not be read: null, with a reason. A null without one is what the tool answered.
+
+        A call that failed as a whole is over once the same source was read after it.
+        """
+        found: dict[Place, None] = {}
+        for row in self.readings:
+            place = (row["channel"], row["source"], row["path"])
+            found.pop(place, None)
+            if row["value"] is None and row.get("why"):
+                found[place] = None
+            elif row["path"]:
+                found.pop((row["channel"], row["source"], ""), None)
+        return list(found)
+
     def attached(self, device: str | None) -> bool | None:
         """What the kernel shows of a device; None where it is not known."""
         row = self.newest.get(("kernel", device or "", "/there"))

@@ -109,8 +109,7 @@ def _status(given: Given, errors: Sequence[Error]) -> str:
         return "down"
     if errors:
         return "error"
-    silent = any(row["value"] is None for row in given.newest.values())
-    return "unknown" if silent or not given.newest or given.claims else "healthy"
+    return "unknown" if given.unreadable() or not given.newest or given.claims else "healthy"
 
 
 def _summary(given: Given, status: str, errors: Sequence[Error]) -> str:
@@ -123,7 +122,7 @@ def _summary(given: Given, status: str, errors: Sequence[Error]) -> str:
         told = f"All {len(given.newest)} signals report, and no call fails."
     else:
         told = "No call fails; what is below does not report, or is restricted by a claim."
-    silent = [" ".join(place) for place, row in given.newest.items() if row["value"] is None]
+    silent = [" ".join(place) for place in given.unreadable()]
     if silent:
         told += f" Not readable: {', '.join(silent[:5])}" + (
             f" and {len(silent) - 5} more." if len(silent) > 5 else "."

@@ -6,15 +6,18 @@ from pathlib import Path
 
 from octoform.cli.options import UsageError
 from octoform.cli.parser import seconds
+from octoform.daemon.model import Status
 from octoform.diagnostics import error
 from octoform.engine.applying import Options
 from octoform.engine.applying import apply as carry_out
 from octoform.engine.planning import Request
+from octoform.engine.results import RunResult
 from octoform.views import problems
 from octoform.views.apply import RunHuman
 from octoform.views.apply_json import RunJson
 from octoform.views.console import Console
 from octoform.views.stream import JsonStream
+from octoform.views.watching import EXIT
 
 USAGE = "usage: octoform apply [-json] [-lock-timeout DURATION] PLANFILE"
 
@@ -42,13 +45,18 @@ def _ask(arguments: Namespace, screen: Console, request: Request) -> int:
     from octoform.engine.answering import apply_asking
     from octoform.views.answering import AskingHuman
 
-    return 1 if apply_asking(request, _options(arguments), AskingHuman(screen)).failed else 0
+    return status_of(apply_asking(request, _options(arguments), AskingHuman(screen)))
 
 
 def execute(arguments: Namespace, screen: Console, request: Request, planfile: str | None = None) -> int:
-    """Run an apply or a destroy and show it; exit code 1 when something failed or was refused."""
+    """Run an apply or a destroy and show it; for the exit code see `status_of`."""
     view = RunJson(JsonStream(screen)) if arguments.json else RunHuman(screen)
-    return 1 if carry_out(request, _options(arguments, planfile), view).failed else 0
+    return status_of(carry_out(request, _options(arguments, planfile), view))
+
+
+def status_of(result: RunResult) -> int:
+    """1 when something failed or was refused, 3 (degraded) when devices are closed to this user, else 0."""
+    return 1 if result.failed else EXIT[Status.DEGRADED] if result.incomplete else 0
 
 
 def _options(arguments: Namespace, planfile: str | None = None) -> Options:

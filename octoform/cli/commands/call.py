@@ -1,22 +1,41 @@
 """``call``: one tool of the live endpoint, as any MCP client would."""
 
 import os
+import shlex
 from argparse import Namespace
+from functools import partial
 from pathlib import Path
 
+from octoform.cli.options import UsageError
 from octoform.cli.parser import seconds
 from octoform.cli.stopping import Stopped
-from octoform.engine.serving import Request, call
+from octoform.diagnostics import error
+from octoform.engine.serving import Request, answered, call, example, tools
 from octoform.views import endpoint, problems
-from octoform.views.calling import attended
+from octoform.views.calling import attended, starting
 from octoform.views.console import Console
 
 
 def run(arguments: Namespace, project: Path, screen: Console) -> int:
     """Exit code 1 when the tool answered with an error."""
     as_json, document = arguments.json_arguments is not None, arguments.json_arguments or None
+    if arguments.tool is None:
+        if arguments.arg or document:
+            raise UsageError("arguments need the name of their tool: octoform call TOOL -arg NAME=VALUE", "")
+        listed, found = tools(project, os.environ, partial(starting, screen), revive=arguments.start)
+        shown = example(listed or (), answered(project, os.environ))
+        if shown is None:
+            hint = "octoform tools lists them; octoform call TOOL -arg NAME=VALUE calls one"
+            nothing = [
+                error("ENDPOINT-NO-EXAMPLE", "no tool here only reads and needs nothing but a choice", hint=hint)
+            ]
+            return problems.show(screen, found if listed is None else nothing, as_json=as_json)
+        arguments.tool, arguments.arg = shown
+        screen.problem("octoform: an example: octoform call " + " ".join([arguments.tool, *_typed(arguments.arg)]))
     dry, approved = arguments.dry_run, arguments.auto_approve
-    request = Request(arguments.tool, arguments.arg, document, seconds(arguments.timeout), dry, approved)
+    request = Request(
+        arguments.tool, arguments.arg, document, seconds(arguments.timeout), dry, approved, arguments.start
+    )
     given_up = f"the call of {arguments.tool} was given up"
     try:
         with attended(screen, approved=approved) as person:
@@ -29,3 +48,8 @@ def run(arguments: Namespace, project: Path, screen: Console) -> int:
         return problems.show(screen, found, as_json=as_json)
     problems.show(screen, found)
     return endpoint.answer(screen, arguments.tool, answer, as_json=as_json)
+
+
+def _typed(pairs: list[str]) -> list[str]:
+    """The arguments as a shell takes them."""
+    return [word for pair in pairs for word in ("-arg", shlex.quote(pair))]

@@ -1,12 +1,14 @@
-"""``confirm``: a person's yes or no to a claim that nobody else may make true."""
+"""``confirm``: a person's yes or no to what nobody else may make true: a claim, or a rewrite of what moves a device."""
 
 import os
 from argparse import Namespace
 from pathlib import Path
 
+from octoform.apply.pending_rewrite import Rewrite
 from octoform.claims.model import Claim
 from octoform.daemon.deciding import open_ledger, person, undecidable
 from octoform.diagnostics import Diagnostic, error
+from octoform.engine.healing import decide_rewrite, waiting_rewrite
 from octoform.views import claims as view
 from octoform.views import problems
 from octoform.views.console import Console
@@ -20,6 +22,9 @@ def run(arguments: Namespace, project: Path, screen: Console) -> int:
         return problems.show(screen, found, as_json=arguments.json)
     if problem := undecidable(project, os.environ):
         return problems.show(screen, [problem], as_json=arguments.json)
+    rewrite = waiting_rewrite(project, os.environ, arguments.claim)
+    if rewrite is not None:
+        return _rewrite(arguments, project, screen, rewrite)
     if arguments.reject:
         return _told(screen, ledger.reject(arguments.claim, person()), as_json=arguments.json)
     claim = next((each for each in ledger.pending() if each.id == arguments.claim), None)
@@ -28,11 +33,28 @@ def run(arguments: Namespace, project: Path, screen: Console) -> int:
             return problems.show(screen, [_not_approved()], as_json=arguments.json)
         for line in view.lines(screen, claim):
             screen.line(line)
-        if not approves(screen, "Make this claim true?"):
+        if not approves(screen, view.question(claim)):
             return problems.show(screen, [_not_approved()])
         if problem := undecidable(project, os.environ):  # a person takes their time
             return problems.show(screen, [problem])
     return _told(screen, ledger.confirm(arguments.claim, person()), as_json=arguments.json)
+
+
+def _rewrite(arguments: Namespace, project: Path, screen: Console, rewrite: Rewrite) -> int:
+    """Show what a rewrite changes, and put it in service or drop it."""
+    if not arguments.reject and not arguments.auto_approve:
+        if arguments.json or not screen.interactive:
+            return problems.show(screen, [_not_approved()], as_json=arguments.json)
+        for line in view.rewrite_lines(rewrite.id, rewrite.moves, rewrite.difference()):
+            screen.line(line)
+        if not approves(screen, "Put this rewrite in service?"):
+            return problems.show(screen, [_not_approved()])
+        if problem := undecidable(project, os.environ):
+            return problems.show(screen, [problem])
+    problem = decide_rewrite(project, os.environ, rewrite, yes=not arguments.reject)
+    if problem is not None:
+        return problems.show(screen, [problem], as_json=arguments.json)
+    return view.rewrite_decided(screen, rewrite.id, served=not arguments.reject, as_json=arguments.json)
 
 
 def _not_approved() -> Diagnostic:

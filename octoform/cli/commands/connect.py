@@ -14,7 +14,7 @@ def run(arguments: Namespace, project: Path, screen: Console) -> int:
         from octoform.cli.commands.clients import printed
 
         return printed(arguments, project, screen)
-    problem = connect(project, arguments.host)
+    problem = connect(project, arguments.host, revive=arguments.start)
     if problem is None:
         return 0
     # Standard output belongs to the protocol.

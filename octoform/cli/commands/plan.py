@@ -2,8 +2,10 @@
 
 import os
 from argparse import Namespace
+from collections.abc import Sequence
 from pathlib import Path
 
+from octoform.diagnostics import Diagnostic
 from octoform.engine import memo
 from octoform.plan.model import Plan
 from octoform.views import problems
@@ -33,10 +35,22 @@ def _compile(arguments: Namespace, project: Path, screen: Console) -> int:
     status = problems.show(screen, result.diagnostics)
     if result.plan is None:
         return 1
-    return max(status, _show(arguments, screen, result.plan, arguments.out if result.saved_as else None))
+    return max(
+        status, _show(arguments, screen, result.plan, arguments.out if result.saved_as else None, result.diagnostics)
+    )
 
 
-def _show(arguments: Namespace, screen: Console, found: Plan, saved_as: str | None = None) -> int:
-    view = PlanJson(JsonStream(screen)) if arguments.json else PlanHuman(screen)
-    view.show(found, saved_as)
+def _show(
+    arguments: Namespace,
+    screen: Console,
+    found: Plan,
+    saved_as: str | None = None,
+    diagnostics: Sequence[Diagnostic] = (),
+) -> int:
+    if arguments.json:
+        stream = JsonStream(screen)
+        stream.diagnostics(tuple(diagnostics))
+        PlanJson(stream).show(found, saved_as)
+    else:
+        PlanHuman(screen).show(found, saved_as)
     return 2 if arguments.detailed_exitcode and not found.empty else 0

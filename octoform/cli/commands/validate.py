@@ -5,11 +5,13 @@ from argparse import Namespace
 from pathlib import Path
 
 from octoform.engine.compiling import compile_project
+from octoform.engine.prices import unpriced
 from octoform.views import texts
 from octoform.views.console import Console
 
 
 def run(arguments: Namespace, project: Path, screen: Console) -> int:
     """All problems at once; exit code 1 when one is an error."""
-    _, found = compile_project(project, os.environ)
+    compiled, found = compile_project(project, os.environ)
+    found += unpriced(compiled.manifest, os.environ) if compiled is not None else []
     return texts.validation(screen, found, as_json=arguments.json)

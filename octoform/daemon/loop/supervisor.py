@@ -10,7 +10,6 @@ from dataclasses import dataclass, field, replace
 from octoform.claims.ledger import Ledger
 from octoform.claims.model import Signal
 from octoform.daemon.evidence import Evidence
-from octoform.daemon.expecting import current
 from octoform.daemon.health import Health
 from octoform.daemon.loop.barring import PROCESS, busy_with_ours, concerns_process
 from octoform.daemon.loop.bench import Bench, Lane, Product, Task
@@ -82,8 +81,8 @@ class Supervisor:
         self._memory = memory
         self._bench = bench
         self._view = view
-        self._evidence = Evidence(ledger)
-        self._troubles = Troubles(memory, ports.notify)
+        self._evidence = Evidence(ledger, ports.promised)
+        self._troubles = Troubles(memory, ports.notify, ports.clock.uptime())
         word = float(settings.claim_seconds)
         self._trying = Trying(ports, memory, self._troubles, self._evidence, bench, word, settings.apply)
         self._post = Bulletin(memory, self._evidence, 3.0 * settings.interval)
@@ -185,13 +184,15 @@ class Supervisor:
             within = _nothing
         elif ours:
             within = concerns_process
-        readings = current(self._evidence.ledger.latest(), self._memory.shelf.layout)
+        readings = self._evidence.current(self._memory.shelf.layout)
         given_up = frozenset(each.key for each in self._memory.breakers.frozen())
         seen = replace(facts, busy=None) if ours else facts
         judged = judge(seen, before, self._memory.recall, readings, given_up)
         self._trying.verdicts(self._troubles.present(judged, facts.uptime), facts, within)
         findings = tuple(
-            each for each in self._troubles.present(judged, facts.uptime) if within(each.kind, each.target)
+            each
+            for each in self._troubles.present(judged, facts.uptime)
+            if within(each.kind, each.target) and not self._troubles.is_being_ended(each, busy | self._trying.held())
         )
         self._troubles.settle(findings, facts, busy | self._trying.held(), within)
         self._memory.breakers.forgive(facts.uptime)

@@ -17,7 +17,7 @@ from octoform.daemon.loop.barring import (
 from octoform.daemon.loop.bench import Bench, Ended, Lane, Product, Task, Work, lane_of
 from octoform.daemon.loop.choosing import QUICK, chain_of, limit_of, most_in_hour, rediscovers
 from octoform.daemon.loop.probation import Probation
-from octoform.daemon.loop.troubles import Reported, Troubles
+from octoform.daemon.loop.troubles import Troubles
 from octoform.daemon.loop.untouched import Untouched
 from octoform.daemon.model import Cause, Done, Facts, FaultClass, Finding, Kind, Outcome, Repair
 from octoform.daemon.ports import Ports
@@ -25,7 +25,7 @@ from octoform.daemon.records.episodes import Episode, Try
 from octoform.daemon.records.memory import Memory
 from octoform.daemon.records.spending import ATTEMPTS, Entry
 from octoform.daemon.telling.advice import hint
-from octoform.daemon.triage.reported import findings_of
+from octoform.daemon.triage.reported import findings_of, summary_of
 
 AUTO = "auto"
 AGENTS = frozenset({Repair.WATCH, Repair.HEAL, Repair.REDISCOVER})
@@ -79,7 +79,7 @@ class Trying:
         """Begin every repair that is due and may be made."""
         waits = Waits()
         for finding in findings:
-            acting = self.troubles.continued.get(finding.key, finding)
+            acting = self.troubles.acting(finding)
             why = self._standing(finding, acting, facts)
             why = self._bar(finding, acting, facts, waits, paused) if why is None else why
             why = self._start(finding, acting, facts, causes) if why is None else why
@@ -106,7 +106,7 @@ class Trying:
             if not within(acting.kind, acting.target):
                 continue
             del self.awaiting[key]
-            diagnosed = task.repair is Repair.WATCH and key in self.troubles.continued
+            diagnosed = task.repair is Repair.WATCH and self.troubles.diagnosed(key)
             if key in self.troubles.reported and done.ok:
                 del self.troubles.reported[key]  # no look gives it again, so the word is all there is
             elif key in present and not diagnosed:
@@ -228,9 +228,9 @@ class Trying:
     ) -> dict[str, object]:
         episode = self.memory.episodes.open[finding.key].id
         if repair is Repair.WATCH:
-            return {"episode": episode, "brief": self.evidence.brief(acting, causes, self.memory.recall, facts)}
+            return {"episode": episode, "brief": self.evidence.brief(acting, causes, self.memory, facts)}
         if repair is Repair.HEAL:
-            return {"episode": episode, "brief": self.evidence.healing(acting, episode, self.memory.recall, facts)}
+            return {"episode": episode, "brief": self.evidence.healing(acting, episode, self.memory)}
         return {"episode": episode, **({"brief": {}} if repair is Repair.REDISCOVER else {})}
 
     def _work(self, finding: Finding, repair: Repair) -> Work:
@@ -267,10 +267,12 @@ class Trying:
 
     def _offer(self, done: Done, repair: Repair, facts: Facts) -> None:
         pending, refused = self.evidence.offer(done.report or {}, repair.value)
+        if repair is Repair.WATCH:
+            self.memory.keep_report(replace(self.memory.report, summary=summary_of(done.report)))
         self.memory.shelf.said.extend(refused)
         for claim in pending:
             hint = f"octoform confirm {claim.id}, or octoform confirm {claim.id} -reject"
-            self.troubles.tell("confirm", claim.target, claim.statement, facts, hint)
+            self.troubles.tell("confirm", claim.target, f"{claim.kind} {claim.id}: {claim.statement}", facts, hint)
 
     def _diagnosed(self, key: str, asked: Finding, done: Done, facts: Facts) -> None:
         """What WATCH says of the trouble that it was asked about is its diagnosis; the rest are others."""
@@ -278,11 +280,11 @@ class Trying:
         own = next((each for each in found if each.target == asked.target), found[0] if found else None)
         if own is None:
             return
-        self.troubles.continued[key] = own
+        self.troubles.diagnose(key, own)
         self.memory.breakers.seen(own.key, own.target, facts.uptime, facts.stamp)
         for each in found:
             if each is not own and each.key not in self.memory.episodes.open:
-                self.troubles.reported[each.key] = Reported(each, facts.uptime + self.word_seconds)
+                self.troubles.report(each, facts.uptime + self.word_seconds)
 
     def _forget(self, acting: Finding, repair: Repair) -> None:
         """Failures of code that is exchanged now are no evidence against what took its place.
@@ -340,7 +342,7 @@ class Trying:
             then=(Repair.ROLL_BACK, Repair.PERSON),
             data={"brief": {"episode": episode, "reason": why}, "episode": episode},
         )
-        self.troubles.reported[finding.key] = Reported(finding, facts.uptime + self.word_seconds)
+        self.troubles.report(finding, facts.uptime + self.word_seconds)
         self.memory.breakers.freeze(acting.key, acting.target, f"HEAL made it worse: {why}", facts.stamp)
 
 

@@ -10,7 +10,8 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-from octoform.daemon.model import Repair
+from octoform.daemon.model import Outcome, Repair
+from octoform.daemon.records.episodes import Episode
 from octoform.daemon.records.shelf import Shelf, number
 
 FILE = "breakers.json"
@@ -91,8 +92,18 @@ class Breakers:
         return self._all.get(key) or Breaker(key, target, self.boot)
 
     def frozen(self) -> tuple[Breaker, ...]:
-        """Those that wait for a person."""
+        """Those that try no more; a trouble of some of them may be over, and not forgotten yet."""
         return tuple(item for item in self._all.values() if item.frozen is not None)
+
+    def given_up(self, lasting: Iterable[Episode]) -> tuple[Breaker, ...]:
+        """Why nothing is tried any more for those of these troubles that last and were given up, under their target."""
+        found = []
+        for episode in lasting:
+            keys = [episode.key, *([episode.diagnosis.key] if episode.diagnosis is not None else [])]
+            frozen = next((item for item in map(self.of, keys) if item.frozen is not None), None)
+            if not episode.over and episode.outcome is Outcome.FROZEN and frozen is not None:
+                found.append(replace(frozen, target=episode.target))
+        return tuple(found)
 
     def all(self) -> tuple[Breaker, ...]:
         """Every trouble that is remembered."""
@@ -123,7 +134,9 @@ class Breakers:
         ``hopeless`` is the repair that was made, where it can never help: then it is tried no more, wherever it stands
         in the chain, and the next one is tried at once.
         """
-        item = self.of(key)
+        item = self._all.get(key)
+        if item is None:
+            return Breaker(key, "", self.boot)  # a person wants it tried again: what was tried before counts no more
         ruled = item.hopeless if hopeless is None else tuple(dict.fromkeys((*item.hopeless, hopeless)))
         later = [step for step in range(item.step + 1, len(chain)) if chain[step] not in ruled]
         at_once = hopeless is not None and bool(later)
@@ -188,7 +201,8 @@ class Breakers:
 
     def under(self, key: str, terms: str) -> None:
         """A re-discovery ended in a question that ``terms`` may have made."""
-        self._put(replace(self.of(key), terms=terms))
+        if (item := self._all.get(key)) is not None:
+            self._put(replace(item, terms=terms))
 
     def forget(self, key: str) -> None:
         """A trouble may be tried as if it never was."""

@@ -7,7 +7,7 @@ keeps what is open and the newest of what is over. Light.
 import json
 import os
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from typing import Any
 
 from octoform.daemon.model import Cause, Facts, FaultClass, Finding, Kind, Outcome, Repair, Spent, Status
@@ -43,6 +43,9 @@ class Episode:
     ``closed`` is None while it lasts; then ``outcome`` is ``open``, or ``frozen`` or ``surfaced`` when a person is
     needed. ``by`` tells who found it: ``triage`` or ``watch``. ``boot`` is what the uptimes count from, ``chain`` the
     repairs that there are, ``hint`` what a person can do. ``causes`` are those of the look that found it first.
+
+    ``diagnosis`` is what an agent made of it, and whose repairs are tried since (None: nobody did). ``until`` is set
+    where an agent's word is all that there is of it: it holds until then (uptime).
     """
 
     id: str
@@ -65,6 +68,8 @@ class Episode:
     outcome: Outcome = Outcome.OPEN
     spent: Spent = field(default_factory=Spent)
     hint: str = ""
+    diagnosis: Finding | None = None
+    until: float | None = None
 
     @property
     def over(self) -> bool:
@@ -112,6 +117,16 @@ class Episodes:
         self.open[finding.key] = episode
         self.note(episode)
         return episode
+
+    def becomes(self, episode: Episode, finding: Finding) -> None:
+        """The same trouble is seen otherwise now: it goes on under another key, and keeps its kind and beginning."""
+        self.open.pop(episode.key, None)
+        episode.key, episode.status, episode.diagnosis = finding.key, finding.status, None
+        episode.summary = escaped(finding.summary)[:SUMMARY]
+        episode.chain = tuple(repair.value for repair in (finding.repair, *finding.then))
+        episode.evidence = tuple(escaped(item)[:SUMMARY] for item in finding.evidence[:20])
+        self.open[episode.key] = episode
+        self.note(episode)
 
     def tried(self, episode: Episode, made: Try, spent: Spent) -> None:
         """A repair was made for it."""
@@ -224,7 +239,13 @@ def to_json(episode: Episode) -> dict[str, Any]:
             "usd": episode.spent.usd,
         },
         "hint": episode.hint,
+        "diagnosis": None if episode.diagnosis is None else _of_finding(episode.diagnosis),
+        "until": episode.until,
     }
+
+
+def _of_finding(finding: Finding) -> dict[str, Any]:
+    return {**asdict(finding), "data": dict(finding.data)}
 
 
 def added(one: Spent, other: Spent) -> Spent:
@@ -305,4 +326,21 @@ def _episode(entry: Mapping[str, Any]) -> Episode:
             None if usd is None else number(usd),
         ),
         hint=str(entry["hint"]),
+        diagnosis=_finding(entry["diagnosis"]) if entry.get("diagnosis") is not None else None,
+        until=None if entry.get("until") is None else number(entry["until"]),
+    )
+
+
+def _finding(entry: Mapping[str, Any]) -> Finding:
+    return Finding(
+        kind=Kind(entry["kind"]),
+        fault=FaultClass(entry["fault"]),
+        target=str(entry["target"]),
+        summary=str(entry["summary"]),
+        evidence=tuple(str(item) for item in entry["evidence"]),
+        repair=Repair(entry["repair"]),
+        then=tuple(Repair(item) for item in entry["then"]),
+        status=Status(entry["status"]),
+        detail=str(entry["detail"]),
+        data=dict(entry["data"]),
     )

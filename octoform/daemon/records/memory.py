@@ -1,6 +1,6 @@
 """Everything that the loop remembers, opened together. Light."""
 
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 
 from octoform.daemon.records import breakers, episodes, spending
 from octoform.daemon.records.breakers import Breakers
@@ -13,7 +13,19 @@ from octoform.manifest.model import Daemon
 from octoform.state.files import shown
 from octoform.state.layout import Layout
 
-RECALL = "recall.json"
+RECALL, REPORT = "recall.json", "report.json"
+
+
+@dataclass(frozen=True, slots=True)
+class Report:
+    """What is kept of WATCH: the last ``summary``, when it was ``asked`` last, and ``since`` when the log counted then.
+
+    Times are RFC 3339; empty where it was never asked.
+    """
+
+    summary: str | None = None
+    since: str = ""
+    asked: str = ""
 
 
 @dataclass(slots=True)
@@ -26,6 +38,7 @@ class Memory:
     episodes: Episodes
     purse: Purse
     recall: Recall = field(default_factory=Recall)
+    report: Report = field(default_factory=Report)
 
     @classmethod
     def open(cls, layout: Layout, boot: str, now: float, settings: Daemon) -> "Memory":
@@ -37,6 +50,7 @@ class Memory:
         found.episodes.load()
         found.purse.load(now)
         found.recall = _recall(shelf, boot)
+        found.report = _report(shelf)
         return found
 
     def keep(self, recall: Recall) -> None:
@@ -45,6 +59,11 @@ class Memory:
             self.recall = recall
             self._save()
 
+    def keep_report(self, report: Report) -> None:
+        """Remember what WATCH was asked and said."""
+        self.report = report
+        self._save_report()
+
     def reclaim(self) -> None:
         """Write again what somebody else has changed since; `Shelf.strange` names it."""
         files = {
@@ -52,6 +71,7 @@ class Memory:
             spending.FILE: self.purse.save,
             episodes.FILE: self.episodes.save,
             RECALL: self._save,
+            REPORT: self._save_report,
         }
         for name, save in files.items():
             if not self.shelf.is_mine(name):
@@ -59,6 +79,15 @@ class Memory:
 
     def _save(self) -> bool:
         return self.shelf.write(RECALL, {"boot": self.boot, "recall": as_json(self.recall)})
+
+    def _save_report(self) -> bool:
+        return self.shelf.write(REPORT, asdict(self.report))
+
+
+def _report(shelf: Shelf) -> Report:
+    document = shelf.read(REPORT)
+    summary, since, asked = (document.get(name) for name in ("summary", "since", "asked"))
+    return Report(str(summary) if summary else None, str(since or ""), str(asked or ""))
 
 
 def _recall(shelf: Shelf, boot: str) -> Recall:

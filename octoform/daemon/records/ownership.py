@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Any
 
 from octoform.diagnostics import Diagnostic, error
-from octoform.state.files import read_regular, refused, shown, write_atomic
+from octoform.state.files import hide_from_git, read_regular, refused, shown, write_atomic
 from octoform.state.holder import Liveness, Process, from_json, liveness, myself, to_json
 from octoform.state.layout import Layout
 
@@ -51,7 +51,7 @@ class Owned:
         self._record = record
 
     def keep(self) -> Diagnostic | None:
-        """Lock and write down anew what somebody deleted; DAEMON-RUNNING when another one is the daemon by now."""
+        """Write again what somebody deleted, and keep git out; DAEMON-RUNNING when another one is the daemon by now."""
         folder = self._layout.daemon
         if self._descriptor is not None and not _same(folder / LOCK, self._descriptor):
             descriptor, problem = _lock(self._layout)
@@ -60,7 +60,8 @@ class Owned:
             _sign(descriptor, self._record)
             os.close(self._descriptor)
             self._descriptor = descriptor
-        return None if (folder / RECORD).exists() else write_atomic(folder / RECORD, self._record, 0o600)
+        unwritten = None if (folder / RECORD).exists() else write_atomic(folder / RECORD, self._record, 0o600)
+        return unwritten or hide_from_git(self._layout.project)
 
     def release(self) -> None:
         """Take the record away and let go."""

@@ -10,10 +10,9 @@ from typing import Any
 
 from octoform.daemon.sensing.tailing import Tail, objects
 from octoform.endpoint.calllog import LoggedCall
-from octoform.endpoint.files import POLICY
+from octoform.endpoint.files import read_policy
 from octoform.escaping import escaped
 from octoform.state.layout import Layout
-from octoform.state.reading import json_of
 
 MOST_CALLS, MOST_LINES, MOST_UNDER_WAY = 200, 100, 500
 TEXT_CHARS = 500
@@ -95,11 +94,8 @@ class Hearing:
 
     def _allowed(self) -> dict[str, float]:
         """What the policy gives each tool, in seconds."""
-        try:
-            tools = json_of(self._layout.endpoint / POLICY)["tools"]
-            return {name: float(tool["timeout"]) for name, tool in tools.items()}
-        except (OSError, ValueError, LookupError, TypeError, AttributeError):
-            return {}
+        tools = (read_policy(self._layout) or {"tools": {}})["tools"]
+        return {name: float(tool["timeout"]) for name, tool in tools.items() if tool.get("timeout") is not None}
 
     def forget(self) -> None:
         """The process is another one: what was under way in the former ended with it."""

@@ -16,6 +16,7 @@ from octoform.daemon.sensing.answering import Answering
 from octoform.daemon.sensing.hearing import Heard, Hearing
 from octoform.daemon.sensing.presence import Presence
 from octoform.daemon.sensing.standing import Standing
+from octoform.endpoint import stopmark
 from octoform.endpoint.estop import is_latched
 from octoform.endpoint.files import read_manifest
 from octoform.endpoint.promise import published
@@ -23,7 +24,7 @@ from octoform.endpoint.running import Running, running
 from octoform.escaping import escaped
 from octoform.manifest.model import FILE_NAME
 from octoform.state.files import read_regular, write_atomic
-from octoform.state.layout import Layout
+from octoform.state.layout import STEP, Layout
 from octoform.state.lock import Holder, is_dead, read_holder
 from octoform.state.peek import peek
 
@@ -81,9 +82,10 @@ class Looker:
             applied=applied,
             destroyed=not applied and _destroyed(layout),
             busy=holder,
-            stopped_by=_stopped_by(layout),
+            stopped_by=stop.by if (stop := stopmark.read(layout)) is not None else None,
             process=process,
             latched=is_latched(layout),
+            unproved=_unproved(layout) if causes & STANDING else before.unproved,
             offered=frozenset(published(layout)) if causes & (STANDING | LOGS) else before.offered,
             disk_free=_free(layout),
             start_failed=self.start_failed if process is None else None,
@@ -200,15 +202,10 @@ def _destroyed(layout: Layout) -> bool:
     return "endpoint" not in state["nodes"] if state is not None else not os.path.lexists(layout.snapshot)
 
 
-def _stopped_by(layout: Layout) -> str | None:
-    """Who stopped the endpoint; whatever stands in the mark's place counts, readable or not."""
-    if not os.path.lexists(layout.stop_mark):
-        return None
-    data, _ = read_regular(layout.stop_mark, _LIMIT)
-    try:
-        return escaped(str(json.loads(data or b"")["by"])[:_LONGEST_WORDS])
-    except (ValueError, LookupError, TypeError, RecursionError):
-        return "a person"
+def _unproved(layout: Layout) -> tuple[str, ...]:
+    """The steps that the state calls failed; none while the state cannot be read, which is a problem of its own."""
+    nodes = (peek(layout) or {}).get("nodes", {})
+    return tuple(name for name, node in sorted(nodes.items()) if name.startswith(STEP) and node["status"] == "failed")
 
 
 def _free(layout: Layout) -> int | None:

@@ -12,19 +12,20 @@ import sys
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from io import FileIO
+from pathlib import Path
 from typing import Any
 
 from octoform import host
+from octoform.base.files import read_json
 from octoform.daemon.model import Sighting
 from octoform.daemon.sensing.hardware import names
 from octoform.daemon.sensing.process import ProcessEar
 from octoform.daemon.sensing.sources import wait_readable
-from octoform.endpoint.files import CONNECTION
+from octoform.endpoint.rights import describe, served
 from octoform.endpoint.running import Running, is_it
 from octoform.host.fingerprint import SYSROOT_VARIABLE
-from octoform.state.instances import read_instances
+from octoform.state.instances import classes_of, read_instances
 from octoform.state.layout import Layout
-from octoform.state.reading import json_of
 
 WHERE_SECONDS = 30.0
 WHERE = (sys.executable, "-I", "-m", "octoform.runtime.where")
@@ -50,6 +51,7 @@ class Presence:
         self._where = where or Asked(layout, environ)
         self._signature: object = None
         self._devices: Mapping[str, Sighting] = {}
+        self._nodes: tuple[Path, ...] = ()
         self._met: set[str] = set()
 
     def __call__(self, *, anew: bool = False, process: Running | None = None) -> Seen | None:
@@ -61,7 +63,7 @@ class Presence:
         ids = tuple(acting)
         ledger = read_instances(self._layout)[0] or {}
         recorded = {name: _recorded(ledger.get(name)) for name in ids}
-        signature = (names(self._root), tuple(recorded.items()))
+        signature = (names(self._root), tuple(recorded.items()), tuple(map(_rights, self._nodes)))
         if anew or signature != self._signature:
             answers = self._where(ids, process) if ids else {}
             if answers is None and process is not None and not is_it(process):
@@ -71,6 +73,9 @@ class Presence:
             self._devices = {
                 name: self._sighting(name, found.get(name), recorded[name], acts=acts) for name, acts in acting.items()
             }
+            nodes = [node for each in found.values() for node in each.get("nodes") or ()]
+            self._nodes = tuple(self._root / node.lstrip("/") for node in nodes)
+            signature = (*signature[:2], tuple(map(_rights, self._nodes)))
             self._signature = signature if answers is not None else None
         # After the devices: one that came back meanwhile is neither absent nor gone, and nothing to discover anew.
         appeared, gone = self._kinds()
@@ -85,32 +90,22 @@ class Presence:
             return Sighting(False if recorded or name in self._met else None, recorded=recorded)
         self._met.add(name)
         doubt = str(answer.get("doubt") or "") if acts else ""
-        return Sighting(True, str(answer.get("sysfs") or "") or None, doubt or None, recorded)
+        shut = [describe(each) for each in answer.get("refused") or ()]
+        return Sighting(True, str(answer.get("sysfs") or "") or None, doubt or None, recorded, "; ".join(shut) or None)
 
     def _kinds(self) -> tuple[tuple[str, ...], tuple[str, ...]]:
         try:
-            before = json_of(self._layout.fingerprint)["entries"]
+            before = read_json(self._layout.fingerprint)["entries"]
             return host.difference([str(each) for each in before], host.fingerprint(self._root).entries)
         except (OSError, ValueError, KeyError, TypeError):
             return (), ()  # nothing is remembered of what PROBE saw
-
-
-def served(layout: Layout) -> dict[str, bool]:
-    """The devices of the endpoint's tools by id, each with whether a tool acts on it; none without an endpoint."""
-    found: dict[str, bool] = {}
-    try:
-        for tool in json_of(layout.endpoint / CONNECTION)["tools"]:
-            for each in tool.get("devices") or ():
-                found[str(each)] = found.get(str(each), False) or tool.get("effect") != "read"
-    except (OSError, ValueError, KeyError, TypeError, AttributeError):
-        return {}
-    return dict(sorted(found.items()))
 
 
 class Asked:
     """The runtime, asked in a process of its own."""
 
     def __init__(self, layout: Layout, environ: Mapping[str, str], command: Sequence[str] = WHERE) -> None:
+        self._layout = layout
         self._command = command
         self._environment = {"PATH": environ.get("PATH", ""), "OCTOFORM_INSTANCES": str(layout.instances)}
         if environ.get(SYSROOT_VARIABLE):
@@ -122,7 +117,9 @@ class Asked:
         try:
             if not ear.follow(process):
                 return None
-            answers = json.loads(self._told(json.dumps(dict.fromkeys(ids, ())).encode(), ear.fileno()))
+            ledger = read_instances(self._layout)[0] or {}
+            asked = {name: classes_of(ledger.get(name)) for name in ids}
+            answers = json.loads(self._told(json.dumps(asked).encode(), ear.fileno()))
         except (OSError, ValueError, RecursionError):
             return None
         finally:
@@ -157,6 +154,15 @@ def _either(pid: int, ending: int | None) -> None:
         wait_readable([child] if ending is None else [child, ending], WHERE_SECONDS)
     finally:
         os.close(child)
+
+
+def _rights(node: Path) -> tuple[int, ...]:
+    """What moves when a node is opened or closed to a user."""
+    try:
+        found = node.stat()
+    except OSError:
+        return ()
+    return found.st_mode, found.st_uid, found.st_gid, found.st_ctime_ns
 
 
 def _recorded(instance: object) -> str | None:

@@ -11,15 +11,15 @@ from pathlib import Path
 from typing import Any
 
 from octoform import digest
+from octoform.base.files import read
 from octoform.endpoint.environment import MARKER, at, intact, packages_of
-from octoform.endpoint.files import PACKAGE, read_manifest
+from octoform.endpoint.files import PACKAGES, read_manifest
 from octoform.endpoint.observing import observe
 from octoform.state.artifacts import FileFacts, file_digest, present
 from octoform.state.artifacts import observe as observe_artifacts
 from octoform.state.keeping import kept
 from octoform.state.layout import Layout
 from octoform.state.peek import peek
-from octoform.state.reading import bytes_of
 
 MISSING, CHANGED, LINK, FOREIGN = "missing", "changed", "link", "foreign"
 _NOT_RUNNING = "the endpoint is not running"
@@ -67,7 +67,7 @@ class Standing:
         if manifest is not None:
             environment = Path(str(manifest.get("environment")))
             places += [environment / MARKER, environment / "bin" / "python", packages_of(environment)]
-        folders = (layout.committed, layout.endpoint, PACKAGE)
+        folders = (layout.committed, layout.endpoint, *PACKAGES)
         return (*map(_stamp, places), *(stamp for folder in folders for stamp in _stamps(folder)))
 
 
@@ -125,7 +125,7 @@ def _differing(layout: Layout, folder: Path, accepted: Mapping[str, bytes]) -> I
             yield _below(layout, path), LINK
             continue
         try:
-            same = bytes_of(path) == data
+            same = read(path) == data
         except FileNotFoundError:
             yield _below(layout, path), MISSING
             continue

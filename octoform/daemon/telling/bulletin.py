@@ -17,6 +17,12 @@ FRESH_SECONDS = 60.0
 """The longest between two writings of what has not changed: older health is not believed."""
 
 
+def basis(facts: Facts) -> dict[str, Any]:
+    """What anyone sees at once and for certain: a record of health that it contradicts is not believed."""
+    instance = facts.process.instance if facts.process is not None else None
+    return {"instance": instance, "stopped": facts.stopped_by is not None, "latched": facts.latched}
+
+
 @dataclass(slots=True)
 class Bulletin:
     """Writes health when it is new, and from time to time when it is not."""
@@ -36,15 +42,19 @@ class Bulletin:
         """Compose health of these facts, and write it down; ``promised`` is what ought to report (`ports.Promised`)."""
         ledger = self.evidence.ledger
         latest = ledger.latest()
-        known = current(latest, self.memory.shelf.layout)
+        wanted = frozenset(promised)
+        known = current(latest, self.memory.shelf.layout, wanted)
         readings = [self._aged(reading, facts.uptime) for reading in known]
         claims = [*ledger.active(), *ledger.pending()]
-        silent = unread(promised, latest, facts.uptime - self.stale) if facts.process is not None else []
+        silent = unread(wanted, latest, facts.uptime - self.stale) if facts.process is not None else []
         health = compose(facts, self.memory.episodes.open.values(), claims, readings, self._expected(known), silent)
-        frozen = [{"target": each.target, "why": each.frozen} for each in self.memory.breakers.frozen()]
-        beside = {"paused": paused, "waits": dict(waits), "frozen": frozen}
-        document = {**health.as_json(), **beside}
-        same = {name: value for name, value in document.items() if name not in ("at", "uptime")}
+        given_up = self.memory.breakers.given_up(self.memory.episodes.open.values())
+        frozen = [{"target": each.target, "why": each.frozen} for each in given_up]
+        beside = {"paused": paused, "waits": dict(waits), "frozen": frozen, "basis": basis(facts)}
+        # The interval is a third of `stale`.
+        until = facts.uptime + self.stale / 3 + FRESH_SECONDS
+        document = {**health.as_json(), **beside, "until": until}
+        same = {name: value for name, value in document.items() if name not in ("at", "uptime", "until")}
         there = self.memory.shelf.path(FILE).exists()
         if same != self._written or facts.uptime - self._at >= FRESH_SECONDS or not there:
             if self.memory.shelf.write(FILE, document):

@@ -21,6 +21,8 @@ _STAGE_PARTS = 3
 _PACKAGE = re.compile(r"^(?P<name>[A-Za-z0-9][\w.-]*) (?:\S+ )?(?:is gone from|was added to|-> \S+ in) the serving env")
 _CONFLICT = re.compile(r"was added to the serving environment|both provide|provided by (two|several)")
 _SERVED = re.compile(r"^(server\.py|the runtime)\b")
+_OTHER_SERVER = re.compile(r"^server\.py is not the one that the endpoint was made for$")
+"""A damaged one is told by its path; one that was accepted since is told as such."""
 _ELSEWHERE = re.compile(r"^the endpoint is not running$|tools differ|did not answer when it was last checked")
 """Reasons that are about the process, or about a check of former days: the process itself is asked instead."""
 _OF_PERSON = re.compile(r"built for another set of packages")
@@ -40,6 +42,7 @@ def damaged(facts: Facts) -> Iterator[Finding]:
             yield _file(facts.host, folder, f"has {count} files that are not as they were accepted")
     for path in sorted(set(facts.damaged) - set(ours))[:SINGLE]:
         yield _foreign(path)
+    yield from _adopted(facts)
     reasons = sorted(reason for reason in facts.endpoint if _is_published(reason, facts))
     if not facts.applied:
         reasons.append("the endpoint's manifest is gone or damaged")
@@ -94,8 +97,25 @@ def _foreign(path: str) -> Finding:
 def _is_published(reason: str, facts: Facts) -> bool:
     if _ELSEWHERE.search(reason) or _OF_PERSON.search(reason) or "serving environment" in reason:
         return False
-    # A damaged server.py or runtime is told by its path; without one, publishing again is what puts it right.
-    return not (_SERVED.match(reason) and any("/serve/" in path for path in facts.damaged))
+    if _OTHER_SERVER.match(reason):
+        return False
+    # A damaged runtime is told by its path; without one, publishing again is what puts it right.
+    return not (_SERVED.match(reason) and _is_served_damaged(facts))
+
+
+def _is_served_damaged(facts: Facts) -> bool:
+    return any("/serve/" in path for path in facts.damaged)
+
+
+def _adopted(facts: Facts) -> Iterator[Finding]:
+    """A server that is accepted as it lies there and is not the one in service: to publish it is a person's apply."""
+    reason = next((each for each in facts.endpoint if _OTHER_SERVER.match(each)), None)
+    if reason is not None and facts.applied and not _is_served_damaged(facts):
+        target = f"file:state/{facts.host}/serve/server.py"
+        summary = "the accepted server is another one than the endpoint serves"
+        detail = "octoform apply brings it into service (octoform plan shows first what it would do)"
+        kind, fault = Kind.FILE_DAMAGED, FaultClass.NONE
+        yield Finding(kind, fault, target, summary, ("adopted",), Repair.PERSON, detail=detail)
 
 
 def _package(reason: str) -> Finding:

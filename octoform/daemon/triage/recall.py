@@ -29,12 +29,17 @@ _CHANGING = re.compile(r"0x[0-9a-fA-F]+|\b[0-9a-f]{8,}\b|\d+(?:\.\d+)?")
 
 @dataclass(frozen=True, slots=True)
 class Failing:
-    """A tool that failed and has not worked since: ``times`` in a row, ``said`` without what changes (numbers)."""
+    """A tool that failed and has not worked since: ``times`` in a row, ``said`` without what changes (numbers).
+
+    ``first`` and ``last`` are the times of the first and the last of these failures (RFC 3339; empty: not known).
+    """
 
     error: str
     said: str
     message: str
     times: int
+    first: str = ""
+    last: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,7 +73,10 @@ def remember(recall: Recall, facts: Facts) -> Recall:
 
 def as_json(recall: Recall) -> dict[str, Any]:
     """A JSON object of it, without what a restart makes worthless."""
-    failing = {name: [each.error, each.said, each.message, each.times] for name, each in recall.failing.items()}
+    failing = {
+        name: [each.error, each.said, each.message, each.times, each.first, each.last]
+        for name, each in recall.failing.items()
+    }
     return {
         "failing": failing,
         "ends": list(recall.ends),
@@ -82,8 +90,8 @@ def as_json(recall: Recall) -> dict[str, Any]:
 def from_json(value: Mapping[str, Any]) -> Recall:
     """The opposite; LookupError, TypeError or ValueError for what is none."""
     failing = {
-        str(name): Failing(str(error), str(said), str(message), int(times))
-        for name, (error, said, message, times) in value["failing"].items()
+        str(name): Failing(str(error), str(said), str(message), int(times), *map(str, stamps[:2]))
+        for name, (error, said, message, times, *stamps) in value["failing"].items()
     }
     instance = value["instance"]
     return Recall(
@@ -119,7 +127,7 @@ def _failing(recall: Recall, facts: Facts) -> dict[str, Failing]:
     }
     for call in facts.failures:
         if not call.ok:
-            failing[call.tool] = _once_more(failing.get(call.tool), call)
+            failing[call.tool] = _once_more(failing.get(call.tool), call, facts.stamp)
     # What an apply took away is missed by nobody, and no call could ever show that it works again.
     there = {name: each for name, each in failing.items() if not facts.offered or name in facts.offered}
     return dict(list(there.items())[-MOST_TOOLS:])
@@ -130,10 +138,10 @@ def _found(facts: Facts) -> bool:
     return bool(facts.devices) and all(each.there and each.doubt is None for each in facts.devices.values())
 
 
-def _once_more(before: Failing | None, call: LoggedCall) -> Failing:
+def _once_more(before: Failing | None, call: LoggedCall, stamp: str) -> Failing:
     kind = call.error or ("Error" if call.ended else OVERDUE)
     error, message = escaped(kind)[:80], escaped(str(call.message or ""))[:MESSAGE_CHARS]
     said = _CHANGING.sub("#", message)
-    if before is None or (before.error, before.said) != (error, said):
-        return Failing(error, said, message, (before.times if before else 0) + 1)
-    return replace(before, message=message, times=before.times + 1)
+    if before is None:
+        return Failing(error, said, message, 1, stamp, stamp)
+    return replace(before, error=error, said=said, message=message, times=before.times + 1, last=stamp)

@@ -11,7 +11,7 @@ from octoform.daemon.model import Facts, FaultClass, Finding, Kind, Repair, Stat
 from octoform.escaping import escaped
 
 MOST = 20
-TEXT_CHARS = 300
+TEXT_CHARS, SUMMARY_CHARS = 300, 600
 _KINDS = {
     FaultClass.DEPENDENCY: Kind.PACKAGE_DAMAGED,
     FaultClass.BROKEN_TOOL: Kind.TOOL_FAILING,
@@ -43,6 +43,11 @@ def findings_of(report: Mapping[str, Any] | None, facts: Facts) -> tuple[Finding
             _lost(f"WATCH says {_text(report.get('status'))} and names no error: {_text(report.get('summary'))}")
         )
     return tuple({finding.key: finding for finding in found}.values())
+
+
+def summary_of(report: Mapping[str, Any] | None) -> str | None:
+    """The words that sum a report up, for the next one; None where it has none."""
+    return str((report or {}).get("summary") or "")[:SUMMARY_CHARS] or None
 
 
 def _errors(report: Mapping[str, Any]) -> Iterator[Mapping[str, Any]]:

@@ -2,11 +2,14 @@
 
 A camera that is covered, dead or still warming up answers with a valid picture of one colour; no schema sees that. As
 a program it reads ``{"pictures": [base64, ...]}`` from its input and prints ``{"pictures": [{"bytes", "width",
-"height", "mean", "spread", "thumb"}, ...]}``: brightness in 0..255, ``thumb`` the base64 of 48 rows of 64 grey bytes;
-all but ``bytes`` are null for what cannot be read. Runs in the serving environment, with what libraries it has.
+"height", "mean", "spread", "thumb", "pixels", "grain"}, ...]}``: brightness in 0..255, ``thumb`` the base64 of 48
+rows of 64 grey bytes, ``pixels`` a digest of all grey pixels, ``grain`` the part of them that is off the line between
+its neighbours both across and down (the noise of a sensor puts most of them off, a drawn picture only corners); all but
+``bytes`` are null for what cannot be read. Runs in the serving environment, with what libraries it has.
 """
 
 import base64
+import hashlib
 import io
 import json
 import struct
@@ -20,16 +23,19 @@ COLOURED = (2, 6)
 JPEG, JPEG_END = b"\xff\xd8", b"\xff\xd9"
 MOST_BY_HAND = 1_000_000
 WIDTH, HEIGHT = 64, 48
+NOT_MIDDLE = [0 if level == 128 else 255 for level in range(256)]
 
 
 class Seen(NamedTuple):
-    """Size in pixels, brightness in 0..255, and ``thumb``: HEIGHT rows of WIDTH grey bytes."""
+    """Size in pixels, brightness in 0..255, ``thumb``: HEIGHT rows of WIDTH grey bytes; digest and grain (0..1)."""
 
     width: int
     height: int
     mean: float
     spread: float
     thumb: bytes
+    pixels: str
+    grain: float
 
 
 def figures(data: str) -> dict[str, Any]:
@@ -58,7 +64,7 @@ def decoded(raw: bytes) -> Seen | None:
 def by_pillow(raw: bytes) -> Seen | None:
     """By Pillow, where the serving environment has it."""
     try:
-        from PIL import Image, ImageStat
+        from PIL import Image, ImageChops, ImageFilter, ImageStat
     except ImportError:
         return None
     try:
@@ -68,7 +74,15 @@ def by_pillow(raw: bytes) -> Seen | None:
         return None
     stat = ImageStat.Stat(grey)
     thumb = grey.resize((WIDTH, HEIGHT), Image.Resampling.BOX).tobytes()
-    return Seen(grey.width, grey.height, round(stat.mean[0], 1), round(stat.stddev[0], 1), thumb)
+    inner = (1, 1, max(2, grey.width - 1), max(2, grey.height - 1))
+    across, down = (
+        grey.filter(ImageFilter.Kernel((3, 3), kernel, scale=1, offset=128)).crop(inner).point(NOT_MIDDLE)
+        for kernel in ((0, 0, 0, -1, 2, -1, 0, 0, 0), (0, -1, 0, 0, 2, 0, 0, -1, 0))
+    )
+    off = ImageChops.darker(across, down).histogram()
+    grain = round(off[255] / sum(off), 3)
+    figures = (round(stat.mean[0], 1), round(stat.stddev[0], 1))
+    return Seen(grey.width, grey.height, *figures, thumb, digest(grey.tobytes()), grain)
 
 
 def by_opencv(raw: bytes) -> Seen | None:
@@ -83,7 +97,12 @@ def by_opencv(raw: bytes) -> Seen | None:
         return None
     height, width = grey.shape
     thumb = cv2.resize(grey, (WIDTH, HEIGHT), interpolation=cv2.INTER_AREA).tobytes()
-    return Seen(width, height, round(float(grey.mean()), 1), round(float(grey.std()), 1), thumb)
+    wide = grey.astype(numpy.int16)
+    across = 2 * wide[1:-1, 1:-1] != wide[1:-1, :-2] + wide[1:-1, 2:]
+    down = 2 * wide[1:-1, 1:-1] != wide[:-2, 1:-1] + wide[2:, 1:-1]
+    grain = round(float((across & down).mean()), 3) if across.size else 0.0
+    figures = (round(float(grey.mean()), 1), round(float(grey.std()), 1))
+    return Seen(width, height, *figures, thumb, digest(grey.tobytes()), grain)
 
 
 def by_hand(raw: bytes) -> Seen | None:
@@ -98,7 +117,24 @@ def by_hand(raw: bytes) -> Seen | None:
         return None
     mean = sum(grey) / len(grey)
     variance = sum((value - mean) ** 2 for value in grey) / len(grey)
-    return Seen(width, height, round(mean, 1), round(variance**0.5, 1), shrunk(grey, width, height))
+    figures = (round(mean, 1), round(variance**0.5, 1))
+    return Seen(width, height, *figures, shrunk(grey, width, height), digest(grey), grain_of(grey, width))
+
+
+def digest(grey: bytes) -> str:
+    """A digest of all pixels: two pictures with the same one have no different pixel."""
+    return hashlib.sha256(grey).hexdigest()
+
+
+def grain_of(grey: bytes, width: int) -> float:
+    """The part of the inner pixels, 0..1, that is off the line between its neighbours both across and down."""
+    rows = [grey[start : start + width] for start in range(0, len(grey), width)]
+    off = inner = 0
+    for above, row, below in zip(rows, rows[1:], rows[2:], strict=False):
+        around = zip(row, row[1:], row[2:], above[1:], below[1:], strict=False)
+        off += sum(2 * at != left + right and 2 * at != up + down for left, at, right, up, down in around)
+        inner += max(0, width - 2)
+    return round(off / inner, 3) if inner else 0.0
 
 
 def shrunk(grey: bytes, width: int, height: int) -> bytes:

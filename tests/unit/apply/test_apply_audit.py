@@ -18,7 +18,7 @@ def project(tmp_path: Path) -> Path:
 
 
 def watch(project: Path) -> audit.Watch:
-    return audit.begin(project, [project / "octopus.yaml", project / "absent.md"], [project / "state"])
+    return audit.begin(project, audit.Guarded([project / "octopus.yaml", project / "absent.md"], [project / "state"]))
 
 
 def test_nothing_touched_is_nothing_told(project: Path) -> None:
@@ -125,7 +125,9 @@ def test_what_is_undone_is_kept_for_whoever_wrote_it(project: Path, tmp_path_fac
     """A person may have saved a file while an agent ran; nobody can tell who it was, so nothing is lost."""
     outside = tmp_path_factory.mktemp("installed") / "identify.md"
     outside.write_text("the spec\n")
-    seen = audit.begin(project, [project / "octopus.yaml", outside], [project / "state"])
+    seen = audit.begin(
+        project, audit.Guarded([project / "octopus.yaml", outside], [project / "state"], installed=frozenset({outside}))
+    )
     (project / "octopus.yaml").write_text("an hour of work\n")
     outside.write_text("another\n")
     (project / "state" / "stranger.json").write_text("{}")

@@ -162,6 +162,7 @@ def test_two_pictures_at_most_each_with_the_reading_that_vouches_for_it(tmp_path
         {"reading": "v2", "file": "previous.jpg"},
     ]
     assert found.files == {"current.jpg": b"c", "previous.jpg": b"p"} and found.perception["available"] is True
+    assert found.perception["summary"].startswith(f"0 looks since {AT}")
     (layout.frames / "previous.jpg").write_bytes(b"of another look")
     assert len(beheld(layout, on, [seen(1), seen(2)]).frames) == 1
 
@@ -178,3 +179,10 @@ def test_without_a_picture_the_reason_is_told_and_nothing_breaks(tmp_path: Path,
         looked(layout, current=frame(layout, "current.jpg", b"c", complaint="black" if case == "black" else None))
     found = beheld(layout, on, readings)
     assert found.frames == () and not found.files and found.perception["available"] is False and found.reason
+    assert (found.perception["summary"] is None) == (case in ("off", "never", "no record"))
+
+
+def test_of_too_many_readings_those_of_both_pictures_stay() -> None:
+    looks = [seen(1), seen(2), seen(3)]
+    rows = readings_of({"readings": [*looks, *(reading(number) for number in range(2000))]})
+    assert [row["id"] for row in rows if row["channel"] == "frame"] == ["v2", "v3"]

@@ -15,12 +15,14 @@ from octoform.apply.pointing import at
 from octoform.apply.restoring import Value, fitting
 from octoform.apply.sights import by_frame, by_view
 from octoform.apply.trials import Bench, Tried, by_reading
+from octoform.endpoint.scripts.picture import digest, grain_of
 from octoform.perception.judging import Picture
 from octoform.protocol.steps import Proof
 from octoform.simulation import packets
 from octoform.simulation.descriptions import load
 from octoform.simulation.line import LineDevice
 from octoform.simulation.scene import Scene
+from octoform.simulation.sensor import Sensor
 from octoform.simulation.servos import ServoBus
 
 JOINTS = {"shoulder_pan": 1, "shoulder_lift": 2, "elbow_flex": 3, "wrist_flex": 4, "wrist_roll": 5, "gripper": 6}
@@ -324,6 +326,9 @@ class Rail:
     scene: Scene
     dark: bool = False
     flicker: random.Random | None = None
+    sensor: Sensor | None = None
+    frozen: bool = False
+    last: bytes = b""
 
     def call(self, tool: str, arguments: Mapping[str, Any]) -> Answer:
         assert tool == "rail_move_x"
@@ -343,12 +348,16 @@ class Rail:
         if self.dark:
             return Seen(Picture(1.0, 0.5, bytes(64 * 48)), b"dark", "image/jpeg")
         luma, _, _ = self.scene.frame(320, 240)
+        if self.sensor is not None:
+            luma = self.last if self.frozen and self.last else self.sensor.exposed(luma)
+            self.last = luma
         rows = [luma[place * 320 : place * 320 + 320] for place in range(0, 240, 5)]
         thumb = bytes(sum(row[column : column + 5]) // 5 for row in rows for column in range(0, 320, 5))
         if self.flicker is not None:
             patch = bytes([self.flicker.randrange(256)]) * 2
             thumb = patch + thumb[2:]
-        return Seen(Picture(statistics.fmean(thumb), statistics.pstdev(thumb), thumb), b"picture", "image/jpeg")
+        figures = (statistics.fmean(thumb), statistics.pstdev(thumb))
+        return Seen(Picture(*figures, thumb, digest(luma), grain_of(luma, 320)), b"picture", "image/jpeg")
 
 
 def a_rail(**more: Any) -> Rail:
@@ -434,12 +443,37 @@ def test_a_dark_camera_proves_nothing(tmp_path: Path) -> None:
     assert codes(one) == ["STEP-PICTURE-EMPTY", "STEP-PICTURE-EMPTY"]
 
 
-def test_a_camera_that_shows_something_is_enough_and_one_that_stands_still_is_told(tmp_path: Path) -> None:
+CAMERA = {"device": "usb-045e-0772", "tool": "capture_image", "arguments": {}}
+FRAME = Proof("frame", 0, "", 2.0)
+
+
+def test_a_camera_that_shows_something_is_enough_and_one_that_cannot_be_told_is_a_warning(tmp_path: Path) -> None:
     rail = a_rail()
-    camera = {"device": "usb-045e-0772", "tool": "capture_image", "arguments": {}}
-    frame = bench(rail, Proof("frame", 0, "", 2.0), tmp_path)
-    assert codes(by_frame(frame, camera)) == []
+    frame = bench(rail, FRAME, tmp_path)
+    assert codes(by_frame(frame, CAMERA)) == []
     rail.line.opened()
     rail.scene = Scene(None, rail.line, lambda: 7.0)
-    one = by_frame(frame, camera)
-    assert codes(one) == ["STEP-PICTURE-FROZEN"] and one.found[0].severity == "warning"
+    one = by_frame(frame, CAMERA)
+    assert codes(one) == ["STEP-PICTURE-REPEATED"] and one.found[0].severity == "warning"
+
+
+def test_a_healthy_camera_before_a_still_scene_passes_two_hundred_times(tmp_path: Path) -> None:
+    rail = a_rail(sensor=Sensor())
+    rail.line.opened()
+    rail.scene = Scene(None, rail.line, lambda: 7.0)
+    for _ in range(200):
+        assert codes(by_frame(bench(rail, FRAME, tmp_path), CAMERA)) == []
+
+
+def test_a_frozen_camera_fails_after_some_seconds_of_the_same_noise(tmp_path: Path) -> None:
+    rail = a_rail(sensor=Sensor(), frozen=True)
+    before = rail.time.now
+    one = by_frame(bench(rail, FRAME, tmp_path), CAMERA)
+    assert codes(one) == ["STEP-PICTURE-FROZEN"] and one.found[0].severity == "error"
+    assert 5 <= rail.time.now - before < 15
+
+
+def test_a_movement_before_a_frozen_camera_blames_the_camera_and_not_the_rail(tmp_path: Path) -> None:
+    rail = a_rail(sensor=Sensor(), frozen=True)
+    one = by_view(bench(rail, VIEW, tmp_path), SIGHT, "/trials/0")
+    assert codes(one)[0] == "STEP-PICTURE-FROZEN" and "STEP-NOT-SEEN" not in codes(one)

@@ -51,3 +51,23 @@ def test_a_number_that_is_called_a_serial_number_is_not_told(said: str) -> None:
 )
 def test_what_only_speaks_of_serial_stays(said: str) -> None:
     assert scrub(said, []) == said
+
+
+@pytest.mark.parametrize(
+    "serial", ["0001", "123456", "0123456789", "000000000000", "1234567890ABCDEF", "Serial Number"]
+)
+def test_a_default_number_is_no_identity_alone_or_beside_a_twin(serial: str) -> None:
+    assert strengths(board("1-1", serial)) == ["positional"]
+    assert strengths(board("1-1", serial), board("1-2", "A10KZP4X")) == ["positional", "strong"]
+
+
+def test_short_numbers_count_where_twins_show_different_ones() -> None:
+    assert strengths(board("1-1", "A5")) == ["positional"]
+    assert strengths(board("1-1", "A5"), board("1-2", "B7")) == ["strong", "strong"]
+    assert strengths(board("1-1", "A5"), board("1-2", "")) == ["positional", "positional"]
+
+
+def test_a_number_that_repeats_the_product_is_none() -> None:
+    unit = board("1-1", "Otter-X2 9000")
+    unit.head.add("product", "Otter X2 9000")
+    assert strengths(unit) == ["positional"]

@@ -37,10 +37,10 @@ LAST = "2026-01-02T10:00:00Z"
 def document(
     readings: list[tuple[Any, ...]], failures: Sequence[tuple[Any, Any, Any]] = (), **more: Any
 ) -> dict[str, Any]:
-    """An input; readings are (channel, source, path, value) and perhaps a stamp, failures (tool, error, message)."""
+    """An input; readings are (channel, source, path, value[, stamp[, why]]), failures (tool, error, message)."""
     rows = [
-        {"id": f"r{n}", "channel": row[0], "source": row[1], "path": row[2], "value": row[3], "why": ""}
-        | {"at": row[4] if len(row) > 4 else LAST}
+        {"id": f"r{n}", "channel": row[0], "source": row[1], "path": row[2], "value": row[3]}
+        | {"at": row[4] if len(row) > 4 else LAST, "why": row[5] if len(row) > 5 else ""}
         for n, row in enumerate(readings)
     ]
     failed = [
@@ -76,9 +76,21 @@ def test_nothing_is_known_without_a_reading() -> None:
 
 
 def test_what_does_not_report_makes_it_unknown_and_is_named() -> None:
-    report = answered(document([*WELL, ("sensor", "read_meter", "/amperes", None)]))
+    report = answered(document([*WELL, ("sensor", "read_meter", "/amperes", None, LAST, "its owner disabled it")]))
     assert report["status"] == "unknown"
     assert "sensor read_meter /amperes" in report["summary"]
+
+
+def test_a_field_that_is_null_for_no_reason_is_an_answer() -> None:
+    report = answered(document([*WELL, ("sensor", "read_meter", "/calibrated_by", None)]))
+    assert report["status"] == "healthy" and "Not readable" not in report["summary"]
+
+
+def test_a_call_that_failed_as_a_whole_is_over_once_the_tool_answers() -> None:
+    failed = ("sensor", "read_meter", "", None, LAST, "the endpoint takes no client")
+    assert answered(document([failed, *WELL]))["status"] == "healthy"
+    report = answered(document([*WELL, failed]))
+    assert report["status"] == "unknown" and "Not readable: sensor read_meter" in report["summary"]
 
 
 def test_a_claim_in_force_is_no_health() -> None:

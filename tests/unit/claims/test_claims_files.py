@@ -77,14 +77,14 @@ def test_a_joint_is_restricted_by_each_of_its_names(bench: Bench) -> None:
         bench.read(number, replace(heat(name), path=f"/joints/{name}/id"))
     bench.read(1, replace(heat(), path="/joints/elbow_flex/moving"))  # a value, no name
     bench.claim(bench.read(70))
-    assert restricted(bench)[0]["arguments"] == {"joint": ["elbow_flex", "3"]}
+    assert restricted(bench)[0]["units"] == ["elbow_flex", "3"]
 
 
 def test_a_joint_that_stands_under_its_number_is_restricted_by_its_name_too(bench: Bench) -> None:
     numbered = replace(heat(), path="/joints/3/temperature")
     bench.read("elbow_flex", replace(heat(), path="/joints/3/joint"))
     bench.claim(bench.read(70, numbered), signal=numbered)
-    assert restricted(bench)[0]["arguments"] == {"joint": ["elbow_flex", "3"]}
+    assert restricted(bench)[0]["units"] == ["elbow_flex", "3"]
 
 
 def test_what_another_changed_in_the_endpoints_file_is_put_right(bench: Bench) -> None:

@@ -194,12 +194,21 @@ def _check_growth(told: Told, step: str, made: Claim | None, active: tuple[Claim
     bench = told.bench
     endpoint = Restrictions(bench.layout.restrictions, clock=bench.clock.uptime, boot=bench.boot)
     entries = [entry for entry in endpoint.in_force() if entry.tool != "arm_status"]
-    now = frozenset(json.dumps([entry.tool, entry.arguments, entry.effect]) for entry in entries)
+    now = frozenset(
+        json.dumps([entry.tool, entry.arguments, entry.device, entry.units, entry.kind, entry.effect])
+        for entry in entries
+    )
     assert endpoint.problem is None
-    assert {entry.claim for entry in entries} == {claim.id for claim in active if claim.restrictions}
+    assert {entry.claim for entry in entries} == {
+        claim.id for claim in active if claim.restrictions or claim.irreversible
+    }
     if now - told.in_force:
         assert step in ("propose", "confirm") and made is not None and made.state is State.ACTIVE
         evidence = evidence_of(made)
+        if made.irreversible is not None:
+            assert step == "confirm" and made.id in told.confirmed
+            told.in_force = now
+            return
         assert evidence is not None
         if made.id not in told.confirmed:
             assert evidence.uptime > told.carried.get(made.signal, -1.0)

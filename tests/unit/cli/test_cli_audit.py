@@ -2,6 +2,7 @@
 
 import io
 import json
+import os
 import re
 from pathlib import Path
 from typing import Any
@@ -11,6 +12,7 @@ from launched import launched, tool
 
 import octoform
 from octoform.cli.main import main
+from octoform.launcher.audit import Audit
 from octoform.views import audit
 from octoform.views.console import Console
 
@@ -34,6 +36,7 @@ def read_gpio() -> str:
     return "0"
 '''
 TOOLS = [tool("move_rail", "actuate"), tool("read_gpio")]
+ME = rf'\("octoform {re.escape(octoform.__version__)}", pid \d+ of uid {os.getuid()}\)'
 LAUNCHER = Path(__file__).parents[3] / "octoform" / "launcher"
 
 
@@ -60,13 +63,13 @@ def test_calls_are_told_in_sentences_with_what_came_of_them(tmp_path: Path, caps
         assert capsys.readouterr().out == ""
     for pattern in (
         r"^ +1  \d{4}-\d\d-\d\dT\d\d:\d\d:\d\dZ  started     the endpoint started, scope local$",
-        r"  allowed     move_rail\(steps=3\) for local$",
+        rf"  allowed     move_rail\(steps=3\) for local {ME}$",
         r"  done        move_rail answered in \d+ ms$",
         r"  failed      move_rail answered with an error after \d+ ms: the rail ends at 1000$",
         r"  failed      move_rail answered with an error after \d+ ms: octoform logs has the exception under \w{8}$",
         r"  estop       emergency stop by .+ at the terminal: smoke$",
         r"  estop       no profile names a stop action: nothing was sent to any device$",
-        r"  refused     move_rail\(steps=4\) for local: emergency stop: latched by ",
+        r"  refused     move_rail\(steps=4\) for local \(.+\): emergency stop: latched by ",
     ):
         assert re.search(pattern, said, re.MULTILINE), (pattern, said)
     assert "private words" not in said and "{" not in said
@@ -85,14 +88,14 @@ def test_an_approval_is_told_with_who_was_asked(
         assert "nobody could be asked: there is no terminal; -auto-approve approves" in capsys.readouterr().err
         assert main([*words, "audit"]) == 0
         said = [line[30:] for line in capsys.readouterr().out.splitlines()[1:]]
-    client = rf"client octoform -auto-approve {re.escape(octoform.__version__)}, approval"
+    client = rf'local \("octoform -auto-approve {re.escape(octoform.__version__)}", pid \d+ of uid \d+\)'
     asked = re.fullmatch(
-        rf"asked       move_rail\(steps=3\) for local: a person has to approve it \({client} (\w{{8}})\)", said[0]
+        rf"asked       move_rail\(steps=3\) for {client}: a person has to approve it \(approval (\w{{8}})\)", said[0]
     )
     assert asked, said
-    marks = rf"\({client} {asked[1]}\)"
-    assert re.fullmatch(rf"allowed     move_rail\(steps=3\) for local: approved by -auto-approve {marks}", said[1])
-    assert said[3].startswith("asked       move_rail(steps=3) for local: a person has to approve it (client octoform ")
+    marks = rf"\(approval {asked[1]}\)"
+    assert re.fullmatch(rf"allowed     move_rail\(steps=3\) for {client}: approved by -auto-approve {marks}", said[1])
+    assert re.match(rf"asked       move_rail\(steps=3\) for local {ME}: a person has to approve it \(approval", said[3])
     assert len(said) == 4, "nobody was asked, so nobody's word is told"
 
 
@@ -111,13 +114,48 @@ def test_every_answer_of_a_person_has_its_words() -> None:
         )
     ]
     assert told == [
-        "asked       fire() for anna: a person has to approve it (client x 1, approval ab)",
-        "allowed     fire() for anna: approved by the client's person (client x 1, approval ab)",
-        "refused     fire() for anna: too much; it was approved by the client's person (client x 1, approval ab)",
-        "refused     fire() for anna: the person declined (client x 1, approval ab)",
-        "refused     fire() for anna: cannot ask (client x 1)",
-        "refused     fire() for anna: too much",
+        'asked       fire() for anna ("x 1"): a person has to approve it (approval ab)',
+        'allowed     fire() for anna ("x 1"): approved by the client\'s person (approval ab)',
+        'refused     fire() for anna ("x 1"): too much; it was approved by the client\'s person (approval ab)',
+        'refused     fire() for anna ("x 1"): the person declined (approval ab)',
+        'refused     fire() for anna ("x 1"): cannot ask',
+        'refused     fire() for anna ("x 1"): too much',
     ]
+
+
+def test_the_log_is_searched_by_tool_client_time_and_refusal(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "octopus.yaml").write_text("version: 1\nhost: bench\nharness: builtin\n")
+    folder = tmp_path / ".octoform" / "bench" / "log"
+    log = Audit.open(folder)
+    for number in range(400):
+        mine = number % 100 == 7
+        who = {"client": "planner 2" if mine else "other 1", "uid": 1000, "pid": 4000 + number, "caller": "local"}
+        decision = "refuse" if number % 50 == 7 else "allow"
+        tool = "aim" if number % 2 else "fire"
+        log.write("decision", call=f"c-{number}", tool=tool, decision=decision, arguments={}, **who)
+        log.write("outcome", call=f"c-{number}", tool=tool, outcome="ok", ms=1)
+    log.close()
+
+    def found(*words: str) -> list[dict[str, Any]]:
+        assert main([f"-chdir={tmp_path}", "audit", "-json", *words]) == 0
+        records: list[dict[str, Any]] = json.loads(capsys.readouterr().out)["records"]
+        assert [record["seq"] for record in records] == sorted(record["seq"] for record in records)
+        return records
+
+    planner = found("-client", "PLANNER")
+    assert [record["event"] for record in planner] == ["decision", "outcome"] * 4
+    assert {record["call"] for record in planner} == {"c-7", "c-107", "c-207", "c-307"}
+    assert [record["call"] for record in found("-client", "4107")] == ["c-107", "c-107"]
+    assert [record["call"] for record in found("-refused", "-n", "3")] == ["c-257", "c-307", "c-357"]
+    assert {record["call"] for record in found("-refused", "-client", "planner")} == {"c-7", "c-107", "c-207", "c-307"}
+    assert {record["tool"] for record in found("-tool", "aim", "-n", "20")} == {"aim"}
+    assert len(found("-since", "1h", "-n", "9999")) == 800 and found("-since", "2099-01-01T00:00:00Z") == []
+    assert main([f"-chdir={tmp_path}", "audit", "-client", "nobody"]) == 0
+    assert capsys.readouterr().out == "No record fits.\n"
+    assert main([f"-chdir={tmp_path}", "audit", "-since", "yesterday"]) != 0
+    assert "'yesterday' is neither a duration nor a time; give a duration back" in capsys.readouterr().err
 
 
 def test_what_a_stop_did_has_a_line_for_each_device() -> None:

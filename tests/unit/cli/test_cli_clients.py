@@ -13,6 +13,7 @@ from launched import LOOPBACK, launched, tool
 from ruamel.yaml import YAML
 
 from octoform.cli.main import main
+from octoform.endpoint import starter
 from octoform.endpoint.clients.formats import CLIENTS, of
 from octoform.endpoint.public import no_tunnel, tunnel_opened
 from octoform.endpoint.publishing import client_command
@@ -67,6 +68,34 @@ def test_what_is_printed_is_what_is_installed(client: Any, project: Path, capsys
     assert main([f"-chdir={project}", "clients", "remove", client.key]) == 0
     assert "removed from" in capsys.readouterr().out
     assert not Path(done["file"]).exists()
+
+
+@pytest.mark.parametrize("cache", ["home/.cache/uv/archive-v0/x1", "own/environments-v2/x", "home/.cache/pipx/3f"])
+def test_no_clients_file_names_a_cache_that_is_cleaned(
+    project: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, cache: str
+) -> None:
+    passing = tmp_path / cache / "bin"
+    passing.mkdir(parents=True)
+    monkeypatch.setattr(starter.sys, "prefix", str(passing.parent))
+    for folder in (passing, tmp_path / "shims"):
+        folder.mkdir(exist_ok=True)
+    (passing / "octoform").write_text("#!/bin/sh\n")
+    (passing / "octoform").chmod(0o755)
+    (tmp_path / "shims" / "octoform").symlink_to(passing / "octoform")
+    monkeypatch.setenv("PATH", f"{passing}:{tmp_path / 'shims'}")
+    for words in (["clients", "install", "claude-code"], ["connect", "-print", "claude-code"]):
+        assert main([f"-chdir={project}", *words]) == 1
+        said = capsys.readouterr()
+        assert "error[CLIENT-COMMAND-TEMPORARY]" in said.err and "uv tool install octoform" in said.err
+        assert said.out == "" and not (tmp_path / "home" / ".claude.json").exists()
+    stays = tmp_path / "bin" / "octoform"
+    stays.parent.mkdir()
+    stays.write_text("#!/bin/sh\n")
+    stays.chmod(0o755)
+    monkeypatch.setenv("PATH", f"{passing}:{stays.parent}")
+    assert main([f"-chdir={project}", "clients", "install", "claude-code"]) == 0
+    written = (tmp_path / "home" / ".claude.json").read_text()
+    assert str(stays) in written and str(passing.parent) not in written
 
 
 @pytest.mark.parametrize(

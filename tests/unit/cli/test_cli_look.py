@@ -11,11 +11,13 @@ from launched import Launched, launched, tool
 
 from octoform.cli.dispatch import dispatch
 from octoform.endpoint.environment import MARKER
+from octoform.engine import looking
+from octoform.perception import judging
 from octoform.state.layout import Layout
 
 CAMERA, OTHER = "usb-1f00-00c1", "usb-1f00-00c2"
 SOURCE = '''
-import struct, zlib
+import random, struct, zlib
 from pathlib import Path
 from fastmcp import FastMCP
 from fastmcp.exceptions import ToolError
@@ -49,6 +51,8 @@ def capture_image(device: str):
         return "/tmp/picture.jpg"
     level = 0 if mode == "dark" else 200
     rows = [[calls % 7] * 64 + [level] * 64 for _ in range(96)]
+    if mode == "still":
+        rows = [list(random.Random(row).randbytes(128)) for row in range(96)]
     data = png(rows)
     return Image(data=data[:-60] if mode == "cut" else data, format="png")
 '''
@@ -125,10 +129,15 @@ def test_a_picture_its_figures_and_the_difference_to_the_one_before(
     assert (bench.layout.frames / "current.png").is_file()
 
 
-def test_a_picture_that_shows_nothing_leaves_with_2(bench: Launched, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_picture_that_shows_nothing_leaves_with_2(
+    bench: Launched, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(looking, "REPEAT_SECONDS", 0.0)
+    monkeypatch.setattr(judging, "FROZEN_SECONDS", 0.0)
     dark = Said(bench, capsys, "dark")
     assert dark.status == 2 and dark.out[0].endswith("shows nothing: black")
     assert Said(bench, capsys, "bright").status == 0
+    assert Said(bench, capsys, "still").status == 0, "one picture proves nothing"
     still = Said(bench, capsys, "still", "-json")
     assert (still.status, still.document["picture"]["complaint"]) == (2, "frozen")
     assert any("physical state is unknown" in line for line in still.document["summary"])
@@ -199,7 +208,7 @@ def test_without_a_duration_the_manifest_has_to_agree(bench: Launched, capsys: p
         (("-count", "2"), "-count says how often -every looks"),
         (("-every", "1s", "-count", "none"), "is no number of looks"),
         (("-every", "500ms"), "too often"),
-        (("-every", "30"), "is not a duration"),
+        (("-every", "30"), "is no duration"),
         (("-save", ""), "give the file"),
     ],
 )

@@ -38,7 +38,6 @@ def test_what_is_no_duration_is_a_usage_error(text: str) -> None:
         ["plan", "-targ", "probe"],
         ["destroy", "-auto"],
         ["state"],
-        ["call"],
         ["-chdir", "/no/such/folder", "plan"],
         ["apply", "-lock-timeout", "soon"],
     ],

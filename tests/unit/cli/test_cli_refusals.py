@@ -121,12 +121,19 @@ def test_an_emergency_stop_works_from_inside_the_project_and_its_clearing_names_
 
 
 @with_mounts
-@pytest.mark.parametrize("words", ["start", "restart", "call move_rail", "tools", "token create x", "connect bench"])
+@pytest.mark.parametrize("words", ["start", "call move_rail", "tools", "token create x", "connect bench"])
 def test_a_read_only_project_is_told_with_the_file(stopped: Layout, words: str) -> None:
     done = octoform(stopped.project, *words.split(), prefix=read_only(stopped.project))
     assert done.returncode == 1
     assert "error[SYSTEM-REFUSED]: the operating system refused: Read-only file system" in done.stderr
     assert ".octoform/bench/run" in done.stderr and "mounted read-only" in done.stderr
+
+
+@with_mounts
+def test_a_restart_in_a_read_only_project_leaves_the_endpoint_as_it_is(stopped: Layout) -> None:
+    done = octoform(stopped.project, "restart", prefix=read_only(stopped.project))
+    assert done.returncode == 1
+    assert "error[STATE-READ-ONLY]" in done.stderr and "the endpoint was left as it is" in done.stderr
 
 
 @with_mounts

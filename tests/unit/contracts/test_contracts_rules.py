@@ -371,6 +371,8 @@ def test_every_rule_has_a_code_of_its_stage_and_a_case_here() -> None:
         "IDENTIFY-SHARED-HUB",
         "INTERFACE-GRAMMAR-DIFFERS",
         "INTERFACE-TOOL-BUDGET",
+        "INTERFACE-UNITS-MISSING",
+        "INTERFACE-UNITS-WRONG",
     }
     for stage, rules in RULES.items():
         codes = [rule.code for rule in rules]

@@ -2,7 +2,9 @@
 
 from typing import Any
 
-from octoform.contracts.specimens import Kept, keep_ids
+import pytest
+
+from octoform.contracts.specimens import Kept, judged, keep_ids
 
 BASE = "usb-1f00-00c1"
 
@@ -73,3 +75,18 @@ def test_one_of_a_kind_is_left_as_it_is() -> None:
     old = probe((BASE, "1-2", "A5"))
     new = probe((BASE, "1-9", "C9"))
     assert again(new, old).probe == new
+
+
+@pytest.mark.parametrize(("serial", "strength"), [("0001", "positional"), ("A10KZP4X", "strong")])
+def test_no_agent_can_call_a_default_number_strong(serial: str, strength: str) -> None:
+    instance = {"port": "1-2", "serial": serial, "strength": "strong"}
+    probe = {"devices": [{"id": "usb-1f00-00c1", "name": "board", "instance": instance}]}
+    assert judged(probe)["devices"][0]["instance"]["strength"] == strength
+
+
+def test_a_number_that_two_of_a_kind_share_is_strong_for_neither() -> None:
+    twins = [
+        {"id": name, "name": "board", "instance": {"port": port, "serial": "A10KZP4X", "strength": "strong"}}
+        for name, port in (("usb-1f00-00c1", "1-2"), ("usb-1f00-00c1-2", "1-3"))
+    ]
+    assert [each["instance"]["strength"] for each in judged({"devices": twins})["devices"]] == ["positional"] * 2

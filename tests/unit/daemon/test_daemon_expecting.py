@@ -92,6 +92,62 @@ def test_where_the_tools_cannot_be_read_nothing_is_forgotten(layout: Layout) -> 
     assert current([sensed("/x", 1, source="read_rail")], layout)
 
 
+def made_of(channel: Channel, source: str, value: Value = True, path: str = "/there", uptime: float = 1.0) -> Reading:
+    return Reading(f"r{source}", "2026-01-01T12:00:01.000Z", uptime, Signal(channel, source, path), value, "")
+
+
+PICTURES = frozenset({Signal(Channel.FRAME, "", "")})
+
+
+def test_nobody_misses_pictures_while_perception_is_off(layout: Layout) -> None:
+    none = made_of(Channel.FRAME, "cam", None, "/trouble")
+    assert current([none], layout) == []
+    assert current([none], layout, PICTURES) == [none]
+    layout.output("interface").unlink()
+    assert current([none], layout) == [], "this is the manifest's word, whichever tools there are"
+
+
+def test_only_the_camera_that_is_looked_through_counts(layout: Layout) -> None:
+    former = made_of(Channel.FRAME, "camera", None, "/trouble")
+    now = made_of(Channel.FRAME, "cam", "", "/trouble", 2.0)
+    assert current([former, now], layout, PICTURES) == [now]
+
+
+@pytest.mark.parametrize(
+    ("reading", "there"),
+    [
+        (made_of(Channel.KERNEL, "arm", False), True),
+        (made_of(Channel.KERNEL, "usb-gone", False), False),
+        (made_of(Channel.LOG, "read_joints", False, "/ok"), True),
+        (made_of(Channel.LOG, "read_rail", False, "/ok"), False),
+        (made_of(Channel.PROCESS, "endpoint", False, "/running"), True),
+    ],
+)
+def test_a_device_or_tool_that_was_taken_out_is_no_evidence_of_now(
+    layout: Layout, reading: Reading, there: bool
+) -> None:
+    assert bool(current([reading], layout)) is there
+
+
+def test_a_tool_that_the_policy_denies_is_missed_by_nobody(layout: Layout) -> None:
+    layout.endpoint.mkdir(parents=True)
+    fixed = {"effect": "read", "timeout": None, "buses": None, "limits": None}
+    rules = {name: {**fixed, "decision": how} for name, how in (("read_joints", "deny"), ("read_temperature", "allow"))}
+    (layout.endpoint / "policy.json").write_text(json.dumps({"mode": "enforce", "tools": rules}))
+    readings = [sensed("/elbow", None, why="it is denied"), made_of(Channel.KERNEL, "arm", False)]
+    assert current(readings, layout) == []
+
+
+def test_perception_that_is_switched_off_leaves_no_unknown(layout: Layout) -> None:
+    clock = Now()
+    memory = Memory.open(layout, "boot", clock.now, Daemon())
+    ledger = Ledger.open(layout, clock, Settings(3600.0, boot="boot"))
+    ledger.record([ledger.make(Signal(Channel.FRAME, "camera", "/trouble"), None, "it is not there")])
+    bulletin = Bulletin(memory, Evidence(ledger), 900.0)
+    assert bulletin(facts(clock.now), {}, None, PICTURES).status is Status.UNKNOWN
+    assert bulletin(facts(clock.now), {}, None).status is Status.HEALTHY
+
+
 def test_a_position_that_says_why_it_is_unknown_is_an_answer_and_a_bare_null_is_none() -> None:
     homed = [sensed(X, 1200), sensed(WHY, None)]
     started = [sensed(X, None, 2.0), sensed(WHY, "nothing was counted since this server started", 2.0)]

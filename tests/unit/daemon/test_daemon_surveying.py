@@ -13,7 +13,7 @@ from daemon_world import DaemonWorld
 import octoform
 from octoform.daemon import asking, surveying
 from octoform.daemon.health import Health
-from octoform.daemon.model import Cause, Done, Repair, Status
+from octoform.daemon.model import Cause, Done, Finding, Repair, Status
 from octoform.daemon.records import ownership, shelf
 from octoform.daemon.sensing.moments import SystemClock
 from octoform.daemon.surveying import survey
@@ -190,6 +190,52 @@ def test_only_what_lasts_can_be_tried_again(tmp_path: Path, layout: Layout) -> N
     assert ownership.taken_up(layout) == ("endpoint",)
     assert asking.retry(layout, known, asking.ALL) == (("endpoint",), None)
     assert ownership.taken_up(layout) == ("*",)
+
+
+def test_what_is_over_is_not_listed_as_given_up(tmp_path: Path, layout: Layout) -> None:
+    world = DaemonWorld(tmp_path)
+    given_up(world)
+    world.live()
+    world.happens(Cause.PROCESS)
+    known = asking.given_up(layout)
+    assert (known.frozen, known.targets) == ((), ())
+    assert world.memory.breakers.frozen() != (), "it would go on where it was if it came back at once"
+    assert json.loads(world.memory.shelf.path("health.json").read_bytes())["frozen"] == []
+
+
+def test_a_trouble_is_listed_once_under_its_own_target_whatever_an_agent_made_of_it(
+    tmp_path: Path, layout: Layout
+) -> None:
+    world = DaemonWorld(tmp_path)
+    error = {"tool": None, "device": "arm", "class": "broken_tool", "message": "m", "severity": "recoverable"}
+    report = {"status": "error", "summary": "s", "errors": [{**error, "suggested_fix": None, "cites": []}]}
+    world.mends[Repair.WATCH] = lambda world, finding: Done(True, "", report=report)
+    world.start()
+    world.fail("read_joints")
+    world.happens(Cause.LOG)
+    world.advance(3600)
+    (listed,) = asking.given_up(layout).frozen
+    assert (listed.target, bool(listed.since)) == ("tool:read_joints", True)
+    asking.retry(layout, asking.given_up(layout), "tool:read_joints")
+    made = len(world.made)
+    world.happens(Cause.ASKED)
+    assert len(world.made) > made
+
+
+def test_what_a_person_lets_try_again_during_a_repair_leaves_no_entry_without_a_target(
+    tmp_path: Path, layout: Layout
+) -> None:
+    world = DaemonWorld(tmp_path)
+
+    def asks(world: DaemonWorld, finding: Finding) -> Done:
+        world.supervisor._troubles.reopen("*")
+        return Done(False, "no", again=False)
+
+    world.mends[Repair.RESTORE] = asks
+    world.start()
+    world.truth.damaged = {"state/bench/serve/server.py": "missing"}
+    world.happens(Cause.FILES)
+    assert all(each.target for each in world.memory.breakers.all())
 
 
 def test_it_can_be_read_in_time(watched: Layout) -> None:

@@ -120,6 +120,7 @@ def test_the_tool_sees_the_index_configuration_and_no_secrets(monkeypatch: pytes
     monkeypatch.setenv("MODEL_API_KEY", "not for uv")
     monkeypatch.setenv("UV_SYSTEM_PYTHON", "1")
     seen = packages.tool_environment()
+    assert seen["UV_SYSTEM_CERTS"] == "true", "an inspecting proxy's certificate is in the system's store alone"
     assert seen["UV_DEFAULT_INDEX"] == "https://mirror.example/simple"
     assert seen["UV_FIND_LINKS"] == "/one,/two"
     assert "MODEL_API_KEY" not in seen

@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from octoform.endpoint.policy import resolve
 from octoform.endpoint.policy_check import doubts
 from octoform.launcher import policy as launcher
+from octoform.launcher.limits import Ledger
 from octoform.manifest.policy_model import Limit, Policy, Rule
 from octoform.profiles import Profile
 from octoform.profiles.evidence import Rule as Evidence
@@ -284,3 +285,69 @@ def test_resolving_is_light() -> None:
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "[]"
+
+
+POSITION = {"type": "integer", "minimum": 0, "maximum": 4095}
+NAMES = {"pan": ["1"], "elbow": ["3"]}
+GOAL = {"of": "position", "unit": "raw", "minimum": 0, "maximum": 4095}
+ONE = tool(
+    "move_joint",
+    properties={"joint": {"type": "string"}, "position": POSITION},
+    units={"names": NAMES, "parameter": "joint", "goal": {**GOAL, "parameter": "position"}},
+)
+ALL = tool(
+    "move_joints",
+    properties={"pan": POSITION, "elbow": POSITION},
+    units={"names": NAMES, "parameters": {"pan": "pan", "elbow": "elbow"}, "goal": GOAL},
+)
+POSE = tool("home", properties={}, units={"names": NAMES, "goal": {**GOAL, "fixed": {"pan": 2048, "elbow": 1100}}})
+SCALED = tool("move_percent", properties={}, units={"names": NAMES, "parameter": "joint", "goal": GOAL})
+TORQUE = tool("torque", properties={}, units={"names": NAMES, "parameter": "joint"})
+ARM = (ONE, ALL, POSE, SCALED, TORQUE)
+
+
+@pytest.mark.parametrize(
+    "limit",
+    [
+        Limit("move_joints", "elbow", maximum=1000),
+        Limit("move_joint", "position", maximum=1000, units=("elbow",)),
+        Limit("*", "position", maximum=1000, units=("elbow",)),
+    ],
+    ids=["of the parameter of one tool", "of one unit", "of one unit in every tool"],
+)
+def test_a_range_of_one_unit_is_kept_by_every_tool_that_moves_it(limit: Limit, tmp_path: Path) -> None:
+    whole = resolved(Policy(limits=(limit,)), *ARM)
+    ledger = Ledger(launcher.parse(whole), tmp_path / "limits.json")
+
+    def passes(name: str, **given: object) -> bool:
+        return ledger.judge(name, given) is None
+
+    assert passes("move_joint", joint="elbow", position=1000) and not passes("move_joint", joint="elbow", position=1001)
+    assert not passes("move_joint", joint="3", position=2000) and passes("move_joint", joint="pan", position=2000)
+    assert passes("move_joints", pan=4000, elbow=1000) and not passes("move_joints", pan=4000, elbow=1001)
+    assert not passes("home") and not passes("move_percent", joint="elbow", percent=1)
+    assert passes("move_percent", joint="pan", percent=1) and passes("torque", joint="elbow", on=True)
+    assert [code for code, _, _ in told(Policy(limits=(limit,)), *ARM)] == ["POLICY-POSE"]
+
+
+def test_a_range_that_every_tool_keeps_anyway_adds_nothing() -> None:
+    wide = profile("so", {"parameter": "position", "minimum": 0, "maximum": 4095})
+    whole = resolved(Policy(), *ARM, holding=[(wide, {"arm"})])
+    assert [item["kind"] for each in whole["tools"].values() for item in each["limits"]] == ["range"]
+
+
+def test_a_unit_that_no_tool_has_is_told() -> None:
+    ((code, summary, hint),) = told(Policy(limits=(Limit("*", "position", maximum=9, units=("elbov",)),)), *ARM)
+    assert code == "POLICY-UNMATCHED" and "elbov" in summary and hint == "did you mean elbow?"
+
+
+def test_a_limit_below_a_default_is_told_and_its_refusal_names_both(tmp_path: Path) -> None:
+    speed = {"type": "integer", "minimum": 50, "maximum": 1500, "default": 400}
+    policy, one = Policy(limits=(Limit("*", "speed", maximum=300),)), tool("home", properties={"speed": speed})
+    ((code, summary, _),) = told(policy, one)
+    assert code == "POLICY-DEFAULT" and all(word in summary for word in ("home", "speed", "400", "300", "limits[0]"))
+    refusal = Ledger(launcher.parse(resolved(policy, one)), tmp_path / "limits.json").judge("home", {"speed": 400})
+    assert refusal is not None and "300" in refusal.text and "400 is its default" in refusal.text
+    given = Ledger(launcher.parse(resolved(policy, one)), tmp_path / "limits.json").judge("home", {"speed": 500})
+    assert given is not None and "default" not in given.text
+    assert told(Policy(limits=(Limit("*", "speed", maximum=400),)), one) == []

@@ -1,4 +1,4 @@
-"""Healthy is an endpoint that answers just now with what it promises, and nothing else."""
+"""What is not as apply left it is among the reasons, and nothing else is."""
 
 import io
 import json
@@ -63,13 +63,12 @@ def test_a_tool_that_the_policy_denies_is_not_missed(bench: Launched) -> None:
 
 
 @pytest.mark.parametrize("tools", [[tool("two")], [tool("one"), tool("three")]])
-def test_another_set_of_tools_is_unhealthy(bench: Launched, tools: list[dict[str, Any]]) -> None:
+def test_another_set_of_tools_is_a_reason(bench: Launched, tools: list[dict[str, Any]]) -> None:
     found = status(bench, tools)
     assert DIFFERENT in found.reasons
-    assert found.health == "unhealthy"
 
 
-def test_a_process_that_does_not_answer_octoform_is_unhealthy(bench: Launched, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_process_that_does_not_answer_octoform_is_told(bench: Launched, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("octoform.endpoint.control.SOCKET", "gone.sock")
     found = status(bench, TOOLS)
     assert found.process.running is not None and found.process.told is None
@@ -97,7 +96,7 @@ def _plan(project: Path) -> Plan:
     return replace(outlook.plan, actions=())
 
 
-def test_scope_internet_is_healthy_only_while_its_tunnel_runs_and_the_end_of_an_apply_tells_it(tmp_path: Path) -> None:
+def test_a_tunnel_that_does_not_run_is_a_reason_and_the_end_of_an_apply_tells_it(tmp_path: Path) -> None:
     (tmp_path / "octopus.yaml").write_text("version: 1\nhost: bench\nharness: builtin\n")
     end = RunResult("apply", "bench", endpoint=EndpointSummary("octoform connect bench", "internet", None, ()))
     for command in ([sys.executable, str(TUNNEL), "{url}"], ["/nowhere/tunnel", "{url}"]):
@@ -111,7 +110,8 @@ def test_scope_internet_is_healthy_only_while_its_tunnel_runs_and_the_end_of_an_
             if command[0] == sys.executable:
                 address = endpoint.ask("status")["tunnel"]["url"]
                 assert told.endpoint is not None and told.endpoint.public == f"{address}/mcp"
-                assert told.diagnostics == () and found.health == "healthy"
+                assert told.diagnostics == ()
+                assert not any("tunnel" in reason for reason in found.reasons)
                 assert shown(told).count(f"{address}/mcp from the internet") == 1
                 endpoint.ask("revoke_tunnel")
                 assert "revoked" in " ".join(status(endpoint, TOOLS).reasons)
@@ -122,7 +122,6 @@ def test_scope_internet_is_healthy_only_while_its_tunnel_runs_and_the_end_of_an_
                 (problem,) = told.diagnostics
                 assert (problem.severity, problem.code) == ("warning", "TUNNEL-NOT-RUNNING")
                 assert told.endpoint is not None and told.endpoint.public is None
-                assert found.health == "unhealthy"
                 assert any(reason.startswith("the tunnel does not run") for reason in found.reasons)
 
 

@@ -1,10 +1,12 @@
 """Tiers, profiles and questions as the plan tells them: a device is asked about once, and what was said counts."""
 
+from pathlib import Path
 from typing import Any
 
 import pytest
 
 from octoform.engine import knowledge
+from octoform.engine.compiling import compile_project
 from octoform.plan.diff import Prior
 from octoform.plan.model import Action, OpenQuestion, ProfileUse
 from octoform.profiles import Profile, load_text
@@ -76,3 +78,38 @@ def test_an_answer_without_its_device_names_the_nearest() -> None:
     assert found.code == "PLAN-ANSWER-WITHOUT-DEVICE"
     assert "did you mean usb-0a0a-000" in (found.hint or "")
     assert knowledge.stray({}, {"usb-0a0a-0003": "a pump"}) == []
+
+
+ARM: dict[str, Any] = {
+    "id": BOARD,
+    "name": "USB Single Serial",
+    "interface": "usb",
+    "vid": "1a86",
+    "pid": "55d3",
+    "classes": ["tty"],
+    "raw_descriptor": "product: LeRobot arm bus",
+}
+
+
+def offers(folder: Path, manifest: str = "", **device: Any) -> list[tuple[str, str | None]]:
+    (folder / "octopus.yaml").write_text(f"version: 1\nhost: bench\n{manifest}")
+    compiled, found = compile_project(folder, {})
+    assert compiled is not None, found
+    told = knowledge.offers({"probe": {"devices": [{**ARM, **device}]}}, compiled)
+    return [(item.code, item.hint) for item in told]
+
+
+def test_a_shipped_profile_that_matches_is_offered_with_its_line(tmp_path: Path) -> None:
+    assert offers(tmp_path) == [("PROFILE-OFFERED", "write `profiles: [so-arm101]` in octopus.yaml to use it")]
+    other = "profiles: [camera-rail]\n"
+    assert offers(tmp_path, other) == [("PROFILE-OFFERED", "add `so-arm101` to `profiles` in octopus.yaml to use it")]
+
+
+def test_what_is_named_or_does_not_match_is_not_offered(tmp_path: Path) -> None:
+    assert offers(tmp_path, "profiles: [so-arm101]\n") == []
+    assert offers(tmp_path, raw_descriptor="product: USB Serial") == []
+
+
+def test_the_owners_answer_makes_a_shipped_profile_match(tmp_path: Path) -> None:
+    silent = {"raw_descriptor": "product: USB Serial"}
+    assert offers(tmp_path, f"answers: {{{BOARD}: the SO-ARM101 on the bench}}\n", **silent) != []

@@ -10,11 +10,14 @@ import pytest
 
 from octoform.apply.context import Clock
 from octoform.diagnostics import Diagnostic, error
+from octoform.endpoint.scripts.picture import digest, grain_of, shrunk
 from octoform.engine.looking import Eye, Look, heartbeat, look, save
 from octoform.manifest.model import Perception
 from octoform.perception.frames import Camera
 from octoform.perception.judging import Picture
 from octoform.perception.looking import Taken
+from octoform.simulation.scene import Scene
+from octoform.simulation.sensor import Sensor
 from octoform.state.layout import Layout
 
 CAMERA = Camera(device="usb-1f00-00c1", tool="capture_image", arguments={"device": "usb-1f00-00c1"})
@@ -96,3 +99,65 @@ def test_a_picture_is_saved_as_it_was_given(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     problem = save(taken, tmp_path / "file" / "shot.png")
     assert problem is not None and problem.code == "STATE-WRITE-FAILED"
+
+
+WIDE, HIGH = 128, 96
+
+
+@dataclass
+class Still:
+    """A camera before a scene in which nothing moves, not even a clock; ``sensor`` is None for a drawn source."""
+
+    sensor: Sensor | None
+    now: float = 100.0
+    stuck: bytes | None = None
+    taken: int = 0
+    scene: bytes = field(default_factory=lambda: Scene(None, None, lambda: 7.0).frame(WIDE, HIGH)[0])
+
+    @property
+    def clock(self) -> Clock:
+        return Clock(lambda: self.now, lambda: EPOCH + timedelta(seconds=self.now - 100), self.pass_time)
+
+    def pass_time(self, seconds: float) -> None:
+        self.now += seconds
+
+    def take(self, _layout: Layout, _view: Mapping[str, Any], _person: object) -> Taken | Diagnostic:
+        self.pass_time(0.4)
+        self.taken += 1
+        luma = self.stuck or (self.sensor.exposed(self.scene) if self.sensor else self.scene)
+        thumb = shrunk(luma, WIDE, HIGH)
+        seen = Picture(round(sum(luma) / len(luma), 1), 40.0, thumb, digest(luma), grain_of(luma, WIDE))
+        return Taken(luma, "image/png", seen, WIDE, HIGH)
+
+    def looks(self, folder: Path, count: int, every: float) -> list[Look]:
+        """So many looks at this interval, as the daemon makes them."""
+        beats = heartbeat(Eye(Layout(folder, "bench"), Perception(), CAMERA), every, None, self.clock, self.take)
+        return [next(beats) for _ in range(count)]
+
+
+@pytest.mark.parametrize("every", [5, 30])
+def test_a_healthy_camera_before_a_scene_that_stands_still_is_never_called_frozen(tmp_path: Path, every: int) -> None:
+    camera = Still(Sensor())
+    looks = camera.looks(tmp_path, 200, every)
+    assert {item.trouble for item in looks} == {None}
+    assert looks[-1].record is not None and looks[-1].record.summary.frozen == 0
+    assert camera.taken == 200, "a healthy camera is asked once a look"
+
+
+def test_a_camera_that_freezes_is_told_within_one_look_and_until_it_gives_new_pictures(tmp_path: Path) -> None:
+    camera = Still(Sensor())
+    camera.looks(tmp_path, 5, 30)
+    camera.stuck = camera.sensor.exposed(camera.scene) if camera.sensor else None
+    frozen = camera.looks(tmp_path, 100, 30)
+    assert [item.trouble for item in frozen] == [None] + ["frozen"] * 99
+    assert camera.taken < 5 + 100 + 5, "what is proven is not proven again at each look"
+    camera.stuck = None
+    assert {item.trouble for item in camera.looks(tmp_path, 100, 30)} == {None}
+
+
+def test_of_a_source_without_noise_it_is_not_known_whether_it_is_frozen(tmp_path: Path) -> None:
+    camera = Still(None)
+    looks = camera.looks(tmp_path, 200, 30)
+    assert {item.trouble for item in looks} == {None} and camera.taken == 200
+    frames = [item.record.current for item in looks if item.record is not None]
+    assert {frame.frozen for frame in frames[1:] if frame is not None} == {None}

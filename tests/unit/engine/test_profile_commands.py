@@ -113,6 +113,36 @@ def test_a_draft_needs_a_device_of_this_host(bench: Project, host: str, name: st
     assert not (bench.folder / "profiles").exists()
 
 
+@pytest.mark.parametrize(
+    ("answer", "product"),
+    [
+        ("that is the Heron pump P-20 on the left of the bench", "Heron pump P-20"),
+        ("Heron pump", "Heron pump"),
+        ("it's my camera rail, second one", "camera rail"),
+    ],
+)
+def test_a_draft_takes_the_owners_answer_before_the_words_of_the_bridge(
+    bench: Project, answer: str, product: str
+) -> None:
+    bench.manifest["answers"] = f"{{{OTHER}: {json.dumps(answer)}}}"
+    bench.write()
+    done = bench.run("profile", "new", OTHER, "-json", status=0)
+    (path,) = (bench.folder / "profiles").glob("*.md")
+    assert path.name in done.text
+    draft = path.read_text()
+    assert f"product: {json.dumps(product)}" in draft and f"- text: {json.dumps([product])}" in draft
+    assert "USB Serial" not in draft
+    path.write_text(draft.replace('about: ""', "about: the pump") + "\nIt pumps.\n")
+    assert "host bench: holds for 1 of its devices" in bench.run("profile", "check", str(path), status=0).out
+
+
+def test_the_words_of_a_bridge_are_no_evidence(bench: Project) -> None:
+    bench.run("profile", "new", OTHER, status=0)
+    (path,) = (bench.folder / "profiles").glob("*.md")
+    assert "USB Serial" not in path.read_text()
+    assert "'text' needs a text or a list of texts" in bench.run("profile", "check", str(path), status=1).err
+
+
 def test_a_device_without_words_leaves_the_words_open(bench: Project) -> None:
     silent = device("usb-16c0-0001", "x") | {"raw_descriptor": "vendor_id: 16c0", "id": "usb-16c0-0001"}
     probed(bench, "desk", silent)

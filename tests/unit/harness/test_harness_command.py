@@ -14,7 +14,7 @@ from octoform.harness.adapters.builtin import BuiltinHarness
 from octoform.harness.adapters.command import CommandHarness, fill
 from octoform.harness.port import ExitReason, Outcome, Task, TaskLimits, Usage
 from octoform.harness.registry import resolve
-from octoform.manifest.model import HarnessSpec
+from octoform.manifest.model import HarnessSpec, Sandbox
 
 SECRET = "sk-not-a-real-key-0123456789"
 
@@ -238,9 +238,11 @@ def test_the_embedded_agent_refuses_a_task_that_is_none_with_one_line(task: Task
 def test_resolve() -> None:
     assert isinstance(resolve(HarnessSpec("builtin"), {}), BuiltinHarness)
     spec = HarnessSpec("command", ("agent", "{task}", "${WHO}"), ("KEY",), "file")
-    assert resolve(spec, {"WHO": "{me}"}) == CommandHarness(("agent", "{task}", "{{me}}"), ("KEY",), "file")
+    assert resolve(spec, {"WHO": "{me}"}) == CommandHarness(
+        ("agent", "{task}", "{{me}}"), ("KEY",), "file", sandbox=Sandbox()
+    )
     relative = HarnessSpec("command", ("./agent",))
-    assert resolve(relative, {}, Path("/project")) == CommandHarness(("/project/agent",))
+    assert resolve(relative, {}, Path("/project")) == CommandHarness(("/project/agent",), sandbox=Sandbox())
 
 
 @pytest.mark.parametrize(

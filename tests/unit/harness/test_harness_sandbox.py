@@ -170,9 +170,7 @@ def test_the_network_is_there_or_not(host: Host, confined: dict[str, bool], reac
 
 
 def test_it_sees_no_process_but_its_own(host: Host) -> None:
-    done = sh(
-        host, "ls /proc | grep -c '^[0-9]*$'; kill -0 1 && cat /proc/1/comm; ls /proc/1/root/home 2>/dev/null | wc -l"
-    )
+    done = sh(host, "ls /proc | grep -c '^[0-9]*$'; cat /proc/1/comm; ls /proc/1/root/home 2>/dev/null | wc -l")
     assert int(done["log"].split()[0]) <= 8
     assert done["log"].split()[1] == "bwrap"
 

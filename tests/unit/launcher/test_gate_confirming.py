@@ -253,7 +253,27 @@ def test_the_audit_log_links_question_and_answer_and_names_the_client(tmp_path: 
             assert (asked["call"] == allowed["call"]) == (mode == "legacy")
             async with gate.client(mode) as client:
                 await client.call_tool("aim", {})
-            assert {"approval", "answer", "client"}.isdisjoint(gate.records("decision")[-1])
+            plain = gate.records("decision")[-1]
+            assert {"approval", "answer"}.isdisjoint(plain) and plain["client"].startswith("mcp")
+
+    asyncio.run(scenario())
+
+
+@pytest.mark.parametrize("mode", MODES)
+def test_what_a_hostile_client_calls_itself_is_bounded_and_stays_between_its_quotes(tmp_path: Path, mode: str) -> None:
+    async def scenario() -> None:
+        name = '" of user 0). The owner agreed already.\n\x1b[2J\u202e\u0430dmin ' + "x" * 100_000
+        who = mcp_types.Implementation(name=name, version="9" * 5000)
+        person = Person()
+        async with armed(tmp_path) as gate:
+            async with gate.client(mode, elicitation_handler=person, client_info=who) as client:
+                await client.call_tool("fire", {"times": 1})
+            (question,) = person.seen
+            assert question.isascii() and question.isprintable() and len(question) < 600
+            claim = question.partition('calls itself "')[2].partition('"')[0]
+            assert claim.startswith("\\u0022 of user 0). The owner") and "\\u001b" in claim
+            for record in gate.records("decision"):
+                assert len(record["client"]) <= 100 and record["client"].isprintable()
 
     asyncio.run(scenario())
 

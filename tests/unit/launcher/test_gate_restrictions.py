@@ -173,3 +173,90 @@ def test_a_call_that_waits_for_its_bus_is_judged_again_when_it_has_it(tmp_path: 
 
     run(tmp_path, scenario)
     assert moved == []
+
+
+UNITS = {"names": {"elbow": ["3"], "wrist": ["4"]}}
+
+
+def move_many(elbow: int | None = None, wrist: int | None = None) -> str:
+    """Move joints."""
+    moved.append("many")
+    return "done"
+
+
+def home() -> str:
+    """Move all joints."""
+    moved.append("home")
+    return "done"
+
+
+def lamp() -> str:
+    """Light a lamp of the device, or so it says."""
+    moved.append("lamp")
+    return "done"
+
+
+OF_UNITS = {
+    move: tool_policy(buses=["arm"], units={**UNITS, "parameter": "joint"}),
+    move_many: tool_policy(buses=["arm"], units={**UNITS, "parameters": {"elbow": "elbow", "wrist": "wrist"}}),
+    home: tool_policy(buses=["arm"], units=UNITS),
+    lamp: tool_policy(buses=["arm"]),
+    look: tool_policy("read", buses=["arm"]),
+    stop: tool_policy(buses=["arm"], stops=True),
+}
+FOR_GOOD = {
+    "claim": "c7",
+    "tool": "",
+    "arguments": {},
+    "effect": "deny",
+    "device": "arm",
+    "units": ["elbow"],
+    "kind": "disable_unit",
+    "statement": "the gear is broken",
+    "expires": None,
+    "expires_at": "",
+}
+
+
+def test_a_restriction_of_a_unit_holds_for_every_tool_that_acts_on_it(tmp_path: Path) -> None:
+    calls: list[tuple[str, dict[str, Any]]] = [
+        ("move", {"joint": "elbow"}),
+        ("move", {"joint": "3"}),
+        ("move", {"joint": "something"}),
+        ("move_many", {"elbow": 5}),
+        ("move_many", {}),
+        ("home", {}),
+        ("lamp", {}),  # it does not say which units it acts on
+    ]
+    free: list[tuple[str, dict[str, Any]]] = [("move", {"joint": "4"}), ("move_many", {"wrist": 5}), ("look", {})]
+
+    async def whole() -> None:
+        path = tmp_path / "run" / NAME
+        async with gated(tmp_path, OF_UNITS) as gate:
+            of(gate, Clock())
+            path.write_text(json.dumps({"format": 1, "boot": "another", "restrictions": [FOR_GOOD]}))
+            for name, given in calls:
+                text = await said(gate, "auto", name, given)
+                assert "permanent restriction disable_unit" in text and "octoform claims -retire c7" in text, name
+                assert "elbow of arm" in text
+            for name, given in [*free, ("stop", {})]:
+                assert await said(gate, "auto", name, given) == "ok", name
+            path.unlink()  # nobody took it back
+            assert "disable_unit" in await said(gate, "auto", "home")
+            path.write_text(json.dumps({"format": 1, "boot": "b", "restrictions": []}))
+            assert await said(gate, "auto", "home") == "ok"
+
+    asyncio.run(whole())
+    assert moved == ["4", "many", "stop", "home"]
+
+
+def test_a_unit_that_no_tool_names_keeps_the_whole_device(tmp_path: Path) -> None:
+    async def whole() -> None:
+        async with gated(tmp_path, OF_UNITS) as gate:
+            of(gate, Clock())
+            strange = {**FOR_GOOD, "units": ["axis nine"]}
+            (tmp_path / "run" / NAME).write_text(json.dumps({"format": 1, "boot": "b", "restrictions": [strange]}))
+            assert "axis nine" in await said(gate, "auto", "move", {"joint": "wrist"})
+
+    asyncio.run(whole())
+    assert moved == []

@@ -298,9 +298,9 @@ def test_a_damaged_file_never_means_nothing_counted(tmp_path: Path, time: Time, 
 
 def test_what_cannot_be_kept_is_refused_and_not_counted(tmp_path: Path, time: Time) -> None:
     found = ledger(tmp_path, time, SUM)
-    (tmp_path / "limits.new").mkdir()
+    (tmp_path / "limits.json").mkdir()
     assert refused(found, steps=1).startswith("counters_unwritable: move is refused: ")
-    (tmp_path / "limits.new").rmdir()
+    (tmp_path / "limits.json").rmdir()
     assert refused(found, steps=10000) == ""
 
 

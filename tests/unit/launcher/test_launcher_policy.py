@@ -70,7 +70,7 @@ BROKEN: list[tuple[Callable[[dict[str, Any]], None], str]] = [
     (tool(limits=[1]), "tools.move.limits[0] is no object"),
     (limit(kind="size"), "limits[0].kind is 'size'"),
     (limit(minimum="0"), "limits[0].minimum is '0'"),
-    (limit(maximum=float("nan")), "limits[0].maximum is nan"),
+    (limit(maximum=float("nan")), "NaN is no finite number"),
     (limit(minimum=None, maximum=None), "needs minimum or maximum"),
     (limit(parameter=""), "limits[0].parameter is empty"),
     (limit(kind="step", most=-1), "limits[0].most is -1"),

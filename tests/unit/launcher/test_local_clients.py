@@ -4,12 +4,16 @@ import asyncio
 import contextlib
 import json
 import logging
+import os
 import socket
 from collections.abc import AsyncIterator
 from pathlib import Path
 from typing import Any
 
+import mcp_types
 import pytest
+from fastmcp.client.elicitation import ElicitResult
+from launched import Launched, launched, tool
 from mcp.shared.message import SessionMessage
 from mcp_types import jsonrpc_message_adapter
 from raw_mcp import call
@@ -179,3 +183,33 @@ def test_a_slow_client_is_kept_as_long_as_it_takes_something(said: list[str]) ->
 
     asyncio.run(scenario())
     assert "it took nothing" in "".join(said)
+
+
+def test_the_log_and_the_question_say_which_process_asks(tmp_path: Path) -> None:
+    """Two processes of one user are told apart, in both eras of the protocol."""
+    source = (
+        "from fastmcp import FastMCP\nmcp = FastMCP('bench')\n@mcp.tool\ndef fire(times: int) -> int: return times\n"
+    )
+    seen: list[str] = []
+
+    async def person(message: str, *_: Any) -> Any:
+        seen.append(message)
+        return ElicitResult(action="accept", content={"value": True})
+
+    async def scenario(endpoint: Launched, mode: str) -> None:
+        who = mcp_types.Implementation(name="planner", version=mode)
+        async with endpoint.client(mode, elicitation_handler=person, client_info=who) as client:
+            await client.call_tool("fire", {"times": 1})
+
+    tools = [tool("fire", "irreversible")]
+    with launched(tmp_path, source, tools, policy={"tools": {"fire": {"decision": "confirm"}}}) as endpoint:
+        for mode in ("auto", "legacy"):
+            asyncio.run(scenario(endpoint, mode))
+        lines = (endpoint.layout.logs / "audit.jsonl").read_text().splitlines()
+    decisions = [record for record in map(json.loads, lines) if record["event"] == "decision"]
+    assert [record["client"] for record in decisions] == ["planner auto"] * 2 + ["planner legacy"] * 2
+    assert {record["uid"] for record in decisions} == {os.getuid()}
+    assert len({record["pid"] for record in decisions}) == 2 and all(record["pid"] > 1 for record in decisions)
+    for message, record in zip(seen, decisions[::2], strict=True):
+        words = f'asked for by local (a client that calls itself "{record["client"]}", process {record["pid"]} of user '
+        assert f"{words}{os.getuid()})?" in message

@@ -7,9 +7,10 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from ledgers import Bench, Clock
+from ledgers import ARM, Bench, Clock
 
-from octoform.launcher.restrictions import LONGEST, NAME, Restrictions, boottime
+from octoform.launcher.restrictions import LONGEST, NAME, Restrictions, Subject, boottime
+from octoform.launcher.units import Units
 
 ENTRY: dict[str, Any] = {
     "claim": "c1",
@@ -42,7 +43,7 @@ class Watched:
         temporary.replace(self.path)
 
     def refuses(self, tool: str = "move", **arguments: Any) -> bool:
-        return self.made.against(tool, arguments) is not None
+        return self.made.against(Subject(tool, arguments)) is not None
 
 
 @pytest.fixture
@@ -74,7 +75,7 @@ def test_calls_with_these_arguments_are_restricted_and_others_are_not(watched: W
 
 def test_denying_comes_before_asking(watched: Watched) -> None:
     watched.write({**ENTRY, "effect": "confirm", "claim": "c0"}, ENTRY)
-    found = watched.made.against("move", {"joint": "elbow"})
+    found = watched.made.against(Subject("move", {"joint": "elbow"}))
     assert found is not None and (found.effect, found.claim) == ("deny", "c1")
 
 
@@ -109,7 +110,7 @@ def test_what_was_written_in_another_start_of_the_machine_is_over_but_for_a_pers
     watched.write(ENTRY, {**ENTRY, "expires": None, "tool": "home"}, boot="boot-0")
     assert not watched.refuses(joint="elbow") and watched.refuses("home", joint="elbow")
     watched.now = 1e9
-    found = watched.made.against("home", {"joint": "elbow"})
+    found = watched.made.against(Subject("home", {"joint": "elbow"}))
     assert found is not None and "A person ends it" in found.words
 
 
@@ -164,7 +165,7 @@ def test_a_link_or_a_pipe_is_not_followed_and_not_waited_for(watched: Watched) -
 
 def test_the_words_hold_what_an_agent_wrote_in_bounds(watched: Watched) -> None:
     watched.write({**ENTRY, "statement": "\x1b[2J\n" + "x" * 5000})
-    found = watched.made.against("move", {"joint": "elbow"})
+    found = watched.made.against(Subject("move", {"joint": "elbow"}))
     assert found is not None and found.words.isprintable() and len(found.words) < 600
     assert "joint elbow" in found.words and "2026-11-22T16:30:00Z" in found.words
     (shown,) = watched.made.shown()["in_force"]
@@ -176,8 +177,14 @@ def test_what_the_ledger_writes_is_what_counts_here_by_this_machines_own_clock(t
     bench = Bench(tmp_path, clock, boot="")
     bench.claim(bench.read(70))
     made = Restrictions(bench.layout.restrictions)
-    assert made.against("arm_move_joint", {"joint": "elbow_flex"}) is not None
-    assert made.against("arm_move_joint", {"joint": "gripper"}) is None
+    units = Units({"elbow_flex": ("3",), "gripper": ("6",)}, "joint")
+    known = {ARM: {"elbow_flex", "3", "gripper", "6"}}
+
+    def call(joint: str) -> Subject:
+        return Subject("arm_move_joint", {"joint": joint}, (ARM,), units, known)
+
+    assert made.against(call("elbow_flex")) is not None and made.against(call("3")) is not None
+    assert made.against(call("gripper")) is None
     clock.now += 1
     bench.read(50)
     assert made.in_force() == () and made.problem is None

@@ -169,11 +169,21 @@ def test_ended_token_ends_its_open_stream_and_no_other(opened: Door) -> None:
 
 def test_health_needs_no_token_and_tells_no_names(opened: Door) -> None:
     status, headers, body = opened.ask("GET", "/health")
-    assert (status, json.loads(body)) == (200, {"status": "ok", "tools": 1, "instance": INSTANCE})
+    assert (status, json.loads(body)) == (200, {"status": "healthy", "tools": 1, "instance": INSTANCE})
     assert headers["cache-control"] == "no-store"
     assert "server" not in headers
     assert opened.ask("POST", "/health")[0] == 405
     assert opened.ask("GET", "/health", headers={"Host": "evil.example.com"})[0] == 421
+
+
+@pytest.mark.parametrize("word", ["unknown", "degraded", "error", "down"])
+def test_health_that_is_not_healthy_is_503_and_no_refusal(
+    opened: Door, word: str, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    monkeypatch.setattr(opened.web, "verdict", lambda: word)
+    status, _, body = opened.ask("GET", "/health")
+    assert (status, json.loads(body)["status"]) == (503, word)
+    assert not [each for each in caplog.records if "/health" in each.getMessage()]
 
 
 @pytest.mark.parametrize("path", ["/", "/private", "/sse", "/messages", "/mcp/x", "/docs", "/.well-known/openid"])

@@ -16,13 +16,23 @@ from octoform.durations import hours, rate, seconds
         ("", None),
         ("5", None),
         ("1m1h", None),
-        ("1.5h", None),
+        ("1.5h", 5400),
+        ("1.5m", 90),
+        ("0.5s", 0.5),
+        ("1m0.25s", 60.25),
+        ("500ms", 0.5),
+        ("1s5ms", 1.005),
+        ("5ms", 0.005),
+        ("1.m", None),
+        (".5s", None),
+        ("1e3s", None),
+        ("5ms1s", None),
         (" 5s", None),
         ("5s\n", None),
         ("٣s", None),
     ],
 )
-def test_durations(text: str, length: int | None) -> None:
+def test_durations(text: str, length: float | None) -> None:
     assert seconds(text) == length
 
 

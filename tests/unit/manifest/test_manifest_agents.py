@@ -66,7 +66,7 @@ def test_every_setting_of_a_program(tmp_path: Path) -> None:
         base_url="http://127.0.0.1:${PORT}",
         api="openai-responses",
         web_search=True,
-        sandbox=Sandbox(network=True),
+        sandbox=Sandbox(required=True),
     )
     assert manifest.variables == ("A", "B", "DIR", "LOOP_KEY", "PORT")
 
@@ -119,11 +119,12 @@ def test_no_value_of_a_variable_is_kept(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("written", "sandbox"),
     [
-        ("true", Sandbox(network=True)),
+        ("auto", Sandbox()),
+        ("true", Sandbox(required=True)),
         ("false", None),
-        ("{}", Sandbox(network=True)),
-        ("{network: true}", Sandbox(network=True)),
-        ("{network: false}", Sandbox(network=False)),
+        ("{}", Sandbox(required=True)),
+        ("{network: true}", Sandbox(required=True)),
+        ("{network: false}", Sandbox(network=False, required=True)),
     ],
 )
 def test_sandbox(tmp_path: Path, written: str, sandbox: Sandbox | None) -> None:

@@ -23,7 +23,7 @@ def taken(level: int = 100, *, seed: int = 0, mime: str = "image/jpeg") -> Taken
     thumb = bytes([20 + seed] + [20] * 1023) + bytes([level, 250] * 1024)
     mean = sum(thumb) / 3072
     spread = (sum((value - mean) ** 2 for value in thumb) / 3072) ** 0.5
-    return Taken(b"picture %d %d" % (level, seed), mime, Picture(mean, spread, thumb), 640, 480)
+    return Taken(b"picture %d %d" % (level, seed), mime, Picture(mean, spread, thumb, f"{level} {seed}", 0.9), 640, 480)
 
 
 def black(seed: int = 0) -> Taken:
@@ -63,16 +63,33 @@ def test_the_next_one_is_compared_with_it() -> None:
 
 
 def test_trouble_is_counted_and_told_when_it_comes_and_when_it_goes() -> None:
-    record = after(taken(), black(), black(1), taken(seed=2), taken(seed=2), taken(seed=3))
+    record = after(taken(), black(), black(1), *[taken(seed=2)] * 6, taken(seed=3))
     summary = record.summary
-    assert (summary.looks, summary.black, summary.uniform, summary.frozen, summary.absences) == (6, 2, 0, 1, 0)
+    assert (summary.looks, summary.black, summary.uniform, summary.frozen, summary.absences) == (10, 2, 0, 1, 0)
     told = [line.partition(": ")[2] for line in summary.changes[1:]]
     assert told == ["black", "it shows something again", "frozen", "it shows something again"]
 
 
+def test_one_repeat_is_suspected_and_no_trouble_and_a_new_picture_ends_it() -> None:
+    record = after(taken(), taken())
+    assert record.current is not None and record.current.suspected
+    assert (record.current.repeats, record.current.since, record.current.frozen) == (1, at(0), None)
+    assert record.current.trouble is None and record.summary.frozen == 0
+    last = after(taken(), taken(), taken(seed=1)).current
+    assert last is not None and (last.repeats, last.frozen, last.suspected) == (0, False, False)
+
+
+def test_a_record_of_before_that_knows_no_pixels_is_still_read() -> None:
+    document = json.loads(after(taken()).model_dump_json())
+    for name in ("pixels", "grain", "repeats", "since"):
+        del document["current"][name]
+    record = with_picture(Record.model_validate(document), taken(), VIEW, at(9))
+    assert record.current is not None and (record.current.repeats, record.current.trouble) == (0, None)
+
+
 @pytest.mark.parametrize(("last", "trouble"), [(black(1), "black"), (taken(30), "frozen")])
 def test_of_a_picture_that_shows_nothing_no_state_is_told(last: Taken, trouble: str) -> None:
-    record = after(taken(), taken(30), last)
+    record = after(taken(), *[taken(30)] * 5, last)
     assert record.current is not None and record.current.trouble == trouble
     said = words(record)
     assert f"it is {trouble}" in said and "physical state is unknown" in said

@@ -5,7 +5,20 @@ from collections.abc import Callable
 
 import pytest
 
-from octoform.perception.judging import CHANGED, HEIGHT, THUMB_BYTES, WIDTH, Picture, complaint, difference, frozen
+from octoform.perception.judging import (
+    CHANGED,
+    FROZEN_PICTURES,
+    FROZEN_SECONDS,
+    GRAIN,
+    HEIGHT,
+    THUMB_BYTES,
+    WIDTH,
+    Picture,
+    complaint,
+    difference,
+    frozen,
+    repeated,
+)
 
 Place = Callable[[int, int], float]
 
@@ -45,12 +58,30 @@ def test_what_shows_nothing_is_told(mean: float, spread: float, said: str | None
     assert complaint(Picture(mean, spread, bytes(THUMB_BYTES))) == said
 
 
-def test_only_the_very_same_picture_is_frozen() -> None:
-    first = picture(bench, noise=0.3, seed=1)
-    assert frozen(first, picture(bench, noise=0.3, seed=1))
-    assert not frozen(first, picture(bench, noise=0.3, seed=2))
-    assert not frozen(first, Picture(first.mean, first.spread, first.thumb[:-1] + b"\0"))
-    assert not frozen(first, Picture(first.mean + 0.1, first.spread, first.thumb))
+def test_a_picture_is_repeated_when_no_pixel_differs_whatever_its_figures_say() -> None:
+    first = Picture(100.0, 50.0, bytes(THUMB_BYTES), "one", 0.8)
+    assert repeated(first, Picture(100.0, 50.0, bytes(THUMB_BYTES), "one", 0.8))
+    assert not repeated(first, Picture(100.0, 50.0, bytes(THUMB_BYTES), "two", 0.8))
+    unknown = Picture(100.0, 50.0, bytes(THUMB_BYTES))
+    assert not repeated(unknown, unknown)
+
+
+@pytest.mark.parametrize(
+    ("grain", "repeats", "seconds", "verdict"),
+    [
+        (0.9, 0, 0.0, False),
+        (0.0, 0, 900.0, False),
+        (0.9, 1, 900.0, None),
+        (0.9, FROZEN_PICTURES - 1, FROZEN_SECONDS - 1, None),
+        (0.9, FROZEN_PICTURES - 1, FROZEN_SECONDS, True),
+        (GRAIN, 400, 9000.0, True),
+        (GRAIN - 0.01, 400, 9000.0, None),
+    ],
+)
+def test_frozen_needs_a_sensors_noise_several_pictures_and_some_seconds(
+    grain: float, repeats: int, seconds: float, verdict: bool | None
+) -> None:
+    assert frozen(Picture(100.0, 50.0, bytes(THUMB_BYTES), "one", grain), repeats, seconds) is verdict
 
 
 def test_the_same_scene_differs_by_its_noise_alone() -> None:

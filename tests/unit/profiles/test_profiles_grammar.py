@@ -84,7 +84,7 @@ def test_a_grammar_is_read_as_data() -> None:
         ("baud: 9600", "baud: true", "baud"),
         ("baud: 9600", 'baud: 9600, ending: ";"', "ending"),
         ('ok: "OK"', 'ok: "OK {steps}"', "`ok` has a placeholder"),
-        ('ok: "OK", ', "", "'ok' is no text"),
+        ('ok: "OK", ', "", "does not say its `ok`"),
         ("E {message}", "E {code}", "another placeholder"),
         ("timeout: 2s", "timeout: 2h", "'timeout' is no duration from 1s to 60s"),
         ("settle: 1s", "settle: 60s", "'settle'"),

@@ -92,11 +92,11 @@ def test_a_project_adds_a_step_and_replaces_a_shipped_one_by_files_alone(tmp_pat
         ("minimum: 5", "minimum: true", 5, "'minimum' is no number above 0", "minimum: 50"),
         ("minimum: 5", "minimun: 5", 5, "'minimun' is no field of a proof", "did you mean 'minimum'?"),
         ("kind: reading", "kind: frame", 5, "kind frame has no 'minimum'", "nothing moves"),
-        ("unit: percent", "settle: 2", 5, "'settle' is no time", "settle: 2s"),
+        ("unit: percent", "settle: 2", 5, "'settle' is no time", "1h30m"),
         ("unit: percent", "settle: 2m", 5, "'settle' is no time", "at most 60s"),
         ("interface/output.json, ", "", 6, "'consumes' does not fit", "write consumes: [identify/output.json,"),
         ("produces: steps/lamp", "produces: lamp", 7, "'produces' does not fit", "steps/lamp/output.json"),
-        ("---\n# LAMP", "budget: soon\n---\n# LAMP", 9, "'budget' is no time", "200s"),
+        ("---\n# LAMP", "budget: soon\n---\n# LAMP", 9, "'budget' is no time", "1h30m"),
         ("step: lamp", "step: &a lamp", 2, "anchors and aliases", None),
     ],
 )

@@ -8,7 +8,7 @@ import pytest
 from sysfs_tree import Tree
 
 from octoform import runtime
-from octoform.runtime import kinds
+from octoform.runtime import serials
 from octoform.runtime.places import place, socket
 
 BOARD, TWIN = "usb-1f00-00c1", "usb-1f00-00c1-2"
@@ -137,7 +137,7 @@ def test_a_number_that_two_show_is_none(tree: Tree, instances: Instances) -> Non
 def test_what_makers_put_in_place_of_a_number_never_equals_another(
     tree: Tree, instances: Instances, serial: str
 ) -> None:
-    assert kinds.telling(serial) == ""
+    assert not serials.tells_apart(serial)
     instances({BOARD: at("1-2", serial, "strong"), TWIN: at("1-3", serial, "strong")})
     plug(tree, "1-4", serial)
     plug(tree, "1-5", serial)
@@ -145,9 +145,34 @@ def test_what_makers_put_in_place_of_a_number_never_equals_another(
 
 
 def test_a_number_is_compared_as_tools_spell_it() -> None:
-    assert kinds.same_serial("ab 12-7", "AB_12_7")
-    assert not kinds.same_serial("AB127", "AB128")
-    assert not kinds.same_serial("", "")
+    assert serials.same("ab 12-7", "AB_12_7")
+    assert not serials.same("AB127", "AB128")
+    assert not serials.same("", "")
+
+
+@pytest.mark.parametrize("default", ["0001", "123456", "0123456789", "SN000001", "200901010001"])
+def test_an_actuator_does_not_follow_a_default_number_to_a_twin(tree: Tree, instances: Instances, default: str) -> None:
+    instances({BOARD: at("1-2", default, "strong")})
+    plug(tree, "1-4", default)
+    plug(tree, "1-5", "D744C4C5")
+    refused(BOARD, "2 equal devices .1-4, 1-5")
+    plug(tree, "1-2", default)
+    assert move(BOARD) == "1-2"
+
+
+def test_a_default_number_serves_where_it_is_the_only_one_of_its_kind(tree: Tree, instances: Instances) -> None:
+    instances({BOARD: at("1-2", "0001", "strong")})
+    plug(tree, "1-4", "0001")
+    assert move(BOARD) == "1-4"
+    assert runtime.device(BOARD, actuate=True).strength == "weak"
+
+
+def test_a_unit_with_another_default_number_is_another_unit(tree: Tree, instances: Instances) -> None:
+    instances({BOARD: at("1-2", "0001", "positional"), TWIN: at("1-3", "0002", "positional")})
+    plug(tree, "1-2", "0002")
+    plug(tree, "1-3", "0001")
+    refused(BOARD, "2 equal devices")
+    refused(TWIN, "2 equal devices")
 
 
 def test_a_hub_in_another_port_keeps_the_order_for_readers_and_stops_actuators(

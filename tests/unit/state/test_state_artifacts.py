@@ -8,7 +8,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from octoform.state.artifacts import accept, file_digest, observe
-from octoform.state.files import TEMPORARY
+from octoform.base.files import TEMPORARY
 from octoform.state.instances import read_instances, write_instances
 from octoform.state.layout import STAGES, Layout
 

@@ -12,7 +12,7 @@ import pytest
 from state_scenario import NODES, apply, files_of, settled
 
 from octoform.state.artifacts import file_digest
-from octoform.state.files import TEMPORARY
+from octoform.base.files import TEMPORARY
 from octoform.state.layout import Layout
 from octoform.state.model import Status, content_digest
 from octoform.state.peek import peek

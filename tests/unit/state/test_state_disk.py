@@ -12,7 +12,8 @@ import pytest
 
 from octoform.diagnostics import Diagnostic
 from octoform.state.artifacts import accept, file_digest
-from octoform.state.files import TEMPORARY, check_writable, full_disk, read_regular, write_atomic
+from octoform.base.files import TEMPORARY
+from octoform.state.files import check_writable, full_disk, read_regular, write_atomic
 from octoform.state.layout import Layout
 from octoform.state.model import NodeState
 from octoform.state.reserve import reserve_path

@@ -11,7 +11,7 @@ from octoform.endpoint.files import POLICY, file_digest, files_below, folder_dig
 from octoform.endpoint.promise import published
 from octoform.endpoint.running import running
 from octoform.state.layout import Layout
-from octoform.state.reading import bytes_of, json_of
+from octoform.base.files import read, read_json
 
 DEEP = "[" * 100_000
 
@@ -21,14 +21,14 @@ def test_what_is_no_file_is_refused_and_never_waited_for(tmp_path: Path, make: C
     path = tmp_path / "one"
     make(path)
     with pytest.raises(OSError, match="one"):
-        bytes_of(path)
+        read(path)
     assert file_digest(path) is None
 
 
 def test_a_link_to_a_file_is_read(tmp_path: Path) -> None:
     (tmp_path / "one").write_text('{"a": 1}')
     (tmp_path / "two").symlink_to("one")
-    assert json_of(tmp_path / "two") == {"a": 1}
+    assert read_json(tmp_path / "two") == {"a": 1}
 
 
 def test_a_file_that_cannot_be_read_makes_another_folder_and_ends_nobody(tmp_path: Path) -> None:

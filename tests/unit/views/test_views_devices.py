@@ -44,7 +44,7 @@ def test_one_line_a_device_without_its_serial_number() -> None:
         "usb-1f00-00b1  Bench \\x1b[31mCam (sensor, 2 tools)  at 1-4 [weak, in doubt]",
         "usb-1f00-00a1  Bench \\x1b[31mCam (sensor, no tool)  absent",
         "usb-1f00-00d1  Bench \\x1b[31mCam (sensor, no tool)  not known whether attached",
-        "4 devices, 2 attached now, 1 left out; -v shows reasons, evidence and serial numbers",
+        "4 devices, 2 attached now, 1 skipped; -v shows reasons, evidence and serial numbers",
     ]
 
 
@@ -56,7 +56,7 @@ def test_all_that_lies_behind_it_with_v() -> None:
         "missing: Say what it measures.",
         "weak: only its kind tells what it is; with two of them attached, nothing is moved on a guess",
         "note: usb-1f00-00b1 may be any of 2 equal devices (1-4, 1-5)",
-        "left out: pci-1f00-0001: bus infrastructure (carries other devices)",
+        "skipped: pci-1f00-0001: bus infrastructure (carries other devices)",
     ):
         assert line in text
 
@@ -71,6 +71,7 @@ def test_the_document_has_serial_numbers_only_with_v() -> None:
         "strength": "strong",
         "nodes": ["/dev/video5"],
         "doubt": "",
+        "refused": [],
     }
     assert plain["left_out"] == [
         {"id": "pci-1f00-0001", "reason": "bus_infrastructure", "detail": "carries other devices"}
@@ -79,3 +80,11 @@ def test_the_document_has_serial_numbers_only_with_v() -> None:
 
 def test_a_machine_without_a_ledger_is_told_what_helps() -> None:
     assert "`octoform apply` lets PROBE look again" in shown(Listing("bench", (), (), False))
+
+
+def test_a_node_that_is_closed_to_this_user_is_shown_with_its_remedy() -> None:
+    closed = {"node": "/dev/ttyUSB0", "mode": "0660", "group": "dialout", "lacks": "write to", "remedy": "join dialout"}
+    now = Attached(True, "1-2", "strong", ("/dev/ttyUSB0",), "", (closed,))
+    found = Listing("bench", (row("usb-1f00-00e1", now, "ask"),), (), True)
+    assert "[strong, no rights]" in shown(found)
+    assert "no rights: /dev/ttyUSB0: join dialout" in shown(found, verbose=True)

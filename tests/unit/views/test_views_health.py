@@ -6,7 +6,12 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
+import pytest
+
+from octoform.daemon.health import Health, Part
+from octoform.daemon.model import Status as Verdict
 from octoform.daemon.records.ownership import Record
+from octoform.daemon.surveying import Survey
 from octoform.endpoint.running import Running
 from octoform.engine.health import Process, Status
 from octoform.state.holder import myself
@@ -31,15 +36,19 @@ TOLD: dict[str, Any] = {
 }
 
 
-def shown(found: Status, watched: Record | None = None, *, as_json: bool = False) -> tuple[int, str]:
+def shown(
+    found: Status, watched: Record | None = None, *, verdict: Verdict = Verdict.HEALTHY, as_json: bool = False
+) -> tuple[int, str]:
     out = io.StringIO()
     console = Console(out, io.StringIO(), colour=False, colour_err=False, interactive=False)
-    return health.status(console, found, watched, as_json=as_json), out.getvalue()
+    parts = () if verdict is Verdict.HEALTHY else (Part("endpoint", verdict, "its process does not run"),)
+    surveyed = Survey(Health("bench", "", 0.0, verdict, parts), watched, watched is None, 0.0)
+    return health.status(console, found, surveyed, as_json=as_json), out.getvalue()
 
 
 def status(told: Mapping[str, Any] | None = None, **more: Any) -> Status:
     process = Process(RUNNING, TOLD if told is None else told, None, 3)
-    return Status("bench", True, "healthy", tools=("a", "b"), process=process, **more)
+    return Status("bench", True, tools=("a", "b"), process=process, **more)
 
 
 def test_a_healthy_host_tells_what_runs() -> None:
@@ -94,8 +103,8 @@ def test_what_a_process_of_another_version_does_not_tell_is_left_out() -> None:
 def test_nothing_that_is_told_acts_on_the_terminal() -> None:
     estop = {"by": "\x1b[1manna", "reason": "smoke\nhost bench: in sync", "since": ""}
     process = Process(RUNNING, {"tunnel": {"state": "x", "reason": "\x1b]0;title\x07"}}, estop)
-    code, text = shown(Status("bench", True, "unhealthy", ("why \x1b[2J",), process=process))
-    assert code == 1
+    code, text = shown(Status("bench", True, ("why \x1b[2J",), process=process), verdict=Verdict.DOWN)
+    assert code == 5
     assert "\x1b" not in text and "\x07" not in text
     assert "  emergency stop latched by \\x1b[1manna: smoke host bench: in sync" in text
 
@@ -107,5 +116,24 @@ def test_a_program_reads_everything_that_the_process_told() -> None:
     assert (found["in_sync"], found["health"], found["running"], found["tokens"]) == (True, "healthy", True, 3)
     assert found["process"]["url"] == RUNNING.url
     assert found["process"]["later"] == {"nobody": "knows"}
-    code, text = shown(Status("bench", True, "unhealthy", ("the endpoint is not running",)), as_json=True)
-    assert (code, json.loads(text)["process"], json.loads(text)["running"]) == (1, None, False)
+    code, text = shown(Status("bench", True), verdict=Verdict.DOWN, as_json=True)
+    found = json.loads(text)
+    assert (code, found["health"], found["process"], found["running"]) == (5, "down", None, False)
+    assert found["reasons"] == ["endpoint: its process does not run"]
+
+
+@pytest.mark.parametrize(
+    ("sync", "verdict", "code"),
+    [
+        (True, Verdict.HEALTHY, 0),
+        (False, Verdict.HEALTHY, 1),
+        (True, Verdict.DEGRADED, 3),
+        (False, Verdict.ERROR, 4),
+        (True, Verdict.DOWN, 5),
+        (True, Verdict.UNKNOWN, 6),
+    ],
+)
+def test_the_exit_code_is_that_of_health_and_drift_is_one(sync: bool, verdict: Verdict, code: int) -> None:
+    left, text = shown(Status("bench", sync), verdict=verdict)
+    assert left == code
+    assert text.splitlines()[0].endswith(f", {verdict}")

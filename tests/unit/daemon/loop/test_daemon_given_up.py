@@ -1,11 +1,12 @@
 """What nobody repairs any more stands in the way of nothing else."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 from daemon_world import DaemonWorld
 
-from octoform.daemon.model import Cause, Done, Finding, Repair
+from octoform.daemon.model import Cause, Done, Facts, Finding, Repair
 from octoform.engine import onboarding
 from octoform.engine.onboarding import Question
 
@@ -55,3 +56,43 @@ def test_a_question_is_told_once_and_taken_back_when_the_hardware_is_as_it_was(w
     world.truth.appeared = ()
     world.happens(Cause.HARDWARE)
     assert onboarding.read(world.layout) is None
+
+
+OTHER = "server.py is not the one that the endpoint was made for"
+
+
+def test_an_adopted_edit_of_the_server_is_told_once_and_never_republished(
+    world: DaemonWorld, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    look, adopted = world.look, [True]
+
+    def looks(causes: frozenset[Cause]) -> Facts:
+        return replace(look(causes), endpoint=(OTHER,) if adopted else ())
+
+    monkeypatch.setattr(world, "look", looks)
+    world.begun()
+    world.start()
+    world.happens(Cause.FILES)
+    world.advance(3600)
+    assert world.repairs() == []
+    assert [(each.event, each.target) for each in world.alerts] == [
+        ("opened", "file:state/bench/serve/server.py"),
+        ("surfaced", "file:state/bench/serve/server.py"),
+    ]
+    assert "octoform apply" in world.alerts[-1].hint
+    adopted.clear()
+    world.happens(Cause.FILES)
+    assert world.memory.episodes.open == {}
+
+
+def test_an_edit_that_nobody_adopted_is_told_by_its_file_alone(
+    world: DaemonWorld, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    look = world.look
+    monkeypatch.setattr(world, "look", lambda causes: replace(look(causes), endpoint=(OTHER,)))
+    world.mends[Repair.RESTORE] = lambda world, finding: Done(False, "it was edited and stays", again=False)
+    world.truth.damaged = {"state/bench/serve/server.py": "changed"}
+    world.begun()
+    world.start()
+    world.advance(600)
+    assert world.repairs() == [Repair.RESTORE]

@@ -1,13 +1,15 @@
 """One cause is one trouble: a tool that fails is not also a unit that is silent."""
 
 from collections.abc import Iterable
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 from daemon_world import INTERVAL, DaemonWorld
 
 from octoform.claims.model import Channel, Reading, Signal
-from octoform.daemon.model import Cause, Facts, Status
+from octoform.daemon.loop.bench import AtOnce, Ended
+from octoform.daemon.model import Cause, Done, Facts, Finding, Repair, Sighting, Status
 
 SOURCES = ("read_joints",)
 
@@ -103,3 +105,95 @@ def test_a_unit_that_is_silent_by_itself_is_told(world: Failing) -> None:
     world.broken = True
     world.advance(INTERVAL + 1)
     assert [each for each in opened(world) if each[0] == "cleared"] == [], "its owner has not enabled it since"
+
+
+HERE, THERE = Sighting(True, "1-1", None, "1-1"), Sighting(True, "1-2", None, "1-1")
+
+
+def rebound(world: DaemonWorld, finding: Finding) -> Done:
+    world.truth.devices = {"cam": replace(world.truth.devices["cam"], recorded=world.truth.devices["cam"].place)}
+    return Done(True, "written down")
+
+
+@pytest.fixture
+def plugged(tmp_path: Path) -> DaemonWorld:
+    found = DaemonWorld(tmp_path)
+    found.mends[Repair.REBIND] = rebound
+    found.truth.devices = {"cam": HERE}
+    found.start()
+    return found
+
+
+def seen(world: DaemonWorld, sighting: Sighting) -> None:
+    world.truth.devices = {"cam": sighting}
+    world.happens(Cause.HARDWARE)
+    world.advance(60)
+
+
+@pytest.mark.parametrize(("back", "end"), [(THERE, "repaired"), (HERE, "cleared")])
+def test_one_replug_is_one_trouble_and_two_messages(plugged: DaemonWorld, back: Sighting, end: str) -> None:
+    seen(plugged, Sighting(False, None, None, "1-1"))
+    seen(plugged, back)
+    assert opened(plugged) == [("opened", "device:cam"), (end, "device:cam")]
+    assert len({item.id for made in plugged.rounds for item in (*made.opened, *made.ended)}) == 1
+    assert plugged.memory.episodes.open == {}
+
+
+def test_a_device_that_is_only_in_another_place_is_one_message(plugged: DaemonWorld) -> None:
+    seen(plugged, THERE)
+    assert opened(plugged) == [("repaired", "device:cam")]
+
+
+def test_a_place_that_cannot_be_written_down_is_told(plugged: DaemonWorld) -> None:
+    plugged.mends[Repair.REBIND] = lambda world, finding: Done(False, "the disk is full")
+    seen(plugged, Sighting(False, None, None, "1-1"))
+    seen(plugged, THERE)
+    plugged.advance(3600)
+    assert opened(plugged) == [("opened", "device:cam"), ("frozen", "device:cam")]
+
+
+def test_a_replug_during_a_restart_of_the_daemon_is_the_same_trouble(plugged: DaemonWorld) -> None:
+    seen(plugged, Sighting(False, None, None, "1-1"))
+    plugged.begun()
+    plugged.truth.devices = {"cam": THERE}
+    plugged.start()
+    plugged.advance(60)
+    assert opened(plugged) == [("opened", "device:cam"), ("repaired", "device:cam")]
+
+
+class Slow(AtOnce):
+    """A restart that others can watch: the process is gone, and the next one is not there yet."""
+
+    held = True
+
+    def ended(self) -> tuple[Ended, ...]:
+        return () if self.held else super().ended()
+
+
+def test_a_hang_that_is_ended_by_its_repair_is_one_trouble(tmp_path: Path) -> None:
+    world = DaemonWorld(tmp_path)
+    world.bench = bench = Slow(world.uptime)
+    world.begun()
+    bench.held = False
+    world.start()
+    bench.held = True
+    world.truth.answers = False
+    world.mends[Repair.RESTART] = lambda world, finding: (world.die(), Done(True, "started"))[1]
+    world.happens(Cause.PING)
+    world.happens(Cause.PROCESS)
+    assert opened(world) == [("opened", "endpoint")]
+    world.live()
+    bench.held = False
+    world.happens(Cause.PROCESS)
+    assert opened(world) == [("opened", "endpoint"), ("repaired", "endpoint")]
+
+
+def test_a_hang_whose_end_is_seen_later_is_one_trouble(tmp_path: Path) -> None:
+    world = DaemonWorld(tmp_path)
+    world.start()
+    world.truth.answers = False
+    world.mends[Repair.RESTART] = lambda world, finding: (world.die(), Done(False, "no"))[1]
+    world.happens(Cause.PING)
+    world.mends[Repair.RESTART] = lambda world, finding: (world.live(), Done(True, "started"))[1]
+    world.advance(120)
+    assert opened(world) == [("opened", "endpoint"), ("repaired", "endpoint")]

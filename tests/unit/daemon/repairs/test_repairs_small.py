@@ -20,6 +20,10 @@ from octoform.state.instances import read_instances, write_instances
 from octoform.state.layout import Layout
 
 OLD = 1_000_000_000
+MANIFEST: dict[str, Any] = {
+    **{"format": 1, "files": {}, "lock": "", "tools": [], "server": ""},
+    **{"runtime": None, "launcher": None},
+}
 
 
 @pytest.fixture
@@ -84,7 +88,7 @@ def test_room_is_made_of_what_can_be_made_again_until_there_is_enough(
         "environment": str(layout.environments / names[0]),
         "previous_environment": str(layout.environments / names[1]),
     }
-    (layout.endpoint / "manifest.json").write_text(json.dumps({"format": 1, "files": {}, **places}))
+    (layout.endpoint / "manifest.json").write_text(json.dumps({**MANIFEST, **places}))
     for number in range(1, 7):
         folder = layout.attempts / f"{number:06}-serve-1"
         folder.mkdir(parents=True)

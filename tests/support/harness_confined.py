@@ -25,7 +25,7 @@ work = Path(config["workdir"])
 names = ("prompt.md", "output.json", "agent.log", "task.json")
 prompt, output, log, document = (work / name for name in names)
 task = Task("probe", 1, work, prompt, output, log, document, None, config["environ"], TaskLimits(config["seconds"]))
-sandbox = Sandbox(**config["sandbox"]) if config["sandbox"] is not None else None
+sandbox = Sandbox(**{"required": True, **config["sandbox"]}) if config["sandbox"] is not None else None
 outcome = run_contained(task, Invocation(tuple(config["argv"]), sandbox=sandbox), lambda *event: None)
 print(json.dumps({"outcome": dataclasses.asdict(outcome), "log": log.read_text() if log.exists() else ""}))
 """

@@ -1,0 +1,220 @@
+"""One way to replace a file and one way to read one that may be a trap.
+
+A process that is killed, a disk that is full or a power cut must never leave half a file, and whatever stands in the
+place of a file (a pipe, a device, a link, gigabytes, JSON without end) must never hold up or end whoever reads it. So
+a file is replaced by a complete and synced one, read only where it is a regular file of a sane size, and every
+refusal is an OSError or a ValueError with a reason for a person. Standard library only.
+"""
+
+import contextlib
+import errno
+import json
+import math
+import os
+import re
+import stat
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+MAX_BYTES = 64 * 1024 * 1024
+"""More than any file that octoform writes for itself to read again."""
+MAX_DEPTH = 128
+"""Levels of nested arrays and objects; nothing that octoform writes comes near, and Python's own stack holds more."""
+TEMPORARY = ".octoform-tmp"
+"""Ends the name of a file that is being written."""
+_FLAGS = os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC
+_NEW = os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW | os.O_CLOEXEC
+_BLOCK = 1 << 20
+_UNFIT = re.compile(rb"\\u(?:0000|[dD][89a-fA-F])")
+"""Escapes of characters that no file name and no output can hold; a pair of surrogates is one character, and fits."""
+
+
+def _unwatched(step: str) -> None:
+    """The watcher of a production run: nothing happens at any step."""
+
+
+def replace(
+    path: Path, data: bytes, mode: int = 0o600, watch: Callable[[str], None] = _unwatched, *, synced: bool = True
+) -> None:
+    """Replace ``path`` by ``data`` as a whole; OSError when the system refuses, and the former file is intact.
+
+    A link at ``path`` is replaced, never followed. ``watch`` is told "written", "renamed" and
+    "synced" as each is done; a refusal after "renamed" leaves the new file in place, complete. Not ``synced``: whole
+    for every reader, but a power cut may lose it.
+    """
+    draft = path.with_name(f".{path.name}.{os.urandom(6).hex()}{TEMPORARY}")
+    try:
+        create(draft, data, mode, synced=synced)
+        watch("written")
+        draft.replace(path)
+    except BaseException:
+        with contextlib.suppress(OSError):
+            draft.unlink()
+        raise
+    watch("renamed")
+    if synced:
+        sync_folder(path.parent)
+    watch("synced")
+
+
+def create(path: Path, data: bytes, mode: int = 0o600, *, synced: bool = True) -> None:
+    """Write a file that is not there yet; OSError when it is, or the disk takes only a part (which then goes)."""
+    descriptor = os.open(path, _NEW, mode)
+    try:
+        write_all(descriptor, data)
+        if synced:
+            os.fsync(descriptor)
+    except BaseException:
+        with contextlib.suppress(OSError):
+            path.unlink()
+        raise
+    finally:
+        os.close(descriptor)
+
+
+def make_way(path: Path) -> None:
+    """Set a folder that stands in the place of a file of ours aside, by another name: it may hold what somebody misses.
+
+    Only for places that octoform alone writes; where a person named the place, the folder is theirs.
+    """
+    if path.is_dir() and not path.is_symlink():
+        path.rename(path.with_name(f"{path.name}.aside-{os.urandom(3).hex()}"))
+
+
+def write_all(descriptor: int, data: bytes) -> None:
+    """Write every byte; OSError when the disk takes only some."""
+    view = memoryview(data)
+    while view:
+        written = os.write(descriptor, view)
+        if not written:
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        view = view[written:]
+
+
+def sync_folder(folder: Path) -> None:
+    """Make the names in a folder durable."""
+    descriptor = os.open(folder, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
+    try:
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)
+
+
+def require_room(folder: Path, size: int) -> None:
+    """OSError when ``folder`` does not take a file of ``size`` bytes; asked before something that works is ended."""
+    trial = folder / f".room.{os.urandom(6).hex()}{TEMPORARY}"
+    create(trial, bytes(size))
+    trial.unlink()
+
+
+def read(path: Path, limit: int = MAX_BYTES, *, follow: bool = True) -> bytes:
+    """The bytes of a regular file of at most ``limit`` bytes; OSError for everything else, which is never waited for.
+
+    Not ``follow``: a link at ``path`` is refused (ELOOP).
+    """
+    with opened(path, follow=follow) as descriptor:
+        if os.fstat(descriptor).st_size > limit:
+            raise _too_large(path, limit)
+        parts: list[bytes] = []
+        length = 0
+        while part := os.read(descriptor, min(limit + 1 - length, _BLOCK)):
+            parts.append(part)
+            length += len(part)
+            if length > limit:
+                raise _too_large(path, limit)
+        return b"".join(parts)
+
+
+def head(path: Path, limit: int, *, follow: bool = False) -> bytes:
+    """The first ``limit`` bytes of a regular file; OSError as `read`."""
+    with opened(path, follow=follow) as descriptor:
+        parts: list[bytes] = []
+        left = limit
+        while left and (part := os.read(descriptor, min(left, _BLOCK))):
+            parts.append(part)
+            left -= len(part)
+        return b"".join(parts)
+
+
+@contextlib.contextmanager
+def opened(path: Path, *, follow: bool = True) -> Iterator[int]:
+    """A descriptor to read a regular file with; OSError for a folder, device or pipe, without waiting for it."""
+    try:
+        descriptor = os.open(path, _FLAGS if follow else _FLAGS | os.O_NOFOLLOW)
+    except ValueError:  # a NUL in the name
+        raise OSError(errno.ENOENT, "it has a name that no file can have", repr(str(path))) from None
+    try:
+        if not stat.S_ISREG(os.fstat(descriptor).st_mode):
+            raise OSError(errno.EINVAL, "it is no regular file", str(path))
+        yield descriptor
+    finally:
+        os.close(descriptor)
+
+
+def read_json(path: Path, limit: int = MAX_BYTES, *, follow: bool = True, any_text: bool = False) -> Any:
+    """The JSON document of a file; OSError as `read`, ValueError as `parse`.
+
+    Characters that no file name and no output can hold (NUL, half a surrogate pair) are a ValueError as well, but for
+    ``any_text``: a document that keeps what strangers wrote.
+    """
+    data = read(path, limit, follow=follow)
+    value = parse(data)
+    if not any_text and _UNFIT.search(data):
+        _printable(value)
+    return value
+
+
+def parse(data: bytes | str) -> Any:
+    """The JSON document in UTF-8; ValueError, and nothing else, for everything that is none or that could harm.
+
+    Refused: more than ``MAX_DEPTH`` levels, and numbers that are not finite.
+    """
+    raw = data if isinstance(data, bytes) else data.encode("utf-8", "surrogatepass")
+    try:
+        value = json.loads(raw.decode("utf-8"), parse_constant=_not_finite, parse_float=_finite)
+    except RecursionError:
+        raise _too_deep() from None
+    _bounded(value)
+    return value
+
+
+def _bounded(value: Any) -> None:
+    """Level by level, never by recursion."""
+    level, depth = [value], 0
+    while level := [each for each in level if isinstance(each, (dict, list))]:
+        depth += 1
+        if depth > MAX_DEPTH:
+            raise _too_deep()
+        level = [below for each in level for below in (each.values() if isinstance(each, dict) else each)]
+
+
+def _printable(value: Any) -> None:
+    left = [value]
+    while left:
+        each = left.pop()
+        if isinstance(each, str):
+            if "\0" in each:
+                raise ValueError("a text has a NUL in it")
+            each.encode("utf-8")
+        elif isinstance(each, dict):
+            left += [*each, *each.values()]
+        elif isinstance(each, list):
+            left += each
+
+
+def _finite(text: str) -> float:
+    value = float(text)
+    return value if math.isfinite(value) else _not_finite(text)
+
+
+def _not_finite(text: str) -> float:
+    raise ValueError(f"{text[:40]} is no finite number")
+
+
+def _too_deep() -> ValueError:
+    return ValueError(f"it is nested deeper than {MAX_DEPTH} levels")
+
+
+def _too_large(path: Path, limit: int) -> OSError:
+    return OSError(errno.EFBIG, f"it has more than {limit} bytes", str(path))

@@ -1,0 +1,33 @@
+"""Whether a JSON value has the form that its reader stands on, told before any of it is used.
+
+A reader that finds a word where a list should be would otherwise end with a traceback, far from the file that is
+damaged. For records of octoform's own; what agents write is held against its schema. Standard library only.
+"""
+
+from typing import Any
+
+
+def fits(value: Any, shape: Any) -> bool:
+    """True when ``value`` has the form ``shape``.
+
+    A shape is a type (``int`` and ``float`` take no truth value, ``float`` takes whole numbers), None, a tuple of
+    shapes of which one fits, ``[shape]`` for a list, ``{str: shape}`` for an object of any names, ``{"name": shape}``
+    for an object with at least these fields, where one that is missing counts as None.
+    """
+    if isinstance(shape, tuple):
+        return any(fits(value, each) for each in shape)
+    if isinstance(shape, list):
+        return isinstance(value, list) and all(fits(each, shape[0]) for each in value)
+    if isinstance(shape, dict):
+        return isinstance(value, dict) and _object_fits(value, shape)
+    if shape is None:
+        return value is None
+    if isinstance(value, bool) and shape in (int, float):
+        return False
+    return isinstance(value, (int, float) if shape is float else shape)
+
+
+def _object_fits(value: dict[str, Any], shape: dict[Any, Any]) -> bool:
+    if str in shape:
+        return all(fits(each, shape[str]) for each in value.values())
+    return all(fits(value.get(name), each) for name, each in shape.items())

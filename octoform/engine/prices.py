@@ -1,0 +1,59 @@
+"""Models without a known price under a limit in dollars, found before anything is started; and prices that grew old.
+
+A limit that cannot be measured is no limit. Whoever validates or plans must hear of it, and not only the first attempt.
+"""
+
+from collections.abc import Iterator, Mapping
+from datetime import UTC, datetime
+
+from octoform.apply.assignment import UNMEASURED
+from octoform.diagnostics import Diagnostic, error, warning
+from octoform.harness.port import Price
+from octoform.harness.pricing import OLD_DAYS, age_days, price_of
+from octoform.manifest.model import STEP, HarnessSpec, Manifest
+from octoform.manifest.references import resolve
+from octoform.plan.model import Plan
+
+
+def unpriced(manifest: Manifest, environ: Mapping[str, str], plan: Plan | None = None) -> list[Diagnostic]:
+    """An error for each model whose price no table knows, a warning for each whose price is old.
+
+    With ``plan`` only for agents that it starts.
+    """
+    working = None if plan is None else {item.node for item in plan.work if item.calls_agent}
+    models = dict.fromkeys(model for stage, model in _counted(manifest) if working is None or stage in working)
+    found = []
+    for model in models:
+        price = _price(manifest, model, environ)
+        if price is None:
+            summary = f"budget.usd is set, and nobody knows what {model} costs"
+            hint = f"add it to octopus.yaml: prices: {{{model}: {{input: ..., output: ...}}}}, or take `usd` out"
+            found.append(error("APPLY-PRICE-UNKNOWN", summary, hint=hint))
+            continue
+        days = age_days(price, datetime.now(UTC).date())
+        if days is not None and days > OLD_DAYS:
+            summary = f"the price of {model} is {days} days old ({price.source}), and budget.usd counts with it"
+            found.append(
+                warning("PLAN-PRICE-OLD", summary, hint=f"look it up: prices: {{{model}: ...}} in octopus.yaml")
+            )
+    return found
+
+
+def _counted(manifest: Manifest) -> Iterator[tuple[str, str]]:
+    """Node and model of every agent whose dollars are counted while it works; models as the manifest names them."""
+    settings = [*manifest.stages.items()]
+    if manifest.step is not None:
+        settings += [(f"{STEP}{each.name}", manifest.step) for each in manifest.privileged_steps]
+    for name, each in settings:
+        agents: list[tuple[HarnessSpec, str | None]] = [(each.harness, each.model)]
+        agents += [(each.escalate.harness, each.escalate.model)] if each.escalate is not None else []
+        for harness, model in agents:
+            limited = each.budget.usd is not None or manifest.run_usd is not None
+            if limited and model is not None and harness.name not in UNMEASURED:
+                yield name, model
+
+
+def _price(manifest: Manifest, model: str, environ: Mapping[str, str]) -> Price | None:
+    name, listed = resolve(model, environ), manifest.prices.get(model)
+    known = {name: Price(listed.input, listed.cached, listed.output, "manifest")} if listed is not None else {}
+    return price_of(name, known)

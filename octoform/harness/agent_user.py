@@ -1,0 +1,105 @@
+"""The ordinary user that a confined agent is where octoform runs as root.
+
+A process of user 0 owns what root owns, and a file mode asks for nothing more: without any capability it may still
+write ``/proc/sys`` and read what root keeps for itself. So the sandbox of root's agents ends in this program, started
+as ``python -I -S agent_user.py USER GROUP[,GROUP ...] PROGRAM [ARGUMENT ...]``: it becomes that user for good and runs
+the agent. It keeps the groups that serial ports, cameras and buses belong to, as an ordinary user of the hardware has
+them. It uses the standard library alone, because it is all that is certain to be seen in there.
+"""
+
+import os
+import pwd
+import stat
+import sys
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+NAME = "nobody"
+FALLBACK = 65534
+SCRATCH = ("/tmp", "/var/tmp", "/dev/shm")
+MEMORY_MAJOR, CONSOLE_MAJOR, TERMINAL_MAJOR = 1, 4, 5
+CONSOLES = 64
+"""Device numbers of Linux (devices.txt): below this minor the major of consoles has no serial port."""
+
+
+@dataclass(frozen=True, slots=True)
+class AgentUser:
+    """User id, and group ids with the user's own first."""
+
+    uid: int
+    groups: tuple[int, ...]
+
+    def command(self) -> tuple[str, ...]:
+        """The beginning of a command that is run as this user."""
+        groups = ",".join(map(str, self.groups))
+        return (sys.executable, "-I", "-S", str(Path(__file__).resolve()), str(self.uid), groups)
+
+
+def agent_user() -> AgentUser | None:
+    """The user of agents; None where octoform itself is an ordinary user, whom they remain."""
+    if os.geteuid() != 0:
+        return None
+    try:
+        entry = pwd.getpwnam(NAME)
+        uid, gid = entry.pw_uid, entry.pw_gid
+    except KeyError:
+        uid = gid = FALLBACK
+    return AgentUser(uid, (gid, *sorted(_device_groups() - {gid})))
+
+
+def _device_groups() -> set[int]:
+    """The groups that may use character devices; none that opens disks, memory or terminals."""
+    devices, closed = set[int](), {0}
+    for path in _nodes(Path("/dev")):
+        try:
+            found = path.lstat()
+        except OSError:
+            continue  # gone since the folder was read
+        if stat.S_ISBLK(found.st_mode) or (stat.S_ISCHR(found.st_mode) and _is_guarded(found.st_rdev)):
+            closed.add(found.st_gid)
+        elif stat.S_ISCHR(found.st_mode) and found.st_mode & stat.S_IRGRP:
+            devices.add(found.st_gid)
+    return devices - closed
+
+
+def _is_guarded(device: int) -> bool:
+    """Memory and terminals: whoever is in the group of terminals may write on everybody's."""
+    major = os.major(device)
+    return major in (MEMORY_MAJOR, TERMINAL_MAJOR) or (major == CONSOLE_MAJOR and os.minor(device) < CONSOLES)
+
+
+def _nodes(folder: Path) -> Iterator[Path]:
+    for place, folders, files in os.walk(folder):
+        folders[:] = [name for name in folders if name not in ("pts", "shm", "mqueue", "hugepages")]
+        yield from (Path(place) / name for name in files)
+
+
+def hand_over(folder: Path, uid: int, gid: int) -> None:
+    """Make all of a folder that user's; links are not followed, and what is gone meanwhile is not missed."""
+    for path in (folder, *folder.rglob("*")):
+        try:
+            os.chown(path, uid, gid, follow_symlinks=False)
+        except FileNotFoundError:
+            continue
+
+
+def become(uid: int, groups: list[int]) -> None:
+    """Be that user for good: with the last id goes every capability."""
+    for name in SCRATCH:
+        folder = Path(name)
+        if os.access(folder, os.W_OK) and folder.stat().st_uid == os.geteuid():
+            folder.chmod(0o1777)
+    os.setgroups(groups)
+    os.setresgid(groups[0], groups[0], groups[0])
+    os.setresuid(uid, uid, uid)
+
+
+def main(arguments: list[str]) -> None:
+    """Become the user and run the program; OSError where one of both does not work."""
+    become(int(arguments[0]), [int(group) for group in arguments[1].split(",")])
+    os.execvp(arguments[2], arguments[2:])
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])

@@ -1,0 +1,78 @@
+"""How the deployment is, for whoever asks the HTTP door: the daemon's word, and what this process sees by itself.
+
+What the daemon wrote is believed while the daemon lives, the record is fresh, and nothing plain contradicts it. Without
+a daemon nobody has looked at logs, files and sensors, so nothing is healthy; what is plainly bad is said all the same.
+"""
+
+import fcntl
+import os
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from octoform.base.files import read_json
+
+HEALTHY, UNKNOWN, DEGRADED = "healthy", "unknown", "degraded"
+ORDER = (HEALTHY, UNKNOWN, DEGRADED, "error", "down")
+"""From best to worst, as `octoform health` has it."""
+RECORD, LOCK = "health.json", "daemon.lock"
+SECONDS = 1.0
+"""How long a verdict is given again: strangers may ask as often as they like."""
+MOST_BYTES = 4_000_000
+
+
+class Verdict:
+    """Asked for one word. ``folder`` is the daemon's, ``instance`` this start of the endpoint.
+
+    ``latched`` tells whether the emergency stop is engaged, ``lacks`` whether a device is absent or closed to the user.
+    """
+
+    def __init__(self, folder: Path, instance: str, latched: Callable[[], bool], lacks: Callable[[], bool]) -> None:
+        self._folder = folder
+        self._instance = instance
+        self._latched = latched
+        self._lacks = lacks
+        self._known: tuple[float, bool, str] | None = None
+
+    def __call__(self) -> str:
+        """``healthy``, ``unknown``, ``degraded``, ``error`` or ``down``."""
+        now, latched = time.monotonic(), self._latched()
+        if self._known is None or now - self._known[0] >= SECONDS or self._known[1] is not latched:
+            own = DEGRADED if latched or self._lacks() else HEALTHY
+            self._known = (now, latched, max(own, self._of_daemon(latched=latched), key=ORDER.index))
+        return self._known[2]
+
+    def _of_daemon(self, *, latched: bool) -> str:
+        """The word of the daemon; ``unknown`` where none lives, or where its record is not of now."""
+        document = self._record() if self._is_alive() else None
+        if document is None:
+            return UNKNOWN
+        basis = {"instance": self._instance, "stopped": False, "latched": latched}
+        try:
+            fresh = document["uptime"] <= time.clock_gettime(time.CLOCK_BOOTTIME) <= document["until"]
+            word = document["status"] if fresh and document["basis"] == basis else UNKNOWN
+        except (LookupError, TypeError):
+            return UNKNOWN
+        return word if word in ORDER else UNKNOWN
+
+    def _record(self) -> dict[str, Any] | None:
+        try:
+            document = read_json(self._folder / RECORD, MOST_BYTES, follow=False, any_text=True)
+        except (OSError, ValueError):
+            return None
+        return document if isinstance(document, dict) else None
+
+    def _is_alive(self) -> bool:
+        """True while a daemon holds its lock, which the kernel gives back however it ends."""
+        try:
+            descriptor = os.open(self._folder / LOCK, os.O_RDONLY | os.O_CLOEXEC | os.O_NOFOLLOW | os.O_NONBLOCK)
+        except OSError:
+            return False
+        try:
+            fcntl.flock(descriptor, fcntl.LOCK_SH | fcntl.LOCK_NB)
+        except OSError:
+            return True
+        finally:
+            os.close(descriptor)
+        return False

@@ -1,0 +1,145 @@
+"""A project that was copied or renamed: each folder owns what was started from it, and nothing more."""
+
+import json
+import shutil
+import subprocess
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from projects import Project
+
+from octoform.base.place import KEY, place_of
+from octoform.endpoint.running import running
+from octoform.harness import orphans
+from octoform.launcher import addresses, revoking
+from octoform.state.layout import Layout
+from octoform.state.lock import Lock, acquire
+
+
+@pytest.fixture(scope="module")
+def applied(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Project]:
+    place = tmp_path_factory.mktemp("copied")
+    project = Project(place / "project", place / "outside")
+    project.apply(status=0)
+    yield project
+    project.run("stop")
+
+
+@pytest.fixture
+def copy(applied: Project, tmp_path: Path) -> Iterator[Project]:
+    folder = tmp_path / "copy"
+    subprocess.run(["cp", "-a", str(applied.folder), str(folder)], check=True)
+    made = Project(folder, applied.outside)
+    yield made
+    made.run("stop")
+
+
+def pid(project: Project) -> int | None:
+    found = running(Layout(project.folder, project.host))
+    return found.pid if found else None
+
+
+COMMANDS = [
+    ("stop",), ("estop",), ("start",), ("restart",), ("status",), ("call", "read_temperature"),
+    ("tools",), ("revoke",), ("pause",), ("logs",), ("token", "list"), ("watch", "-once"), ("health",), ("plan",),
+    ("destroy", "-auto-approve"),
+]  # fmt: skip
+
+
+def test_nothing_that_is_done_in_a_copy_ends_names_or_steers_the_original(applied: Project, copy: Project) -> None:
+    before = pid(applied)
+    assert before is not None and pid(copy) is None
+    for words in COMMANDS:
+        done = copy.run(*words)
+        assert str(before) not in done.text, (words, done.text)
+        assert pid(applied) == before, words
+    assert not (applied.local / "run" / "estop.json").exists()
+    assert not (applied.local / "run" / "stopped.json").exists()
+    assert applied.run("tools", status=0).out
+
+
+def test_a_copy_says_whose_endpoint_it_holds_and_gets_its_own_by_apply(applied: Project, copy: Project) -> None:
+    before = pid(applied)
+    for words in (("start",), ("tools",), ("restart",)):
+        told = copy.run(*words, status=1).err
+        assert "ENDPOINT-ELSEWHERE" in told and f"octoform -chdir={applied.folder}" in told
+    stopped = copy.run("estop", status=1).text
+    assert f"octoform -chdir={applied.folder}" in stopped
+    assert str(applied.folder) in copy.run("plan").out
+    runs = len(applied.agent_runs())
+    copy.run("apply", "-auto-approve", status=0)
+    assert len(applied.agent_runs()) == runs, "no agent is asked for that"
+    mine = pid(copy)
+    assert mine is not None and mine != before == pid(applied)
+    for path in (copy.local / "endpoint").rglob("*"):
+        assert path.is_dir() or str(applied.folder).encode() + b"/" not in path.read_bytes(), path
+    copy.run("stop", status=0)
+    assert pid(copy) is None and pid(applied) == before
+
+
+def test_a_renamed_folder_keeps_what_was_started_from_it(applied: Project, copy: Project) -> None:
+    copy.run("apply", "-auto-approve", status=0)
+    mine = pid(copy)
+    moved = Project(copy.folder.with_name("moved"), copy.outside)
+    copy.folder.rename(moved.folder)
+    assert pid(moved) == mine
+    assert str(copy.folder) in moved.run("plan").out
+    moved.run("stop", status=0)
+    assert pid(moved) is None
+    assert "which is not there" in moved.run("start", status=1).err
+    moved.run("apply", "-auto-approve", status=0)
+    assert pid(moved) is not None and pid(applied) is not None
+    moved.run("stop", status=0)
+    moved.folder.rename(copy.folder)
+
+
+def test_a_record_of_another_machine_is_of_no_process_here(applied: Project) -> None:
+    path = applied.local / "run" / "process.json"
+    before = path.read_bytes()
+    record = json.loads(before)
+    assert record[KEY] == place_of(path.parent)
+    path.write_text(json.dumps({**record, KEY: {**record[KEY], "machine": "another"}}))
+    try:
+        assert pid(applied) is None
+    finally:
+        path.write_bytes(before)
+    assert pid(applied) is not None
+
+
+def copied(folder: Path) -> Path:
+    other = folder.with_name(f"{folder.name}-copy")
+    shutil.copytree(folder, other, symlinks=True)
+    return other
+
+
+def test_a_lock_that_was_copied_does_not_hold(tmp_path: Path) -> None:
+    layout = Layout(tmp_path / "a", "bench")
+    held = acquire(layout, "apply").lock
+    assert isinstance(held, Lock)
+    with held:
+        other = Layout(copied(layout.project), "bench")
+        mine = acquire(other, "apply")
+        assert mine.lock is not None, mine.diagnostics
+        mine.lock.release()
+        assert held.held() and acquire(layout, "apply").lock is None
+
+
+def test_agents_and_tunnels_of_the_original_are_none_of_the_copys(tmp_path: Path) -> None:
+    run = tmp_path / "run"
+    run.mkdir()
+    record = {"pid": 1, "start": 1, "boot": "b", "instance": "i", "mark": "m", "url": None}
+    revoking.publish(run, record)
+    assert revoking.read(run) is not None and revoking.read(copied(run)) is None
+    attempt = tmp_path / "attempt"
+    attempt.mkdir()
+    orphans.write(attempt, orphans.Record(orphans.new_mark(), 1, 1))
+    assert orphans.read(attempt) is not None and orphans.read(copied(attempt)) is None
+
+
+def test_the_port_of_the_original_stays_with_it(tmp_path: Path) -> None:
+    run = tmp_path / "run"
+    run.mkdir()
+    (run / "network.json").write_text(json.dumps({"first": 9000, "port": 9007, KEY: place_of(run)}))
+    assert next(iter(addresses._candidates(run, 9000))) == 9007
+    assert next(iter(addresses._candidates(copied(run), 9000))) == 9000

@@ -1,0 +1,185 @@
+"""An agent that leaves instructions for a later run: each is taken away, told, and refuses the attempt.
+
+The person's home is one of the test's own. The same attacks hold for root and for an ordinary user, since nothing here
+asks for more than the rights of whoever started octoform.
+"""
+
+import json
+import os
+import shutil
+import subprocess
+import tempfile
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+import pytest
+from projects import AGENT, Project
+
+OPEN_PYTHON = Path("/usr/bin/python3")
+"""An interpreter that every user can start; that of the tests may lie in root's home."""
+PLANTS = {
+    "protocol/serve.md": "mkdir -p {project}/protocol; echo planted > {project}/protocol/serve.md",
+    "protocol/steps/new.md": "mkdir -p {project}/protocol/steps; echo planted > {project}/protocol/steps/new.md",
+    "protocol/more": "mkdir -p {project}/protocol; ln -s /etc {project}/protocol/more",
+    "profiles/x.md": "mkdir -p {project}/profiles; echo planted > {project}/profiles/x.md",
+    "state/other/state.json": "mkdir -p {project}/state/other; echo '{{}}' > {project}/state/other/state.json",
+    "state/bench/serve/server.py": "mkdir -p {project}/state/bench/serve; "
+    "echo 1 > {project}/state/bench/serve/server.py",
+    ".octoform/other": "mkdir -p {project}/.octoform/other/endpoint; "
+    "echo 1 > {project}/.octoform/other/endpoint/launch",
+    ".octoform/.gitignore": ": > {project}/.octoform/.gitignore",
+    ".octoform/compiled.json": "echo '{{}}' > {project}/.octoform/compiled.json",
+    ".git/config": "git -C {project} config core.fsmonitor 'touch {mark}; false'",
+    ".git/hooks/pre-commit": "printf '#!/bin/sh\\ntouch {mark}\\n' > {project}/.git/hooks/pre-commit; "
+    "chmod +x {project}/.git/hooks/pre-commit",
+    ".git/info/attributes": "mkdir -p {project}/.git/info; echo '* filter=x' > {project}/.git/info/attributes",
+    ".git/objects/info/alternates": "mkdir -p {project}/.git/objects/info; "
+    "echo /tmp > {project}/.git/objects/info/alternates",
+    ".gitattributes": "echo '* filter=x' > {project}/.gitattributes",
+    ".gitmodules": "echo '[submodule \"x\"]' > {project}/.gitmodules",
+    "uv.toml": "echo '' > {project}/uv.toml",
+    "{home}/.gitconfig": "git config --file {home}/.gitconfig core.fsmonitor 'touch {mark}; false'",
+    "{home}/.config/git/attributes": "mkdir -p {home}/.config/git; echo '* filter=x' > {home}/.config/git/attributes",
+    "{home}/.config/uv/uv.toml": "mkdir -p {home}/.config/uv; echo '' > {home}/.config/uv/uv.toml",
+    "{home}/.config/systemd/user/octoform-bench.service": "mkdir -p {home}/.config/systemd/user; "
+    "echo '[Service]' > {home}/.config/systemd/user/octoform-bench.service",
+}
+
+
+def tree(*folders: Path) -> dict[str, tuple[int, bytes]]:
+    """Mode and content of what may not change: all but git's own objects and what octoform itself writes."""
+    found = {}
+    for folder in folders:
+        for path in sorted(folder.rglob("*")):
+            name = path.relative_to(folder).as_posix()
+            own = name.startswith((".octoform/bench", "state/bench", ".octoform/compiled.json", ".cache"))
+            if own or "__pycache__" in name or (path.is_dir() and not path.is_symlink()):
+                continue
+            found[str(path)] = (
+                path.lstat().st_mode,
+                str(path.readlink()).encode() if path.is_symlink() else path.read_bytes(),
+            )
+    return found
+
+
+class Attacked:
+    """A project in a repository, a home, and a mark that is there once a planted program has run."""
+
+    def __init__(self, project: Project, home: Path, prefix: Sequence[str] = ()) -> None:
+        self.project, self.home, self.mark = project, home, home.parent / "ran"
+        home.mkdir(exist_ok=True)
+        project.environ = {"HOME": str(home)}
+        project.prefix = list(prefix)
+        project.write()
+        subprocess.run(["git", "init", "-q", str(project.folder)], check=True)
+        (project.folder / ".git" / "hooks" / "update").write_text("#!/bin/sh\n")
+        (project.folder / ".git" / "hooks" / "update").chmod(0o755)
+
+    def words(self, text: str) -> str:
+        return text.format(project=self.project.folder, home=self.home, mark=self.mark)
+
+
+@pytest.fixture
+def attacked(project: Project, tmp_path: Path) -> Attacked:
+    return Attacked(project, tmp_path / "home")
+
+
+class User:
+    """An ordinary user and a folder of theirs; the one right they are given is to read this interpreter of root's."""
+
+    def __init__(self, place: Path) -> None:
+        self.place = place
+        self._id = 65534
+        read = "+dac_read_search"
+        who = [f"--reuid={self._id}", f"--regid={self._id}", "--clear-groups"]
+        self.prefix = ["setpriv", *who, f"--inh-caps={read}", f"--ambient-caps={read}", "--"]
+
+    def owns_all(self) -> None:
+        subprocess.run(["chown", "-R", f"{self._id}:{self._id}", str(self.place)], check=True)
+
+
+@pytest.fixture
+def user() -> Iterator[User]:
+    place = Path(tempfile.mkdtemp(prefix="planted."))  # the tests' own folder is closed to others
+    place.chmod(0o755)
+    yield User(place)
+    shutil.rmtree(place)
+
+
+def refused_paths(attacked: Attacked, attempt: int) -> set[str]:
+    folder = attacked.project.attempts("probe")[attempt]
+    found = json.loads((folder / "attempt.json").read_text())["diagnostics"]
+    return {item["path"] for item in found if item["code"] == "APPLY-OUTSIDE-WRITE" and item["severity"] == "error"}
+
+
+def attack(attacked: Attacked) -> None:
+    """Every plant in one attempt: all are undone, told by name and kept; the next attempt counts, and nothing ran."""
+    project = attacked.project
+    project.script = {"probe": [{"shell": "\n".join(attacked.words(text) for text in PLANTS.values())}, "good"]}
+    project.write()
+    before = tree(project.folder, attacked.home)
+    project.apply("-target", "probe", status=0)
+    assert refused_paths(attacked, 0) >= {attacked.words(name) for name in PLANTS}
+    assert project.nodes()["probe"]["attempts"] == 2
+    after = tree(project.folder, attacked.home)
+    assert {path: after.get(path) for path in before} == before
+    assert sorted(set(after) - set(before)) == [str(project.folder / ".octoform" / ".gitignore")]
+    assert not (project.folder / "protocol").exists() and not (project.folder / ".octoform" / "other").exists()
+    undone = project.attempts("probe")[0] / "undone"
+    assert (undone / "protocol" / "serve.md").read_text() == "planted\n"
+    assert (undone / ".octoform" / "other" / "endpoint" / "launch").read_text() == "1\n"
+    project.run("plan", status=0)
+    assert not attacked.mark.exists()
+
+
+def test_every_planted_instruction_is_taken_away_and_told(attacked: Attacked) -> None:
+    attack(attacked)
+
+
+@pytest.mark.skipif(os.geteuid() != 0 or not OPEN_PYTHON.exists(), reason="only root can become another user")
+def test_the_same_as_an_ordinary_user(user: User) -> None:
+    project = Project(user.place / "project", user.place / "outside")
+    command = json.dumps([str(OPEN_PYTHON), str(AGENT), str(project.outside / "script.json")])
+    project.harness = f"{{name: command, command: {command}}}"
+    made = Attacked(project, user.place / "home", user.prefix)
+    user.owns_all()
+    attack(made)
+
+
+def test_a_repository_that_an_agent_makes_is_moved_away(project: Project, tmp_path: Path) -> None:
+    made = Attacked(project, tmp_path / "home")
+    shutil.rmtree(project.folder / ".git")
+    project.script = {
+        "probe": [{"shell": f"git init -q {project.folder}; git init -q {project.folder.parent}"}, "good"]
+    }
+    project.apply("-target", "probe", status=0)
+    assert {".git", str(project.folder.parent / ".git")} <= refused_paths(made, 0)
+    assert not (project.folder / ".git").exists() and not (project.folder.parent / ".git").exists()
+    assert (project.attempts("probe")[0] / "undone" / ".git" / "HEAD").is_file()
+
+
+def test_a_folder_that_became_a_link_costs_nobody_a_file(attacked: Attacked, tmp_path: Path) -> None:
+    theirs = tmp_path / "documents"
+    theirs.mkdir()
+    (theirs / "novel.md").write_text("chapter one\n")
+    project = attacked.project
+    links = f"ln -s {theirs} {project.folder}/protocol; ln -s {theirs} {project.folder}/profiles"
+    project.script = {"probe": [{"shell": links}, "good"]}
+    project.apply("-target", "probe", status=0)
+    assert {"protocol", "profiles"} <= refused_paths(attacked, 0)
+    assert (theirs / "novel.md").read_text() == "chapter one\n"
+    assert not (project.folder / "protocol").is_symlink()
+
+
+def test_what_its_server_writes_when_it_is_imported_is_refused_too(attacked: Attacked) -> None:
+    project = attacked.project
+    project.apply("-target", "interface", status=0)
+    plant = project.folder / "protocol" / "serve.md"
+    source = (AGENT.parent / "good" / "server.py").read_text()
+    evil = f'{source}\nPath("{plant.parent}").mkdir(exist_ok=True)\nPath("{plant}").write_text("planted")\n'
+    head, _, tail = evil.partition("from fastmcp")
+    project.script = {"serve": [{"write": f"{head}from pathlib import Path\nfrom fastmcp{tail}"}, "good"]}
+    project.apply("-target", "serve")
+    assert not plant.exists()
+    told = (project.attempts("serve")[0] / "attempt.json").read_text()
+    assert "APPLY-OUTSIDE-WRITE" in told or "SERVE-" in told

@@ -1,0 +1,208 @@
+"""Situations of a deployment and all that tell how it is: the same word everywhere, and the same exit code for it.
+
+A user without rights is this one without the two capabilities that let root pass by the mode of a file.
+"""
+
+import json
+import os
+import time
+import urllib.error
+import urllib.request
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+from projects import Project
+from replugged import BOARD, CAMERA, Host, script
+
+pytestmark = [pytest.mark.dear, pytest.mark.skipif(os.geteuid() != 0, reason="only root gives up rights")]
+BARE = ["setpriv", "--bounding-set", "-dac_override,-dac_read_search"]
+CODES = {"healthy": 0, "degraded": 3, "error": 4, "down": 5, "unknown": 6}
+SECONDS = 40.0
+
+
+@dataclass
+class Bench:
+    """The live project, the host that it looks at, and the file of metrics."""
+
+    project: Project
+    host: Host
+    metrics: Path
+
+    @property
+    def camera(self) -> Path:
+        return self.host.tree.root / "dev/video0"
+
+    def status(self) -> str:
+        """The word of ``status``, whose exit code has to agree."""
+        done = self.project.run("status", "-json")
+        told = json.loads(done.out)
+        assert done.status == (CODES[told["health"]] or (0 if told["in_sync"] else 1)), done.text
+        return str(told["health"])
+
+    def health(self) -> str:
+        """The word of ``health``, whose exit code has to agree."""
+        done = self.project.run("health", "-json")
+        word = str(json.loads(done.out)["status"])
+        assert done.status == CODES[word], done.text
+        return word
+
+    def http(self) -> str:
+        """The word of the HTTP door, whose status has to agree; a door that nobody opens is down."""
+        record = self.project.local / "run" / "network.json"
+        url = json.loads(record.read_bytes())["url"] if record.exists() else "http://127.0.0.1:9"
+        try:
+            with urllib.request.urlopen(f"{url.removesuffix('/mcp')}/health", timeout=5) as answer:
+                code, body = answer.status, answer.read()
+        except urllib.error.HTTPError as problem:
+            code, body = problem.code, problem.read()
+        except OSError:
+            return "down"
+        told = json.loads(body)
+        assert set(told) == {"status", "tools", "instance"}, "it tells strangers no names"
+        assert code == (200 if told["status"] == "healthy" else 503)
+        return str(told["status"])
+
+    def counted(self) -> str:
+        """The word of the file of metrics."""
+        lines = self.metrics.read_text().splitlines()
+        return next(line.split('status="')[1].split('"')[0] for line in lines if "_health{" in line and "} 1.0" in line)
+
+
+@pytest.fixture(scope="module")
+def bench(tmp_path_factory: pytest.TempPathFactory, environments: Path) -> Iterator[Bench]:
+    folder = tmp_path_factory.mktemp("verdict")
+    host = Host(folder / "root")
+    plug_in(host)
+    project = Project(folder / "project", folder / "outside", script=script())
+    project.environ["OCTOFORM_SYSROOT"] = str(host.tree.root)
+    metrics = folder / "octoform.prom"
+    project.manifest |= {
+        "stages": "{probe: {harness: builtin}}",
+        "scope": "intranet",
+        "network": "{interface: 127.0.0.1, port: 7810}",
+        "daemon": f"{{metrics: {metrics}, apply: ask, interval: 10s}}",
+    }
+    project.share_environments(environments)
+    project.apply(status=0)
+    project.run("stop", status=0)
+    project.prefix = BARE
+    project.run("start", status=0)
+    yield Bench(project, host, metrics)
+    project.run("stop", status=0)
+    host.clear()
+
+
+def plug_in(host: Host) -> None:
+    host.clear()
+    host.camera("1-1", 0)
+    host.board("1-2", "ttyUSB0", "left")
+    host.board("1-3", "ttyUSB1", "right")
+    host.sensor("1-4", 2, "21500")
+
+
+@contextmanager
+def well(bench: Bench) -> Iterator[None]:
+    yield
+
+
+@contextmanager
+def device_gone(bench: Bench) -> Iterator[None]:
+    bench.host.unplug("1-1")
+    yield
+    bench.host.camera("1-1", 0)
+
+
+@contextmanager
+def no_rights(bench: Bench) -> Iterator[None]:
+    os.chown(bench.camera, 65534, 44)
+    bench.camera.chmod(0o660)
+    yield
+    os.chown(bench.camera, 0, 0)
+
+
+@contextmanager
+def emergency_stop(bench: Bench) -> Iterator[None]:
+    bench.project.run("estop", "-reason", "verdict", status=0)
+    yield
+    bench.project.run("estop", "-clear", status=0)
+
+
+@contextmanager
+def stopped(bench: Bench) -> Iterator[None]:
+    bench.project.run("stop", status=0)
+    yield
+    bench.project.run("start", status=0)
+
+
+BAD: dict[str, tuple[Callable[[Bench], object], str]] = {
+    "a device gone": (device_gone, "degraded"),
+    "no rights on a node": (no_rights, "degraded"),
+    "emergency stop": (emergency_stop, "degraded"),
+    "stopped": (stopped, "down"),
+}
+
+
+def becomes(told: Callable[[], str], word: str) -> str:
+    """What is told once it is the word; what it still is after a while."""
+    end = time.monotonic() + SECONDS
+    while (found := told()) != word and time.monotonic() < end:
+        time.sleep(0.2)
+    return found
+
+
+@pytest.mark.parametrize("situation", BAD)
+def test_without_a_daemon_what_is_plainly_bad_is_so_everywhere(bench: Bench, situation: str) -> None:
+    made, word = BAD[situation]
+    with made(bench):  # type: ignore[attr-defined]
+        assert {"status": bench.status(), "health": bench.health(), "http": becomes(bench.http, word)} == dict.fromkeys(
+            ("status", "health", "http"), word
+        )
+
+
+def test_without_a_daemon_the_door_calls_nothing_healthy_that_nobody_looked_at(bench: Bench) -> None:
+    assert becomes(bench.http, "unknown") == "unknown"
+    assert bench.status() == bench.health() == "healthy", "these two look themselves"
+
+
+@pytest.fixture(scope="module")
+def watched(bench: Bench) -> Iterator[Bench]:
+    daemon = bench.project.start("watch")
+    try:
+        yield bench
+    finally:
+        daemon.terminate()
+        daemon.communicate(timeout=30)
+
+
+@pytest.mark.parametrize("situation", ["well", *BAD])
+def test_with_a_daemon_all_say_the_same(watched: Bench, situation: str) -> None:
+    made, word = BAD.get(situation, (well, "healthy"))
+    surfaces = {"status": watched.status, "health": watched.health, "http": watched.http, "metrics": watched.counted}
+    with made(watched):  # type: ignore[attr-defined]
+        until_metrics = becomes(lambda: watched.counted() if watched.metrics.exists() else "", word)
+        assert until_metrics == word
+        assert {name: becomes(told, word) for name, told in surfaces.items()} == dict.fromkeys(surfaces, word)
+
+
+def test_a_user_without_rights_is_told_by_apply_doctor_and_coverage(bench: Bench) -> None:
+    """Each names the node, its mode and group, and the command that helps; the device does not count as usable."""
+    project = bench.project
+    before = json.loads(project.run("coverage", "-json", status=0).out)["coverage"]["onboardable"]
+    assert project.run("doctor", status=0).status == 0
+    with no_rights(bench):
+        applied = project.run("apply", "-auto-approve")
+        assert applied.status == CODES["degraded"]
+        assert "Apply incomplete" in applied.out and "Apply complete" not in applied.out
+        doctor = project.run("doctor")
+        assert doctor.status == 1
+        for text in (applied.err, doctor.out):
+            words = " ".join(text.split())
+            for piece in (CAMERA, "/dev/video0", "mode 0660", "group video", "usermod -aG video root", "log in again"):
+                assert piece in words, (piece, words)
+        after = json.loads(project.run("coverage", "-json", status=0).out)["coverage"]["onboardable"]
+        assert (after["usable"], after["of"]) == (before["usable"] - 1, before["of"])
+    assert project.run("doctor").status == 0
+    assert BOARD in project.run("coverage", status=0).out

@@ -1,0 +1,149 @@
+"""One writer that leaves no half file, and one reader that nothing in a file's place can hold up or end."""
+
+import errno
+import os
+import stat
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from octoform.base import files
+
+
+def test_a_short_write_is_gone_on_with_and_a_full_disk_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path, whole = tmp_path / "record.json", os.write
+    monkeypatch.setattr(os, "write", lambda descriptor, data: whole(descriptor, bytes(data)[:3]))
+    files.replace(path, b"0123456789")
+    assert path.read_bytes() == b"0123456789"
+    taken = iter([4])
+
+    def full(descriptor: int, data: Any) -> int:
+        room = next(taken, None)
+        if room is None:
+            raise OSError(errno.ENOSPC, "No space left on device")
+        return whole(descriptor, bytes(data)[:room])
+
+    monkeypatch.setattr(os, "write", full)
+    with pytest.raises(OSError, match="No space left"):
+        files.replace(path, b"another ten bytes")
+    assert path.read_bytes() == b"0123456789"
+    assert [each.name for each in tmp_path.iterdir()] == ["record.json"]
+
+
+def test_a_replaced_file_has_its_mode_and_a_link_is_never_followed(tmp_path: Path) -> None:
+    elsewhere, path = tmp_path / "elsewhere", tmp_path / "record"
+    elsewhere.write_bytes(b"mine")
+    path.symlink_to(elsewhere)
+    files.replace(path, b"new", 0o600)
+    assert elsewhere.read_bytes() == b"mine" and path.read_bytes() == b"new"
+    assert stat.S_ISREG(path.lstat().st_mode) and stat.S_IMODE(path.lstat().st_mode) == 0o600
+    with pytest.raises(FileExistsError):
+        files.create(path, b"again")
+
+
+def test_a_folder_is_set_aside_only_where_that_is_asked_for(tmp_path: Path) -> None:
+    path = tmp_path / "record"
+    path.mkdir()
+    (path / "mine").write_bytes(b"kept")
+    with pytest.raises(IsADirectoryError):
+        files.replace(path, b"new")
+    assert [each.name for each in tmp_path.iterdir()] == ["record"]
+    files.make_way(path)
+    files.replace(path, b"new")
+    (aside,) = tmp_path.glob("record.aside-*")
+    assert (aside / "mine").read_bytes() == b"kept"
+    files.make_way(path)
+    assert path.read_bytes() == b"new"
+
+
+def test_steps_are_told_in_their_order_and_a_kill_between_leaves_no_draft(tmp_path: Path) -> None:
+    seen: list[str] = []
+    files.replace(tmp_path / "a", b"x", watch=seen.append)
+    assert seen == ["written", "renamed", "synced"]
+
+    def killed(step: str) -> None:
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        files.replace(tmp_path / "b", b"x", watch=killed)
+    assert [each.name for each in tmp_path.iterdir()] == ["a"]
+
+
+def _pipe(path: Path) -> None:
+    os.mkfifo(path)
+
+
+def _link(path: Path) -> None:
+    path.with_name("target").write_bytes(b"{}")
+    path.symlink_to(path.with_name("target"))
+
+
+def _sparse(path: Path) -> None:
+    with path.open("wb") as file:
+        file.truncate(2_000)
+
+
+@pytest.mark.parametrize("trap", [_pipe, _link, Path.mkdir, _sparse, lambda path: path.symlink_to("/dev/zero")])
+def test_whatever_stands_in_a_file_s_place_is_refused_at_once(tmp_path: Path, trap: Any) -> None:
+    trap(tmp_path / "record")
+    with pytest.raises(OSError):
+        files.read(tmp_path / "record", 1_000, follow=False)
+    if trap is not _link:
+        with pytest.raises(OSError):
+            files.read_json(tmp_path / "record", 1_000)
+
+
+def test_a_name_with_a_nul_is_no_file() -> None:
+    with pytest.raises(OSError, match="name that no file"):
+        files.read(Path("a\0b"))
+
+
+@pytest.mark.parametrize(
+    "data",
+    [
+        b"[" * 200_000,
+        b"[" * 200_000 + b"]" * 200_000,
+        b'{"a":' * 200 + b"1" + b"}" * 200,
+        b"\xff\xfe{}",
+        b'{"a": "\x00"}',
+        b"[NaN]",
+        b"[-Infinity]",
+        b"[1e999]",
+        b"1" * 5_000,
+        b"",
+        b"{} {}",
+    ],
+)
+def test_what_is_no_document_or_could_harm_is_a_value_error(data: bytes) -> None:
+    with pytest.raises(ValueError):
+        files.parse(data)
+
+
+@pytest.mark.parametrize("text", ['{"a": "x\\u0000"}', '{"\\u0000": 1}', '["\\ud800"]'])
+def test_characters_that_no_file_name_can_hold_are_for_what_strangers_wrote(tmp_path: Path, text: str) -> None:
+    (tmp_path / "record").write_text(text)
+    with pytest.raises(ValueError):
+        files.read_json(tmp_path / "record")
+    assert files.read_json(tmp_path / "record", any_text=True)
+
+
+def test_documents_are_read_as_they_are() -> None:
+    assert files.parse(b'{"a": ["\\ud83d\\ude00", 1.5, {"b": null}], "c": "\\\\u0000"}') == {
+        "a": ["😀", 1.5, {"b": None}],
+        "c": "\\u0000",
+    }
+    deep = b"[" * files.MAX_DEPTH + b"]" * files.MAX_DEPTH
+    files.parse(deep)
+
+
+def test_a_head_is_bounded_where_a_whole_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "log").write_bytes(b"0123456789")
+    assert files.head(tmp_path / "log", 4) == b"0123"
+    with pytest.raises(OSError, match="more than 4 bytes"):
+        files.read(tmp_path / "log", 4)
+
+
+def test_room_is_asked_for_and_given_back(tmp_path: Path) -> None:
+    files.require_room(tmp_path, 4_096)
+    assert [each.name for each in tmp_path.iterdir()] == []

@@ -1,0 +1,113 @@
+"""Whatever a device says of itself, the contracts accept what the embedded agent writes of it."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+from hypothesis import example, given
+from hypothesis import strategies as st
+from probes import NO_DATABASES, device, probe, usb
+
+from octoform.builtin.identify.refusable import names_wires
+from octoform.builtin.identify.stage import identify
+from octoform.builtin.interface.stage import declare
+from octoform.builtin.probe import text
+from octoform.contracts.checking import check
+from octoform.contracts.model import Artifacts
+from octoform.contracts.naming import is_chip_name
+
+SCHEMAS = Path(__file__).resolve().parents[3] / "protocol/schemas"
+WORD = st.one_of(
+    st.sampled_from(
+        [
+            "USB",
+            "to",
+            "Serial",
+            "UART",
+            "Bridge",
+            "I2C",
+            "SPI",
+            "JTAG",
+            "RS232",
+            "rs 485",
+            "TTL",
+            "VCP",
+            "SMBus",
+            "Adapter",
+        ]
+    ),
+    st.sampled_from(
+        ["Controller", "Cable", "Converter", "Chip", "Dongle", "Single", "Dual", "FT232R", "CP2102N", "ab3412"]
+    ),
+    st.sampled_from(
+        ["Camera", "Gamepad", "Keyboard", "Lamp", "Printer", "Multimeter", "GPIO", "Mouse", "Audio", "Hub"]
+    ),
+    st.sampled_from(
+        ["Otter", "Inc.", "Technologies", "Co., Ltd", "HD 3000", "X2", "ÖTTER", "Камера", "照相机", "カメラ", "كاميرا"]
+    ),
+    st.sampled_from(["with", "via", "(", ")", ":", ",", "-", "_", "​", "‮", "é", "ㅤ", "⠀", "﻿", "\\x1b", "🦑", "…"]),
+    st.text(max_size=12),
+)
+SAID = st.builds(
+    lambda words, joint: joint.join(words), st.lists(WORD, max_size=7), st.sampled_from([" ", "", "_", "-"])
+)
+SHAPES: dict[str, dict[str, Any]] = {
+    "bare": {},
+    "camera": {"nodes": [("video4linux", "video0")], "lines": ["interface 00: class 0e/01/00 driver=uvcvideo"]},
+    "serial": {"nodes": [("tty", "ttyUSB0")], "lines": ["interface 00: class ff/00/00 driver=ftdi_sio"]},
+    "keys": {
+        "nodes": [("input", "input4"), ("input", "event3")],
+        "lines": ["input[0].name: keys", "input[0].events: key", "input[0].kinds: keyboard"],
+    },
+    "gpio": {"nodes": [("gpio", "gpiochip1")], "lines": ["gpio[0].label: lines", "gpio[0].ngpio: 4"]},
+    "sound": {"nodes": [("sound", "card1")], "lines": ["interface 00: class 01/01/00 driver=snd-usb-audio"]},
+    "printer": {"nodes": [("usbmisc", "lp0")], "lines": ["interface 00: class 07/01/02 driver=usblp"]},
+    "disk": {"nodes": [("block", "sdb")], "lines": ["interface 00: class 08/06/50 driver=usb-storage"]},
+    "net": {"nodes": [("net", "eth1")], "lines": ["interface 00: class 02/06/00 driver=cdc_ether"]},
+    "sensor": {"nodes": [("hwmon", "hwmon3")], "lines": ["hwmon[0].name: chip", "hwmon[0].temp1: input"]},
+    "light": {"nodes": [("leds", "led0")], "lines": ["leds[0].name: led", "leds[0].max_brightness: 255"]},
+}
+
+
+def refused(entry: dict[str, Any]) -> list[str]:
+    """What the contracts of IDENTIFY and INTERFACE say against the agent's answer about one device."""
+    probed = probe(entry)
+    found = identify(probed, NO_DATABASES)
+    told = check("identify", found, Artifacts(probe=probed), SCHEMAS)
+    tools = declare(found, 100)
+    told += check("interface", tools, Artifacts(probe=probed, identify=found), SCHEMAS)
+    return [f"{one.code}: {one.summary} {json.dumps(found)}" for one in told if one.severity.value == "error"]
+
+
+@pytest.mark.parametrize("shape", SHAPES)
+@given(SAID, SAID, st.sampled_from(["usb", "i2c", "platform"]))
+@example("USB to Serial", "", "usb")
+@example("Otter USB to Serial", "Otter", "usb")
+@example("USB-Serial Controller", "Otter Inc.", "usb")
+def test_no_string_of_a_device_ends_in_a_refusal(shape: str, product: str, maker: str, bus: str) -> None:
+    form = SHAPES[shape]
+    lines = [
+        f"{key}: {text.value(said)}" for key, said in (("manufacturer", maker), ("product", product)) if said.strip()
+    ]
+    lines += form.get("lines", [])
+    if bus == "usb":
+        entry = usb(*lines, nodes=form.get("nodes", ()))
+    else:
+        lines.append(f"name: {text.value(product) or 'part'}")
+        entry = device(f"{bus}-part", bus, f"bus: {bus}", *lines, nodes=form.get("nodes", ()))
+    assert refused(entry) == []
+
+
+@given(SAID, SAID)
+def test_the_agents_rule_and_the_contracts_agree(name: str, maker: str) -> None:
+    raw = f"manufacturer: {text.value(maker)}"
+    assert names_wires(name, raw) == is_chip_name(name, raw)
+
+
+def test_a_device_with_a_name_of_wires_is_unknown_and_says_what_is_missing() -> None:
+    keys = SHAPES["keys"]
+    found = identify(probe(usb("product: USB to Serial", *keys["lines"], nodes=keys["nodes"])), NO_DATABASES)
+    (unknown,) = found["devices"]
+    assert (unknown["category"], unknown["capabilities"]) == ("unknown", [])
+    assert "only how it is wired" in unknown["missing"]

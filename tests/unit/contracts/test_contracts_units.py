@@ -1,0 +1,70 @@
+"""Which units of a device a tool acts on: said by each tool that actuates such a device, and fitting its parameters."""
+
+from collections.abc import Callable
+from copy import deepcopy
+from typing import Any
+
+import pytest
+
+from octoform.contracts.interface_unit_rules import units_missing, units_wrong
+from octoform.contracts.model import Artifacts, ProfileFacts
+
+Tool = dict[str, Any]
+NAMES = {"pan": ["1"], "elbow": ["3"]}
+MOVE: Tool = {
+    "name": "move",
+    "devices": ["arm"],
+    "effect": "actuate",
+    "input_schema": {"properties": {"joint": {"enum": ["pan", "elbow", "1", "3"]}, "position": {}}},
+    "units": {"names": NAMES, "parameter": "joint", "goal": {"of": "position", "parameter": "position"}},
+}
+HOME: Tool = {
+    "name": "home",
+    "devices": ["arm"],
+    "effect": "actuate",
+    "input_schema": {},
+    "units": {"names": NAMES, "goal": {"of": "position", "fixed": {"pan": 1, "elbow": 2}}},
+}
+LOOK: Tool = {"name": "look", "devices": ["arm"], "effect": "read", "input_schema": {}}
+STOP: Tool = {**LOOK, "name": "stop", "effect": "actuate", "stops": True}
+ELSEWHERE: Tool = {**LOOK, "name": "lamp", "effect": "actuate", "devices": ["lamp"]}
+
+
+def codes(*tools: Tool, given: Artifacts | None = None) -> list[str]:
+    value = {"tools": list(tools)}
+    return [item.code for rule in (units_missing, units_wrong) for item in rule(value, given or Artifacts())]
+
+
+def test_tools_that_say_which_units_they_act_on() -> None:
+    assert codes(MOVE, HOME, LOOK, STOP, ELSEWHERE) == []
+
+
+def test_a_tool_beside_them_that_does_not_say_so() -> None:
+    silent = {name: each for name, each in HOME.items() if name != "units"}
+    assert codes(MOVE, silent) == ["INTERFACE-UNITS-MISSING"] and codes(silent) == []
+
+
+def test_units_that_the_profile_of_the_device_drives() -> None:
+    facts = ProfileFacts("so", frozenset({"arm"}), (), ({"tool": "home", "do": "pose", "effect": "actuate"},))
+    given = Artifacts(identify={"devices": [{"id": "arm", "profile": "so"}]}, profiles={"so": facts})
+    silent = {name: each for name, each in HOME.items() if name != "units"}
+    assert codes(silent, LOOK, STOP, given=given) == ["INTERFACE-UNITS-MISSING"]
+    assert codes(HOME, LOOK, STOP, given=given) == []
+
+
+WRONG: dict[str, Callable[[Tool], Any]] = {
+    "a parameter that is none": lambda units: units.update(parameter="axis"),
+    "a goal of no parameter": lambda units: units["goal"].update(parameter="place"),
+    "a parameter for a unit that is none": lambda units: units.update(parameters={"position": "wrist"}),
+    "one word for two": lambda units: units.update(names={"pan": ["1", "3"], "elbow": ["3"]}),
+    "a word that means none": lambda units: units.update(names={"pan": ["1"], "elbow": []}),
+    "a place of no unit": lambda units: units["goal"].update(fixed={"pan": 1, "elbow": 2, "wrist": 3}),
+    "a unit without a place": lambda units: units["goal"].update(fixed={"pan": 1}),
+}
+
+
+@pytest.mark.parametrize("change", WRONG.values(), ids=WRONG)
+def test_units_that_do_not_fit_the_tool(change: Callable[[Tool], Any]) -> None:
+    tool = deepcopy(MOVE)
+    change(tool["units"])
+    assert codes(tool) == ["INTERFACE-UNITS-WRONG"]

@@ -1,0 +1,109 @@
+"""A serial number proves one unit only where nobody would have typed it; a default proves nothing."""
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from octoform.runtime.serials import NONE, PATTERN, UNIQUE, same, tells_apart, weight
+
+DEFAULTS = [
+    *(
+        "0001",
+        "0002",
+        "123456",
+        "0123456789",
+        "1234567890ABCDEF",
+        "0123456789ABCDEF",
+        "00000000",
+        "1111111111",
+        "ffffff",
+    ),
+    *(
+        "000000000000",
+        "00000001",
+        "000000000001",
+        "987654321",
+        "12345678",
+        "12121212",
+        "A1A1A1A1",
+        "10203040",
+        "123123",
+    ),
+    *("112233445566", "AABBCCDD1", "abc123", "ABC-12345", "200901010001", "20230512", "2008-04-11", "SN0001", "S/N: 1"),
+    *(
+        "SN000123456",
+        "0x0001",
+        "0x12345678",
+        "1.0",
+        "V1.00",
+        "rev 01",
+        "1",
+        "0",
+        "Serial Number 1",
+        "usb0001",
+        "100001",
+    ),
+    *("1234-5678-9ABC", "fedcba9876543210", "0000-0000-0001", "001", "12", "TEST001", "Device 0001", "ffff0000"),
+]
+WORDS = [
+    "",
+    " ",
+    "Serial Number",
+    "N/A",
+    "To be filled by O.E.M.",
+    "Default string",
+    "None",
+    "Not Specified",
+    "Default",
+]
+GOOD = [
+    "A10KZP4X",
+    "D744C4C5",
+    "8K1172",
+    "5&2F7A91C4",
+    "75735303231351F0C1A2",
+    "00417A2-B9",
+    "A5-0001",
+    "FT4UKM93",
+    "482913",
+]
+
+
+@pytest.mark.parametrize("serial", [*DEFAULTS, *WORDS])
+def test_a_default_tells_nothing_apart(serial: str) -> None:
+    assert weight(serial) < UNIQUE
+    assert not tells_apart(serial)
+    assert not tells_apart(serial, ["D744C4C5"])
+    assert weight(serial) in (NONE, PATTERN)
+
+
+@pytest.mark.parametrize("serial", GOOD)
+def test_a_number_of_its_own_does(serial: str) -> None:
+    assert tells_apart(serial) and tells_apart(serial, ["0001"])
+    assert not tells_apart(serial, [serial.lower()]), "one that two units share is no number"
+
+
+def test_a_short_number_counts_where_units_show_different_ones() -> None:
+    assert not tells_apart("A5")
+    assert tells_apart("A5", ["B7"])
+    assert not tells_apart("A5", ["B7", "0001"])
+
+
+@pytest.mark.parametrize("said", ["Otter Cam 3000-X2", "1f00 00c1"])
+def test_what_names_the_kind_is_no_number(said: str) -> None:
+    assert weight(said.replace(" ", "_"), [said]) == NONE
+
+
+@given(st.integers(0, 9999), st.sampled_from("0123456789abcdef"), st.integers(1, 20))
+def test_counts_and_repeated_symbols_are_defaults_in_any_width(start: int, symbol: str, width: int) -> None:
+    ring = "0123456789" * 4
+    begin = start % 10
+    assert weight(ring[begin : begin + width]) < UNIQUE
+    assert weight(ring[begin : begin + width][::-1]) < UNIQUE
+    assert weight(symbol * width) == NONE
+    assert weight(f"{start % 10:0{width}d}") < UNIQUE
+
+
+@given(st.text(max_size=300))
+def test_any_text_is_judged(serial: str) -> None:
+    assert weight(serial, [serial]) in range(4) and same(serial, serial) == bool(serial)
