@@ -12,6 +12,7 @@ from endings import end_endpoints
 from hosts.plant import plant
 from hypothesis import HealthCheck, settings
 
+from octoform.endpoint.packages import packages
 from octoform.endpoint.prewarming import GUESS, has_environment, prepare
 from octoform.state.layout import Layout
 
@@ -65,7 +66,25 @@ def environments(tmp_path_factory: pytest.TempPathFactory) -> Path:
     base = tmp_path_factory.getbasetemp()
     folder = (base.parent if "PYTEST_XDIST_WORKER" in os.environ else base) / "environments"
     folder.mkdir(mode=0o700, exist_ok=True)
+    ask_index(folder)
     return folder
+
+
+def ask_index(folder: Path) -> None:
+    """Fill the package cache with the index's answer, once for the whole run.
+
+    A lock is made from what the cache knows. A cache that learns of a release during the run would make two locks of
+    the same requirements, and the environment of one would be dropped by an apply that wants the other. Without a
+    network the cache stays as it is, and so do the locks.
+    """
+    done = folder / ".index-asked"
+    with (folder / ".index-lock").open("wb") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        if not done.exists():
+            packages(
+                ["pip", "compile", "--quiet", "-o", str(folder / ".index-answer"), "-"], folder, 120.0, "\n".join(GUESS)
+            )
+            done.touch()
 
 
 @pytest.fixture(scope="session")
