@@ -4,14 +4,13 @@ What the daemon wrote is believed while the daemon lives, the record is fresh, a
 a daemon nobody has looked at logs, files and sensors, so nothing is healthy; what is plainly bad is said all the same.
 """
 
-import fcntl
-import os
 import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 from octoform.base.files import read_json
+from octoform.base.locks import is_locked
 
 HEALTHY, UNKNOWN, DEGRADED = "healthy", "unknown", "degraded"
 ORDER = (HEALTHY, UNKNOWN, DEGRADED, "error", "down")
@@ -66,13 +65,6 @@ class Verdict:
     def _is_alive(self) -> bool:
         """True while a daemon holds its lock, which the kernel gives back however it ends."""
         try:
-            descriptor = os.open(self._folder / LOCK, os.O_RDONLY | os.O_CLOEXEC | os.O_NOFOLLOW | os.O_NONBLOCK)
+            return is_locked(self._folder / LOCK)
         except OSError:
             return False
-        try:
-            fcntl.flock(descriptor, fcntl.LOCK_SH | fcntl.LOCK_NB)
-        except OSError:
-            return True
-        finally:
-            os.close(descriptor)
-        return False

@@ -22,6 +22,7 @@ from types import TracebackType
 from octoform import digest
 from octoform.base.place import KEY, is_from, place_of
 from octoform.diagnostics import Diagnostic, error
+from octoform.base import locks
 from octoform.base.files import sync_folder, write_all
 from octoform.state.files import make_folders, read_regular, refused, shown
 from octoform.state.holder import PROC, Liveness, Process, from_json, liveness, myself, to_json
@@ -169,27 +170,15 @@ def is_dead(layout: Layout, holder: Holder, proc: Path = PROC) -> bool:
     verdict = liveness(holder.process, myself(proc), proc)
     if verdict is Liveness.ALIVE and holder.place is not None:
         return not is_from({KEY: holder.place}, layout.local)
-    return verdict is Liveness.DEAD or (verdict is Liveness.HIDDEN and not _kernel_locked(layout.lock))
+    return verdict is Liveness.DEAD or (verdict is Liveness.HIDDEN and not locks.is_locked(layout.lock))
 
 
 def is_locked(layout: Layout) -> bool:
-    """Whether a run that lives holds the lock, as the kernel knows it: no text of an agent's makes it so."""
+    """Whether a run that lives holds the lock."""
     try:
-        return _kernel_locked(layout.lock)
+        return locks.is_locked(layout.lock)
     except OSError:
         return False
-
-
-def _kernel_locked(path: Path) -> bool:
-    """Whether some process of this kernel keeps its lock on the file; the kernel frees it when that process dies."""
-    descriptor = os.open(path, os.O_RDONLY | os.O_NOFOLLOW | os.O_CLOEXEC)
-    try:
-        fcntl.flock(descriptor, fcntl.LOCK_SH | fcntl.LOCK_NB)
-    except BlockingIOError:
-        return True
-    finally:
-        os.close(descriptor)
-    return False
 
 
 def _create(layout: Layout, operation: str, proc: Path) -> Lock:

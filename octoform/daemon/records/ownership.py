@@ -16,6 +16,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from octoform.base.locks import is_locked
 from octoform.diagnostics import Diagnostic, error
 from octoform.state.files import hide_from_git, read_regular, refused, shown, write_atomic
 from octoform.state.holder import Liveness, Process, from_json, liveness, myself, to_json
@@ -215,16 +216,9 @@ def _same(path: Path, descriptor: int) -> bool:
 
 def _locked(path: Path) -> bool:
     try:
-        descriptor = os.open(path, os.O_RDONLY | os.O_CLOEXEC | os.O_NOFOLLOW)
+        return is_locked(path)
     except OSError:
         return False
-    try:
-        fcntl.flock(descriptor, fcntl.LOCK_SH | fcntl.LOCK_NB)
-    except OSError:
-        return True
-    finally:
-        os.close(descriptor)
-    return False
 
 
 def _running(layout: Layout) -> Diagnostic:
