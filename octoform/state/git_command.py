@@ -2,13 +2,14 @@
 
 A repository's configuration may name programs for almost anything (hooks, a file monitor, filters, signing, a pager),
 and whoever can write below `.git` chooses them: an agent, or whoever gave the folder away. So each is switched off, or
-set to what the person's own configuration says. Nothing is fetched either. Light: a plan after a commit asks git.
+set to what the person's own configuration says. Nothing is fetched either. GitPython runs it, and is imported only when
+git is called: neither a command outside a repository nor a plan without a commit since the last apply pays for it.
 """
 
 import os
 import re
-import subprocess
 from collections.abc import Mapping
+from subprocess import CompletedProcess
 
 SECONDS = 300
 _OFF = (
@@ -17,6 +18,7 @@ _OFF = (
     *("diff.external=", "diff.ignoreSubmodules=all", "sequence.editor=:", "protocol.allow=never"),
     *("submodule.recurse=false", "log.showSignature=false", "gc.auto=0", "maintenance.auto=false"),
 )
+_FIXED = {"GIT_TERMINAL_PROMPT": "0", "GIT_ALLOW_PROTOCOL": "none", "GIT_NO_LAZY_FETCH": "1", "GIT_EDITOR": ":"}
 _PROGRAM = re.compile(
     r"(filter\..*\.(clean|smudge|process|required)|diff\..*\.(command|textconv)|merge\..*\.driver|gpg\.(.*\.)?program"
     r"|gpg\.ssh\.defaultkeycommand|trailer\..*\.(cmd|command)|credential\..*\.helper)",
@@ -36,7 +38,7 @@ def command(root: str, environment: Mapping[str, str]) -> list[str]:
     ``environment`` is that of the call. OSError where there is no git, RepositoryRefused where a program cannot be
     switched off.
     """
-    words = ["git", "--no-pager", "--no-optional-locks"]
+    words = ["git", "-C", os.path.abspath(root), "--no-pager", "--no-optional-locks"]
     for setting in _OFF:
         words += ["-c", setting]
     named = [key for key in _listed(words, root, environment) if _PROGRAM.fullmatch(key)]
@@ -51,16 +53,10 @@ def command(root: str, environment: Mapping[str, str]) -> list[str]:
     return words
 
 
-def inherited(environment: Mapping[str, str]) -> dict[str, str]:
-    """Our variables and those of a call, with which git asks nobody, fetches nothing and starts no editor."""
-    fixed = {"GIT_TERMINAL_PROMPT": "0", "GIT_ALLOW_PROTOCOL": "none", "GIT_NO_LAZY_FETCH": "1", "GIT_EDITOR": ":"}
-    return {**os.environ, **fixed, **environment}
-
-
-def call(root: str, arguments: list[str], environment: Mapping[str, str] | None = None) -> "subprocess.CompletedProcess[bytes]":
+def call(root: str, arguments: list[str], environment: Mapping[str, str] | None = None) -> "CompletedProcess[bytes]":
     """Run ``git ARGUMENTS`` in ``root`` to its end; OSError or RepositoryRefused.
 
-    Status 124 stands for one that did not end in time."""
+    One that did not end in time is killed, and its complaint says so."""
     variables = environment or {}
     return _run([*command(root, variables), *arguments], root, variables)
 
@@ -72,11 +68,23 @@ def _listed(words: list[str], root: str, environment: Mapping[str, str], *scope:
     return {key: value for key, _, value in (entry.partition("\n") for entry in entries) if key}
 
 
-def _run(words: list[str], root: str, environment: Mapping[str, str]) -> "subprocess.CompletedProcess[bytes]":
-    variables = inherited(environment)
+def _run(words: list[str], root: str, environment: Mapping[str, str]) -> "CompletedProcess[bytes]":
+    """In our variables, those that keep git from asking, fetching and editing, and those of the call."""
     try:
-        return subprocess.run(
-            words, cwd=root, env=variables, stdin=subprocess.DEVNULL, capture_output=True, timeout=SECONDS, check=False
+        from git import Git, GitCommandNotFound  # looks for the program when it is imported, which takes its time
+    except ImportError as problem:
+        raise FileNotFoundError("there is no git program") from problem
+    try:
+        status, output, complaints = Git(root).execute(
+            words,
+            env={**_FIXED, **environment},
+            shell=False,
+            with_extended_output=True,
+            with_exceptions=False,
+            stdout_as_string=False,
+            strip_newline_in_stdout=False,
+            kill_after_timeout=SECONDS,
         )
-    except subprocess.TimeoutExpired:
-        return subprocess.CompletedProcess(words, 124, b"", f"git did not end within {SECONDS} s".encode())
+    except GitCommandNotFound as problem:
+        raise FileNotFoundError("there is no git program") from problem
+    return CompletedProcess(words, status, output, complaints.encode(errors="surrogateescape"))

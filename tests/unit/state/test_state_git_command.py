@@ -1,5 +1,6 @@
 """Octoform's git runs no program that a repository names, by whatever way it names it."""
 
+import os
 import subprocess
 from collections.abc import Callable
 from pathlib import Path
@@ -7,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from octoform.engine import memo
+from octoform.state import git_command
 from octoform.state.git_command import RepositoryRefused, call
 from octoform.state.history import commit, kept, repository_facts, versions
 
@@ -179,3 +181,33 @@ def test_what_cannot_be_switched_off_is_told_and_git_is_not_used(planted: Plante
         call(str(planted.root), ["status"])
     facts, [problem] = repository_facts(planted.root, [planted.root / "octopus.yaml"])
     assert facts is None and problem.code == "GIT-UNUSABLE" and "x=y" in (problem.detail or "")
+
+
+def test_a_folder_that_cannot_be_entered_is_never_exchanged_for_ours(
+    planted: Planted, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(planted.root)
+    asked = call(str(planted.root.parent / "nowhere"), ["rev-parse", "HEAD"])
+    assert asked.returncode != 0 and asked.stdout == b"" and b"nowhere" in asked.stderr
+
+
+def test_without_the_program_it_is_told_and_bytes_come_back_as_they_are(
+    planted: Planted, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (planted.root / "state" / "a").write_bytes(b"\xff\0\n\n")
+    revision, _ = commit(planted.root, [planted.root / "state"], "m", {})
+    assert call(str(planted.root), ["cat-file", "blob", f"{revision}:state/a"]).stdout == b"\xff\0\n\n"
+    monkeypatch.setenv("PATH", str(planted.root))
+    with pytest.raises(FileNotFoundError, match="no git program"):
+        call(str(planted.root), ["status"])
+
+
+def test_a_call_that_does_not_end_is_ended(planted: Planted, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(git_command, "SECONDS", 0.3)
+    slow = planted.root.parent / "bin" / "git"
+    slow.parent.mkdir()
+    slow.write_text("#!/bin/sh\nexec sleep 600\n")
+    slow.chmod(0o755)
+    monkeypatch.setenv("PATH", f"{slow.parent}:{os.environ['PATH']}")
+    done = call(str(planted.root), ["status"])
+    assert done.returncode != 0 and b"did not complete in 0.3 secs" in done.stderr
