@@ -46,7 +46,7 @@ def recording(original: tuple[Project, Done]) -> Path:
     return original[0].folder.parent / "recording"
 
 
-def replaying(tmp_path: Path, recording: Path, environments: Path) -> Project:
+def replaying(tmp_path: Path, recording: Path) -> Project:
     """A new project that plays a recording; no program can be found on its PATH."""
     folder = tmp_path / "elsewhere"
     shutil.copytree(recording, folder / "recordings" / "run")
@@ -57,7 +57,6 @@ def replaying(tmp_path: Path, recording: Path, environments: Path) -> Project:
         harness="{name: replay, recording: recordings/run}",
         environ={"PATH": str(tmp_path / "empty")},
     )
-    project.share_environments(environments)
     return project
 
 
@@ -76,7 +75,8 @@ def test_a_replay_fails_where_the_run_failed_and_ends_where_it_ended(
 ) -> None:
     project, done = original
     agents = len(project.agent_runs())
-    replay = replaying(tmp_path, recording, environments)
+    replay = replaying(tmp_path, recording)
+    replay.share_environments(environments)
     again = replay.apply(status=0)
     assert again.codes() == [code for code in done.codes() if code != "HARNESS-UNCONFINED"]  # a replay has no agent
     assert {"PROBE-SERIAL-IN-ID", "ARTIFACT-NOT-JSON", "APPLY-AGENT-FAILED", "ARTIFACT-LINK"} <= set(done.codes())
@@ -122,7 +122,8 @@ def test_the_command_line_refuses_and_explains(original: tuple[Project, Done], r
 def test_a_recording_without_a_stage_stops_there_and_says_why(
     recording: Path, environments: Path, tmp_path: Path
 ) -> None:
-    replay = replaying(tmp_path, recording, environments)
+    replay = replaying(tmp_path, recording)
+    replay.share_environments(environments)
     path = replay.folder / "recordings" / "run" / "recording.json"
     document = json.loads(path.read_text())
     del document["stages"]["identify"]
@@ -149,12 +150,13 @@ def fitted(recording: Path, folder: Path) -> Path:
 @pytest.mark.slow
 @pytest.mark.parametrize("case", sorted(path for path in CASES.iterdir() if path.is_dir()), ids=lambda path: path.name)
 def test_every_recording_leads_to_its_own_artifacts(
-    case: Path, environments: Path, tmp_path: Path, planted: Callable[..., Path]
+    case: Path, compiled: Path, tmp_path: Path, planted: Callable[..., Path]
 ) -> None:
     found = load(case)
     assert isinstance(found, Recording), found
     recording = fitted(case, tmp_path / "fitted")
-    replay = replaying(tmp_path, recording, environments)
+    replay = replaying(tmp_path, recording)
+    replay.take_bytecode(compiled)
     host = case.name.partition("-")[0]
     if (HOSTS / f"{host}.host").exists():
         replay.environ["OCTOFORM_SYSROOT"] = str(planted(host))
