@@ -9,8 +9,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
+from octoform.base import serials
 from octoform.contracts.model import JsonObject
-from octoform.runtime import serials
 
 _ORDINAL = re.compile(r"(.+)-([2-9]|[1-9]\d+)")
 _CONTENT = ("name", "interface", "raw_descriptor", "vid", "pid")

@@ -7,11 +7,11 @@ ordered here is ordered by what it says first and by where it is only among equa
 import re
 from collections.abc import Iterable, Mapping
 
+from octoform.base import serials
 from octoform.builtin.probe import descriptor, text
 from octoform.builtin.probe.node import Node
 from octoform.builtin.probe.sysfs import DEVICES, VIRTUAL, group_of
 from octoform.builtin.probe.unit import SCRUB_FROM, Unit, in_class_order, owned
-from octoform.runtime import serials
 
 MAX_MEMBERS = 400
 _NUMBERED = re.compile(r"[0-9:.].*$")

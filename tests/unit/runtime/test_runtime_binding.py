@@ -8,7 +8,7 @@ import pytest
 from sysfs_tree import Tree
 
 from octoform import runtime
-from octoform.runtime import serials
+from octoform.base import serials
 from octoform.runtime.places import place, socket
 
 BOARD, TWIN = "usb-1f00-00c1", "usb-1f00-00c1-2"

@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from octoform.runtime.serials import NONE, PATTERN, UNIQUE, same, tells_apart, weight
+from octoform.base.serials import NONE, PATTERN, UNIQUE, same, tells_apart, weight
 
 DEFAULTS = [
     *(
