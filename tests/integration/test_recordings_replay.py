@@ -51,13 +51,12 @@ def replaying(tmp_path: Path, recording: Path) -> Project:
     folder = tmp_path / "elsewhere"
     shutil.copytree(recording, folder / "recordings" / "run")
     (tmp_path / "empty").mkdir()
-    project = Project(
+    return Project(
         folder,
         tmp_path / "outside",
         harness="{name: replay, recording: recordings/run}",
         environ={"PATH": str(tmp_path / "empty")},
     )
-    return project
 
 
 def artifact(project: Project, stage: str) -> bytes:
