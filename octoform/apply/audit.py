@@ -36,8 +36,8 @@ class _There:
 class Guarded:
     """What is to be as it was: files and whole folders, none of which need exist.
 
-    No folder of ``rooms`` may get another entry. What is ``installed`` is told and never put back. ``spared`` tells,
-    at the beginning and at the end, below which paths another run is at work.
+    No folder of ``rooms`` may get another entry. What is ``installed``, a file or a room, is told and never
+    put back. ``spared`` tells, at the beginning and at the end, below which paths another run is at work.
     """
 
     files: Iterable[Path]
@@ -102,7 +102,9 @@ def end(watch: Watch, undone: Path) -> list[Diagnostic]:
         found += _new(watch, folder, undone)
     for room, names in watch.rooms.items():
         for path in (room / name for name in sorted(_names(room) - names)):
-            if not _is_spared(watch, path):
+            if room in watch.installed:
+                found.append(_shared(path))
+            elif not _is_spared(watch, path):
                 found.append(_touched(watch, path, _keep(watch, path, undone)))
                 _clear(path)
     found += _strangers(watch)
@@ -243,7 +245,7 @@ def _folders(folder: Path) -> list[Path]:
 
 def _names(room: Path) -> frozenset[str]:
     try:
-        return frozenset(path.name for path in room.iterdir())
+        return frozenset(path.name for path in room.iterdir() if path.name != "__pycache__")
     except OSError:
         return frozenset()
 

@@ -14,11 +14,12 @@ from pathlib import Path
 
 from octoform.apply import audit, instructions
 from octoform.apply.context import Context
-from octoform.diagnostics import Diagnostic
+from octoform.diagnostics import Diagnostic, warning
 from octoform.harness.port import Task
 from octoform.state import attempts
 from octoform.state.layout import Layout
 from octoform.state.lock import is_locked
+from octoform.state.revision import head_revision
 
 UNDONE = "undone"
 """Folder of an attempt with what files had become that were not the agent's to change."""
@@ -31,6 +32,7 @@ class Guard:
     watch: audit.Watch
     layout: Layout
     daemon: bytes | None
+    revision: str | None
 
     def end(self, undone: Path) -> list[Diagnostic]:
         """Put back what was changed and say so; an empty list when the attempt kept to its folder.
@@ -42,7 +44,21 @@ class Guard:
             # A daemon that came meanwhile wrote its own files, and goes on from what it finds.
             memory = self.layout.memory()
             watch = replace(watch, guarded={path: it for path, it in watch.guarded.items() if path not in memory})
-        return audit.end(watch, undone)
+        return [*audit.end(watch, undone), *self._moved()]
+
+    def _moved(self) -> list[Diagnostic]:
+        """A commit may be a person's, who would lose it: it is told and stays."""
+        now = head_revision(self.layout.project)
+        if now == self.revision:
+            return []
+        return [
+            warning(
+                "APPLY-OUTSIDE-WRITE",
+                "the repository's HEAD was moved while the agent ran; it was left as it is",
+                detail=f"from {self.revision or 'no commit'} to {now or 'no commit'}",
+                hint="`git log` shows what was committed; if that was not you, `git reset --soft` to the former",
+            )
+        ]
 
 
 def begin(context: Context, task: Task) -> Guard:
@@ -52,18 +68,23 @@ def begin(context: Context, task: Task) -> Guard:
     files += [folder / attempts.FILE_NAME for folder in attempts.folders(layout) if folder != task.workdir]
     folders = [*read.folders, layout.committed, *instructions.records(layout)]
     sign = _daemon(layout)
-    return Guard(_begun(context, [*files, *layout.memory()], folders), layout, sign)
+    watch = _begun(context, [*files, *layout.memory()], folders, read.rooms)
+    return Guard(watch, layout, sign, head_revision(layout.project))
 
 
 def of_sources(context: Context) -> audit.Watch:
     """Remember only what is read as instruction: for the time in which an agent's code is run to judge it."""
     read = instructions.sources(context)
-    return _begun(context, read.files, read.folders)
+    return _begun(context, read.files, read.folders, read.rooms)
 
 
-def _begun(context: Context, files: Iterable[Path], folders: Iterable[Path]) -> audit.Watch:
+def _begun(context: Context, files: Iterable[Path], folders: Iterable[Path], rooms: Iterable[Path]) -> audit.Watch:
     project, own = context.layout.project, context.layout.host
-    wanted = audit.Guarded(files, folders, [project / ".octoform"], _installed(context), lambda: _at_work(project, own))
+    started = instructions.of_octoform()
+    installed = _installed(context) | {*started.files, *started.rooms}
+    wanted = audit.Guarded(
+        [*files, *started.files], folders, [*rooms, *started.rooms], installed, lambda: _at_work(project, own)
+    )
     return audit.begin(project, wanted)
 
 

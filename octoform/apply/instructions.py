@@ -5,6 +5,8 @@ another host, a hook or a file monitor in `.git`, an index of packages. So these
 not there before has to be gone again.
 """
 
+import sys
+import sysconfig
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,26 +14,57 @@ from pathlib import Path
 from octoform.apply.context import Context
 from octoform.apply.endpoint_node import CANDIDATE
 from octoform.apply.healing_record import FOLDER as HEALED
-from octoform.endpoint.files import CLIENTS, CONNECTION, LAUNCHER, MANIFEST, POLICY, PROGRAM, SERVE_SCRIPT
+from octoform.endpoint.environment import MARKER, packages_of
+from octoform.endpoint.files import (
+    CLIENTS,
+    CONNECTION,
+    LAUNCHER,
+    MANIFEST,
+    POLICY,
+    PROGRAM,
+    SERVE_SCRIPT,
+    read_manifest,
+)
 from octoform.endpoint.systemd import unit_path
 from octoform.endpoint.watch_unit import watch_path
 from octoform.state.history import configuration_files
 from octoform.state.layout import Layout
-from octoform.state.revision import repository
+from octoform.state.revision import on_branch, repository
 
 SERVED = (LAUNCHER, CONNECTION, SERVE_SCRIPT, MANIFEST, POLICY)
 _GIT = (".gitattributes", ".gitignore", ".gitmodules", ".mailmap")
 _PACKAGES = ("uv.toml", "pyproject.toml", ".python-version")
-_OF_A_REPOSITORY = ("config", "config.worktree", "commondir", "gitdir", "objects/info/alternates")
+_OF_A_TREE = ("config.worktree", "commondir", "gitdir")
+_OF_A_REPOSITORY = (*_OF_A_TREE, "config", "objects/info/alternates", "shallow")
+_FOLDERS_OF_A_REPOSITORY = ("hooks", "info", "refs/replace")
 _OF_A_PERSON = ("git/config", "git/attributes", "git/ignore", "uv/uv.toml", "pip/pip.conf")
+_OF_THE_MACHINE = ("gitconfig", "gitattributes", "uv/uv.toml", "pip.conf")
+_AGENTS = (
+    *("AGENTS.md", "AGENTS.override.md", "CLAUDE.md", "CLAUDE.local.md", "GEMINI.md", "QWEN.md", ".mcp.json", ".env"),
+    *("opencode.json", "opencode.jsonc"),
+    *(f".claude/{name}" for name in ("CLAUDE.md", "settings.json", "settings.local.json")),
+    *(f".{name}/settings.json" for name in ("gemini", "qwen", "pi")),
+    *(".codex/config.toml", ".opencode/opencode.json", ".opencode/opencode.jsonc"),
+)
+"""What coding agents look for where they are started and above: their instructions, their settings, their programs."""
+_FOLDERS_OF_AGENTS = (
+    *(f".claude/{name}" for name in ("agents", "commands", "hooks", "rules", "skills")),
+    *(
+        f".opencode/{name}"
+        for name in ("agent", "agents", "command", "commands", "plugin", "plugins", "skills", "tools")
+    ),
+    *(".agents", ".gemini/commands", ".gemini/extensions", ".qwen/commands", ".pi/extensions", ".pi/skills"),
+)
+_STARTS = ("pyvenv.cfg", "pip.conf")
 
 
 @dataclass(frozen=True, slots=True)
 class Places:
-    """Single files and whole folders, each absolute; none of them need exist."""
+    """Single files and whole folders, each absolute, none of which need exist; no entry may come to ``rooms``."""
 
     files: tuple[Path, ...]
     folders: tuple[Path, ...]
+    rooms: tuple[Path, ...]
 
 
 def sources(context: Context) -> Places:
@@ -40,15 +73,22 @@ def sources(context: Context) -> Places:
     project = layout.project
     written = [manifest.path, *manifest.profile_files, *(spec.path for spec in context.specs.values())]
     files = [*written, project / ".octoform" / ".gitignore", *_around(layout), *_personal(layout, context.environ)]
-    folders = [project / "protocol", project / "profiles", project / "state"]
+    folders = [project / "protocol", project / "profiles", project / "state", *_units(layout, context.environ)]
+    folders += [project / name for name in _FOLDERS_OF_AGENTS]
+    rooms = [project / ".octoform"]
+    for each in (layout, *_others(layout)):
+        started, packages = _environments(each)
+        files += started
+        rooms += packages
     for other in _others(layout):
         files += [*other.records(), *(other.endpoint / name for name in SERVED)]
         folders += records(other)
     found = repository(project)
-    for place in {found.folder, _shared(found.folder)} if found else ():
-        files += [place / name for name in _OF_A_REPOSITORY]
-        folders += [place / "hooks", place / "info"]
-    return Places(tuple(dict.fromkeys(files)), tuple(dict.fromkeys(folders)))
+    if found is not None:
+        of_git = _git(found.folder)
+        files += of_git.files
+        folders += of_git.folders
+    return Places(*(tuple(dict.fromkeys(paths)) for paths in (files, folders, rooms)))
 
 
 def records(layout: Layout) -> list[Path]:
@@ -64,6 +104,47 @@ def _others(layout: Layout) -> Iterator[Layout]:
             yield Layout(layout.project, entry.name)
 
 
+def _git(folder: Path) -> Places:
+    """What git goes by in a working tree's own folder, in the one it shares, and in those of the others and submodules.
+
+    Not what a commit or a fetch of the person's moves: references, the index.
+    """
+    shared = _shared(folder)
+    modules = [config.parent for depth in ("*", "*/*") for config in shared.glob(f"modules/{depth}/config")]
+    files, folders = [], []
+    for place in {folder, shared, *modules}:
+        files += [place / name for name in _OF_A_REPOSITORY]
+        folders += [place / name for name in _FOLDERS_OF_A_REPOSITORY]
+    files += [place / name for place in shared.glob("worktrees/*") for name in _OF_A_TREE]
+    if on_branch(folder):  # otherwise a commit of the person's changes it
+        files.append(folder / "HEAD")
+    return Places(tuple(files), tuple(folders), ())
+
+
+def _environments(layout: Layout) -> tuple[list[Path], list[Path]]:
+    """What an interpreter that serves reads at its start, and the folders from which it imports by name."""
+    manifest = read_manifest(layout) or {}
+    named = (manifest.get("environment"), manifest.get("previous_environment"))
+    started, packages = [], []
+    for place in (Path(name) for name in named if name):
+        started += [*_read_at_start(place, packages_of(place)), place / MARKER]
+        packages.append(packages_of(place))
+    return started, packages
+
+
+def _read_at_start(prefix: Path, packages: Path) -> list[Path]:
+    """What an interpreter below ``prefix`` goes by before it runs anything."""
+    links = (path for path in sorted((prefix / "bin").glob("python*")) if path.is_symlink())
+    named = (path for path in sorted(packages.glob("*")) if path.suffix in (".pth", ".py"))
+    return [*(prefix / name for name in _STARTS), *links, *named]
+
+
+def of_octoform() -> Places:
+    """The same of octoform's own installation, which is not this project's alone."""
+    packages = Path(sysconfig.get_path("purelib"))
+    return Places(tuple(_read_at_start(Path(sys.prefix), packages)), (), (packages,))
+
+
 def _around(layout: Layout) -> Iterator[Path]:
     """What git and the package tool look for in a folder and in those above it, up to the root."""
     project = layout.project
@@ -74,6 +155,9 @@ def _around(layout: Layout) -> Iterator[Path]:
             yield from (place / name for name in _GIT)
     below = (project, layout.local.parent, layout.local, layout.environments)
     yield from (place / name for place in below for name in _PACKAGES)
+    looked = (project, layout.local.parent, layout.local, layout.attempts)
+    yield from (place / name for place in looked for name in _AGENTS)
+    yield from (place / name for place in project.parents for name in _AGENTS if "/" not in name)
 
 
 def _personal(layout: Layout, environ: Mapping[str, str]) -> Iterator[Path]:
@@ -81,10 +165,19 @@ def _personal(layout: Layout, environ: Mapping[str, str]) -> Iterator[Path]:
     home = Path(environ.get("HOME") or "~").expanduser()
     given = environ.get("XDG_CONFIG_HOME")
     config = Path(given) if given and Path(given).is_absolute() else home / ".config"
-    yield home / ".gitconfig"
+    yield from (home / ".gitconfig", home / ".pip" / "pip.conf")
+    yield from (Path("/etc") / name for name in _OF_THE_MACHINE)
     yield from (config / name for name in _OF_A_PERSON)
     yield from (unit_path(layout, environ), watch_path(layout, environ))
     yield from configuration_files(layout.project)
+
+
+def _units(layout: Layout, environ: Mapping[str, str]) -> Iterator[Path]:
+    """What systemd reads beside the host's units: what is added to them, and what variables they start with."""
+    for path in (unit_path(layout, environ), watch_path(layout, environ)):
+        yield path.with_name(f"{path.name}.d")
+        yield path.with_name("service.d")
+        yield path.parents[2] / "environment.d"
 
 
 def _shared(folder: Path) -> Path:

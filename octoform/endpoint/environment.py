@@ -68,6 +68,10 @@ def intact(environment: Environment) -> list[str]:
     present = _by_name(_distributions(names))
     lost = sorted(set(marker.get("modules") or ()) - set(names))
     reasons = [f"{name} is gone from the serving environment" for name in lost]
+    if "modules" in marker and not set(present) - set(built):
+        # What was installed is told by its distribution, not by each of its modules.
+        added = {name for name in names if not name.endswith(_DIST_INFO)} - set(marker["modules"] or ())
+        reasons += [f"{name} was added to the serving environment" for name in sorted(added)]
     for name in sorted({*built, *present}):
         before, after = built.get(name), present.get(name)
         if before != after:

@@ -72,6 +72,8 @@ def _run(words: list[str], root: str, environment: Mapping[str, str]) -> "Comple
     """In our variables, those that keep git from asking, fetching and editing, and those of the call."""
     try:
         from git import Git, GitCommandNotFound  # looks for the program when it is imported, which takes its time
+    except ModuleNotFoundError:
+        raise  # octoform is not installed as it should be, which is another thing than no git
     except ImportError as problem:
         raise FileNotFoundError("there is no git program") from problem
     try:

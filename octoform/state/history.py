@@ -7,6 +7,7 @@ that the repository names (`git_command`): a run of agents has just ended there.
 
 import contextlib
 import os
+import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -21,6 +22,16 @@ _TAIL = 3000
 _MOST_NAMES = 200  # in one command line, which the system bounds
 _PLAIN = ("100644", "100755")
 """Modes of files in a tree: no links, no repositories within this one."""
+_INCLUDE = re.compile(r"include(if\..*)?\.path", re.DOTALL)
+_FILES = ("core.attributesfile", "core.excludesfile", "mailmap.file", "commit.template")
+_HOOKS = (
+    *("applypatch-msg", "pre-applypatch", "post-applypatch", "pre-commit", "pre-merge-commit", "prepare-commit-msg"),
+    *("commit-msg", "post-commit", "pre-rebase", "post-checkout", "post-merge", "pre-push", "pre-auto-gc", "post-rewrite"),
+    *("pre-receive", "update", "proc-receive", "post-receive", "post-update", "push-to-checkout", "reference-transaction"),
+    *("sendemail-validate", "fsmonitor-watchman", "p4-changelist", "p4-prepare-changelist", "p4-post-changelist"),
+    *("p4-pre-submit", "post-index-change"),
+)
+"""All that git runs from a folder of hooks (githooks(5))."""
 _INHERITED = ("GIT_DIR", "GIT_WORK_TREE", "GIT_INDEX_FILE")
 _UNDER_WAY = {
     "MERGE_HEAD": "a merge",
@@ -141,16 +152,36 @@ def kept(project: Path, folders: Sequence[Path]) -> frozenset[Path]:
 
 
 def configuration_files(project: Path) -> frozenset[Path]:
-    """Every file that git reads its configuration of this repository from, included ones too; absolute.
+    """Every file that git reads its configuration of this repository from, or that this names; absolute.
 
-    Empty outside a repository and where git is not usable.
+    Those that are not there count as well: an include, a file of attributes, a hook in a folder of hooks. Empty outside
+    a repository and where git is not usable.
     """
     git, _ = _open(project)
     if git is None:
         return frozenset()
     _, listing, _ = git.run("config", "--list", "--show-origin", "-z")
-    origins = (entry.removeprefix("file:") for entry in listing.split("\0")[::2] if entry.startswith("file:"))
-    return frozenset(Path(os.path.normpath(git.where.root / name)) for name in origins)
+    fields = listing.split("\0")
+    found: set[Path] = set()
+    for origin, entry in zip(fields[::2], fields[1::2], strict=False):
+        if not origin.startswith("file:"):
+            continue  # octoform's own words
+        source = git.where.root / origin.removeprefix("file:")
+        key, _, value = entry.partition("\n")
+        found |= {source, *_named(git.where.root, source, key, value)}
+    return frozenset(Path(os.path.normpath(path)) for path in found)
+
+
+def _named(root: Path, source: Path, key: str, value: str) -> list[Path]:
+    """The files that a setting names; an included one lies beside what includes it (git-config(1))."""
+    if not value:
+        return []
+    home = os.path.expanduser(value)
+    if _INCLUDE.fullmatch(key):
+        return [source.parent / home]
+    if key == "core.hookspath":
+        return [root / home / name for name in _HOOKS]
+    return [root / home] if key in _FILES else []
 
 
 def versions(project: Path, folder: Path, most: int = 20) -> Iterator[dict[str, bytes]]:

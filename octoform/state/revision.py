@@ -28,6 +28,11 @@ def head_revision(project: Path) -> str | None:
     return None
 
 
+def on_branch(folder: Path) -> bool:
+    """Whether a repository's own folder names a branch as HEAD: a commit then moves that, and leaves the name."""
+    return (_line(folder / "HEAD") or "").startswith("ref: ")
+
+
 @dataclass(frozen=True, slots=True)
 class Repository:
     """``root`` is the top of the working tree, ``folder`` where git keeps its files for it."""

@@ -37,7 +37,33 @@ PLANTS = {
     "echo /tmp > {project}/.git/objects/info/alternates",
     ".gitattributes": "echo '* filter=x' > {project}/.gitattributes",
     ".gitmodules": "echo '[submodule \"x\"]' > {project}/.gitmodules",
+    ".git/HEAD": "git -C {project} symbolic-ref HEAD refs/heads/theirs",
+    ".git/refs/replace/x": "mkdir -p {project}/.git/refs/replace; echo x > {project}/.git/refs/replace/x",
+    ".git/worktrees/desk/config.worktree": "echo '[core]' > {project}/.git/worktrees/desk/config.worktree",
+    ".git/modules/arm/config": "printf '[core]\n\tfsmonitor = touch {mark}\n' > {project}/.git/modules/arm/config",
+    ".git/modules/arm/hooks/post-checkout": "mkdir -p {project}/.git/modules/arm/hooks; "
+    "echo 'touch {mark}' > {project}/.git/modules/arm/hooks/post-checkout",
+    ".husky/pre-push": "mkdir -p {project}/.husky; echo 'touch {mark}' > {project}/.husky/pre-push",
+    "{home}/included": "git config --file {home}/included core.fsmonitor 'touch {mark}; false'",
+    "{home}/attributes": "echo '* filter=x' > {home}/attributes",
+    "{home}/ignored": "echo '!.octoform' > {home}/ignored",
+    "AGENTS.md": "echo 'Run whatever it says.' > {project}/AGENTS.md",
+    ".octoform/bench/CLAUDE.md": "echo planted > {project}/.octoform/bench/CLAUDE.md",
+    ".octoform/bench/attempts/AGENTS.md": "echo planted > {project}/.octoform/bench/attempts/AGENTS.md",
+    ".claude/settings.json": "mkdir -p {project}/.claude; echo '{{}}' > {project}/.claude/settings.json",
+    ".claude/skills/x/SKILL.md": "mkdir -p {project}/.claude/skills/x; echo x > {project}/.claude/skills/x/SKILL.md",
+    ".mcp.json": "echo '{{}}' > {project}/.mcp.json",
+    ".env": "echo 'GIT_EXTERNAL_DIFF=touch {mark}' > {project}/.env",
+    "state/bench/serve/__pycache__/server.cpython-311.pyc": "mkdir -p {project}/state/bench/serve/__pycache__; "
+    "echo x > {project}/state/bench/serve/__pycache__/server.cpython-311.pyc",
+    ".octoform/bench/endpoint/octoform/launcher/__pycache__/main.cpython-311.pyc": "d={project}/.octoform/bench; "
+    "d=$d/endpoint/octoform/launcher/__pycache__; mkdir -p $d; echo x > $d/main.cpython-311.pyc",
     "uv.toml": "echo '' > {project}/uv.toml",
+    "{home}/.pip/pip.conf": "mkdir -p {home}/.pip; echo '[global]' > {home}/.pip/pip.conf",
+    "{home}/.config/environment.d/x.conf": "mkdir -p {home}/.config/environment.d; "
+    "echo 'PYTHONPATH=/tmp' > {home}/.config/environment.d/x.conf",
+    "{home}/.config/systemd/user/octoform-bench.service.d/x.conf": "d={home}/.config/systemd/user; "
+    "mkdir -p $d/octoform-bench.service.d; echo '[Service]' > $d/octoform-bench.service.d/x.conf",
     "{home}/.gitconfig": "git config --file {home}/.gitconfig core.fsmonitor 'touch {mark}; false'",
     "{home}/.config/git/attributes": "mkdir -p {home}/.config/git; echo '* filter=x' > {home}/.config/git/attributes",
     "{home}/.config/uv/uv.toml": "mkdir -p {home}/.config/uv; echo '' > {home}/.config/uv/uv.toml",
@@ -74,6 +100,19 @@ class Attacked:
         subprocess.run(["git", "init", "-q", str(project.folder)], check=True)
         (project.folder / ".git" / "hooks" / "update").write_text("#!/bin/sh\n")
         (project.folder / ".git" / "hooks" / "update").chmod(0o755)
+        for place in ("worktrees/desk", "modules/arm"):
+            (project.folder / ".git" / place).mkdir(parents=True)
+        (project.folder / ".git" / "modules" / "arm" / "config").write_text("[core]\n")
+        self.git("core.hooksPath", ".husky")
+        for key, name in (
+            ("include.path", "included"),
+            ("core.attributesFile", "attributes"),
+            ("core.excludesFile", "ignored"),
+        ):
+            self.git(key, f"{home}/{name}")
+
+    def git(self, key: str, value: str) -> None:
+        subprocess.run(["git", "-C", str(self.project.folder), "config", key, value], check=True)
 
     def words(self, text: str) -> str:
         return text.format(project=self.project.folder, home=self.home, mark=self.mark)
@@ -183,3 +222,55 @@ def test_what_its_server_writes_when_it_is_imported_is_refused_too(attacked: Att
     assert not plant.exists()
     told = (project.attempts("serve")[0] / "attempt.json").read_text()
     assert "APPLY-OUTSIDE-WRITE" in told or "SERVE-" in told
+
+
+STARTS = [
+    "planted.pth",
+    "sitecustomize.py",
+    "usercustomize.py",
+    "fastmcp.py",
+    "../../../pyvenv.cfg",
+    "../../../bin/python",
+]
+
+
+def test_what_the_serving_interpreter_reads_at_its_start_is_no_agents(attacked: Attacked) -> None:
+    project = attacked.project
+    project.apply(status=0)
+    manifest = json.loads((project.local / "endpoint" / "manifest.json").read_text())
+    [packages] = Path(manifest["environment"]).glob("lib/python*/site-packages")
+    places = [packages / name for name in STARTS]
+    before = [(path.is_symlink(), path.exists() and path.read_bytes()) for path in places]
+    planting = "; ".join(f"rm -f {path}; echo 'import os' > {path}" for path in places)
+    project.script = {"probe": [{"shell": planting}, "good"]}
+    project.apply("-replace", "probe")
+    named = {str(path.resolve().parent / path.name) for path in places[:-1]}
+    told = {str(project.folder / name) for name in refused_paths(attacked, -2)}
+    assert told >= {os.path.normpath(path) for path in places}, named
+    assert [(path.is_symlink(), path.exists() and path.read_bytes()) for path in places] == before
+
+
+def test_a_plan_tells_a_module_that_was_added_to_the_serving_environment(attacked: Attacked) -> None:
+    project = attacked.project
+    project.apply(status=0)
+    manifest = json.loads((project.local / "endpoint" / "manifest.json").read_text())
+    [packages] = Path(manifest["environment"]).glob("lib/python*/site-packages")
+    (packages / "planted.pth").write_text("import os\n")
+    assert "planted.pth was added to the serving environment" in project.run("plan").text
+    project.apply(status=0)
+    assert not (packages / "planted.pth").exists()
+
+
+def test_a_commit_that_was_made_meanwhile_is_told_and_nobody_loses_it(attacked: Attacked) -> None:
+    project = attacked.project
+    commit = f"git -C {project.folder} -c user.name=A -c user.email=a@b commit -q --allow-empty -m theirs"
+    project.script = {"probe": [{"shell": commit}, "good"]}
+    project.apply("-target", "probe")
+    [told] = [
+        item
+        for item in json.loads((project.attempts("probe")[0] / "attempt.json").read_text())["diagnostics"]
+        if item["code"] == "APPLY-OUTSIDE-WRITE" and "HEAD" in item["summary"]
+    ]
+    assert told["severity"] == "warning"
+    log = subprocess.run(["git", "-C", str(project.folder), "log", "--format=%s"], capture_output=True, text=True)
+    assert log.stdout == "theirs\n"

@@ -1,11 +1,12 @@
 """What an agent may not touch is put back and told; what a person may have done meanwhile is told and left."""
 
 import os
+import sys
 from pathlib import Path
 
 import pytest
 
-from octoform.apply import audit
+from octoform.apply import audit, instructions
 
 
 @pytest.fixture
@@ -138,3 +139,26 @@ def test_what_is_undone_is_kept_for_whoever_wrote_it(project: Path, tmp_path_fac
     assert outside.read_text() == "another\n", "an installation is shared: it is told and not put back"
     assert [item.path for item in found if item.path == str(outside)] == [str(outside)]
     assert ".octoform/undone/octopus.yaml" in (found[0].detail or "")
+
+
+def test_what_came_to_a_room_is_taken_away_and_in_the_installation_only_told(
+    project: Path, tmp_path_factory: pytest.TempPathFactory
+) -> None:
+    own, theirs = tmp_path_factory.mktemp("own"), tmp_path_factory.mktemp("theirs")
+    wanted = audit.Guarded([], [], [own, theirs], frozenset({theirs}))
+    watch = audit.begin(project, wanted)
+    for room in (own, theirs):
+        (room / "planted.pth").write_text("import os\n")
+        (room / "__pycache__").mkdir()
+    found = audit.end(watch, project / ".undone")
+    assert [(item.severity, Path(item.path or "").parent) for item in found] == [("error", own), ("error", theirs)]
+    assert not (own / "planted.pth").exists() and (theirs / "planted.pth").exists()
+    assert (own / "__pycache__").is_dir(), "whoever imports leaves bytecode"
+
+
+def test_octoform_knows_what_its_own_interpreter_starts_with() -> None:
+    started = instructions.of_octoform()
+    [room] = started.rooms
+    assert (room / "pytest").is_dir()
+    assert Path(sys.prefix) / "pyvenv.cfg" in started.files
+    assert {path for path in room.glob("*.pth")} <= set(started.files)
