@@ -139,7 +139,7 @@ def of_another(layout: Layout) -> Diagnostic | None:
         return None
     there = is_copy(layout)
     what = f"that of {other}, of which this folder is a copy" if there else f"written for {other}, which is not there"
-    hint = "octoform apply makes this folder one of its own"
+    hint = "octoform start makes this folder one of its own, and so does octoform apply"
     hint += f"; for the original: octoform -chdir={other} ..." if there else ""
     return error("ENDPOINT-ELSEWHERE", f"the endpoint of {layout.host} is {what}", path=str(layout.endpoint), hint=hint)
 

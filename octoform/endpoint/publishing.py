@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 import octoform
-from octoform.base.files import make_way
+from octoform.base.files import make_way, read_json
 from octoform.base.files import read as read_bytes
 from octoform.diagnostics import Diagnostic, Severity
 from octoform.digest import of_bytes
@@ -45,6 +45,8 @@ from octoform.state.files import write_atomic
 from octoform.state.keeping import ENDPOINT, keep
 from octoform.state.layout import Layout
 
+_SERVICE = ("host", "scope", "tools", "devices", "network", "tunnel")
+"""What the descriptor says of the service itself, and not of the folder or the octoform that wrote it."""
 SCRIPT = Path(__file__).parent / "scripts" / "serve.py"
 
 
@@ -98,6 +100,17 @@ def is_published(layout: Layout, service: Service, environ: Mapping[str, str] | 
     descriptor = _descriptor(layout, service, os.environ if environ is None else environ)
     files = _files(layout, environment, service, descriptor)
     return bool(manifest["files"] == {name: of_bytes(data) for name, (data, _) in files.items()})
+
+
+def tells_of(layout: Layout, service: Service, environ: Mapping[str, str]) -> bool:
+    """True when the endpoint that was written last is this service, for whichever folder it was written."""
+    try:
+        written, policy = (read_json(layout.endpoint / name) for name in (CONNECTION, POLICY))
+        made, asked = json.loads(_json(_descriptor(layout, service, environ))), json.loads(_json(service.policy))
+        same = all(written[name] == made[name] for name in _SERVICE)
+        return bool(same and policy == asked and written["server"]["digest"] == made["server"]["digest"])
+    except (OSError, ValueError, LookupError, TypeError):
+        return False
 
 
 def _files(

@@ -6,6 +6,7 @@ from pathlib import Path
 
 from octoform.diagnostics import Diagnostic, did_you_mean, error
 from octoform.endpoint import stopmark, supervising, tunnel
+from octoform.endpoint.files import of_another
 from octoform.endpoint.running import Running, running
 from octoform.engine.serving import layout_of
 from octoform.state.layout import Layout
@@ -30,11 +31,12 @@ class Stopped:
 
 
 def start(project: Path, environ: Mapping[str, str]) -> tuple[Started | None, list[Diagnostic]]:
-    """Start the endpoint; an endpoint that runs is left alone."""
+    """Start the endpoint; an endpoint that runs is left alone. In a copied or moved folder it is made anew."""
     layout, found = layout_of(project, environ)
     if layout is None:
         return None, found
-    return _start(layout, running(layout))
+    before = running(layout)
+    return _start(layout, environ, before, anew=before is None)
 
 
 def restart(project: Path, environ: Mapping[str, str]) -> tuple[Started | None, list[Diagnostic]]:
@@ -48,12 +50,23 @@ def restart(project: Path, environ: Mapping[str, str]) -> tuple[Started | None, 
     problem = supervising.obstacle(layout)
     if problem is not None:
         return None, [problem]
-    return _start(layout, supervising.stop(layout).process)
+    before = running(layout) if of_another(layout) else supervising.stop(layout).process
+    return _start(layout, environ, before, anew=True)
 
 
-def _start(layout: Layout, before: Running | None) -> tuple[Started | None, list[Diagnostic]]:
+def _start(
+    layout: Layout, environ: Mapping[str, str], before: Running | None, *, anew: bool
+) -> tuple[Started | None, list[Diagnostic]]:
+    """``anew``: nothing runs, or what does is to be ended; what was written for another folder becomes this one's."""
     tunnel.allow(layout)
     try:
+        foreign = of_another(layout) if anew else None
+        if foreign is not None:
+            from octoform.engine.takeover import take_over  # heavy, and once in the life of a copy
+
+            problem = take_over(layout, environ, foreign)
+            if problem is not None:
+                return None, [problem]
         process, problem = supervising.start(layout)
     finally:
         # Last: a daemon that finds neither a process nor the mark takes it for a death, and starts one as well.

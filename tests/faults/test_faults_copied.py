@@ -1,6 +1,8 @@
 """A project that was copied or renamed: each folder owns what was started from it, and nothing more."""
 
 import json
+import os
+import re
 import shutil
 import subprocess
 from collections.abc import Iterator
@@ -61,9 +63,10 @@ def test_nothing_that_is_done_in_a_copy_ends_names_or_steers_the_original(applie
 
 def test_a_copy_says_whose_endpoint_it_holds_and_gets_its_own_by_apply(applied: Project, copy: Project) -> None:
     before = pid(applied)
-    for words in (("start",), ("tools",), ("restart",)):
+    for words in (("tools",), ("call", "read_temperature")):
         told = copy.run(*words, status=1).err
         assert "ENDPOINT-ELSEWHERE" in told and f"octoform -chdir={applied.folder}" in told
+        assert "octoform start" in told
     stopped = copy.run("estop", status=1).text
     assert f"octoform -chdir={applied.folder}" in stopped
     assert str(applied.folder) in copy.run("plan").out
@@ -78,6 +81,61 @@ def test_a_copy_says_whose_endpoint_it_holds_and_gets_its_own_by_apply(applied: 
     assert pid(copy) is None and pid(applied) == before
 
 
+def own(project: Project) -> None:
+    """Every file of its endpoint leads to itself, and its socket lies in it and answers."""
+    for path in (project.local / "endpoint").rglob("*"):
+        names = re.findall(rb"/[^ \"']*/(?:project|copy|moved|restored)\b", b"" if path.is_dir() else path.read_bytes())
+        assert {name for name in names if b"/octoform/" not in name} <= {os.fsencode(project.folder)}, path
+    assert (project.local / "run" / "endpoint.sock").is_socket()
+    assert "read_temperature" in project.run("tools", status=0).out
+    assert "No changes" in project.run("plan", status=0).out
+
+
+@pytest.mark.parametrize("command", ["start", "restart"])
+def test_a_start_makes_the_copy_an_endpoint_of_its_own(applied: Project, copy: Project, command: str) -> None:
+    before, runs = pid(applied), len(applied.agent_runs())
+    made = (applied.local / "endpoint" / "connection.json").read_bytes()
+    said = copy.run(command, status=0)
+    assert "the endpoint runs" in said.out and str(before) not in said.text
+    mine = pid(copy)
+    assert mine is not None and mine != before == pid(applied)
+    own(copy)
+    assert (applied.local / "endpoint" / "connection.json").read_bytes() == made
+    assert len(applied.agent_runs()) == runs, "no agent is asked for that"
+    copy.run("estop", status=0)
+    assert not (applied.local / "run" / "estop.json").exists()
+    copy.run("stop", status=0)
+    assert pid(applied) == before
+
+
+def test_what_was_edited_in_a_copy_does_not_come_into_service_by_a_start(applied: Project, copy: Project) -> None:
+    copy.manifest = {"policy": "{read: deny}"}
+    copy.write()
+    told = copy.run("start", status=1).err
+    assert "ENDPOINT-ELSEWHERE" in told and "edited since it was applied" in told, told
+    assert pid(copy) is None and pid(applied) is not None
+
+
+def test_a_restored_backup_is_not_the_lost_machines(applied: Project, copy: Project) -> None:
+    """As a backup brings it on another machine: another id, another place, and the original is nowhere."""
+    folder = copy.folder.with_name("restored")
+    copy.folder.rename(folder)
+    restored = Project(folder, copy.outside)
+    for path in folder.rglob("*.json"):
+        data = path.read_bytes()
+        if b'"machine"' in data or os.fsencode(applied.folder) in data:
+            other = data.replace(os.fsencode(applied.folder), b"/home/ada/robot")
+            path.write_bytes(re.sub(rb'"machine": ?"[0-9a-f]*"', b'"machine": "0123456789ab"', other))
+    before = pid(applied)
+    assert pid(restored) is None
+    assert "which is not there" in restored.run("tools", status=1).err
+    restored.run("start", status=0)
+    own(restored)
+    restored.run("stop", status=0)
+    assert pid(applied) == before
+    folder.rename(copy.folder)
+
+
 def test_a_renamed_folder_keeps_what_was_started_from_it(applied: Project, copy: Project) -> None:
     copy.run("apply", "-auto-approve", status=0)
     mine = pid(copy)
@@ -87,9 +145,10 @@ def test_a_renamed_folder_keeps_what_was_started_from_it(applied: Project, copy:
     assert str(copy.folder) in moved.run("plan").out
     moved.run("stop", status=0)
     assert pid(moved) is None
-    assert "which is not there" in moved.run("start", status=1).err
-    moved.run("apply", "-auto-approve", status=0)
+    assert "which is not there" in moved.run("tools", "-start", status=1).err
+    moved.run("start", status=0)
     assert pid(moved) is not None and pid(applied) is not None
+    own(moved)
     moved.run("stop", status=0)
     moved.folder.rename(copy.folder)
 
