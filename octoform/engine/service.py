@@ -8,7 +8,7 @@ from pathlib import Path
 
 from octoform.diagnostics import Diagnostic, error
 from octoform.endpoint import stopmark, supervising, systemd
-from octoform.endpoint.files import LAUNCHER
+from octoform.endpoint.files import LAUNCHER, of_another
 from octoform.endpoint.running import Running
 from octoform.endpoint.watch_unit import watch_name, watch_path, watch_text, watches
 from octoform.engine.serving import layout_of
@@ -57,9 +57,9 @@ def unit_of(project: Path, environ: Mapping[str, str], *, own: bool) -> tuple[Un
 
 
 def missing(unit: Unit) -> Diagnostic | None:
-    """That there is nothing yet which the unit could start."""
+    """That there is nothing yet which the unit could start, or only what would start another folder's endpoint."""
     if (unit.layout.endpoint / LAUNCHER).is_file():
-        return None
+        return of_another(unit.layout)
     hint = "run octoform apply, which builds it"
     return error("ENDPOINT-NOT-APPLIED", f"{unit.layout.host} has no endpoint yet", hint=hint)
 

@@ -5,6 +5,7 @@ import os
 import re
 import shutil
 import subprocess
+import time
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -202,3 +203,55 @@ def test_the_port_of_the_original_stays_with_it(tmp_path: Path) -> None:
     (run / "network.json").write_text(json.dumps({"first": 9000, "port": 9007, KEY: place_of(run)}))
     assert next(iter(addresses._candidates(run, 9000))) == 9007
     assert next(iter(addresses._candidates(copied(run), 9000))) == 9000
+
+
+def test_a_client_that_leads_to_the_original_is_not_turned_or_taken_away_in_a_copy(
+    applied: Project, copy: Project, tmp_path: Path
+) -> None:
+    home = tmp_path / "home"
+    home.mkdir()
+    for project in (applied, copy):
+        project.environ = {**project.environ, "HOME": str(home)}
+    try:
+        applied.run("clients", "install", "cursor", status=0)
+        before = (home / ".cursor" / "mcp.json").read_bytes()
+        assert os.fsencode(applied.folder) in before
+        for words in (("install", "cursor"), ("remove", "cursor")):
+            told = copy.run("clients", *words)
+            assert str(applied.folder) in told.text, told.text
+            assert (home / ".cursor" / "mcp.json").read_bytes() == before
+        assert "CLIENT-ENTRY-LEFT" not in copy.run("destroy", "-auto-approve").text
+        assert (home / ".cursor" / "mcp.json").read_bytes() == before
+    finally:
+        del applied.environ["HOME"]
+
+
+def test_a_service_of_a_copy_would_not_be_the_originals(applied: Project, copy: Project, tmp_path: Path) -> None:
+    copy.environ = {"HOME": str(tmp_path), "XDG_CONFIG_HOME": str(tmp_path / "config")}
+    told = copy.run("service", "install", "-user", "-auto-approve", status=1)
+    assert "ENDPOINT-ELSEWHERE" in told.err and "octoform start" in told.err
+    assert not (tmp_path / "config").exists()
+    copy.run("service", "uninstall", "-user", "-auto-approve")
+    assert pid(applied) is not None
+
+
+def test_tokens_pauses_and_watches_of_a_copy_are_its_own(applied: Project, copy: Project) -> None:
+    def kept() -> dict[str, bytes]:
+        folders = (applied.local / "run", applied.local / "daemon")
+        return {str(path): path.read_bytes() for folder in folders for path in folder.rglob("*") if path.is_file()}
+
+    before, mine = pid(applied), kept()
+    watch = copy.start("watch")
+    try:
+        record = copy.local / "daemon" / "daemon.json"
+        deadline = time.monotonic() + 60
+        while not record.exists():
+            assert time.monotonic() < deadline and watch.poll() is None
+            time.sleep(0.05)
+        assert json.loads(record.read_text())[KEY] == place_of(record.parent)
+        for words in (("token", "add", "-name", "other"), ("pause",), ("resume",), ("heal",), ("estop",), ("stop",)):
+            assert str(before) not in copy.run(*words).text
+    finally:
+        watch.terminate()
+        watch.communicate(timeout=60)
+    assert kept() == mine and pid(applied) == before

@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import Any
 
 from octoform.base.locks import is_locked
+from octoform.base.place import KEY, is_from, place_of
 from octoform.diagnostics import Diagnostic, error
 from octoform.state.files import hide_from_git, read_regular, refused, shown, write_atomic
 from octoform.state.holder import Liveness, Process, from_json, liveness, myself, to_json
@@ -45,7 +46,7 @@ class Record:
 class Owned:
     """This process is the host's daemon until `release`, or until it ends."""
 
-    def __init__(self, layout: Layout, descriptor: int, record: bytes) -> None:
+    def __init__(self, layout: Layout, descriptor: int, record: dict[str, Any]) -> None:
         """``descriptor`` is open on the lock file and carries the kernel's lock."""
         self._layout = layout
         self._descriptor: int | None = descriptor
@@ -54,15 +55,30 @@ class Owned:
     def keep(self) -> Diagnostic | None:
         """Write again what somebody deleted, and keep git out; DAEMON-RUNNING when another one is the daemon by now."""
         folder = self._layout.daemon
-        if self._descriptor is not None and not _same(folder / LOCK, self._descriptor):
+        gone = self._descriptor is not None and not _same(folder / LOCK, self._descriptor)
+        if gone:
             descriptor, problem = _lock(self._layout)
             if descriptor is None:
                 return problem
-            _sign(descriptor, self._record)
+            self._exchange(descriptor)
+        if gone or not (folder / RECORD).exists():
+            try:
+                record = _placed(self._layout, self._record)  # the folder may be another one by now
+                self._signed(record)
+            except OSError as refusal:
+                return refused(refusal, folder)
+            if unwritten := write_atomic(folder / RECORD, record, 0o600):
+                return unwritten
+        return hide_from_git(self._layout.project)
+
+    def _exchange(self, descriptor: int) -> None:
+        if self._descriptor is not None:
             os.close(self._descriptor)
-            self._descriptor = descriptor
-        unwritten = None if (folder / RECORD).exists() else write_atomic(folder / RECORD, self._record, 0o600)
-        return unwritten or hide_from_git(self._layout.project)
+        self._descriptor = descriptor
+
+    def _signed(self, record: bytes) -> None:
+        if self._descriptor is not None:
+            _sign(self._descriptor, record)
 
     def release(self) -> None:
         """Take the record away and let go."""
@@ -82,18 +98,23 @@ def take(layout: Layout, since: str, uptime: float, version: str) -> tuple[Owned
         return None, problem
     document = {"format": FORMAT, **to_json(myself()), "since": since, "uptime": uptime, "version": version}
     document["argv"] = [sys.executable, *sys.argv]
-    record = _encoded(document)
+    record = _placed(layout, document)
     _sign(descriptor, record)
     if unwritten := write_atomic(layout.daemon / RECORD, record, 0o600):
         os.close(descriptor)
         return None, unwritten
-    return Owned(layout, descriptor, record), None
+    return Owned(layout, descriptor, document), None
+
+
+def _placed(layout: Layout, document: dict[str, Any]) -> bytes:
+    """The record with the folder that it lies in, so that in a copy of it nobody takes it for a daemon's."""
+    return _encoded({**document, KEY: place_of(layout.daemon)})
 
 
 def alive(layout: Layout) -> Record | None:
     """The host's daemon, when one lives: the kernel's lock and the process of its record both say so."""
     document = _read(layout.daemon / RECORD)
-    if document is None or not _locked(layout.daemon / LOCK):
+    if document is None or not is_from(document, layout.daemon) or not _locked(layout.daemon / LOCK):
         return None
     try:
         process = from_json(document)

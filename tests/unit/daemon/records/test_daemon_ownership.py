@@ -1,5 +1,7 @@
 """One daemon for each host; what a person asks of it is noticed, whether it runs or not."""
 
+import json
+import os
 import shutil
 import subprocess
 import sys
@@ -7,6 +9,7 @@ from pathlib import Path
 
 import pytest
 
+from octoform.base.place import is_from
 from octoform.daemon.records import ownership
 from octoform.state.layout import Layout
 
@@ -128,3 +131,20 @@ def test_what_pauses_and_cannot_be_removed_is_told(layout: Layout) -> None:
     was, problem = ownership.resume(layout)
     assert was and problem is not None and problem.path is not None and problem.path.endswith("paused.json")
     assert ownership.paused_since(layout) == ""
+
+
+def test_a_copied_record_is_no_daemons_of_the_copy_even_where_another_holds_its_lock(layout: Layout) -> None:
+    with holder(layout) as process:
+        other = Layout(layout.project.with_name(f"{layout.project.name}-copy"), "bench")
+        shutil.copytree(layout.daemon, other.daemon)
+        descriptor, problem = ownership._lock(other)
+        assert descriptor is not None and problem is None
+        assert ownership.alive(other) is None
+        found = ownership.alive(layout)
+        assert found is not None and found.process.pid == process.pid
+        moved = layout.daemon.with_name("moved")
+        layout.daemon.rename(moved)
+        assert is_from(json.loads((moved / ownership.RECORD).read_text()), moved)
+        moved.rename(layout.daemon)
+        os.close(descriptor)
+        process.kill()
