@@ -5,7 +5,7 @@ counted after. What a figure rests on and is not there yet is None, never 0.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from typing import Any
 
@@ -15,6 +15,10 @@ BESIDE = frozenset(
     {"bus_infrastructure", "no_function", "virtual", "duplicate_path", "out_of_scope", "network_neighbour"}
 )
 """Reasons that say: there is nothing here that could be used, or it is counted elsewhere, or it is not this host's."""
+
+
+OFFERED = "profile_offered"
+"""Why a device that could be used has no tool although a profile that comes with octoform matches it."""
 
 
 class Standing(StrEnum):
@@ -41,7 +45,8 @@ class Device:
     """One device of PROBE. Texts are foreign.
 
     ``identified_as`` to ``tier`` are IDENTIFY's, empty or None where it does not annotate the device. ``reason`` and
-    ``detail`` say why it has no tool; ``question`` is the one sentence that an unknown device misses.
+    ``detail`` say why it has no tool; ``question`` is the one sentence that an unknown device misses. ``offer`` names a
+    profile that comes with octoform and matches, and the line of the manifest that uses it.
     """
 
     id: str
@@ -62,6 +67,7 @@ class Device:
     reason: str = ""
     detail: str = ""
     question: str = ""
+    offer: str = ""
 
     @property
     def usable(self) -> bool:
@@ -131,7 +137,8 @@ class Coverage:
 class Ground:
     """What coverage rests on: accepted artifacts by stage, answers and tiers by device, tools denied to all.
 
-    ``closed`` are devices that this user may not use now, each with the sentence that says why.
+    ``closed`` are devices that this user may not use now, each with the sentence that says why; ``offers`` are devices
+    that a profile matches which the manifest does not name, each with the profile and the line that names it.
     """
 
     artifacts: Mapping[str, Any]
@@ -139,11 +146,12 @@ class Ground:
     tiers: Mapping[str, int] = field(default_factory=dict)
     denied: frozenset[str] = frozenset()
     closed: Mapping[str, str] = field(default_factory=dict)
+    offers: Mapping[str, str] = field(default_factory=dict)
 
 
 def coverage(ground: Ground) -> Coverage:
     """The coverage; PROBE's artifact has to be there."""
-    devices = tuple(_devices(ground))
+    devices = tuple(_offered(item, ground.offers.get(item.id, "")) for item in _devices(ground))
     identified, decided = "identify" in ground.artifacts, "interface" in ground.artifacts
     annotated = [item for item in devices if item.category]
     usable = [item for item in annotated if item.tools]
@@ -202,6 +210,13 @@ def _devices(ground: Ground) -> Iterable[Device]:
             yield Device(**base, tier=ground.tiers.get(name), **told)
         else:
             yield Device(**base, **_unannotated(left.get(name)))
+
+
+def _offered(item: Device, offer: str) -> Device:
+    """The device with what is offered for it; where that would help, it is the reason that the device has no tool."""
+    if not offer or item.tools or item.counted is not Counted.ONBOARDABLE:
+        return replace(item, offer=offer)
+    return replace(item, offer=offer, reason=OFFERED, detail=offer)
 
 
 def tools_by_device(interface: Mapping[str, Any] | None) -> dict[str, tuple[str, ...]]:

@@ -5,7 +5,7 @@ the devices is read. So a report may be given away.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -85,7 +85,7 @@ def report(project: Path, environ: Mapping[str, str]) -> tuple[Report | None, li
     endpoint, heard = observe_endpoint(compiled.layout), _heard(snapshot)
     made = Report(
         platform={name: str(value) for name, value in artifacts["probe"]["platform"].items() if name != "kernel"},
-        coverage=coverage(_ground(compiled, artifacts, heard, lacking(compiled.layout, environ))),
+        coverage=coverage(replace(_ground(compiled, artifacts, heard), closed=lacking(compiled.layout, environ))),
         stability=_stability(artifacts, snapshot, attempts, runs(groups, output)),
         stages=tuple(_stage(name, snapshot.nodes[name]) for name in STAGES if name in artifacts),
         passes=passes(groups, output),
@@ -131,13 +131,13 @@ def _waiting(artifacts: Mapping[str, Any], answers: Mapping[str, str], heard: Ma
     return [f"answered since: {', '.join(names)}; octoform apply takes it into account"] if names else []
 
 
-def _ground(
-    compiled: Compiled, artifacts: Mapping[str, Any], answers: Mapping[str, str], closed: Mapping[str, str]
-) -> Ground:
+def _ground(compiled: Compiled, artifacts: Mapping[str, Any], answers: Mapping[str, str]) -> Ground:
     descriptions = {profile.name for profile in compiled.profiles if profile.describes}
     annotated = artifacts.get("identify", {"devices": []})["devices"]
     tiers = {item["id"]: wanted(item) or tier(item, answers, descriptions) for item in annotated}
-    return Ground(artifacts, answers, tiers, hidden(compiled.layout), closed)
+    found = knowledge.offered(artifacts, compiled)
+    offers = {device: f"{each.profile}: {each.line}" for each in reversed(found) for device in each.devices}
+    return Ground(artifacts, answers, tiers, hidden(compiled.layout), offers=offers)
 
 
 def _outputs(schemas: Path) -> Output:

@@ -8,7 +8,7 @@ import json
 import subprocess
 import sys
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -68,12 +68,16 @@ class LeftOut:
 
 @dataclass(frozen=True, slots=True)
 class Listing:
-    """All devices of one host; ``ledger`` is false when this machine does not know its specimens."""
+    """All devices of one host; ``ledger`` is false when this machine does not know its specimens.
+
+    ``offers`` are profiles that come with octoform and match a device, which the manifest does not name.
+    """
 
     host: str
     devices: tuple[Row, ...]
     left_out: tuple[LeftOut, ...]
     ledger: bool
+    offers: tuple[knowledge.Offer, ...] = ()
 
 
 def listing(project: Path, environ: Mapping[str, str]) -> tuple[Listing | None, list[Diagnostic]]:
@@ -89,8 +93,8 @@ def listing(project: Path, environ: Mapping[str, str]) -> tuple[Listing | None, 
         path = shown(layout.output(absent))
         return None, [error("ARTIFACT-MISSING", f"{absent} has no accepted output yet", path=path, hint=hint)]
     ledger, told = read_instances(layout)
-    offers = knowledge.offers(artifacts, compiled)
-    return _listed(layout, artifacts, ledger, environ), [*found, *told, *offers]
+    listed = replace(_listed(layout, artifacts, ledger, environ), offers=knowledge.offered(artifacts, compiled))
+    return listed, [*found, *told, *knowledge.offers(artifacts, compiled)]
 
 
 def _listed(

@@ -1,6 +1,7 @@
 """What is known of the devices of a host, and how much a person had to say for it: tiers, profiles, open questions."""
 
 from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 from typing import Any
 
 from octoform.contracts.tier import tier, wanted
@@ -15,6 +16,21 @@ from octoform.profiles import Profile, contributions, load, near
 Artifacts = Mapping[str, Any]
 STRAY = "PLAN-ANSWER-WITHOUT-DEVICE"
 OFFERED = "PROFILE-OFFERED"
+
+
+@dataclass(frozen=True, slots=True)
+class Offer:
+    """A profile that comes with octoform and matches ``devices``; ``line`` says what the manifest needs to use it."""
+
+    profile: str
+    product: str
+    devices: tuple[str, ...]
+    line: str
+
+    @property
+    def summary(self) -> str:
+        """What is offered for which devices, as one sentence."""
+        return f"octoform comes with a profile that matches {', '.join(self.devices)}: {self.product}"
 
 
 def questions(artifacts: Artifacts, answers: Mapping[str, str]) -> tuple[OpenQuestion, ...]:
@@ -80,11 +96,11 @@ def accepted_answers(prior: Mapping[str, Prior]) -> dict[str, str]:
     return {part.removeprefix(ANSWER): text for part, text in parts.items() if part.startswith(ANSWER)}
 
 
-def offers(artifacts: Artifacts, compiled: Compiled) -> list[Diagnostic]:
-    """Profiles that come with octoform, match a device of this host and are not in the manifest; one warning each."""
+def offered(artifacts: Artifacts, compiled: Compiled) -> tuple[Offer, ...]:
+    """Profiles that come with octoform, match a device of this host and are not in the manifest."""
     probe, answers = artifacts.get("probe"), compiled.manifest.answers
     if probe is None:
-        return []
+        return ()
     known = {profile.name for profile in compiled.profiles}
     settled = {device for device, _ in contributions(compiled.profiles, probe, answers)}
     found = []
@@ -93,9 +109,14 @@ def offers(artifacts: Artifacts, compiled: Compiled) -> list[Diagnostic]:
         if matched and profile.name not in known:
             name = profile.name
             line = f"add `{name}` to `profiles`" if compiled.manifest.profiles else f"write `profiles: [{name}]`"
-            summary = f"octoform comes with a profile that matches {', '.join(matched)}: {profile.product or name}"
-            found.append(warning(OFFERED, summary, hint=f"{line} in octopus.yaml to use it"))
-    return found
+            line += " in octopus.yaml to use it"
+            found.append(Offer(name, profile.product or name, tuple(matched), line))
+    return tuple(found)
+
+
+def offers(artifacts: Artifacts, compiled: Compiled) -> list[Diagnostic]:
+    """One warning for each profile that is `offered`."""
+    return [warning(OFFERED, each.summary, hint=each.line) for each in offered(artifacts, compiled)]
 
 
 def stray(artifacts: Artifacts, answers: Mapping[str, str]) -> list[Diagnostic]:

@@ -5,7 +5,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import asdict
 from pathlib import Path
 
-from octoform.engine.coverage import Counted, Coverage, Device, Share, Standing
+from octoform.engine.coverage import OFFERED, Counted, Coverage, Device, Share, Standing
 from octoform.engine.covering import Report
 from octoform.engine.passes import Pass
 from octoform.engine.stability import Disagreement, Stability
@@ -190,10 +190,19 @@ def _usable(found: Coverage, width: int, paint: Paint) -> Iterator[str]:
     if width >= WIDE:
         rows = [(*_named(item), ", ".join(item.tools)) for item in devices]
         yield from _indented(USABLE, rows, width, paint)
+        yield from _offers(devices, width)
         return
     for item in devices:
         yield from _brief(item, width, lambda text: paint(text, "green"))
         yield from _wrapped(", ".join(item.tools), width, "    ")
+    yield from _offers(devices, width)
+
+
+def _offers(devices: tuple[Device, ...], width: int) -> Iterator[str]:
+    """What is offered for devices that are not told one by one with a reason."""
+    for item in devices:
+        if item.offer:
+            yield from _wrapped(f"{item.id}: {words.reason(OFFERED)} ({item.offer})", width)
 
 
 def _named(item: Device) -> tuple[str, ...]:
@@ -213,6 +222,7 @@ def _unknown(found: Coverage, width: int, paint: Paint) -> Iterator[str]:
     yield from _head(f"unknown ({len(devices)}): one sentence each would settle it", paint)
     for item in devices:
         yield from _brief(item, width, lambda text: paint(text, "yellow"))
+        yield from _wrapped(_why(item), width, "    ") if item.reason == OFFERED else ()
         yield from _wrapped(item.question, width, "    ")
         answered = "answered, and not settled by it; say more: " if item.answered else ""
         yield f'    {answered}octoform answer {one_line(item.id, 100)} "..."'
@@ -260,7 +270,7 @@ def _left_out(found: Coverage, width: int, paint: Paint, everything: bool) -> It
         first, *rest = textwrap.wrap(told, width - 8, break_on_hyphens=False)
         yield f"  {len(devices):>4}  {first}"
         yield from (" " * 8 + line for line in rest)
-        if everything:
+        if everything or code == OFFERED:
             for item in devices:
                 yield f"        {one_line(item.id, 100)}  {one_line(item.detail or item.seen_as, 200)}".rstrip()
         else:
@@ -283,6 +293,7 @@ def _waiting(found: Coverage, width: int, paint: Paint) -> Iterator[str]:
     if devices:
         yield from _head(f"seen, not identified yet ({len(devices)})", paint)
         yield f"  {_some([item.id for item in devices], width - 2)}"
+        yield from _offers(devices, width)
 
 
 def _stable(found: Stability | None, width: int, paint: Paint, everything: bool) -> Iterator[str]:

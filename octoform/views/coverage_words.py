@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 
 from octoform.contracts import tier
-from octoform.engine.coverage import Group, Share
+from octoform.engine.coverage import OFFERED, Group, Share
 from octoform.engine.covering import Report, Stage
 from octoform.engine.passes import Pass, known_sum
 from octoform.views.sentences import counted
@@ -14,6 +14,7 @@ REASONS = {
     "bus_infrastructure": "only carries other devices",
     "no_function": "has nothing that an agent could use",
     "no_standard_interface": "no library or system interface reaches it",
+    OFFERED: "a profile that comes with octoform matches it",
     "no_credentials": "wants a login that is not here",
     "network_neighbour": "is merely near, not part of this host",
     "duplicate_path": "is another entry of a device that is annotated",

@@ -85,4 +85,6 @@ def _document(found: Listing, verbose: bool) -> dict[str, Any]:
             whole = {name: value for name, value in whole.items() if name not in ("serial", "pseudonym", "evidence")}
         devices.append(whole)
     left = [asdict(item) for item in found.left_out]
-    return {"format": 1, "host": found.host, "ledger": found.ledger, "devices": devices, "left_out": left}
+    offers = [asdict(item) for item in found.offers]
+    told = {"format": 1, "host": found.host, "ledger": found.ledger}
+    return {**told, "devices": devices, "left_out": left, "offers": offers}

@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 from attempt_folders import Folders
-from covered import STAMP, identified, known, left, onboarded
+from covered import STAMP, declared, identified, known, left, onboarded, seen
 
 from octoform.cli.dispatch import dispatch
 from octoform.engine import covering
@@ -267,6 +267,47 @@ def test_a_device_that_only_interface_leaves_out_counts(host: Host, laptop: Arti
     host.accept(cut)
     onboardable = host.report().coverage.onboardable
     assert onboardable is not None and onboardable.usable == onboardable.of - 1
+
+
+@pytest.mark.parametrize("standing", ["unknown", "named", "left_out", "waiting"])
+def test_a_profile_that_comes_with_octoform_is_the_reason_whatever_became_of_the_device(
+    host: Host, standing: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    line = "write `profiles: [so-arm101]` in octopus.yaml to use it"
+    arm = {
+        **seen("usb-1a86-55d3", "USB Serial"),
+        "vid": "1a86",
+        "pid": "55d3",
+        "raw_descriptor": "product: LeRobot arm",
+    }
+    artifacts: Artifacts = {
+        "probe": {"format": 1, "platform": {"os": "linux"}, "devices": [{**arm, "classes": ["tty"]}]}
+    }
+    if standing != "waiting":
+        category = {"unknown": "unknown", "named": "actuator"}.get(standing)
+        unknown = {"missing": "What is it?", "confidence": 0.0} if standing == "unknown" else {}
+        out = [left(arm["id"], "no_standard_interface", "nothing drives it")]
+        named = [known(arm["id"], category, **unknown)] if category else []
+        artifacts["identify"] = identified(named, [] if category else out)
+        artifacts["interface"] = declared(artifacts["identify"], out if category else ())
+    host.accept(artifacts)
+    project = str(host.folders.project)
+    page = host.folders.project / "page.html"
+    assert dispatch(["-chdir", project, "coverage"]) == 0
+    text = " ".join(capsys.readouterr().out.split())
+    assert dispatch(["-chdir", project, "coverage", "-json"]) == 0
+    document = json.loads(capsys.readouterr().out)
+    assert dispatch(["-chdir", project, "coverage", "-html", str(page)]) == 0
+    html = page.read_text()
+    (device,) = document["devices"]
+    assert (device["standing"], device["offer"]) == (standing, f"so-arm101: {line}")
+    assert line in text and line in html
+    assert "reaches it" not in text + html and "nothing drives it" not in text + html
+    if standing != "waiting":
+        assert (device["reason"], device["detail"]) == ("profile_offered", f"so-arm101: {line}")
+        assert "a profile that comes with octoform matches it" in text and "octoform matches it" in html
+        assert document["coverage"]["onboardable"]["of"] == 1
+        assert document["left_out"] == ({"profile_offered": 1} if standing == "left_out" else {})
 
 
 def test_the_command_ends_with_1_only_where_there_is_no_report(

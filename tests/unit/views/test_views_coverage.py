@@ -127,6 +127,7 @@ def test_json_has_every_device_with_the_same_members(laptop: dict[str, Any]) -> 
             {
                 *("id", "seen_as", "bus", "standing", "counted", "identified_as", "category", "class", "confidence"),
                 *("method", "profile", "tier", "answered", "capabilities", "tools", "reason", "detail", "question"),
+                "offer",
             }
         )
     }

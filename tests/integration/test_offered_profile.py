@@ -1,0 +1,53 @@
+"""A simulated arm whose profile comes with octoform: each screen offers it with its line, and that line is enough."""
+
+import json
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from projects import Project
+
+from octoform.simulation.descriptions import load
+from octoform.simulation.rig import Rig
+
+pytestmark = pytest.mark.dear
+
+ARM = "usb-1a86-55d3"
+LINE = "write `profiles: [so-arm101]` in octopus.yaml to use it"
+
+
+@pytest.fixture(scope="module")
+def project(tmp_path_factory: pytest.TempPathFactory, compiled: Path) -> Iterator[Project]:
+    folder = tmp_path_factory.mktemp("arm")
+    description = load("reference")
+    description["devices"] = {"arm": description["devices"]["arm"]}
+    rig = Rig(description, folder / "tree")
+    rig.start()
+    project = Project(folder / "project", folder / "outside", harness="builtin")
+    project.environ["OCTOFORM_SYSROOT"] = str(folder / "tree")
+    project.take_bytecode(compiled)
+    yield project
+    project.run("stop")
+    rig.stop()
+
+
+def test_every_screen_offers_it_until_the_manifest_names_it(project: Project, tmp_path: Path) -> None:
+    project.write()
+    applied = project.run("apply", "-auto-approve")
+    assert applied.text.count(LINE) == 1, applied.text
+    for command in (["plan"], ["devices"]):
+        assert project.run(*command).text.count(LINE) == 1, command
+    assert [item["line"] for item in json.loads(project.run("devices", "--json").out)["offers"]] == [LINE]
+    text = project.run("coverage").out
+    assert "".join(LINE.split()) in "".join(text.split()) and "no library or system interface reaches it" not in text
+    (arm,) = [item for item in json.loads(project.run("coverage", "--json").out)["devices"] if item["id"] == ARM]
+    assert (arm["offer"], arm["reason"]) == (f"so-arm101: {LINE}", "profile_offered")
+    project.run("coverage", "-html", str(tmp_path / "page.html"), status=0)
+    assert LINE in (tmp_path / "page.html").read_text()
+
+    project.manifest["profiles"] = "[so-arm101]"
+    project.apply(status=0)
+    for command in (["plan"], ["devices"], ["coverage"], ["coverage", "--json"]):
+        assert LINE not in project.run(*command).text, command
+    (arm,) = [item for item in json.loads(project.run("coverage", "--json").out)["devices"] if item["id"] == ARM]
+    assert "arm_move_joint" in arm["tools"] and arm["offer"] is None
