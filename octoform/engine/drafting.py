@@ -50,7 +50,8 @@ evidence:
 ---
 """
 _LINES = """\
-# If it is driven by lines of text over its serial line, its commands are enough to make tools of. For example:
+# If it is driven by lines of text over its serial line, its commands are enough to make tools of. Leave out `ok` where
+# it acknowledges nothing, and `send` where it speaks by itself. For example:
 # grammar:
 #   line: {class: tty, baud: 115200, ok: "OK", error: "ERR {message}", timeout: 5s}
 #   commands:

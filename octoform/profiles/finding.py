@@ -66,6 +66,9 @@ class Found:
             return value
         if value == default == "":
             return ""
+        if name not in given:
+            self.add((*place, name), f"{name!r} is missing", f'write {name}: "..."')
+            return ""
         hint = "a line's end and control characters do not belong into it; the field `ending` ends a line"
         self.add((*place, name), f"{name!r} is no text of 1 to {MOST_CHARS} printable ASCII characters", hint)
         return ""

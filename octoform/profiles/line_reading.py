@@ -17,16 +17,20 @@ from octoform.profiles.values import Value
 FIELDS = ("line", "position", "stop", "commands")
 LINE_FIELDS = ("class", "baud", "ending", "ok", "error", "timeout", "settle")
 COMMAND_FIELDS = ("tool", "send", "about", "effect", "parameters", "reply", "fields")
-VALUE_FIELDS = ("type", "about", "unit", "minimum", "maximum", "enum")
+VALUE_FIELDS = ("type", "about", "unit", "minimum", "maximum", "enum", "words")
 POSITION_FIELDS = ("tool", "about", "axes", "zero")
 AXIS_FIELDS = ("tool", "parameter")
 STOP_FIELDS = ("tool", "about", "until")
 LINE_CLASS = "tty"
 ENDINGS = ("\n", "\r", "\r\n")
 EFFECTS = ("read", "actuate", "irreversible")
-TYPES = ("integer", "number", "string")
-MOST_COMMANDS, MOST_VALUES, MOST_CHOICES, MOST_AXES = 40, 12, 50, 12
+TYPES = ("integer", "number", "string", "boolean")
+FALSE_AND_TRUE = ("0", "1")
+MOST_COMMANDS, MOST_VALUES, MOST_CHOICES, MOST_AXES, MOST_LINES = 40, 12, 50, 12, 12
 _PLACEHOLDER = re.compile(r"\{([a-z][a-z0-9_]*)\}")
+# What stands between quotes in the server's own code, on one line.
+_WORD = re.compile(r"[ -~]{1,40}")
+_NO_WORD = frozenset("'\"\\{}")
 _EXAMPLE = '{class: tty, baud: 115200, ok: "OK", error: "ERR {message}", timeout: 10s}'
 _COMMANDS = 'write commands: [{tool: lamp_off, send: "OFF", about: "switch the lamp off", effect: actuate}]'
 
@@ -37,7 +41,9 @@ def read(found: Found, whole: Mapping[str, Any], place: Place) -> LineGrammar:
     line = _line(found, whole.get("line"), (*place, "line"))
     items = found.items(whole.get("commands"), (*place, "commands"), MOST_COMMANDS, _COMMANDS)
     commands = [_command(found, item, (*place, "commands", index)) for index, item in enumerate(items)]
-    by_tool = {command.tool: command for command in commands if command.tool}
+    # Where nothing is acknowledged, nobody knows what was done: it is not counted, and it ends no stop.
+    known = [command for command in commands if line.ok is not None or command.reply]
+    by_tool = {command.tool: command for command in known if command.tool}
     position = _position(found, whole["position"], (*place, "position"), by_tool) if "position" in whole else None
     stop = _halt(found, whole["stop"], (*place, "stop"), by_tool) if "stop" in whole else None
     tools = [(item.tool, (*place, "commands", index, "tool")) for index, item in enumerate(commands)]
@@ -86,7 +92,7 @@ def _halt(found: Found, given: object, place: Place, commands: Mapping[str, Comm
 
 def _mover(found: Found, name: object, place: Place, commands: Mapping[str, Command]) -> str:
     """The name of a command that moves something: what a read says or does is no movement."""
-    tool = found.named(name, commands, place, "command of this grammar")
+    tool = found.named(name, commands, place, "command of this grammar that is acknowledged")
     if tool and commands[tool].effect == "read":
         found.add(place, f"the command {tool!r} is a read and moves nothing")
     return tool
@@ -103,13 +109,8 @@ def _line(found: Found, given: object, place: Place) -> Line:
         baud = 1
     if ending not in ENDINGS:
         found.add((*place, "ending"), "the ending of a line is none that is known", r'write "\n", "\r" or "\r\n"')
-    ok = ""
-    if "ok" in line:
-        ok = found.text(line, "ok", place)
-    else:
-        hint = 'write the line that the product answers when it did what it was told, such as ok: "OK"'
-        found.add((*place, "ok"), "the line of the grammar does not say its `ok`", hint)
-    if "{" in ok or "}" in ok:
+    ok = found.text(line, "ok", place) if "ok" in line else None
+    if set(ok or "") & set("{}"):
         found.add((*place, "ok"), "`ok` has a placeholder", "what an answer says stands in the `reply` of a command")
     error = found.text(line, "error", place) if "error" in line else None
     if error and (set(_names(error)) - {"message"} or not _well_formed(error)):
@@ -127,12 +128,16 @@ def _command(found: Found, given: object, place: Place) -> Command:
     if effect not in EFFECTS:
         found.add((*place, "effect"), "the command does not say its effect", f"write one of {', '.join(EFFECTS)}")
     about = found.text(item, "about", place)
-    send = found.text(item, "send", place)
-    reply = found.text(item, "reply", place) if "reply" in item else None
+    send = found.text(item, "send", place) if "send" in item else ""
+    reply = _reply(found, item, place)
     parameters = _values(found, item, "parameters", place)
     fields = _values(found, item, "fields", place)
-    _agree(found, send, parameters, (*place, "send"), "parameters")
-    if reply is not None:
+    if "send" not in item and (not reply or parameters or effect != "read"):
+        hint = "write what is sent; a product that speaks by itself is heard with effect: read and a `reply`"
+        found.add((*place, "send"), "the command sends nothing, and does not only listen", hint)
+    else:
+        _agree(found, [send], parameters, (*place, "send"), "parameters")
+    if reply:
         _agree(found, reply, fields, (*place, "reply"), "fields")
         _apart(found, reply, (*place, "reply"))
     elif fields:
@@ -145,7 +150,19 @@ def _command(found: Found, given: object, place: Place) -> Command:
         if value.minimum is not None or value.maximum is not None:
             hint = "bounds are for parameters; nobody keeps a product to what it answers"
             found.add((*place, "fields", value.name), f"the field {value.name!r} has bounds", hint)
-    return Command(tool, send, about, str(effect), parameters, reply, fields)
+    return Command(tool, send, about, str(effect), parameters, tuple(reply), fields)
+
+
+def _reply(found: Found, item: Mapping[str, Any], place: Place) -> list[str]:
+    """The pattern of each line of the answer: one text, or a list of them in the order in which they come."""
+    given = item.get("reply")
+    if not isinstance(given, list):
+        return [found.text(item, "reply", place)] if "reply" in item else []
+    if not 1 <= len(given) <= MOST_LINES:
+        summary = f"'reply' is no list of 1 to {MOST_LINES} lines"
+        found.add((*place, "reply"), summary, 'write for example reply: ["T {celsius}", "H {percent}"]')
+        return []
+    return [found.text({"reply": line}, "reply", place) for line in given]
 
 
 def _values(found: Found, item: Mapping[str, Any], name: str, place: Place) -> tuple[Value, ...]:
@@ -172,7 +189,20 @@ def _value(found: Found, name: str, given: object, place: Place) -> Value:
         found.add(place, f"the minimum of {name!r} is above its maximum")
     choices = _choices(found, value, kind, place)
     about, unit = (found.text(value, member, place, "") for member in ("about", "unit"))
-    return Value(name, str(kind), about, unit, low, high, choices)
+    return Value(name, str(kind), about, unit, low, high, choices, words=_words(found, value, kind, place))
+
+
+def _words(found: Found, value: Mapping[str, Any], kind: object, place: Place) -> tuple[str, ...]:
+    """What a line says for false and for true."""
+    if "words" not in value:
+        return FALSE_AND_TRUE if kind == "boolean" else ()
+    given = value["words"] if isinstance(value["words"], list) else []
+    sound = [word for word in given if isinstance(word, str) and _WORD.fullmatch(word) and not set(word) & _NO_WORD]
+    if kind != "boolean" or len(given) != 2 or len(set(sound)) != 2:
+        hint = 'write what the line says for false, then for true: words: ["OFF", "ON"]; no quotes or braces in them'
+        found.add((*place, "words"), "`words` are no two different words of a boolean", hint)
+        return ()
+    return tuple(sound)
 
 
 def _fits(bound: object, kind: object) -> bool:
@@ -203,12 +233,13 @@ def _closed(found: Found, value: Value, effect: object, place: Place) -> None:
         found.add(place, f"the parameter {value.name!r} is not bounded on both sides", hint)
 
 
-def _agree(found: Found, pattern: str, values: tuple[Value, ...], place: Place, what: str) -> None:
+def _agree(found: Found, patterns: list[str], values: tuple[Value, ...], place: Place, what: str) -> None:
     """Each placeholder is declared, each declared value is used."""
-    if not _well_formed(pattern):
+    if not all(map(_well_formed, patterns)):
         found.add(place, "a brace here is no placeholder", "write {name}, in lower case")
         return
-    used, declared = set(_names(pattern)), {value.name for value in values}
+    used = {name for pattern in patterns for name in _names(pattern)}
+    declared = {value.name for value in values}
     for name in sorted(used - declared):
         guess = did_you_mean(name, sorted(declared))
         hint = f"did you mean {guess!r}?" if guess else f"declare it under {what}"
@@ -219,9 +250,9 @@ def _agree(found: Found, pattern: str, values: tuple[Value, ...], place: Place, 
         )
 
 
-def _apart(found: Found, reply: str, place: Place) -> None:
-    names = list(_names(reply))
-    if len(set(names)) < len(names) or "}{" in reply:
+def _apart(found: Found, reply: list[str], place: Place) -> None:
+    names = [name for line in reply for name in _names(line)]
+    if len(set(names)) < len(names) or any("}{" in line for line in reply):
         found.add(
             place, "two values of the reply cannot be told apart", "each stands once, with fixed text between them"
         )

@@ -14,15 +14,15 @@ from octoform.profiles.values import Tool, Value, plain_values, present
 class Line:
     """How the product talks: one command a line over the device node of class ``kind``.
 
-    ``ending`` ends a line in both directions, ``ok`` is the answer of a command that was done, ``error`` the pattern
-    of one that was refused (``ERR {message}``; None: it has none). ``timeout`` is the longest time until the answer
-    and ``settle`` the pause after the line was opened, both in seconds.
+    ``ending`` ends a line in both directions, ``ok`` is the answer of a command that was done (None: the product
+    acknowledges nothing), ``error`` the pattern of one that was refused (``ERR {message}``; None: it has none).
+    ``timeout`` is the longest time until the answer and ``settle`` the pause after the line was opened, in seconds.
     """
 
     kind: str
     baud: int
     ending: str
-    ok: str
+    ok: str | None
     error: str | None
     timeout: float
     settle: float = 0.0
@@ -32,7 +32,8 @@ class Line:
 class Command:
     """One command and the tool that it becomes; ``send`` and ``reply`` are patterns with ``{name}`` for each value.
 
-    ``reply`` None: the answer is the grammar's ``ok``, and there are no ``fields``.
+    ``send`` empty: nothing is sent, the product speaks by itself. ``reply`` has a pattern for each line of the answer;
+    empty: the answer is the grammar's ``ok``, and there are no ``fields``.
     """
 
     tool: str
@@ -40,7 +41,7 @@ class Command:
     about: str
     effect: str
     parameters: tuple[Value, ...] = ()
-    reply: str | None = None
+    reply: tuple[str, ...] = ()
     fields: tuple[Value, ...] = ()
 
 
@@ -112,7 +113,9 @@ def plain(grammar: LineGrammar) -> dict[str, Any]:
 
 
 def _command(command: Command) -> dict[str, Any]:
-    told = {"tool": command.tool, "send": command.send, "about": command.about, "effect": command.effect}
+    told = {"tool": command.tool, "send": command.send or None, "about": command.about, "effect": command.effect}
     fields = plain_values(command.fields) or None
     parameters = plain_values(command.parameters)
-    return present({**told, "parameters": parameters, "reply": command.reply, "fields": fields})
+    # One line stands as it was written; several are a list.
+    reply = command.reply[0] if len(command.reply) == 1 else list(command.reply) or None
+    return present({**told, "parameters": parameters, "reply": reply, "fields": fields})

@@ -9,7 +9,7 @@ from typing import Any
 class Value:
     """A parameter of a command or a field of its answer: integer, number, boolean, or (with ``choices``) a word.
 
-    A parameter with a ``default`` may be left out of a call.
+    A parameter with a ``default`` may be left out of a call. ``words`` are what a line says for false and for true.
     """
 
     name: str
@@ -20,6 +20,7 @@ class Value:
     maximum: float | None = None
     choices: tuple[str, ...] = ()
     default: float | None = None
+    words: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,8 +44,8 @@ class Tool:
 def plain_value(value: Value) -> dict[str, Any]:
     """A value as JSON; members without a value are left out."""
     bounds = {"minimum": value.minimum, "maximum": value.maximum, "enum": list(value.choices) or None}
-    words = {"about": value.about or None, "unit": value.unit or None}
-    return present({"type": value.type, **words, **bounds, "default": value.default})
+    told = {"about": value.about or None, "unit": value.unit or None, "words": list(value.words) or None}
+    return present({"type": value.type, **told, **bounds, "default": value.default})
 
 
 def plain_values(values: tuple[Value, ...]) -> dict[str, Any]:

@@ -1,8 +1,8 @@
-"""One exchange on a line protocol: a command goes out, a line comes back, and no other is taken for its answer.
+"""One exchange on a line protocol: a command goes out, its answer comes back, and no other is taken for it.
 
 The server opens the port itself, under the lock of its device, because pyserial is not of the standard library:
 
-    talk = runtime.lines.Exchange(device, wire, command, reply)
+    talk = runtime.lines.Exchange(device, wire, command, replies)
     with talk, runtime.device(device).bus() as unit, serial.Serial(unit.node(wire.kind), ...) as port:
         found = talk.over(port)
 """
@@ -10,6 +10,7 @@ The server opens the port itself, under the lock of its device, because pyserial
 import re
 import termios
 import time
+from collections.abc import Sequence
 from types import TracebackType
 from typing import NamedTuple, Protocol
 
@@ -17,6 +18,8 @@ from .counting import NONE, Counted, Step, refuse
 from .faults import DeviceFault, sentence
 
 LONGEST = 200
+UNANSWERED = 0.5
+"""How many seconds a product that acknowledges nothing has to refuse a command."""
 _late: dict[str, float] = {}
 """Device to until when the answer to a command that got none in time may still come."""
 
@@ -43,7 +46,7 @@ class Port(Protocol):
 
 
 class Wire(NamedTuple):
-    """How a product talks: one command a line, one line in answer."""
+    """How a product talks: one command a line."""
 
     kind: str
     baud: int
@@ -53,15 +56,23 @@ class Wire(NamedTuple):
     settle: float
 
 
+class Answer(NamedTuple):
+    """What was answered: the lines as they came, and the values in them by their names."""
+
+    lines: tuple[str, ...]
+    values: dict[str, str]
+
+
 class Exchange:
     """A command and its answer. Around the port, it turns what breaks the line into a DeviceFault in one sentence."""
 
-    def __init__(self, device: str, wire: Wire, command: str, reply: str, step: Step = NONE) -> None:
-        """``command`` is the line to send, without its ending; ``reply`` the pattern of its answer.
+    def __init__(self, device: str, wire: Wire, command: str, replies: Sequence[str], step: Step = NONE) -> None:
+        """``command`` is the line to send, without its ending; ``replies`` has the pattern of each line of its answer.
 
+        Without a command the product speaks by itself. Without a pattern it acknowledges nothing, and may refuse.
         ``step`` says what the command means for the position of the device, and whether it ends a stop.
         """
-        self._device, self._wire, self._command, self._reply = device, wire, command, reply
+        self._device, self._wire, self._command, self._replies = device, wire, command, replies
         self._step = step
         self._unsure = ""
 
@@ -80,30 +91,72 @@ class Exchange:
             text = sentence(problem) if isinstance(problem, OSError) else "the device went away"
             raise DeviceFault(self._device, f"{self._device}: {text}{self._unsure}") from problem
 
-    def over(self, port: Port) -> re.Match[str]:
-        """Send the command; the answer, which fits the pattern. DeviceFault for none, a refusal, or any other line."""
+    def over(self, port: Port) -> Answer:
+        """Send the command; the answer, which fits the patterns. DeviceFault for none, a refusal, or any other line."""
         with Counted(self._device, self._step, port.fd):
-            return self._sent(port)
+            self._quiet(port)
+            if not self._command:
+                return self._heard(port)
+            self._unsure = f"; whether it did {self._command!r} is not known"
+            if self._replies:
+                _late[self._device] = time.monotonic() + 2 * self._wire.timeout
+            port.write(f"{self._command}{self._wire.ending}".encode("ascii"))
+            return self._answered(port) if self._replies else self._unanswered(port)
 
-    def _sent(self, port: Port) -> re.Match[str]:
+    def _answered(self, port: Port) -> Answer:
         device, command, wire = self._device, self._command, self._wire
-        self._quiet(port)
-        self._unsure = f"; whether it did {command!r} is not known"
-        _late[device] = time.monotonic() + 2 * wire.timeout
-        port.write(f"{command}{wire.ending}".encode("ascii"))
-        said = _next_line(port, time.monotonic() + wire.timeout)
-        if not said:
-            raise DeviceFault(
-                device, f"{device} did not answer {command!r} within {wire.timeout:g} s; it may still do it"
-            )
-        refused, found = wire.error and re.fullmatch(wire.error, said), re.fullmatch(self._reply, said)
-        if refused or found:
-            del _late[device]  # behind any other line, such as an echo, the answer may still come
-        if refused:
-            raise DeviceFault(device, f"{device} refused {command!r}: {refused.groupdict().get('message', said)!a}")
-        if found:
-            return found
-        raise DeviceFault(device, f"{device} answered {command!r} with {said!a}, which its grammar does not know")
+        lines: list[str] = []
+        values: dict[str, str] = {}
+        end = time.monotonic() + wire.timeout
+        for at, reply in enumerate(self._replies):
+            said = _next_line(port, end)
+            if not said:
+                told = f"ended its answer to {command!r} after {at} of {len(self._replies)} lines"
+                told = told if at else f"did not answer {command!r} within {wire.timeout:g} s; it may still do it"
+                raise DeviceFault(device, f"{device} {told}")
+            if refused := self._refused(said):
+                del _late[device]
+                raise DeviceFault(device, refused)
+            found = re.fullmatch(reply, said)
+            if not found:  # behind any other line, such as an echo, the answer may still come
+                unknown = f"{device} answered {command!r} with {said!a}, which its grammar does not know"
+                raise DeviceFault(device, unknown)
+            lines.append(said)
+            values |= found.groupdict()
+        del _late[device]
+        return Answer(tuple(lines), values)
+
+    def _unanswered(self, port: Port) -> Answer:
+        """Nothing is acknowledged; what refuses the command is told, where the grammar knows how that looks."""
+        end = time.monotonic() + UNANSWERED
+        while self._wire.error and (said := _next_line(port, end)):
+            if refused := self._refused(said):
+                raise DeviceFault(self._device, refused)
+        return Answer((), {})
+
+    def _heard(self, port: Port) -> Answer:
+        """The next whole lines that fit the patterns, one behind the other, of those that come without a question."""
+        device, wire = self._device, self._wire
+        lines: list[str] = []
+        values: dict[str, str] = {}
+        end = time.monotonic() + wire.timeout
+        said = _line(port, end)  # the rest of one that was under way
+        while said is not None:
+            said = _line(port, end)
+            found = said and re.fullmatch(self._replies[len(lines)], said)
+            if said and not found:
+                lines, values = [], {}
+                found = re.fullmatch(self._replies[0], said)
+            if said and found:
+                lines, values = [*lines, said], {**values, **found.groupdict()}
+                if len(lines) == len(self._replies):
+                    return Answer(tuple(lines), values)
+        raise DeviceFault(device, f"{device} said nothing within {wire.timeout:g} s that its grammar knows")
+
+    def _refused(self, said: str) -> str:
+        """The sentence for a line that refuses the command; "" for any other."""
+        found = self._wire.error and re.fullmatch(self._wire.error, said)
+        return f"{self._device} refused {self._command!r}: {found.groupdict().get('message', said)!a}" if found else ""
 
     def _quiet(self, port: Port) -> None:
         """No reset when the line is closed, and no late answer that could be taken for the next one."""
@@ -119,12 +172,18 @@ class Exchange:
 
 def _next_line(port: Port, end: float) -> str:
     """The next line that is not blank, bounded and without its end; "" when none is complete at that moment."""
+    said: str | None = ""
+    while said == "":
+        said = _line(port, end)
+    return said or ""
+
+
+def _line(port: Port, end: float) -> str | None:
+    """What came up to the end of a line, "" for a blank one; None when it is not complete at that moment."""
     line = b""
     while time.monotonic() < end:
         byte = port.read(1)
         line += byte
         if byte in (b"\r", b"\n") or len(line) == LONGEST:
-            if text := line.decode("latin-1").strip():
-                return text
-            line = b""
-    return ""
+            return line.decode("latin-1").strip()
+    return None

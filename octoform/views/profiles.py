@@ -8,7 +8,7 @@ from octoform.engine.drafting import Draft
 from octoform.engine.profiling import HostReport, Met, Report
 from octoform.profiles import applying
 from octoform.profiles.evidence import Judged
-from octoform.profiles.grammar import Grammar, LineGrammar, RegisterGrammar, Value, plain
+from octoform.profiles.grammar import Command, Grammar, LineGrammar, RegisterGrammar, Value, plain
 from octoform.profiles.limits import told
 from octoform.profiles.model import Profile
 from octoform.views.console import Console
@@ -62,7 +62,7 @@ def _part(title: str, lines: list[str]) -> Iterator[str]:
 def _tools(grammar: Grammar) -> Iterator[str]:
     """A line for each tool: what a caller may say, what is answered, the effect, and what the device is made to do."""
     if isinstance(grammar, LineGrammar):
-        lines = {item.tool: (", ".join(map(_value, item.fields)), f"sends {item.send!r}") for item in grammar.commands}
+        lines = {item.tool: (", ".join(map(_value, item.fields)), _does(item)) for item in grammar.commands}
         unit = ""
     else:
         lines = {item.tool: (", ".join(item.fields), "") for item in grammar.commands}
@@ -74,6 +74,10 @@ def _tools(grammar: Grammar) -> Iterator[str]:
         )
         said, returns = f" ({values})" if values else "", f" -> {fields}" if fields else ""
         yield f"{tool.tool}{said}{returns}  {tool.effect}, {does or tool.do}"
+
+
+def _does(command: Command) -> str:
+    return f"sends {command.send!r}" if command.send else "listens"
 
 
 def _bus(grammar: Grammar) -> Iterator[str]:

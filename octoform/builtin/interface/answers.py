@@ -10,7 +10,8 @@ from typing import Any
 from octoform.builtin.interface.schemas import FLAG, NUMBER, TEXT, WHOLE, Schema, listing, maybe, record
 
 DONE = record("LineDone", device=TEXT, command=TEXT, answer=TEXT)
-_FIELDS = {"integer": WHOLE, "number": NUMBER, "string": TEXT}
+SENT = record("LineSent", device=TEXT, command=TEXT, acknowledged=FLAG)
+_FIELDS = {"integer": WHOLE, "number": NUMBER, "string": TEXT, "boolean": FLAG}
 _ACTS = ("move_unit", "move_units", "pose")
 
 
@@ -24,8 +25,13 @@ def of_line(grammar: Mapping[str, Any], command: Mapping[str, Any]) -> Schema:
         return record(title, device=TEXT, stopped=FLAG, until=TEXT, note=TEXT)
     fields = command.get("fields") or {}
     if not fields:
-        return DONE
+        return SENT if is_unanswered(grammar, command) else DONE
     return record(title, device=TEXT, **{name: _FIELDS[value["type"]] for name, value in fields.items()})
+
+
+def is_unanswered(grammar: Mapping[str, Any], command: Mapping[str, Any]) -> bool:
+    """Whether the product says nothing to a command that it carries out."""
+    return "do" not in command and "reply" not in command and "ok" not in grammar["line"]
 
 
 def of_units(bank: Mapping[str, Any], command: Mapping[str, Any]) -> Schema:

@@ -63,6 +63,10 @@ def _description(profile: Mapping[str, Any], command: Mapping[str, Any]) -> str:
         return f"{sentence}{more} By the registers of the profile {profile['name']}."
     units = [f"{name} in {value['unit']}" for name, value in (command.get("fields") or {}).items() if value.get("unit")]
     told = f" Returns {', '.join(units)}." if units else ""
+    if answers.is_unanswered(profile["grammar"], command):
+        told += " The device acknowledges nothing: that it was sent is all that is known."
+    if not command.get("send", "do" in command):
+        told += f" Waits up to {profile['grammar']['line']['timeout']:g} s for the device to say it by itself."
     return f"{sentence}{told} By the line protocol of the profile {profile['name']}."
 
 
@@ -84,6 +88,8 @@ def _unit(value: Mapping[str, Any], described: str) -> str:
 
 def _any_of(value: Mapping[str, Any], off: Mapping[str, str] | tuple[()]) -> Any:
     """A value that the parameter takes, for a trial call of a read; no unit that is ``off`` where there is another."""
+    if value["type"] == "boolean":
+        return False
     if "enum" in value:
         return next((word for word in value["enum"] if word not in off), value["enum"][0])
     return value.get("minimum", 0)

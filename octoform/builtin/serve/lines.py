@@ -23,7 +23,12 @@ _PATTERNS = {
     "number": r"[+-]?(?:\d{1,18}(?:\.\d{0,18})?|\.\d{1,18})(?:[eE][+-]?\d{1,2})?",
     "string": r".{1,120}",
 }
-_CONVERTED = {"integer": 'int(found["{}"])', "number": 'float(found["{}"])', "string": 'found["{}"]'}
+_CONVERTED = {
+    "integer": 'int(found["{}"])',
+    "number": 'float(found["{}"])',
+    "string": 'found["{}"]',
+    "boolean": 'found["{}"] == {}',
+}
 
 
 def commands(tools: Mapping[str, Mapping[str, Any]], profiles: Profiles) -> Spoken:
@@ -58,7 +63,7 @@ def _said(profile: Mapping[str, Any], command: Mapping[str, Any]) -> dict[str, A
     return {
         "wire": str(profile["name"]),
         "send": _send(command),
-        "reply": quoted(_reply(profile["grammar"]["line"], command)),
+        "replies": f"[{', '.join(map(quoted, _replies(profile['grammar']['line'], command)))}]",
         "actuate": command["effect"] != "read",
         "fields": list(_fields(command)),
         "step": _step(profile["grammar"], str(command["tool"])),
@@ -96,24 +101,35 @@ def _wire(line: Mapping[str, Any]) -> dict[str, str]:
 
 def _send(command: Mapping[str, Any]) -> str:
     """The line to send as Python source: a text, or an f-string of the parameters."""
-    pattern, values = str(command["send"]), command.get("parameters", {})
+    pattern, values = str(command.get("send", "")), command.get("parameters", {})
     if not values:
         return quoted(pattern)
     parts = _PLACEHOLDER.split(pattern)
     parts[::2] = [part.replace("\\", "\\\\").replace('"', '\\"') for part in parts[::2]]
-    parts[1::2] = [f"{{{name}{_FORMATS[values[name]['type']]}}}" for name in parts[1::2]]
+    parts[1::2] = [_written(name, values[name]) for name in parts[1::2]]
     return f'f"{"".join(parts)}"'
 
 
-def _reply(line: Mapping[str, Any], command: Mapping[str, Any]) -> str:
+def _written(name: str, value: Mapping[str, Any]) -> str:
+    """A value of a caller inside of an f-string."""
+    if value["type"] == "boolean":
+        no, yes = value["words"]
+        return f"{{'{yes}' if {name} else '{no}'}}"
+    return f"{{{name}{_FORMATS[value['type']]}}}"
+
+
+def _replies(line: Mapping[str, Any], command: Mapping[str, Any]) -> list[str]:
+    """The pattern of each line of the answer; none where the product acknowledges nothing."""
     if "reply" not in command:
-        return re.escape(str(line["ok"]))
-    values = command.get("fields") or {}
-    return _pattern(str(command["reply"]), {name: _one(value) for name, value in values.items()})
+        return [re.escape(str(line["ok"]))] if "ok" in line else []
+    values = {name: _one(value) for name, value in (command.get("fields") or {}).items()}
+    reply = command["reply"]
+    return [_pattern(str(text), values) for text in (reply if isinstance(reply, list) else [reply])]
 
 
 def _one(value: Mapping[str, Any]) -> str:
-    return "|".join(map(re.escape, value["enum"])) if "enum" in value else _PATTERNS[value["type"]]
+    words = value.get("enum") or value.get("words")
+    return "|".join(map(re.escape, words)) if words else _PATTERNS[value["type"]]
 
 
 def _pattern(text: str, values: Mapping[str, str]) -> str:
@@ -126,4 +142,4 @@ def _pattern(text: str, values: Mapping[str, str]) -> str:
 
 def _fields(command: Mapping[str, Any]) -> Iterator[str]:
     for name, value in (command.get("fields") or {}).items():
-        yield f"{name}={_CONVERTED[value['type']].format(name)}"
+        yield f"{name}={_CONVERTED[value['type']].format(name, quoted(value['words'][1]) if 'words' in value else '')}"

@@ -7,7 +7,7 @@ import pytest
 
 from octoform.diagnostics import Diagnostic
 from octoform.profiles import Profile, briefing, contributions, evidence, for_task, holds, load, load_text
-from octoform.profiles.grammar import Command, Line, LineGrammar, Value
+from octoform.profiles.grammar import Command, Line, LineGrammar, Value, plain
 
 SHIPPED = Path(__file__).parents[3] / "profiles"
 PAGES = Path(__file__).parents[3] / "octoform" / "diagnostics" / "pages"
@@ -68,7 +68,7 @@ def test_a_grammar_is_read_as_data() -> None:
                 "temperature of the lamp",
                 "read",
                 (),
-                "T {celsius}",
+                ("T {celsius}",),
                 (Value("celsius", "number", unit="C"),),
             ),
         ),
@@ -84,7 +84,7 @@ def test_a_grammar_is_read_as_data() -> None:
         ("baud: 9600", "baud: true", "baud"),
         ("baud: 9600", 'baud: 9600, ending: ";"', "ending"),
         ('ok: "OK"', 'ok: "OK {steps}"', "`ok` has a placeholder"),
-        ('ok: "OK", ', "", "does not say its `ok`"),
+        ('ok: "OK"', 'ok: ""', "'ok' is no text"),
         ("E {message}", "E {code}", "another placeholder"),
         ("timeout: 2s", "timeout: 2h", "'timeout' is no duration from 1s to 60s"),
         ("settle: 1s", "settle: 60s", "'settle'"),
@@ -112,11 +112,19 @@ def test_a_grammar_is_read_as_data() -> None:
         ("percent: {type: integer", "device: {type: integer", "no usable name"),
         ("percent: {type: integer", "lambda: {type: integer", "no usable name"),
         ("effect: actuate", "effect: move", "does not say its effect"),
-        ("      about: dim the lamp\n", "", "'about' is no text"),
+        ("      about: dim the lamp\n", "", "'about' is missing"),
         ('reply: "T {celsius}"', 'reply: "T {kelvin}"', "{kelvin} is not among the fields"),
         ('      reply: "T {celsius}"\n', "", "fields without a `reply`"),
         ("{type: number, unit: C}", "{type: number, maximum: 90}", "has bounds"),
         ("{type: number, unit: C}", "{type: float}", "has no type"),
+        ("{type: number, unit: C}", "{type: boolean, words: [T]}", "no two different words of a boolean"),
+        ("{type: number, unit: C}", "{type: boolean, words: [T, T]}", "no two different words of a boolean"),
+        ("{type: number, unit: C}", "{type: boolean, words: [F, 'T\"']}", "no two different words of a boolean"),
+        ("{type: number, unit: C}", "{type: number, words: [F, T]}", "no two different words of a boolean"),
+        ('reply: "T {celsius}"', "reply: []", "no list of 1 to 12 lines"),
+        ('reply: "T {celsius}"', 'reply: ["T {celsius}", "{celsius}"]', "cannot be told apart"),
+        ('reply: "T {celsius}"', 'reply: ["T {celsius}", 7]', "'reply' is no text"),
+        ('      send: "DIM {percent} {fade}"\n', "", "sends nothing, and does not only listen"),
         ("about: dim the lamp", "about: dim the lamp\n      shell: reboot", "'shell' is no field here"),
     ],
 )
@@ -126,6 +134,33 @@ def test_what_is_refused(old: str, new: str, says: str) -> None:
     told = [f"{item.summary} {item.hint}" for item in found if item.code == "PROFILE-GRAMMAR"]
     assert any(says in text for text in told), [item.summary for item in found]
     assert all(item.span is not None and item.span.line > 8 for item in found if item.code == "PROFILE-GRAMMAR")
+
+
+def test_a_product_may_acknowledge_nothing_say_several_lines_and_speak_by_itself() -> None:
+    profile, found = lamp('ok: "OK", ', "")
+    assert profile is not None and found == [] and isinstance(profile.grammar, LineGrammar)
+    assert profile.grammar.line.ok is None and "ok" not in plain(profile.grammar)["line"]
+    old = LAMP[LAMP.index('      send: "T?"') : LAMP.index("rig:")]
+    new = """      about: what it says every second
+      effect: read
+      reply: ["T {celsius}", "ON {on}"]
+      fields: {celsius: {type: number, unit: C}, on: {type: boolean, words: ["NO", "YES"]}}
+"""
+    profile, found = lamp(old, new)
+    assert profile is not None and found == [] and isinstance(profile.grammar, LineGrammar)
+    command = plain(profile.grammar)["commands"][1]
+    assert "send" not in command and command["reply"] == ["T {celsius}", "ON {on}"]
+    assert command["fields"]["on"] == {"type": "boolean", "words": ["NO", "YES"]}
+
+
+def test_what_nobody_acknowledges_is_neither_counted_nor_ends_a_stop() -> None:
+    stop = "  stop: {tool: lamp_stop, about: stop it, until: lamp_dim}\n  commands:\n"
+    assert lamp("  commands:\n", stop)[0] is not None
+    text = LAMP.replace("  commands:\n", stop).replace('ok: "OK", ', "")
+    profile, found = load_text(text, "octopus.yaml")
+    assert profile is None
+    (problem,) = found
+    assert "'lamp_dim' is no command of this grammar that is acknowledged" in problem.summary
 
 
 def test_a_problem_names_its_line_and_column() -> None:

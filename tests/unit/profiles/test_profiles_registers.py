@@ -231,7 +231,7 @@ REFUSED: list[tuple[str, str, str]] = [
     ("tool: pump_status", "tool: pump_write_register", "raw pipe"),
     ("tool: pump_status", "tool: pump", "no usable tool name"),
     ("tool: pump_turn_percent", "tool: pump_turn", "stands twice"),
-    ("about: what the pumps feel, ", "", "'about' is no text"),
+    ("about: what the pumps feel, ", "", "'about' is missing"),
     ("fields: [place, heat]}\n    - {tool: pump_turn", "fields: [place, heap]}\n    - {tool: pump_turn", "mean 'heat'"),
     ("fields: [place, heat]", "fields: [place, place]", "stands twice"),
     (", fields: [place, heat]", "", "fields that it reads"),
