@@ -144,7 +144,8 @@ def _actions(record: Record) -> list[str]:
 
 def _cleared(record: Record) -> list[str]:
     was = record.get("was") or {}
-    return ["cleared", f"emergency stop cleared by {record['by']}; it was of {was.get('by')}: {was.get('reason')}"]
+    reason = f": {was['reason']}" if was.get("reason") else ", who gave no reason"
+    return ["cleared", f"emergency stop cleared by {record['by']}; it was of {was.get('by') or 'somebody'}{reason}"]
 
 
 def _reset(record: Record) -> list[str]:

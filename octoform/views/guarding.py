@@ -66,7 +66,7 @@ def cleared(console: Console, done: Sequence[Estop], found: Sequence[Diagnostic]
         if item.by is None and not item.latched:
             console.line(f"{item.host}: was not latched.")
         else:
-            state = "Still latched" if item.latched else "Cleared: actuators can be called again"
+            state = "still latched" if item.latched else "cleared, actuators can be called again"
             console.line(f"{item.host}: {state}. It was latched by {_by(item)}")
         for text in item.problems:
             console.problem(f"  {escape(text)}")

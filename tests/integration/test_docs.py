@@ -65,29 +65,35 @@ def test_yaml_examples_are_valid_manifests(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("host", ["server"])  # what it has answers in a planted tree too
-def test_the_readmes_commands_run_in_their_order_in_a_fresh_clone(
-    tmp_path: Path, planted: Callable[..., Path], host: str
+# What they have answers in a planted tree too; the second has nothing.
+@pytest.mark.parametrize(("host", "place"), [("server", "clone"), ("empty-vm", "own")])
+def test_the_readmes_commands_run_in_their_order_in_a_fresh_clone_and_outside_of_it(
+    tmp_path: Path, planted: Callable[..., Path], host: str, place: str
 ) -> None:
-    tree, clone = planted(host), tmp_path / "clone"
-    for name in ("octopus.yaml", "protocol", "profiles"):  # what of a clone octoform reads; its state is another host's
+    tree, folder = planted(host), tmp_path / place
+    folder.mkdir()
+    for name in ("octopus.yaml", "protocol", "profiles") if place == "clone" else ():
+        # What of a clone octoform reads; its state is another host's.
         copied = shutil.copytree if (ROOT / name).is_dir() else shutil.copy
-        clone.mkdir(exist_ok=True)
-        copied(ROOT / name, clone / name)
+        copied(ROOT / name, folder / name)
     kept = {name: os.environ[name] for name in ("PATH", "SSL_CERT_FILE") if name in os.environ}
     environ = {**kept, "HOME": str(tmp_path / "home"), "OCTOFORM_SYSROOT": str(tree)}
     environ["UV_CACHE_DIR"] = os.environ.get("UV_CACHE_DIR", str(Path("~/.cache/uv").expanduser()))
     used = commands(ROOT / "README.md")
     assert [words[0] for words in used] == [
         *("validate", "plan", "apply", "status", "tools", "call", "attempts", "devices", "coverage"),
-        *("answer", "clients", "estop", "audit", "destroy"),
+        *("answer", "clients", "estop", "estop", "audit", "destroy"),
     ]
-    for words in used:
+    told = {}
+    for words in [["init"], *used] if place == "own" else used:
         done = subprocess.run(
-            [OCTOFORM, *words], cwd=clone, env=environ, input="yes\n", capture_output=True, text=True, timeout=120
+            [OCTOFORM, *words], cwd=folder, env=environ, input="yes\n", capture_output=True, text=True, timeout=120
         )
-        # A recorded sensor may have no reading: health is then unknown, which is an answer and no failure.
-        good = (0, 6) if words[0] == "status" else (0,)
-        assert done.returncode in good, (words, done.stdout, done.stderr)
-    hosts = list((clone / "state").iterdir())
+        assert done.returncode == 0, (words, done.stdout, done.stderr)
+        assert "error[" not in done.stderr, (words, done.stderr)
+        told[words[0]] = done.stdout
+    assert ": in sync, healthy" in told["status"]
+    if host == "empty-vm":
+        assert told["tools"] == told["call"] and told["call"].startswith("The endpoint has no tools: nothing here")
+    hosts = list((folder / "state").iterdir())
     assert json.loads((hosts[0] / "state.json").read_text())["nodes"] == {}

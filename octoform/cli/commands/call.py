@@ -24,6 +24,8 @@ def run(arguments: Namespace, project: Path, screen: Console) -> int:
             raise UsageError("arguments need the name of their tool: octoform call TOOL -arg NAME=VALUE", "")
         listed, found = tools(project, os.environ, partial(starting, screen), revive=arguments.start)
         shown = example(listed or (), answered(project, os.environ))
+        if listed == [] and not as_json:
+            return endpoint.tools(screen, listed, as_json=False)  # a host with nothing to call is no failure
         if shown is None:
             hint = "octoform tools lists them; octoform call TOOL -arg NAME=VALUE calls one"
             nothing = [
