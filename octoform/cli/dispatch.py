@@ -19,7 +19,7 @@ from octoform.views import console, problems
 
 _READING = frozenset(
     (
-        *("attempts", "claims", "coverage", "devices", "doctor", "episodes", "explain", "graph", "health"),
+        *("attempts", "coverage", "devices", "doctor", "episodes", "explain", "graph", "health"),
         *("logs", "plan", "schema", "show", "status", "validate", "help", "version", "completion"),
     )
 )

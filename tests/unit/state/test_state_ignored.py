@@ -53,7 +53,12 @@ def pipe(path: Path) -> None:
 
 
 DAMAGES = [emptied, edited, deleted, closed, link, lost_link, folder, pipe]
-WRITING = [["apply"], ["start"], ["stop"], ["tools"], ["call", "x"], ["estop"], ["token", "list"], ["pause"], ["init"]]
+WRITING = [
+    ["apply"], ["start"], ["stop"], ["tools"], ["call", "x"], ["estop"], ["token", "list"], ["pause"], ["init"],
+    ["claims"], ["claims", "-retire", "x"], ["confirm", "x"], ["restart"], ["resume"], ["revoke"], ["heal"],
+    ["connect", "bench"], ["clients", "list"], ["accept", "probe"], ["answer", "x", "y"], ["destroy"], ["look"], ["audit"],
+    ["force-unlock", "x"], ["limits"], ["service", "install"], ["spec", "diff"], ["state", "list"], ["watch", "-once"],
+]  # fmt: skip
 
 
 @pytest.fixture
@@ -68,7 +73,7 @@ def staged(project: Path) -> str:
     subprocess.run(["git", "init", "-q", str(project)], check=True)
     subprocess.run(["git", "-C", str(project), "add", "-A"], check=True)
     done = subprocess.run(
-        ["git", "-C", str(project), "ls-files", ".octoform"], check=True, capture_output=True, text=True
+        ["git", "-C", str(project), "ls-files", "*octoform*"], check=True, capture_output=True, text=True
     )
     return done.stdout
 
@@ -78,6 +83,41 @@ def test_a_damaged_rule_is_written_again_and_git_takes_nothing(project: Path, da
     damage(project / ".octoform" / ".gitignore")
     assert make_folders(Layout(project, "bench")) is None
     assert staged(project) == ""
+
+
+def of_other_hosts(project: Path) -> None:
+    """A second host, whose folder speaks for itself."""
+    assert make_folders(Layout(project, "other")) is None
+    (project / ".octoform" / "other" / "instances.json").write_text('{"serial": "2"}')
+    (project / ".octoform" / "other" / ".gitignore").write_text("!*\n!instances.json\n")
+
+
+def above(project: Path) -> None:
+    (project / ".gitignore").write_text("!.octoform\n!.octoform/**\n!**/instances.json\n")
+
+
+def further_above(project: Path) -> None:
+    """The repository begins above the project."""
+    (project.parent / ".gitignore").write_text("!.octoform\n!**/.octoform/**\n")
+    subprocess.run(["git", "init", "-q", str(project.parent)], check=True)
+
+
+def of_the_repository(project: Path) -> None:
+    subprocess.run(["git", "init", "-q", str(project)], check=True)
+    (project / ".git" / "info" / "exclude").write_text("!.octoform/**\n!instances.json\n")
+    (project / "excludes").write_text("!.octoform/**\n")
+    words = ["config", "core.excludesFile", str(project / "excludes")]
+    subprocess.run(["git", "-C", str(project), *words], check=True)
+
+
+@pytest.mark.parametrize(
+    "rule", [of_other_hosts, above, further_above, of_the_repository], ids=lambda rule: str(rule.__name__)
+)
+def test_no_other_rule_brings_it_back(project: Path, rule: Callable[[Path], None]) -> None:
+    emptied(project / ".octoform" / ".gitignore")
+    rule(project)
+    assert hide_from_git(project) is None
+    assert staged(project.parent if (project.parent / ".git").exists() else project) == ""
 
 
 def test_what_stood_in_its_place_is_not_lost(project: Path) -> None:
