@@ -8,15 +8,13 @@ import json
 import os
 import shutil
 import subprocess
-import tempfile
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import pytest
+from ordinary import OPEN_PYTHON, POSSIBLE, User, ordinary_user
 from projects import AGENT, Project
 
-OPEN_PYTHON = Path("/usr/bin/python3")
-"""An interpreter that every user can start; that of the tests may lie in root's home."""
 PLANTS = {
     "protocol/serve.md": "mkdir -p {project}/protocol; echo planted > {project}/protocol/serve.md",
     "protocol/steps/new.md": "mkdir -p {project}/protocol/steps; echo planted > {project}/protocol/steps/new.md",
@@ -123,26 +121,10 @@ def attacked(project: Project, tmp_path: Path) -> Attacked:
     return Attacked(project, tmp_path / "home")
 
 
-class User:
-    """An ordinary user and a folder of theirs; the one right they are given is to read this interpreter of root's."""
-
-    def __init__(self, place: Path) -> None:
-        self.place = place
-        self._id = 65534
-        read = "+dac_read_search"
-        who = [f"--reuid={self._id}", f"--regid={self._id}", "--clear-groups"]
-        self.prefix = ["setpriv", *who, f"--inh-caps={read}", f"--ambient-caps={read}", "--"]
-
-    def owns_all(self) -> None:
-        subprocess.run(["chown", "-R", f"{self._id}:{self._id}", str(self.place)], check=True)
-
-
 @pytest.fixture
 def user() -> Iterator[User]:
-    place = Path(tempfile.mkdtemp(prefix="planted."))  # the tests' own folder is closed to others
-    place.chmod(0o755)
-    yield User(place)
-    shutil.rmtree(place)
+    with ordinary_user() as made:
+        yield made
 
 
 def refused_paths(attacked: Attacked, attempt: int) -> set[str]:
@@ -175,7 +157,7 @@ def test_every_planted_instruction_is_taken_away_and_told(attacked: Attacked) ->
     attack(attacked)
 
 
-@pytest.mark.skipif(os.geteuid() != 0 or not OPEN_PYTHON.exists(), reason="only root can become another user")
+@pytest.mark.skipif(not POSSIBLE or not OPEN_PYTHON.exists(), reason="only root can become another user")
 def test_the_same_as_an_ordinary_user(user: User) -> None:
     project = Project(user.place / "project", user.place / "outside")
     command = json.dumps([str(OPEN_PYTHON), str(AGENT), str(project.outside / "script.json")])

@@ -1,0 +1,39 @@
+"""An ordinary user for tests that run as root: what holds for one has to hold for the other."""
+
+import os
+import shutil
+import subprocess
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+OPEN_PYTHON = Path("/usr/bin/python3")
+"""An interpreter that every user can start; that of the tests may lie in root's home."""
+POSSIBLE = os.geteuid() == 0 and shutil.which("setpriv") is not None
+"""Only root can become another user."""
+
+
+class User:
+    """An ordinary user and a folder of theirs; the one right they are given is to read this interpreter of root's."""
+
+    def __init__(self, place: Path) -> None:
+        self.place = place
+        self._id = 65534
+        read = "+dac_read_search"
+        who = [f"--reuid={self._id}", f"--regid={self._id}", "--clear-groups"]
+        self.prefix = ["setpriv", *who, f"--inh-caps={read}", f"--ambient-caps={read}", "--"]
+
+    def owns_all(self) -> None:
+        subprocess.run(["chown", "-R", "-h", f"{self._id}:{self._id}", str(self.place)], check=True)
+
+
+@contextmanager
+def ordinary_user() -> Iterator[User]:
+    """Their folder lies beside the tests' own, which is closed to others, and is gone afterwards."""
+    place = Path(tempfile.mkdtemp(prefix="ordinary."))
+    place.chmod(0o755)
+    try:
+        yield User(place)
+    finally:
+        shutil.rmtree(place)
