@@ -5,7 +5,7 @@ Options have Terraform's form (``-target NODE``); the same names work with two d
 
 import argparse
 from collections.abc import Sequence
-from typing import NoReturn, TypeAlias
+from typing import Any, NoReturn, TypeAlias
 
 from octoform.diagnostics import did_you_mean
 
@@ -23,7 +23,11 @@ class UsageError(Exception):
 
 
 class Parser(argparse.ArgumentParser):
-    """Usage errors as exceptions, and no abbreviated options."""
+    """Usage errors as exceptions, no abbreviated options, and ``-help`` in the form that all options have."""
+
+    def __init__(self, **given: Any) -> None:
+        super().__init__(**given, add_help=False)
+        self.add_argument("-h", "-help", "--help", action="help", help="show this help message and exit")
 
     def error(self, message: str) -> NoReturn:
         """Raise UsageError."""

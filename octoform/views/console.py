@@ -4,6 +4,7 @@ Light: no terminal library is imported here; a plan with nothing to do must not 
 """
 
 import os
+import re
 import sys
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -12,6 +13,7 @@ from shutil import get_terminal_size
 from typing import TextIO
 
 STYLES = {"bold": "1", "dim": "2", "red": "31", "green": "32", "yellow": "33", "cyan": "36"}
+_PAINT = re.compile(r"\x1b\[[\d;]*m")
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,17 +45,18 @@ class Console:
     def wrapped(self, lead: str, text: str, *, indent: int) -> None:
         """A text behind ``lead``: on a terminal broken between words, further lines ``indent`` in; in a pipe one line.
 
-        ``lead`` may be painted; it takes ``indent`` columns or is as long as it looks.
+        ``lead`` may be painted: it counts as wide as it looks.
         """
         if not self.out.isatty():
             return self.line(f"{lead}{text}".rstrip())
         import textwrap  # a few milliseconds that a plan without changes need not wait
 
-        room = max(20, self.width - indent)
-        first, *rest = textwrap.wrap(text, room, break_long_words=False, break_on_hyphens=False) or [""]
-        self.line(f"{lead}{first}".rstrip())
+        room, seen = max(20 + indent, self.width), len(_PAINT.sub("", lead))
+        wrapper = textwrap.TextWrapper(room, " " * seen, " " * indent, break_long_words=False, break_on_hyphens=False)
+        first, *rest = wrapper.wrap(text) or [""]
+        self.line(f"{lead}{first[seen:]}".rstrip())
         for line in rest:
-            self.line(" " * indent + line)
+            self.line(line)
         return None
 
     def problem(self, text: str) -> None:

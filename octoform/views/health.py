@@ -35,17 +35,19 @@ def status(console: Console, found: Status, surveyed: Survey, *, as_json: bool) 
     if found.plan is not None and not found.sync:
         console.line(f"  {sentences.summary(found.plan).splitlines()[0]}  (octoform plan tells why)")
     for reason in reasons:
-        console.line(f"  {one_line(reason, WIDTH)}")
+        console.wrapped("  ", one_line(reason, WIDTH), indent=4)
     if found.tools:
         console.line(f"  the endpoint answers with {sentences.counted(len(found.tools), 'tool')}")
     for line in _process(found.process):
-        console.line(f"  {one_line(line, WIDTH)}")
+        console.wrapped("  ", one_line(line, WIDTH), indent=4)
     if found.process.running is not None or watched is not None:
-        console.line(f"  {one_line(_watched(watched), WIDTH)}")
+        console.wrapped("  ", one_line(_watched(watched), WIDTH), indent=4)
     for host in found.others:
-        console.line(f"  the endpoint of {host}, which octopus.yaml does not name, runs: octoform stop {host} ends it")
+        told = f"the endpoint of {host}, which octopus.yaml does not name, runs: octoform stop {host} ends it"
+        console.wrapped("  ", told, indent=4)
     if found.process.estop is not None:
-        console.line(console.paint(f"  {one_line(_estop(found.process.estop), WIDTH)}", "red"))
+        told = console.paint("emergency stop", "red")
+        console.wrapped(f"  {told} ", one_line(_estop(found.process.estop), WIDTH), indent=4)
     return code
 
 
@@ -125,4 +127,4 @@ def _tunnel(tunnel: Mapping[str, Any]) -> str:
 def _estop(estop: Mapping[str, Any]) -> str:
     reason = f": {estop['reason']}" if estop.get("reason") else ""
     since = f" at {estop['since']}" if estop.get("since") else ""
-    return f"emergency stop latched by {estop.get('by')}{since}{reason} (octoform estop -clear opens it)"
+    return f"latched by {estop.get('by')}{since}{reason} (octoform estop -clear opens it)"

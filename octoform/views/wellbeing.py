@@ -47,7 +47,7 @@ def health(console: Console, found: Survey, *, as_json: bool, now: datetime | No
         return EXIT[found.health.status]
     now = now or datetime.now(UTC)
     problems.show(console, found.said)
-    console.line(_first(console, found, now))
+    _first(console, found, now)
     troubles = sorted(found.troubles, key=_rank)
     for trouble in troubles[:MOST]:
         console.line()
@@ -95,16 +95,17 @@ def document(found: Survey) -> dict[str, Any]:
     }
 
 
-def _first(console: Console, found: Survey, now: datetime) -> str:
+def _first(console: Console, found: Survey, now: datetime) -> None:
     """The line that has to be enough: the host, one word, since when, and the first reason."""
     status = found.health.status
     word = console.paint(str(status).upper() if status is not Status.HEALTHY else "healthy", *STYLES[status])
     worst = _worst(found)
     trouble = next((each for each in found.troubles if worst is not None and each.target == worst.target), None)
     if worst is None:
-        return f"{found.health.host}: {word}"
+        return console.line(f"{found.health.host}: {word}")
     since = _since(trouble.since if trouble is not None else None, now)
-    return f"{found.health.host}: {word}{f' {since}' if since else ''}: {one_line(_what(worst), MOST_CHARACTERS)}"
+    lead = f"{found.health.host}: {word}{f' {since}' if since else ''}: "
+    return console.wrapped(lead, one_line(_what(worst), MOST_CHARACTERS), indent=4)
 
 
 def _worst(found: Survey) -> Part | None:

@@ -58,6 +58,14 @@ def test_a_slip_is_told_with_what_was_meant_and_not_with_every_command(
     assert said in printed and "force-unlock" not in printed and len(printed.splitlines()) <= 6
 
 
+@pytest.mark.parametrize("form", ["-h", "-help", "--help"])
+def test_help_has_the_form_of_every_option(form: str, capsys: pytest.CaptureFixture[str]) -> None:
+    for words in ([form], ["plan", form], ["state", "show", form]):
+        with pytest.raises(SystemExit) as ended:
+            main(words)
+        assert ended.value.code == 0 and capsys.readouterr().out.startswith(" ".join(["usage: octoform", *words[:-1]]))
+
+
 def test_help_and_version_are_commands_too(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["help"]) == 0
     assert "exit codes:" in capsys.readouterr().out

@@ -224,3 +224,22 @@ def test_nothing_ever_went_wrong() -> None:
     episodes.listed(screen, (), (), 20, as_json=False)
     claims.listed(screen, (), everything=False, as_json=False)
     assert out.getvalue().count("\n") == 2
+
+
+class Terminal(io.StringIO):
+    def isatty(self) -> bool:
+        return True
+
+
+@pytest.mark.parametrize("colour", [True, False])
+def test_a_terminal_breaks_between_words_whatever_is_painted(colour: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("COLUMNS", "60")
+    screen = Console(out := Terminal(), io.StringIO(), colour=colour, colour_err=False, interactive=False)
+    lead, text = f"bench: {screen.paint('DEGRADED', 'bold', 'yellow')}: ", "nothing that moves is called " * 5
+    screen.wrapped(lead, text.strip(), indent=4)
+    printed = [
+        line.replace(screen.paint("DEGRADED", "bold", "yellow"), "DEGRADED") for line in out.getvalue().splitlines()
+    ]
+    assert printed[0].startswith("bench: DEGRADED: nothing") and all(len(line) <= 60 for line in printed)
+    assert " ".join(" ".join(printed).split()) == f"bench: DEGRADED: {text.strip()}"
+    assert all(line.startswith("    nothing"[:4]) for line in printed[1:])
