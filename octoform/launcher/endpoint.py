@@ -22,9 +22,11 @@ from .limits import Ledger
 from .offering import offer
 from .owner import Owner
 from .restrictions import NAME as RESTRICTIONS
-from .restrictions import Restrictions
+from .restrictions import Restrictions, this_boot
 from .saying import say
 from .socketfile import listen
+from .standing import NAME as CLAIMS
+from .standing import Standing
 from .stopping import ENDING, Emergency, Running
 from .unix import LocalClients
 from .watchdog import WATCHDOG
@@ -60,7 +62,8 @@ class Endpoint:
         self._offer = offer(server, descriptor.devices, descriptor.tools, rules)
         self._gate = Gate(rules, self._ledger, self._audit, self._latch, self._offer.presence)
         self._gate.on_result = self._offer.frames.keep
-        self._gate.restrictions = Restrictions(descriptor.run / RESTRICTIONS, self._told)
+        ledger = Standing(descriptor.run.parent / "daemon" / CLAIMS, this_boot())
+        self._gate.restrictions = Restrictions(descriptor.run / RESTRICTIONS, self._told, ledger=ledger)
         server.add_middleware(self._gate)
         WATCHDOG.cover(Path(descriptor.server["path"]).parent)
         self._clients = LocalClients(server)

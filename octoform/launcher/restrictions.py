@@ -127,10 +127,16 @@ def _untold(_event: str, _fields: Mapping[str, Any]) -> None:
     """Nobody hears of it."""
 
 
+def _unknown() -> tuple[Entry, ...] | None:
+    """There is no ledger."""
+    return None
+
+
 class Restrictions:
     """What is restricted now. Safe to use from threads; asking costs one look at the file's status.
 
-    ``tell`` hears what begins and ends to count. ``clock`` is CLOCK_BOOTTIME.
+    ``tell`` hears what begins and ends to count. ``clock`` is CLOCK_BOOTTIME. ``ledger`` says what must hold where the
+    file does not; None: it does not know.
     """
 
     def __init__(
@@ -139,10 +145,11 @@ class Restrictions:
         tell: Tell = _untold,
         clock: Callable[[], float] | None = None,
         boot: str | None = None,
+        ledger: Callable[[], tuple[Entry, ...] | None] = _unknown,
     ) -> None:
         self._place = None if path is None else str(path)
-        self._tell, self._clock = tell, clock or boottime
-        self._boot = _boot() if boot is None else boot
+        self._tell, self._clock, self._ledger = tell, clock or boottime, ledger
+        self._boot = this_boot() if boot is None else boot
         self._lock = threading.Lock()
         self._seen: tuple[int, int, int] | None = None
         self._entries: tuple[Entry, ...] = ()
@@ -177,12 +184,13 @@ class Restrictions:
             status = os.lstat(place)
             stamp = status.st_ino, status.st_mtime_ns, status.st_size
         except FileNotFoundError:
-            self._seen, self._entries, self.problem = None, self._permanent(), None
+            self._seen, self._entries, self.problem = None, self._instead(), None
             return
         except OSError as problem:
             self._wrong(f"it cannot be looked at: {problem.strerror}")
             return
         if stamp == self._seen:
+            self._entries = self._entries if self.problem is None else self._instead()
             return
         self._seen = stamp
         try:
@@ -190,13 +198,18 @@ class Restrictions:
         except (OSError, ValueError, LookupError, TypeError, AttributeError) as problem:
             self._wrong(f"it cannot be read: {type(problem).__name__}: {problem}")
 
-    def _permanent(self) -> tuple[Entry, ...]:
-        """What only a person ends, who writes a whole file for that."""
-        return tuple(entry for entry in self._entries if entry.expires is None)
+    def _instead(self) -> tuple[Entry, ...]:
+        """What holds without the file: what the ledger says, else what only a person ends."""
+        told = self._ledger()
+        if told is None:
+            return tuple(entry for entry in self._entries if entry.expires is None)
+        latest = self._clock() + LONGEST
+        return tuple(entry for entry in told if entry.expires is None or entry.expires <= latest)
 
     def _wrong(self, why: str) -> None:
-        self._entries = self._permanent()
+        self._entries = self._instead()
         kept = "only the permanent restrictions from before hold" if self._entries else "nothing is restricted by it"
+        kept = kept if self._ledger() is None else "what the ledger of claims says holds"
         text = f"{self._place}: {why[:SHOWN]}; {kept}"
         if text != self.problem:
             self.problem = text
@@ -225,7 +238,8 @@ def boottime() -> float:
     return time.monotonic() if clock is None else time.clock_gettime(clock)
 
 
-def _boot() -> str:
+def this_boot() -> str:
+    """Which start of the machine this is; empty where the system does not say."""
     try:
         return _BOOT.read_text().strip()
     except OSError:

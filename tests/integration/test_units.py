@@ -102,6 +102,12 @@ def test_a_confirmed_declaration_keeps_the_joint_still_for_good(bench: Bench) ->
     bench.project.run("stop")
     bench.project.run("start", status=0)
     is_held()  # another process serves, and no daemon runs
+    bench.project.run("stop")
+    bench.layout.restrictions.unlink()
+    bench.project.run("start", status=0)
+    is_held()  # what the ledger says holds without the file
+    bench.layout.restrictions.write_text("{")
+    is_held()
     bench.project.run("claims", "-retire", claim.id, status=0)
     assert bench.told(("arm_home", {"speed": 1500})) == [""]
 

@@ -11,7 +11,8 @@ from fastmcp.client.elicitation import ElicitResult
 from gated import MODES, Gated, gated, tool_policy
 
 from octoform.launcher.buses import Holder, release, take_free
-from octoform.launcher.restrictions import NAME, Restrictions
+from octoform.launcher.restrictions import NAME, Restrictions, Subject
+from octoform.launcher.standing import Standing
 
 moved: list[Any] = []
 
@@ -260,3 +261,44 @@ def test_a_unit_that_no_tool_names_keeps_the_whole_device(tmp_path: Path) -> Non
 
     asyncio.run(whole())
     assert moved == []
+
+
+def test_what_the_ledger_says_holds_where_the_file_is_gone_or_damaged(tmp_path: Path) -> None:
+    run = tmp_path / "run"
+    run.mkdir()
+    ledger = tmp_path / "claims.json"
+    claim = {
+        "id": "c7",
+        "target": "device:arm/elbow",
+        "statement": "its gear is broken",
+        "state": "active",
+        "irreversible": "disable_unit",
+        "expires": None,
+        "expires_at": "",
+        "restrictions": [],
+    }
+    temporary = claim | {"id": "c8", "irreversible": None, "expires": NOW + 60}
+    temporary |= {"restrictions": [{"tool": "move", "arguments": {"joint": "elbow"}, "effect": "confirm"}]}
+
+    def keep(*claims: Any) -> None:
+        new = tmp_path / "new"
+        new.write_text(json.dumps({"format": 1, "boot": "b", "claims": claims}))
+        new.replace(ledger)
+
+    keep(claim, temporary)
+    clock = Clock()
+    restrictions = Restrictions(run / NAME, clock=lambda: clock.now, boot="b", ledger=Standing(ledger, "b"))
+    call = Subject("move", {"joint": "elbow"}, ("arm",))
+    assert [entry.claim for entry in restrictions.in_force()] == ["c7", "c8"]
+    assert "permanent restriction disable_unit" in restrictions.against(call).words  # type: ignore[union-attr]
+    assert restrictions.against(Subject("move", {}, ("rail",))) is None
+    (run / NAME).write_text("{")
+    assert [entry.claim for entry in restrictions.in_force()] == ["c7", "c8"]
+    assert "ledger of claims says holds" in str(restrictions.problem)
+    clock.now = NOW + 61
+    assert [entry.claim for entry in restrictions.in_force()] == ["c7"]
+    keep(claim | {"state": "retired"})
+    assert restrictions.in_force() == ()
+    other = Restrictions(run / NAME, clock=lambda: NOW, boot="c", ledger=Standing(ledger, "c"))
+    keep(claim, temporary)
+    assert [entry.claim for entry in other.in_force()] == ["c7"]  # the machine was started anew
