@@ -81,11 +81,23 @@ def keep(layout: Layout, rewrite: Rewrite) -> Diagnostic | None:
 
 def read(layout: Layout, identity: str) -> Rewrite | None:
     """The rewrite that waits under an id; None where none does, or its file is not whole."""
-    data, _ = read_regular(_path(layout, identity))
+    found = _whole(_path(layout, identity))
+    return found if found is not None and found.id == identity else None
+
+
+def waiting(layout: Layout) -> list[Rewrite]:
+    """All that wait, the oldest first."""
+    kept = [found for path in (layout.local / FOLDER).glob("*.json") if (found := _whole(path)) is not None]
+    return sorted(kept, key=lambda rewrite: (rewrite.at, rewrite.id))
+
+
+def _whole(path: Path) -> Rewrite | None:
+    """The rewrite of a file; None where it is not whole, or not what its id says."""
+    data, _ = read_regular(path)
     try:
         told = json.loads(data or b"{}")
         found = Rewrite(*(str(told[name]) for name in _NAMES))
-        whole = told["format"] == 1 and found.id == identity == identity_of(found.source)
+        whole = told["format"] == 1 and found.id == identity_of(found.source)
     except (ValueError, LookupError, TypeError, RecursionError):
         return None
     return found if whole else None

@@ -35,7 +35,10 @@ def commands_of(commands: Commands) -> None:
     value(claims, "retire", "ID", "take back a claim that is in force")
     confirm = add(commands, "confirm", "say yes or no to a claim that only a person may make true")
     confirm.add_argument(
-        "claim", metavar="ID", help="a claim, as `octoform claims` shows it, or a rewrite that a notice names"
+        "claim",
+        metavar="ID",
+        nargs="?",
+        help="a claim, as `octoform claims` shows it, or a rewrite that a notice names; without it, list what waits",
     )
     flag(confirm, "reject", "say no")
     flag(confirm, "auto-approve", "do not ask")

@@ -68,11 +68,28 @@ def _problems(tool: JsonObject) -> Iterator[str]:
     if unplaced := sorted(set(names) - set(goal["fixed"])) if goal.get("fixed") else []:
         yield f"have a pose without a place of {listed([shown(name) for name in unplaced])}"
     words = [word for name, others in names.items() for word in (name, *others)]
+    if reports := told.get("reports"):
+        yield from _unreported(tool, reports)
     if twice := sorted({word for word in words if words.count(word) > 1}):
         yield f"mean more than one by {listed([shown(word) for word in twice])}"
     choices = (properties or {}).get(told.get("parameter"), {}).get("enum", ())
     if strange := sorted({str(word) for word in choices} - set(words)):
         yield f"do not say which one {listed([shown(word) for word in strange])} is"
+
+
+def _unreported(tool: JsonObject, reports: JsonObject) -> Iterator[str]:
+    """Where the output schema has no such place, or the place would be of nothing."""
+    if "goal" not in tool["units"]:
+        yield "report a place without a goal"
+    record = (tool.get("output_schema") or {}).get("properties") or {}
+    if name := reports.get("records"):
+        items = (record.get(name) or {}).get("items") or {}
+        record = items.get("properties") or {}
+    elif "unit" not in reports and len(tool["units"]["names"]) > 1:
+        yield "report a place and do not say of which unit"
+    wanted = [name for name in (reports["field"], reports.get("unit")) if name]
+    if absent := sorted({*wanted} - set(record)):
+        yield f"report by {listed([shown(name) for name in absent])}, which the output schema does not have"
 
 
 def _given(told: Mapping[str, Any], name: str) -> tuple[str, ...]:

@@ -26,6 +26,10 @@ class Limited:
     last: Mapping[str, float]
     calls: tuple[float, ...]
     damaged: bool
+    outside: Mapping[str, str]
+    """Units that the device reported outside of their range after a call of it, which nothing moves any more."""
+    unreported: bool
+    """The ranges of its units are held against its callers' words alone: its results do not say where they are."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,6 +83,8 @@ def _limited(name: str, tool: Mapping[str, Any], used: Mapping[str, Any]) -> Lim
         last=used.get("last", {}),
         calls=tuple(used.get("calls", ())),
         damaged=bool(used.get("damaged")),
+        outside=used.get("outside", {}),
+        unreported=bool(tool.get("places")) and "reports" not in tool["units"],
     )
 
 

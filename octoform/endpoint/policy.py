@@ -72,6 +72,7 @@ def _tool(policy: Policy, tool: Tool, holding: Holding, places: Places) -> dict[
         **({"stops": True} if tool.get("stops") else {}),  # then it does not wait for the devices
         **({"units": tool["units"]} if tool.get("units") else {}),
         "limits": [*_limits(tool, list(claims(policy, tool, holding))), *unit_ranges.limits(tool, places)],
+        **({"places": held} if (held := list(unit_ranges.reported(tool, places))) else {}),
     }
 
 

@@ -9,7 +9,7 @@ from typing import Any
 
 from octoform.diagnostics import Diagnostic, did_you_mean, warning
 from octoform.endpoint.policy import Holding, Tool, claims, is_meant, parameters, places_of, tightest
-from octoform.endpoint.unit_ranges import fixed_outside
+from octoform.endpoint.unit_ranges import fixed_outside, reported
 from octoform.manifest.policy_model import Policy
 
 _MOST_NAMED = 8
@@ -24,6 +24,7 @@ def doubts(policy: Policy, tools: Sequence[Tool], holding: Holding) -> list[Diag
         *_contradictions(policy, tools, holding),
         *_defaults(policy, tools, holding),
         *_poses(policy, tools, holding),
+        *_unreported(policy, tools),
     ]
 
 
@@ -150,6 +151,22 @@ def _poses(policy: Policy, tools: Sequence[Tool], holding: Holding) -> Iterator[
                 f"{tool['name']} will refuse every call: it moves {unit} to {place:g}, outside of its range ({source})",
                 hint="move the limit, or change the pose in your copy of the profile",
             )
+
+
+def _unreported(policy: Policy, tools: Sequence[Tool]) -> Iterator[Diagnostic]:
+    """Tools that move a unit whose range a person limits, and whose results do not say where it is then."""
+    if all(limit.minimum is None and limit.maximum is None for limit in policy.limits):
+        return
+    places = places_of(policy, tools, ())
+    silent = [
+        tool["name"] for tool in tools if "reports" not in (tool.get("units") or {}) and any(reported(tool, places))
+    ]
+    if silent:
+        yield warning(
+            "POLICY-UNREPORTED",
+            f"whether the device keeps its range is unknown after {_listed(silent)}: no result says where it is",
+            hint="the limit is held against what a caller says; run the stage interface anew for tools that report",
+        )
 
 
 def _listed(names: Sequence[str]) -> str:

@@ -62,20 +62,18 @@ def limits(tool: Tool, known: Mapping[Place, Range]) -> Iterator[dict[str, Any]]
     told = tool.get("units") or {}
     goal = told.get("goal") or {}
     for unit in told.get("names", ()) if goal else ():
-        found = Range()
-        for device in tool["devices"]:
-            each = known.get((device, goal["of"], unit), Range())
-            found = found.within(Bound(tool, "", each.minimum, None, each.low))
-            found = found.within(Bound(tool, "", None, each.maximum, each.high))
+        found = _of_all(tool, known, goal["of"], unit)
         if _is_tighter(found, _inherent(goal, unit)):
-            ends = {"minimum": found.minimum, "maximum": found.maximum}
-            yield {
-                "kind": "goal",
-                "of": unit,
-                **{name: value for name, value in ends.items() if value is not None},
-                **({"unit": goal["unit"]} if goal.get("unit") else {}),
-                "source": _source(found),
-            }
+            yield _limit(found, goal, unit)
+
+
+def reported(tool: Tool, known: Mapping[Place, Range]) -> Iterator[dict[str, Any]]:
+    """The ranges against which the places are held that the device reports after a call of a tool."""
+    told = tool.get("units") or {}
+    goal = told.get("goal") or {}
+    for unit in told.get("names", ()) if goal else ():
+        if (found := _of_all(tool, known, goal["of"], unit)) != Range():
+            yield _limit(found, goal, unit)
 
 
 def fixed_outside(tool: Tool, known: Mapping[Place, Range]) -> Iterator[tuple[str, float, str]]:
@@ -86,6 +84,27 @@ def fixed_outside(tool: Tool, known: Mapping[Place, Range]) -> Iterator[tuple[st
         low, high = limit.get("minimum"), limit.get("maximum")
         if place is not None and ((low is not None and place < low) or (high is not None and place > high)):
             yield limit["of"], place, limit["source"]
+
+
+def _of_all(tool: Tool, known: Mapping[Place, Range], quantity: str, unit: str) -> Range:
+    """The tightest range of a unit's place over all devices of a tool."""
+    found = Range()
+    for device in tool["devices"]:
+        each = known.get((device, quantity, unit), Range())
+        found = found.within(Bound(tool, "", each.minimum, None, each.low))
+        found = found.within(Bound(tool, "", None, each.maximum, each.high))
+    return found
+
+
+def _limit(found: Range, goal: Mapping[str, Any], unit: str) -> dict[str, Any]:
+    ends = {"minimum": found.minimum, "maximum": found.maximum}
+    return {
+        "kind": "goal",
+        "of": unit,
+        **{name: value for name, value in ends.items() if value is not None},
+        **({"unit": goal["unit"]} if goal.get("unit") else {}),
+        "source": _source(found),
+    }
 
 
 def _bounded(bound: Bound) -> tuple[str, ...]:

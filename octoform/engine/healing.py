@@ -65,6 +65,12 @@ def waiting_rewrite(project: Path, environ: Mapping[str, str], identity: str) ->
     return pending_rewrite.read(layout, identity) if layout is not None else None
 
 
+def waiting_rewrites(project: Path, environ: Mapping[str, str]) -> list[pending_rewrite.Rewrite]:
+    """All rewrites that wait for a person, the oldest first."""
+    layout, _ = layout_of(project, environ)
+    return pending_rewrite.waiting(layout) if layout is not None else []
+
+
 def decide_rewrite(
     project: Path, environ: Mapping[str, str], rewrite: pending_rewrite.Rewrite, *, yes: bool
 ) -> Diagnostic | None:

@@ -74,6 +74,11 @@ class Call:
         return self.entry.policy.effect != READ
 
     @property
+    def limited(self) -> bool:
+        """Whether any limit may stand against it."""
+        return self.moves or bool(self.entry.policy.limits)
+
+    @property
     def confirms(self) -> bool:
         """Whether a person has to confirm it; of what a claim denies nobody is asked."""
         return self.entry.policy.decision == "confirm" or bool(self.restricted)

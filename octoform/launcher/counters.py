@@ -47,6 +47,8 @@ class Used:
     calls: tuple[float, ...] = ()
     damaged: bool = False
     doubts: Mapping[str, tuple[Fraction, Fraction]] = field(default_factory=dict)
+    outside: Mapping[str, str] = field(default_factory=dict)
+    """Units that the device reported outside of their range after a call, in words."""
 
     def shown(self, now: float) -> dict[str, Any]:
         """As plain values; calls as ages in seconds."""
@@ -55,6 +57,7 @@ class Used:
             "last": {name: _plain(value) for name, value in self.last.items()},
             "calls": [round(max(0.0, now - moment), 1) for moment in self.calls],
             "damaged": self.damaged,
+            **({"outside": dict(self.outside)} if self.outside else {}),
         }
 
 
@@ -130,6 +133,7 @@ class Counters:
                 if used.doubts
                 else {}
             ),
+            **({"outside": dict(used.outside)} if used.outside else {}),
             **more,
         }
         return _encoded(document)
@@ -197,7 +201,8 @@ class Counters:
         calls = tuple(sorted(min(now, moment) for moment in moments[len(moments) - kept :]))
         sums, last = ({key: Fraction(value) for key, value in item[name].items()} for name in ("sums", "last"))
         doubts = {key: (Fraction(low), Fraction(high)) for key, (low, high) in item.get("doubts", {}).items()}
-        return Used(sums, last, calls, bool(item["damaged"]), doubts)
+        outside = {str(unit): str(text) for unit, text in item.get("outside", {}).items()}
+        return Used(sums, last, calls, bool(item["damaged"]), doubts, outside)
 
     def _shift(self, boot: str, wall: float, clock: float) -> float:
         """What to add to the file's moments, so that they are moments of the clock as it goes now."""

@@ -37,6 +37,7 @@ from .limits import Ledger
 from .pinning import innermost, pin, straight
 from .policy import Policy
 from .presence import Presence
+from .reported import held
 from .restrictions import Restrictions
 from .sizes import of_result
 from .watchdog import WATCHDOG
@@ -176,7 +177,7 @@ class Gate(Middleware):
         self._restrict(call)
         # A call that runs at once is judged when it is counted; the others hear now what they would wait for in vain.
         waits = call.dry or call.confirms or not all(queue.free() for queue in entry.queues)
-        if waits and entry.policy.limits and (refusal := self._ledger.judge(entry.name, call.arguments)) is not None:
+        if waits and call.limited and (refusal := self._ledger.judge(entry.name, call.arguments)) is not None:
             self._object(call, refusal.code, refusal.text)
 
     def _look_again(self, call: Call) -> None:
@@ -293,7 +294,7 @@ class Gate(Middleware):
     def _count(self, call: Call) -> None:
         """The last word: limits are judged and counted at once; the decision is on the log before anything begins."""
         entry = call.entry
-        if entry.policy.limits and (refusal := self._ledger.reserve(entry.name, call.arguments)) is not None:
+        if call.limited and (refusal := self._ledger.reserve(entry.name, call.arguments)) is not None:
             self._object(call, refusal.code, refusal.text)
         if not self._records.decided(call, "allow") and call.moves:
             self._ledger.settle(entry.name, call.arguments, well=False)
@@ -344,6 +345,8 @@ class Gate(Middleware):
         if entry.fits is not None and (problem := entry.fits(result.structured_content)) is not None:
             text = f"the tool's result does not fit its output schema: the result{problem[:MESSAGE_CHARS]}"
             self._records.outcome(call, "invalid_result", text=text)
+            return answers.error(text)
+        if entry.policy.places and (text := held(call, result.structured_content, self._records, self._ledger)):
             return answers.error(text)
         call.well = True
         if not self._records.outcome(call, "ok"):

@@ -16,8 +16,9 @@ from fractions import Fraction
 from pathlib import Path
 from typing import Any
 
+from . import timed
 from .counters import Counters, CountersUnwritable, Used
-from .policy import Limit, Policy
+from .policy import Limit, Policy, ToolPolicy
 from .units import Units
 
 _COUNTED = frozenset({"step", "cumulative", "rate", "cooldown"})
@@ -29,7 +30,7 @@ _BITS = 1000
 class Refusal:
     """Why a call is not let through: ``code`` for a program, ``text`` for whoever called and for a person.
 
-    Codes are the kinds of limits, and no_number, unknown_tool, counters_damaged, counters_unwritable.
+    Codes are the kinds of limits, and no_number, unknown_tool, counters_damaged, counters_unwritable, reported.
     """
 
     code: str
@@ -49,14 +50,17 @@ class Ledger:
         clock: Callable[[], float] = time.monotonic,
         now: Callable[[], datetime] = datetime.now,
     ) -> None:
-        self._tools = policy.tools
+        self._tools, self._shadow = policy.tools, policy.mode == "shadow"
         self._clock, self._now = clock, now
         self._lock = threading.Lock()
         counted = {name for name, tool in policy.tools.items() if any(item.kind in _COUNTED for item in tool.limits)}
+        counted |= {name for name, tool in policy.tools.items() if tool.places}
         self._counters = Counters(path, counted, clock, lambda: now().timestamp())
         self._summing = {
             name for name, tool in policy.tools.items() if any(item.kind == "cumulative" for item in tool.limits)
         }
+        self._outside = {name: dict(self._counters.of(name).outside) for name in sorted(counted)}
+        """By the tool that moved them: the units whose device reports a place outside of their range, in words."""
         self._zeroed: dict[str, set[tuple[str, str]]] = {}
         """Tool to the (tool, sum) pairs that begin again at zero once a call of it went well."""
         for name, item in policy.tools.items():
@@ -84,6 +88,18 @@ class Ledger:
                 return Refusal("counters_unwritable", f"{tool} is refused: {problem}. Its limits could not be kept.")
             return None
 
+    def hold(self, tool: str, outside: Mapping[str, str]) -> bool:
+        """Let nothing move these units of a tool any more until a person sets the tool back; it has moved them.
+
+        False in shadow mode, which holds nothing. What cannot be written holds as long as this process lives.
+        """
+        if self._shadow:
+            return False
+        with self._lock, suppress(CountersUnwritable):
+            self._outside.setdefault(tool, {}).update(outside)
+            self._counters.put(tool, replace(self._counters.of(tool), outside=dict(self._outside[tool])))
+        return True
+
     def settle(self, tool: str, arguments: Mapping[str, Any], *, well: bool) -> None:
         """A call that counted has ended. After one that went well, sums that it brings to their origin are zero.
 
@@ -106,7 +122,7 @@ class Ledger:
         doubts = dict(used.doubts)
         summed = [limit for limit in limits if limit.kind == "cumulative"]
         # Shadow mode lets calls run that no sum has counted, with arguments that are no numbers.
-        counted = [limit for limit in summed if _is_number(arguments.get(limit.parameter, 0))]
+        counted = [limit for limit in summed if is_number(arguments.get(limit.parameter, 0))]
         for key, value in {(limit.sum, _value(limit, arguments)) for limit in counted}:
             low, high = doubts.get(key, (Fraction(0), Fraction(0)))
             if value is not None:
@@ -122,6 +138,8 @@ class Ledger:
             raise KeyError(tool)
         with self._lock:
             self._counters.reset(tool)
+            for name in self._outside if tool is None else (tool,):
+                self._outside[name] = {}
 
     def used(self) -> dict[str, dict[str, Any]]:
         """For each tool with counted limits, as plain values: ``sums`` and ``last`` by parameter, ``calls`` (the ages
@@ -133,6 +151,8 @@ class Ledger:
         policy = self._tools.get(tool)
         if policy is None:
             return Refusal("unknown_tool", f"{_cut(ascii(tool))} is not in the policy of this endpoint")
+        if (beyond := self._beyond(policy, arguments)) is not None:
+            return beyond
         if not policy.limits:
             return None
         used = self._counters.of(tool)
@@ -146,6 +166,20 @@ class Ledger:
         texts = list(dict.fromkeys(item.text for item in found))
         return Refusal(found[0].code, " ".join(texts)) if found else None
 
+    def _beyond(self, policy: ToolPolicy, arguments: Mapping[str, Any]) -> Refusal | None:
+        """What stands against a call of a unit that its device last reported outside of its range."""
+        if policy.effect == "read" or policy.ends:
+            return None
+        for name, units in self._outside.items():
+            other = self._tools[name]
+            if not units or set(other.buses).isdisjoint(policy.buses):
+                continue
+            for unit, text in units.items():
+                words = {unit, *(other.units.names[unit] if other.units and unit in other.units.names else ())}
+                if policy.units is None or policy.units.acts_on(words, arguments):
+                    return Refusal("reported", f"{beyond_words(name, unit, text)}.")
+        return None
+
     def _one(self, tool: str, limit: Limit, arguments: Mapping[str, Any], used: Used) -> Refusal | None:
         """What one limit says."""
         if limit.kind == "goal":
@@ -153,11 +187,11 @@ class Ledger:
         if limit.parameter:
             return _of_value(limit, arguments, used, tool)
         if limit.kind == "quiet_hours":
-            text = _quiet(tool, limit, self._now())
+            text = timed.quiet_hours(tool, limit, self._now())
         elif limit.kind == "rate":
-            text = _rate(tool, limit, used, self._clock())
+            text = timed.rate(tool, limit, used, self._clock())
         else:
-            text = _cooldown(tool, limit, used, self._clock())
+            text = timed.cooldown(tool, limit, used, self._clock())
         return Refusal(limit.kind, text) if text else None
 
     def _after(self, used: Used, limits: tuple[Limit, ...], arguments: Mapping[str, Any]) -> Used:
@@ -176,6 +210,24 @@ class Ledger:
         return replace(used, sums=sums, last=last, calls=tuple(calls[-kept:]))
 
 
+def beyond_words(tool: str, unit: str, text: str) -> str:
+    """Why a unit moves no more, and what ends that."""
+    return (
+        f"after a call of {tool} the device reported {unit} {text}; nothing moves it until a person has looked at it "
+        f"and runs: octoform limits -reset {tool}"
+    )
+
+
+def outside(limit: Limit, place: float, within: float) -> str:
+    """How a reported place is outside of a range, beyond what a device may be off; empty when it is not."""
+    value, margin = exact(place), exact(within)
+    low = None if limit.minimum is None else exact(limit.minimum) - margin
+    high = None if limit.maximum is None else exact(limit.maximum) + margin
+    if (low is None or value >= low) and (high is None or value <= high):
+        return ""
+    return f"at {_number(value)}{_unit(limit)}, outside of its range ({limit.source}){_allowed(limit)}"
+
+
 def _at_zero(used: Used, key: str) -> Used:
     doubts = {other: doubt for other, doubt in used.doubts.items() if other != key}
     return replace(used, sums={**used.sums, key: Fraction(0)}, doubts=doubts)
@@ -191,7 +243,7 @@ def _near_zero(used: Used, key: str) -> Used:
 
 def _of_value(limit: Limit, arguments: Mapping[str, Any], used: Used, tool: str) -> Refusal | None:
     name = limit.parameter
-    if name in arguments and not _is_number(arguments[name]):
+    if name in arguments and not is_number(arguments[name]):
         shown = (
             _cut(ascii(arguments[name])) if isinstance(arguments[name], str | float | bool) else _kind(arguments[name])
         )
@@ -218,7 +270,7 @@ def _of_goal(tool: str, limit: Limit, units: Units | None, arguments: Mapping[st
     if limit.of not in goals:
         return None
     goal = goals[limit.of]
-    if not _is_number(goal):
+    if not is_number(goal):
         text = (
             f"{tool} does not tell in advance where it moves {limit.of}, whose range is limited ({limit.source})"
             f"{_allowed(limit)}. Use a tool that is given the goal."
@@ -240,7 +292,8 @@ def exact(number: float) -> Fraction:
     return Fraction(number) if isinstance(number, int) else Fraction(repr(number))
 
 
-def _is_number(value: Any) -> bool:
+def is_number(value: Any) -> bool:
+    """Whether it is a finite number that can be judged."""
     if isinstance(value, bool) or not isinstance(value, int | float):
         return False
     return value.bit_length() <= _BITS if isinstance(value, int) else value - value == 0
@@ -292,40 +345,6 @@ def _cumulative(limit: Limit, value: Fraction, used: Used, tool: str) -> str:
     )
 
 
-def _rate(tool: str, limit: Limit, used: Used, now: float) -> str:
-    recent = [moment for moment in used.calls if now - moment < limit.seconds]
-    if len(recent) < limit.calls:
-        return ""
-    wait = limit.seconds - (now - recent[-limit.calls])
-    return (
-        f"{tool} was called {len(recent)} times in the last {_seconds(limit.seconds)}; {limit.calls} are allowed "
-        f"({limit.source}). The next call is allowed in {_seconds(wait)}."
-    )
-
-
-def _cooldown(tool: str, limit: Limit, used: Used, now: float) -> str:
-    if not used.calls or now - used.calls[-1] >= limit.seconds:
-        return ""
-    gone = now - used.calls[-1]
-    return (
-        f"{tool} was called {_seconds(gone)} ago; {_seconds(limit.seconds)} have to lie between two calls "
-        f"({limit.source}). The next call is allowed in {_seconds(limit.seconds - gone)}."
-    )
-
-
-def _quiet(tool: str, limit: Limit, now: datetime) -> str:
-    minute, begin, end = now.hour * 60 + now.minute, limit.begin, limit.end
-    inside = begin <= minute < end if begin < end else minute >= begin or minute < end
-    if not inside:
-        return ""
-    if begin == end:
-        return f"{tool} has quiet hours all day ({limit.source})."
-    return (
-        f"{tool} has quiet hours from {_time(begin)} to {_time(end)} ({limit.source}), and it is {_time(minute)} on "
-        f"this host. It is allowed from {_time(end)} on."
-    )
-
-
 def _allowed(limit: Limit) -> str:
     low, high = limit.minimum, limit.maximum
     if limit.kind not in ("range", "goal"):
@@ -350,14 +369,6 @@ def _number(value: Fraction) -> str:
         return _cut(str(value.numerator) if value.denominator == 1 else repr(float(value)))
     except OverflowError:
         return "a number beyond all bounds"
-
-
-def _seconds(value: float) -> str:
-    return f"{value:.1f} s" if value % 1 else f"{value:.0f} s"
-
-
-def _time(minutes: int) -> str:
-    return f"{minutes // 60:02d}:{minutes % 60:02d}"
 
 
 def _kind(value: Any) -> str:

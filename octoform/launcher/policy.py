@@ -13,7 +13,7 @@ from typing import Any, Literal, cast, get_args
 
 from octoform.base.files import read_json
 
-from .units import Goal, Units
+from .units import Goal, Reports, Units
 
 Mode = Literal["enforce", "shadow", "dry_run"]
 Effect = Literal["read", "actuate", "irreversible"]
@@ -67,6 +67,7 @@ class ToolPolicy:
     ``buses`` are the ids of the devices whose calls it waits for: none for a tool that stops a movement, which would
     come too late behind it. Its code takes the lock of a device itself, between two steps of the movement. ``ends``
     are the devices that such a tool stops. ``units`` tells which units of a device a call acts on; None: not known.
+    ``places`` are the ranges that hold for what the device reports of the units that it moves.
     """
 
     effect: Effect
@@ -78,6 +79,7 @@ class ToolPolicy:
     limits: tuple[Limit, ...] = ()
     ends: tuple[str, ...] = ()
     units: Units | None = None
+    places: tuple[Limit, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -158,6 +160,10 @@ def _tool(document: Any, place: str) -> ToolPolicy:
         ends=buses if stops else (),
         limits=tuple(_limit(limit, f"{place}.limits[{index}]") for index, limit in enumerate(limits)),
         units=units,
+        places=tuple(
+            _numeric("goal", _object(limit, f"{place}.places[{index}]"), f"{place}.places[{index}]")
+            for index, limit in enumerate(_array(item.get("places", []), f"{place}.places"))
+        ),
     )
 
 
@@ -174,7 +180,14 @@ def _units(document: Any, place: str) -> Units:
         _string(item.get("parameter") or "", f"{place}.parameter"),
         {name: _string(unit, f"{place}.parameters") for name, unit in stands.items()},
         goal,
+        None if item.get("reports") is None else _reports(item["reports"], f"{place}.reports"),
     )
+
+
+def _reports(document: Any, place: str) -> Reports:
+    item = _object(document, place)
+    records, unit = (_string(item.get(name) or "", f"{place}.{name}") for name in ("records", "unit"))
+    return Reports(_text(item, "field", place), records, unit, _bound(item, "within", place) or 0.0)
 
 
 def _goal(document: Any, place: str) -> Goal:

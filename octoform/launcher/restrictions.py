@@ -57,8 +57,7 @@ class Subject:
         """Whether it acts on the unit of a device that these words mean; True where that cannot be told."""
         if self.units is None or words.isdisjoint(self.known.get(device, ())):
             return True
-        acted = self.units.of_call(self.arguments)
-        return any({name, *self.units.names[name]} & words for name in acted)
+        return self.units.acts_on(words, self.arguments)
 
 
 @dataclass(frozen=True, slots=True)

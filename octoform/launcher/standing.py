@@ -19,7 +19,7 @@ SIZE = 8 * 1024 * 1024
 
 
 class Standing:
-    """The restrictions of the ledger at ``path``, read again when it changes. Not safe to use from threads by itself."""
+    """The restrictions of the ledger at ``path``, read again when it changes. Not safe to use from threads."""
 
     def __init__(self, path: Path, boot: str) -> None:
         self._path, self._boot = path, boot

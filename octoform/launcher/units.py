@@ -7,6 +7,7 @@ restriction that is too wide is noticed, one that is too narrow is not.
 
 import enum
 from collections.abc import Iterator, Mapping
+from collections.abc import Set as AbstractSet
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -25,6 +26,19 @@ class Goal:
 
 
 @dataclass(frozen=True, slots=True)
+class Reports:
+    """Where a tool's result says where its units are: in ``field`` of the result, or of each of its ``records``.
+
+    ``unit`` is the member that names the unit; a place may be ``within`` this beyond a range, as devices stop.
+    """
+
+    field: str
+    records: str = ""
+    unit: str = ""
+    within: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
 class Units:
     """The units that a tool can act on.
 
@@ -36,6 +50,7 @@ class Units:
     parameter: str = ""
     parameters: Mapping[str, str] = field(default_factory=dict)
     goal: Goal | None = None
+    reports: Reports | None = None
 
     def of_call(self, arguments: Mapping[str, Any]) -> frozenset[str]:
         """The units that a call with these effective arguments acts on."""
@@ -46,6 +61,10 @@ class Units:
             return known if known and len(known) == len(set(found)) else frozenset(self.names)
         named = {unit for name, unit in self.parameters.items() if arguments.get(name) is not None}
         return frozenset(named or self.names)
+
+    def acts_on(self, words: AbstractSet[str], arguments: Mapping[str, Any]) -> bool:
+        """Whether a call with these effective arguments acts on the unit that these words mean."""
+        return any({name, *self.names[name]} & words for name in self.of_call(arguments))
 
     def called(self, word: str) -> str | None:
         """The unit that a word means; None for no unit of this tool."""

@@ -176,6 +176,15 @@ _EVENTS: Mapping[str, Callable[[Record], list[str]]] = {
     "outcome": _outcome,
     "ended": lambda record: ["ended", f"the code of {record['tool']} ended after {_ms(record)} ms"],
     "stuck": _stuck,
+    "outside": lambda record: [
+        "OUTSIDE",
+        f"after {record['tool']} the device reported "
+        + ", ".join(f"{unit} {text}" for unit, text in record["units"].items()),
+    ],
+    "place_unknown": lambda record: [
+        "unknown",
+        f"the result of {record['tool']} does not say where {', '.join(record['units'])} is now",
+    ],
     "estop": _estop,
     "estop_actions": _actions,
     "estop_cleared": _cleared,

@@ -1,7 +1,8 @@
 """Claims, for a person and for a program: what is said, on what, until when, and what it forbids."""
 
 import json
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
 
 from octoform.claims.model import Claim, State
 from octoform.claims.storing import to_json as claim_json
@@ -72,6 +73,23 @@ def rewrite_lines(identity: str, moves: str, difference: Sequence[str]) -> Itera
     """A rewrite that waits for a person: what it moves, and what it changes, line by line."""
     yield f"{identity}  a rewrite of the code that moves a device ({one_line(moves, WIDTH)}); it was not tried:"
     yield from (f"    {one_line(line, 200)}" for line in difference)
+
+
+def waiting(console: Console, claims: Sequence[Claim], rewrites: Sequence[Mapping[str, Any]], *, as_json: bool) -> int:
+    """All that waits for a person: claims, and rewrites with what they change."""
+    if as_json:
+        whole = {"format": 1, "claims": [claim_json(claim) for claim in claims], "rewrites": list(rewrites)}
+        console.line(escaped_json(json.dumps(whole, ensure_ascii=False)))
+        return 0
+    for claim in claims:
+        for line in lines(console, claim):
+            console.line(line)
+    for each in rewrites:
+        for line in rewrite_lines(str(each["id"]), str(each["moves"]), each["difference"]):
+            console.line(line)
+    if not claims and not rewrites:
+        console.line("Nothing waits for a person.")
+    return 0
 
 
 def rewrite_decided(console: Console, identity: str, *, served: bool, as_json: bool) -> int:

@@ -99,8 +99,8 @@ def checked(console: Console, found: Checked, faults: Sequence[Diagnostic], *, a
 
 
 def limits(console: Console, found: Limits, *, as_json: bool) -> int:
-    """Tool by tool; exit code 1 when counters are damaged."""
-    damaged = any(tool.damaged for tool in found.tools)
+    """Tool by tool; exit code 1 when counters are damaged, or a device is outside of a range."""
+    damaged = any(tool.damaged or tool.outside for tool in found.tools)
     if as_json:
         document(console, {"format": 1, **asdict(found)})
         return 1 if damaged else 0
@@ -111,6 +111,13 @@ def limits(console: Console, found: Limits, *, as_json: bool) -> int:
         console.line(f"{console.paint(tool.tool, 'bold')}  {tool.effect}, {tool.decision}  ({escape(tool.source)})")
         for limit in tool.limits:
             console.line(f"    {escape(_limit(limit, tool))}  ({escape(str(limit['source']))})")
+        if tool.unreported:
+            console.line(
+                "    unknown: its results do not say where the device is afterwards, so no range is held against that"
+            )
+        for unit, text in tool.outside.items():
+            told = f"the device reported {unit} {text}; nothing moves it until octoform limits -reset {tool.tool}"
+            console.line(f"    {console.paint(escape(told), 'red')}")
         if tool.damaged:
             text = f"what was counted is lost; the tool is refused until octoform limits -reset {tool.tool}"
             console.line(f"    {console.paint(text, 'red')}")
@@ -121,7 +128,8 @@ def _limit(limit: Mapping[str, Any], tool: Limited) -> str:
     """A limit in words, with what is used of it."""
     kind, name = limit["kind"], str(limit.get("parameter"))
     unit = f" {limit['unit']}" if limit.get("unit") else ""
-    if kind == "range":
+    if kind in ("range", "goal"):
+        name = name if kind == "range" else f"the goal of {limit['of']}"
         low, high = limit.get("minimum"), limit.get("maximum")
         ends = f"at most {high}" if low is None else f"at least {low}" if high is None else f"{low} to {high}"
         return f"{name}: {ends}{unit}"

@@ -2,6 +2,8 @@
 
 import asyncio
 import json
+import re
+import sys
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,13 +12,14 @@ from typing import Any
 import pytest
 from fastmcp import Client
 from fastmcp.client.transports import StdioTransport
-from projects import OCTOFORM, Project
+from projects import AGENT, OCTOFORM, Project
 
 from octoform.claims.gathering import settings_of
 from octoform.claims.ledger import Ledger
 from octoform.claims.model import Channel, Claim, Condition, Restriction, Signal
 from octoform.claims.proposal import Proposal
 from octoform.daemon.sensing.moments import SystemClock
+from octoform.engine.healing import heal
 from octoform.simulation.descriptions import load
 from octoform.simulation.rig import Rig
 from octoform.state.layout import Layout
@@ -151,3 +154,99 @@ def test_a_tighter_range_of_one_joint_holds_whichever_tool_moves_it(bench: Bench
     low = {"joint": ELBOW, "position": 990, "speed": 300}
     assert bench.told(("arm_move_joint", low)) == [""]
     assert json.loads((bench.layout.endpoint / "policy.json").read_bytes())["tools"]["arm_home"]["units"]
+
+
+MORE = [["move(joint, position", "move(joint, position * 2"]]
+AGENT_WORDS = {
+    "format": 1,
+    "stage": "heal",
+    "class": "broken_tool",
+    "target": "tool:arm_move_joint",
+    "status": "repaired",
+    "reason": "The servo counts in halves.",
+    "action": "rewrite",
+    "functions": ["arm_move_joint"],
+    "server": "server.py",
+    "cites": ["f1"],
+    "claims": [],
+}
+
+
+def rewritten(bench: Bench, rewrite: list[list[str]]) -> str:
+    """The id under which this rewrite of arm_move_joint by an agent waits for a person."""
+    failure = {"id": "f1", "tool": "arm_move_joint", "error": "DeviceFault", "message": "no answer", "count": 3}
+    fault = {"tool": "arm_move_joint", "device": ARM, "class": "broken_tool", "message": "it moves too little"}
+    moment = "2026-11-22T10:00:00Z"
+    brief = {
+        "error": {**fault, "severity": "recoverable", "suggested_fix": None, "cites": ["f1"]},
+        "readings": [],
+        "failures": [{**failure, "first": moment, "last": moment}],
+        "since": "2026-11-22T00:00:00Z",
+        "target": "tool:arm_move_joint",
+        "episode": "e1",
+    }
+    command = json.dumps([sys.executable, str(AGENT), str(bench.project.outside / "script.json")])
+    bench.project.manifest["stages"] = f"{{heal: {{harness: {{name: command, command: {command}}}}}}}"
+    bench.project.script = {"heal": [{"rewrite": rewrite, "report": AGENT_WORDS}]}
+    bench.project.write()
+    done = heal(bench.project.folder, bench.project.environment(), brief)
+    found = re.search(r"octoform confirm (r\w+)", str(done["detail"]))
+    assert found is not None and not done["changed"], done
+    return found[1]
+
+
+def test_waiting_rewrites_are_listed_and_one_is_dropped(bench: Bench) -> None:
+    before = bench.layout.output("serve").read_text()
+    identity = rewritten(bench, MORE)
+    listed = bench.project.run("confirm", status=0).out
+    assert identity in listed and "arm_move_joint" in listed
+    (shown,) = json.loads(bench.project.run("confirm", "-json", status=0).out)["rewrites"]
+    assert shown["id"] == identity and any("position * 2" in line for line in shown["difference"])
+    bench.project.run("confirm", identity, "-reject", status=0)
+    assert bench.layout.output("serve").read_text() == before
+    assert identity not in bench.project.run("confirm", status=0).out
+    assert bench.project.run("confirm", identity, "-auto-approve").status != 0
+
+
+def test_a_rewrite_of_another_server_or_behind_an_emergency_stop_is_not_put_in_service(bench: Bench) -> None:
+    server = bench.layout.output("serve")
+    before = server.read_text()
+    identity = rewritten(bench, MORE)
+    bench.project.run("estop", status=0)
+    done = bench.project.run("confirm", identity, "-auto-approve", status=1)
+    assert "HEAL-NOT-CONFIRMED" in done.text and "emergency stop" in done.text and server.read_text() == before
+    bench.project.run("estop", "-clear", status=0)
+    kept = bench.layout.local / "rewrites"
+    (path,) = kept.glob("*.json")
+    told = json.loads(path.read_bytes())
+    path.write_text(json.dumps({**told, "base": f"{before}\n# of another day\n"}))
+    done = bench.project.run("confirm", identity, "-auto-approve", status=1)
+    assert "made again since" in done.text and server.read_text() == before
+    bench.project.run("confirm", identity, "-reject", status=0)
+    assert bench.told(("arm_move_joint", {"joint": "gripper", "position": 2100, "speed": 300})) == [""]
+
+
+def test_what_the_device_reports_stops_a_rewrite_that_makes_more_of_a_goal(bench: Bench) -> None:
+    limit = f"{{tool: arm_move_joint, parameter: position, units: [{ELBOW}], maximum: 1300}}"
+    bench.project.manifest["policy"] = f"{{limits: [{limit}]}}"
+    bench.project.apply(status=0)
+    bench.project.run("confirm", rewritten(bench, MORE), "-auto-approve", status=0)
+    assert "position * 2" in bench.layout.output("serve").read_text()
+    move = ("arm_move_joint", {"joint": ELBOW, "position": 1000, "speed": 1500})
+    said, again, all_, wrist, status, stop = bench.told(
+        move,
+        move,
+        ("arm_home", {"speed": 1500}),
+        ("arm_move_joint", {"joint": "wrist_roll", "position": 1000, "speed": 1500}),
+        ("arm_status", {}),
+        ("arm_stop", {}),
+    )
+    assert "has moved its device" in said and ELBOW in said and "limits -reset arm_move_joint" in said
+    assert "outside of its range" in again and "outside of its range" in all_
+    assert [wrist, status, stop] == ["", "", ""]
+    assert "the device reported elbow_flex" in bench.project.run("limits", status=1).out
+    assert "OUTSIDE" in bench.project.run("audit").out
+    bench.project.run("restart", status=0)
+    assert "outside of its range" in bench.told(move)[0]
+    bench.project.run("limits", "-reset", "arm_move_joint", status=0)
+    assert bench.told(("arm_move_joint", {"joint": ELBOW, "position": 600, "speed": 1500})) == [""]

@@ -7,6 +7,8 @@ from collections.abc import Mapping
 from typing import Any
 
 _MOVES = ("move_unit", "move_units", "pose")
+OFF = 60
+"""How far from its goal a unit may stand for the runtime to say that it came there."""
 _NAMED = ("move_unit", "set_torque")
 
 
@@ -28,7 +30,15 @@ def _of_bank(bank: Mapping[str, Any], command: Mapping[str, Any]) -> dict[str, A
         told["parameters"] = {name: name for name in command["parameters"] if name in ids}
     if do in _MOVES:
         told["goal"] = _goal(bank, command)
+        told["reports"] = _reports(bank, command)
     return told
+
+
+def _reports(bank: Mapping[str, Any], command: Mapping[str, Any]) -> dict[str, Any]:
+    """Where the answer says at which place the units stand."""
+    unit = str(bank["unit"])
+    records = {} if command["do"] == "move_unit" else {"records": f"{unit}s"}
+    return {"field": "position", **records, "unit": unit, "within": OFF}
 
 
 def _goal(bank: Mapping[str, Any], command: Mapping[str, Any]) -> dict[str, Any]:

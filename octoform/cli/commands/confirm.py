@@ -2,13 +2,15 @@
 
 import os
 from argparse import Namespace
+from collections.abc import Sequence
 from pathlib import Path
 
 from octoform.apply.pending_rewrite import Rewrite
+from octoform.claims.ledger import Ledger
 from octoform.claims.model import Claim
 from octoform.daemon.deciding import open_ledger, person, undecidable
 from octoform.diagnostics import Diagnostic, error
-from octoform.engine.healing import decide_rewrite, waiting_rewrite
+from octoform.engine.healing import decide_rewrite, waiting_rewrite, waiting_rewrites
 from octoform.views import claims as view
 from octoform.views import problems
 from octoform.views.console import Console
@@ -20,6 +22,8 @@ def run(arguments: Namespace, project: Path, screen: Console) -> int:
     ledger, found = open_ledger(project, os.environ)
     if ledger is None:
         return problems.show(screen, found, as_json=arguments.json)
+    if arguments.claim is None:
+        return _listed(arguments, project, screen, ledger.pending())
     if problem := undecidable(project, os.environ):
         return problems.show(screen, [problem], as_json=arguments.json)
     rewrite = waiting_rewrite(project, os.environ, arguments.claim)
@@ -27,6 +31,11 @@ def run(arguments: Namespace, project: Path, screen: Console) -> int:
         return _rewrite(arguments, project, screen, rewrite)
     if arguments.reject:
         return _told(screen, ledger.reject(arguments.claim, person()), as_json=arguments.json)
+    return _claim(arguments, project, screen, ledger)
+
+
+def _claim(arguments: Namespace, project: Path, screen: Console, ledger: Ledger) -> int:
+    """Show a claim that waits, and make it true after a yes."""
     claim = next((each for each in ledger.pending() if each.id == arguments.claim), None)
     if claim is not None and not arguments.auto_approve:
         if arguments.json or not screen.interactive:
@@ -38,6 +47,17 @@ def run(arguments: Namespace, project: Path, screen: Console) -> int:
         if problem := undecidable(project, os.environ):  # a person takes their time
             return problems.show(screen, [problem])
     return _told(screen, ledger.confirm(arguments.claim, person()), as_json=arguments.json)
+
+
+def _listed(arguments: Namespace, project: Path, screen: Console, claims: Sequence[Claim]) -> int:
+    """All that waits for a person."""
+    if arguments.reject or arguments.auto_approve:
+        return problems.show(screen, [_of_nothing()], as_json=arguments.json)
+    rewrites = [
+        {"id": each.id, "moves": each.moves, "at": each.at, "difference": each.difference()}
+        for each in waiting_rewrites(project, os.environ)
+    ]
+    return view.waiting(screen, claims, rewrites, as_json=arguments.json)
 
 
 def _rewrite(arguments: Namespace, project: Path, screen: Console, rewrite: Rewrite) -> int:
@@ -55,6 +75,11 @@ def _rewrite(arguments: Namespace, project: Path, screen: Console, rewrite: Rewr
     if problem is not None:
         return problems.show(screen, [problem], as_json=arguments.json)
     return view.rewrite_decided(screen, rewrite.id, served=not arguments.reject, as_json=arguments.json)
+
+
+def _of_nothing() -> Diagnostic:
+    hint = "octoform confirm lists what waits for a person"
+    return error("CLAIM-NOT-APPROVED", "nothing was decided: no claim and no rewrite is named", hint=hint)
 
 
 def _not_approved() -> Diagnostic:

@@ -10,7 +10,7 @@ from octoform.views.console import Console
 
 
 def run(arguments: Namespace, project: Path, screen: Console) -> int:
-    """Exit code 1 when a limit's counters are damaged."""
+    """Exit code 1 when a limit's counters are damaged, or a device is outside of a range."""
     if arguments.reset is not None:
         found = reset_limits(project, os.environ, arguments.reset)
         if found:

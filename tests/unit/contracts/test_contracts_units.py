@@ -16,7 +16,13 @@ MOVE: Tool = {
     "devices": ["arm"],
     "effect": "actuate",
     "input_schema": {"properties": {"joint": {"enum": ["pan", "elbow", "1", "3"]}, "position": {}}},
-    "units": {"names": NAMES, "parameter": "joint", "goal": {"of": "position", "parameter": "position"}},
+    "output_schema": {"properties": {"joint": {}, "position": {}, "all": {"items": {"properties": {"position": {}}}}}},
+    "units": {
+        "names": NAMES,
+        "parameter": "joint",
+        "goal": {"of": "position", "parameter": "position"},
+        "reports": {"field": "position", "unit": "joint"},
+    },
 }
 HOME: Tool = {
     "name": "home",
@@ -59,7 +65,12 @@ WRONG: dict[str, Callable[[Tool], Any]] = {
     "one word for two": lambda units: units.update(names={"pan": ["1", "3"], "elbow": ["3"]}),
     "a word that means none": lambda units: units.update(names={"pan": ["1"], "elbow": []}),
     "a place of no unit": lambda units: units["goal"].update(fixed={"pan": 1, "elbow": 2, "wrist": 3}),
+    "a report by no member": lambda units: units["reports"].update(field="place"),
+    "a report of nobody knows which unit": lambda units: units["reports"].pop("unit"),
+    "a report by no list": lambda units: units["reports"].update(records="position"),
+    "a list that does not name its units": lambda units: units["reports"].update(records="all"),
     "a unit without a place": lambda units: units["goal"].update(fixed={"pan": 1}),
+    "a report without a goal": lambda units: units.pop("goal"),
 }
 
 

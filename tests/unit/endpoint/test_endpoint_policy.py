@@ -327,7 +327,23 @@ def test_a_range_of_one_unit_is_kept_by_every_tool_that_moves_it(limit: Limit, t
     assert passes("move_joints", pan=4000, elbow=1000) and not passes("move_joints", pan=4000, elbow=1001)
     assert not passes("home") and not passes("move_percent", joint="elbow", percent=1)
     assert passes("move_percent", joint="pan", percent=1) and passes("torque", joint="elbow", on=True)
-    assert [code for code, _, _ in told(Policy(limits=(limit,)), *ARM)] == ["POLICY-POSE"]
+    assert [code for code, _, _ in told(Policy(limits=(limit,)), *ARM)] == ["POLICY-POSE", "POLICY-UNREPORTED"]
+
+
+def test_what_the_device_reports_is_held_against_the_range_that_every_tool_keeps() -> None:
+    limit = Limit("move_joint", "position", maximum=1000, units=("elbow",))
+    reports = {"field": "position", "unit": "joint"}
+    telling = tuple({**each, "units": {**each["units"], "reports": reports}} for each in (ONE, ALL, SCALED))
+    whole = resolved(Policy(limits=(limit,)), *telling, TORQUE)["tools"]
+    place = {"kind": "goal", "of": "elbow", "maximum": 1000, "unit": "raw"}
+    for name in ("move_joint", "move_joints", "move_percent"):
+        (found,) = whole[name]["places"]
+        assert {**found, "source": ""} == {**place, "source": ""} and "policy.limits[0]" in found["source"]
+    assert "places" not in whole["torque"]
+    assert told(Policy(limits=(limit,)), *telling, TORQUE) == []
+    ((code, text, _),) = told(Policy(limits=(limit,)), ONE, *telling[1:])
+    assert code == "POLICY-UNREPORTED" and "move_joint:" in text
+    assert told(Policy(), *ARM) == []
 
 
 def test_a_range_that_every_tool_keeps_anyway_adds_nothing() -> None:
