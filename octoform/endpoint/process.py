@@ -2,12 +2,10 @@
 
 Generated code and package tools may hang, may print without end and may leave grandchildren in sessions of their
 own, so a pipe and a `wait` are not enough: output goes to files (a survivor that holds a pipe cannot block the
-reader), the program gets its own process group, and every process that inherited this run's mark in its environment
-is killed at the end.
+reader), the program gets its own process group, and every process that bears this run's mark is killed at the end.
 """
 
 import os
-import secrets
 import signal
 import subprocess
 import tempfile
@@ -17,6 +15,8 @@ from contextlib import ExitStack, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import IO
+
+from octoform.base import marks
 
 MARK = "OCTOFORM_RUN"
 OUTPUT_LIMIT = 8_000_000
@@ -56,7 +56,7 @@ def run(
     stdin: str = "",
 ) -> Finished:
     """Run ``command`` for at most ``timeout`` seconds; FileNotFoundError or PermissionError when it cannot start."""
-    mark = secrets.token_hex(16)
+    mark = marks.new()
     started = time.monotonic()
     with tempfile.TemporaryFile() as out, tempfile.TemporaryFile() as err, tempfile.TemporaryFile() as feed:
         feed.write(stdin.encode())
@@ -70,6 +70,7 @@ def run(
             stderr=err,
             start_new_session=True,
         )
+        marks.put_on(mark, process.pid)
         try:
             status: int | None = process.wait(timeout)
         except subprocess.TimeoutExpired:
@@ -87,7 +88,7 @@ class Begun:
 
     def __init__(self, command: Sequence[str], *, cwd: Path, environment: Mapping[str, str]) -> None:
         """Start it; FileNotFoundError or PermissionError when that does not work."""
-        self._mark = secrets.token_hex(16)
+        self._mark = marks.new()
         with ExitStack() as opened:
             self._out = opened.enter_context(tempfile.TemporaryFile())
             self._err = opened.enter_context(tempfile.TemporaryFile())
@@ -100,6 +101,7 @@ class Begun:
                 stderr=self._err,
                 start_new_session=True,
             )
+            marks.put_on(self._mark, self._process.pid)
             self._files = opened.pop_all()
 
     def finish(self, stdin: str, timeout: float) -> Finished:
@@ -140,7 +142,7 @@ def _clear(process: "subprocess.Popen[bytes]", mark: str) -> int:
 
 
 def clear(mark: str, variable: str = MARK, *, spared: int | None = None) -> int:
-    """Kill every process that carries the mark, ``spared`` left out; how many there were."""
+    """Kill every process that bears the mark, ``spared`` left out; how many there were."""
     killed: set[int] = set()
     while found := [pid for pid in marked(mark, variable) if pid not in killed and pid != spared]:
         for pid in found:
@@ -150,24 +152,13 @@ def clear(mark: str, variable: str = MARK, *, spared: int | None = None) -> int:
 
 
 def marked(mark: str, variable: str = MARK) -> list[int]:
-    """Live processes of ours whose starting environment holds the mark; empty where there is no /proc."""
-    needle = f"{variable}={mark}".encode()
-    found = []
+    """Live processes that bear the mark; empty where there is no /proc."""
     try:
         entries = list(Path("/proc").iterdir())
     except OSError:
         return []
-    for entry in entries:
-        if entry.name.isdigit() and _environment_holds(entry, needle):
-            found.append(int(entry.name))
-    return found
-
-
-def _environment_holds(process: Path, needle: bytes) -> bool:
-    try:
-        return needle in (process / "environ").read_bytes().split(b"\0")
-    except OSError:  # not ours, or gone in the meantime
-        return False
+    pids = (int(entry.name) for entry in entries if entry.name.isdigit())
+    return [pid for pid in pids if marks.bears(pid, mark, variable)]
 
 
 def _kill_group(leader: int) -> None:

@@ -51,7 +51,13 @@ class Running:
 
 
 def running(layout: Layout) -> Running | None:
-    """The process that serves this host's endpoint; None when its record is of no such live process.
+    """The process that serves this host's endpoint; None when its record is of no such live process."""
+    found = last_running(layout)
+    return found if found is not None and is_it(found) else None
+
+
+def last_running(layout: Layout) -> Running | None:
+    """The process that served this host's endpoint last, which may have ended; None when none did since the boot.
 
     The record in a copy of the folder is of the original's process, which is none of the copy's.
     """
@@ -61,8 +67,7 @@ def running(layout: Layout) -> Running | None:
         return None
     if not fits(record, _RECORD):
         return None
-    found = _read(record)
-    return found if record["boot"] == _boot() and is_from(record, layout.run) and is_it(found) else None
+    return _read(record) if record["boot"] == _boot() and is_from(record, layout.run) else None
 
 
 def is_it(process: Running) -> bool:

@@ -15,10 +15,11 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Protocol
 
+from octoform.base import marks
 from octoform.diagnostics import Diagnostic, error
 from octoform.endpoint import systemd
 from octoform.endpoint.files import LAUNCHER, not_ours, of_another
-from octoform.endpoint.running import MARK, Running, is_it, running
+from octoform.endpoint.running import MARK, Running, is_it, last_running, running
 from octoform.endpoint.sockets import greeted
 from octoform.state.layout import Layout
 
@@ -107,6 +108,8 @@ def stop(layout: Layout, seconds: float = STOP_SECONDS) -> Stopped:
     """
     found = running(layout)
     if found is None:
+        if (former := last_running(layout)) is not None:
+            clear_left(former)
         return Stopped(None)
     try:
         handle = os.pidfd_open(found.pid)
@@ -193,7 +196,7 @@ class _Detached:
                 cwd=layout.run,
                 env={
                     **{name: os.environ[name] for name in PASSED if name in os.environ},
-                    MARK: os.urandom(8).hex(),
+                    MARK: marks.new(16),
                     **MALLOC,
                 },
                 stdin=subprocess.DEVNULL,

@@ -174,6 +174,8 @@ def _detail(ended: Ended, task: Task, invocation: Invocation, watcher: Watcher) 
         said.append(f"{ended.survivors} process(es) that it had left running were ended")
     if ended.remaining:
         said.append(f"{ended.remaining} process(es) could not be ended")
+    if ended.reason in ("lost", "halted") and invocation.sandbox is None:
+        said.append("without a sandbox it can hide a process from octoform, which may run on")
     if ended.containment != "subreaper":
         said.append("this system can end only the agent's own process group")
     if ended.log_dropped:
@@ -207,8 +209,8 @@ def _ending(ended: Ended, task: Task, name: str, watcher: Watcher) -> str:
         return f"stopped after its limit of {limits.wall_seconds:g} s"
     if ended.reason == "not_started":
         return f"{not_installed(name)} ({os.strerror(ended.errno)})"
-    if ended.reason == "lost":
-        return "its supervisor was killed"
+    if ended.reason in ("lost", "halted"):
+        return f"its supervisor was {'killed' if ended.reason == 'lost' else 'stopped by a signal'}, so it was ended"
     if ended.reason != "ended":
         return "it was stopped from outside"
     if ended.status == -signal.SIGXFSZ:

@@ -19,6 +19,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import BinaryIO, Protocol
 
+from octoform.base import marks
 from octoform.harness import orphans, processes
 from octoform.harness.environment import ATTEMPT
 from octoform.harness.tasklog import DEFAULT_LIMIT, TaskLog
@@ -78,8 +79,8 @@ class Observer(Protocol):
 class Ended:
     """How the tree ended.
 
-    ``reason`` is ended, wall, ordered (by the observer), stopped, orphaned, not_started (``errno`` says why) or lost
-    (the supervisor was killed).
+    ``reason`` is ended, wall, ordered (by the observer), stopped, orphaned, not_started (``errno`` says why), lost
+    (the supervisor was killed) or halted (it was stopped, and then killed from here).
     ``status`` is the program's exit status, negative for a signal, None when unknown. ``survivors`` counts processes
     besides the program itself that had to be ended, ``remaining`` those that could not be.
     """
@@ -103,7 +104,7 @@ def run(program: Program, limits: Limits, observer: Observer) -> Ended:
     An exception that comes meanwhile (an interrupt by the person, say) ends the tree and is passed on.
     """
     began = time.monotonic()
-    mark = orphans.new_mark()
+    mark = marks.new()
     with TaskLog(program.log, program.secrets, limits.log_bytes) as log:
         session = _Session(program, limits, mark)
         try:
@@ -112,7 +113,7 @@ def run(program: Program, limits: Limits, observer: Observer) -> Ended:
             told = session.follow(log, observer)
         finally:
             session.stop()
-        ended = _settle(told, record, time.monotonic() - began)
+        ended = _settle(told, record, time.monotonic() - began, "halted" if session.halted else "lost")
         if not ended.remaining:
             # The folder may be gone or full by what the agent did; the record only helps a later sweep.
             with suppress(OSError):
@@ -164,10 +165,12 @@ class _Session:
         finally:
             os.close(report_writer)
             os.close(control_reader)
+        marks.put_on(mark, self._process.pid)  # before the agent starts, which waits for the byte of `follow`
         self._mark = mark
         self._report = report
         self._told = b""
         self._ordered = False
+        self.halted = False
 
     def record(self) -> orphans.Record:
         """Who the supervisor is, for the attempt's folder."""
@@ -188,6 +191,8 @@ class _Session:
             while self._report in selector.get_map() and time.monotonic() < give_up:
                 for key, _ in selector.select(0.2):
                     self._take(selector, key, log, observer)
+                if self._is_halted():
+                    break
                 if observer.tick():
                     self._order_end()
                 if log.full:
@@ -213,6 +218,18 @@ class _Session:
             self._told += data
             return True
         observer.feed(key.data, log.feed(key.data, data))
+        return True
+
+    def _is_halted(self) -> bool:
+        """Whether somebody has stopped the supervisor, and with it the limits; it is ended, and so is all below it.
+
+        Whoever would let it go on could be stopped by the same agent again and again.
+        """
+        found = processes.look(self._process.pid)
+        if found is None or found.state not in "Tt":
+            return False
+        self.halted = True
+        self._process.kill()
         return True
 
     def _order_end(self) -> None:
@@ -243,10 +260,10 @@ class _Session:
                 stream.close()
 
 
-def _settle(told: bytes, record: orphans.Record, seconds: float) -> Ended:
-    """The supervisor's report as a value; without one it was killed, and its orphans are ended from here."""
+def _settle(told: bytes, record: orphans.Record, seconds: float, without: str) -> Ended:
+    """The supervisor's report as a value; ``without`` one it was killed, and its orphans are ended from here."""
     try:
         return Ended(**json.loads(told))
     except (ValueError, TypeError):
         swept = orphans.end_marked((record,))
-        return Ended("lost", seconds=seconds, survivors=len(swept.ended), remaining=len(swept.left))
+        return Ended(without, seconds=seconds, survivors=len(swept.ended), remaining=len(swept.left))

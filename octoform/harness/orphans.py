@@ -1,18 +1,19 @@
 """Ending what a crash left running: agents of this project whose supervisor and whose octoform are both gone.
 
 Each attempt's folder holds ``process.json``, written before its agent starts: a random mark that stands in the
-environment of every process of the tree, and the supervisor's process id with its start time. A process is ended only
-when its own environment carries the very mark that a folder of ours records (or when it descends from such a one), it
-belongs to this user and is not older than the attempt. Names and ids alone prove nothing and are never used.
+environment and among the limits of every process of the tree, and the supervisor's process id with its start time. A
+process is ended only when it bears the very mark that a folder of ours records (or when it descends from such a one),
+it belongs to this user and is not older than the attempt. Names and ids alone prove nothing and are never used.
 """
 
 import json
 import os
-import secrets
+import re
 import time
 from dataclasses import dataclass
 from pathlib import Path
 
+from octoform.base import marks
 from octoform.base.place import KEY, is_from, place_of
 from octoform.harness import processes
 from octoform.harness.environment import ATTEMPT, remove_private
@@ -21,6 +22,7 @@ from octoform.harness.processes import Process
 
 RECORD = "process.json"
 RECORD_LIMIT = 64 << 10
+_MARK = re.compile("[0-9a-f]{32}")
 ROUNDS = 100
 
 
@@ -33,6 +35,10 @@ class Record:
     start: int
     ended: bool = False
 
+    def is_of(self, pid: int) -> bool:
+        """Whether that process bears the attempt's mark."""
+        return marks.bears(pid, self.mark, ATTEMPT)
+
 
 @dataclass(frozen=True, slots=True)
 class Swept:
@@ -40,11 +46,6 @@ class Swept:
 
     ended: tuple[int, ...] = ()
     left: tuple[int, ...] = ()
-
-
-def new_mark() -> str:
-    """A random mark for one attempt; 128 bits, so that no other process carries it by chance."""
-    return secrets.token_hex(16)
 
 
 def write(workdir: Path, record: Record) -> None:
@@ -79,7 +80,7 @@ def read(workdir: Path) -> Record | None:
         record = Record(str(value["attempt"]), int(supervisor["pid"]), int(supervisor["start"]), value["ended"] is True)
     except (ValueError, KeyError, TypeError, RecursionError):
         return None
-    return record if len(record.mark) == 32 and is_from(value, workdir) else None
+    return record if _MARK.fullmatch(record.mark) and is_from(value, workdir) else None
 
 
 def sweep(attempts: Path) -> Swept:
@@ -121,13 +122,10 @@ def end_marked(records: tuple[Record, ...]) -> Swept:
 
 def _belonging(records: tuple[Record, ...]) -> list[Process]:
     """The tree of each record, its supervisor last: while it lives, its orphans cannot leave the tree."""
-    by_mark = {record.mark: record for record in records}
     running = {process.pid: process for process in processes.own()}
     ours: set[int] = set()
     for process in running.values():
-        mark = processes.environment_value(process.pid, ATTEMPT)
-        record = by_mark.get(mark) if mark is not None else None
-        if record is not None and process.start >= record.start:
+        if any(process.start >= record.start and record.is_of(process.pid) for record in records):
             ours.add(process.pid)
     size = -1
     while size != len(ours):

@@ -12,7 +12,6 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 PROC = Path("/proc")
-ENVIRONMENT_LIMIT = 1 << 20
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,20 +57,6 @@ def own() -> Iterator[Process]:
         found = look(int(entry.name)) if mine else None
         if found is not None and found.state not in "ZX":
             yield found
-
-
-def environment_value(pid: int, name: str) -> str | None:
-    """The value of a variable in the environment that the process was started with, where we may read it."""
-    try:
-        with (PROC / str(pid) / "environ").open("rb") as stream:
-            block = stream.read(ENVIRONMENT_LIMIT)
-    except OSError:
-        return None
-    wanted = os.fsencode(name) + b"="
-    for item in block.split(b"\0"):
-        if item.startswith(wanted):
-            return os.fsdecode(item[len(wanted) :])
-    return None
 
 
 def kill(process: Process) -> bool:

@@ -6,11 +6,13 @@ import os
 import sys
 from pathlib import Path
 
+from octoform.base import marks
+
 from .addresses import NoAddressError
 from .audit import AuditFailed
 from .descriptor import RefusedError, read, untouched
 from .folders import NotOursError, private
-from .owner import Owner
+from .owner import MARK, Owner
 from .policy import PolicyInvalid
 from .saying import Said, say
 
@@ -36,6 +38,7 @@ def main(folder: Path) -> int:
             say("another process serves this endpoint already")
             return TAKEN
         os.environ.update(descriptor.environment)
+        marks.put_on(os.environ.setdefault(MARK, marks.new(16)))  # who started it by hand has given none
         from .endpoint import (
             DoorFailedError,
             Endpoint,

@@ -3,7 +3,7 @@
     python -m octoform.launcher.revoking RUN-FOLDER
 
 Exactly what this host's endpoint started is ended: the leader, known by its pid, start time and boot, all that is below
-it or in its group, and whatever bears the leader's mark in its environment, in any group and under any parent. The
+it or in its group, and whatever bears the leader's mark, in any group and under any parent. The
 proof has two parts: none of these lives, and the public address no longer answers with this endpoint's identity, which
 it was seen to do before. Silence of an address that was never heard proves nothing.
 """
@@ -22,6 +22,7 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import urlsplit
 
+from octoform.base import marks
 from octoform.base.files import parse, read_json, replace
 from octoform.base.place import KEY, is_from, place_of
 
@@ -135,7 +136,7 @@ def members(record: Mapping[str, Any]) -> Iterator[int]:
             ours |= more
             more = {pid for pid, stat in alive.items() if stat.parent in ours} - ours
     for pid in sorted(alive):
-        if pid in ours or _marked(pid, mark):
+        if pid in ours or marks.bears(pid, mark, MARK):
             yield pid
 
 
@@ -208,13 +209,6 @@ def _stat(pid: int) -> _Stat | None:
         return None if fields[0] in "ZX" else _Stat(int(fields[1]), int(fields[2]), int(fields[19]))
     except (OSError, ValueError, IndexError):
         return None
-
-
-def _marked(pid: int, mark: str) -> bool:
-    try:
-        return f"{MARK}={mark}".encode() in (_PROC / str(pid) / "environ").read_bytes().split(b"\0")
-    except OSError:
-        return False
 
 
 def main(run: Path) -> int:

@@ -8,7 +8,6 @@ told. Standard library only.
 import ipaddress
 import os
 import re
-import secrets
 import select
 import shutil
 import subprocess
@@ -21,6 +20,8 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 from urllib.parse import urlsplit
+
+from octoform.base import marks
 
 from . import owner, revoking
 from .owner import boot, start_of
@@ -144,7 +145,7 @@ class Tunnel:
 
     def _spawn(self, command: Sequence[str]) -> tuple["subprocess.Popen[bytes]", dict[str, Any]] | None:
         """Start the program below its warden; None when the tunnel was revoked in this very moment."""
-        mark = secrets.token_hex(8)
+        mark = marks.new(16)
         with self._lock:
             if self._over():
                 return None
@@ -156,6 +157,7 @@ class Tunnel:
                 env={**{key: value for key, value in os.environ.items() if key != owner.MARK}, MARK: mark},
                 start_new_session=True,
             )
+            marks.put_on(mark, process.pid)  # it outlives the endpoint's end, whose mark it has inherited
             record: dict[str, Any] = {
                 "format": 1,
                 "pid": process.pid,

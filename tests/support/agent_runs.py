@@ -10,7 +10,6 @@ from model_server import ModelServer
 from octoform.diagnostics import Diagnostic
 from octoform.harness import orphans, processes, registry
 from octoform.harness.adapters.program import ProgramHarness
-from octoform.harness.environment import ATTEMPT
 from octoform.harness.port import AgentEvent, Harness, Outcome, Task
 from octoform.manifest.model import HarnessSpec
 
@@ -74,6 +73,6 @@ def nothing_left(workdir: Path) -> None:
     """No process carries the mark of the attempt in that folder, and the attempt is recorded as ended."""
     record = orphans.read(workdir)
     assert record is not None, "the attempt left no record"
-    found = [item.pid for item in processes.own() if processes.environment_value(item.pid, ATTEMPT) == record.mark]
+    found = [item.pid for item in processes.own() if record.is_of(item.pid)]
     assert found == [], [(Path("/proc") / str(pid) / "cmdline").read_bytes() for pid in found]
     assert record.ended

@@ -108,6 +108,12 @@ class Host:
             text=True,
         )
 
+    def call(self, code: str, *arguments: str) -> str:
+        """What a piece of Python with octoform at hand prints, run as the user."""
+        command = [*self._as_user(), self.python, "-c", code, *arguments]
+        variables = {"PATH": "/usr/local/bin:/usr/bin:/bin", "HOME": str(self.home), "PYTHONPATH": str(self.code)}
+        return subprocess.run(command, env=variables, cwd=self.root, capture_output=True, text=True, check=True).stdout
+
     def run(self, argv: list[str], sandbox: Mapping[str, bool] | None, seconds: float = 60, **environ: str) -> Any:
         """Run an agent to its end: ``outcome`` and ``log``."""
         process = self.start(argv, sandbox, seconds, **environ)

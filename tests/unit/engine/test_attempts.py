@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 from attempt_folders import Folders
 
+from octoform.base import marks
 from octoform.diagnostics import error, to_json, warning
 from octoform.engine import attempts as engine
 from octoform.harness import orphans, processes
@@ -75,11 +76,11 @@ def test_an_agent_whose_supervisor_lives_runs(folders: Folders) -> None:
     folder = folders.add("probe", 1, record=False)
     me = processes.look(os.getpid())
     assert me is not None
-    orphans.write(folder, orphans.Record(orphans.new_mark(), me.pid, me.start))
+    orphans.write(folder, orphans.Record(marks.new(), me.pid, me.start))
     assert states(folders) == ["running"]
-    orphans.write(folder, orphans.Record(orphans.new_mark(), me.pid, me.start, ended=True))
+    orphans.write(folder, orphans.Record(marks.new(), me.pid, me.start, ended=True))
     assert states(folders) == ["interrupted"]
-    orphans.write(folder, orphans.Record(orphans.new_mark(), me.pid, me.start + 1))
+    orphans.write(folder, orphans.Record(marks.new(), me.pid, me.start + 1))
     assert states(folders) == ["interrupted"]
 
 

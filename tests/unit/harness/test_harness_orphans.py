@@ -12,6 +12,7 @@ from pathlib import Path
 import pytest
 from harness_agents import alive, noted, python, until
 
+from octoform.base import marks
 from octoform.harness import orphans, processes
 from octoform.harness.orphans import Record
 
@@ -19,8 +20,12 @@ DRIVER = """
 import json, sys
 from pathlib import Path
 from octoform.harness.containment import Limits, Program, run
+class Silent:
+    def feed(self, stream, data): pass
+    def tick(self): return False
+    def finish(self): pass
 work = Path(sys.argv[1])
-run(Program(tuple(sys.argv[2:]), work, {"PATH": "/usr/bin:/bin"}, work / "task.log"), Limits(60), lambda text, at: None)
+run(Program(tuple(sys.argv[2:]), work, {"PATH": "/usr/bin:/bin"}, work / "task.log"), Limits(60), Silent())
 """
 
 STUBBORN = """
@@ -73,7 +78,7 @@ def test_what_both_deaths_leave_is_swept_and_nothing_else(tmp_path: Path) -> Non
     other = attempts / "2-probe-1"
     bystander = subprocess.Popen([sys.executable, "-c", "import time; time.sleep(600)"], stdout=subprocess.DEVNULL)
     marked = subprocess.Popen(
-        [sys.executable, "-c", "import time; time.sleep(600)"], env={orphans.ATTEMPT: orphans.new_mark()}
+        [sys.executable, "-c", "import time; time.sleep(600)"], env={orphans.ATTEMPT: marks.new()}
     )
     try:
         with octoform_running(attempt) as driver:
@@ -88,7 +93,7 @@ def test_what_both_deaths_leave_is_swept_and_nothing_else(tmp_path: Path) -> Non
         assert all(alive(member) for member in members)
         # A record whose process id belongs to somebody else by now: its mark is nobody's.
         other.mkdir()
-        orphans.write(other, Record(orphans.new_mark(), bystander.pid, 1))
+        orphans.write(other, Record(marks.new(), bystander.pid, 1))
         swept = orphans.sweep(attempts)
         assert {member.pid for member in members} <= set(swept.ended)
         assert swept.left == ()
@@ -104,12 +109,12 @@ def test_what_both_deaths_leave_is_swept_and_nothing_else(tmp_path: Path) -> Non
 
 
 def test_a_process_older_than_the_attempt_is_not_ours(tmp_path: Path) -> None:
-    mark = orphans.new_mark()
+    mark = marks.new()
     older = subprocess.Popen([sys.executable, "-c", "import time; time.sleep(600)"], env={orphans.ATTEMPT: mark})
     try:
         found = processes.look(older.pid)
         assert found is not None
-        until(lambda: processes.environment_value(older.pid, orphans.ATTEMPT) == mark)
+        until(lambda: marks.bears(older.pid, mark, orphans.ATTEMPT))
         assert orphans.end_marked((Record(mark, 4_000_000, found.start + 1),)) == orphans.Swept()
         assert older.poll() is None
         assert orphans.end_marked((Record(mark, 4_000_000, found.start),)).ended == (older.pid,)
@@ -126,7 +131,7 @@ def test_a_spoilt_record_proves_nothing(tmp_path: Path, content: bytes) -> None:
 
 
 def test_a_record_that_is_a_link_is_not_read(tmp_path: Path) -> None:
-    orphans.write(tmp_path, Record(orphans.new_mark(), 1, 1))
+    orphans.write(tmp_path, Record(marks.new(), 1, 1))
     (tmp_path / orphans.RECORD).rename(tmp_path / "elsewhere.json")
     (tmp_path / orphans.RECORD).symlink_to(tmp_path / "elsewhere.json")
     assert orphans.read(tmp_path) is None

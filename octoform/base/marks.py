@@ -1,0 +1,80 @@
+"""A mark that every process of one run carries, whatever it does with its parent, its session and its environment.
+
+A variable in the environment is lost to a program that starts another with an empty one. So the mark is also a
+resource limit that Linux has not enforced since 2.4.25 (RLIMIT_LOCKS, setrlimit(2)): each process inherits it, and an
+ordinary user can lower it but not raise it, so nobody comes to bear the mark of another run. What root started outside
+of a sandbox can take the limit off. Standard library only; where there is no /proc, nothing bears a mark.
+"""
+
+import os
+import re
+import resource
+import secrets
+from pathlib import Path
+
+_LIMIT = 10  # RLIMIT_LOCKS, asm-generic/resource.h; Python has no name for it
+_DIGITS = 15
+_TOP = 16**_DIGITS
+_FORM = re.compile(rf"[0-9a-f]{{{_DIGITS},}}")
+_PROC = Path("/proc")
+_LIMIT_LINE = b"Max file locks"
+_MOST_BYTES = 1 << 20
+"""Read of an environment, which may be larger (execve(2)): the limit is there too."""
+
+
+def new(digits: int = 32) -> str:
+    """A mark of so many hexadecimal digits, of which the first 15 are the limit: a number that this process may set."""
+    hard = resource.getrlimit(_LIMIT)[1]
+    top = _TOP if hard == resource.RLIM_INFINITY else min(hard, _TOP)
+    # Room below it for the runs that this one starts, and enough above it that no two are the same.
+    number = top // 4 + secrets.randbelow(max(1, top // 4))
+    return f"{number:0{_DIGITS}x}{secrets.token_hex(digits)}"[:digits]
+
+
+def put_on(mark: str, pid: int = 0) -> bool:
+    """Give a process of this user (0: this one) the mark as its limit; what it starts from now on inherits it.
+
+    False when the process is gone, or when this system or a lower limit does not allow it.
+    """
+    number = _number(mark)
+    if number is None:
+        return False
+    try:
+        resource.prlimit(pid, _LIMIT, (number, number))
+    except (OSError, ValueError, AttributeError):
+        return False
+    return True
+
+
+def bears(pid: int, mark: str, variable: str) -> bool:
+    """Whether a process has the mark as its limit, or in the environment that it was started with."""
+    number = _number(mark)
+    if number is not None and _limit(pid) == number:
+        return True
+    return f"{variable}={mark}".encode() in _read(pid, "environ").split(b"\0")
+
+
+def _number(mark: str) -> int | None:
+    """None for what is no mark: a record may have been damaged."""
+    return int(mark[:_DIGITS], 16) if _FORM.fullmatch(mark) else None
+
+
+def _limit(pid: int) -> int | None:
+    """The hard limit in /proc/<pid>/limits (proc(5)); None where there is none, or the process is gone."""
+    for line in _read(pid, "limits").splitlines():
+        if line.startswith(_LIMIT_LINE):
+            hard = line[len(_LIMIT_LINE) :].split()[1]
+            return int(hard) if hard.isdigit() else None
+    return None
+
+
+def _read(pid: int, name: str) -> bytes:
+    try:
+        descriptor = os.open(_PROC / str(pid) / name, os.O_RDONLY | os.O_CLOEXEC)
+    except OSError:
+        return b""
+    try:
+        with os.fdopen(descriptor, "rb") as stream:
+            return stream.read(_MOST_BYTES)
+    except OSError:
+        return b""

@@ -1,0 +1,166 @@
+"""Agents that end or stop whoever supervises them and hide a process, as root and as an ordinary user."""
+
+import json
+import os
+import shutil
+import tempfile
+import time
+from collections.abc import Callable, Iterator, Mapping
+from pathlib import Path
+
+import pytest
+from harness_confined import Host
+
+USERS = [0, 1000] if os.getuid() == 0 else [os.getuid()]
+CONFINED: Mapping[str, bool] = {"network": True}
+SECONDS = 6.0
+
+HIDE = r"""
+import os, signal, sys, time
+HIDDEN = '''
+import os, signal, sys, time
+signal.signal(signal.SIGTERM, signal.SIG_IGN)
+spoilt = open(sys.argv[1], "a", buffering=1)
+spoilt.write(f"{os.getpid()}\\n")
+while True:
+    time.sleep(0.05)
+    spoilt.write("planted\\n")
+'''
+
+def hide(path):
+    # A process without a parent, a terminal or a variable of ours.
+    if os.fork() == 0:
+        os.setsid()
+        if os.fork() == 0:
+            os.execve(sys.executable, [sys.executable, "-I", "-S", "-c", HIDDEN, path], {})
+        os._exit(0)
+    os.wait()
+    while not (os.path.exists(path) and os.path.getsize(path)):
+        time.sleep(0.01)
+
+def above():
+    # Every process between this one and the first, the nearest first.
+    found, pid = [], os.getppid()
+    while pid > 1:
+        found.append(pid)
+        pid = int(open(f"/proc/{pid}/stat").read().rpartition(")")[2].split()[1])
+    return found
+
+hide("server.py")
+"""
+
+ATTACKS = {
+    "killed": "os.kill(os.getppid(), signal.SIGKILL); time.sleep(60)",
+    "killed and its own group too": "os.kill(os.getppid(), signal.SIGKILL); os.killpg(0, signal.SIGKILL)",
+    "stopped": "os.kill(os.getppid(), signal.SIGSTOP); time.sleep(60)",
+    "stopped by a hidden one": """
+if os.fork() == 0:
+    os.setsid()
+    time.sleep(0.3)
+    os.kill(SUPERVISOR, signal.SIGSTOP)
+    time.sleep(60)
+time.sleep(60)
+""",
+}
+
+
+@pytest.fixture(params=USERS, ids=lambda uid: f"uid{uid}")
+def host(request: pytest.FixtureRequest) -> Iterator[Host]:
+    assert shutil.which("bwrap"), "bubblewrap is missing; `make setup` installs it"
+    root = Path(tempfile.mkdtemp(prefix="octoform-supervision-"))
+    try:
+        yield Host(root, request.param)
+    finally:
+        shutil.rmtree(root)
+
+
+def is_alive(pid: int) -> bool:
+    try:
+        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] not in "ZX"
+    except (FileNotFoundError, ProcessLookupError):
+        return False
+
+
+def until(holds: Callable[[], bool]) -> None:
+    end = time.monotonic() + 20
+    while not holds():
+        assert time.monotonic() < end, "it did not come true in time"
+        time.sleep(0.02)
+
+
+def planted(host: Host) -> Path:
+    return host.workdir / "server.py"
+
+
+def stands(path: Path) -> bool:
+    """Whether nobody writes into it any more: looked at for as long as five of its writer's turns."""
+    before = path.stat().st_size
+    end = time.monotonic() + 0.25
+    while time.monotonic() < end:
+        if path.stat().st_size != before:
+            return False
+        time.sleep(0.02)
+    return True
+
+
+@pytest.mark.parametrize("attack", ATTACKS)
+def test_without_a_sandbox_the_attempt_ends_with_its_supervisor_and_says_so(host: Host, attack: str) -> None:
+    code = HIDE + "SUPERVISOR = os.getppid()\n" + ATTACKS[attack]
+    began = time.monotonic()
+    done = host.run(["/usr/bin/python3", "-I", "-S", "-c", code], None, seconds=30)
+    assert time.monotonic() - began < 20, "the attempt outlived its supervisor"
+    hidden = int(planted(host).read_text().splitlines()[0])
+    assert not is_alive(hidden)
+    assert stands(planted(host))
+    detail = done["outcome"]["detail"]
+    word = "stopped by a signal" if "stopped" in attack else "killed"
+    assert f"its supervisor was {word}, so it was ended" in detail
+    assert "without a sandbox it can hide a process from octoform, which may run on" in detail
+
+
+@pytest.mark.parametrize("attack", ATTACKS)
+def test_in_the_sandbox_nobody_finds_the_supervisor_and_nothing_is_left(host: Host, attack: str) -> None:
+    """The agent's parent is of its own namespace: ending it ends the agent, and the namespace with it."""
+    code = HIDE + "SUPERVISOR = os.getppid()\n" + ATTACKS[attack]
+    began = time.monotonic()
+    done = host.run(["/usr/bin/python3", "-I", "-S", "-c", code], CONFINED, seconds=SECONDS)
+    assert time.monotonic() - began < 2 * SECONDS + 4
+    assert "its supervisor" not in done["outcome"]["detail"]
+    assert stands(planted(host))
+
+
+def test_in_the_sandbox_the_supervisor_cannot_be_named(host: Host) -> None:
+    done = host.run(["/usr/bin/python3", "-I", "-S", "-c", HIDE + "print(len(above()))"], CONFINED, seconds=30)
+    assert done["outcome"]["reason"] == "finished"
+    assert int(done["log"].splitlines()[-1]) <= 1, "processes of the host can be seen"
+
+
+def test_a_process_without_any_environment_is_ended_with_its_attempt(host: Host) -> None:
+    done = host.run(["/usr/bin/python3", "-I", "-S", "-c", HIDE], None, seconds=30)
+    assert done["outcome"]["reason"] == "finished"
+    assert "1 process(es) that it had left running were ended" in done["outcome"]["detail"]
+    assert stands(planted(host))
+
+
+def test_what_a_dead_octoform_left_is_ended_by_the_next_run(host: Host) -> None:
+    """The agent kills everything above it: what it hid lives on until the next run of octoform looks."""
+    code = HIDE + "for pid in above():\n    if os.stat(f'/proc/{pid}').st_uid == os.getuid(): os.kill(pid, 9)\n"
+    # No more than its supervisor and octoform: above these are the tests.
+    code = code.replace("for pid in above():", "for pid in above()[:2]:")
+    process = host.start(["/usr/bin/python3", "-I", "-S", "-c", code], None)
+    try:
+        process.wait(60)
+        until(lambda: planted(host).exists())
+        hidden = int(planted(host).read_text().splitlines()[0])
+        assert is_alive(hidden), "nothing is left to be swept"
+        swept = host.call(
+            "from octoform.harness import orphans; from pathlib import Path; import json, sys;"
+            "print(json.dumps(orphans.sweep(Path(sys.argv[1])).ended))",
+            str(host.workdir.parent),
+        )
+        assert hidden in json.loads(swept)
+        until(lambda: not is_alive(hidden))
+        assert stands(planted(host))
+    finally:
+        process.kill()
+        process.communicate()
