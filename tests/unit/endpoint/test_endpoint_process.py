@@ -20,6 +20,12 @@ if "stay" in sys.argv:
 """
 
 
+BARE = DETACHED.replace(
+    "        while True:\n            time.sleep(1)",
+    "        os.execve(sys.executable, [sys.executable, '-I', '-S', '-c', 'import time; time.sleep(600)'], {})",
+)
+
+
 def test_output_and_status_come_back(tmp_path: Path) -> None:
     program = "import sys; print(sys.stdin.read().upper()); print('no', file=sys.stderr); sys.exit(3)"
     done = run([sys.executable, "-c", program], cwd=tmp_path, environment={}, timeout=20, stdin="yes")
@@ -28,6 +34,11 @@ def test_output_and_status_come_back(tmp_path: Path) -> None:
 
 def test_a_grandchild_in_its_own_session_does_not_survive(tmp_path: Path) -> None:
     done = run([sys.executable, "-c", DETACHED], cwd=tmp_path, environment=base_environment(), timeout=20)
+    assert (done.status, done.stdout, done.survivors) == (0, "started\n", 1)
+
+
+def test_a_grandchild_without_any_variable_does_not_survive(tmp_path: Path) -> None:
+    done = run([sys.executable, "-c", BARE], cwd=tmp_path, environment=base_environment(), timeout=20)
     assert (done.status, done.stdout, done.survivors) == (0, "started\n", 1)
 
 

@@ -31,9 +31,10 @@ from fastmcp import FastMCP
 mcp = FastMCP("bench")
 
 @mcp.tool
-def spawn() -> dict[str, int]:
-    """Leaves a process of its own behind, in a session of its own."""
-    return {"pid": subprocess.Popen(["sleep", "600"], start_new_session=True).pid}
+def spawn(bare: bool = False) -> dict[str, int]:
+    """Leaves a process of its own behind, in a session of its own; a bare one without any variable."""
+    more = {"env": {}} if bare else {}
+    return {"pid": subprocess.Popen(["/bin/sleep", "600"], start_new_session=True, **more).pid}
 '''
 TOOLS = [tool("spawn")]
 
@@ -103,17 +104,30 @@ def test_scope_local_has_no_socket_of_a_network(bench: Launched) -> None:
     assert network_sockets(bench.process.pid) == []
 
 
-def test_what_tools_left_running_ends_with_the_endpoint(bench: Launched) -> None:
-    async def spawned() -> int:
-        async with bench.client() as client:
-            return int((await client.call_tool("spawn")).data["pid"])
+async def spawned(bench: Launched, bare: bool) -> int:
+    async with bench.client() as client:
+        return int((await client.call_tool("spawn", {"bare": bare})).data["pid"])
 
-    left = asyncio.run(spawned())
+
+@pytest.mark.parametrize("bare", [False, True])
+def test_what_tools_left_running_ends_with_the_endpoint(bench: Launched, bare: bool) -> None:
+    left = asyncio.run(spawned(bench, bare))
     assert alive(left)
     stopped = supervising.stop(bench.layout)
     assert stopped.process is not None and not stopped.firmly
     assert gone(left) and gone(stopped.process.pid)
     assert running(bench.layout) is None and not bench.layout.socket.exists()
+    bench.start()
+
+
+@pytest.mark.parametrize("bare", [False, True])
+def test_what_tools_of_an_endpoint_left_that_was_killed_ends_with_the_next_stop(bench: Launched, bare: bool) -> None:
+    left = asyncio.run(spawned(bench, bare))
+    served = bench.process.pid
+    os.kill(served, signal.SIGKILL)
+    assert gone(served) and alive(left)
+    assert supervising.stop(bench.layout).process is None
+    assert gone(left)
     bench.start()
 
 
