@@ -9,7 +9,10 @@ git is called: neither a command outside a repository nor a plan without a commi
 import os
 import re
 from collections.abc import Mapping
+from pathlib import Path
 from subprocess import CompletedProcess
+
+from octoform.state.revision import repository
 
 SECONDS = 300
 _OFF = (
@@ -18,7 +21,15 @@ _OFF = (
     *("diff.external=", "diff.ignoreSubmodules=all", "sequence.editor=:", "protocol.allow=never"),
     *("submodule.recurse=false", "log.showSignature=false", "gc.auto=0", "maintenance.auto=false"),
 )
-_FIXED = {"GIT_TERMINAL_PROMPT": "0", "GIT_ALLOW_PROTOCOL": "none", "GIT_NO_LAZY_FETCH": "1", "GIT_EDITOR": ":"}
+_FIXED = {
+    "GIT_TERMINAL_PROMPT": "0",
+    "GIT_ALLOW_PROTOCOL": "none",
+    "GIT_NO_LAZY_FETCH": "1",
+    "GIT_NO_REPLACE_OBJECTS": "1",
+    "GIT_EDITOR": ":",
+}
+_INHERITED = ("GIT_DIR", "GIT_WORK_TREE", "GIT_INDEX_FILE")
+"""What a git that may have called us, as from a hook, says of its own repository."""
 _PROGRAM = re.compile(
     r"(filter\..*\.(clean|smudge|process|required)|diff\..*\.(command|textconv)|merge\..*\.driver|gpg\.(.*\.)?program"
     r"|gpg\.ssh\.defaultkeycommand|trailer\..*\.(cmd|command)|credential\..*\.helper)",
@@ -79,7 +90,7 @@ def _run(words: list[str], root: str, environment: Mapping[str, str]) -> "Comple
     try:
         status, output, complaints = Git(root).execute(
             words,
-            env={**_FIXED, **environment},
+            env={**_FIXED, **_own(root), **environment},
             shell=False,
             with_extended_output=True,
             with_exceptions=False,
@@ -90,3 +101,12 @@ def _run(words: list[str], root: str, environment: Mapping[str, str]) -> "Comple
     except GitCommandNotFound as problem:
         raise FileNotFoundError("there is no git program") from problem
     return CompletedProcess(words, status, output, complaints.encode(errors="surrogateescape"))
+
+
+def _own(root: str) -> dict[str, str]:
+    """The variables with which git means the repository of ``root``, where ours name another one."""
+    where = repository(Path(root)) if any(name in os.environ for name in _INHERITED) else None
+    if where is None:
+        return {}
+    places = (where.folder, where.root, where.folder / "index")
+    return {name: str(place) for name, place in zip(_INHERITED, places, strict=True)}

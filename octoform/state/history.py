@@ -32,7 +32,7 @@ _HOOKS = (
     *("p4-pre-submit", "post-index-change"),
 )
 """All that git runs from a folder of hooks (githooks(5))."""
-_INHERITED = ("GIT_DIR", "GIT_WORK_TREE", "GIT_INDEX_FILE")
+_PLAINLY = {"GIT_LITERAL_PATHSPECS": "1", "LANGUAGE": "C", "LC_ALL": "C"}
 _UNDER_WAY = {
     "MERGE_HEAD": "a merge",
     "CHERRY_PICK_HEAD": "a cherry-pick",
@@ -54,7 +54,7 @@ class GitFacts:
 
 @dataclass(frozen=True, slots=True)
 class _Git:
-    """Runs git on one repository, with nothing inherited from a git that may have called us."""
+    """Runs git on one repository, in plain English and with names that are no patterns."""
 
     where: Repository
     extra: Mapping[str, str] = field(default_factory=dict)
@@ -71,18 +71,7 @@ class _Git:
         return done.stdout if done.returncode == 0 else None
 
     def _call(self, *arguments: str) -> "CompletedProcess[bytes]":
-        return call(str(self.where.root), list(arguments), {**self._environment(), **self.extra})
-
-    def _environment(self) -> dict[str, str]:
-        fixed = {"GIT_LITERAL_PATHSPECS": "1", "LANGUAGE": "C", "LC_ALL": "C"}
-        if any(name in os.environ for name in _INHERITED):
-            index = str(self.where.folder / "index")
-            fixed |= {
-                "GIT_DIR": str(self.where.folder),
-                "GIT_WORK_TREE": str(self.where.root),
-                "GIT_INDEX_FILE": index,
-            }
-        return fixed
+        return call(str(self.where.root), list(arguments), {**_PLAINLY, **self.extra})
 
 
 def _open(project: Path) -> tuple[_Git | None, list[Diagnostic]]:

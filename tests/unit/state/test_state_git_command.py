@@ -211,3 +211,28 @@ def test_a_call_that_does_not_end_is_ended(planted: Planted, monkeypatch: pytest
     monkeypatch.setenv("PATH", f"{slow.parent}:{os.environ['PATH']}")
     done = call(str(planted.root), ["status"])
     assert done.returncode != 0 and b"did not complete in 0.3 secs" in done.stderr
+
+
+def test_what_the_environment_says_of_another_repository_and_of_programs_is_not_taken(
+    planted: Planted, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    other = planted.root.parent / "other"
+    planted.git("init", "-q", str(other))
+    for name, value in {"GIT_DIR": ".git", "GIT_WORK_TREE": ".", "GIT_INDEX_FILE": ".git/index"}.items():
+        monkeypatch.setenv(name, str(other / value))
+    for name in ("GIT_EXTERNAL_DIFF", "GIT_PAGER", "GIT_ASKPASS", "GIT_SSH", "GIT_SEQUENCE_EDITOR", "GIT_EDITOR"):
+        monkeypatch.setenv(name, str(planted.program))
+    for name, value in {"COUNT": "1", "KEY_0": "core.fsmonitor", "VALUE_0": str(planted.program)}.items():
+        monkeypatch.setenv(f"GIT_CONFIG_{name}", value)
+    (planted.root / "octopus.yaml").write_text("version: 2\n")
+    assert memo._dirty(planted.root, {"sources": ["octopus.yaml", "state/a"]}) == ("octopus.yaml",)
+    assert planted.all_of_octoform() is not None
+    assert not planted.mark.exists()
+
+
+def test_an_object_that_was_replaced_is_read_as_it_was_committed(planted: Planted) -> None:
+    former = planted.git("rev-parse", "HEAD:state/a").strip()
+    (planted.root / "state" / "a").write_text("planted\n")
+    planted.git("replace", former, planted.git("hash-object", "-w", "state/a").strip())
+    [files] = versions(planted.root, planted.root / "state")
+    assert files == {"a": b"1\n"}
