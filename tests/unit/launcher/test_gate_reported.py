@@ -106,6 +106,8 @@ def test_a_report_outside_of_the_range_keeps_the_unit_still_until_a_person_sets_
             assert await told("move_all", pan=5000) == ""
             assert "5000 raw" in await told("move_all", pan=5000, elbow=5000)
 
+    asyncio.run(talk())
+
 
 def test_a_result_that_says_nothing_is_told_as_unknown(tmp_path: Path) -> None:
     async def talk() -> None:
@@ -113,6 +115,8 @@ def test_a_result_that_says_nothing_is_told_as_unknown(tmp_path: Path) -> None:
             await client.call_tool("silent", {"joint": "elbow", "position": 5})
             await client.call_tool("silent", {"joint": "pan", "position": 5})
             assert [each["units"] for each in here.records("place_unknown")] == [["elbow"]]
+
+    asyncio.run(talk())
 
 
 def test_shadow_mode_tells_and_lets_pass(tmp_path: Path) -> None:
