@@ -82,22 +82,22 @@ def bench(tmp_path_factory: pytest.TempPathFactory, compiled: Path) -> Iterator[
     rig.stop()
 
 
-def test_a_confirmed_declaration_keeps_the_joint_still_for_good(bench: Bench) -> None:
+@pytest.mark.parametrize("kind", ["disable_unit", "fire_risk"])
+def test_a_confirmed_declaration_keeps_the_joint_still_for_good(bench: Bench, kind: str) -> None:
     ledger = bench.ledger
     reading = ledger.make(LOAD, 99.0)
     ledger.record([reading])
-    proposal = Proposal(
-        f"device:{ARM}/{ELBOW}", "none", "The gear is broken.", cites=(reading.id,), irreversible="disable_unit"
-    )
+    proposal = Proposal(f"device:{ARM}/{ELBOW}", "none", "The gear is broken.", cites=(reading.id,), irreversible=kind)
     claim = ledger.propose(proposal, "watch")
     assert isinstance(claim, Claim)
-    assert "permanent restriction disable_unit" in bench.project.run("claims", status=0).out
-    assert "permanent restriction disable_unit" in bench.project.run("health").out
+    assert f"permanent restriction {kind}" in bench.project.run("claims", status=0).out
+    assert f"permanent restriction {kind}" in bench.project.run("health").out
+    assert f"permanent restriction {kind}" in bench.project.run("confirm", status=0).out
     bench.project.run("confirm", claim.id, "-auto-approve", status=0)
 
     def is_held() -> None:
         for call, text in zip(MOVING, bench.told(*MOVING.items()), strict=True):
-            assert "permanent restriction disable_unit" in text and f"claims -retire {claim.id}" in text, (call, text)
+            assert f"permanent restriction {kind}" in text and f"claims -retire {claim.id}" in text, (call, text)
 
     is_held()
     wrist = ("arm_move_joint", {"joint": "wrist_roll", "position": 2100, "speed": 1500})
