@@ -34,7 +34,9 @@ def _running(commands: Commands) -> None:
         ("uninstall", "stop and remove the units"),
     ):
         verb = add(verbs, name, text, json=False)
-        flag(verb, "user", "for this user alone; without it the units are only printed")
+        ways = verb.add_mutually_exclusive_group()
+        flag(ways, "user", "for this user's systemd")
+        flag(ways, "print", "only print the units for the whole machine, and what to do with them as root")
         flag(verb, "auto-approve", "do not ask")
 
 

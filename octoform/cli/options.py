@@ -80,7 +80,7 @@ def verbs_of(command: Parser) -> Commands:
     return command.add_subparsers(dest="verb", metavar="VERB", required=True, parser_class=Parser)
 
 
-def flag(command: Parser, name: str, text: str) -> None:
+def flag(command: "argparse._ActionsContainer", name: str, text: str) -> None:
     """An option without a value."""
     command.add_argument(f"-{name}", f"--{name}", action="store_true", help=text)
 

@@ -20,13 +20,18 @@ def lasting_command(words: Sequence[str], environ: Mapping[str, str]) -> list[st
 
     This interpreter where it stays; else an octoform of the PATH that does; None where there is none.
     """
-    if not _of_a_cache(Path(sys.prefix), environ):
+    if stays(environ):
         return [sys.executable, "-I", "-m", "octoform.cli", *words]
     for folder in map(Path, environ.get("PATH", "").split(os.pathsep)):
         program = folder / NAME
         if folder.is_absolute() and os.access(program, os.X_OK) and not _of_a_cache(program, environ):
             return [str(program), *words]
     return None
+
+
+def stays(environ: Mapping[str, str]) -> bool:
+    """Whether this octoform is there for later runs too, and does not lie in a cache for one run."""
+    return not _of_a_cache(Path(sys.prefix), environ)
 
 
 def _of_a_cache(path: Path, environ: Mapping[str, str]) -> bool:

@@ -2,12 +2,13 @@
 
 import getpass
 import os
+import sys
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
 from octoform.diagnostics import Diagnostic, error
-from octoform.endpoint import stopmark, supervising, systemd
+from octoform.endpoint import starter, stopmark, supervising, systemd
 from octoform.endpoint.files import LAUNCHER, of_another
 from octoform.endpoint.running import Running
 from octoform.endpoint.watch_unit import watch_name, watch_path, watch_text, watches
@@ -57,11 +58,22 @@ def unit_of(project: Path, environ: Mapping[str, str], *, own: bool) -> tuple[Un
 
 
 def missing(unit: Unit) -> Diagnostic | None:
-    """That there is nothing yet which the unit could start, or only what would start another folder's endpoint."""
+    """That there is nothing yet which the unit could start for long, or only what would start another's endpoint."""
     if (unit.layout.endpoint / LAUNCHER).is_file():
-        return of_another(unit.layout)
+        return of_another(unit.layout) or _temporary()
     hint = "run octoform apply, which builds it"
     return error("ENDPOINT-NOT-APPLIED", f"{unit.layout.host} has no endpoint yet", hint=hint)
+
+
+def _temporary() -> Diagnostic | None:
+    """That the daemon's unit would name a program which is gone as soon as a cache is cleaned."""
+    if starter.stays(os.environ):
+        return None
+    hint = (
+        "install it where it stays (uv tool install octoform, pipx install octoform), then run this again with that one"
+    )
+    summary = "octoform runs from a cache, and systemd would not find it there later"
+    return error("SERVICE-COMMAND-TEMPORARY", summary, detail=sys.prefix, hint=hint)
 
 
 def obstacle(unit: Unit) -> Diagnostic | None:

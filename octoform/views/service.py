@@ -20,19 +20,26 @@ def unit(console: Console, found: Unit) -> None:
 
 def machine_wide(console: Console, found: Unit) -> int:
     """Nothing was written; what a person would do who wants it for the whole machine."""
-    console.line("Nothing was written. octoform service install -user installs it for you alone.")
-    console.line("For the whole machine, put these texts at the places above as root, then:")
+    console.line("Nothing was written. For the whole machine, put these texts at the places above as root, then:")
     console.line(f"  systemctl daemon-reload\n  systemctl enable --now {found.name} {found.watch.name}")
     return 0
 
 
 def no_machine_wide(console: Console, found: Unit) -> int:
     """Nothing was taken away; what a person would do."""
-    console.line("Nothing was taken away. octoform service uninstall -user takes away what was installed for you.")
-    console.line("For the whole machine, as root:")
+    console.line("Nothing was taken away. For the whole machine, as root:")
     console.line(f"  systemctl disable --now {found.watch.name} {found.name}")
     console.line(f"  rm {found.watch.path} {found.path}\n  systemctl daemon-reload")
     return 0
+
+
+def for_whom(verb: str) -> Diagnostic:
+    """Neither of the two ways was chosen, so nothing was done."""
+    hint = (
+        f"octoform service {verb} -user does it for this user's systemd; "
+        "-print shows the units for the whole machine and what to do with them as root"
+    )
+    return error("SERVICE-FOR-WHOM", f"nothing was done: service {verb} needs -user or -print", hint=hint)
 
 
 def approves(console: Console, question: str) -> bool:

@@ -240,13 +240,25 @@ def test_uninstall_stops_the_endpoint_and_leaves_nothing(systemd: Systemd, bench
 
 
 @pytest.mark.parametrize("verb", ["install", "uninstall"])
-def test_without_user_nothing_is_written_and_systemd_is_not_asked(systemd: Systemd, bench: Launched, verb: str) -> None:
+def test_units_for_the_machine_are_only_printed_and_systemd_is_not_asked(
+    systemd: Systemd, bench: Launched, verb: str
+) -> None:
     done = octoform(systemd, bench, "service", verb)
+    assert done.returncode == 1 and "SERVICE-FOR-WHOM" in done.stderr and done.stdout == ""
+    assert "not allowed with" in octoform(systemd, bench, "service", verb, "-user", "-print").stderr
+    done = octoform(systemd, bench, "service", verb, "-print")
     assert done.returncode == 0
     assert f"/etc/systemd/system/{NAME}" in done.stdout and f"/etc/systemd/system/{WATCH}" in done.stdout
     assert ("WantedBy=multi-user.target" in done.stdout) == (verb == "install")
     assert "sudo" not in done.stdout
     assert not systemd.units.exists() and not (systemd.folder / "told").exists()
+
+
+def test_a_program_in_a_cache_is_given_to_no_unit(systemd: Systemd, bench: Launched) -> None:
+    systemd.environ["UV_CACHE_DIR"] = sys.prefix
+    done = octoform(systemd, bench, "service", "install", "-user", "-auto-approve")
+    assert done.returncode == 1 and "SERVICE-COMMAND-TEMPORARY" in done.stderr
+    assert not systemd.units.exists() and systemd.told() == []
 
 
 def test_without_a_yes_nothing_is_written(systemd: Systemd, bench: Launched) -> None:

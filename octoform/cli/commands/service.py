@@ -11,7 +11,9 @@ from octoform.views.console import Console
 
 
 def run(arguments: Namespace, project: Path, screen: Console) -> int:
-    """Show the units; with ``-user`` do it, after a yes."""
+    """With ``-user`` show the units and do it, after a yes; with ``-print`` show those for the whole machine."""
+    if not arguments.user and not arguments.print:
+        return problems.show(screen, [view.for_whom(arguments.verb)])
     unit, found = engine.unit_of(project, os.environ, own=arguments.user)
     if unit is None:
         return problems.show(screen, found)
