@@ -168,6 +168,25 @@ def test_without_a_daemon_the_door_calls_nothing_healthy_that_nobody_looked_at(b
     assert bench.status() == bench.health() == "healthy", "these two look themselves"
 
 
+def test_a_daemon_that_died_vouches_for_nothing(bench: Bench) -> None:
+    """What it wrote last is nobody's word any more: who asks looks, and who cannot look does not call it healthy."""
+    daemon = bench.project.start("watch", start_new_session=True)
+    try:
+        assert becomes(bench.http, "healthy") == "healthy"
+    finally:
+        os.killpg(daemon.pid, signal.SIGKILL)
+        daemon.communicate(timeout=30)
+    assert becomes(bench.http, "unknown") == "unknown"
+    assert bench.status() == bench.health() == "healthy", "these two look themselves"
+    assert "octoform watch" in bench.project.run("health").out, "nobody watches it, and that is said"
+    lines = bench.metrics.read_text().splitlines()
+    written = next(line for line in lines if line.startswith("octoform_last_round_timestamp_seconds"))
+    assert 0 <= time.time() - float(written.split()[-1]) < 60, "the file tells how old it is"
+    with device_gone(bench):
+        words = (bench.status(), bench.health(), becomes(bench.http, "degraded"))
+        assert words == ("degraded", "degraded", "degraded")
+
+
 @pytest.fixture(scope="module")
 def watched(bench: Bench) -> Iterator[Bench]:
     daemon = bench.project.start("watch")
@@ -186,25 +205,6 @@ def test_with_a_daemon_all_say_the_same(watched: Bench, situation: str) -> None:
         until_metrics = becomes(lambda: watched.counted() if watched.metrics.exists() else "", word)
         assert until_metrics == word
         assert {name: becomes(told, word) for name, told in surfaces.items()} == dict.fromkeys(surfaces, word)
-
-
-def test_a_daemon_that_died_vouches_for_nothing(bench: Bench) -> None:
-    """What it wrote last is nobody's word any more: who asks looks, and who cannot look does not call it healthy."""
-    daemon = bench.project.start("watch", start_new_session=True)
-    try:
-        assert becomes(bench.http, "healthy") == "healthy"
-    finally:
-        os.killpg(daemon.pid, signal.SIGKILL)
-        daemon.communicate(timeout=30)
-    assert becomes(bench.http, "unknown") == "unknown"
-    assert bench.status() == bench.health() == "healthy", "these two look themselves"
-    assert "octoform watch" in bench.project.run("health").out, "nobody watches it, and that is said"
-    lines = bench.metrics.read_text().splitlines()
-    written = next(line for line in lines if line.startswith("octoform_last_round_timestamp_seconds"))
-    assert 0 <= time.time() - float(written.split()[-1]) < 60, "the file tells how old it is"
-    with device_gone(bench):
-        words = (bench.status(), bench.health(), becomes(bench.http, "degraded"))
-        assert words == ("degraded", "degraded", "degraded")
 
 
 def test_a_user_without_rights_is_told_by_apply_doctor_and_coverage(bench: Bench) -> None:
