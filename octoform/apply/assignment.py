@@ -14,7 +14,7 @@ from octoform.apply.gate import Verdict, judge
 from octoform.apply.reading import predecessor
 from octoform.diagnostics import Diagnostic, error
 from octoform.harness.port import Price, Task
-from octoform.harness.pricing import price_of
+from octoform.harness.pricing import OWNERS, price_of
 from octoform.manifest.model import MODEL_FREE, Budget, HarnessSpec
 from octoform.manifest.references import resolve
 
@@ -59,7 +59,7 @@ class Assignment:
         if name is None or self.harness.name in MODEL_FREE:
             return None
         listed = context.manifest.prices.get(self.model or "")
-        known = {name: Price(listed.input, listed.cached, listed.output, "manifest")} if listed is not None else {}
+        known = {name: Price(listed.input, listed.cached, listed.output, OWNERS)} if listed is not None else {}
         return price_of(name, known)
 
 

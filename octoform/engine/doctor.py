@@ -19,7 +19,7 @@ from octoform.harness.adapters.command import CommandHarness
 from octoform.harness.adapters.program import ProgramHarness
 from octoform.harness.asking.route import Route, apis_for, route
 from octoform.harness.health import Check, Status, command_check, failed, passed, program_checks, sandbox_check, unknown
-from octoform.harness.pricing import price_of
+from octoform.harness.pricing import OWNERS, price_of
 from octoform.harness.reaching import model_checks
 from octoform.manifest.loading import load
 from octoform.manifest.model import MODEL_FREE, HarnessSpec, Manifest
@@ -176,7 +176,7 @@ class _Rounds:
         if not agent.money or name is None:
             return ()
         listed = self.manifest.prices.get(agent.model or "")
-        known = {name: port.Price(listed.input, listed.cached, listed.output, "manifest")} if listed else {}
+        known = {name: port.Price(listed.input, listed.cached, listed.output, OWNERS)} if listed else {}
         price = price_of(name, known)
         if price is None:
             hint = (

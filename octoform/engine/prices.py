@@ -9,7 +9,7 @@ from datetime import UTC, datetime
 from octoform.apply.assignment import UNMEASURED
 from octoform.diagnostics import Diagnostic, error, warning
 from octoform.harness.port import Price
-from octoform.harness.pricing import OLD_DAYS, age_days, price_of
+from octoform.harness.pricing import OLD_DAYS, OWNERS, age_days, price_of
 from octoform.manifest.model import STEP, HarnessSpec, Manifest
 from octoform.manifest.references import resolve
 from octoform.plan.model import Plan
@@ -55,5 +55,5 @@ def _counted(manifest: Manifest) -> Iterator[tuple[str, str]]:
 
 def _price(manifest: Manifest, model: str, environ: Mapping[str, str]) -> Price | None:
     name, listed = resolve(model, environ), manifest.prices.get(model)
-    known = {name: Price(listed.input, listed.cached, listed.output, "manifest")} if listed is not None else {}
+    known = {name: Price(listed.input, listed.cached, listed.output, OWNERS)} if listed is not None else {}
     return price_of(name, known)

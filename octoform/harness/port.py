@@ -40,7 +40,7 @@ class Usage:
     """What a run cost, as far as it is known: tokens as counts, cost in US dollars; None is unknown.
 
     ``input_tokens`` are all tokens that went in, the ``cached_tokens`` among them. ``cost_source`` says who priced
-    them: ``manifest`` or ``litellm`` (its table). What a program itself says that it cost is not taken over.
+    them: ``manifest``, a table (``litellm`` or octoform's own, with its date), or the program that reports its cost.
     """
 
     input_tokens: int | None = None

@@ -17,6 +17,8 @@ from octoform.harness.port import Price, Usage
 TABLE = "model_prices_and_context_window_backup.json"
 MILLION = 1_000_000
 SHIPPED = Path(__file__).with_name("prices.json")
+OWNERS = "manifest"
+"""The source of a price that the owner has given."""
 OLD_DAYS = 180
 """Days after which the shipped prices are warned about: makers change theirs a few times a year."""
 

@@ -30,7 +30,7 @@ from octoform.harness.port import (
     Turn,
     Usage,
 )
-from octoform.harness.pricing import cost_of
+from octoform.harness.pricing import OWNERS, cost_of
 from octoform.harness.tasklog import Progress
 
 CLOSING_SECONDS = 10.0
@@ -99,9 +99,10 @@ class Watcher:
 
     @property
     def usage(self) -> Usage:
-        """What was used so far, priced where a price is known."""
+        """What was used so far, with its cost: by the owner's price, the program's own report, or a table's price."""
         used = self._seen.totals or self._seen.usage
-        if self._price is not None:
+        owners = self._price is not None and self._price.source == OWNERS
+        if self._price is not None and (owners or used.cost_usd is None):
             return replace(used, cost_usd=cost_of(used, self._price), cost_source=self._price.source)
         return used
 

@@ -5,8 +5,10 @@ a reply cost: the message itself is printed once for each of its parts, with the
 request that failed for good is a ``result`` of subtype ``success`` with ``is_error``.
 """
 
+import math
 import os
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -241,7 +243,18 @@ def _totals(models: object) -> Iterable[Totals]:
     for used in models.values():
         for name in COUNTS:
             counts[name] += count(used, IN_TOTALS[name]) or 0
-    yield Totals(_usage(counts))
+    cost = _cost(list(models.values()))
+    yield Totals(replace(_usage(counts), cost_usd=cost, cost_source=None if cost is None else ClaudeCode.name))
+
+
+def _cost(models: Sequence[object]) -> float | None:
+    """Dollars at the maker's list prices; None where it does not know a model, whose price it then invents."""
+    if any(field(used, "costBasis") != "list" for used in models):
+        return None
+    costs = [field(used, "costUSD") for used in models]
+    numbers = [float(cost) for cost in costs if isinstance(cost, int | float) and not isinstance(cost, bool)]
+    known = len(numbers) == len(costs) and all(math.isfinite(cost) and cost >= 0 for cost in numbers)
+    return math.fsum(numbers) if known else None
 
 
 def _usage(value: object) -> Usage:

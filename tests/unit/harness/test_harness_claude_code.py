@@ -83,6 +83,25 @@ def test_a_second_result_tells_of_the_whole_run_again() -> None:
     assert of(events, Totals) == [Totals(Usage(132, 30, 7)), Totals(Usage(133, 30, 8))]
 
 
+@pytest.mark.parametrize(
+    ("models", "cost"),
+    [
+        ({"a": ("list", 0.5), "b": ("list", 0.25)}, 0.75),
+        ({"a": ("list", 0.5), "b": ("unknown", 0.25)}, None),
+        ({"a": ("list", None)}, None),
+        ({"a": ("list", -1)}, None),
+        ({"a": (None, 0.5)}, None),
+    ],
+)
+def test_its_own_report_of_the_cost_counts_where_the_prices_are_its_makers(
+    models: dict[str, tuple[str | None, float | None]], cost: float | None
+) -> None:
+    used = {name: {"inputTokens": 1, "costUSD": usd, "costBasis": basis} for name, (basis, usd) in models.items()}
+    result = {"type": "result", "is_error": False, "usage": {"input_tokens": 1}, "modelUsage": used}
+    (totals,) = of(lines(ClaudeCodeDialect(), "stdout", result), Totals)
+    assert (totals.usage.cost_usd, totals.usage.cost_source) == (cost, None if cost is None else "claude-code")
+
+
 def test_a_refused_key_is_final_at_once_and_a_limit_of_the_rate_is_not() -> None:
     retry = {"type": "system", "subtype": "api_retry", "attempt": 1, "max_retries": 4}
     dialect = ClaudeCodeDialect()

@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Iterable
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -29,6 +30,7 @@ EVENTS: dict[bytes, AgentEvent] = {
     b"refused": Trouble(ExitReason.AUTH, "401", final=True),
     b"limited": Trouble(ExitReason.RATE_LIMIT, "429"),
     b"totals": Totals(Usage(5000, 0, 500)),
+    b"priced totals": Totals(Usage(5000, 0, 500, 0.07, "claude-code")),
     b"done": Closed(ok=True),
     b"failed": Closed(ok=False, text="it gave up"),
 }
@@ -102,6 +104,14 @@ def test_the_programs_own_sum_stands_above_what_was_added_up() -> None:
     run = Run(PRICE)
     run.at(1, b"turn", b"turn", b"totals")
     assert (run.watcher.usage.input_tokens, run.watcher.usage.output_tokens) == (5000, 500)
+
+
+@pytest.mark.parametrize(("source", "cost"), [("manifest", 0.1), ("litellm", 0.07)])
+def test_a_programs_own_report_of_its_cost_goes_before_a_table_and_behind_the_owner(source: str, cost: float) -> None:
+    run = Run(replace(PRICE, source=source))
+    run.at(1, b"turn", b"priced totals")
+    assert run.watcher.usage.cost_usd == pytest.approx(cost)
+    assert run.watcher.usage.cost_source == ("manifest" if source == "manifest" else "claude-code")
 
 
 def test_what_nobody_told_is_unknown_and_costs_nothing_that_could_be_limited() -> None:
