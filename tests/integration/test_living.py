@@ -6,7 +6,7 @@ whose inputs lie in their attempts' folders.
 
 import json
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -93,39 +93,35 @@ def edit(bench: Bench) -> None:
     assert until(lambda: bench.health().get("at") != looked, LONG)
 
 
-@pytest.mark.parametrize("again", [restart, edit])
-def test_what_was_given_up_costs_nothing_more_and_stays_so_until_a_person_asks(
-    bench: Bench, again: Callable[[Bench], None]
-) -> None:
+def listed(bench: Bench) -> list[str]:
+    """The targets that `octoform heal` lists."""
+    document = json.loads(bench.project.run("heal", "-json").out)
+    return [each["target"] for value in document.values() if isinstance(value, list) for each in value]
+
+
+def test_what_was_given_up_costs_nothing_more_and_stays_so_until_a_person_asks(bench: Bench) -> None:
     first = given_up(bench)
     assert first.count("heal") >= 2 and given(bench, "watch")["failures"][0]["tool"] == "weigh"
     spent = len(asked(bench))
-    again(bench)
-    for _ in range(3):
-        assert not bench.call("weigh")[0]
-    seen = bench.health().get("at")
-    assert until(lambda: bench.health().get("at") != seen, LONG)
-    assert outcome(bench) == "frozen" and len(asked(bench)) == spent
-    assert not until(lambda: len(asked(bench)) != spent, 3.0), "a frozen trouble costs a run of an agent"
+    for again in (restart, edit):
+        again(bench)
+        for _ in range(3):
+            assert not bench.call("weigh")[0]
+        seen = bench.health().get("at")
+        assert until(lambda seen=seen: bench.health().get("at") != seen, LONG)  # type: ignore[misc]
+        assert outcome(bench) == "frozen" and listed(bench) == [TARGET]
+        assert not until(lambda: len(asked(bench)) != spent, 3.0), "a frozen trouble costs a run of an agent"
+    assert [each for each in alerts(bench) if each[1] == TARGET] == [("opened", TARGET), ("frozen", TARGET)]
 
     bench.project.run("heal", "-retry", TARGET, status=0)
-    assert until(lambda: len(asked(bench)) > spent, LONG), "nobody is asked although a person wants it"
-    assert until(lambda: outcome(bench) == "frozen", LONG)
+    assert until(lambda: asked(bench)[spent:].count("heal") >= 1, LONG), "nobody is asked although a person wants it"
+    assert until(lambda: any(bench.layout.attempts.glob("*-heal-*/input.json")), LONG)
     failures = given(bench, "heal")["failures"]
     assert [each["tool"] for each in failures] == ["weigh"] and failures[0]["count"] >= 1
-    assert [each for each in alerts(bench) if each[1] == TARGET][:2] == [("opened", TARGET), ("frozen", TARGET)]
-    mended(bench)
 
-
-def test_heal_lists_what_lasts_and_nothing_else(bench: Bench) -> None:
-    given_up(bench)
-    document = json.loads(bench.project.run("heal", "-json").out)
-    (listed,) = [value for value in document.values() if isinstance(value, list) and value]
-    assert [each["target"] for each in listed] == [TARGET]
     mended(bench)
     assert until(lambda: not bench.open_episodes(), LONG)
-    document = json.loads(bench.project.run("heal", "-json").out)
-    assert [value for value in document.values() if isinstance(value, list) and value] == []
+    assert listed(bench) == [], "what is over is listed"
     text = bench.project.run("heal").text
     assert TARGET not in text and "None" not in text
 
