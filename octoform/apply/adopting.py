@@ -6,7 +6,6 @@ and the next apply puts back. Once it is proved, one file tells of it before any
 that is killed from then on is finished by the next one.
 """
 
-import json
 import shutil
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, replace
@@ -240,7 +239,7 @@ def _read(layout: Layout) -> Adoption | None:
     """What a killed run was about to adopt; None when there is nothing whole."""
     data, _ = read_regular(layout.local / RECORD)
     try:
-        told = json.loads(data or b"")
+        told = files.parse(data or b"")
         found = Adoption(*(str(told[name]) for name in ("node", "base", "digest", "source")))
     except (ValueError, LookupError, TypeError):
         return None

@@ -16,6 +16,7 @@ from octoform.apply import spec_copy
 from octoform.apply.assignment import Assignment
 from octoform.apply.context import Context
 from octoform.apply.reading import accepted
+from octoform.base.files import parse, replace
 from octoform.diagnostics import Diagnostic, to_json
 from octoform.harness.completion import LiteLLMCompletion
 from octoform.harness.condensing import Excerpt, condense
@@ -92,15 +93,17 @@ def prepare(
     editable = failed is not None and assignment.budget.edit_specs
     spec_copy.give(task.workdir, spec, editable=editable)
     if assignment.given is not None:
-        (task.workdir / "input.json").write_bytes(assignment.given)
+        replace(task.workdir / "input.json", assignment.given, 0o644, synced=False)
     for name, data in assignment.beside.items():
-        (task.workdir / name).write_bytes(data)
+        replace(task.workdir / name, data, 0o644, synced=False)
     if failed is not None and failed.former is not None:
         shutil.copyfile(failed.former, task.workdir / FORMER)
     document = _document(context, assignment, task, failed)
-    task.document.write_text(json.dumps(document, indent=2, ensure_ascii=False) + "\n", encoding="utf-8")
+    text = json.dumps(document, indent=2, ensure_ascii=False) + "\n"
+    replace(task.document, text.encode(), 0o644, synced=False)
     excerpt = _excerpt(context, task, failed)
-    task.prompt.write_text(_prompt(context, assignment, task, failed, excerpt), encoding="utf-8")
+    prompt = _prompt(context, assignment, task, failed, excerpt)
+    replace(task.prompt, prompt.encode(), 0o644, synced=False)
     return Prepared(task, spec, editable, excerpt.usage)
 
 
@@ -220,7 +223,7 @@ def _answers(context: Context, assignment: Assignment) -> Mapping[str, str]:
     """What a person said of the devices that the agent is asked about; of no other stage's concern than IDENTIFY's."""
     if assignment.stage != ASKED or not context.manifest.answers:
         return {}
-    probe = json.loads(assignment.given) if assignment.given is not None else accepted(context, FIRST)
+    probe = parse(assignment.given) if assignment.given is not None else accepted(context, FIRST)
     listed = {device["id"] for device in probe["devices"]}
     return {device: sentence for device, sentence in context.manifest.answers.items() if device in listed}
 

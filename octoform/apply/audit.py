@@ -155,7 +155,7 @@ def _keep(watch: Watch, path: Path, undone: Path) -> Path | None:
         if there.kind == "other":
             shutil.move(path, copy)
         else:
-            copy.write_bytes(there.data)
+            files.replace(copy, there.data, 0o644, synced=False)
     except OSError:
         return None  # the agent has filled the disk or made away with its folder; both are told elsewhere
     return copy
@@ -216,8 +216,7 @@ def _restore(watch: Watch, path: Path, before: _There | None) -> None:
     if before.kind == "link":
         path.symlink_to(os.fsdecode(before.data))
         return
-    path.touch(before.mode)
-    path.write_bytes(before.data)
+    files.replace(path, before.data, before.mode)
     path.chmod(before.mode)
 
 

@@ -104,7 +104,7 @@ def _installed(context: Context) -> frozenset[Path]:
 def _daemon(layout: Layout) -> bytes | None:
     """Which daemon was there last (empty: none ever was); None while one lives, or where that cannot be told."""
     try:
-        descriptor = os.open(layout.daemon_lock, os.O_RDONLY | os.O_CLOEXEC | os.O_NOFOLLOW)
+        descriptor = os.open(layout.daemon_lock, os.O_RDONLY | os.O_CLOEXEC | os.O_NOFOLLOW | os.O_NONBLOCK)
     except FileNotFoundError:
         return b""
     except OSError:

@@ -4,12 +4,12 @@ The copy is written before anything of the artifacts changes, by octoform and no
 episode are one way back: to the server that was accepted when the episode began.
 """
 
-import json
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
 from octoform import digest
 from octoform.apply.settling import text_of
+from octoform.base.files import parse
 from octoform.diagnostics import Diagnostic
 from octoform.state.files import make_folders, read_regular, refused, write_atomic
 from octoform.state.layout import Layout
@@ -59,7 +59,7 @@ def read(layout: Layout, episode: str) -> Healed | None:
     if data is None:
         return None
     try:
-        told = json.loads(data)
+        told = parse(data)
         names = ("episode", "at", "tool", "base", "digest", "source")
         found = Healed(*(str(told[name]) for name in names))
         whole = told["format"] == 1 and found.episode == episode

@@ -14,6 +14,7 @@ from pathlib import Path
 from octoform.apply.context import Context
 from octoform.apply.endpoint_node import CANDIDATE
 from octoform.apply.healing_record import FOLDER as HEALED
+from octoform.base.files import read
 from octoform.endpoint.environment import MARKER, packages_of
 from octoform.endpoint.files import (
     CLIENTS,
@@ -183,6 +184,6 @@ def _units(layout: Layout, environ: Mapping[str, str]) -> Iterator[Path]:
 def _shared(folder: Path) -> Path:
     """Where a working tree's repository keeps what its trees have in common (gitrepository-layout(5))."""
     try:
-        return (folder / (folder / "commondir").read_text().strip()).resolve()
+        return (folder / read(folder / "commondir", 4096).decode().strip()).resolve()
     except (OSError, ValueError):
         return folder

@@ -13,6 +13,7 @@ from dataclasses import replace
 from itertools import islice
 from typing import Any
 
+from octoform.base.files import parse
 from octoform.diagnostics import Diagnostic, Span, error, warning
 from octoform.harness import environment
 from octoform.harness.port import Task
@@ -131,8 +132,8 @@ def _readings(stage: str, data: bytes) -> Iterator[tuple[str, str]]:
 
 def _value(data: bytes) -> Any:
     try:
-        return json.loads(data)
-    except (ValueError, RecursionError):
+        return parse(data)
+    except ValueError:
         return None  # the gate refuses it as no JSON; its bytes are looked at all the same
 
 

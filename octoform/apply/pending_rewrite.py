@@ -5,7 +5,6 @@ and no trial by reading shows that: it would have to move. So a person decides w
 """
 
 import difflib
-import json
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -14,6 +13,7 @@ from typing import Any
 from octoform import digest
 from octoform.apply.confining import Unit, divided
 from octoform.apply.settling import text_of
+from octoform.base.files import parse
 from octoform.diagnostics import Diagnostic, error
 from octoform.state.files import make_folders, read_regular, refused, write_atomic
 from octoform.state.layout import Layout
@@ -95,10 +95,10 @@ def _whole(path: Path) -> Rewrite | None:
     """The rewrite of a file; None where it is not whole, or not what its id says."""
     data, _ = read_regular(path)
     try:
-        told = json.loads(data or b"{}")
+        told = parse(data or b"{}")
         found = Rewrite(*(str(told[name]) for name in _NAMES))
         whole = told["format"] == 1 and found.id == identity_of(found.source)
-    except (ValueError, LookupError, TypeError, RecursionError):
+    except (ValueError, LookupError, TypeError):
         return None
     return found if whole else None
 

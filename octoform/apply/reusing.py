@@ -17,6 +17,7 @@ from octoform.apply.context import Context
 from octoform.apply.gate import Verdict, judge
 from octoform.apply.result import Finished
 from octoform.apply.stage import prove
+from octoform.base import files
 from octoform.diagnostics import has_errors
 from octoform.harness.port import Task, TaskLimits, Usage
 from octoform.state.artifacts import file_digest
@@ -59,7 +60,7 @@ def take(context: Context, stage: str, key: str) -> Finished | None:
 def _verdict(context: Context, stage: str, donor: Donor, data: bytes) -> Verdict:
     assignment = of_stage(context, stage)
     task = new_task(context, assignment, 0, TaskLimits(assignment.budget.attempt_seconds))
-    task.output.write_bytes(data)
+    files.replace(task.output, data, 0o644, synced=False)
     verdict = _gate(context, task, data)
     reused(context, assignment, task, verdict, donor)
     if not verdict.accepted:

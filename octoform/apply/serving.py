@@ -14,6 +14,7 @@ from octoform.apply.reading import accepted
 from octoform.apply.service import doubts_of, service_of
 from octoform.apply.settling import counted, runtime_files
 from octoform.base import files
+from octoform.base.files import replace
 from octoform.contracts.deploying import deploy_lock
 from octoform.contracts.header import declared_requirements
 from octoform.contracts.serving import serve_dynamic
@@ -149,7 +150,7 @@ def _import(environment: Environment, task: Task, source: str) -> ImportReport:
     for name, data in {"server.py": source.encode(), **runtime_files()}.items():
         path = folder / name
         path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_bytes(data)
+        replace(path, data, 0o644, synced=False)
     seconds = max(min(IMPORT_SECONDS, task.limits.wall_seconds), IMPORT_SHARE * task.limits.wall_seconds)
     return check_import(environment.python, folder, seconds)
 

@@ -13,6 +13,7 @@ from octoform import events
 from octoform.apply.context import Context
 from octoform.apply.gate import Verdict, digest_of
 from octoform.base import files
+from octoform.base.files import read
 from octoform.contracts.instance import instances, pseudonymise
 from octoform.contracts.parsing import parse
 from octoform.contracts.specimens import judged, keep_ids
@@ -120,7 +121,7 @@ def _serve(_: Context, value: Any) -> dict[str, bytes]:
 
 def runtime_files() -> dict[str, bytes]:
     """The standard-library modules that stand beside every generated server, by relative name."""
-    return {f"runtime/{path.name}": path.read_bytes() for path in sorted(RUNTIME.glob("*.py"))}
+    return {f"runtime/{path.name}": read(path) for path in sorted(RUNTIME.glob("*.py"))}
 
 
 def counted(count: int, word: str) -> str:

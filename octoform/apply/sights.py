@@ -10,6 +10,7 @@ from typing import Any
 
 from octoform.apply.hand import Seen
 from octoform.apply.trials import Bench, Mover, Trial, Tried
+from octoform.base.files import replace
 from octoform.perception.judging import (
     FROZEN_PICTURES,
     FROZEN_SECONDS,
@@ -189,4 +190,4 @@ def _look(bench: Bench, tried: Tried, view: Mapping[str, Any], where: str, name:
 def _keep(bench: Bench, tried: Tried, seen: Seen, name: str) -> None:
     unit = "".join(letter if letter.isalnum() or letter in "-_" else "_" for letter in tried.unit)
     path = bench.folder / f"{unit}-{name}{_SUFFIXES.get(seen.mime, '.picture')}"
-    path.write_bytes(seen.data)
+    replace(path, seen.data, 0o644, synced=False)

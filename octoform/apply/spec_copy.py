@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from octoform import digest
+from octoform.base.files import replace
 from octoform.harness.plainfile import read_plain
 from octoform.redaction import redacted
 
@@ -45,7 +46,7 @@ class Edit:
 def give(workdir: Path, text: str, *, editable: bool) -> Path:
     """Put the copy into an attempt's folder; one that may not be edited is read-only."""
     copy = workdir / FILE_NAME
-    copy.write_text(text, encoding="utf-8")
+    replace(copy, text.encode(), 0o644, synced=False)
     copy.chmod(0o644 if editable else 0o444)
     return copy
 

@@ -21,6 +21,7 @@ from octoform.apply.returning import is_servers_fault
 from octoform.apply.settling import settle
 from octoform.apply.spec_copy import Edit
 from octoform.apply.story import readable_log
+from octoform.base import files
 from octoform.diagnostics import Diagnostic, error, has_errors
 from octoform.harness import environment
 from octoform.harness.port import ExitReason, Harness, Outcome, Task, TaskLimits, Usage
@@ -198,7 +199,7 @@ def _gate(context: Context, assignment: Assignment, task: Task, outcome: Outcome
     data, found = read_output(task)
     data, blanked = masked(task, data)
     if blanked:
-        task.output.write_bytes(data)
+        files.replace(task.output, data, 0o644, synced=False)
     secret = leaked(task, data)
     if secret:
         task.output.unlink()

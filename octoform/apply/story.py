@@ -6,6 +6,7 @@ transcript says the same in one line for each thing that it did.
 
 from pathlib import Path
 
+from octoform.base.files import replace
 from octoform.harness import transcript
 from octoform.harness.port import AgentEvent, Closed, Outcome, Said, Task, ToolCalled, ToolReturned, Trouble
 
@@ -25,7 +26,7 @@ def readable_log(task: Task, outcome: Outcome) -> Path:
     if not lines:
         return task.log
     story = task.workdir / FILE_NAME
-    story.write_text("\n".join(lines[-MOST_LINES:]) + "\n", encoding="utf-8")
+    replace(story, "".join(f"{line}\n" for line in lines[-MOST_LINES:]).encode(), 0o644, synced=False)
     return story
 
 

@@ -14,6 +14,7 @@ import os
 import re
 import stat
 from collections.abc import Callable, Iterator
+from io import BufferedReader, BufferedWriter
 from pathlib import Path
 from typing import Any
 
@@ -35,17 +36,25 @@ def _unwatched(step: str) -> None:
 
 
 def replace(
-    path: Path, data: bytes, mode: int = 0o600, watch: Callable[[str], None] = _unwatched, *, synced: bool = True
+    path: Path,
+    data: bytes,
+    mode: int = 0o600,
+    watch: Callable[[str], None] = _unwatched,
+    *,
+    synced: bool = True,
+    exact: bool = False,
 ) -> None:
     """Replace ``path`` by ``data`` as a whole; OSError when the system refuses, and the former file is intact.
 
     A link at ``path`` is replaced, never followed. ``watch`` is told "written", "renamed" and
     "synced" as each is done; a refusal after "renamed" leaves the new file in place, complete. Not ``synced``: whole
-    for every reader, but a power cut may lose it.
+    for every reader, but a power cut may lose it. ``exact``: ``mode`` whatever the umask, as a person gave it.
     """
     draft = path.with_name(f".{path.name}.{os.urandom(6).hex()}{TEMPORARY}")
     try:
         create(draft, data, mode, synced=synced)
+        if exact:
+            draft.chmod(mode)
         watch("written")
         draft.replace(path)
     except BaseException:
@@ -152,30 +161,47 @@ def opened(path: Path, *, follow: bool = True) -> Iterator[int]:
         os.close(descriptor)
 
 
+@contextlib.contextmanager
+def stream(path: Path, *, follow: bool = True) -> Iterator[BufferedReader]:
+    """A regular file as a buffered stream, for files too large to be held whole; OSError as `opened`."""
+    with opened(path, follow=follow) as descriptor, os.fdopen(descriptor, "rb", closefd=False) as found:
+        yield found
+
+
+@contextlib.contextmanager
+def stream_to(path: Path) -> Iterator[BufferedWriter]:
+    """A new file, private, as a buffered stream; whatever has its name goes first, OSError when that is a folder."""
+    path.unlink(missing_ok=True)
+    with os.fdopen(os.open(path, _NEW, 0o600), "wb") as made:
+        yield made
+
+
 def read_json(path: Path, limit: int = MAX_BYTES, *, follow: bool = True, any_text: bool = False) -> Any:
     """The JSON document of a file; OSError as `read`, ValueError as `parse`.
 
     Characters that no file name and no output can hold (NUL, half a surrogate pair) are a ValueError as well, but for
     ``any_text``: a document that keeps what strangers wrote.
     """
-    data = read(path, limit, follow=follow)
-    value = parse(data)
-    if not any_text and _UNFIT.search(data):
-        _printable(value)
-    return value
+    return parse(read(path, limit, follow=follow), any_text=any_text)
 
 
-def parse(data: bytes | str) -> Any:
+def parse(data: bytes | str, *, any_text: bool = True) -> Any:
     """The JSON document in UTF-8; ValueError, and nothing else, for everything that is none or that could harm.
 
-    Refused: more than ``MAX_DEPTH`` levels, and numbers that are not finite.
+    Refused: more than ``MAX_DEPTH`` levels, and numbers that are not finite; characters as `read_json`.
     """
     raw = data if isinstance(data, bytes) else data.encode("utf-8", "surrogatepass")
     try:
-        value = json.loads(raw.decode("utf-8"), parse_constant=_not_finite, parse_float=_finite)
+        value = json.loads(
+            raw.decode("utf-8", "surrogatepass" if any_text else "strict"),
+            parse_constant=_not_finite,
+            parse_float=_finite,
+        )
     except RecursionError:
         raise _too_deep() from None
     _bounded(value)
+    if not any_text and _UNFIT.search(raw):
+        _printable(value)
     return value
 
 

@@ -6,6 +6,21 @@ damaged. For records of octoform's own; what agents write is held against its sc
 
 from typing import Any
 
+_TEXT = (str, None)
+INSTANCES = {
+    "format": int,
+    "devices": {
+        str: {
+            "serial": _TEXT,
+            "port": _TEXT,
+            "sysfs": _TEXT,
+            "strength": _TEXT,
+            "nodes": ([{"class": _TEXT, "path": _TEXT}], None),
+        }
+    },
+}
+"""The ledger of instances, which octoform writes and the runtime beside a generated server reads."""
+
 
 def fits(value: Any, shape: Any) -> bool:
     """True when ``value`` has the form ``shape``.

@@ -12,6 +12,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from octoform.base.files import read_json, replace
+
 STAGES = ("probe", "identify", "interface", "serve", "deploy", "watch", "heal")
 """What this agent does; the last two are asked of it once a deployment runs."""
 STEP = "step."
@@ -52,15 +54,9 @@ class Task:
     def write(self, value: Mapping[str, Any] | str) -> None:
         """Write the output atomically: text as it is, an object as indented JSON. Refused when the disk says no."""
         text = value if isinstance(value, str) else json.dumps(value, indent=1, ensure_ascii=False) + "\n"
-        temporary = self.output.with_name(self.output.name + ".part")
         try:
-            with temporary.open("wb") as stream:
-                stream.write(text.encode("utf-8"))
-                stream.flush()
-                os.fsync(stream.fileno())
-            temporary.replace(self.output)
+            replace(self.output, text.encode("utf-8"), 0o644)
         except OSError as problem:
-            temporary.unlink(missing_ok=True)
             raise Refused(f"cannot write {self.output}: {problem.strerror}") from problem
 
 
@@ -89,7 +85,7 @@ def read_task(path: Path, environ: Mapping[str, str] | None = None) -> Task:
 def read_object(path: Path) -> dict[str, Any]:
     """A JSON object from a file; Refused when it cannot be read, parsed or is no object."""
     try:
-        value = json.loads(path.read_bytes())
+        value = read_json(path, any_text=True)
     except OSError as problem:
         raise Refused(f"cannot read {path}: {problem.strerror}") from problem
     except ValueError as problem:

@@ -15,7 +15,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from octoform.base.files import write_all
+from octoform.base.files import parse, write_all
 from octoform.claims.conditions import holds
 from octoform.claims.model import Channel, Condition, Reading, Signal
 from octoform.conditions import is_number
@@ -172,7 +172,7 @@ class Readings:
         if self._seen is None:
             return self._start(self._alive())
         try:
-            descriptor = os.open(self._path, os.O_WRONLY | os.O_APPEND | os.O_NOFOLLOW | os.O_CLOEXEC)
+            descriptor = os.open(self._path, os.O_WRONLY | os.O_APPEND | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC)
             try:
                 write_all(descriptor, text.encode("ascii"))
             finally:
@@ -241,8 +241,8 @@ def of_json(document: Mapping[str, Any] | None) -> Reading | None:
 
 def _object(line: str) -> dict[str, Any] | None:
     try:
-        found = json.loads(line)
-    except (ValueError, RecursionError):
+        found = parse(line)
+    except ValueError:
         return None
     return found if isinstance(found, dict) else None
 

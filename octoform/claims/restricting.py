@@ -11,7 +11,7 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
-from octoform.base.files import read
+from octoform.base.files import parse, read
 from octoform.claims import storing
 from octoform.claims.model import Channel, Claim, Restriction, Value
 from octoform.claims.readings import Readings
@@ -51,8 +51,8 @@ def standing(path: Path) -> list[Claim]:
     """What a person made true, from the endpoint's file: the second place where it stands; empty when there is none."""
     data, _ = read_regular(path, SIZE_LIMIT)
     try:
-        found = [storing.of_json(each) for each in json.loads(data or b"{}").get("standing", [])]
-    except (ValueError, KeyError, TypeError, AttributeError, RecursionError):
+        found = [storing.of_json(each) for each in parse(data or b"{}").get("standing", [])]
+    except (ValueError, KeyError, TypeError, AttributeError):
         return []
     return [claim for claim in found if claim.irreversible is not None and claim.data.get("confirmed_by")]
 

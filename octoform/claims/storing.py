@@ -13,6 +13,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from octoform.base.files import parse
 from octoform.claims import readings as reading_json
 from octoform.claims.conditions import holds
 from octoform.claims.judging import Level
@@ -53,11 +54,11 @@ def read(path: Path) -> Read:
         return Read(Book())
     if problem is None and data is not None:
         try:
-            document = json.loads(data)
+            document = parse(data)
             if document["format"] != FORMAT:
                 raise ValueError(f"it has format {document['format']!r}, and this octoform reads {FORMAT}")
             return Read(_book(document), str(document["boot"]))
-        except (ValueError, KeyError, TypeError, AttributeError, RecursionError, OverflowError) as wrong:
+        except (ValueError, KeyError, TypeError, AttributeError, OverflowError) as wrong:
             problem = _damaged(path, f"{type(wrong).__name__}: {wrong}")
     assert problem is not None
     aside = path.with_name(f"{path.name}.aside")

@@ -4,11 +4,11 @@ The schema says which members are of one host (``x-instance``) or of one moment 
 value and schema together and drops them. It is light, because a plan with nothing to do digests every artifact.
 """
 
-import json
 from pathlib import Path
 from typing import Any
 
 from octoform import digest
+from octoform.base.files import read_json
 
 _DROPPED = ("x-instance", "x-volatile")
 
@@ -20,7 +20,7 @@ def schema_path(stage: str, schemas: Path) -> Path:
 
 def load_schema(stage: str, schemas: Path) -> dict[str, Any]:
     """The schema of a stage; OSError or ValueError when the installation is broken."""
-    schema = json.loads(schema_path(stage, schemas).read_bytes())
+    schema = read_json(schema_path(stage, schemas))
     if not isinstance(schema, dict):
         raise ValueError(f"{schema_path(stage, schemas)} does not hold a JSON object")
     return schema

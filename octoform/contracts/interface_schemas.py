@@ -13,6 +13,7 @@ from typing import Any
 from jsonschema import Draft202012Validator
 from jsonschema.exceptions import SchemaError, best_match
 
+from octoform.base.files import parse
 from octoform.contracts.model import Artifacts, JsonObject, Rule
 from octoform.contracts.shape import Problem, validator
 from octoform.contracts.text import pointer, shown
@@ -186,7 +187,7 @@ def _schema_problem(schema: JsonObject) -> str | None:
 def _misshapen(schema: str) -> str | None:
     """Why a text is no JSON Schema. Remembered: a contract is checked several times in a run, and tools are alike."""
     try:
-        Draft202012Validator.check_schema(json.loads(schema))
+        Draft202012Validator.check_schema(parse(schema))
     except SchemaError as problem:
         place = "/".join(str(part) for part in problem.absolute_path) or "its top"
         return f"is not a valid schema at {shown(place)}: its {shown(problem.validator)} is wrong"

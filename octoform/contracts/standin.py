@@ -11,6 +11,7 @@ import json
 import re
 from collections.abc import Iterable
 
+from octoform.base.files import parse
 from octoform.contracts.instance import ADDRESS, MINIMUM_IN_TEXT, hidden, identifies, spelt
 
 _PAIR = re.compile(r'"((?:[^"\\]|\\.)*)"(\s*:\s*)"((?:[^"\\]|\\.)*)"')
@@ -74,7 +75,7 @@ class _Stands:
 
 def _value(raw: str) -> str:
     try:
-        value = json.loads(f'"{raw}"')
+        value = parse(f'"{raw}"')
     except ValueError:
         return raw
     return value if isinstance(value, str) else raw

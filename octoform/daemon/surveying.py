@@ -5,13 +5,13 @@ here and now, the reading tools are called, and nothing of it is written down: w
 logs is still new to it.
 """
 
-import json
 import os
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from octoform.base.files import parse
 from octoform.claims.ledger import Ledger
 from octoform.claims.model import Claim, Signal
 from octoform.claims.settings import Settings
@@ -137,10 +137,10 @@ def _bulletin(layout: Layout, environ: Mapping[str, str]) -> tuple[Health, float
     """What the living daemon wrote last, its age in seconds, and why repairs wait; None where it is not fresh."""
     data, _ = read_regular(layout.daemon / FILE, _LIMIT)
     try:
-        document = json.loads(data or b"")
+        document = parse(data or b"")
         health = from_json(document)
         waits = {str(key): str(why) for key, why in document.get("waits", {}).items()}
-    except (ValueError, LookupError, TypeError, AttributeError, RecursionError, OverflowError):
+    except (ValueError, LookupError, TypeError, AttributeError, OverflowError):
         return None
     age = SystemClock().uptime() - health.uptime
     if age < 0 or health.host != layout.host or _is_past(document, layout):

@@ -9,6 +9,7 @@ from importlib import resources
 
 from octoform.diagnostics.model import Diagnostic, did_you_mean, error
 
+_PAGES = resources.files("octoform.diagnostics") / "pages"
 _CODE = re.compile(r"[A-Z][A-Z0-9]*(?:-[A-Z0-9]+)+")
 
 
@@ -20,8 +21,8 @@ def explain(code: str) -> str | None:
     wanted = code.strip().upper()
     if _CODE.fullmatch(wanted) is None:
         return None
-    page = resources.files("octoform.diagnostics") / "pages" / f"{wanted}.md"
-    return page.read_text("utf-8") if page.is_file() else None
+    page = f"{wanted}.md"
+    return (_PAGES / page).read_text("utf-8") if (_PAGES / page).is_file() else None
 
 
 def codes() -> list[str]:

@@ -11,7 +11,7 @@ import shutil
 from collections.abc import Iterator
 from pathlib import Path
 
-from octoform.base.files import TEMPORARY, read, replace
+from octoform.base.files import TEMPORARY, read, replace, stream, stream_to
 from octoform.state.layout import Layout
 
 ARCHIVES = 5
@@ -70,8 +70,7 @@ def _copy_and_cut(path: Path, target: Path) -> None:
     """Copy what the process has written, and cut the file once the copy is whole and what came meanwhile is in it."""
     draft = target.with_name(f".{target.name}{TEMPORARY}")
     try:
-        with path.open("rb") as source, draft.open("wb") as copy:
-            os.fchmod(copy.fileno(), 0o600)
+        with stream(path) as source, stream_to(draft) as copy:
             shutil.copyfileobj(source, copy, _CHUNK)
             copy.flush()
             os.fsync(copy.fileno())
@@ -93,8 +92,7 @@ def _compress(path: Path) -> None:
             continue
         draft = packed.with_name(f".{packed.name}{TEMPORARY}")
         try:
-            with plain.open("rb") as source, draft.open("wb") as file:
-                os.fchmod(file.fileno(), 0o600)
+            with stream(plain) as source, stream_to(draft) as file:
                 with gzip.GzipFile(packed.name, "wb", 6, file) as target:
                     shutil.copyfileobj(source, target, _CHUNK)
                 file.flush()
@@ -122,7 +120,7 @@ def _lines(archive: Path) -> Iterator[bytes]:
     import gzip
 
     try:
-        with gzip.open(archive, "rb") if archive.suffix == ".gz" else archive.open("rb") as file:
+        with stream(archive) as log, gzip.open(log) if archive.suffix == ".gz" else log as file:
             for line in iter(lambda: file.readline(_LINE), b""):
                 yield line if line.endswith(b"\n") else line + b"\n"
     except (OSError, EOFError):

@@ -3,13 +3,13 @@
 The rule of its hash is the launcher's; checking runs the launcher's own program.
 """
 
-import json
 from collections.abc import Iterator
 from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
 from typing import Any
 
+from octoform.base.files import parse, stream
 from octoform.diagnostics import Diagnostic, error
 from octoform.endpoint import offline
 from octoform.state.layout import Layout
@@ -121,7 +121,7 @@ def _files(folder: Path) -> list[Path]:
 def _backwards(folder: Path) -> Iterator[Record]:
     """The records of all logs, the newest first; only so much is read as is asked for."""
     for path in _files(folder):
-        with path.open("rb") as log:
+        with stream(path) as log:
             position, rest = log.seek(0, 2), b""
             while position:
                 step = min(_BLOCK, position)
@@ -140,7 +140,7 @@ def _number(value: object) -> int:
 
 def _parsed(line: bytes) -> Record | None:
     try:
-        value = json.loads(line)
+        value = parse(line)
     except ValueError:
         return None
     return value if isinstance(value, dict) and "event" in value else None

@@ -4,15 +4,15 @@ An environment is bound to its path, so it is built in place: a marker is writte
 a build that was cut off and is made anew. Only the lock's hashes are installed.
 """
 
-import fcntl
 import json
 import os
 import shutil
 import sys
-from collections.abc import Collection, Iterator
-from contextlib import contextmanager
+from collections.abc import Collection
 from pathlib import Path
 
+from octoform.base.files import replace
+from octoform.base.locks import held
 from octoform.diagnostics import Diagnostic, error
 from octoform.endpoint.environment import (
     FOLDER_NAME,
@@ -44,7 +44,7 @@ def build(layout: Layout, lock_text: str, timeout: float = 600.0, *, anew: bool 
     """
     environment = locate(layout, lock_text)
     private_folder(layout.environments)
-    with _locked(layout.environments / f".{environment.path.name}.lock"):
+    with held(layout.environments / f".{environment.path.name}.lock"):
         if not anew and not intact(environment):
             return environment, ()
         problem = _make(environment, lock_text, timeout) or _seal(environment, lock_text)
@@ -70,10 +70,8 @@ def prune(layout: Layout, keep: Collection[Path]) -> list[Path]:
 def _drop(path: Path) -> bool:
     """Remove an environment unless someone builds in it right now."""
     lock = path.parent / f".{path.name}.lock"
-    with lock.open("wb") as file:
-        try:
-            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
+    with held(lock, wait=False) as mine:
+        if not mine:
             return False
         shutil.rmtree(path, ignore_errors=True)
     return not path.exists()
@@ -89,7 +87,7 @@ def _make(environment: Environment, lock_text: str, timeout: float) -> Diagnosti
         if made.status != 0:
             return _failed("the serving environment could not be made", reason(made))
         lock = path / "requirements.txt"
-        lock.write_text(lock_text, encoding="utf-8")
+        replace(lock, lock_text.encode(), 0o644, synced=False)
         install = ["pip", "install", "--quiet", "--python", str(environment.python), "--require-hashes", "--no-deps"]
         # From the cache first: with all packages there, no index is asked at all.
         done = packages([*install, "--offline", "-r", str(lock)], path.parent, timeout)
@@ -146,11 +144,3 @@ def _failed(summary: str, detail: str) -> Diagnostic:
         detail=detail or None,
         hint="the lock stands in state/<host>/deploy/requirements.txt; nothing of the old environment was changed",
     )
-
-
-@contextmanager
-def _locked(path: Path) -> Iterator[None]:
-    """Hold an exclusive lock on ``path``; the kernel drops it when its holder dies."""
-    with path.open("wb") as file:
-        fcntl.flock(file, fcntl.LOCK_EX)
-        yield

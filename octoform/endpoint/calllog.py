@@ -4,11 +4,12 @@ A call that a client made and the log does not hold would be invisible to whoeve
 not the answer, is what a trial call is believed by.
 """
 
-import json
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
+
+from octoform.base.files import parse, stream
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,7 +35,7 @@ def mark(path: Path) -> int:
 def calls_after(path: Path, position: int) -> list[LoggedCall]:
     """The calls begun after ``position``, in order; a log that became shorter is read from its start."""
     try:
-        with path.open("rb") as log:
+        with stream(path) as log:
             log.seek(position if position <= mark(path) else 0)
             lines = log.read().splitlines()
     except OSError:
@@ -63,7 +64,7 @@ def _logged(call: dict[str, Any], result: dict[str, Any] | None) -> LoggedCall:
 
 def _parsed(line: bytes) -> dict[str, Any] | None:
     try:
-        value = json.loads(line)
+        value = parse(line)
     except ValueError:  # a line that another process is just writing
         return None
     return value if isinstance(value, dict) else None

@@ -4,6 +4,7 @@ import json
 from collections.abc import Mapping
 from typing import Any
 
+from octoform.base.files import parse
 from octoform.endpoint.sockets import connect
 from octoform.state.layout import Layout
 
@@ -22,7 +23,7 @@ def ask(layout: Layout, question: Mapping[str, Any], seconds: float = 5.0) -> di
                 if not part:
                     break
                 data += part
-            answer = json.loads(data)
+            answer = parse(data)
     except (OSError, ValueError):
         return None
     return answer if isinstance(answer, dict) else None

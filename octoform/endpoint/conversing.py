@@ -8,6 +8,8 @@ whoever just passes them on loads and does nothing.
 
 from collections import deque
 
+from octoform.base.files import parse
+
 HEAD = 512
 """Bytes of a message of the endpoint that are kept: its id and its kind come first in what it writes."""
 _MOST_KEPT, _LARGE = 512, 1 << 14
@@ -183,11 +185,10 @@ def _line(message: Message) -> bytes:
 
 
 def _object(line: bytes) -> Message | None:
-    import json
 
     try:
-        value = json.loads(line)
-    except (ValueError, RecursionError):
+        value = parse(line)
+    except ValueError:
         return None
     return value if isinstance(value, dict) else None
 
@@ -202,7 +203,6 @@ def _headed(head: bytes) -> tuple[object, str] | None:
 
     The endpoint writes the id before anything that could be long; a test holds it to that.
     """
-    import json
     import re
 
     match = re.match(rb'\{"jsonrpc":"2\.0","id":(-?\d+|"(?:[^"\\]|\\.)*"),"(result|error|method)"', head)
@@ -211,7 +211,7 @@ def _headed(head: bytes) -> tuple[object, str] | None:
         if whole is None or "id" not in whole:
             return None
         return whole["id"], next((kind for kind in ("method", "error") if kind in whole), "result")
-    return json.loads(match[1]), match[2].decode()
+    return parse(match[1]), match[2].decode()
 
 
 def _version(head: bytes) -> str | None:

@@ -12,6 +12,8 @@ import io
 from collections.abc import Iterator
 from pathlib import Path, PurePosixPath
 
+from octoform.base.files import head, stream
+
 _RECORD = "RECORD"
 _DIST_INFO = ".dist-info"
 _PREFIX = "sha256="
@@ -56,8 +58,7 @@ def _listed(folder: Path) -> Iterator[tuple[str, str, str]]:
 
 def _rows(record: Path) -> list[tuple[str, str]]:
     try:
-        with record.open("rb") as file:
-            text = file.read(MOST_BYTES).decode("utf-8", "replace")
+        text = head(record, MOST_BYTES, follow=True).decode("utf-8", "replace")
         return [(row[0], row[1]) for row in csv.reader(io.StringIO(text)) if len(row) > 1]
     except (OSError, csv.Error):  # a distribution without a list says nothing; that it is damaged shows elsewhere
         return []
@@ -65,7 +66,7 @@ def _rows(record: Path) -> list[tuple[str, str]]:
 
 def _digest(path: Path) -> str | None:
     try:
-        with path.open("rb") as file:
+        with stream(path) as file:
             found = hashlib.file_digest(file, "sha256").digest()
     except OSError:
         return None

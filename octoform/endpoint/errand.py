@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from octoform.base.files import parse
 from octoform.endpoint.environment import Environment, at
 from octoform.endpoint.files import read_manifest
 from octoform.endpoint.process import Begun, Finished, base_environment
@@ -88,7 +89,7 @@ class Client:
 def _told(finished: Finished) -> Report:
     log = finished.stderr[-4000:]
     try:
-        value = json.loads(finished.stdout)
+        value = parse(finished.stdout)
     except ValueError:
         reason = "the client gave up" if finished.timed_out else _last_line(log) or f"exit status {finished.status}"
         value = {"answered": False, "error": reason, "protocol": None, "server": None, "tools": [], "calls": []}

@@ -4,13 +4,13 @@ A file that compiles may still fail to import, may hang, may print over the prot
 for as long as a client lives; only the serving interpreter can tell.
 """
 
-import json
 import os
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from octoform.base.files import parse
 from octoform.diagnostics import Diagnostic, Span, error
 from octoform.endpoint.process import Finished, base_environment, run
 
@@ -131,7 +131,7 @@ def _read(finished: Finished) -> ImportReport:
     if finished.timed_out:
         return ImportReport(None, (), (), None, finished.seconds, True, finished.survivors)
     try:
-        value = json.loads(finished.stdout)
+        value = parse(finished.stdout)
     except ValueError:
         last = finished.stderr.strip().splitlines()[-1:] or [f"exit status {finished.status}"]
         fault = ImportFault("Crash", last[0][:500], None)

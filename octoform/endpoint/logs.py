@@ -5,16 +5,17 @@ library, so the files are looked at again and again. Secrets are taken out where
 too, before anything else sees them.
 """
 
-import json
 import os
 import re
 import time
 from collections.abc import Iterator, Mapping
+from contextlib import ExitStack
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import IO, Any
 
+from octoform.base.files import parse, read, stream
 from octoform.endpoint.tokens import VALUES
 from octoform.redaction import Redactor
 from octoform.state.layout import Layout
@@ -47,6 +48,7 @@ class Tail:
     path: Path
     log: str
     secrets: Mapping[str, str] = field(default_factory=dict)
+    _open: ExitStack = field(default_factory=ExitStack)
     _file: "IO[bytes] | None" = None
     _redactor: Redactor | None = None
     _rest: bytes = b""
@@ -66,7 +68,7 @@ class Tail:
     def close(self) -> None:
         """Let the file go."""
         if self._file is not None:
-            self._file.close()
+            self._open.close()
             self._file = None
 
     def _opened(self, back: int | None) -> bytes:
@@ -74,7 +76,7 @@ class Tail:
         self.close()
         self._redactor, self._rest = Redactor(self.secrets), b""
         try:
-            self._file = self.path.open("rb")
+            self._file = self._open.enter_context(stream(self.path))
         except OSError:
             return b""
         size = os.fstat(self._file.fileno()).st_size
@@ -126,8 +128,8 @@ class Tail:
 
 def _object(text: str) -> dict[str, Any] | None:
     try:
-        value = json.loads(text)
-    except (ValueError, RecursionError):
+        value = parse(text)
+    except ValueError:
         return None
     return value if isinstance(value, dict) else None
 
@@ -172,7 +174,7 @@ def _tokens(layout: Layout) -> Iterator[tuple[str, str]]:
     folder = layout.run / VALUES
     for path in sorted(folder.glob("*")) if folder.is_dir() else ():
         try:
-            value = path.read_text().strip()
+            value = read(path, 4096).decode().strip()
         except (OSError, ValueError):
             continue
         if value:

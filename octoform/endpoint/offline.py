@@ -12,6 +12,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from octoform.base.files import parse
 from octoform.state.layout import Layout
 
 LAUNCHER = Path(__file__).resolve().parent.parent / "launcher"
@@ -40,7 +41,7 @@ def run(program: Path, *arguments: str) -> dict[str, Any]:
         done = subprocess.run(
             command, stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=SECONDS, check=False
         )
-        answer = json.loads(done.stdout)
+        answer = parse(done.stdout)
     except subprocess.TimeoutExpired:
         return {"ok": False, "problems": [f"{program.name} was not done after {SECONDS:.0f} s"]}
     except OSError as problem:

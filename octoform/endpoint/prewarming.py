@@ -5,12 +5,12 @@ end of a first apply, when a person waits for the endpoint. It is a guess and ne
 what fails here fails again, and is told, where it counts.
 """
 
-import fcntl
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from threading import Thread
 
+from octoform.base.locks import held
 from octoform.endpoint.building import build
 from octoform.endpoint.environment import FOLDER_NAME, at, intact
 from octoform.endpoint.process import base_environment, run
@@ -50,8 +50,7 @@ def prepare(layout: Layout, requirements: Sequence[str]) -> bool:
     if environment is None:
         return False
     command = [str(environment.python), "-I", str(SCRIPT)]
-    with (layout.environments / COMPILING).open("wb") as file:
-        fcntl.flock(file, fcntl.LOCK_EX)
+    with held(layout.environments / COMPILING):
         return run(command, cwd=environment.path, environment=base_environment(), timeout=SECONDS).status == 0
 
 
@@ -59,8 +58,8 @@ def await_bytecode(layout: Layout) -> None:
     """Wait for a compiling that is under way (bounded, as that is): an import beside it would do all of it again."""
     path = layout.environments / COMPILING
     if path.is_file():
-        with path.open("rb") as file:
-            fcntl.flock(file, fcntl.LOCK_SH)
+        with held(path, shared=True):
+            return
 
 
 def has_environment(layout: Layout) -> bool:

@@ -14,8 +14,7 @@ from pathlib import Path
 from typing import Any
 
 import octoform
-from octoform.base.files import make_way, read_json
-from octoform.base.files import read as read_bytes
+from octoform.base.files import make_way, parse, read, read_json
 from octoform.diagnostics import Diagnostic, Severity
 from octoform.digest import of_bytes
 from octoform.endpoint.building import prune
@@ -106,7 +105,7 @@ def tells_of(layout: Layout, service: Service, environ: Mapping[str, str]) -> bo
     """True when the endpoint that was written last is this service, for whichever folder it was written."""
     try:
         written, policy = (read_json(layout.endpoint / name) for name in (CONNECTION, POLICY))
-        made, asked = json.loads(_json(_descriptor(layout, service, environ))), json.loads(_json(service.policy))
+        made, asked = parse(_json(_descriptor(layout, service, environ))), parse(_json(service.policy))
         same = all(written[name] == made[name] for name in _SERVICE)
         return bool(same and policy == asked and written["server"]["digest"] == made["server"]["digest"])
     except (OSError, ValueError, LookupError, TypeError):
@@ -170,7 +169,7 @@ def _descriptor(layout: Layout, service: Service, environ: Mapping[str, str]) ->
         "environment": variables,
         "tools": [{key: tool[key] for key in told if key in tool} for tool in service.tools],
         "devices": [dict(device) for device in service.devices],
-        "server": {"path": str(server), "digest": of_bytes(read_bytes(server)), "runtime": runtime},
+        "server": {"path": str(server), "digest": of_bytes(read(server)), "runtime": runtime},
         "paths": {"run": str(layout.run), "log": str(layout.logs)},
         "network": service.network,
         "tunnel": service.tunnel,

@@ -11,6 +11,7 @@ import tempfile
 from collections.abc import Sequence
 from pathlib import Path
 
+from octoform.base.files import read, replace
 from octoform.diagnostics import Diagnostic, error
 from octoform.endpoint.packages import is_network_failure, packages, reason
 
@@ -41,10 +42,10 @@ def resolve(requirements: Sequence[str], project: Path, previous: str | None = N
         text = "\n".join(sorted(requirements)) + "\n"
         try:
             for extra in (["--offline"], []):
-                lock.write_text(previous or "", encoding="utf-8")
+                replace(lock, (previous or "").encode(), synced=False)
                 finished = packages([*arguments, *extra, "-"], project, timeout, text)
                 if finished.status == 0:
-                    return normalise(lock.read_text(encoding="utf-8")), ()
+                    return normalise(read(lock).decode()), ()
         except FileNotFoundError as problem:
             return None, (tool_missing(problem),)
     hint = "connect the host, or fill the package cache on it once" if is_network_failure(finished) else None

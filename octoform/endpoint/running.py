@@ -97,7 +97,7 @@ def _boot() -> str:
 
 def _command_line(pid: int) -> tuple[str, ...]:
     try:
-        data = Path(PROC / str(pid) / "cmdline").read_bytes()
+        data = (PROC / str(pid) / "cmdline").read_bytes()
     except OSError:
         return ()
     return tuple(word.decode(errors="surrogateescape") for word in data.split(b"\0")[:-1])

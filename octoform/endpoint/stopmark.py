@@ -11,6 +11,7 @@ import pwd
 from dataclasses import dataclass
 from datetime import UTC, datetime
 
+from octoform.base.files import parse
 from octoform.diagnostics import Diagnostic, error
 from octoform.endpoint.files import private_folder
 from octoform.escaping import escaped
@@ -60,9 +61,9 @@ def read(layout: Layout) -> Stop | None:
         return None
     data, _ = read_regular(layout.stop_mark, _LIMIT)
     try:
-        document = json.loads(data or b"")
+        document = parse(data or b"")
         return Stop(*(escaped(str(text)[:_LONGEST_WORDS]) for text in (document["by"], document.get("at", ""))))
-    except (ValueError, LookupError, TypeError, AttributeError, RecursionError):
+    except (ValueError, LookupError, TypeError, AttributeError):
         return Stop()
 
 

@@ -249,11 +249,13 @@ def _set_aside(log: Path) -> None:
 
 
 def _private(path: Path) -> int:
-    return os.open(path, os.O_WRONLY | os.O_APPEND | os.O_CREAT | os.O_CLOEXEC | os.O_NOFOLLOW, 0o600)
+    return os.open(path, os.O_WRONLY | os.O_APPEND | os.O_CREAT | os.O_CLOEXEC | os.O_NOFOLLOW | os.O_NONBLOCK, 0o600)
 
 
 def _failed(layout: Layout, mark: int, why: str) -> Diagnostic:
-    with layout.server_log.open("rb") as log:
+    from octoform.base.files import stream
+
+    with stream(layout.server_log) as log:
         log.seek(mark)
         said = log.read(1 << 20).decode("utf-8", "replace").strip()
     refusals = [line.partition("refused:")[2].strip() for line in said.splitlines() if "octoform: refused:" in line]

@@ -10,6 +10,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
+from octoform.base.files import read
 from octoform.digest import of_bytes
 from octoform.endpoint.files import LAUNCHER
 from octoform.endpoint.running import MARK
@@ -120,7 +121,7 @@ def fits(layout: Layout) -> bool:
 def is_ours(layout: Layout, path: Path) -> bool:
     """True when the unit at ``path`` starts this very endpoint; another project may have a host of the same name."""
     try:
-        return f"ExecStart={program(layout.endpoint / LAUNCHER)}" in path.read_text().splitlines()
+        return f"ExecStart={program(layout.endpoint / LAUNCHER)}" in read(path).decode().splitlines()
     except (OSError, ValueError):
         return False
 

@@ -4,11 +4,11 @@ The process is asked first, so that it starts no other. The proof does not rest 
 for what is left, ends it, and asks the public address. That also works when nothing serves any more. Light.
 """
 
-import json
 import subprocess
 import sys
 from dataclasses import dataclass
 
+from octoform.base.files import parse
 from octoform.diagnostics import Diagnostic, error
 from octoform.endpoint import offline
 from octoform.endpoint.control import ask
@@ -45,7 +45,7 @@ def revoke(layout: Layout, by: str) -> tuple[Revocation | None, list[Diagnostic]
     command = [sys.executable, "-I", "-m", "octoform.launcher.revoking", str(layout.run)]
     try:
         done = subprocess.run(command, capture_output=True, text=True, timeout=PROOF_SECONDS, check=False)
-        found = json.loads(done.stdout)
+        found = parse(done.stdout)
         proved = done.returncode == 0 and found["proved"] is True
     except (OSError, subprocess.TimeoutExpired, ValueError, LookupError, TypeError) as problem:
         return None, [_not_proved(f"the proof could not be made: {problem}")]

@@ -7,6 +7,7 @@ import sys
 from collections.abc import Mapping
 from pathlib import Path
 
+from octoform.base.files import read
 from octoform.endpoint.systemd import plain, program, quoted, unit_path
 from octoform.state.layout import Layout
 
@@ -63,7 +64,7 @@ def watch_text(layout: Layout, path: str, account: str | None = None) -> str:
 def watches(layout: Layout, path: Path) -> bool:
     """True when the unit at ``path`` watches this very project; another one may have a host of the same name."""
     try:
-        lines = path.read_text().splitlines()
+        lines = read(path).decode().splitlines()
     except (OSError, ValueError):
         return False
     wanted = f"WorkingDirectory={plain(str(layout.project))}"

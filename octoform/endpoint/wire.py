@@ -12,6 +12,7 @@ from collections.abc import Callable, Iterator, Mapping
 from typing import Any
 
 import octoform
+from octoform.base.files import parse
 
 VERSION = "2026-07-28"
 MOST_BYTES = 128_000_000
@@ -100,7 +101,7 @@ class Wire:
             if not line.strip():
                 continue  # a greeting that came late
             try:
-                message = json.loads(line)
+                message = parse(line)
             except ValueError as problem:
                 raise WireError("closed", f"the endpoint sent what is no message: {problem}") from problem
             if isinstance(message, dict):

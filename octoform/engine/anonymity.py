@@ -4,7 +4,6 @@ Accepted artifacts hold kinds only; all else that an attempt leaves (what its ag
 spec, an output that was refused) was written where serial numbers, folders and names are in plain sight.
 """
 
-import json
 import os
 import re
 import sys
@@ -13,6 +12,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from octoform.apply.settling import pseudonym_key
+from octoform.base import files
 from octoform.contracts.instance import hidden, hider, secrets_in_text, spelt
 from octoform.contracts.parsing import parse
 from octoform.contracts.standin import members, with_stand_ins
@@ -166,8 +166,8 @@ def _probe(data: bytes | None) -> dict[str, Any] | None:
 def _values(data: bytes) -> list[Any]:
     """The JSON values in a file: one, or one in each line."""
     try:
-        return [json.loads(data)]
-    except (ValueError, RecursionError):
+        return [files.parse(data)]
+    except ValueError:
         return [value for line in data.split(b"\n") if (value := json_object(line)) is not None]
 
 

@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+from octoform.base import files
 from octoform.contracts.parsing import parse
 from octoform.diagnostics import Diagnostic, error
 from octoform.engine import knowledge
@@ -154,7 +155,7 @@ def attached(layout: Layout, environ: Mapping[str, str], asked: Mapping[str, lis
             timeout=WHERE_SECONDS,
             check=True,
         )
-        answers = json.loads(ended.stdout)
+        answers = files.parse(ended.stdout)
     except (OSError, ValueError, subprocess.SubprocessError):
         return {}  # the rows say that it is not known
     return {name: _told(answer) for name, answer in answers.items()}

@@ -6,7 +6,6 @@ never trusted when a byte, a file name, the program, the interpreter, the enviro
 long way is taken. Light: no import beyond the standard library's cheap parts.
 """
 
-import json
 import os
 import sys
 from collections.abc import Iterable, Iterator, Mapping
@@ -73,7 +72,7 @@ def _read(path: Path) -> dict[str, Any] | None:
         return None  # no memo: the long way
     if seal.decode("ascii", "replace") != digest.of_bytes(text):
         return None  # cut or edited: the long way tells what is wrong, if anything is
-    memo: dict[str, Any] = json.loads(text)
+    memo: dict[str, Any] = files.parse(text)
     return memo if memo.get("format") == FORMAT else None
 
 

@@ -7,6 +7,7 @@ import json
 from dataclasses import asdict, dataclass
 from datetime import UTC, datetime
 
+from octoform.base.files import parse
 from octoform.diagnostics import Diagnostic
 from octoform.digest import of_value
 from octoform.state.files import read_regular, write_atomic
@@ -54,12 +55,12 @@ def read(layout: Layout) -> Question | None:
     """The question that waits; None when there is none, or none that can be read."""
     data, _ = read_regular(layout.daemon / ASKS)
     try:
-        told = json.loads(data or b"")
+        told = parse(data or b"")
         if told["format"] != FORMAT:
             return None
         hardware, nodes, why = (tuple(str(one) for one in told[name]) for name in ("hardware", "nodes", "why"))
         return Question(hardware, nodes, why, str(told["at"]))
-    except (ValueError, LookupError, TypeError, RecursionError):
+    except (ValueError, LookupError, TypeError):
         return None
 
 

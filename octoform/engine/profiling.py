@@ -4,12 +4,12 @@ It asks what PROBE recorded, of this host and of every other host that the proje
 nothing is written; a profile that fits no host yet is sound all the same. (Heavy.)
 """
 
-import json
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from octoform.base.files import parse
 from octoform.diagnostics import Diagnostic
 from octoform.manifest.loading import load as load_manifest
 from octoform.profiles import Profile, evidence, load
@@ -74,8 +74,8 @@ def probes(project: Path) -> dict[str, list[Mapping[str, Any]]]:
 def _devices(data: bytes) -> Iterator[Mapping[str, Any]]:
     """The devices in an artifact; an artifact that is damaged is another command's matter."""
     try:
-        document = json.loads(data)
-    except (ValueError, RecursionError):
+        document = parse(data)
+    except ValueError:
         return
     listed = document.get("devices") if isinstance(document, dict) else None
     for item in listed if isinstance(listed, list) else ():

@@ -6,7 +6,7 @@ import shutil
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 
-from octoform.base.files import TEMPORARY, sync_folder
+from octoform.base.files import TEMPORARY, replace, sync_folder
 from octoform.diagnostics import Diagnostic, error
 from octoform.harness.dialect import json_object
 from octoform.harness.plainfile import read_plain
@@ -44,7 +44,7 @@ def write(target: Path, files: Mapping[str, bytes]) -> Diagnostic | None:
         for name, data in files.items():
             path = draft / name
             path.parent.mkdir(parents=True, exist_ok=True)
-            path.write_bytes(data)
+            replace(path, data, 0o644)
         if target.exists():
             target.rename(former)
         draft.rename(target)

@@ -1,11 +1,11 @@
 """The live endpoint for a person: its tools, one call. Light where apply's memo knows the host."""
 
-import json
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from octoform.base.files import parse
 from octoform.diagnostics import Diagnostic, error, has_errors
 from octoform.endpoint.client import CallResult, Person, Wanted, list_tools, save_media
 from octoform.endpoint.client import call as call_tool
@@ -81,7 +81,7 @@ def answered(project: Path, environ: Mapping[str, str]) -> frozenset[str]:
     layout, _ = layout_of(project, environ)
     data = read_regular(layout.endpoint / CHECK)[0] if layout is not None else None
     try:
-        calls = json.loads(data or b"{}").get("calls", ())
+        calls = parse(data or b"{}").get("calls", ())
         return frozenset(each["tool"] for each in calls if each.get("ok"))
     except (ValueError, LookupError, TypeError, AttributeError):  # it only chooses an example
         return frozenset()
@@ -126,7 +126,7 @@ def _arguments(pairs: Sequence[str], document: str | None) -> tuple[dict[str, An
     if bad:
         return {}, {}, [error("CALL-BAD-ARGUMENT", f"{bad[0]!r} is not name=value", hint=hint)]
     try:
-        given = json.loads(document or "{}")
+        given = parse(document or "{}")
     except ValueError as problem:
         return {}, {}, [error("CALL-BAD-ARGUMENT", f"the arguments are not JSON: {problem}", hint=hint)]
     if not isinstance(given, dict):

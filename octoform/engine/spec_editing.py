@@ -11,6 +11,7 @@ from tempfile import TemporaryDirectory
 
 from octoform import digest
 from octoform.apply.spec_copy import unified
+from octoform.base import files
 from octoform.diagnostics import Diagnostic, did_you_mean, error, has_errors
 from octoform.engine.compiling import Compiled
 from octoform.engine.inspecting import Found, change, open_project
@@ -172,7 +173,7 @@ def _illegal(compiled: Compiled, edit: PendingEdit) -> list[Diagnostic]:
     """Why the edited text is no spec of its stage (an agent may have spoilt the front matter)."""
     with TemporaryDirectory() as folder:
         path = Path(folder) / own_path(edit.stage).name
-        path.write_text(edit.text, encoding="utf-8")
+        files.replace(path, edit.text.encode(), synced=False)
         if edit.stage in compiled.steps:
             _, found = load_step(compiled.steps[edit.stage].name, path, compiled.schemas.parent)
         else:

@@ -19,6 +19,7 @@ from typing import Any
 
 from octoform.apply import adopting
 from octoform.apply.endpoint_node import CANDIDATE
+from octoform.base.files import parse
 from octoform.diagnostics import Diagnostic, error, has_errors
 from octoform.endpoint import supervising
 from octoform.endpoint.files import CHECK, LAUNCHER, MANIFEST, read_manifest
@@ -108,7 +109,7 @@ def settle(layout: Layout) -> tuple[tuple[str, ...], list[Diagnostic]]:
     if data is None:
         return (), []
     try:
-        former = _read(layout, json.loads(data))
+        former = _read(layout, parse(data))
     except (ValueError, LookupError, TypeError, AttributeError):
         forget(layout)  # the disk tore it before anything was changed
         return (), []

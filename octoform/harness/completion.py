@@ -13,6 +13,7 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any, Protocol
 
+from octoform.base.files import replace
 from octoform.diagnostics import Diagnostic, warning
 from octoform.harness import environment
 from octoform.harness.asking.client import BACKOFF_SECONDS, SETTINGS
@@ -86,7 +87,7 @@ class LiteLLMCompletion:
 
     def _ask(self, folder: Path, way: Route, question: str) -> tuple[Ended, bytes]:
         asked, said = folder / "question.json", _Kept()
-        asked.write_text(question, encoding="utf-8")
+        replace(asked, question.encode(), 0o644, synced=False)
         named = (way.key,) if way.key else ()
         program = Program(
             argv=(sys.executable, "-I", "-W", "ignore", "-m", MODULE),

@@ -4,11 +4,11 @@ The log itself stays as it is: it is the evidence, and only a part of it or a su
 help and never needed: whenever the model does not give one, the end of the log stands in its place.
 """
 
-import os
 import stat
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from octoform.base.files import head
 from octoform.diagnostics import Diagnostic
 from octoform.escaping import escaped
 from octoform.harness.completion import Completion, Condensed
@@ -79,11 +79,7 @@ def _shown(log: Path, size: int) -> str:
 
 def _head(log: Path, size: int) -> str:
     try:
-        descriptor = os.open(log, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC)
+        text = escaped(head(log, size).decode("utf-8", "replace"), "\n\t")
     except OSError:
         return ""  # gone meanwhile: the end that was read before is what there is
-    try:
-        text = escaped(os.pread(descriptor, size, 0).decode("utf-8", "replace"), "\n\t")
-    finally:
-        os.close(descriptor)
     return text.encode()[:size].decode("utf-8", "ignore")

@@ -7,7 +7,6 @@ handler, so it may be called from anywhere.
 """
 
 import errno
-import json
 import os
 import selectors
 import subprocess
@@ -20,6 +19,7 @@ from pathlib import Path
 from typing import BinaryIO, Protocol
 
 from octoform.base import marks
+from octoform.base.files import parse
 from octoform.harness import orphans, processes
 from octoform.harness.environment import ATTEMPT
 from octoform.harness.tasklog import DEFAULT_LIMIT, TaskLog
@@ -123,7 +123,10 @@ def run(program: Program, limits: Limits, observer: Observer) -> Ended:
 
 def _stdin(program: Program) -> BinaryIO:
     if not program.piped:
-        return (program.stdin or Path(os.devnull)).open("rb")
+        # A pipe in the place of the prompt is not waited for, and the program's own reads are none of ours.
+        given = os.open(program.stdin or os.devnull, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
+        os.set_blocking(given, True)
+        return os.fdopen(given, "rb")
     reader, writer = os.pipe()
     try:
         os.set_blocking(writer, False)
@@ -263,7 +266,7 @@ class _Session:
 def _settle(told: bytes, record: orphans.Record, seconds: float, without: str) -> Ended:
     """The supervisor's report as a value; ``without`` one it was killed, and its orphans are ended from here."""
     try:
-        return Ended(**json.loads(told))
+        return Ended(**parse(told))
     except (ValueError, TypeError):
         swept = orphans.end_marked((record,))
         return Ended(without, seconds=seconds, survivors=len(swept.ended), remaining=len(swept.left))

@@ -9,6 +9,7 @@ import re
 from collections.abc import Iterable
 from typing import Any, Protocol
 
+from octoform.base.files import parse
 from octoform.harness.port import AgentEvent, ExitReason, Trouble
 
 TEXT_LIMIT = 200
@@ -27,8 +28,8 @@ def json_object(line: bytes) -> dict[str, Any] | None:
     if not line.lstrip().startswith(b"{"):
         return None
     try:
-        value = json.loads(line)
-    except (ValueError, RecursionError):
+        value = parse(line)
+    except ValueError:
         return None
     return value if isinstance(value, dict) else None
 

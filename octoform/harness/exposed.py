@@ -10,6 +10,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
 import octoform
+from octoform.base.files import head
 
 BESIDE = ("lib", "lib64", "libexec")
 MODULES = "node_modules"
@@ -62,8 +63,7 @@ def _folder(folder: Path) -> Iterator[Path]:
 
 def _interpreter(path: Path) -> Path | None:
     try:
-        with path.open("rb") as stream:
-            line = stream.readline(FIRST_LINE)
+        line = head(path, FIRST_LINE, follow=True).partition(b"\n")[0]
     except OSError:
         return None
     words = line[2:].split() if line.startswith(b"#!") else []

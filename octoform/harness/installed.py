@@ -4,12 +4,12 @@
 of the user; nothing of it is written into a project. A program on PATH serves just as well where nothing was installed.
 """
 
-import json
 import shutil
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
+from octoform.base.files import parse
 from octoform.harness.plainfile import read_plain
 
 SETTING = "OCTOFORM_AGENTS"
@@ -75,7 +75,7 @@ def locate(pin: Pin, command: tuple[str, ...], environ: Mapping[str, str]) -> Lo
 def _record(home: Path) -> dict[str, object] | None:
     """``installed.json``, written last by the installation; ``node`` is the folder of the node to run it with."""
     try:
-        value = json.loads(read_plain(home / RECORD, RECORD_BYTES) or b"")
+        value = parse(read_plain(home / RECORD, RECORD_BYTES) or b"")
     except ValueError:
         return None  # not installed, or not to its end
     return value if isinstance(value, dict) else None

@@ -10,6 +10,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
+from octoform.base.files import parse, replace
 from octoform.diagnostics import Diagnostic, error
 from octoform.harness.installed import RECORD, Located, Pin, folder, locate
 from octoform.harness.node import Node, at_least, machine_version, obtain, version_of
@@ -125,7 +126,7 @@ def _npm(pin: Pin, node: Node, staging: Path, setup: Setup) -> Diagnostic | None
 
 def _version_in(package: Path) -> str | None:
     try:
-        value = json.loads(read_plain(package, PACKAGE_BYTES) or b"")
+        value = parse(read_plain(package, PACKAGE_BYTES) or b"")
     except ValueError:
         return None
     return str(value["version"]) if isinstance(value, dict) and "version" in value else None
@@ -151,9 +152,7 @@ def _seal(pin: Pin, node: Node, home: Path, environ: Mapping[str, str]) -> Diagn
         "version": pin.version,
         "node": node.folder if pin.node is not None else None,
     }
-    temporary = home / f"{RECORD}.part"
-    temporary.write_text(json.dumps(record, indent=1) + "\n", encoding="utf-8")
-    temporary.replace(home / RECORD)
+    replace(home / RECORD, json.dumps(record, indent=1).encode() + b"\n", 0o644)
     return None
 
 

@@ -7,13 +7,12 @@ it belongs to this user and is not older than the attempt. Names and ids alone p
 """
 
 import json
-import os
 import re
 import time
 from dataclasses import dataclass
 from pathlib import Path
 
-from octoform.base import marks
+from octoform.base import files, marks
 from octoform.base.place import KEY, is_from, place_of
 from octoform.harness import processes
 from octoform.harness.environment import ATTEMPT, remove_private
@@ -58,14 +57,8 @@ def write(workdir: Path, record: Record) -> None:
         KEY: place_of(workdir),
         "written_at": time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime()),
     }
-    temporary = workdir / (RECORD + ".part")
-    temporary.unlink(missing_ok=True)
-    descriptor = os.open(temporary, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o600)
-    with os.fdopen(descriptor, "w", encoding="utf-8") as stream:
-        json.dump(value, stream)
-        stream.flush()
-        os.fsync(stream.fileno())
-    temporary.replace(workdir / RECORD)
+    files.make_way(workdir / RECORD)
+    files.replace(workdir / RECORD, json.dumps(value).encode())
 
 
 def read(workdir: Path) -> Record | None:
@@ -75,10 +68,10 @@ def read(workdir: Path) -> Record | None:
     """
     data = read_plain(workdir / RECORD, RECORD_LIMIT)
     try:
-        value = json.loads(data or b"")
+        value = files.parse(data or b"")
         supervisor = value["supervisor"]
         record = Record(str(value["attempt"]), int(supervisor["pid"]), int(supervisor["start"]), value["ended"] is True)
-    except (ValueError, KeyError, TypeError, RecursionError):
+    except (ValueError, KeyError, TypeError):
         return None
     return record if _MARK.fullmatch(record.mark) and is_from(value, workdir) else None
 

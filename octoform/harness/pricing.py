@@ -3,7 +3,6 @@
 A price that nobody knows stays unknown: a run is never reported as free because its model is not in a table.
 """
 
-import json
 from collections.abc import Mapping
 from datetime import date
 from functools import cache
@@ -12,6 +11,7 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
+from octoform.base.files import read_json
 from octoform.harness.port import Price, Usage
 
 TABLE = "model_prices_and_context_window_backup.json"
@@ -57,7 +57,7 @@ def _source() -> str:
 
 @cache
 def _prices() -> Mapping[str, Any]:
-    document: Mapping[str, Any] = json.loads(SHIPPED.read_bytes())
+    document: Mapping[str, Any] = read_json(SHIPPED)
     return document
 
 
@@ -97,5 +97,5 @@ def _table() -> Mapping[str, Any]:
     path = Path(next(iter(folders or []), "")) / TABLE
     if not path.is_file():
         return {}
-    table: Mapping[str, Any] = json.loads(path.read_bytes())
+    table: Mapping[str, Any] = read_json(path)
     return table

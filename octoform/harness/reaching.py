@@ -5,7 +5,6 @@ when the harness passes the proxy's variables on. A redirect is not followed, si
 """
 
 import http.client
-import json
 import threading
 import urllib.error
 import urllib.request
@@ -15,6 +14,7 @@ from typing import Any
 from urllib.parse import urlsplit
 
 import octoform
+from octoform.base.files import parse
 from octoform.diagnostics import did_you_mean
 from octoform.harness.access import Access
 from octoform.harness.health import Check, failed, passed, unknown
@@ -123,8 +123,8 @@ def _headers(api: str, key: str) -> dict[str, str]:
 
 def _names(data: bytes) -> frozenset[str] | None:
     try:
-        value = json.loads(data)
-    except (ValueError, RecursionError):
+        value = parse(data)
+    except ValueError:
         return None
     if not isinstance(value, dict) or value.get("has_more") or value.get("nextPageToken"):
         return None

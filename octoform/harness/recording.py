@@ -13,6 +13,7 @@ from typing import Literal
 
 from pydantic import Field, ValidationError
 
+from octoform.base.files import parse
 from octoform.diagnostics import Diagnostic, error
 from octoform.harness.port import ExitReason
 from octoform.state.files import read_regular, shown
@@ -94,8 +95,8 @@ def load(folder: Path) -> Recording | Diagnostic:
     if data is None:
         return problem or _missing(folder)
     try:
-        value = json.loads(data)
-    except (ValueError, RecursionError):
+        value = parse(data)
+    except ValueError:
         return _broken(folder, "recording.json is not JSON")
     if not isinstance(value, dict):
         return _broken(folder, "recording.json holds no object")

@@ -9,7 +9,6 @@ services that write wherever they are told to: each of them would be a way aroun
 Where octoform runs as root the agent is another user (`agent_user`), because what root may do a file mode lets it do.
 """
 
-import json
 import os
 import shutil
 import stat
@@ -18,6 +17,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from octoform.base.files import parse
 from octoform.diagnostics import Diagnostic, error
 from octoform.harness.agent_user import AgentUser, agent_user, hand_over
 from octoform.harness.exposed import belongings
@@ -256,7 +256,7 @@ def _of_project(project: Path, hidden: Sequence[Path]) -> list[Path]:
 def _named_in_task(document: Path) -> Iterator[Path]:
     """The files that the task tells the agent to read."""
     try:
-        task = json.loads(read_plain(document, TASK_BYTES) or b"")
+        task = parse(read_plain(document, TASK_BYTES) or b"")
     except ValueError:
         return
     for name in ("input", "schema"):

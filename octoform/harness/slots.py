@@ -5,13 +5,13 @@ its holder, makes a second installation wait and find the work done; what an int
 next, and counts as nothing until then.
 """
 
-import fcntl
 import shutil
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
+from octoform.base.locks import held
 from octoform.diagnostics import Diagnostic
 
 Fetch = Callable[[str, Path], str | None]
@@ -46,7 +46,7 @@ def filled(slot: Slot, say: Callable[[str], None]) -> Diagnostic | None:
     """Make the slot's folder unless it is whole; what went wrong, or None. OSError when it cannot be written."""
     home = slot.home
     home.parent.mkdir(parents=True, exist_ok=True)
-    with _locked(home.parent / f".{home.name}.lock", lambda: say("waiting for another installation of it")):
+    with _alone(home.parent / f".{home.name}.lock", lambda: say("waiting for another installation of it")):
         if slot.whole():
             return None
         staging = home.parent / f".{home.name}.partial"
@@ -74,12 +74,12 @@ def _remove(folder: Path) -> None:
 
 
 @contextmanager
-def _locked(path: Path, waiting: Callable[[], None]) -> Iterator[None]:
+def _alone(path: Path, waiting: Callable[[], None]) -> Iterator[None]:
     """Hold an exclusive lock on ``path``; ``waiting`` is called when somebody else holds it."""
-    with path.open("wb") as file:
-        try:
-            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
-            waiting()
-            fcntl.flock(file, fcntl.LOCK_EX)
+    with held(path, wait=False) as mine:
+        if mine:
+            yield
+            return
+    waiting()
+    with held(path):
         yield

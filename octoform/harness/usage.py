@@ -4,10 +4,10 @@ The numbers come from an untrusted program, so each is checked for itself: one t
 never zero.
 """
 
-import json
 import math
 from pathlib import Path
 
+from octoform.base.files import parse
 from octoform.harness.plainfile import read_plain
 from octoform.harness.port import Usage
 
@@ -19,8 +19,8 @@ def read(workdir: Path) -> Usage:
     """``usage.json`` of the attempt: input_tokens, cached_tokens, output_tokens (counts), cost_usd (dollars)."""
     data = read_plain(workdir / FILE_NAME, SIZE_LIMIT)
     try:
-        value = json.loads(data or b"")
-    except (ValueError, RecursionError):
+        value = parse(data or b"")
+    except ValueError:
         return Usage()
     if not isinstance(value, dict):
         return Usage()

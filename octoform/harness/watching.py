@@ -267,7 +267,7 @@ class _Transcript:
     """A file of events, bounded; its descriptor is held, so that the agent cannot put another file in its place."""
 
     def __init__(self, path: Path) -> None:
-        flags = os.O_WRONLY | os.O_CREAT | os.O_TRUNC | os.O_NOFOLLOW | os.O_CLOEXEC
+        flags = os.O_WRONLY | os.O_CREAT | os.O_TRUNC | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC
         self._descriptor = os.open(path, flags, 0o600)
         self._left = TRANSCRIPT_BYTES
 

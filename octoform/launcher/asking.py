@@ -38,6 +38,8 @@ from mcp_types import (
 )
 from mcp_types.version import MODERN_PROTOCOL_VERSIONS
 
+from octoform.base.files import parse
+
 VALID_SECONDS = 600.0
 OPEN = 1000
 """Questions that may be open at once; the oldest goes first."""
@@ -236,7 +238,7 @@ def _can_ask(context: Context) -> bool:
 
 def _nonce(state: str | None) -> str | None:
     try:
-        found = json.loads(state) if state else None
+        found = parse(state) if state else None
     except ValueError:
         return None
     nonce = found.get(MARK) if isinstance(found, dict) else None

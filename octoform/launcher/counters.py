@@ -27,7 +27,7 @@ HEADER = {"format": 1}
 _COMPACT_BYTES = 262_144
 _LARGEST = 256_000_000
 """Bytes that are read: several times what the moments of a host's tools can come to."""
-_APPEND = os.O_WRONLY | os.O_APPEND | os.O_CREAT | os.O_CLOEXEC | os.O_NOFOLLOW
+_APPEND = os.O_WRONLY | os.O_APPEND | os.O_CREAT | os.O_CLOEXEC | os.O_NOFOLLOW | os.O_NONBLOCK
 
 
 class CountersUnwritable(OSError):

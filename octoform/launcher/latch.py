@@ -71,7 +71,7 @@ class Latch:
     def keep(self) -> None:
         """Put the latch on the disk, so that it outlives a power cut too; may take as long as the disk does."""
         for place in (self.path, self.path.parent):
-            descriptor = os.open(place, os.O_RDONLY | os.O_CLOEXEC)
+            descriptor = os.open(place, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
             try:
                 os.fsync(descriptor)
             finally:

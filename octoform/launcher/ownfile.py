@@ -15,7 +15,7 @@ class OwnFile:
 
     def __init__(self, path: Path, how: int) -> None:
         """Open ``path``, made if it is not there, private, links not followed; OSError when that cannot be."""
-        self.number = os.open(path, how | os.O_CREAT | os.O_CLOEXEC | os.O_NOFOLLOW, 0o600)
+        self.number = os.open(path, how | os.O_CREAT | os.O_CLOEXEC | os.O_NOFOLLOW | os.O_NONBLOCK, 0o600)
         status = os.fstat(self.number)
         self._identity = (status.st_dev, status.st_ino)
         if status.st_mode & 0o077:

@@ -22,6 +22,8 @@ from fastmcp.server.context import reset_transport, set_transport
 from mcp.shared._context_streams import ContextReceiveStream, ContextSendStream, create_context_streams
 from mcp.shared.message import SessionMessage
 
+from octoform.base.files import parse
+
 from .clients import connected
 from .quiet import Throttle
 from .socketfile import PASSING, PAUSE, peer
@@ -204,7 +206,7 @@ async def _read(reader: asyncio.StreamReader, outbox: _Outbox, incoming: Incomin
                 _refuse(outbox, line)
                 await asyncio.sleep(0)  # others get their turn, however much of it there is
                 continue
-            if isinstance(message, mcp_types.JSONRPCNotification) and b'"id"' in line and "id" in json.loads(line):
+            if isinstance(message, mcp_types.JSONRPCNotification) and b'"id"' in line and "id" in parse(line):
                 # A request whose id is no id would pass for a notification, and its sender would wait for ever.
                 _refuse(outbox, line)
                 await asyncio.sleep(0)  # others get their turn, however much of it there is
@@ -248,8 +250,8 @@ class _Lines:
 def _refuse(outbox: _Outbox, line: bytes) -> None:
     """Answer what is no message as JSON-RPC has it: -32700 for no JSON, -32600 for JSON that is no message."""
     try:
-        value = json.loads(line)
-    except (ValueError, RecursionError):
+        value = parse(line)
+    except ValueError:
         outbox.put(_error(None, -32700, "this is no JSON"))
         return
     identity = value.get("id") if isinstance(value, dict) else None

@@ -8,6 +8,7 @@ import re
 import stat
 from pathlib import Path
 
+from octoform.base.files import head
 from octoform.diagnostics import Span, did_you_mean
 from octoform.manifest.model import FILE_NAME
 from octoform.manifest.report import Report
@@ -51,9 +52,7 @@ def read(path: Path, report: Report) -> bytes | None:
         if not stat.S_ISREG(kind):
             report.error("MANIFEST-UNREADABLE", "the manifest is no regular file")
             return None
-        with path.open("rb") as file:
-            content = file.read(LIMIT + 1)
-            size = path.stat().st_size
+        content, size = head(path, LIMIT + 1, follow=True), path.stat().st_size
     except FileNotFoundError:
         report.error("MANIFEST-NOT-FOUND", f"there is no {path.name} here", hint=_where_else(path))
         return None

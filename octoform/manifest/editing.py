@@ -5,7 +5,6 @@ errors is refused, and the file stays as it was.
 """
 
 import io
-import os
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -15,6 +14,7 @@ from ruamel.yaml import YAML
 from ruamel.yaml.comments import CommentedMap, CommentedSeq
 from ruamel.yaml.util import load_yaml_guess_indent
 
+from octoform.base.files import read, replace
 from octoform.diagnostics import Diagnostic, Severity, error
 from octoform.manifest import entries
 from octoform.manifest.loading import load, parse
@@ -47,7 +47,7 @@ def change(
     manifest, found = load(path, environ)
     if manifest is None:
         return None, found
-    before = path.read_bytes().decode("utf-8")
+    before = read(path).decode("utf-8")
     after, dotted = _changed(before, keys, value), ".".join(keys)
     if after is None:
         return None, [_refused(path, dotted, "a part of the name is no table")]
@@ -150,20 +150,12 @@ def _replace(path: Path, before: bytes, content: bytes) -> list[Diagnostic]:
     target = path.resolve()
     if not target.stat().st_mode & 0o222:
         return [_unwritable(path, "it is read-only")]
-    temporary = target.with_name(f".{target.name}.{os.getpid()}")
     try:
-        with temporary.open("xb") as out:
-            out.write(content)
-            out.flush()
-            os.fsync(out.fileno())
-        temporary.chmod(target.stat().st_mode & 0o7777)
-        if target.read_bytes() != before:
-            temporary.unlink()
+        if read(target) != before:
             reason = f"{path.name} was changed by somebody else at the same moment"
             return [error("MANIFEST-UNWRITABLE", reason, path=str(path), hint="nothing was written; do it once more")]
-        temporary.replace(target)
+        replace(target, content, target.stat().st_mode & 0o7777, exact=True)
     except OSError as problem:
-        temporary.unlink(missing_ok=True)
         return [_unwritable(path, problem.strerror or str(problem))]
     return []
 

@@ -8,6 +8,7 @@ import os
 import re
 from pathlib import Path
 
+from octoform.base.files import opened
 from octoform.diagnostics import did_you_mean
 from octoform.manifest import tree
 from octoform.manifest.fields import is_typed
@@ -101,7 +102,7 @@ def _file(item: Scalar, path: Path, project: Path, report: Report) -> Path | Non
         what = "is no file" if not path.is_file() else "is no markdown file (.md)"
         report.error("MANIFEST-BAD-PROFILE", f"the profile `{shown}` {what}", item.span, hint=_WHAT)
         return None
-    with path.open("rb"):
+    with opened(path):
         return path
 
 

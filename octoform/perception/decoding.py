@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 import octoform.endpoint
+from octoform.base.files import parse
 from octoform.diagnostics import Diagnostic, error
 from octoform.endpoint.errand import recorded_environment
 from octoform.endpoint.process import base_environment, run
@@ -58,7 +59,7 @@ def decode_with(python: Path, pictures: Sequence[bytes]) -> list[Decoded | None]
     if ended.timed_out:
         return _failed(f"it took more than {DECODE_SECONDS:g} s", "the machine may be busy; look again")
     try:
-        return [_decoded(item) for item in json.loads(ended.stdout)["pictures"]]
+        return [_decoded(item) for item in parse(ended.stdout)["pictures"]]
     except (ValueError, LookupError, TypeError):
         said = ended.stderr.strip().splitlines()
         return _failed(said[-1][:300] if said else f"exit status {ended.status}", "octoform plan tells what is amiss")

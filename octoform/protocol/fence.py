@@ -2,9 +2,9 @@
 
 import os
 import re
-import stat
 from pathlib import Path
 
+from octoform.base.files import stream
 from octoform.escaping import escaped
 
 _KEPT = "\n\t"
@@ -24,16 +24,11 @@ def tail(path: Path, lines: int, size: int) -> str:
     Empty when there is none, or when it is not a plain file: an agent may put a link in its place.
     """
     try:
-        descriptor = os.open(path, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC)
+        with stream(path, follow=False) as log:
+            log.seek(max(0, os.fstat(log.fileno()).st_size - size))
+            data = log.read(size)
     except OSError:
         return ""  # no log is no reason to stop: the diagnostics say why the attempt failed
-    try:
-        facts = os.fstat(descriptor)
-        if not stat.S_ISREG(facts.st_mode):
-            return ""
-        data = os.pread(descriptor, size, max(0, facts.st_size - size))
-    finally:
-        os.close(descriptor)
     text = escaped(data.decode("utf-8", "replace").replace("\r\n", "\n"), _KEPT).rstrip("\n")
     return cut("\n".join(text.split("\n")[-lines:]), size)
 

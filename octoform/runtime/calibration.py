@@ -7,12 +7,11 @@ gripper too: -100 is one end of the range, 100 the other, 0 the middle; a ``driv
 direction around.
 """
 
-import json
-import os
-import stat
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
+
+from .plainfiles import read_json
 
 MOST_BYTES = 65536
 HIGHEST = 65535
@@ -60,20 +59,13 @@ def find(patterns: Iterable[str], units: Mapping[str, int]) -> Calibration:
         return Calibration({}, f"there are {len(found)} calibration files and nothing tells which is meant: {names}")
     try:
         return _read(found[0], units)
-    except (OSError, ValueError, TypeError, KeyError, AttributeError, RecursionError) as problem:
+    except (OSError, ValueError, TypeError, KeyError, AttributeError) as problem:
         why = problem.strerror if isinstance(problem, OSError) else f"{type(problem).__name__}: {problem}"
         return Calibration({}, f"{_shown(found[0])} is no calibration file that can be used ({why})")
 
 
 def _read(path: Path, units: Mapping[str, int]) -> Calibration:
-    # Opened without waiting: a pipe that nobody writes to would keep every call that reads or moves.
-    with open(path, "rb", opener=lambda name, flags: os.open(name, flags | os.O_NONBLOCK)) as stream:
-        if not stat.S_ISREG(os.fstat(stream.fileno()).st_mode):
-            raise ValueError("no plain file")
-        data = stream.read(MOST_BYTES + 1)
-    if len(data) > MOST_BYTES:
-        raise ValueError(f"larger than {MOST_BYTES} bytes")
-    document: dict[str, Any] = json.loads(data)
+    document: dict[str, Any] = read_json(path, MOST_BYTES, any_text=True)
     known = {name: document[name] for name in units if name in document}
     other = [
         f"{name} the id {entry['id']!a:.20} (the profile says {units[name]})"

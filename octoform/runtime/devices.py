@@ -5,7 +5,6 @@ was seen (`sysfs`, `port`), its serial number where it has one, and how strong t
 id alone decides, by kind and ordinal (`binding` has the rules).
 """
 
-import json
 import os
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
@@ -17,6 +16,8 @@ from . import kinds
 from .binding import bind, in_place
 from .faults import AmbiguousDevice, DeviceAbsent
 from .locks import DEFAULT_TIMEOUT, bus
+from .plainfiles import read_json
+from .shape import INSTANCES, fits
 from .sysfs import members, subsystem, sysroot, uevent
 
 _cache: dict[str, tuple[tuple[int, int, int], dict[str, Any] | None]] = {}
@@ -126,9 +127,9 @@ def _instances() -> Mapping[str, Any] | None:
         stamp = (status.st_mtime_ns, status.st_size, status.st_ino)
         before = _cache.get(place)
         if before is None or before[0] != stamp:
-            devices = json.loads(Path(place).read_bytes()).get("devices")
-            _cache[place] = before = (stamp, devices if isinstance(devices, dict) else None)
+            found = read_json(Path(place))
+            _cache[place] = before = (stamp, found["devices"] if fits(found, INSTANCES) else None)
         return before[1]
-    except (OSError, ValueError, AttributeError):
+    except (OSError, ValueError):
         # A reader goes on by kind, which is right for most hosts; refusing every call would be worse.
         return None

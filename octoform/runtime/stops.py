@@ -5,7 +5,6 @@ damaged stop must never set anything free. Without that folder a stop is a fact 
 """
 
 import contextlib
-import errno
 import fcntl
 import json
 import os
@@ -15,6 +14,7 @@ from typing import NamedTuple
 from urllib.parse import quote
 
 from .faults import DeviceFault
+from .plainfiles import parse, read, replace
 
 FORMAT = 1
 _SIZE = 4096
@@ -35,18 +35,14 @@ def seen(device: str) -> Stop | None:
         return None
     data = b""
     try:
-        descriptor = os.open(place, os.O_RDONLY | os.O_NONBLOCK | os.O_NOFOLLOW | os.O_CLOEXEC)
-        try:
-            data = os.read(descriptor, _SIZE)
-        finally:
-            os.close(descriptor)
-        told = json.loads(data)
+        data = read(place, _SIZE, follow=False)
+        told = parse(data)
         until = told["until"]
         if told["format"] != FORMAT or told["device"] != device or not isinstance(until, str) or not until:
             raise ValueError("it is of another device or format")
     except FileNotFoundError:
         return None
-    except (OSError, ValueError, LookupError, TypeError, RecursionError) as problem:
+    except (OSError, ValueError, LookupError, TypeError) as problem:
         return Stop("", f"{place} is there but cannot be read ({_reason(problem)})", data or _status(place))
     return Stop(until, "", data)
 
@@ -58,15 +54,10 @@ def put(device: str, until: str) -> str:
         return "it was given no folder to keep the stop in"
     # Two stops are never the same bytes: the command that ends one must not end a later one.
     told = {"format": FORMAT, "device": device, "until": until, "stop": os.urandom(8).hex()}
-    temporary = place.with_name(f".{place.name}.{os.urandom(6).hex()}")
     try:
-        _write(temporary, json.dumps(told).encode("ascii") + b"\n")
-        with _alone(place.parent) as folder:
-            temporary.replace(place)
-            os.fsync(folder)
+        with _alone(place.parent):
+            replace(place, json.dumps(told).encode("ascii") + b"\n")
     except OSError as problem:
-        with contextlib.suppress(OSError):
-            temporary.unlink()
         return f"{place} cannot be written ({_reason(problem)})"
     return ""
 
@@ -94,24 +85,13 @@ def _place(device: str) -> Path | None:
     return Path(folder) / f"stopped-{quote(device, safe='')}.json" if folder else None
 
 
-def _write(path: Path, data: bytes) -> None:
-    flags = os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW | os.O_CLOEXEC
-    descriptor = os.open(path, flags, 0o600)
-    try:
-        if os.write(descriptor, data) != len(data):
-            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
-        os.fsync(descriptor)
-    finally:
-        os.close(descriptor)
-
-
 @contextlib.contextmanager
-def _alone(folder: Path) -> Iterator[int]:
-    """The open folder, while no other thread or process changes a stop in it."""
+def _alone(folder: Path) -> Iterator[None]:
+    """While no other thread or process changes a stop in it."""
     descriptor = os.open(folder, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
     try:
         fcntl.flock(descriptor, fcntl.LOCK_EX)
-        yield descriptor
+        yield
     finally:
         os.close(descriptor)
 

@@ -13,13 +13,14 @@ from typing import Any
 from .devices import device
 from .faults import AmbiguousDevice, DeviceFault
 from .places import path_of
+from .plainfiles import parse
 from .rights import refused
 from .sysfs import sysroot
 
 
 def main() -> int:
     """Answer for every id that was asked for."""
-    asked: Mapping[str, Iterable[str]] = json.loads(sys.stdin.read())
+    asked: Mapping[str, Iterable[str]] = parse(sys.stdin.read())
     print(json.dumps({name: whereabouts(name, classes) for name, classes in asked.items()}))
     return 0
 

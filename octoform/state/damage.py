@@ -11,6 +11,7 @@ The rule, which the daemon's repairs stand on:
 What is put back over something never destroys it: what was there is moved aside first and named. Light.
 """
 
+from octoform.base.files import parse
 import json
 import os
 import re
@@ -67,7 +68,7 @@ def _is_whole(name: str, data: bytes) -> bool:
     try:
         text = data.decode()
         if name.endswith(".json"):
-            json.loads(text)
+            parse(data)
         elif name.endswith(".py"):
             compile(text, name, "exec", dont_inherit=True)
     except (ValueError, SyntaxError, RecursionError, MemoryError):

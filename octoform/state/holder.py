@@ -4,6 +4,7 @@ A pid alone is no identity: it is given again, and it means another process afte
 another container. So a holder is pid, start time, boot, machine and pid namespace, as the kernel tells them. Light.
 """
 
+from octoform.base.files import read
 import contextlib
 import os
 from collections.abc import Mapping
@@ -60,7 +61,7 @@ def myself(proc: Path = PROC) -> Process:
 def start_time(pid: int, proc: Path = PROC) -> int | None:
     """When a process started, in clock ticks since boot; None when it is gone, a zombie, or /proc is not there."""
     try:
-        text = (proc / str(pid) / "stat").read_text(errors="replace")
+        text = read(proc / str(pid) / "stat", 4096).decode("utf-8", "replace")
         fields = text[text.rindex(")") + 2 :].split()
         return None if fields[0] in _GONE else int(fields[19])
     except (OSError, ValueError, IndexError):
@@ -103,7 +104,7 @@ def from_json(document: Mapping[str, object]) -> Process:
 
 def _text(path: Path) -> str:
     with contextlib.suppress(OSError):
-        return path.read_text(errors="replace").strip()
+        return read(path, 4096).decode("utf-8", "replace").strip()
     return ""
 
 

@@ -4,6 +4,9 @@ Git gets kinds only; this file keeps what differs between two machines of one ki
 generated server's runtime reads it at call time. Light.
 """
 
+from octoform.base.files import parse
+from octoform.base.shape import INSTANCES as FORM
+from octoform.base.shape import fits
 import json
 from collections.abc import Mapping
 
@@ -30,8 +33,7 @@ def write_instances(layout: Layout, devices: Mapping[str, object]) -> list[Diagn
 def classes_of(instance: object) -> list[str]:
     """The classes of a device's nodes, as its entry in the ledger has them; empty where it has none."""
     nodes = instance.get("nodes") if isinstance(instance, Mapping) else None
-    items = nodes if isinstance(nodes, list) else []
-    return sorted({str(item["class"]) for item in items if isinstance(item, dict) and "class" in item})
+    return sorted({str(item["class"]) for item in nodes or () if item.get("class")})
 
 
 def read_instances(layout: Layout) -> tuple[dict[str, object] | None, list[Diagnostic]]:
@@ -40,10 +42,10 @@ def read_instances(layout: Layout) -> tuple[dict[str, object] | None, list[Diagn
     if data is None:
         return None, [problem] if problem is not None else []
     try:
-        document = json.loads(data)
-        if document["format"] == FORMAT and isinstance(document["devices"], dict):
-            return document["devices"], []
-    except (ValueError, KeyError, TypeError, RecursionError):
-        pass  # said below, together with the other ways not to be a ledger
+        found = parse(data, any_text=False)
+    except ValueError:
+        found = None
+    if fits(found, FORM) and found["format"] == FORMAT:
+        return found["devices"], []
     hint = "run `octoform apply -replace probe`: PROBE writes it anew"
     return None, [error("STATE-INSTANCES", "this is no ledger of instances", path=shown(layout.instances), hint=hint)]

@@ -13,7 +13,7 @@ from enum import StrEnum
 from pathlib import Path
 
 from octoform import digest
-from octoform.base.files import sync_folder, write_all
+from octoform.base.files import sync_folder, write_all, parse
 from octoform.diagnostics import Diagnostic, error, warning
 from octoform.state.files import (
     SIZE_LIMIT,
@@ -84,13 +84,13 @@ def _checksum(body: Mapping[str, object]) -> str:
 def decode(line: bytes) -> Record | None:
     """The record on a line (without its line end), or None when it is not exactly what was written."""
     try:
-        body = json.loads(line)
+        body = parse(line)
         checksum = body.pop("sum")
         if checksum != _checksum(body):
             return None
         data = body["data"]
         return Record(body["n"], body["time"], Op(body["op"]), body["run"], body["node"], data)
-    except (ValueError, TypeError, KeyError, AttributeError, RecursionError):
+    except (ValueError, TypeError, KeyError, AttributeError):
         return None
 
 
@@ -169,7 +169,7 @@ class Journal:
         return None
 
     def _write(self, line: bytes, name: str) -> None:
-        flags = os.O_WRONLY | os.O_CREAT | os.O_APPEND | os.O_NOFOLLOW | os.O_CLOEXEC
+        flags = os.O_WRONLY | os.O_CREAT | os.O_APPEND | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC
         descriptor = os.open(self._path, flags, 0o600)
         try:
             os.ftruncate(descriptor, self._length)

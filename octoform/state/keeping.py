@@ -132,13 +132,13 @@ def _read(layout: Layout) -> _Index:
     """The index; empty where there is none that can be used. Copies are believed by their digests, never by it."""
     data, _ = read_regular(layout.kept / _INDEX)
     try:
-        document: Any = json.loads(data or b"")
+        document: Any = files.parse(data or b"")
         nodes = document["nodes"] if document["format"] == FORMAT else {}
         return {
             str(node): [{str(name): str(one) for name, one in each.items()} for each in generations]
             for node, generations in nodes.items()
         }
-    except (ValueError, LookupError, TypeError, AttributeError, RecursionError):
+    except (ValueError, LookupError, TypeError, AttributeError):
         return {}  # made anew by whatever is kept next
 
 

@@ -23,7 +23,7 @@ from octoform import digest
 from octoform.base.place import KEY, is_from, place_of
 from octoform.diagnostics import Diagnostic, error
 from octoform.base import locks
-from octoform.base.files import sync_folder, write_all
+from octoform.base.files import sync_folder, write_all, parse
 from octoform.state.files import make_folders, read_regular, refused, shown
 from octoform.state.holder import PROC, Liveness, Process, from_json, liveness, myself, to_json
 from octoform.state.layout import Layout
@@ -105,11 +105,11 @@ def read_holder(layout: Layout) -> Holder | Diagnostic | None:
     if data is None:
         return None
     try:
-        document = json.loads(data)
+        document = parse(data)
         process = from_json(document)
         operation, created = str(document["operation"]), str(document["created"])
         return Holder(str(document["id"]), process, operation, created, document.get(KEY))
-    except (ValueError, KeyError, TypeError, AttributeError, RecursionError):
+    except (ValueError, KeyError, TypeError, AttributeError):
         return error(
             "STATE-LOCK-UNREADABLE",
             "the lock file is not one that octoform wrote",

@@ -4,6 +4,7 @@ A no-op plan may not wait for a validation library. The checks here are those of
 state, of this host, of a format that is understood); the heavy reader adds the fields. Light.
 """
 
+from octoform.base import files
 import json
 import re
 from pathlib import Path
@@ -55,8 +56,8 @@ def parse(data: bytes, layout: Layout) -> tuple[dict[str, Any] | None, list[Diag
         summary = "the state file holds git's conflict markers: two histories of it were merged"
         return None, [_bad(layout, "STATE-CONFLICT", summary)]
     try:
-        document = json.loads(data)
-    except (ValueError, RecursionError) as problem:
+        document = files.parse(data)
+    except ValueError as problem:
         return None, [_undecodable(data, problem, layout)]
     return _container(document, layout)
 
@@ -132,8 +133,8 @@ def recovery(layout: Layout) -> str:
 
 def _serial(data: bytes, host: str) -> int | None:
     try:
-        document = json.loads(data)
-    except (ValueError, RecursionError):
+        document = files.parse(data)
+    except ValueError:
         return None
     if not isinstance(document, dict) or document.get("format") != FORMAT or document.get("host") != host:
         return None

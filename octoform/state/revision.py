@@ -4,6 +4,7 @@ A plan names the revision it reads; starting git or importing a library for that
 with nothing to do. What these files do not tell (an unborn branch, a ref store of another kind) is None. Light.
 """
 
+from octoform.base.files import head, read
 import re
 from dataclasses import dataclass
 from pathlib import Path
@@ -64,11 +65,10 @@ def _reference(folder: Path, name: str) -> str | None:
 
 def _packed(common: Path, name: str) -> str | None:
     try:
-        with (common / "packed-refs").open(encoding="utf-8", errors="replace") as lines:
-            for line in lines:
-                revision, _, ref = line.rstrip("\n").partition(" ")
-                if ref == name and _REVISION.match(revision):
-                    return revision
+        for line in read(common / "packed-refs").decode("utf-8", "replace").splitlines():
+            revision, _, ref = line.partition(" ")
+            if ref == name and _REVISION.match(revision):
+                return revision
     except OSError:
         return None  # no packed refs
     return None
@@ -77,7 +77,6 @@ def _packed(common: Path, name: str) -> str | None:
 def _line(path: Path) -> str | None:
     """The first line of a small file, or None when it is not there."""
     try:
-        with path.open(encoding="utf-8", errors="replace") as stream:
-            return stream.readline(4096).strip() or None
+        return head(path, 4096, follow=True).decode("utf-8", "replace").partition("\n")[0].strip() or None
     except OSError:
         return None

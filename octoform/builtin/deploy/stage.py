@@ -7,6 +7,7 @@ fails alone when it is called. One that the top of the file needs makes the whol
 from collections.abc import Mapping
 from typing import Any
 
+from octoform.base.files import head
 from octoform.builtin.deploy.providers import conflicts, provider
 from octoform.builtin.deploy.resolver import Resolution, Resolver
 from octoform.builtin.deploy.script import Script, read_script
@@ -21,7 +22,7 @@ def run(task: Task) -> str:
     if task.input is None:
         raise Refused("stage deploy needs server.py and the task names none")
     try:
-        text = task.input.read_bytes()[:MAX_BYTES].decode("utf-8")
+        text = head(task.input, MAX_BYTES, follow=True).decode("utf-8")
     except OSError as problem:
         raise Refused(f"cannot read {task.input}: {problem.strerror}") from problem
     except UnicodeDecodeError as problem:

@@ -7,6 +7,8 @@ parsing 40,000 lines to find twenty would cost more than all the rest of the sta
 
 from pathlib import Path
 
+from octoform.base.files import read
+
 PLACES = {
     "usb": ("usr/share/hwdata/usb.ids", "var/lib/usbutils/usb.ids", "usr/share/misc/usb.ids"),
     "pci": ("usr/share/hwdata/pci.ids", "usr/share/misc/pci.ids"),
@@ -46,8 +48,7 @@ class IdDatabases:
             if path.is_symlink() and self._sysroot != Path("/"):
                 continue
             try:
-                if path.stat().st_size <= LARGEST:
-                    return b"\n" + path.read_bytes()
+                return b"\n" + read(path, LARGEST)
             except OSError:
                 continue
         return b""

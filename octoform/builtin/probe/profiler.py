@@ -3,11 +3,11 @@
 A report that has nothing to say is an empty list; one that this system does not know is missing or an empty object.
 """
 
-import json
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
+from octoform.base.files import parse
 from octoform.builtin.probe.commands import Command, output
 from octoform.builtin.probe.reader import Reader
 from octoform.builtin.probe.report import Entry, said
@@ -78,7 +78,7 @@ def scan(name: str, note: Note) -> Scan:
     command = Command(f"system_profiler-{name}", ("system_profiler", "-json", name))
 
     def look(reader: Reader) -> None:
-        report = json.loads(output(command, reader))
+        report = parse(output(command, reader))
         for item in items(report.get(name) if isinstance(report, dict) else report):
             note(item)
 

@@ -5,11 +5,11 @@ context with the interface ``windows``. Windows's own tools are asked through th
 Written from the recorded form of their answers: no WSL2 system has run it yet, and the artifact says so.
 """
 
-import json
 import re
 from collections.abc import Iterator
 from typing import Any
 
+from octoform.base.files import parse
 from octoform.builtin.probe import text
 from octoform.builtin.probe.commands import Command, output
 from octoform.builtin.probe.node import Node
@@ -67,7 +67,7 @@ class Windows:
         return found
 
     def _present(self, reader: Reader) -> None:
-        listed = json.loads(output(PNP, reader))
+        listed = parse(output(PNP, reader))
         entries = list(_entries(listed))
         # The functions of a device come after it only by chance.
         for entry in sorted(entries, key=lambda entry: "&MI_" in said(entry, "InstanceId").upper()):
@@ -120,7 +120,7 @@ class Windows:
         return unit
 
     def _shared(self, reader: Reader) -> None:
-        report = json.loads(output(USBIPD, reader))
+        report = parse(output(USBIPD, reader))
         for entry in _entries(report.get("Devices") if isinstance(report, dict) else None):
             if not (place := said(entry, "BusId")):
                 continue  # known from earlier, not plugged in

@@ -10,6 +10,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
+from octoform.base.files import parse
 from octoform.daemon.model import Cause, Facts, FaultClass, Finding, Kind, Outcome, Repair, Spent, Status
 from octoform.daemon.records.shelf import FORMAT, LIMIT, Shelf, number
 from octoform.diagnostics import warning
@@ -286,9 +287,9 @@ def _ordinal(name: str) -> int:
 
 def _decoded(line: bytes) -> Episode | None:
     try:
-        entry = json.loads(line)
+        entry = parse(line)
         return _episode(entry) if entry["format"] == FORMAT else None
-    except (ValueError, LookupError, TypeError, AttributeError, RecursionError, OverflowError):
+    except (ValueError, LookupError, TypeError, AttributeError, OverflowError):
         return None
 
 

@@ -16,6 +16,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from octoform.base.files import parse
 from octoform.base.locks import is_locked
 from octoform.base.place import KEY, is_from, place_of
 from octoform.diagnostics import Diagnostic, error
@@ -257,8 +258,8 @@ def _running(layout: Layout) -> Diagnostic:
 def _read(path: Path) -> dict[str, Any] | None:
     data, _ = read_regular(path, _LIMIT)
     try:
-        document = json.loads(data or b"")
-    except (ValueError, RecursionError):
+        document = parse(data or b"")
+    except ValueError:
         return None
     return document if isinstance(document, dict) else None
 

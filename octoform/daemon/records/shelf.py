@@ -14,6 +14,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from octoform.base.files import parse
 from octoform.diagnostics import Diagnostic, warning
 from octoform.state.files import read_regular, shown, write_atomic
 from octoform.state.layout import Layout
@@ -46,8 +47,8 @@ class Shelf:
             return {}
         document = None
         if data is not None:
-            with contextlib.suppress(ValueError, RecursionError):
-                document = json.loads(data)
+            with contextlib.suppress(ValueError):
+                document = parse(data)
         if isinstance(document, dict) and document.get("format") == FORMAT:
             return document
         self.aside(path, "it was written by another version" if isinstance(document, dict) else "it is damaged")

@@ -14,6 +14,7 @@ from itertools import takewhile
 from pathlib import Path
 from typing import Any
 
+from octoform.base.files import parse
 from octoform.daemon.model import Done
 from octoform.diagnostics import Diagnostic
 from octoform.endpoint import supervising
@@ -140,11 +141,11 @@ def read(layout: Layout) -> list[Start]:
     """The starts that are remembered, oldest first; what is no record of ours counts as none."""
     data, _ = read_regular(layout.daemon / RECORD)
     try:
-        document = json.loads(data or b"")
+        document = parse(data or b"")
         if document["format"] != FORMAT:
             return []
         return [_start(each) for each in document["starts"]]
-    except (ValueError, LookupError, TypeError, RecursionError):
+    except (ValueError, LookupError, TypeError):
         return []
 
 
@@ -182,8 +183,8 @@ def _address(layout: Layout) -> str | None:
     """Where it listened last; None without a network."""
     data, _ = read_regular(layout.run / "network.json")
     try:
-        return str(json.loads(data or b"")["url"])
-    except (ValueError, LookupError, TypeError, RecursionError):
+        return str(parse(data or b"")["url"])
+    except (ValueError, LookupError, TypeError):
         return None
 
 

@@ -15,6 +15,7 @@ from collections.abc import Mapping
 from types import FrameType
 from typing import Any
 
+from octoform.base.files import parse
 from octoform.daemon.repairs.jobs import JOBS
 
 FORMAT = 1
@@ -34,7 +35,7 @@ def main() -> int:
     out = os.fdopen(os.dup(1), "w", encoding="utf-8")
     os.dup2(2, 1)  # whatever prints meanwhile is no result
     try:
-        asked = json.loads(sys.stdin.buffer.read(LIMIT))
+        asked = parse(sys.stdin.buffer.read(LIMIT))
         job, brief, parent = asked["job"], asked["brief"], int(asked["parent"])
         work = JOBS[job] if asked["format"] == FORMAT else None
         project = str(asked["project"])

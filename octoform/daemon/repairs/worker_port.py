@@ -17,6 +17,8 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import IO, Any
 
+from octoform.base.files import parse
+
 COMMAND = (sys.executable, "-m", "octoform.daemon.repairs.worker")
 FORMAT = 1
 GRACE_SECONDS = 15.0
@@ -119,7 +121,7 @@ def _head(file: IO[bytes]) -> str:
 def _result(job: str, status: int, out: str, err: str) -> dict[str, Any]:
     last = out.strip().rpartition("\n")[2]
     with contextlib.suppress(ValueError):
-        found = json.loads(last)
+        found = parse(last)
         if isinstance(found, dict):
             return found
     return _untold(f"{job}: the child ended with status {status} and without a result: {err.strip()[-SAID_LIMIT:]}")

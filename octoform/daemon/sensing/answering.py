@@ -11,6 +11,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
+from octoform.base.files import read
 from octoform.endpoint import control
 from octoform.endpoint.running import Running
 from octoform.endpoint.sockets import GREETING, connect
@@ -99,7 +100,7 @@ def wants_to_run(pid: int) -> bool:
     """Whether a thread of a process runs, or would if it got a processor (proc(5): state R)."""
     for path in Path(f"/proc/{pid}/task").glob("*/stat"):
         with suppress(OSError, IndexError):
-            if path.read_text(errors="replace").rpartition(")")[2].split()[0] == "R":
+            if read(path, 4096).decode("utf-8", "replace").rpartition(")")[2].split()[0] == "R":
                 return True
     return False
 

@@ -10,6 +10,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
+from octoform.base.files import parse
 from octoform.daemon.model import Cause, Facts
 from octoform.daemon.ports import Clock
 from octoform.daemon.sensing.answering import Answering
@@ -171,8 +172,8 @@ def _places(layout: Layout) -> Mapping[str, Any]:
     """Where the last daemon was; a file that tells nothing is as good as none, and written anew."""
     data, _ = read_regular(layout.daemon / PLACES, _LIMIT)
     try:
-        document = json.loads(data or b"")
-    except (ValueError, RecursionError):
+        document = parse(data or b"")
+    except ValueError:
         return {}
     return document if isinstance(document, dict) and document.get("format") == 1 else {}
 

@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from octoform import host
-from octoform.base.files import read_json
+from octoform.base.files import parse, read_json
 from octoform.daemon.model import Sighting
 from octoform.daemon.sensing.hardware import names
 from octoform.daemon.sensing.process import ProcessEar
@@ -119,8 +119,8 @@ class Asked:
                 return None
             ledger = read_instances(self._layout)[0] or {}
             asked = {name: classes_of(ledger.get(name)) for name in ids}
-            answers = json.loads(self._told(json.dumps(asked).encode(), ear.fileno()))
-        except (OSError, ValueError, RecursionError):
+            answers = parse(self._told(json.dumps(asked).encode(), ear.fileno()))
+        except (OSError, ValueError):
             return None
         finally:
             ear.close()

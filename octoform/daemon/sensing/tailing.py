@@ -4,12 +4,13 @@ A place in a file is remembered with the file's own number, so that lines which 
 are still read from where it lies now, and none is read twice.
 """
 
-import json
 import os
 import stat
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
+
+from octoform.base.files import parse
 
 MOST_BYTES = 4_000_000
 """What is read at one look; of a log that grew by more, the newest of it."""
@@ -110,8 +111,8 @@ def objects(lines: list[str]) -> Iterator[dict[str, Any]]:
     """The lines that are JSON objects; what is none says nothing here."""
     for line in lines:
         try:
-            value = json.loads(line)
-        except (ValueError, RecursionError):
+            value = parse(line)
+        except ValueError:
             continue
         if isinstance(value, dict):
             yield value

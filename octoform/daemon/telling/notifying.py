@@ -22,6 +22,7 @@ from dataclasses import asdict, dataclass
 from html import escape as for_markup
 from pathlib import Path
 
+from octoform.base.files import parse
 from octoform.daemon.model import Alert
 from octoform.daemon.records.shelf import FORMAT, Shelf
 from octoform.diagnostics import Diagnostic, warning
@@ -101,11 +102,11 @@ def failing(layout: Layout) -> tuple[Failing, ...]:
     """The ways of telling that failed when they were used last; also while no daemon runs."""
     data, _ = read_regular(layout.daemon / FILE, 64 * 1024)
     try:
-        ways = json.loads(data or b"{}").get("ways", {})
+        ways = parse(data or b"{}").get("ways", {})
         return tuple(
             Failing(str(name), str(each["since"]), str(each["why"]), int(each["lost"])) for name, each in ways.items()
         )
-    except (ValueError, LookupError, TypeError, AttributeError, RecursionError):
+    except (ValueError, LookupError, TypeError, AttributeError):
         return ()
 
 

@@ -12,6 +12,8 @@ from typing import IO
 from urllib.error import HTTPError, URLError
 from urllib.request import HTTPRedirectHandler, Request, build_opener
 
+from octoform.base.files import parse
+
 
 class _NoRedirects(HTTPRedirectHandler):
     """Where a message goes is what the manifest says, and nobody else."""
@@ -52,7 +54,7 @@ def _reason(problem: object) -> str:
 
 def main() -> int:
     """Post what standard input says."""
-    asked = json.load(sys.stdin)
+    asked = parse(sys.stdin.buffer.read())
     why = post(asked["url"], asked["body"], asked["seconds"])
     if why is not None:
         print(why, file=sys.stderr)

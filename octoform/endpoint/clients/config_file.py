@@ -10,6 +10,7 @@ import stat
 from dataclasses import dataclass
 from pathlib import Path
 
+from octoform.base import files
 from octoform.diagnostics import Diagnostic, Span, error
 from octoform.endpoint.clients.text import Unreadable, place
 
@@ -50,7 +51,7 @@ def find(path: Path) -> ConfigFile | Diagnostic:
     if reason := _not_ours(facts):
         return unwritable(path, reason)
     try:
-        data = target.read_bytes()
+        data = files.read(target)
     except OSError as problem:
         return unwritable(path, problem.strerror or str(problem))
     found = ConfigFile(path, target, data, stat.S_IMODE(facts.st_mode))
@@ -129,22 +130,13 @@ def replace(found: ConfigFile, data: bytes | None, mode: int) -> Diagnostic | bo
 
 def _now(path: Path) -> bytes | None:
     try:
-        return path.read_bytes()
+        return files.read(path)
     except FileNotFoundError:
         return None
 
 
 def _write(path: Path, data: bytes, mode: int) -> None:
-    temporary = path.with_name(f".{path.name}.{os.urandom(6).hex()}.octoform-tmp")
-    try:
-        with temporary.open("xb") as out:
-            os.fchmod(out.fileno(), mode)
-            out.write(data)
-            out.flush()
-            os.fsync(out.fileno())
-        temporary.replace(path)
-    finally:
-        temporary.unlink(missing_ok=True)
+    files.replace(path, data, mode, exact=True)
 
 
 def unwritable(path: Path, reason: str) -> Diagnostic:

@@ -6,11 +6,11 @@ So this module finds where each value stands, and `json_edit` changes the text a
 than any one client does; whether a file is right for its client is not decided here.
 """
 
-import json
 import re
 from dataclasses import dataclass
 from typing import Any
 
+from octoform.base.files import parse
 from octoform.endpoint.clients.text import Unreadable
 
 DEEPEST = 200
@@ -179,6 +179,6 @@ def _number(sign: str, digits: str) -> int | float:
     if digits[:2].lower() == "0x":
         return factor * int(digits, 16)
     try:
-        return factor * json.loads(digits) if digits[0].isdigit() else factor * float(digits)
+        return factor * parse(digits) if digits[0].isdigit() else factor * float(digits)
     except ValueError:
         return factor * float(digits)

@@ -12,6 +12,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any, ClassVar
 
+from octoform.base import files
 from octoform.harness.adapters.program import Launch, ProgramHarness
 from octoform.harness.adapters.shells import command_seconds
 from octoform.harness.attempt import Invocation
@@ -81,7 +82,7 @@ class ClaudeCode:
         bound = ("--max-turns", str(turns + SPARE_TURNS)) if turns is not None else ()
         shells = launch.home / "shells"
         shells.mkdir()
-        (shells / SHELL).write_text(_shell(launch), encoding="utf-8")
+        files.replace(shells / SHELL, _shell(launch).encode(), 0o644, synced=False)
         (shells / SHELL).chmod(0o700)
         return Invocation(
             argv=(

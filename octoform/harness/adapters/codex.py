@@ -13,6 +13,7 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any, ClassVar
 
+from octoform.base.files import replace
 from octoform.harness.adapters.program import Launch, ProgramHarness
 from octoform.harness.attempt import Invocation
 from octoform.harness.dialect import count, field, json_object, one_line, trouble
@@ -79,7 +80,7 @@ class Codex:
         """See `Adapter.invocation`."""
         home = launch.home / ".codex"
         home.mkdir()
-        (home / "config.toml").write_text(_config(launch), encoding="utf-8")
+        replace(home / "config.toml", _config(launch).encode(), 0o644, synced=False)
         return Invocation(
             argv=(*launch.program.argv, *OPTIONS, "-C", str(launch.task.workdir), "-"),
             stdin=launch.task.prompt,

@@ -10,6 +10,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
+from octoform.base.files import read
 from octoform.diagnostics import Diagnostic, did_you_mean, error
 from octoform.harness.attempt import Invocation, run_contained
 from octoform.harness.port import Outcome, ProgressSink, Task
@@ -52,7 +53,7 @@ class CommandHarness:
         }
         if self.prompt_via != "argument":
             return tuple(fill(item, values) for item in self.argv)
-        values["prompt"] = task.prompt.read_text("utf-8", "replace").replace("\0", "\ufffd")
+        values["prompt"] = read(task.prompt).decode("utf-8", "replace").replace("\0", "\ufffd")
         filled = tuple(fill(item, values) for item in self.argv)
         return filled if any("prompt" in names(item) for item in self.argv) else (*filled, values["prompt"])
 

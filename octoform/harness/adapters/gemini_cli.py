@@ -11,6 +11,7 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any, ClassVar
 
+from octoform.base.files import replace
 from octoform.harness.adapters.program import Launch, ProgramHarness
 from octoform.harness.adapters.shells import bounded
 from octoform.harness.attempt import Invocation
@@ -63,7 +64,7 @@ class GeminiCli:
         """See `Adapter.invocation`."""
         folder = launch.home / ".gemini"
         folder.mkdir()
-        (folder / "settings.json").write_text(json.dumps(_settings(launch)), encoding="utf-8")
+        replace(folder / "settings.json", json.dumps(_settings(launch)).encode(), 0o644, synced=False)
         return Invocation(
             argv=(*launch.program.argv, "--model", launch.access.model, *OPTIONS),
             stdin=launch.task.prompt,

@@ -9,6 +9,7 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any, ClassVar
 
+from octoform.base.files import replace
 from octoform.harness.access import Access
 from octoform.harness.adapters.program import Launch, ProgramHarness
 from octoform.harness.adapters.shells import bounded, command_seconds
@@ -71,11 +72,12 @@ class OpenCode:
         """See `Adapter.invocation`."""
         settings = launch.home / ".config" / "opencode"
         (settings / "plugin").mkdir(parents=True)
-        (settings / "plugin" / PLUGIN.name).write_bytes(PLUGIN.read_bytes())
-        (settings / ".npmrc").write_text(NPM, encoding="utf-8")
+        replace(settings / "plugin" / PLUGIN.name, PLUGIN.read_bytes(), 0o644, synced=False)
+        replace(settings / ".npmrc", NPM.encode(), 0o644, synced=False)
         model = f"{PROVIDER}/{launch.access.model}"
         web = launch.spec.web_search
-        (settings / "opencode.json").write_text(json.dumps(_config(launch.access, model, web)), encoding="utf-8")
+        config = json.dumps(_config(launch.access, model, web))
+        replace(settings / "opencode.json", config.encode(), 0o644, synced=False)
         return Invocation(
             argv=(*launch.program.argv, "run", "--format", "json", "--model", model, "--auto", "--title", "octoform"),
             stdin=launch.task.prompt,

@@ -10,6 +10,7 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any, ClassVar
 
+from octoform.base.files import replace
 from octoform.harness.access import Access
 from octoform.harness.adapters.program import Launch, ProgramHarness
 from octoform.harness.adapters.shells import command_seconds
@@ -53,12 +54,12 @@ class Pi:
         """See `Adapter.invocation`."""
         agent = launch.home / ".pi" / "agent"
         agent.mkdir(parents=True)
-        (agent / "models.json").write_text(json.dumps(_models(launch.access)), encoding="utf-8")
+        replace(agent / "models.json", json.dumps(_models(launch.access)).encode(), 0o644, synced=False)
         shell = agent / "shell"
-        shell.write_text(_shell(launch), encoding="utf-8")
+        replace(shell, _shell(launch).encode(), 0o644, synced=False)
         shell.chmod(0o700)
         settings = {"retry": {"maxRetries": RETRIES}, "shellPath": str(shell)}
-        (agent / "settings.json").write_text(json.dumps(settings), encoding="utf-8")
+        replace(agent / "settings.json", json.dumps(settings).encode(), 0o644, synced=False)
         model = f"{PROVIDER}/{launch.access.model}"
         options = ("--offline", "--no-extensions", "--no-skills", "--no-prompt-templates", "--no-context-files")
         return Invocation(

@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import ClassVar, Protocol
 
+from octoform.base.files import read
 from octoform.diagnostics import Diagnostic
 from octoform.harness.access import Access, access, unusable
 from octoform.harness.attempt import Invocation, run_contained
@@ -43,7 +44,7 @@ class Launch:
     @property
     def prompt(self) -> str:
         """The prompt as an argument, for programs that take no other way."""
-        return self.task.prompt.read_text("utf-8", "replace").replace("\0", "\ufffd")
+        return read(self.task.prompt).decode("utf-8", "replace").replace("\0", "\ufffd")
 
 
 class Adapter(Protocol):

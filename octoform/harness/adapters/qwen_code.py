@@ -13,6 +13,7 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any, ClassVar
 
+from octoform.base.files import replace
 from octoform.harness.adapters.program import Launch, ProgramHarness
 from octoform.harness.attempt import Invocation
 from octoform.harness.dialect import count, field, json_object, one_line, trouble
@@ -103,7 +104,7 @@ def _prepare(launch: Launch, session: str) -> None:
     """
     folder = launch.home / ".qwen"
     (folder / "debug").mkdir(parents=True)
-    (folder / "settings.json").write_text(json.dumps(SETTINGS), encoding="utf-8")
+    replace(folder / "settings.json", json.dumps(SETTINGS).encode(), 0o644, synced=False)
     (folder / "debug" / f"{session}.txt").symlink_to("/dev/stderr")
     shield = launch.task.workdir / ".qwen"
     shield.mkdir()

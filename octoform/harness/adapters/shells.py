@@ -9,6 +9,7 @@ import shutil
 import sys
 from pathlib import Path
 
+from octoform.base.files import replace
 from octoform.harness import bounded_command
 from octoform.harness.adapters.program import Launch
 
@@ -32,6 +33,6 @@ def bounded(launch: Launch) -> tuple[str, ...]:
     shell = folder / "bash"
     # A prefix and no more of PATH is cut off: what the program has put before it stays.
     lines = ("#!/bin/sh", f"PATH=${{PATH#*{shlex.quote(str(folder))}:}}", f'exec {shlex.join(argv)} "$@"')
-    shell.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    replace(shell, "".join(f"{line}\n" for line in lines).encode(), 0o700, synced=False)
     shell.chmod(0o700)
     return (str(folder), *launch.program.path)

@@ -9,6 +9,7 @@ import os
 import sys
 from typing import Any
 
+from octoform.base.files import parse
 from octoform.harness.asking.client import LiteLLM, Patient, Refusal, Request
 from octoform.harness.asking.route import Route
 
@@ -29,6 +30,6 @@ def main(question: dict[str, Any]) -> dict[str, Any]:
 
 
 if __name__ == "__main__":
-    print(json.dumps(main(json.load(sys.stdin))), flush=True)
+    print(json.dumps(main(parse(sys.stdin.buffer.read()))), flush=True)
     # The libraries' own threads and exit handlers have nothing left to do, and some of them take their time.
     os._exit(0)

@@ -4,12 +4,12 @@ The variables that no command may have come as a JSON object on standard input. 
 of the same user can read, its commands first of all; what it sets itself cannot be seen there.
 """
 
-import json
 import os
 import stat
 import sys
 from pathlib import Path
 
+from octoform.base import files
 from octoform.harness.asking.client import LiteLLM, Patient, Refusal, Request
 from octoform.harness.react.config import Config, read
 from octoform.harness.react.conversation import Conversation
@@ -24,7 +24,7 @@ UNAUTHORIZED = 401
 def main(path: str) -> int:
     """Run the agent as the file says; 0 when its conversation came to an end of its own."""
     config = read(Path(path))
-    os.environ.update(json.loads(sys.stdin.read() or "{}"))
+    os.environ.update(files.parse(sys.stdin.read() or "{}"))
     reporter = Reporter(sys.stdout)
     key = os.environ.get(config.route.key) if config.route.key else None
     if config.route.key and not key:
@@ -34,7 +34,7 @@ def main(path: str) -> int:
     shell = Shell(Path(config.workdir), environment, config.shell_seconds, config.most_shell_seconds)
     request = Request(config.route, key, config.request_seconds, config.web_search, alive=reporter.alive)
     model = LiteLLM(request)
-    task = Path(config.prompt).read_text("utf-8", "replace")
+    task = files.read(Path(config.prompt)).decode("utf-8", "replace")
     loop = Loop(
         model=Patient(model, config.backoff_seconds, reporter.trouble),
         toolbox=Toolbox(Path(config.workdir), shell, _secrets(config)),

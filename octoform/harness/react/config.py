@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
+from octoform.base.files import read_json, replace
 from octoform.harness.asking.route import Route
 
 
@@ -29,10 +30,10 @@ class Config:
 
     def write(self, path: Path) -> None:
         """Write it; OSError when the disk says no."""
-        path.write_text(json.dumps(asdict(self)), encoding="utf-8")
+        replace(path, json.dumps(asdict(self)).encode(), 0o644, synced=False)
 
 
 def read(path: Path) -> Config:
     """Read what the adapter of this version wrote."""
-    value = json.loads(path.read_text(encoding="utf-8"))
+    value = read_json(path, any_text=True)
     return Config(**{**value, "route": Route(**value["route"])})

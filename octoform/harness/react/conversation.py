@@ -4,10 +4,10 @@ Old tool results go first, each replaced by one line, then whole old steps. The 
 steps always stay. What enters is bounded as well, so that the last steps alone never pass the bound.
 """
 
-import json
 from collections.abc import Mapping
 from typing import Any
 
+from octoform.base.files import parse
 from octoform.harness.asking.client import Reply, size_of
 from octoform.harness.react.bounded import cut
 
@@ -126,8 +126,8 @@ def _kept(arguments: str, limit: int) -> str:
 def parsed(arguments: str) -> dict[str, Any] | None:
     """The object that arguments are, or None."""
     try:
-        value = json.loads(arguments or "{}")
-    except (ValueError, RecursionError):
+        value = parse(arguments or "{}")
+    except ValueError:
         return None
     return value if isinstance(value, dict) else None
 

@@ -11,6 +11,7 @@ from functools import cache, partial
 from pathlib import Path
 from typing import Any
 
+from octoform.base.files import parse
 from octoform.harness.asking.client import Call
 from octoform.harness.react.conversation import ARGUMENT_BYTES, parsed
 from octoform.harness.react.files import patch, read_file, write_file
@@ -25,7 +26,7 @@ QUOTED = 200
 @cache
 def declared() -> tuple[dict[str, Any], ...]:
     """The tools in the form in which a model is told of them."""
-    return tuple(json.loads(DECLARED.read_text(encoding="utf-8")))
+    return tuple(parse(DECLARED.read_text(encoding="utf-8")))
 
 
 @dataclass(frozen=True, slots=True)

@@ -159,7 +159,7 @@ def test_what_waits_when_it_is_opened_holds_up_nothing(host: Host) -> None:
 
 def test_a_stop_that_cannot_be_removed_holds_and_says_so(host: Host) -> None:
     host.file.mkdir()
-    host.refuses("Is a directory")
+    host.refuses("it is no regular file")
     with pytest.raises(DeviceFault, match=f"went well, but {DEVICE} stays stopped: {host.file} cannot be removed"):
         host.send(HOME)
     host.refuses("Is a directory")

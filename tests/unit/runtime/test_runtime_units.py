@@ -365,7 +365,7 @@ def test_without_a_file_the_raw_units_are_left_and_the_calibrated_tool_says_wher
         ('{"elbow_flex": {"id": 3}}', "that can be used"),
         ('{"elbow_flex": {"id": 3, "drive_mode": 0, "range_min": 9, "range_max": 9}}', "no range of counts"),
         ('{"elbow_flex": {"id": 3, "drive_mode": 0, "range_min": 9, "range_max": true}}', "no range of counts"),
-        ("x" * 70000, "larger than 65536 bytes"),
+        ("x" * 70000, "more than 65536 bytes"),
     ],
 )
 def test_a_file_that_is_no_calibration_is_said_to_be_none(

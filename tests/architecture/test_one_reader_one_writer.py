@@ -1,0 +1,122 @@
+"""Files are read and written in one way: whatever stands in a file's place holds nobody up and ends nothing.
+
+A pipe keeps a plain `open` waiting for ever, a full disk leaves half of what `write_text` wrote, and JSON of 900 levels
+ends `json.loads` with a RecursionError. `base/files.py` knows all three, so it is where files are opened and JSON is
+read.
+"""
+
+import ast
+import re
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2] / "octoform"
+FILES = [path for path in sorted(ROOT.rglob("*.py")) if not path.is_symlink()]
+# Programs that run beside a server's own libraries, where octoform is not, and get their input from octoform; and the
+# makers of simulated trees, which are given an empty folder.
+ALONE = ("endpoint/scripts/", "simulation/")
+# The base itself, and the parser of outputs, which tells a writer line and column of what is wrong.
+READERS = {"base/files.py", "contracts/parsing.py"}
+PLAIN = {"read_text", "read_bytes", "write_text", "write_bytes"}
+MODE = re.compile(r"'[rwxa]b?\+?'")
+# What keeps `os.open` from waiting for the other end of a pipe, or from taking what is there already.
+PROMPT = {"O_NONBLOCK", "O_DIRECTORY", "O_EXCL", "O_RDWR", "/proc/", "PROC /", "devnull"}
+
+
+def relative(path: Path) -> str:
+    return path.relative_to(ROOT).as_posix()
+
+
+def calls(tree: ast.AST) -> Iterator[tuple[ast.Call, str, str]]:
+    """Every call, with the words before its last dot and the word after it."""
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Call) and isinstance(node.func, ast.Attribute):
+            yield node, ast.unparse(node.func.value), node.func.attr
+        elif isinstance(node, ast.Call) and isinstance(node.func, ast.Name):
+            yield node, "", node.func.id
+
+
+def shipped(owner: str) -> bool:
+    """Whether a path is one of the package's own files or of the kernel's: a constant, or below /proc."""
+    first = re.match(r"\(?([A-Za-z_]\w*)", owner)
+    constant = first is not None and first[1].isupper()
+    return constant or owner.startswith(("Path('/proc/", "Path(f'/proc/", "resources."))
+
+
+def is_plain(call: ast.Call, owner: str, name: str) -> bool:
+    """A read or write by a path that waits for a pipe, follows a link or leaves half a file."""
+    if name == "open":
+        modes = [ast.unparse(word) for word in (*call.args[:2], *(each.value for each in call.keywords))]
+        return owner not in {"os", "gzip"} and any(MODE.fullmatch(word) for word in modes)
+    return name in PLAIN and bool(owner) and not shipped(owner)
+
+
+def flags(tree: ast.AST, call: ast.Call) -> str:
+    """The flags of an `os.open`, with those of the names in them."""
+    said = " ".join(ast.unparse(word) for word in call.args)
+    assigned = [node for node in ast.walk(tree) if isinstance(node, ast.Assign)]
+    named = [node.value for node in assigned if any(ast.unparse(target) in said.split() for target in node.targets)]
+    return " ".join((said, *map(ast.unparse, named)))
+
+
+def waits(tree: ast.AST) -> list[str]:
+    """The calls that may wait for another process, or take what they should not."""
+    plain = [f"{call.lineno}: {owner}.{name}" for call, owner, name in calls(tree) if is_plain(call, owner, name)]
+    opened = [call for call, owner, name in calls(tree) if (owner, name) == ("os", "open")]
+    late = [call for call in opened if not any(word in flags(tree, call) for word in PROMPT)]
+    return [*plain, *(f"{call.lineno}: {ast.unparse(call)}" for call in late)]
+
+
+def parses(tree: ast.AST) -> list[int]:
+    return [call.lineno for call, owner, name in calls(tree) if owner == "json" and name in {"load", "loads"}]
+
+
+def is_program(path: Path) -> bool:
+    """A program that is started by its file: no package is on its path, so that it imports nothing of octoform."""
+    text = path.read_text()
+    return '__name__ == "__main__"' in text and not re.search(r"^(from|import) (octoform|\.)", text, re.MULTILINE)
+
+
+WATCHED = [
+    path for path in FILES if not (relative(path).startswith(ALONE) or relative(path) in READERS or is_program(path))
+]
+
+
+@pytest.mark.parametrize("path", WATCHED, ids=relative)
+def test_json_is_parsed_and_files_are_read_and_written_by_the_base(path: Path) -> None:
+    tree = ast.parse(path.read_text())
+    # The runtime is the one part that opens nodes: what it reads there is the device.
+    assert (parses(tree), [] if relative(path).startswith("runtime/") else waits(tree)) == ([], [])
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        "path.read_text()",
+        "(folder / 'a.json').read_bytes()",
+        "path.write_text('a')",
+        "path.open('rb')",
+        "open(path, 'w')",
+        "os.open(path, os.O_RDONLY | os.O_CLOEXEC)",
+        "how = os.O_WRONLY | os.O_APPEND\nos.open(path, how)",
+    ],
+)
+def test_the_rule_sees_what_it_forbids(line: str) -> None:
+    assert waits(ast.parse(line))
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        "SHIPPED.read_bytes()",
+        "Path('/proc/self/stat').read_text()",
+        "StateStore.open(layout)",
+        "read_text(path)",
+        "os.open(path, os.O_RDONLY | os.O_NONBLOCK)",
+        "how = os.O_RDWR | os.O_CREAT\nos.open(path, how)",
+    ],
+)
+def test_the_rule_lets_pass_what_waits_for_nobody(line: str) -> None:
+    assert not waits(ast.parse(line))
