@@ -83,12 +83,14 @@ def create(path: Path, data: bytes, mode: int = 0o600, *, synced: bool = True) -
 
 
 def make_way(path: Path) -> None:
-    """Set a folder that stands in the place of a file of ours aside, by another name: it may hold what somebody misses.
+    """Set what stands in the place of a file of ours and is none (a folder, a pipe, a link) aside, by another name.
 
-    Only for places that octoform alone writes; where a person named the place, the folder is theirs.
+    A folder may hold what somebody misses. Only for places that octoform alone writes; where a person named the place,
+    what stands there is theirs.
     """
-    if path.is_dir() and not path.is_symlink():
-        path.rename(path.with_name(f"{path.name}.aside-{os.urandom(3).hex()}"))
+    with contextlib.suppress(FileNotFoundError):
+        if not stat.S_ISREG(path.lstat().st_mode):
+            path.rename(path.with_name(f"{path.name}.aside-{os.urandom(3).hex()}"))
 
 
 def write_all(descriptor: int, data: bytes) -> None:

@@ -8,6 +8,7 @@ from octoform.diagnostics.model import (
     Diagnostic,
     Severity,
     Span,
+    as_warning,
     did_you_mean,
     error,
     from_json,
@@ -16,4 +17,15 @@ from octoform.diagnostics.model import (
     warning,
 )
 
-__all__ = ["Diagnostic", "Severity", "Span", "did_you_mean", "error", "from_json", "has_errors", "to_json", "warning"]
+__all__ = [
+    "Diagnostic",
+    "Severity",
+    "Span",
+    "as_warning",
+    "did_you_mean",
+    "error",
+    "from_json",
+    "has_errors",
+    "to_json",
+    "warning",
+]

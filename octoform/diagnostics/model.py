@@ -1,7 +1,7 @@
 """The diagnostic value and the few ways to make one."""
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import StrEnum
 
 
@@ -49,6 +49,11 @@ def error(code: str, summary: str, **where: object) -> Diagnostic:
 def warning(code: str, summary: str, **where: object) -> Diagnostic:
     """A warning diagnostic; keywords are the optional fields of `Diagnostic`."""
     return Diagnostic(Severity.WARNING, code, summary, **where)  # type: ignore[arg-type]
+
+
+def as_warning(item: Diagnostic) -> Diagnostic:
+    """The same, where it does not stand in the way yet."""
+    return replace(item, severity=Severity.WARNING)
 
 
 def has_errors(diagnostics: Iterable[Diagnostic]) -> bool:

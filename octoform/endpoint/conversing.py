@@ -8,8 +8,6 @@ whoever just passes them on loads and does nothing.
 
 from collections import deque
 
-from octoform.base.files import parse
-
 HEAD = 512
 """Bytes of a message of the endpoint that are kept: its id and its kind come first in what it writes."""
 _MOST_KEPT, _LARGE = 512, 1 << 14
@@ -185,6 +183,7 @@ def _line(message: Message) -> bytes:
 
 
 def _object(line: bytes) -> Message | None:
+    from octoform.base.files import parse
 
     try:
         value = parse(line)
@@ -204,6 +203,8 @@ def _headed(head: bytes) -> tuple[object, str] | None:
     The endpoint writes the id before anything that could be long; a test holds it to that.
     """
     import re
+
+    from octoform.base.files import parse
 
     match = re.match(rb'\{"jsonrpc":"2\.0","id":(-?\d+|"(?:[^"\\]|\\.)*"),"(result|error|method)"', head)
     if match is None:

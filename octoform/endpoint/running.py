@@ -4,7 +4,6 @@ Light: the pipe of every client and every plan ask this.
 """
 
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 from octoform.base.files import read_json

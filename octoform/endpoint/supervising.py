@@ -249,6 +249,10 @@ def _set_aside(log: Path) -> None:
 
 
 def _private(path: Path) -> int:
+    """A file of ours to add to, made where there is none."""
+    from octoform.base.files import make_way
+
+    make_way(path)
     return os.open(path, os.O_WRONLY | os.O_APPEND | os.O_CREAT | os.O_CLOEXEC | os.O_NOFOLLOW | os.O_NONBLOCK, 0o600)
 
 

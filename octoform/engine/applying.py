@@ -22,11 +22,12 @@ from octoform.engine.observing import read_artifacts
 from octoform.engine.opening import Locked, Means, Refused, context_of, locked, opened
 from octoform.engine.planning import Outlook, Request, prepare
 from octoform.engine.ports import RunView
-from octoform.engine.prices import unpriced
+from octoform.engine.prices import calling, unpriced
 from octoform.engine.results import RunResult, RunUsage
 from octoform.engine.saved import SavedRun, read_saved
 from octoform.engine.sources import source_files
 from octoform.events import Event, Notice
+from octoform.harness import logins
 from octoform.harness.orphans import sweep
 from octoform.plan.model import Plan
 from octoform.state import donors
@@ -101,9 +102,9 @@ def _planned(request: Request, options: Options, view: RunView, held: Locked) ->
     outlook, found = prepare(saved.request(request) if saved else request, store)
     if outlook is None:
         return replace(blank, failed="plan", diagnostics=tuple(found))
-    costs = [] if request.destroy else unpriced(outlook.compiled.manifest, request.environ, outlook.plan)
-    if has_errors(costs):
-        return replace(blank, failed="plan", diagnostics=(*found, *costs))
+    missing = [] if request.destroy else _missing(outlook, request.environ)
+    if has_errors(missing):
+        return replace(blank, failed="plan", diagnostics=(*found, *missing))
     refused = saved.check(outlook) if saved else ()
     shown = saved.plan if saved else outlook.plan
     view.plan(shown)
@@ -123,10 +124,16 @@ def _planned(request: Request, options: Options, view: RunView, held: Locked) ->
     result = run.record(shown, tally, options.clock.monotonic() - started)
     return replace(
         result,
-        diagnostics=(*outlook.diagnostics, *costs, *result.diagnostics, *refused),
+        diagnostics=(*outlook.diagnostics, *missing, *result.diagnostics, *refused),
         failed=result.failed or ("saved plan" if refused else None),
         refused=tuple(sorted(saved.stale)) if saved else (),
     )
+
+
+def _missing(outlook: Outlook, environ: Mapping[str, str]) -> list[Diagnostic]:
+    """What the agents of a run lack before any of them is started: a price, a login."""
+    manifest, plan = outlook.compiled.manifest, outlook.plan
+    return [*unpriced(manifest, environ, plan), *logins.problems(manifest, environ, calling(plan))]
 
 
 def _approved(options: Options, outlook: Outlook, view: RunView) -> bool:

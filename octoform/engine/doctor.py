@@ -7,13 +7,14 @@ import importlib.metadata
 import shutil
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
+from datetime import UTC, datetime
 from pathlib import Path
 
 from octoform.diagnostics import Diagnostic
 from octoform.endpoint.rights import served
 from octoform.engine.compiling import MANIFEST
 from octoform.engine.rights import lacking
-from octoform.harness import port, registry
+from octoform.harness import logins, port, registry
 from octoform.harness.access import access
 from octoform.harness.adapters.command import CommandHarness
 from octoform.harness.adapters.program import ProgramHarness
@@ -165,11 +166,25 @@ class _Rounds:
         if isinstance(way, Diagnostic):
             yield failed("model", way.summary, way.hint)
             return
+        if agent.harness.login:
+            yield from self._login(agent.harness)
+            yield from self._price(agent, name)
+            return
         key = (way, agent.harness.key, agent.harness.env)
         if key not in self.seen:
             self.seen[key] = tuple(model_checks(way, agent.harness.key, self.environ, agent.harness.env))
         yield from self.seen[key]
         yield from self._price(agent, name)
+
+    def _login(self, spec: HarnessSpec) -> Iterable[Check]:
+        """A subscription's service is asked by its own program alone."""
+        found = logins.find(spec, self.environ)
+        if isinstance(found, Diagnostic):
+            yield failed("login", found.summary, found.hint)
+        else:
+            ends = f", until {_moment(found.until)}" if found.until is not None else ""
+            yield passed("login", f"yours with {spec.name}, from {found.place}{ends}")
+        yield unknown("model API", f"only {spec.name} itself asks it with a login")
 
     def _price(self, agent: Agent, name: str | None) -> tuple[Check, ...]:
         """Whether its price is known, where dollars are counted."""
@@ -185,6 +200,10 @@ class _Rounds:
             return (failed("price", f"budget.usd is set, and nobody knows what {agent.model} costs", hint),)
         whose = "octopus.yaml" if price.source == "manifest" else price.source
         return (passed("price", f"{price.input:g} and {price.output:g} dollars for a million tokens, by {whose}"),)
+
+
+def _moment(seconds: float) -> str:
+    return datetime.fromtimestamp(seconds, UTC).strftime("%Y-%m-%d %H:%M UTC")
 
 
 def _subject(spec: HarnessSpec) -> str:

@@ -15,6 +15,7 @@ from octoform.engine.compiling import Compiled, compile_project
 from octoform.engine.observing import Situation
 from octoform.engine.undoing import settle
 from octoform.events import EventSink
+from octoform.harness import logins
 from octoform.state.donors import Donors
 from octoform.state.files import Checkpoint, check_writable, pass_by
 from octoform.state.lock import Waiting, acquire
@@ -110,7 +111,7 @@ def context_of(compiled: Compiled, situation: Situation, store: StateStore, mean
         contract=situation.contract,
         fingerprint=situation.fingerprint.digest,
         hardware=situation.fingerprint.entries,
-        environ=means.environ,
+        environ={**means.environ, **logins.variables(compiled.manifest, means.environ)},
         emit=means.emit,
         clock=means.clock,
         checkpoint=means.checkpoint,

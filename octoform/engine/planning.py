@@ -6,18 +6,19 @@ from pathlib import Path
 from typing import Any
 
 import octoform
-from octoform.diagnostics import Diagnostic, did_you_mean, error, has_errors, warning
+from octoform.diagnostics import Diagnostic, as_warning, did_you_mean, error, has_errors, warning
 from octoform.endpoint.neighbours import running_beside
 from octoform.endpoint.policy_check import doubts
 from octoform.engine import knowledge, step_outlook
 from octoform.engine.compiling import Compiled, compile_project
 from octoform.engine.confinement import without_sandbox
 from octoform.engine.observing import Situation, look
-from octoform.engine.prices import unpriced
+from octoform.engine.prices import calling, unpriced
 from octoform.engine.results import PlanResult
 from octoform.engine.sources import source_files
 from octoform.engine.tool_changes import tool_changes
 from octoform.graph.model import Graph
+from octoform.harness import logins
 from octoform.plan import encode, planfile
 from octoform.plan.diff import Wishes, diff
 from octoform.plan.lending import Offer, Offers, with_loans
@@ -66,7 +67,9 @@ def make_plan(request: Request, out: Path | None = None) -> PlanResult:
     if outlook is None:
         return PlanResult(None, tuple(found))
     if not request.destroy:
-        found += [*unpriced(outlook.compiled.manifest, request.environ, outlook.plan), *_doubts(outlook)]
+        manifest, plan = outlook.compiled.manifest, outlook.plan
+        found += [*unpriced(manifest, request.environ, plan), *_doubts(outlook)]
+        found += map(as_warning, logins.problems(manifest, request.environ, calling(plan)))
     if has_errors(found):
         return PlanResult(None, tuple(found))
     if out is None:

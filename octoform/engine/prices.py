@@ -18,9 +18,10 @@ from octoform.plan.model import Plan
 def unpriced(manifest: Manifest, environ: Mapping[str, str], plan: Plan | None = None) -> list[Diagnostic]:
     """An error for each model whose price no table knows, a warning for each whose price is old.
 
-    With ``plan`` only for agents that it starts.
+    With ``plan`` only for agents that it starts, and for those of the daemon, which no plan names.
     """
-    working = None if plan is None else {item.node for item in plan.work if item.calls_agent}
+    working = None if plan is None else calling(plan)
+    working = working if working is None else working | set(manifest.keepers)
     models = dict.fromkeys(model for stage, model in _counted(manifest) if working is None or stage in working)
     found = []
     for model in models:
@@ -39,9 +40,14 @@ def unpriced(manifest: Manifest, environ: Mapping[str, str], plan: Plan | None =
     return found
 
 
+def calling(plan: Plan) -> set[str]:
+    """The stages and steps of a plan that start an agent."""
+    return {item.node for item in plan.work if item.calls_agent}
+
+
 def _counted(manifest: Manifest) -> Iterator[tuple[str, str]]:
     """Node and model of every agent whose dollars are counted while it works; models as the manifest names them."""
-    settings = [*manifest.stages.items()]
+    settings = [*manifest.stages.items(), *manifest.keepers.items()]
     if manifest.step is not None:
         settings += [(f"{STEP}{each.name}", manifest.step) for each in manifest.privileged_steps]
     for name, each in settings:

@@ -9,6 +9,7 @@ from urllib.parse import urlsplit
 
 from octoform.diagnostics import Diagnostic, error
 from octoform.manifest import keys
+from octoform.manifest.logins import LOGINS
 from octoform.manifest.model import HarnessSpec
 from octoform.manifest.providers import CHAT, RESPONSES, split
 from octoform.manifest.references import resolve
@@ -54,7 +55,10 @@ def access(
             hint=f"it speaks {', '.join(apis)}; choose another provider or harness, or a base_url of its own",
         )
     api = spoken[0]
-    base_url = normalised(resolve(spec.base_url, environ), api) if spec.base_url is not None else provider.urls[api]
+    usual = LOGINS[spec.name].url if spec.login else None
+    base_url = usual or provider.urls.get(api, "")
+    if spec.base_url is not None:
+        base_url = normalised(resolve(spec.base_url, environ), api)
     # With a base URL the manifest has settled the key: a server on this machine is not sent a provider's key unasked.
     key = spec.key if spec.base_url is not None else spec.key or provider.key
     return Access(provider.name, name, model, api, base_url, key)

@@ -37,7 +37,7 @@ if TYPE_CHECKING:
 
 SOCKET = "endpoint.sock"
 PAUSE_SECONDS = 0.01
-LOOK_SECONDS = 10.0
+LOOK_SECONDS = 2.0
 """How often the process looks whether its folder is still there: what serves a host must be findable."""
 
 

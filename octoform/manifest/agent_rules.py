@@ -7,9 +7,10 @@ from collections.abc import Mapping
 
 from octoform.diagnostics import Span
 from octoform.manifest import agents, base_url, keys, references, tree
-from octoform.manifest.agents import Agent
+from octoform.manifest.agents import Agent, has_login
 from octoform.manifest.document import Document
 from octoform.manifest.harness_document import Confinement, ModelHarness
+from octoform.manifest.logins import LOGINS
 from octoform.manifest.providers import SEARCHERS
 from octoform.manifest.report import Report
 from octoform.manifest.tree import Loc, Table
@@ -63,7 +64,7 @@ class _Rules:
         """Tell of a key that the agent will look for by itself and not find; a named one is told where it stands."""
         provider = agents.provider_of(agent.model or "", agent.name, self._environ)
         settings = agent.settings
-        if settings is None or settings.key is None:
+        if settings is None or (settings.key is None and not has_login(settings)):
             self._unset(agents.key_of(settings, provider, self._environ), f"`{agent.name}`", agent.at)
 
     def _unset(self, key: str | None, who: str, loc: Loc) -> None:
@@ -89,6 +90,7 @@ class _Rules:
                 self._span((*agent.at, "web_search")),
                 hint=f"remove it, or choose one that has: {', '.join(SEARCHERS)}",
             )
+        self._login(agent)
         provider = agents.provider_of(agent.model, agent.name, self._environ) if agent.model is not None else None
         if settings.api is None or settings.base_url is not None or provider is None or settings.api in provider.urls:
             return
@@ -98,6 +100,24 @@ class _Rules:
             self._span((*agent.at, "api")),
             hint=f"remove it, or choose {' or '.join(provider.urls)}",
         )
+
+    def _login(self, agent: Agent) -> None:
+        """A login is one program's with one provider, and no key beside it."""
+        settings = agent.settings
+        if settings is None or not has_login(settings):
+            return
+        login = LOGINS.get(agent.name)
+        provider = agents.provider_of(agent.model, agent.name, self._environ) if agent.model is not None else None
+        if login is None:
+            what, hint = f"octoform can use no login of `{agent.name}`", f"use a key, or choose {' or '.join(LOGINS)}"
+        elif settings.key is not None:
+            what, hint = "`login` and `key` exclude each other", "remove one of them"
+        elif provider is not None and provider.name != login.provider:
+            what = f"a login of `{agent.name}` is one with {login.provider}, and the model is of {provider.name}"
+            hint = "remove it and use a key, or choose another model"
+        else:
+            return
+        self._report.error("MANIFEST-WRONG-VALUE", what, self._span((*agent.at, "login")), hint=hint)
 
     def _network(self, agent: Agent, settings: ModelHarness) -> None:
         """Not even a server on this machine is reached from there."""

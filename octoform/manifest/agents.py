@@ -8,7 +8,8 @@ from dataclasses import dataclass
 
 from octoform.manifest import base_url, references
 from octoform.manifest.document import Document, Housekeeping, Stage
-from octoform.manifest.harness_document import CommandHarness, Harness, ModelHarness, ReplayHarness
+from octoform.manifest.harness_document import CommandHarness, Harness, ModelHarness, ProgramHarness, ReplayHarness
+from octoform.manifest.logins import LOGINS
 from octoform.manifest.model import KEEPERS, MODEL_FREE, STAGES
 from octoform.manifest.providers import Provider, split
 from octoform.manifest.tree import Loc
@@ -98,10 +99,17 @@ def key_of(
     """
     if settings is not None and settings.key is not None:
         return settings.key
+    if isinstance(settings, ProgramHarness) and has_login(settings) and settings.name in LOGINS:
+        return LOGINS[settings.name].variable
     url = resolved(settings.base_url, environ) if settings is not None and settings.base_url is not None else None
     if provider is None or (url is not None and base_url.is_loopback(url)):
         return None
     return provider.key
+
+
+def has_login(settings: ModelHarness | Housekeeping) -> bool:
+    """Whether the person's own login with the program stands in for a key."""
+    return isinstance(settings, ProgramHarness) and settings.login
 
 
 def resolved(text: str, environ: Mapping[str, str]) -> str | None:

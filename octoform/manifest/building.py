@@ -164,6 +164,7 @@ class _Builder:
             base_url=chosen.base_url,
             api=chosen.api,
             web_search=chosen.web_search,
+            login=isinstance(chosen, ProgramHarness) and chosen.login,
             sandbox=_sandbox(chosen.sandbox),
         )
 

@@ -145,16 +145,25 @@ def _refused(path: Path, dotted: str, reason: str) -> Diagnostic:
     )
 
 
+class _Changed(Exception):
+    """The file is no longer what was read."""
+
+
 def _replace(path: Path, before: bytes, content: bytes) -> list[Diagnostic]:
     """Write beside the file, then rename over it if it is still as it was; a link stays a link."""
     target = path.resolve()
     if not target.stat().st_mode & 0o222:
         return [_unwritable(path, "it is read-only")]
+
+    def unchanged(step: str) -> None:
+        if step == "written" and read(target) != before:
+            raise _Changed
+
     try:
-        if read(target) != before:
-            reason = f"{path.name} was changed by somebody else at the same moment"
-            return [error("MANIFEST-UNWRITABLE", reason, path=str(path), hint="nothing was written; do it once more")]
-        replace(target, content, target.stat().st_mode & 0o7777, exact=True)
+        replace(target, content, target.stat().st_mode & 0o7777, unchanged, exact=True)
+    except _Changed:
+        reason = f"{path.name} was changed by somebody else at the same moment"
+        return [error("MANIFEST-UNWRITABLE", reason, path=str(path), hint="nothing was written; do it once more")]
     except OSError as problem:
         return [_unwritable(path, problem.strerror or str(problem))]
     return []

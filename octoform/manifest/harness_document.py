@@ -114,6 +114,8 @@ class ProgramHarness(ModelHarness):
     """Which coding-agent program."""
     command: Annotated[list[Argument], Field(min_length=1, max_length=200)] | None = None
     """The program, where it is not the installed one; ${NAME} stands for an environment variable."""
+    login: bool = added(False)
+    """Use the login (subscription) that you have with this program on this machine instead of a key."""
 
 
 class LitellmHarness(ModelHarness):

@@ -49,6 +49,7 @@ class HarnessSpec:
     usual one of the model's provider where none is named, None where none is needed. ``base_url`` is where the model's
     API is, reference unresolved, and ``api`` which one it speaks; None: the provider's own. ``prompt_via`` is
     ``stdin``, ``file`` or ``argument``. ``recording`` is the absolute folder of a recorded run.
+    ``login``: the program's owner is logged in, and ``key`` is the variable for the token of that.
     ``sandbox`` None: the agent is not confined.
     """
 
@@ -60,6 +61,7 @@ class HarnessSpec:
     base_url: str | None = None
     api: str | None = None
     web_search: bool = False
+    login: bool = False
     sandbox: Sandbox | None = Sandbox()
     recording: Path | None = None
 

@@ -4,7 +4,6 @@ A pid alone is no identity: it is given again, and it means another process afte
 another container. So a holder is pid, start time, boot, machine and pid namespace, as the kernel tells them. Light.
 """
 
-from octoform.base.files import read
 import contextlib
 import os
 from collections.abc import Mapping
@@ -13,6 +12,7 @@ from enum import StrEnum
 from pathlib import Path
 
 from octoform import digest
+from octoform.base.files import read
 
 PROC = Path("/proc")
 _MACHINE_ID = Path("/etc/machine-id")
@@ -61,7 +61,7 @@ def myself(proc: Path = PROC) -> Process:
 def start_time(pid: int, proc: Path = PROC) -> int | None:
     """When a process started, in clock ticks since boot; None when it is gone, a zombie, or /proc is not there."""
     try:
-        text = read(proc / str(pid) / "stat", 4096).decode("utf-8", "replace")
+        text = (proc / str(pid) / "stat").read_text(errors="replace")
         fields = text[text.rindex(")") + 2 :].split()
         return None if fields[0] in _GONE else int(fields[19])
     except (OSError, ValueError, IndexError):

@@ -72,8 +72,10 @@ def _undecodable(data: bytes, problem: Exception, layout: Layout) -> Diagnostic:
     if data.lstrip().startswith(b"{") and _cut(problem):
         summary = f"the state file ends in the middle, after {len(data)} bytes"
         return _bad(layout, "STATE-TRUNCATED", summary)
-    where = type(problem).__name__
-    if isinstance(problem, json.JSONDecodeError):
+    where = str(problem)
+    if isinstance(problem, UnicodeDecodeError):
+        where = "it is no UTF-8"
+    elif isinstance(problem, json.JSONDecodeError):
         where = f"line {problem.lineno}, column {problem.colno}: {problem.msg}"
     return _bad(layout, "STATE-NOT-STATE", f"the state file is not JSON ({where})")
 

@@ -41,7 +41,7 @@ def calls(tree: ast.AST) -> Iterator[tuple[ast.Call, str, str]]:
 def shipped(owner: str) -> bool:
     """Whether a path is one of the package's own files or of the kernel's: a constant, or below /proc."""
     first = re.match(r"\(?([A-Za-z_]\w*)", owner)
-    constant = first is not None and first[1].isupper()
+    constant = first is not None and (first[1].isupper() or first[1] == "proc")
     return constant or owner.startswith(("Path('/proc/", "Path(f'/proc/", "resources."))
 
 

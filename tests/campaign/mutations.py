@@ -1,9 +1,9 @@
 """Damaged files: every file of a host, spoilt in every way, and what the commands of a person make of it.
 
 ``python -m campaign.mutations [--mutations N] [--seed S] [--only WORDS] [--seconds S]`` with ``tests`` and
-``tests/support`` on the path. After each mutation plan, status, health, tools and apply are run as a person would, from
-a process that has loaded octoform already. None may end in a traceback or take longer than its time; behind apply the
-host is as it was, or apply has said in a sentence why not.
+``tests/support`` on the path. After each mutation plan, status, health, tools, devices, clients and apply are run as a
+person would, from a process that has loaded octoform already. None may end in a traceback or take longer than its time;
+behind apply the host is as it was, or apply has said in a sentence why not.
 """
 
 import argparse
@@ -24,7 +24,7 @@ from typing import Any
 import warm
 from projects import OCTOFORM, Project
 
-LOOKS = (("plan",), ("status",), ("health",), ("tools",))
+LOOKS = (("plan",), ("status",), ("health",), ("tools",), ("devices",), ("clients",))
 APPLY = ("apply", "-auto-approve")
 SECONDS = 5.0
 """For a command that looks; `apply` may build, start and check an endpoint besides, which has its own time."""
@@ -183,11 +183,16 @@ class Subject:
         chance = random.Random(f"{seed}:{inside}:{number}")
         order = random.Random(f"{seed}:{inside}").sample(MUTATIONS, len(MUTATIONS))
         mutation = order[number % len(order)]
-        case = Case(inside, mutation.__name__, number)
-        path = self.project.folder / inside
+        return self.judge(
+            Case(inside, mutation.__name__, number), lambda path: mutation(path, path.read_bytes(), chance)
+        )
+
+    def judge(self, case: Case, spoils: Callable[[Path], None]) -> Case:
+        """What all commands make of a file that was spoilt in this way."""
+        path = self.project.folder / case.file
         if not path.is_file() or path.is_symlink():
             self.restore()
-        mutation(path, path.read_bytes(), chance)
+        spoils(path)
         for command in LOOKS:
             self._run(case, command, self._seconds)
         status = self._run(case, APPLY, self._apply_seconds)

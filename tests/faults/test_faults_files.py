@@ -3,15 +3,18 @@
 A small sample of what `make faults` does to all of them (tests/campaign/mutations.py).
 """
 
-from collections.abc import Iterator
+import json
+import os
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
-from campaign.mutations import MUTATIONS, Subject
+from campaign.mutations import MUTATIONS, Case, Subject
 from projects import Project
 
 pytestmark = pytest.mark.dear
 HERE = ".octoform/bench"
+INSTANCES = f"{HERE}/instances.json"
 SAMPLE = (
     f"{HERE}/endpoint/manifest.json",
     f"{HERE}/run/process.json",
@@ -38,6 +41,91 @@ def test_no_spoilt_file_ends_or_holds_up_a_command(subject: Subject, inside: str
     case = subject.spoil(inside, 0, SEED)
     assert case.wrong == [], f"{case.mutation} of {inside}"
     assert case.told not in ("", "nothing")
+
+
+def deep(path: Path) -> None:
+    """A value of 900 levels where there was another one."""
+    document = json.loads(path.read_bytes())
+    document["format"] = "@@"
+    path.write_text(json.dumps(document).replace('"@@"', "[" * 900 + "]" * 900))
+
+
+def piped(path: Path) -> None:
+    path.unlink()
+    os.mkfifo(path)
+
+
+def linked(path: Path) -> None:
+    path.unlink()
+    path.symlink_to("nothing")
+
+
+def foldered(path: Path) -> None:
+    path.unlink()
+    path.mkdir()
+
+
+WORDS = {
+    "brackets": "[" * 200_000,
+    "nul": '{"format": 1, "devices": {"camera": {"serial": "a\\u0000b", "port": "1-1"}}}',
+    "a list of devices": '{"format": 1, "devices": ["camera"]}',
+    "a number for a device": '{"format": 1, "devices": {"camera": 3}}',
+    "words for nodes": '{"format": 1, "devices": {"camera": {"nodes": ["video0"]}}}',
+    "a list for a serial": '{"format": 1, "devices": {"camera": {"serial": ["a"]}}}',
+}
+
+
+@pytest.mark.parametrize("words", WORDS)
+def test_instances_of_another_form_are_told_and_written_anew(subject: Subject, words: str) -> None:
+    case = subject.judge(Case(INSTANCES, words, 0), lambda path: path.write_text(WORDS[words]) and None)
+    assert (case.wrong, case.told) == ([], "recovered")
+
+
+@pytest.mark.parametrize(
+    ("inside", "told"),
+    [
+        (INSTANCES, "recovered"),
+        (f"{HERE}/endpoint/manifest.json", "recovered"),
+        ("state/bench/state.json", "the state file is not JSON (it is nested deeper than 128 levels)"),
+    ],
+)
+def test_a_document_of_900_levels_ends_no_command(subject: Subject, inside: str, told: str) -> None:
+    case = subject.judge(Case(inside, "deep", 0), deep)
+    assert case.wrong == []
+    assert case.told.endswith(told)
+
+
+@pytest.mark.parametrize(
+    "inside",
+    [
+        INSTANCES,
+        "state/bench/deploy/output.json",
+        "state/bench/probe/output.json",
+        "state/bench/deploy/requirements.txt",
+        "state/bench/serve/runtime/units.py",
+        "state/bench/serve/server.py",
+        f"{HERE}/endpoint/octoform/launcher/gate.py",
+        f"{HERE}/run/process.json",
+    ],
+)
+def test_a_pipe_in_the_place_of_a_file_holds_nobody_up(subject: Subject, inside: str) -> None:
+    case = subject.judge(Case(inside, "pipe", 0), piped)
+    assert (case.wrong, case.told) == ([], "recovered")
+
+
+@pytest.mark.parametrize("stands", [piped, foldered, linked], ids=lambda each: str(each.__name__))
+def test_what_stands_in_the_place_of_the_log_keeps_no_endpoint_from_starting(
+    subject: Subject, stands: Callable[[Path], None]
+) -> None:
+    subject.project.run("stop")
+    stands(subject.project.folder / HERE / "log/server.log")
+    subject.project.run("start", status=0)
+    assert (subject.project.folder / HERE / "log/server.log").is_file()
+
+
+def test_a_folder_in_the_place_of_the_record_of_the_process_is_told_as_one(subject: Subject) -> None:
+    case = subject.judge(Case(f"{HERE}/run/process.json", "folder", 0), foldered)
+    assert case.wrong == [] and "symbolic" not in case.told
 
 
 @pytest.mark.parametrize("mutation", MUTATIONS, ids=lambda each: str(each.__name__))

@@ -1,6 +1,7 @@
 """Claude Code itself: what it gets of the key and the web, and what it costs."""
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import pytest
 from agent_runs import KEY, SECRET, WRITE, Ran, kept_secret, spec_for
@@ -61,3 +62,18 @@ def test_a_slow_command_is_told_of_before_the_run_counts_as_idle(
     assert ran.outcome.reason is ExitReason.FINISHED
     assert [event.failed for event in ran.of(ToolReturned)] == [True, False]
     assert ran.task.output.exists()
+
+
+def test_the_login_of_a_person_is_the_bearer_and_no_key_is_sent(
+    task_for: Callable[..., Task], run: Callable[..., Ran]
+) -> None:
+    say = 'echo "<$CLAUDE_CODE_OAUTH_TOKEN>" > seen; '
+    task = task_for(MODEL)
+    task = replace(task, environment={**task.environment, "CLAUDE_CODE_OAUTH_TOKEN": SECRET})
+    with serve([{"shell": say + WRITE}, DONE]) as server:
+        ran = run(replace(spec_for(NAME, server), key="CLAUDE_CODE_OAUTH_TOKEN", login=True), task)
+        assert {request["headers"].get("authorization") for request in server.replies} == {f"Bearer {SECRET}"}
+        assert {request["headers"].get("x-api-key") for request in server.replies} == {None}
+    assert ran.outcome.reason is ExitReason.FINISHED
+    assert (ran.task.workdir / "seen").read_text() == "<>\n"
+    assert kept_secret(ran)

@@ -1,6 +1,7 @@
 """Codex itself: what it gets of the key and the web, and what it costs."""
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import pytest
 from agent_runs import KEY, SECRET, WRITE, Ran, kept_secret, spec_for
@@ -60,3 +61,19 @@ def test_a_failed_request_is_told_of_with_its_status_and_at_once(
         ran = run(spec_for(NAME, server), task_for(MODEL))
     assert ran.outcome.reason is ExitReason.FINISHED
     assert ran.of(Trouble) == [Trouble(ExitReason.UNREACHABLE, "HTTP status 500")]
+
+
+def test_the_login_of_a_person_is_sent_with_the_account_that_it_is_of(
+    task_for: Callable[..., Task], run: Callable[..., Ran]
+) -> None:
+    task = task_for(MODEL)
+    login = {"CODEX_ACCESS_TOKEN": SECRET, "CODEX_ACCOUNT_ID": "account-7"}
+    task = replace(task, environment={**task.environment, **login})
+    say = 'echo "<$CODEX_ACCESS_TOKEN>" > seen; '
+    with serve([{"shell": say + WRITE}, DONE]) as server:
+        ran = run(replace(spec_for(NAME, server), key="CODEX_ACCESS_TOKEN", login=True), task)
+        assert {request["headers"].get("authorization") for request in server.replies} == {f"Bearer {SECRET}"}
+        assert {request["headers"].get("chatgpt-account-id") for request in server.replies} == {"account-7"}
+    assert ran.outcome.reason is ExitReason.FINISHED
+    assert (ran.task.workdir / "seen").read_text() == "<>\n"
+    assert kept_secret(ran)

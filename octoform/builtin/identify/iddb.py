@@ -5,6 +5,7 @@ registered, which is often the chip, so its word ranks below the device's own st
 parsing 40,000 lines to find twenty would cost more than all the rest of the stage.
 """
 
+from contextlib import suppress
 from pathlib import Path
 
 from octoform.base.files import read
@@ -47,10 +48,9 @@ class IdDatabases:
             # An absolute link below a sysroot would read another system's file.
             if path.is_symlink() and self._sysroot != Path("/"):
                 continue
-            try:
-                return b"\n" + read(path, LARGEST)
-            except OSError:
-                continue
+            if path.is_file():
+                with suppress(OSError):
+                    return b"\n" + read(path, LARGEST)
         return b""
 
 

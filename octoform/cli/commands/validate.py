@@ -4,8 +4,10 @@ import os
 from argparse import Namespace
 from pathlib import Path
 
+from octoform.diagnostics import as_warning
 from octoform.engine.compiling import compile_project
 from octoform.engine.prices import unpriced
+from octoform.harness import logins
 from octoform.views import texts
 from octoform.views.console import Console
 
@@ -13,5 +15,7 @@ from octoform.views.console import Console
 def run(arguments: Namespace, project: Path, screen: Console) -> int:
     """All problems at once; exit code 1 when one is an error."""
     compiled, found = compile_project(project, os.environ)
-    found += unpriced(compiled.manifest, os.environ) if compiled is not None else []
+    if compiled is not None:
+        found += unpriced(compiled.manifest, os.environ)
+        found += [as_warning(each) for each in logins.problems(compiled.manifest, os.environ)]
     return texts.validation(screen, found, as_json=arguments.json)

@@ -56,6 +56,8 @@ SWITCHES = (
 SHELL = "octoform-shell"
 COMMAND_LIMITS = ("BASH_DEFAULT_TIMEOUT_MS", "BASH_MAX_TIMEOUT_MS")
 BEARER, KEY = "ANTHROPIC_AUTH_TOKEN", "ANTHROPIC_API_KEY"
+LOGIN = "CLAUDE_CODE_OAUTH_TOKEN"
+"""The token of a subscription, of a login or of `claude setup-token`."""
 PIECE = b'{"type":"stream_event","event":{"type":"content_block_'
 """Most of the stream: what a reply is made of, which says nothing that its message does not say again."""
 INPUT = ("input_tokens", "cache_read_input_tokens", "cache_creation_input_tokens")
@@ -103,7 +105,7 @@ class ClaudeCode:
 
 def _shell(launch: Launch) -> str:
     """What each command is given to: a shell that does not get the key, unless the manifest shows it the agent."""
-    keys = {KEY, BEARER, launch.access.key or KEY} - set(launch.spec.env)
+    keys = {KEY, BEARER, LOGIN, launch.access.key or KEY} - set(launch.spec.env)
     return f'#!/bin/sh\nunset {" ".join(sorted(keys))}\nexec bash -c "$1"\n'
 
 
@@ -122,7 +124,10 @@ def _settings(launch: Launch) -> dict[str, str]:
         # Empty and not left out, so that no other key of the caller's is taken for it.
         KEY: launch.key if native else "",
         BEARER: "" if native else launch.key,
+        LOGIN: "",
     }
+    if launch.access.key == LOGIN:
+        settings |= {KEY: "", LOGIN: launch.key}
     if launch.access.key is None:
         settings[BEARER] = "none"
     idle = launch.task.limits.idle_seconds

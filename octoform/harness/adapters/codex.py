@@ -37,6 +37,8 @@ from octoform.manifest.providers import RESPONSES
 REQUEST_RETRIES = 2
 STREAM_RETRIES = 5
 PROVIDER = "octoform"
+ACCOUNT = "CODEX_ACCOUNT_ID"
+"""Whose subscription it is; with a key nobody asks."""
 TRACE = "RUST_LOG"
 TRACED = "error,codex_otel.log_only[{event.kind}]=info,codex_otel.log_only[{error.message}]=info"
 OFF = (
@@ -84,7 +86,7 @@ class Codex:
         return Invocation(
             argv=(*launch.program.argv, *OPTIONS, "-C", str(launch.task.workdir), "-"),
             stdin=launch.task.prompt,
-            named=tuple(name for name in (*launch.spec.env, launch.access.key) if name),
+            named=tuple(name for name in (*launch.spec.env, launch.access.key, _account(launch)) if name),
             settings={"CODEX_HOME": str(home), TRACE: TRACED, "NO_COLOR": "1"},
             path=launch.program.path,
             dialect=CodexDialect(),
@@ -101,6 +103,8 @@ def _config(launch: Launch) -> str:
     access = launch.access
     hidden = [TRACE] if access.key is None or access.key in launch.spec.env else [TRACE, access.key]
     key = [f"env_key = {_text(access.key)}"] if access.key else []
+    if account := _account(launch):
+        key.append(f"env_http_headers = {{ chatgpt-account-id = {_text(account)} }}")
     lines = [
         f"model = {_text(access.model)}",
         f"model_provider = {_text(PROVIDER)}",
@@ -125,6 +129,11 @@ def _config(launch: Launch) -> str:
         f"stream_max_retries = {STREAM_RETRIES}",
     ]
     return "\n".join((*lines, ""))
+
+
+def _account(launch: Launch) -> str | None:
+    """The variable with the account of a login, if it tells of one."""
+    return ACCOUNT if launch.spec.login and ACCOUNT in launch.task.environment else None
 
 
 def _text(value: str) -> str:

@@ -234,7 +234,8 @@ class _Handler(BaseHTTPRequestHandler):
 
     def _note(self, status: int, **told: Any) -> None:
         path = urlsplit(self.path).path
-        self.server.note(method=self.command, path=path, key=self._key(), status=status, **told)
+        sent = {name.lower(): value for name, value in self.headers.items()}
+        self.server.note(method=self.command, path=path, key=self._key(), headers=sent, status=status, **told)
 
     def _key(self) -> str | None:
         """The key as the client sent it."""

@@ -71,3 +71,19 @@ def test_the_table_is_whole_and_dated() -> None:
     for name, numbers in table["models"].items():
         into, cached, out = numbers
         assert into > 0 and 0 <= cached <= into and out > 0, name
+
+
+@pytest.mark.parametrize("stage", ["heal", "watch"])
+@pytest.mark.parametrize("command", ["validate", "plan"])
+def test_the_agents_of_the_daemon_are_counted_too(
+    tmp_path: Path, command: str, stage: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setenv("ANTHROPIC_API_KEY", "k")
+    agent = f"stages: {{{stage}: {{harness: claude-code, model: anthropic/nobody-knows-1}}}}\n"
+    (tmp_path / "octopus.yaml").write_text(f"version: 1\nhost: bench\n{agent}")
+    assert main([f"-chdir={tmp_path}", command]) == 0
+    capsys.readouterr()
+    (tmp_path / "octopus.yaml").write_text(f"version: 1\nhost: bench\nbudget: {{usd: 3}}\n{agent}")
+    assert main([f"-chdir={tmp_path}", command]) == 1
+    told = capsys.readouterr()
+    assert "nobody knows what anthropic/nobody-knows-1 costs" in told.out + told.err

@@ -258,3 +258,34 @@ def test_names_are_complete() -> None:
 )
 def test_base_urls(url: str, is_one: bool) -> None:
     assert (base_url.complaint(url) is None) == is_one
+
+
+@pytest.mark.parametrize(
+    ("name", "model", "variable"),
+    [
+        ("claude-code", "anthropic/x", "CLAUDE_CODE_OAUTH_TOKEN"),
+        ("claude-code", "x", "CLAUDE_CODE_OAUTH_TOKEN"),
+        ("codex", "openai/x", "CODEX_ACCESS_TOKEN"),
+    ],
+)
+def test_a_login_stands_in_for_the_key_and_is_no_unset_variable(
+    tmp_path: Path, name: str, model: str, variable: str
+) -> None:
+    manifest, found = read(tmp_path, f"harness: {{name: {name}, login: true}}\nmodel: {model}", {})
+    assert manifest is not None and found == []
+    assert manifest.harness_for("serve") == HarnessSpec(name, key=variable, login=True)
+    assert manifest.variables == (variable,), "what it holds is blanked out like a key"
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("harness: {name: pi, login: true}\nmodel: anthropic/x", "octoform can use no login of `pi`"),
+        ("harness: {name: codex, login: true, key: K}\nmodel: openai/x", "`login` and `key` exclude each other"),
+        ("harness: {name: codex, login: true}\nmodel: anthropic/x", "one with openai, and the model is of anthropic"),
+    ],
+)
+def test_a_login_that_cannot_be_used(tmp_path: Path, text: str, said: str) -> None:
+    _, found = read(tmp_path, text, {"K": "k", "ANTHROPIC_API_KEY": "k"})
+    (problem,) = [each for each in found if each.code == "MANIFEST-WRONG-VALUE"]
+    assert said in problem.summary and problem.span is not None and problem.span.line == 2

@@ -162,7 +162,7 @@ def test_a_stop_that_cannot_be_removed_holds_and_says_so(host: Host) -> None:
     host.refuses("it is no regular file")
     with pytest.raises(DeviceFault, match=f"went well, but {DEVICE} stays stopped: {host.file} cannot be removed"):
         host.send(HOME)
-    host.refuses("Is a directory")
+    host.refuses("it is no regular file")
 
 
 def test_a_place_that_cannot_be_looked_at_counts_as_a_stop(host: Host, monkeypatch: pytest.MonkeyPatch) -> None:
