@@ -4,6 +4,7 @@ A claim is a conclusion, and whoever drew it may be gone or wrong. So it does no
 the start of the machine that it names and until its moment, whether or not anybody lives to take it back. A permanent
 restriction is a person's decision: it has no moment, and only a file that no longer names it ends it. A file that
 cannot be read, or is gone, ends what is temporary, and that is said: a restriction that nobody can justify is none.
+Where the ledger of claims cannot be read either, and never was the file, nothing moves: a person may have forbidden it.
 Readings and tools that stop are never restricted, whatever the file says.
 """
 
@@ -92,6 +93,11 @@ class Entry:
     @property
     def words(self) -> str:
         """For whoever called, and for a person who is asked."""
+        if not self.claim:
+            return (
+                "nothing moves: what a person has forbidden cannot be read, neither in the ledger of claims nor in "
+                f"{NAME}. A person looks at octoform claims, which starts both anew"
+            )
         if self.expires is None:
             kind = f"the permanent restriction {self.kind}" if self.kind else "a permanent restriction"
             how, end = f"by {kind} (claim {self.claim})", f"A person ends it with octoform claims -retire {self.claim}"
@@ -120,6 +126,10 @@ class Entry:
             "expires_at": self.expires_at,
             "seconds": None if self.expires is None else round(max(0.0, self.expires - now), 1),
         }
+
+
+NOBODY_KNOWS = Entry("", "", (), "deny", "", None, "")
+"""What a ledger says that cannot be read: what a person has forbidden for good is not done for want of a list."""
 
 
 def _untold(_event: str, _fields: Mapping[str, Any]) -> None:
@@ -152,6 +162,7 @@ class Restrictions:
         self._lock = threading.Lock()
         self._seen: tuple[int, int, int] | None = None
         self._entries: tuple[Entry, ...] = ()
+        self._read_before = False
         self.problem: str | None = None
         """Why the file cannot be used; None when it can, or is not there."""
 
@@ -193,14 +204,14 @@ class Restrictions:
             return
         self._seen = stamp
         try:
-            self._entries, self.problem = self._read(place), None
+            self._entries, self.problem, self._read_before = self._read(place), None, True
         except (OSError, ValueError, LookupError, TypeError, AttributeError) as problem:
             self._wrong(f"it cannot be read: {type(problem).__name__}: {problem}")
 
     def _instead(self) -> tuple[Entry, ...]:
         """What holds without the file: what the ledger says, else what only a person ends."""
         told = self._ledger()
-        if told is None:
+        if told is None or (self._read_before and NOBODY_KNOWS in told):
             return tuple(entry for entry in self._entries if entry.expires is None)
         latest = self._clock() + LONGEST
         return tuple(entry for entry in told if entry.expires is None or entry.expires <= latest)
@@ -208,7 +219,10 @@ class Restrictions:
     def _wrong(self, why: str) -> None:
         self._entries = self._instead()
         kept = "only the permanent restrictions from before hold" if self._entries else "nothing is restricted by it"
-        kept = kept if self._ledger() is None else "what the ledger of claims says holds"
+        if NOBODY_KNOWS in self._entries:
+            kept = "nothing moves, since the ledger of claims cannot be read either"
+        elif (told := self._ledger()) is not None and NOBODY_KNOWS not in told:
+            kept = "what the ledger of claims says holds"
         text = f"{self._place}: {why[:SHOWN]}; {kept}"
         if text != self.problem:
             self.problem = text

@@ -1,7 +1,8 @@
 """What the ledger of claims says must be restricted: believed where the file that octoform makes of it is not there.
 
 That file knows every word for a unit; the ledger has the one of the claim alone. A word that no tool has means every
-unit, so what comes of this restricts as much or more until octoform writes the file again.
+unit, so what comes of this restricts as much or more until octoform writes the file again. Where neither can be read,
+nothing moves.
 """
 
 import os
@@ -11,7 +12,7 @@ from typing import Any
 
 from octoform.base.files import read_json
 
-from .restrictions import Entry
+from .restrictions import NOBODY_KNOWS, Entry
 
 NAME = "claims.json"
 FORMAT = 1
@@ -27,15 +28,17 @@ class Standing:
         self._entries: tuple[Entry, ...] | None = None
 
     def __call__(self) -> tuple[Entry, ...] | None:
-        """What it says; None where it cannot be read, or is not there."""
+        """What it says; None where there is none. Of one that cannot be read nobody knows what a person forbade."""
         try:
             status = os.lstat(self._path)
             stamp = status.st_ino, status.st_mtime_ns, status.st_size
             if stamp != self._seen:
-                self._seen, self._entries = stamp, None
+                self._seen, self._entries = stamp, (NOBODY_KNOWS,)
                 self._entries = tuple(self._read())
+        except FileNotFoundError:
+            self._seen = self._entries = None
         except (OSError, ValueError, LookupError, TypeError, AttributeError):
-            self._entries = None
+            self._entries = (NOBODY_KNOWS,)
         return self._entries
 
     def _read(self) -> Iterator[Entry]:

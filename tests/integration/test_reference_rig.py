@@ -160,6 +160,21 @@ def test_look_saves_what_the_camera_shows(bench: Bench, tmp_path: Path) -> None:
     assert told["camera"] == CAMERA or told["camera"]["device"] == CAMERA
 
 
+@pytest.mark.parametrize(("fault", "code"), [("black", "STEP-PICTURE-EMPTY"), ("frozen", "STEP-PICTURE-FROZEN")])
+def test_a_camera_that_does_not_show_what_is_before_it_ends_an_apply(bench: Bench, fault: str, code: str) -> None:
+    camera = bench.rig.camera
+    assert camera is not None
+    camera.fault = fault
+    camera.write()
+    try:
+        done = bench.project.run("apply", "-auto-approve", "-replace", "step.perceive")
+        assert done.status == 1 and code in done.err and "Apply complete" not in done.out
+    finally:
+        camera.fault = None
+        camera.write()
+    bench.project.run("apply", "-auto-approve", status=0)
+
+
 def test_it_is_found_again_under_other_names(bench: Bench) -> None:
     for name, node in (("arm", "ttyACM7"), ("rail", "ttyACM3"), ("camera", "video4")):
         bench.rig.unplug(name)

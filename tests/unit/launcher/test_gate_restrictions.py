@@ -302,3 +302,31 @@ def test_what_the_ledger_says_holds_where_the_file_is_gone_or_damaged(tmp_path: 
     other = Restrictions(run / NAME, clock=lambda: NOW, boot="c", ledger=Standing(ledger, "c"))
     keep(claim, temporary)
     assert [entry.claim for entry in other.in_force()] == ["c7"]  # the machine was started anew
+
+
+def test_nothing_moves_while_nobody_can_read_what_a_person_has_forbidden(tmp_path: Path) -> None:
+    run, ledger, clock = tmp_path / "run", tmp_path / "claims.json", Clock()
+    run.mkdir()
+    call = Subject("move", {"joint": "elbow"}, ("arm",))
+    assert Restrictions(run / NAME, clock=lambda: clock.now, boot="b", ledger=Standing(ledger, "b")).in_force() == ()
+    ledger.write_text("[" * 900)
+    gone = Restrictions(run / NAME, clock=lambda: clock.now, boot="b", ledger=Standing(ledger, "b"))
+    assert "cannot be read" in gone.against(call).words  # type: ignore[union-attr]
+    (run / NAME).write_text("{")
+    damaged = Restrictions(run / NAME, clock=lambda: clock.now, boot="b", ledger=Standing(ledger, "b"))
+    assert "octoform claims, which starts both anew" in damaged.against(call).words  # type: ignore[union-attr]
+    assert "nothing moves" in str(damaged.problem)
+    ledger.write_text(json.dumps({"format": 1, "boot": "b", "claims": []}))
+    assert damaged.in_force() == ()
+
+
+def test_a_process_that_has_read_the_list_goes_on_with_what_it_knows(tmp_path: Path) -> None:
+    run, ledger = tmp_path / "run", tmp_path / "claims.json"
+    run.mkdir()
+    (run / NAME).write_text(json.dumps({"format": 1, "boot": "b", "restrictions": [FOR_GOOD]}))
+    restrictions = Restrictions(run / NAME, clock=lambda: NOW, boot="b", ledger=Standing(ledger, "b"))
+    assert [entry.claim for entry in restrictions.in_force()] == ["c7"]
+    ledger.write_text("{")
+    (run / NAME).write_text("{")
+    assert [entry.claim for entry in restrictions.in_force()] == ["c7"]
+    assert "only the permanent restrictions from before hold" in str(restrictions.problem)
