@@ -8,16 +8,20 @@ its log, and its copy of the spec where it was asked to correct that).
 import json
 import shutil
 from collections.abc import Mapping
+from contextlib import nullcontext
 from dataclasses import dataclass, field
 from pathlib import Path
 
 from octoform import events
 from octoform.apply import spec_copy
 from octoform.apply.assignment import Assignment
+from octoform.apply.check import Checks
 from octoform.apply.context import Context
+from octoform.apply.gate import read_output
+from octoform.apply.leaks import leaked, without_secrets
 from octoform.apply.reading import accepted
 from octoform.base.files import parse, replace
-from octoform.diagnostics import Diagnostic, to_json
+from octoform.diagnostics import Diagnostic, has_errors, to_json
 from octoform.harness.completion import LiteLLMCompletion
 from octoform.harness.condensing import Excerpt, condense
 from octoform.harness.port import (
@@ -33,14 +37,16 @@ from octoform.harness.port import (
     Turn,
     Usage,
 )
+from octoform.manifest.model import MODEL_FREE
 from octoform.profiles import Profile, briefing, for_task, holds
 from octoform.protocol import Prompt, render_prompt
-from octoform.protocol.prompt import MOST_TAIL_BYTES
+from octoform.protocol.prompt import MOST_TAIL_BYTES, findings
 from octoform.state.attempts import folders
 from octoform.state.layout import OUTPUT_NAMES
 
 KEEP = 100
-FORMER = "former-server.py"
+FORMER = "former-"
+"""Begins the name of the copy of an output that is to be corrected."""
 FIRST = "probe"
 ASKED = "identify"
 
@@ -49,13 +55,15 @@ ASKED = "identify"
 class Failed:
     """What a failed attempt hands to the next one: why it was refused, its log, the spec as it stands in this run.
 
-    ``former`` is an accepted output that a later stage found at fault, to be corrected.
+    ``former`` is the output to be corrected: the refused one, or an accepted one that a later stage found at fault, for
+    what stands in ``standing``. That stands until the later stage has tried another one, however many are refused.
     """
 
     diagnostics: tuple[Diagnostic, ...]
     log: Path | None
     spec: str
-    former: Path | None = None
+    former: bytes | None = None
+    standing: tuple[Diagnostic, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,13 +83,15 @@ class Prepared:
 class SoFar:
     """What is known of an attempt while it goes on, for the record of one that is interrupted.
 
-    ``began`` is in seconds of the run's clock; ``outcome`` stands once the agent has ended.
+    ``began`` is in seconds of the run's clock; ``outcome`` stands once the agent has ended, and ``checks`` is how often
+    it has held its output against the contract before.
     """
 
     began: float
     turns: int | None = None
     usage: Usage = field(default_factory=Usage)
     outcome: Outcome | None = None
+    checks: int = 0
 
 
 def prepare(
@@ -97,7 +107,7 @@ def prepare(
     for name, data in assignment.beside.items():
         replace(task.workdir / name, data, 0o644, synced=False)
     if failed is not None and failed.former is not None:
-        shutil.copyfile(failed.former, task.workdir / FORMER)
+        replace(_former(task), failed.former, 0o644, synced=False)
     document = _document(context, assignment, task, failed)
     text = json.dumps(document, indent=2, ensure_ascii=False) + "\n"
     replace(task.document, text.encode(), 0o644, synced=False)
@@ -105,6 +115,11 @@ def prepare(
     prompt = _prompt(context, assignment, task, failed, excerpt)
     replace(task.prompt, prompt.encode(), 0o644, synced=False)
     return Prepared(task, spec, editable, excerpt.usage)
+
+
+def _former(task: Task) -> Path:
+    """The copy of the output that is to be corrected."""
+    return task.workdir / f"{FORMER}{task.output.name}"
 
 
 def _excerpt(context: Context, task: Task, failed: Failed | None) -> Excerpt:
@@ -138,8 +153,15 @@ def new_task(context: Context, assignment: Assignment, number: int, limits: Task
     )
 
 
-def run(context: Context, harness: Harness, task: Task, so_far: SoFar) -> Outcome:
+def run(context: Context, assignment: Assignment, harness: Harness, task: Task, so_far: SoFar) -> Outcome:
     """Let the agent work; what it does becomes events, and ``so_far`` follows it."""
+
+    def judge() -> str:
+        data, found = read_output(task)
+        if not found:
+            _, found = assignment.judge(context, task, data)
+            found = [*found, *leaked(task, data)]
+        return findings(without_secrets(task, found)) if has_errors(found) else ""
 
     def progress(event: AgentEvent, elapsed: float, used: Usage) -> None:
         so_far.usage = used
@@ -155,7 +177,9 @@ def run(context: Context, harness: Harness, task: Task, so_far: SoFar) -> Outcom
             case Trouble():
                 context.emit(events.AttemptProgress(task.stage, f"the model's side: {event.text}", elapsed))
 
-    so_far.outcome = harness.run(task, progress)
+    with nullcontext() if assignment.harness.name in MODEL_FREE else Checks(task.workdir, judge) as checks:
+        so_far.outcome = harness.run(task, progress)
+    so_far.checks = checks.count if checks is not None else 0
     return so_far.outcome
 
 
@@ -189,7 +213,7 @@ def _document(context: Context, assignment: Assignment, task: Task, failed: Fail
         "limits": {"wall_seconds": task.limits.wall_seconds, "tools": assignment.budget.tools},
         "profiles": [for_task(profile, ids) for profile, ids in _held(context, task.stage)],
         "answers": dict(_answers(context, assignment)),
-        "diagnostics": [to_json(item) for item in (failed.diagnostics if failed else ())],
+        "diagnostics": [to_json(item) for item in ((*failed.diagnostics, *failed.standing) if failed else ())],
     }
 
 
@@ -207,9 +231,10 @@ def _prompt(context: Context, assignment: Assignment, task: Task, failed: Failed
             profiles=_briefings(context, task.stage),
             answers=_answers(context, assignment),
             failed_log=failed.log if failed else None,
-            former=task.workdir / FORMER if failed and failed.former else None,
+            former=_former(task) if failed and failed.former else None,
             summary=excerpt.text if excerpt.condensed else "",
             diagnostics=failed.diagnostics if failed else (),
+            standing=failed.standing if failed else (),
         )
     )
 

@@ -7,6 +7,7 @@ from pathlib import Path
 
 from octoform.apply.assignment import Assignment
 from octoform.apply.attempt import FORMER, Prepared, SoFar
+from octoform.apply.check import PROGRAM, SAID
 from octoform.apply.context import Context
 from octoform.apply.gate import Verdict
 from octoform.apply.spec_copy import Edit
@@ -16,20 +17,26 @@ from octoform.harness.port import ExitReason, Outcome, Task, Usage
 from octoform.state import attempts, model
 from octoform.state.attempts import AttemptRecord, SpecEdit
 from octoform.state.donors import Donor
+from octoform.state.layout import OUTPUT_NAMES
 
 MOST_FILES = 200
 OURS = frozenset(
     {
         *("agent.log", "attempt.json", "input.json", "process.json", "prompt.md", "spec.md", "story.txt", "task.json"),
-        *("transcript.jsonl", "trials.json", "pictures"),
-        FORMER,
+        *("transcript.jsonl", "trials.json", "pictures", PROGRAM, SAID),
+        *(f"{FORMER}{name}" for name in ("output.json", *OUTPUT_NAMES.values())),
     }
 )
 """What octoform itself puts into an attempt's folder: files, and the folder of what a step has seen."""
 
 
 def record(
-    context: Context, assignment: Assignment, prepared: Prepared, ended: tuple[Outcome, Verdict], edit: Edit | None
+    context: Context,
+    assignment: Assignment,
+    prepared: Prepared,
+    ended: tuple[Outcome, Verdict],
+    edit: Edit | None,
+    checks: int = 0,
 ) -> Diagnostic | None:
     """Write the record of an attempt that has just ended; None when it stands."""
     task, (outcome, verdict) = prepared.task, ended
@@ -47,6 +54,7 @@ def record(
         exit_status=outcome.exit_status,
         detail=outcome.detail,
         turns=outcome.turns,
+        checks=checks,
         usage=state_usage(outcome.usage),
         prompt_bytes=task.prompt.stat().st_size if task.prompt.is_file() else 0,
         accepted=verdict.accepted and outcome.reason is not ExitReason.INTERRUPTED,
@@ -73,7 +81,7 @@ def interrupted(context: Context, assignment: Assignment, prepared: Prepared, so
     environment.remove_private(task.workdir)
     # The stop itself is what has to be told on; an attempt without a record counts as interrupted too.
     with suppress(OSError):
-        record(context, assignment, prepared, (ended, Verdict(())), None)
+        record(context, assignment, prepared, (ended, Verdict(())), None, so_far.checks)
 
 
 def reused(context: Context, assignment: Assignment, task: Task, verdict: Verdict, donor: Donor) -> Diagnostic | None:

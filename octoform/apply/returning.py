@@ -10,6 +10,7 @@ from collections.abc import Iterable
 from octoform.apply.attempt import Failed
 from octoform.apply.context import Context
 from octoform.diagnostics import Diagnostic, has_errors
+from octoform.state.files import read_regular
 
 MOST_RETURNS = 2
 MAKER, JUDGE = "serve", "deploy"
@@ -31,4 +32,4 @@ def sent_back(context: Context, failed: str | None, found: Iterable[Diagnostic])
     blamed = tuple(item for item in found if item.code in SHOWN | TOLD and has_errors([item]))
     if failed != JUDGE or not blamed:
         return None
-    return Failed(blamed, None, context.specs[MAKER].text, context.layout.output(MAKER))
+    return Failed((), None, context.specs[MAKER].text, read_regular(context.layout.output(MAKER))[0], blamed)

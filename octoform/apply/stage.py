@@ -157,7 +157,7 @@ def _attempt(
     touched: list[Diagnostic] | None = None
     edit, so_far = None, SoFar(context.clock.monotonic())
     try:
-        outcome = run(context, harness, task, so_far)
+        outcome = run(context, assignment, harness, task, so_far)
         touched = guard.end(task.workdir / guarded.UNDONE)
         verdict = _gate(context, assignment, task, outcome, touched)
         edit = _note_edit(context, prepared)
@@ -179,10 +179,25 @@ def _attempt(
     progress.edit = edit if edit is not None and edit.permitted else progress.edit
     if not verdict.accepted:
         spec = progress.edit.text if progress.edit is not None else prepared.spec
-        progress.failed = Failed(verdict.diagnostics, _log(task, outcome), spec)
+        before = progress.failed
+        progress.failed = Failed(
+            verdict.diagnostics,
+            _log(task, outcome),
+            spec,
+            _judged(task, outcome) or (before.former if before else None),
+            before.standing if before else (),
+        )
     # The agent may have removed its own folder or filled the disk; both are told by the verdict already.
-    record(context, assignment, prepared, (outcome, verdict), edit)
+    record(context, assignment, prepared, (outcome, verdict), edit, so_far.checks)
     return outcome, verdict
+
+
+def _judged(task: Task, outcome: Outcome) -> bytes | None:
+    """The refused output, for the next attempt to correct; what nobody judged or nobody can read is no beginning."""
+    if outcome.reason is not ExitReason.FINISHED:
+        return None
+    data, found = read_output(task)
+    return None if has_errors(found) else data or None
 
 
 def _log(task: Task, outcome: Outcome) -> Path:

@@ -34,7 +34,7 @@ class Prompt:
     ``own_spec`` is the attempt's copy of the spec, which a retry may correct if ``editable``; ``profiles`` are whole
     texts, ``answers`` what a person said of devices, by their ids. ``diagnostics`` and ``failed_log`` are those of the
     attempt before, and one of them makes it a retry; ``summary`` stands in the place of a log's end. ``former`` is a
-    copy of an accepted output that has to be corrected.
+    copy of the output that is to be corrected, ``standing`` what a later stage found when it tried an accepted one.
     """
 
     spec: Spec
@@ -51,11 +51,12 @@ class Prompt:
     summary: str = ""
     former: Path | None = None
     diagnostics: tuple[Diagnostic, ...] = ()
+    standing: tuple[Diagnostic, ...] = ()
 
     @property
     def is_retry(self) -> bool:
         """True when an attempt before this one failed."""
-        return bool(self.diagnostics or self.failed_log)
+        return bool(self.diagnostics or self.failed_log or self.standing)
 
 
 def render_prompt(prompt: Prompt) -> str:
@@ -104,7 +105,8 @@ def _render(prompt: Prompt, log: str) -> str:
         seconds=round(prompt.wall_seconds),
         profiles=[fenced("profile", text) for text in prompt.profiles],
         answers=fenced("answers", _answers(prompt.answers)) if prompt.answers else "",
-        findings=fenced("findings", _findings(prompt.diagnostics)) if prompt.diagnostics else "",
+        findings=fenced("findings", findings(prompt.diagnostics)) if prompt.diagnostics else "",
+        standing=fenced("findings", findings(prompt.standing)) if prompt.standing else "",
         log=fenced("log", log) if log.strip() else "",
         condensed=bool(prompt.summary),
         former=_seen_from(prompt.workdir, prompt.former),
@@ -127,7 +129,8 @@ def _answers(given: Mapping[str, str]) -> str:
     return "\n".join(f"{device}: {' '.join(sentence.split())}" for device, sentence in given.items())
 
 
-def _findings(items: Sequence[Diagnostic]) -> str:
+def findings(items: Sequence[Diagnostic]) -> str:
+    """What a contract found, a line each and bounded; the errors alone where there are some."""
     # What did not refuse the attempt is no reason for anything, and would read like one.
     items = [item for item in items if item.severity is Severity.ERROR] or items
     lines = []

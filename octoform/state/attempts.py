@@ -31,7 +31,8 @@ class AttemptRecord(Persisted):
     """``number`` counts all attempts of a host, ``attempt`` those of a stage in one run; ``seconds`` are wall time.
 
     ``role`` is ``stage``, ``escalate`` for the agent that got what the first left unknown, or ``reuse`` for an output
-    that was taken over from another host (no agent ran; ``attempt`` is 0). ``diagnostics`` are as
+    that was taken over from another host (no agent ran; ``attempt`` is 0). ``checks`` is how often the agent held its
+    output against the contract before it ended. ``diagnostics`` are as
     `octoform.diagnostics.to_json` gives them; ``files`` are what the agent left in its folder.
     """
 
@@ -49,6 +50,7 @@ class AttemptRecord(Persisted):
     exit_status: int | None = None
     detail: str = ""
     turns: int | None = None
+    checks: int = 0
     usage: Usage = Field(default_factory=Usage)
     prompt_bytes: int = 0
     accepted: bool = False

@@ -226,7 +226,7 @@ def act(behaviour: dict[str, object], stage: str, output: Path) -> None:
 
 def plans(script: dict[str, list[object]], task: dict[str, object]) -> list[object]:
     """``STAGE:told`` is what a stage does when a later one found its output at fault."""
-    told = Path("former-server.py").exists()
+    told = "it was found at fault when it was tried" in Path("prompt.md").read_text()
     return script.get(f"{task['stage']}:told" if told else task["stage"], ["good"])
 
 
