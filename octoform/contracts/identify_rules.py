@@ -6,7 +6,7 @@ unknown, visibly, with the sentence that would settle it.
 
 import re
 
-from octoform.contracts import answer_rules, stop_rules
+from octoform.contracts import answer_rules, raw_line_rules, stop_rules
 from octoform.contracts.model import Artifacts, JsonObject, Rule
 from octoform.contracts.name_rules import name_without_evidence
 from octoform.contracts.naming import is_chip_name, is_passthrough
@@ -276,6 +276,7 @@ RULES = (
     Rule("IDENTIFY-MANY-DEVICES", many_devices),
     *answer_rules.RULES,
     *stop_rules.IDENTIFY_RULES,
+    *raw_line_rules.RULES,
     Rule("IDENTIFY-UNESCAPED-TEXT", in_values("IDENTIFY-UNESCAPED-TEXT")),
 )
 

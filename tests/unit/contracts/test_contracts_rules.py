@@ -366,6 +366,7 @@ def test_every_rule_has_a_code_of_its_stage_and_a_case_here() -> None:
     cases = {code for table in (PROBE_CASES, IDENTIFY_CASES, INTERFACE_CASES, DEPLOY_CASES) for code, _ in table}
     own_tests = {rule.code for rule in answer_rules.RULES}
     own_tests |= {
+        "IDENTIFY-ACTUATE-WITHOUT-PROFILE",
         "IDENTIFY-NEIGHBOUR-PROMOTED",
         "IDENTIFY-MANY-DEVICES",
         "IDENTIFY-SHARED-HUB",
