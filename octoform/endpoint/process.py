@@ -10,9 +10,10 @@ import signal
 import subprocess
 import tempfile
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack, suppress
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import IO
 
@@ -65,12 +66,12 @@ def run(
             list(command),
             cwd=cwd,
             env={**environment, MARK: mark},
+            preexec_fn=_marked(mark),
             stdin=feed,
             stdout=out,
             stderr=err,
             start_new_session=True,
         )
-        marks.put_on(mark, process.pid)
         try:
             status: int | None = process.wait(timeout)
         except subprocess.TimeoutExpired:
@@ -96,12 +97,12 @@ class Begun:
                 list(command),
                 cwd=cwd,
                 env={**environment, MARK: self._mark},
+                preexec_fn=_marked(self._mark),
                 stdin=subprocess.PIPE,
                 stdout=self._out,
                 stderr=self._err,
                 start_new_session=True,
             )
-            marks.put_on(self._mark, self._process.pid)
             self._files = opened.pop_all()
 
     def finish(self, stdin: str, timeout: float) -> Finished:
@@ -131,6 +132,14 @@ class Begun:
             with suppress(BrokenPipeError):
                 self._process.stdin.close()
         self._files.close()
+
+
+def _marked(mark: str) -> Callable[[], object]:
+    """Puts the mark on between fork and exec: what a program starts in its first moments has to bear it too.
+
+    Nothing is imported, opened or locked there, so that other threads of this process cannot hold it up.
+    """
+    return partial(marks.put_on, mark)
 
 
 def _clear(process: "subprocess.Popen[bytes]", mark: str) -> int:

@@ -1,7 +1,12 @@
 """Foreign programs: bounded, and gone afterwards."""
 
+import subprocess
 import sys
+import time
 from pathlib import Path
+from typing import Any
+
+import pytest
 
 from octoform.endpoint.process import Begun, base_environment, marked, run
 
@@ -40,6 +45,21 @@ def test_a_grandchild_in_its_own_session_does_not_survive(tmp_path: Path) -> Non
 def test_a_grandchild_without_any_variable_does_not_survive(tmp_path: Path) -> None:
     done = run([sys.executable, "-c", BARE], cwd=tmp_path, environment=base_environment(), timeout=20)
     assert (done.status, done.stdout, done.survivors) == (0, "started\n", 1)
+
+
+def test_the_mark_is_on_before_the_program_begins(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """However late this process gets its turn, the first thing that the program starts bears the mark."""
+    begin = subprocess.Popen.__init__
+
+    def late(self: Any, *given: Any, **named: Any) -> None:
+        begin(self, *given, **named)
+        time.sleep(0.5)
+
+    monkeypatch.setattr(subprocess.Popen, "__init__", late)
+    done = run([sys.executable, "-I", "-S", "-c", BARE], cwd=tmp_path, environment=base_environment(), timeout=20)
+    assert (done.status, done.survivors) == (0, 1)
+    begun = Begun([sys.executable, "-I", "-S", "-c", BARE], cwd=tmp_path, environment=base_environment())
+    assert begun.finish("", 20).survivors == 1
 
 
 def test_the_time_limit_ends_the_whole_tree(tmp_path: Path) -> None:

@@ -235,8 +235,8 @@ def test_nobody_waits_for_a_way_that_hangs_and_the_others_are_told(layout: Layou
     assert heard.wait(10)
     notifier.close(0.2)
     assert time.monotonic() - began < 8
-    gate.set()
     (lost,) = failing(layout)
+    gate.set()
     assert lost.way == "command"
     assert lost.lost >= notifying.MOST
     assert lost.why == "the daemon ended before it was told"
