@@ -82,6 +82,8 @@ def _decision(policy: Policy, tool: Tool) -> tuple[str, str]:
         if rule.matches(tool["name"]):
             return rule.decision, f"policy.rules[{index}]"
     effect = tool["effect"]
+    if tool.get("stops") and policy.decision_for(effect) == "confirm":
+        return "allow", "what stops a movement waits for nobody"
     chosen = policy.decision_for(effect)
     is_default = chosen == Policy().decision_for(effect)
     return chosen, f"default for {effect} tools" if is_default else f"policy.{effect}"

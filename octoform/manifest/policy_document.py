@@ -113,7 +113,7 @@ class Policy(Table):
     """Enforce the policy, only log what it would refuse, or answer what would be done and do nothing."""
     read: Decision = "allow"
     """For tools that only read."""
-    actuate: Decision = "allow"
+    actuate: Decision = "confirm"
     """For tools that move or switch something."""
     irreversible: Decision = "confirm"
     """For tools whose effect cannot be taken back."""

@@ -56,7 +56,7 @@ class Policy:
 
     mode: str = "enforce"
     read: str = "allow"
-    actuate: str = "allow"
+    actuate: str = "confirm"
     irreversible: str = "confirm"
     rules: tuple[Rule, ...] = ()
     limits: tuple[Limit, ...] = ()

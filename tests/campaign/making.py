@@ -49,7 +49,7 @@ def made(kind: str, folder: Path, environments: Path | None = None) -> Bench:
     harness = "builtin" if kind == "builtin" else None
     project = Project(folder / "project", folder / "outside", script=rig.script(), harness=harness)
     project.environ["OCTOFORM_SYSROOT"] = str(host.tree.root)
-    project.manifest = {"daemon": DAEMON, "policy": "{timeouts: {wait_for_sensor: 2s}}"}
+    project.manifest = {"daemon": DAEMON, "policy": "{actuate: allow, timeouts: {wait_for_sensor: 2s}}"}
     if kind != "builtin":
         project.outside.mkdir(parents=True)
         script = project.outside / "repairer.json"

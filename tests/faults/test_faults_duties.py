@@ -305,7 +305,7 @@ def test_f33_an_honest_failure_is_for_a_person(bench: Bench, status: str) -> Non
 
 def test_a_repair_waits_for_a_change_that_a_person_has_begun(bench: Bench) -> None:
     bench.duty("heal", {"rewrite": MEND, "report": REPAIR})
-    bench.project.manifest["policy"] = "{read: deny}"
+    bench.project.manifest["policy"] = "{read: deny, actuate: allow}"
     bench.project.write()
     result = bench.heal()
     bench.project.manifest.pop("policy")

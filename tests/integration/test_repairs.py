@@ -272,7 +272,7 @@ def test_what_a_person_has_not_applied_yet_is_asked_about_once_and_an_apply_answ
     before = changed_nothing(applied, layout)
     text = (applied.folder / "octopus.yaml").read_text()
     with plugged(applied):
-        (applied.folder / "octopus.yaml").write_text(f"{text}policy: {{read: deny}}\n")
+        (applied.folder / "octopus.yaml").write_text(text.replace("policy: {actuate: allow}", "policy: {read: deny}"))
         first, second = (rediscover(layout, applied.environment(), apply="auto") for _ in range(2))
         assert (first["ok"], first["again"], first["asked"], second["asked"]) == (False, False, True, False)
         assert "setting.policy.read" in first["detail"]

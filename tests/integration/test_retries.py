@@ -64,7 +64,7 @@ def test_what_a_trial_found_stands_until_the_next_trial_however_many_servers_are
     assert (last / "seen").read_text() == (project.outside / "refused.py").read_text()
 
 
-def checked(project: Project, times: int = 1) -> list[str]:
+def checked(project: Project) -> list[str]:
     """What `./check` printed for a wrong output, and for the good one, and its statuses."""
     wrong, right = project.outside / "wrong.json", GOOD / "identify.json"
     document = json.loads(right.read_text())
@@ -72,7 +72,6 @@ def checked(project: Project, times: int = 1) -> list[str]:
     wrong.write_text(json.dumps(document))
     lines = [f"cp {shlex.quote(str(wrong))} output.json", "./check > first.txt || echo status $? >> first.txt"]
     lines += [f"cp {shlex.quote(str(right))} output.json", "./check > second.txt && echo status 0 >> second.txt"]
-    lines += [f"for i in $(seq {times}); do ./check > third.txt || true; done"] if times > 1 else []
     project.script = {"identify": [{"shell": "\n".join(lines)}]}
     project.apply(status=0)
     (folder,) = project.attempts("identify")
@@ -91,8 +90,3 @@ def test_an_agent_can_hold_its_output_against_the_contract_before_it_ends(projec
     (folder,) = project.attempts("identify")
     assert json.loads((folder / "attempt.json").read_text())["checks"] == 2
     assert "./check" in prompt(folder)
-
-
-def test_an_attempt_asks_thirty_times_and_no_more(project: Project) -> None:
-    *_, last = checked(project, 30)
-    assert last == "this was asked 30 times; no more is judged before you end\n"

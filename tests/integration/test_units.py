@@ -143,7 +143,9 @@ def test_a_claim_on_one_joint_holds_whichever_tool_moves_it(bench: Bench) -> Non
 
 def test_a_tighter_range_of_one_joint_holds_whichever_tool_moves_it(bench: Bench) -> None:
     limit = f"{{tool: arm_move_joint, parameter: position, units: [{ELBOW}], maximum: 1000}}"
-    bench.project.manifest["policy"] = f"{{limits: [{limit}, {{tool: 'arm_*', parameter: speed, maximum: 300}}]}}"
+    bench.project.manifest["policy"] = (
+        f"{{actuate: allow, limits: [{limit}, {{tool: 'arm_*', parameter: speed, maximum: 300}}]}}"
+    )
     applied = bench.project.apply(status=0)
     assert "POLICY-POSE" in applied.text and "POLICY-DEFAULT" in applied.text
     moving = {name: {**given, **({"speed": 300} if "speed" in given else {})} for name, given in MOVING.items()}
@@ -228,7 +230,7 @@ def test_a_rewrite_of_another_server_or_behind_an_emergency_stop_is_not_put_in_s
 
 def test_what_the_device_reports_stops_a_rewrite_that_makes_more_of_a_goal(bench: Bench) -> None:
     limit = f"{{tool: arm_move_joint, parameter: position, units: [{ELBOW}], maximum: 1300}}"
-    bench.project.manifest["policy"] = f"{{limits: [{limit}]}}"
+    bench.project.manifest["policy"] = f"{{actuate: allow, limits: [{limit}]}}"
     bench.project.apply(status=0)
     bench.project.run("confirm", rewritten(bench, MORE), "-auto-approve", status=0)
     assert "position * 2" in bench.layout.output("serve").read_text()

@@ -40,7 +40,7 @@ version: 1
 host: bench
 harness: builtin
 budget: {attempt_timeout: 20m, stage_timeout: 40m}
-policy: {timeout: 3m}
+policy: {actuate: allow, timeout: 3m}
 """
 APPLY_SECONDS = 1500.0
 SLOW_SECONDS = 300.0

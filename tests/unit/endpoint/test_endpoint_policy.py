@@ -48,7 +48,7 @@ def test_a_tool_without_any_limit() -> None:
         "tools": {
             "move_joint": {
                 "effect": "actuate",
-                "decision": "allow",
+                "decision": "confirm",
                 "source": "default for actuate tools",
                 "timeout": 30.0,
                 "result_bytes": 10_000_000,
@@ -64,7 +64,8 @@ def test_a_tool_without_any_limit() -> None:
     ("policy", "effect", "decision", "source"),
     [
         (Policy(), "read", "allow", "default for read tools"),
-        (Policy(), "actuate", "allow", "default for actuate tools"),
+        (Policy(), "actuate", "confirm", "default for actuate tools"),
+        (Policy(actuate="allow"), "actuate", "allow", "policy.actuate"),
         (Policy(), "irreversible", "confirm", "default for irreversible tools"),
         (Policy(irreversible="allow"), "irreversible", "allow", "policy.irreversible"),
         (Policy(read="deny"), "read", "deny", "policy.read"),
@@ -77,7 +78,7 @@ def test_a_tool_without_any_limit() -> None:
             "policy.rules[0]",
         ),
         (Policy(rules=(Rule(("*",), "deny"), Rule(("move_joint",), "allow"))), "read", "deny", "policy.rules[0]"),
-        (Policy(rules=(Rule(("MOVE_*",), "deny"),)), "actuate", "allow", "default for actuate tools"),
+        (Policy(rules=(Rule(("MOVE_*",), "deny"),)), "actuate", "confirm", "default for actuate tools"),
     ],
 )
 def test_the_first_rule_decides_and_else_the_effect(policy: Policy, effect: str, decision: str, source: str) -> None:
@@ -367,3 +368,14 @@ def test_a_limit_below_a_default_is_told_and_its_refusal_names_both(tmp_path: Pa
     given = Ledger(launcher.parse(resolved(policy, one)), tmp_path / "limits.json").judge("home", {"speed": 500})
     assert given is not None and "default" not in given.text
     assert told(Policy(limits=(Limit("*", "speed", maximum=400),)), one) == []
+
+
+@pytest.mark.parametrize("policy", [Policy(), Policy(actuate="confirm")])
+def test_nobody_is_asked_before_something_stops(policy: Policy) -> None:
+    found = resolved(policy, tool(effect="actuate", stops=True))["tools"]["move_joint"]
+    assert (found["decision"], found["source"]) == ("allow", "what stops a movement waits for nobody")
+
+
+def test_a_person_may_deny_what_stops() -> None:
+    found = resolved(Policy(actuate="deny"), tool(effect="actuate", stops=True))
+    assert found["tools"]["move_joint"]["decision"] == "deny"

@@ -29,7 +29,7 @@ def test_defaults() -> None:
     assert policy == Policy()
     assert [policy.decision_for(effect) for effect in ("read", "actuate", "irreversible")] == [
         "allow",
-        "allow",
+        "confirm",
         "confirm",
     ]
     assert (policy.mode, policy.timeout, policy.result_bytes) == ("enforce", 30, 10_000_000)
@@ -70,6 +70,7 @@ def test_the_documented_example_says_what_it_seems_to_say() -> None:
     assert manifest is not None
     assert found == []
     assert manifest.policy == Policy(
+        actuate="allow",
         rules=(Rule(("move_home",), "allow"), Rule(("move_*", "*_torque"), "confirm")),
         limits=(
             Limit("move_*", "steps", minimum=-2000, maximum=2000),
