@@ -7,9 +7,13 @@ from octoform.harness.port import Usage
 
 @dataclass(slots=True)
 class Purse:
-    """What was spent in this run, in US dollars, by stage."""
+    """What was spent in this run: US dollars by stage, attempts and seconds by stage and role.
+
+    A stage that a later one sends back goes on with what its budget has left: it is one stage of one run.
+    """
 
     spent: dict[str, float] = field(default_factory=dict)
+    used: dict[tuple[str, str], tuple[int, float]] = field(default_factory=dict)
 
     def pay(self, stage: str, usage: Usage) -> None:
         """Add what an attempt has cost; an unknown cost adds nothing."""

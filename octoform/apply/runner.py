@@ -15,7 +15,7 @@ from octoform.apply.renaming import renamed
 from octoform.apply.result import Finished
 from octoform.apply.returning import JUDGE, MAKER, MOST_RETURNS, sent_back
 from octoform.apply.settling import remember
-from octoform.apply.stage import run_stage
+from octoform.apply.stage import may_go_on, run_stage
 from octoform.apply.steps import run_step
 from octoform.apply.tally import Tally
 from octoform.diagnostics import Diagnostic, has_errors
@@ -74,9 +74,14 @@ def _mended(context: Context, action: PlannedAction, tally: Tally) -> bool:
     failed = sent_back(context, tally.failed, tally.diagnostics)
     if failed is None:
         return False
+    spent = [name for name in (MAKER, JUDGE) if not may_go_on(context, name)]
+    if spent:
+        text = f"the server is at fault, and the budget of {' and '.join(spent)} has nothing left to mend it with"
+        context.emit(events.Notice(JUDGE, text))
+        return False
     context.emit(events.Notice(JUDGE, "the server is at fault; SERVE is told and runs again"))
     tally.failed = None
-    tally.diagnostics = [item for item in tally.diagnostics if item not in failed.diagnostics]
+    tally.diagnostics = [item for item in tally.diagnostics if item not in failed.standing]
     for node, again in ((context.graph.node(MAKER), failed), (context.graph.node(JUDGE), None)):
         if tally.failed is None:
             _carry_out(context, node, replace(action, node=node.name), tally, _Again(again))

@@ -77,13 +77,24 @@ def _joined(first: Finished, second: Finished, more: Assignment) -> Finished:
 
 def fulfil(context: Context, assignment: Assignment, failed: Failed | None = None) -> Finished:
     """Run the agent of one assignment until an output of it is accepted or its budget is spent."""
-    started = context.clock.monotonic()
-    progress = _Progress(failed=failed)
-    verdict = _attempts(context, assignment, started, progress)
+    place = assignment.stage, assignment.role
+    attempts, seconds = context.purse.used.get(place, (0, 0.0))
+    began = context.clock.monotonic()
+    progress = _Progress(attempts, failed=failed)
+    verdict = _attempts(context, assignment, began - seconds, progress)
+    elapsed = context.clock.monotonic() - began
+    context.purse.used[place] = progress.attempts, seconds + elapsed
     if verdict.accepted and progress.edit is not None:
         edit = {"digest": progress.edit.digest, "base": context.specs[assignment.stage].digest}
         verdict = replace(verdict, detail={**verdict.detail, "spec_edit": edit})
-    return Finished(verdict, progress.attempts, progress.usage, context.clock.monotonic() - started)
+    return Finished(verdict, progress.attempts - attempts, progress.usage, elapsed)
+
+
+def may_go_on(context: Context, stage: str) -> bool:
+    """Whether the budget of a stage has an attempt left in this run, and time for it."""
+    budget = context.manifest.budget_for(stage)
+    attempts, seconds = context.purse.used.get((stage, of_stage(context, stage).role), (0, 0.0))
+    return attempts < budget.attempts and seconds < budget.stage_seconds
 
 
 def _attempts(context: Context, assignment: Assignment, started: float, progress: _Progress) -> Verdict:

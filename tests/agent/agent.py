@@ -224,19 +224,24 @@ def act(behaviour: dict[str, object], stage: str, output: Path) -> None:
     sys.exit(behaviour.get("exit", 0))
 
 
-def plans(script: dict[str, list[object]], task: dict[str, object]) -> list[object]:
-    """``STAGE:told`` is what a stage does when a later one found its output at fault."""
+def name_of(task: dict[str, object]) -> str:
+    """``STAGE:told`` is a stage whose output a later one found at fault."""
     told = "it was found at fault when it was tried" in Path("prompt.md").read_text()
-    return script.get(f"{task['stage']}:told" if told else task["stage"], ["good"])
+    return f"{task['stage']}:told" if told else str(task["stage"])
 
 
 def main() -> None:
     script = Path(sys.argv[1])
     task = json.loads(Path(os.environ["OCTOFORM_TASK"]).read_text())
-    with script.with_suffix(".log").open("a") as log:
-        log.write(json.dumps({"stage": task["stage"], "attempt": task["attempt"], "pid": os.getpid()}) + "\n")
-    behaviours = plans(json.loads(script.read_text()), task)
-    behaviour = behaviours[min(task["attempt"], len(behaviours)) - 1]
+    name, attempt = name_of(task), task["attempt"]
+    with script.with_suffix(".log").open("a+") as log:
+        log.seek(0)
+        before = [json.loads(line) for line in log]
+        log.write(json.dumps({"stage": task["stage"], "attempt": attempt, "name": name, "pid": os.getpid()}) + "\n")
+    if name != task["stage"]:
+        attempt = 1 + sum(each["name"] == name for each in before)
+    behaviours = json.loads(script.read_text()).get(name, ["good"])
+    behaviour = behaviours[min(attempt, len(behaviours)) - 1]
     act({} if behaviour == "good" else behaviour, task["stage"], Path(task["output"]))
 
 

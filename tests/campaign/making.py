@@ -9,7 +9,7 @@ from pathlib import Path
 from campaign import rig
 from campaign.bench import Bench
 from projects import Project
-from replugged import Host
+from replugged import ANSWERS, Host
 
 REPAIRER = Path(__file__).with_name("repairer.py")
 DAEMON = "{calls_per_hour: 1000}"
@@ -51,6 +51,7 @@ def made(kind: str, folder: Path, environments: Path | None = None) -> Bench:
     project.environ["OCTOFORM_SYSROOT"] = str(host.tree.root)
     project.manifest = {"daemon": DAEMON, "policy": "{actuate: allow, timeouts: {wait_for_sensor: 2s}}"}
     if kind != "builtin":
+        project.manifest["answers"] = ANSWERS
         project.outside.mkdir(parents=True)
         script = project.outside / "repairer.json"
         script.write_text(json.dumps({"watch": {"report": rig.report("healthy")}, "heal": {"exit": 1}}))

@@ -16,7 +16,7 @@ from pathlib import Path
 
 import pytest
 from projects import Project
-from replugged import BOARD, CAMERA, Host, script
+from replugged import ANSWERS, BOARD, CAMERA, Host, script
 
 pytestmark = [pytest.mark.dear, pytest.mark.skipif(os.geteuid() != 0, reason="only root gives up rights")]
 BARE = ["setpriv", "--bounding-set", "-dac_override,-dac_read_search"]
@@ -78,6 +78,7 @@ def bench(tmp_path_factory: pytest.TempPathFactory, environments: Path) -> Itera
     host = Host(folder / "root")
     plug_in(host)
     project = Project(folder / "project", folder / "outside", script=script())
+    project.manifest["answers"] = ANSWERS
     project.environ["OCTOFORM_SYSROOT"] = str(host.tree.root)
     metrics = folder / "octoform.prom"
     project.manifest |= {

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 from projects import Project
-from replugged import BOARD, CAMERA, SENSOR, TWIN, Host, script
+from replugged import ANSWERS, BOARD, CAMERA, SENSOR, TWIN, Host, script
 
 pytestmark = pytest.mark.dear
 
@@ -54,7 +54,7 @@ def served(tmp_path_factory: pytest.TempPathFactory, environments: Path) -> Iter
     plug_in(host)
     project = Project(folder / "project", folder / "outside", script=script())
     project.environ["OCTOFORM_SYSROOT"] = str(host.tree.root)
-    project.manifest["stages"] = "{probe: {harness: builtin}}"
+    project.manifest |= {"stages": "{probe: {harness: builtin}}", "answers": ANSWERS}
     project.share_environments(environments)
     project.apply(status=0)
     yield Bench(project, host)

@@ -15,6 +15,8 @@ from typing import Any
 from sysfs_tree import Tree
 
 CAMERA, BOARD, TWIN, SENSOR = "usb-1f00-00c1", "usb-1f00-00b1", "usb-1f00-00b1-2", "usb-1f00-00a1"
+ANSWERS = f"{{{BOARD}: a bench board that moves its lever, {TWIN}: a bench board that moves its lever}}"
+"""What their owner says of the boards: nothing else tells that they may be moved over a serial line."""
 PCI = "pci0000:00/0000:00:14.0/usb1"
 SERVER = f'''"""Endpoint of a bench with a camera, two boards and a sensor."""
 

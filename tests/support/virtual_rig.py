@@ -149,7 +149,9 @@ def virtual_rig(folder: Path, description: dict[str, Any], patch: pytest.MonkeyP
         assert not found
         identified, interface, server = _generated(tree, profiles, folder)
         tools = interface["tools"]
-        policy = resolve(Policy(), tools, [(one, holds(one, probe_root(tree), ANSWERS)) for one in profiles])
+        policy = resolve(
+            Policy(actuate="allow"), tools, [(one, holds(one, probe_root(tree), ANSWERS)) for one in profiles]
+        )
         patch.setenv("OCTOFORM_SYSROOT", str(tree))
         patch.setenv("HOME", str(folder))
         with _loaded(server, rig, time, patch) as module:

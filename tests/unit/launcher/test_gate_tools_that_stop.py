@@ -52,6 +52,7 @@ def tool(function: Callable[..., Any], effect: str = "actuate", **more: Any) -> 
     return {"name": name, "capability": name, "effect": effect, "devices": ["arm"], "input_schema": {}, **more}
 
 
+FREE = Policy(actuate="allow")
 TOOLS = {arm_move: tool(arm_move), arm_stop: tool(arm_stop, stops=True), arm_read: tool(arm_read, "read")}
 
 
@@ -69,7 +70,7 @@ async def until(event: threading.Event) -> None:
 
 def test_it_runs_while_a_long_call_holds_the_bus(tmp_path: Path) -> None:
     async def scenario() -> None:
-        async with arm(tmp_path, Policy()) as gate, gate.client() as one, gate.client() as two:
+        async with arm(tmp_path, FREE) as gate, gate.client() as one, gate.client() as two:
             moving = asyncio.create_task(one.call_tool("arm_move", {}))
             await until(begun)
             reading = asyncio.create_task(two.call_tool("arm_read", {}))
@@ -84,7 +85,7 @@ def test_it_runs_while_a_long_call_holds_the_bus(tmp_path: Path) -> None:
 
 def test_what_waited_behind_the_movement_does_not_move_after_the_stop(tmp_path: Path) -> None:
     async def scenario() -> None:
-        async with arm(tmp_path, Policy()) as gate, gate.client() as one, gate.client() as two:
+        async with arm(tmp_path, FREE) as gate, gate.client() as one, gate.client() as two:
             moving = asyncio.create_task(one.call_tool("arm_move", {}))
             await until(begun)
             queued = asyncio.create_task(two.call_tool("arm_move", {}, raise_on_error=False))
