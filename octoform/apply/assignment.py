@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from octoform.apply import scan
 from octoform.apply.context import Context
 from octoform.apply.gate import Verdict, judge
 from octoform.apply.reading import predecessor
@@ -88,4 +89,7 @@ def unaffordable(context: Context, assignment: Assignment, left: float | None) -
 def of_stage(context: Context, stage: str) -> Assignment:
     """The assignment of a stage as the manifest gives it."""
     manifest = context.manifest
-    return Assignment(stage, manifest.harness_for(stage), manifest.model_for(stage), manifest.budget_for(stage))
+    harness, budget = manifest.harness_for(stage), manifest.budget_for(stage)
+    # The embedded agent's PROBE is the host's own scan; a recorded run may be that of another host.
+    by_another = stage == "probe" and harness.name not in MODEL_FREE
+    return Assignment(stage, harness, manifest.model_for(stage), budget, judge=scan.judge if by_another else judge)

@@ -14,8 +14,8 @@ from typing import Any
 
 from octoform.base.files import read_json, replace
 
-STAGES = ("probe", "identify", "interface", "serve", "deploy", "watch", "heal")
-"""What this agent does; the last two are asked of it once a deployment runs."""
+STAGES = ("probe", "scan", "identify", "interface", "serve", "deploy", "watch", "heal")
+"""What this agent does; ``scan`` beside another agent's PROBE, the last two once a deployment runs."""
 STEP = "step."
 """How the name of a privileged step begins; all of them are done by one stage of this agent."""
 DEFAULT_TOOLS = 30

@@ -14,6 +14,7 @@ from octoform.contracts import (
     interface_rules,
     interface_schemas,
     interface_unit_rules,
+    probe_host_rules,
     probe_rules,
     serve_rules,
     step_rules,
@@ -28,7 +29,7 @@ from octoform.diagnostics import Diagnostic
 MAX_PER_RULE = 10
 
 RULES: dict[str, tuple[Rule, ...]] = {
-    "probe": probe_rules.RULES,
+    "probe": (*probe_rules.RULES, *probe_host_rules.RULES),
     "identify": (*identify_rules.RULES, *topology_rules.RULES),
     "interface": (
         *interface_rules.RULES,

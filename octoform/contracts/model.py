@@ -33,11 +33,24 @@ class ProfileFacts:
 
 
 @dataclass(frozen=True, slots=True)
+class HostScan:
+    """What the embedded agent saw of the host beside another agent's PROBE.
+
+    ``probe`` is its own PROBE artifact; ``unsaid`` are the texts of the other's with words that the host says nowhere
+    of the device: ``id``, ``member``, ``line`` (from 1) and ``words``.
+    """
+
+    probe: JsonObject
+    unsaid: tuple[JsonObject, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
 class Artifacts:
     """The accepted artifacts of the stages before the one in question; None for what does not exist yet.
 
     ``answers`` is what a person said of a device, by the device's id; ``step`` what a privileged step is held to,
-    ``duty`` what the report of WATCH or HEAL is held to: what its agent was given.
+    ``duty`` what the report of WATCH or HEAL is held to: what its agent was given. ``scan`` is what PROBE is held to,
+    what the host itself shows; None where the embedded agent does PROBE or where nobody could look.
     """
 
     probe: JsonObject | None = None
@@ -50,6 +63,7 @@ class Artifacts:
     tools_budget: int = DEFAULT_TOOLS_BUDGET
     step: StepFacts | None = None
     duty: DutyFacts | None = None
+    scan: HostScan | None = None
 
 
 RuleCheck = Callable[[Any, Artifacts], list[Diagnostic]]

@@ -14,6 +14,7 @@ from octoform.manifest.model import KEEPERS, MODEL_FREE, STAGES
 from octoform.manifest.providers import Provider, split
 from octoform.manifest.tree import Loc
 
+PROBE = STAGES[0]
 HOUSEKEEPER = "litellm"
 """What makes the completions that condense logs; a bare name of a model belongs to whom it does there."""
 
@@ -51,9 +52,13 @@ class Agent:
 def of_stage(document: Document, name: str) -> Agent:
     """The agent of a stage, or of one of `KEEPERS`.
 
-    A recorded run holds no troubles of a later day: where the general agent is one, the embedded agent keeps watch.
+    A recorded run holds no troubles of a later day: where the general agent is one, the embedded agent keeps watch. A
+    model has nothing to add to what the kernel lists: where the general agent needs one, the embedded agent does PROBE.
     """
     own: Stage = getattr(document.stages, name)
+    general = Agent(document.harness, ("harness",), document.model, ("model",))
+    if name == PROBE and own.harness is None and own.model is None and general.needs_model:
+        return Agent("builtin", ("harness",), None, ("stages", name, "model"))
     if name in KEEPERS and own.harness is None and isinstance(document.harness, ReplayHarness):
         return Agent("builtin", ("harness",), own.model, ("stages", name, "model"))
     harness, at = (own.harness, ("stages", name)) if own.harness is not None else (document.harness, ())

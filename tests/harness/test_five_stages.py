@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 from agent_runs import KEY, SECRET, environment, nothing_left
+from bench_host import bench_host
 from fastmcp import Client
 from fastmcp.client.transports import StdioTransport
 from matrix import PROGRAMS, Subject
@@ -29,9 +30,11 @@ def project_with(subject: Subject, server: ModelServer, folder: Path) -> Project
         harness=json.dumps(settings),
         manifest={
             "model": subject.model,
+            # PROBE too: left alone it would be the embedded agent's.
+            "stages": f"{{probe: {{harness: {json.dumps(settings)}}}}}",
             "budget": "{attempts: 1, attempt_timeout: 110s, stage_timeout: 120s, idle_timeout: 90s}",
         },
-        environ=environment(),
+        environ={**environment(), "OCTOFORM_SYSROOT": str(bench_host(folder / "host"))},
         seconds=600.0,
     )
 

@@ -10,6 +10,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from bench_host import bench_host
 from projects import AGENT, Project
 
 TOP = Path(__file__).parents[2]
@@ -54,7 +55,7 @@ def program() -> Iterator[Path]:
     """A folder with `claude`, which every user may read: root's agent is another one in the sandbox."""
     folder = Path(tempfile.mkdtemp(prefix="octoform-program-"))
     read = runpy.run_path(str(AGENT))["good"]
-    good = {stage: read(stage) for stage in ("probe", "identify", "interface", "serve", "deploy")}
+    good = {stage: read(stage) for stage in ("identify", "interface", "serve", "deploy")}
     (folder / "claude").write_text(PROGRAM.format(good=repr(good), token=TOKEN, renews=RENEWS))
     (folder / "claude").chmod(0o755)
     folder.chmod(0o755)
@@ -72,6 +73,7 @@ def test_the_manifest_of_the_readme_runs_as_written_and_says_what_it_cost(
     project.environ = {
         "OCTOFORM_AGENTS": str(tmp_path / "agents"),
         "PATH": f"{program}:{project.environment()['PATH']}",
+        "OCTOFORM_SYSROOT": str(bench_host(tmp_path / "host")),
         "ANTHROPIC_API_KEY": "sk-ant-a-key-of-no-account-0123456789",
     }
     project.folder.mkdir(parents=True, exist_ok=True)
@@ -79,8 +81,8 @@ def test_the_manifest_of_the_readme_runs_as_written_and_says_what_it_cost(
     project.run("validate", status=0)
     assert "APPLY-PRICE-UNKNOWN" not in project.run("plan", status=0).text
     done = project.run("apply", "-auto-approve", status=0)
-    assert "Apply complete" in done.out and "$1.25 (priced by claude-code)" in done.out
-    costs = [json.loads(project.run("state", "show", "-json", stage).out)["usage"] for stage in ("probe", "serve")]
+    assert "Apply complete" in done.out and "$1.00 (priced by claude-code)" in done.out
+    costs = [json.loads(project.run("state", "show", "-json", stage).out)["usage"] for stage in ("identify", "serve")]
     assert [(cost["cost_usd"], cost["cost_source"]) for cost in costs] == [(0.25, "claude-code")] * 2
     assert '"celsius": 21.5' in project.run("call", "read_temperature", status=0).out
 
@@ -94,6 +96,7 @@ def test_a_person_who_is_logged_in_needs_no_key(program: Path, tmp_path: Path, e
     project.environ = {
         "OCTOFORM_AGENTS": str(tmp_path / "agents"),
         "PATH": f"{program}:{project.environment()['PATH']}",
+        "OCTOFORM_SYSROOT": str(bench_host(tmp_path / "host")),
         "HOME": str(home),
     }
     project.folder.mkdir(parents=True, exist_ok=True)

@@ -77,7 +77,10 @@ def test_a_replay_fails_where_the_run_failed_and_ends_where_it_ended(
     replay = replaying(tmp_path, recording)
     replay.share_environments(environments)
     again = replay.apply(status=0)
-    assert again.codes() == [code for code in done.codes() if code != "HARNESS-UNCONFINED"]  # a replay has no agent
+    # A replay has no agent, and the host that the recorded one was on is elsewhere.
+    elsewhere = {"HARNESS-UNCONFINED", "PROBE-DEVICE-UNKNOWN", "PROBE-DEVICE-MISSING", "ENDPOINT-TOOL-NOT-TRIED"}
+    codes = [[code for code in run.codes() if code not in elsewhere] for run in (again, done)]
+    assert codes[0] == codes[1]
     assert {"PROBE-SERIAL-IN-ID", "ARTIFACT-NOT-JSON", "APPLY-AGENT-FAILED", "ARTIFACT-LINK"} <= set(done.codes())
     for stage in STAGES:
         assert artifact(replay, stage) == artifact(project, stage), stage

@@ -4,6 +4,7 @@ import base64
 import json
 from pathlib import Path
 
+from bench_host import ADAPTER, bench_host
 from projects import Project
 
 KEY = "loop-Key/7f3c19+d2a4 x"
@@ -22,9 +23,11 @@ def test_a_failed_attempt_and_its_retry_keep_no_secret(project: Project) -> None
         "probe": [
             {"echo": "BENCH_KEY", "say": SAID, "exit": 3, "touch": [str(project.folder / f"{TOKEN}.txt")]},
             {"echo": "BENCH_KEY", "write": json.dumps({"format": 1, KEY: TOKEN})},
-            {"mutate": [[["devices", 0, "raw_descriptor"], f"text: {TOKEN}"]]},
+            {"mutate": [[["devices", 1, "raw_descriptor"], f"product: {TOKEN}"]]},
         ]
     }
+    host = bench_host(project.outside / "host")
+    (host / "sys/devices" / ADAPTER / "product").write_text(f"USB Serial {TOKEN}\n")
     done = project.apply("-target", "probe", status=0)
     assert {"APPLY-AGENT-FAILED", "APPLY-OUTSIDE-WRITE", "APPLY-SECRET-IN-OUTPUT", "APPLY-CREDENTIAL-IN-OUTPUT"} <= set(
         done.codes()

@@ -10,7 +10,8 @@ from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
-from plugged import CAMERA, SENSOR, Host
+from bench_host import bench_host
+from plugged import CAMERA, Host
 from projects import Project
 
 from octoform.daemon.repairs.restarting import restart
@@ -28,8 +29,9 @@ from octoform.state.store import StateStore
 
 pytestmark = pytest.mark.dear
 
+NOT_WANTED = [["left_out"], [{"id": CAMERA, "reason": "a camera that nobody here asks for"}]]
 OTHERWISE: dict[str, object] = {
-    "probe": [{"mutate": [[["scan_methods", 1, "status"], "ok"]]}],
+    "probe": [{"mutate": [NOT_WANTED, [["scan_methods", 1, "status"], "ok"]]}],
     "identify": [{"mutate": [[["devices", 0, "confidence"], 0.75]]}],
     "interface": [{"mutate": [[["tools", 0, "description"], "Read the temperature of the board once more."]]}],
 }
@@ -40,10 +42,8 @@ OTHERWISE: dict[str, object] = {
 def applied(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Project]:
     """A live project of a host with a sensor, into which a camera can be plugged."""
     folder = tmp_path_factory.mktemp("repairs")
-    host = Host(folder / "root")
-    host.plug(SENSOR)
-    project = Project(folder / "project", folder / "outside")
-    project.environ["OCTOFORM_SYSROOT"] = str(host.root)
+    project = Project(folder / "project", folder / "outside", script={"probe": [{"mutate": [NOT_WANTED]}]})
+    project.environ["OCTOFORM_SYSROOT"] = str(bench_host(folder / "root"))
     project.apply(status=0)
     yield project
     project.run("destroy", "-auto-approve", status=0)

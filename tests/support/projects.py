@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 import warm
+from bench_host import bench_host
 
 OCTOFORM = Path(sys.executable).parent / "octoform"
 AGENT = Path(__file__).parents[1] / "agent" / "agent.py"
@@ -90,8 +91,10 @@ class Project:
         return f"{{name: command, command: {command}{passed}, sandbox: false}}"
 
     def environment(self) -> dict[str, str]:
+        # What the scripted agent writes is held against a host; it is about this one.
+        host = {} if self.harness else {"OCTOFORM_SYSROOT": str(bench_host(self.outside / "host"))}
         kept = ("PATH", "HOME", "LANG", "UV_CACHE_DIR", "SSL_CERT_FILE", "PIP_CERT", "PIP_CONFIG_FILE")
-        return {**{name: os.environ[name] for name in kept if name in os.environ}, **self.environ}
+        return {**{name: os.environ[name] for name in kept if name in os.environ}, **host, **self.environ}
 
     def start(self, *arguments: str, **options: Any) -> "subprocess.Popen[str]":
         """Start octoform and leave it running."""

@@ -18,8 +18,14 @@ from octoform.harness.recording import Attempt, Output, Recording, content, load
 from octoform.harness.watching import added
 from octoform.manifest.model import HarnessSpec
 
-UNREPEATABLE = frozenset({"APPLY-OUTSIDE-WRITE", "APPLY-SECRET-IN-OUTPUT"})
-"""What an attempt was refused for besides its output: a replay does not do it again, but it was no success either."""
+UNREPEATABLE = frozenset(
+    {"APPLY-OUTSIDE-WRITE", "APPLY-SECRET-IN-OUTPUT", "PROBE-DEVICE-UNKNOWN", "PROBE-CONTRADICTED"}
+    | {"PROBE-DEVICE-MISSING", "PROBE-TEXT-NOT-OF-HOST"}
+)
+"""What an attempt was refused for besides its output: what it did, and the host that it was on.
+
+A replay does not do it again and may be on another host, but it was no success either.
+"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -106,10 +112,10 @@ def _ended(played: Attempt, seconds: float) -> Outcome:
         played.usage.cost_source,
     )
     reason, status, detail = played.reason, played.exit_status, played.detail
-    unrepeated = sorted(UNREPEATABLE.intersection(played.refused))
-    if reason is ExitReason.FINISHED and unrepeated:
+    if reason is ExitReason.FINISHED and played.refused and UNREPEATABLE.issuperset(played.refused):
         reason, status = ExitReason.CRASHED, None
-        detail = f"the recorded attempt was refused with {', '.join(unrepeated)}, which a replay does not do again"
+        codes = ", ".join(sorted(set(played.refused)))
+        detail = f"the recorded attempt was refused with {codes}, which a replay does not do again"
     return Outcome(reason, status, seconds, detail, usage, turns=played.turns, program=played.program)
 
 

@@ -47,7 +47,8 @@ class Bench:
     def pi(self, url: str, *lines: str, more: str = "") -> None:
         """A manifest whose stages are all done by pi, with its model at ``url``."""
         harness = f'harness: {{name: pi, key: LOOP_KEY, base_url: "{url}"{more}}}'
-        self.manifest(harness, "model: openai/scripted", *lines)
+        everywhere = [] if any(line.startswith("stages:") for line in lines) else [f"stages: {{probe: {{{harness}}}}}"]
+        self.manifest(harness, "model: openai/scripted", *everywhere, *lines)
 
     def diagnose(self) -> Diagnosis:
         found = diagnose(self.folder, self.environ)
@@ -209,7 +210,7 @@ def test_a_proxy_is_used_only_where_the_agent_sees_it(bench: Bench, server: Mode
 
 def test_a_model_that_is_not_listed(bench: Bench, server: ModelServer) -> None:
     bench.manifest(f'harness: {{name: pi, key: LOOP_KEY, base_url: "{server.url}"}}', "model: openai/scriptd")
-    found = bench.checks()["model"]
+    (found,) = (check for check in bench.diagnose().checks if check.name == "model")
     assert (found.status, found.hint) == (Status.UNKNOWN, "did you mean 'scripted'?")
 
 

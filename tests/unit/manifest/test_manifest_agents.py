@@ -50,6 +50,24 @@ def test_a_name_in_a_table_is_the_same(tmp_path: Path, name: str) -> None:
     assert loaded(tmp_path, f"harness: {{name: {name}}}\nmodel: a/b").stages == alone.stages
 
 
+@pytest.mark.parametrize(
+    ("own", "harness", "model"),
+    [
+        ("", "builtin", None),
+        ("stages: {probe: {harness: codex}}", "codex", "openai/x"),
+        ("stages: {probe: {model: openai/small}}", "claude-code", "openai/small"),
+        ("stages: {probe: {harness: {name: command, command: [mine]}}}", "command", "openai/x"),
+        ("stages: {probe: {budget: {attempts: 1}}}", "builtin", None),
+    ],
+)
+def test_probe_is_the_embedded_agents_unless_another_is_named(
+    tmp_path: Path, own: str, harness: str, model: str | None
+) -> None:
+    manifest = loaded(tmp_path, f"harness: claude-code\nmodel: openai/x\n{own}\n")
+    assert (manifest.harness_for("probe").name, manifest.model_for("probe")) == (harness, model)
+    assert manifest.harness_for("identify").name == "claude-code"
+
+
 def test_every_setting_of_a_program(tmp_path: Path) -> None:
     manifest = loaded(
         tmp_path,
@@ -58,7 +76,7 @@ def test_every_setting_of_a_program(tmp_path: Path) -> None:
         DIR="/opt",
         PORT="80",
     )
-    assert manifest.harness_for("probe") == HarnessSpec(
+    assert manifest.harness_for("identify") == HarnessSpec(
         name="codex",
         command=("node", "${DIR}/codex"),
         env=("A", "B"),
@@ -98,7 +116,7 @@ def test_the_key_is_the_named_one_or_the_usual_one(tmp_path: Path, harness: str,
     environ = {"M": "groq/x", "U": "https://127.9.9.9"}
     manifest, found = read(tmp_path, f"harness: {harness}\nmodel: {model}", environ)
     assert manifest is not None
-    assert {stage.harness.key for stage in manifest.stages.values()} == {key}
+    assert {stage.harness.key for name, stage in manifest.stages.items() if name != "probe"} == {key}
     referred = {name for name in environ if f"${{{name}}}" in harness + model}
     assert set(manifest.variables) == referred | ({key} if key else set())
     assert [item.code for item in found] == (["MANIFEST-ENV-UNSET"] if key else [])

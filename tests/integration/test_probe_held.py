@@ -1,0 +1,176 @@
+"""PROBE of an agent that gets it wrong, on a host that says otherwise: each attempt is refused with the true line."""
+
+import copy
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+from bench_host import bench_host
+from projects import Project
+from sysfs_tree import Tree
+
+from octoform.builtin.probe.stage import probe_root
+
+PCI = "pci0000:00/0000:00:14.0/usb1"
+CAMERA, STICK, TOUCH, BUS = "usb-1f00-00c1", "usb-1f00-00d1", "hid-1f00-0077", "platform-amdi0010"
+SERIAL = "CAM-20071"
+Probe = dict[str, Any]
+
+
+def lab(root: Path) -> Path:
+    """The bench, a camera that prints its serial number, a disk on USB, a touch screen on I2C, two bus controllers."""
+    bench_host(root)
+    tree = Tree.__new__(Tree)
+    tree.root = root
+    camera = tree.usb(f"{PCI}/1-2", "1f00", "00c1", SERIAL)
+    (camera / "product").write_text(f"Bench Cam {SERIAL}\n")
+    (camera / "manufacturer").write_text("Bench Works\n")
+    tree.bus(f"{PCI}/1-2/1-2:1.0", "usb", {"bInterfaceNumber": "00", "bInterfaceClass": "0e"}, DRIVER="uvcvideo")
+    tree.member(f"{PCI}/1-2/1-2:1.0/video4linux/video0", "video4linux", {"name": "Bench Cam"}, DEVNAME="video0")
+    stick = tree.usb(f"{PCI}/1-3", "1f00", "00d1")
+    (stick / "product").write_text("Bench Stick\n")
+    disk = f"{PCI}/1-3/1-3:1.0/host0/target0:0:0/0:0:0:0"
+    tree.bus(f"{PCI}/1-3/1-3:1.0", "usb", {"bInterfaceNumber": "00"}, DRIVER="usb-storage")
+    tree.bus(disk, "scsi", {"vendor": "Bench", "model": "Stick"}, DRIVER="sd")
+    tree.member(f"{disk}/block/sda", "block", {"removable": "1"}, DEVNAME="sda")
+    tree.bus(
+        "platform/i2c/0018:1F00:0077.0001",
+        "hid",
+        HID_ID="0018:00001F00:00000077",
+        HID_NAME="PNL",
+        DRIVER="hid-multitouch",
+    )
+    for place in ("AMDI0010:00", "AMDI0010:01"):
+        tree.bus(f"platform/{place}", "platform", MODALIAS="acpi:AMDI0010:", DRIVER="i2c_designware")
+    return root
+
+
+def found(probe: Probe, device: str) -> Probe:
+    return next(each for each in probe["devices"] if each["id"] == device)
+
+
+def changed(device: str, **members: Any) -> Callable[[Probe], None]:
+    return lambda probe: found(probe, device).update(members)
+
+
+def added(line: str, device: str = CAMERA) -> Callable[[Probe], None]:
+    def change(probe: Probe) -> None:
+        found(probe, device)["raw_descriptor"] += f"\n{line}"
+
+    return change
+
+
+def emptied(probe: Probe) -> None:
+    probe["devices"] = []
+
+
+def invented(probe: Probe) -> None:
+    more = {"id": "usb-1f00-0a12", "name": "Robot arm", "interface": "usb", "raw_descriptor": "x: y", "vid": "1f00"}
+    probe["devices"].append({**more, "pid": "0a12"})
+
+
+def doubled(probe: Probe) -> None:
+    probe["devices"].append({**copy.deepcopy(found(probe, CAMERA)), "id": f"{CAMERA}-2"})
+
+
+def camera_left_out(probe: Probe) -> None:
+    probe["devices"].remove(found(probe, CAMERA))
+
+
+def relabelled(probe: Probe) -> None:
+    probe["platform"]["os_version"] = "13"
+
+
+def twice(probe: Probe) -> None:
+    probe["left_out"] = [{"id": CAMERA, "reason": "nobody asks for it"}]
+
+
+WRONG: dict[str, tuple[Callable[[Probe], None], str, str]] = {
+    "an empty list": (emptied, "PROBE-DEVICE-MISSING", CAMERA),
+    "an invented device": (invented, "PROBE-DEVICE-UNKNOWN", "the host shows no device"),
+    "other numbers": (changed(CAMERA, pid="00c2"), "PROBE-CONTRADICTED", "'00c1'"),
+    "one device twice": (doubled, "PROBE-DEVICE-UNKNOWN", "one too many"),
+    "a camera left out": (camera_left_out, "PROBE-DEVICE-MISSING", "Bench Cam"),
+    "an interpretation": (added("kind: pan and tilt robot"), "PROBE-TEXT-NOT-OF-HOST", "'robot'"),
+    "an interpretation as a key": (added("robot arm: bench"), "PROBE-TEXT-NOT-OF-HOST", "'arm'"),
+    "a name from memory": (changed(CAMERA, name="Example BRIO"), "PROBE-TEXT-NOT-OF-HOST", "'brio'"),
+    "a reading": (added("temp1_input: 21500", "hwmon-benchtemp"), "PROBE-TEXT-NOT-OF-HOST", "'21500'"),
+    "a port in an id": (changed(CAMERA, id="usb-1-2"), "PROBE-DEVICE-UNKNOWN", f"calls it '{CAMERA}'"),
+    "a driver's word for an id": (
+        changed(TOUCH, id="hid-hid-multitouch", vid=None, pid=None, instance={}),
+        "PROBE-DEVICE-UNKNOWN",
+        f"calls it '{TOUCH}'",
+    ),
+    "the number of an ACPI id": (changed(f"{BUS}-2", id=f"{BUS}-1"), "PROBE-DEVICE-UNKNOWN", f"calls it '{BUS}-2'"),
+    "the class of another unit": (changed(STICK, classes=["block"]), "PROBE-CONTRADICTED", "none"),
+    "a class left out": (changed(CAMERA, classes=[]), "PROBE-CONTRADICTED", "video4linux"),
+    "another driver": (changed(CAMERA, drivers=["gspca"]), "PROBE-CONTRADICTED", "uvcvideo"),
+    "another serial number": (
+        changed(CAMERA, instance={"serial": "CAM-99999"}),
+        "PROBE-CONTRADICTED",
+        "instance.serial",
+    ),
+    "a device called a neighbour": (changed(CAMERA, context=True), "PROBE-CONTRADICTED", "context"),
+    "another system": (relabelled, "PROBE-CONTRADICTED", "'12'"),
+    "listed and left out": (twice, "PROBE-LEFT-OUT", "listed as well"),
+}
+
+
+def kinds_only(probe: Probe) -> None:
+    """What an agent may do: say less, say it otherwise, leave out with a reason, tell of a neighbour."""
+    for device in probe["devices"]:
+        device.pop("instance")
+        device.pop("drivers", None)
+    camera = found(probe, CAMERA)
+    camera["raw_descriptor"] = f"idVendor: 0x1F00\nidProduct: 0x00c1\niProduct: Bench Cam {SERIAL}\nDriver: uvcvideo"
+    probe["devices"].remove(found(probe, STICK))
+    probe["left_out"] = [{"id": STICK, "reason": "a person carries it away"}]
+    near = {"id": "net-neighbour", "name": "neighbour", "interface": "network", "raw_descriptor": "state: reachable"}
+    probe["devices"].append({**near, "context": True})
+    del probe["hostname"]
+
+
+def written(probe: Probe, change: Callable[[Probe], None]) -> dict[str, str]:
+    own = copy.deepcopy(probe)
+    change(own)
+    for device in own["devices"]:
+        for name in [name for name, value in device.items() if value is None]:
+            del device[name]
+    return {"write": json.dumps(own)}
+
+
+@pytest.fixture(scope="module")
+def applied(tmp_path_factory: pytest.TempPathFactory) -> tuple[Project, dict[str, list[dict[str, Any]]]]:
+    """One run of PROBE whose attempts are all of `WRONG`, then `kinds_only`; the errors of each attempt."""
+    folder = tmp_path_factory.mktemp("held")
+    project = Project(folder / "project", folder / "outside")
+    project.environ["OCTOFORM_SYSROOT"] = str(lab(folder / "host"))
+    probe: Probe = probe_root(folder / "host")
+    project.script = {
+        "probe": [*(written(probe, change) for change, _, _ in WRONG.values()), written(probe, kinds_only)]
+    }
+    project.manifest = {"stages": f"{{probe: {{budget: {{attempts: {len(WRONG) + 1}}}}}}}"}
+    done = project.apply("-target", "probe", status=0)
+    errors = [event["diagnostics"] for event in done.events() if event["type"] == "attempt_errored"]
+    return project, dict(zip(WRONG, errors, strict=True))
+
+
+@pytest.mark.parametrize("case", WRONG)
+def test_what_the_host_contradicts_is_refused_with_the_true_line(
+    applied: tuple[Project, dict[str, list[dict[str, Any]]]], case: str
+) -> None:
+    _, code, said = WRONG[case]
+    told = {item["code"]: json.dumps(item) for item in applied[1][case]}
+    assert code in told and said in told[code], told
+
+
+def test_what_is_accepted_bears_the_hosts_own_facts_and_hides_a_number_that_stands_in_a_text_alone(
+    applied: tuple[Project, dict[str, list[dict[str, Any]]]],
+) -> None:
+    project, _ = applied
+    committed = (project.state / "probe" / "output.json").read_text()
+    assert SERIAL not in committed and "redacted-" in found(json.loads(committed), CAMERA)["raw_descriptor"]
+    ledger = json.loads((project.local / "instances.json").read_text())["devices"][CAMERA]
+    assert (ledger["serial"], ledger["port"], ledger["strength"]) == (SERIAL, "1-2", "strong")
