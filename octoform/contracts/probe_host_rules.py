@@ -94,6 +94,26 @@ def listed_and_left_out(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
     ]
 
 
+def scan_untold(value: JsonObject, known: Artifacts) -> list[Diagnostic]:
+    """For every bus and class of which devices are listed, a scan that worked says how they were found."""
+    if known.scan is None:
+        return []
+    worked = [scan for scan in value["scan_methods"] if scan["status"] == "ok"]
+    told = " ".join(f"{scan['name']} {scan.get('detail', '')}" for scan in worked).casefold()
+    shared = {device["interface"] for device in known.scan.probe["devices"] if _stands_alone(device)}
+    listed = {device["interface"] for device in value["devices"] if device.get("context") is not True}
+    return [
+        error(
+            "PROBE-SCAN-UNTOLD",
+            f"devices on {shown(name)} are listed, and no scan that worked says how they were found",
+            pointer="/scan_methods",
+            hint=f"list every way of looking with its status, with the bus or class in its name, such as {shown(name)}",
+        )
+        for name in sorted(listed & shared)
+        if name != "virtual" and name.casefold() not in told
+    ]
+
+
 def text_not_of_host(value: JsonObject, known: Artifacts) -> list[Diagnostic]:
     """The words of a device's texts are those of the system: no interpretation, no reading, nothing from memory."""
     if known.scan is None:
@@ -116,6 +136,7 @@ RULES = (
     Rule("PROBE-DEVICE-UNKNOWN", unknown_device),
     Rule("PROBE-CONTRADICTED", contradicted),
     Rule("PROBE-DEVICE-MISSING", missing_device),
+    Rule("PROBE-SCAN-UNTOLD", scan_untold),
     Rule("PROBE-LEFT-OUT", listed_and_left_out),
     Rule("PROBE-TEXT-NOT-OF-HOST", text_not_of_host),
 )

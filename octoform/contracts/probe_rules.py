@@ -26,6 +26,17 @@ _TOUCHED = re.compile(
     r"|read(?:ing|s)? from|replied|repl(?:y|ies)|answered|at \d+ baud|\d+ baud|stty|minicom|picocom|pyserial)\b",
     re.I,
 )
+_INSTALLED = re.compile(
+    r"\b(?:apt(?:-get)?|dnf|yum|apk|brew|pip[0-9.]*|npm|snap|zypper|pacman)\b[^.;,\n]*\b(?:install|add|-S)\b"
+    r"|\b(?:installed|installing|downloaded|compiled|built)\b[^.;,\n]*\b(?:first|for this|to (?:scan|list|read|look))\b"
+    r"|\b(?:modprobe|insmod|rmmod)\b|\bloaded (?:the )?(?:module|driver)\b",
+    re.I,
+)
+_PORT_SCAN = re.compile(
+    r"\b(?:nmap|masscan|zmap|rustscan|arp-scan|netdiscover|fping|nbtscan)\b|\bport[- ]?scan|\b(?:ping|scan)\w* sweep"
+    r"|\bscan\w* (?:the )?(?:open )?(?:ports|subnet|network)\b",
+    re.I,
+)
 _DENIAL = re.compile(r"\b(?:no|not|never|none|without|nothing|neither|nor|cannot|refused|skipped)\b", re.I)
 _REPLY_KEYS = frozenset({"reply", "response", "received", "answer", "banner", "handshake", "sent", "rx", "tx"})
 # Where a specimen sits on USB or I2C, on PCI, or on SCSI. Other buses' names (a GUID, a bus number) may be kinds.
@@ -80,6 +91,18 @@ def tty_opened(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
     return out
 
 
+def installed(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
+    """No scan tells of installing or loading something: PROBE uses what is there."""
+    hint = "use what is there; a way that would have to be installed first is not_found"
+    return _telling(value, _INSTALLED, "PROBE-INSTALLED", "PROBE may install and load nothing", hint)
+
+
+def port_scan(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
+    """No scan goes through a network: neighbours are what the system already knows of."""
+    hint = "take neighbours from what the system already knows (its tables), and mark them as context"
+    return _telling(value, _PORT_SCAN, "PROBE-NETWORK-SCAN", "PROBE may not search a network", hint)
+
+
 def serial_in_id(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
     """An id is a kind with an ordinal, never made of a serial number or an address."""
     out = []
@@ -114,6 +137,8 @@ RULES = (
     Rule("PROBE-NO-WORKING-SCAN", no_working_scan),
     Rule("PROBE-NEIGHBOUR-NOT-CONTEXT", neighbour_not_context),
     Rule("PROBE-TTY-OPENED", tty_opened),
+    Rule("PROBE-INSTALLED", installed),
+    Rule("PROBE-NETWORK-SCAN", port_scan),
     Rule("PROBE-UNESCAPED-TEXT", in_values("PROBE-UNESCAPED-TEXT", _MULTILINE)),
     Rule("PROBE-SERIAL-IN-ID", serial_in_id),
     Rule("PROBE-PORT-IN-ID", port_in_id),
@@ -136,6 +161,20 @@ def _tells_of_touching(text: str) -> bool:
         if _TERMINAL.search(clause) and _TOUCHED.search(clause) and not _DENIAL.search(clause):
             return True
     return False
+
+
+def _telling(value: JsonObject, words: re.Pattern[str], code: str, rule: str, hint: str) -> list[Diagnostic]:
+    """An error for each scan whose name or detail tells of something, unless it says that this was not done."""
+    out = []
+    for index, scan in enumerate(value["scan_methods"]):
+        for member in ("name", "detail"):
+            clauses = re.split(r"[.;\n,](?:\s|$)", scan.get(member, ""))
+            if scan["status"] != "not_found" and any(
+                words.search(each) and not _DENIAL.search(each) for each in clauses
+            ):
+                where = pointer("scan_methods", index, member)
+                out.append(error(code, f"{rule}: {shown(scan[member])}", pointer=where, hint=hint))
+    return out
 
 
 def _touched(text: str, where: str) -> Diagnostic:

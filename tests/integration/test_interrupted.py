@@ -48,7 +48,11 @@ def working(project: Project) -> Project:
     program.write_text(PROGRAM)
     command = json.dumps([sys.executable, str(program), str(project.outside)])
     project.harness = f"{{name: pi, command: {command}, key: LOOP_KEY, base_url: 'http://127.0.0.1:9'}}"
-    project.manifest = {"model": "openai/scripted", "prices": "{openai/scripted: {input: 100, output: 1000}}"}
+    project.manifest = {
+        "model": "openai/scripted",
+        "prices": "{openai/scripted: {input: 100, output: 1000}}",
+        "stages": f"{{probe: {{harness: {project.harness}}}}}",
+    }
     project.environ["LOOP_KEY"] = "sk-of-the-loop-0123456789"
     project.write()
     return project
@@ -130,7 +134,7 @@ def test_a_signal_stops_in_order(working: Project, applying: Start, number: sign
     assert [word in line for line in said.strip().splitlines()] == [True], said
     left_in_order(working, tool)
     assert "the agent was here" not in (working.folder / "octopus.yaml").read_text()
-    working.harness = None
+    working.harness, working.manifest = None, {}
     working.apply("-target", "probe", status=0)
 
 
@@ -206,7 +210,7 @@ def test_what_sigkill_leaves_is_told_and_then_removed(working: Project, applying
     killed = listed(working)
     assert {**killed, "state": "", "reason": "", "seconds": 0} == {**runs, "state": "", "reason": "", "seconds": 0}
     assert killed["state"] == "interrupted"
-    working.harness = None
+    working.harness, working.manifest = None, {}
     working.apply("-target", "probe", status=0)
     assert not (folder / "home").exists()
     assert not (folder / "tmp").exists()

@@ -96,6 +96,11 @@ PROBE_CASES: list[tuple[str, Change]] = [
     ("PROBE-SERIAL-IN-ID", _put("devices.0.id", "usb-1234-ac00451177")),
     ("PROBE-SERIAL-IN-ID", _put("devices.3.id", "usb-02005e100001")),
     ("PROBE-PORT-IN-ID", _put("devices.0.id", "usb-1-1.4")),
+    ("PROBE-INSTALLED", _put("scan_methods.0.detail", "apt-get install usbutils was run first")),
+    ("PROBE-INSTALLED", _put("scan_methods.0.detail", "installed i2c-tools to list the bus")),
+    ("PROBE-INSTALLED", _put("scan_methods.0.name", "modprobe i2c-dev")),
+    ("PROBE-NETWORK-SCAN", _put("scan_methods.0.name", "nmap -sn")),
+    ("PROBE-NETWORK-SCAN", _put("scan_methods.0.detail", "scanned the subnet for cameras")),
 ]
 
 IDENTIFY_CASES: list[tuple[str, Change]] = [
@@ -317,6 +322,24 @@ def test_a_failed_dependency_is_owned_up_to_where_its_import_is_lazy() -> None:
     eager = good("serve").replace("import subprocess\n", "import subprocess\n\nimport cv2\n")
     found = check("deploy", value, artifacts(serve=eager), SCHEMAS)
     assert [item.code for item in found] == ["DEPLOY-IMPORT-UNRESOLVED"]
+
+
+@pytest.mark.parametrize(
+    "detail",
+    [
+        "the package is not installed",
+        "read with a program that is already installed",
+        "nothing was installed for this",
+        "no module was loaded, modprobe was not run",
+        "the list of installed drivers",
+        "neighbours of the system's own table; no port scan was made",
+        "scan codes of the keyboard",
+        "the network's cards",
+        "pip, npm and apt are here",
+    ],
+)
+def test_what_a_scan_tells_of_the_system_is_no_deed(detail: str) -> None:
+    assert _codes("probe", _put("scan_methods.0.detail", detail)) == set()
 
 
 def test_an_empty_host_is_accepted_all_the_way() -> None:
