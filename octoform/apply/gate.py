@@ -13,6 +13,7 @@ from typing import Any
 from octoform.apply.context import Context
 from octoform.apply.reading import accepted_before
 from octoform.base import files
+from octoform.base.id_databases import IdDatabases
 from octoform.contracts.canon import output_digest
 from octoform.contracts.checking import check
 from octoform.contracts.model import Artifacts, ProfileFacts
@@ -173,7 +174,18 @@ def artifacts(context: Context, stage: str, value: object) -> Artifacts:
         item.name: ProfileFacts(item.name, held[item.name], item.limits, commands(item)) for item in context.profiles
     }
     budget = manifest.budget_for("interface").tools
-    return Artifacts(**loaded, profiles=facts, answers=manifest.answers, tools_budget=budget)
+    registered = _registered(probe, context) if stage == "identify" and isinstance(probe, Mapping) else None
+    return Artifacts(**loaded, profiles=facts, answers=manifest.answers, tools_budget=budget, registered=registered)
+
+
+def _registered(probe: Mapping[str, Any], context: Context) -> dict[str, str]:
+    """What this host's id databases say of each device that has numbers; empty text for what they do not know."""
+    databases = IdDatabases(Path(context.environ.get("OCTOFORM_SYSROOT") or "/"))
+    numbered = (device for device in probe["devices"] if device.get("vid") and device.get("pid"))
+    return {
+        device["id"]: " ".join(databases.lookup(device["interface"], device["vid"], device["pid"])).strip()
+        for device in numbered
+    }
 
 
 def digest_of(context: Context, stage: str, value: object) -> str:

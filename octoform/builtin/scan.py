@@ -11,7 +11,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-from octoform.builtin.identify.iddb import IdDatabases
+from octoform.base.id_databases import IdDatabases
 from octoform.builtin.probe.reader import Reader
 from octoform.builtin.probe.stage import probe
 from octoform.builtin.task import Task

@@ -23,6 +23,12 @@ def texts(device: str, artifacts: Artifacts) -> tuple[str, ...]:
     return (said, " ".join(said.split())) if said is not None else ()
 
 
+def stands_in(quote: str, device: JsonObject, artifacts: Artifacts) -> bool:
+    """True for a piece, letter by letter, of what PROBE recorded of a device or of what a person said of it."""
+    sources = (device["name"], device["raw_descriptor"], *texts(device["id"], artifacts))
+    return any(quote in text for text in sources) and len(re.findall(r"\w", quote)) >= 2
+
+
 def answer_invented(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
     """Only a device that a person spoke of was identified by an answer."""
     return [

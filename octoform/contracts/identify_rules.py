@@ -4,12 +4,12 @@ A wrong name costs more than a missing one: somebody will move an arm that is a 
 unknown, visibly, with the sentence that would settle it.
 """
 
-import re
-
-from octoform.contracts import answer_rules, raw_line_rules, stop_rules
+from octoform.contracts import answer_rules, capability_rules, raw_line_rules, stop_rules
+from octoform.contracts.capability_rules import capabilities
 from octoform.contracts.model import Artifacts, JsonObject, Rule
 from octoform.contracts.name_rules import name_without_evidence
-from octoform.contracts.naming import is_chip_name, is_passthrough
+from octoform.contracts.naming import is_chip_name
+from octoform.contracts.raw_line_rules import RAW
 from octoform.contracts.text import listed, pointer, shown
 from octoform.contracts.text_rules import in_values
 from octoform.diagnostics import Diagnostic, did_you_mean, error, warning
@@ -67,11 +67,10 @@ def quote_not_verbatim(value: JsonObject, artifacts: Artifacts) -> list[Diagnost
     known = _probed(artifacts)
     out = []
     for index, device in enumerate(value["devices"]):
-        source, said = known.get(device["id"]), answer_rules.texts(device["id"], artifacts)
+        source = known.get(device["id"])
         for at, evidence in enumerate(device["evidence"] if source else ()):
             quote = evidence["quote"]
-            texts = (source["name"], source["raw_descriptor"], *said) if source else ()
-            if any(quote in text for text in texts) and len(re.findall(r"\w", quote)) >= 2:
+            if source is None or answer_rules.stands_in(quote, source, artifacts):
                 continue
             summary = f"the quote {shown(quote)} does not stand in PROBE's text of {shown(device['id'])}"
             hint = "copy it letter by letter from that device's name or raw_descriptor; say what follows in `says`"
@@ -85,27 +84,16 @@ def chip_not_product(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic
     known = _probed(artifacts)
     out = []
     for index, device in enumerate(value["devices"]):
-        text = known.get(device["id"], {}).get("raw_descriptor", "")
-        if device["category"] in _ACTING and is_chip_name(device["identified_as"], text):
+        entry = known.get(device["id"], {})
+        # What only carries others may be read where a class of the kernel speaks of it, and never through its line.
+        through = bool(device["capabilities"]) and RAW.issuperset(entry.get("classes", ()))
+        acts = device["category"] in _ACTING or (device["category"] == "infrastructure" and through)
+        if acts and is_chip_name(device["identified_as"], entry.get("raw_descriptor", "")):
             summary = f"{shown(device['identified_as'])} names a bridge, not the product behind it"
-            hint = "name the product if the evidence shows it; otherwise the category is unknown"
+            hint = "name the product if the evidence shows it; otherwise the category is unknown, without capabilities"
             where = pointer("devices", index, "identified_as")
             out.append(error("IDENTIFY-CHIP-NOT-PRODUCT", summary, pointer=where, hint=hint))
     return out
-
-
-def passthrough(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
-    """No capability is a raw pipe to the device."""
-    return [
-        error(
-            "IDENTIFY-PASSTHROUGH",
-            f"the capability {shown(capability['name'])} is a raw pipe to the device",
-            pointer=pointer("devices", index, "capabilities", at, "name"),
-            hint="name what the device does, with typed parameters; a device with no such thing is unknown",
-        )
-        for index, at, _, capability in _capabilities(value)
-        if is_passthrough(capability["name"])
-    ]
 
 
 def unknown_capability(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
@@ -174,7 +162,7 @@ def no_via(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
             pointer=pointer("devices", index, "capabilities", at, "via"),
             hint="name the library or the operating-system interface; without one the device is infrastructure",
         )
-        for index, at, _, capability in _capabilities(value)
+        for index, at, _, capability in capabilities(value)
         if capability["via"].strip().casefold() in _EMPTY_WORDS
     ]
 
@@ -213,7 +201,7 @@ def infrastructure_actuates(value: JsonObject, _: Artifacts) -> list[Diagnostic]
             pointer=pointer("devices", index, "capabilities", at, "effect"),
             hint="drop the capability, or give the device the category that it really has",
         )
-        for index, at, device, capability in _capabilities(value)
+        for index, at, device, capability in capabilities(value)
         if device["category"] == "infrastructure" and capability["effect"] != "read"
     ]
 
@@ -222,7 +210,7 @@ def duplicate_capability(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
     """A device has a capability once."""
     out = []
     seen: set[tuple[int, str]] = set()
-    for index, at, device, capability in _capabilities(value):
+    for index, at, device, capability in capabilities(value):
         if (index, capability["name"]) in seen:
             summary = f"{shown(device['id'])} has the capability {shown(capability['name'])} twice"
             where = pointer("devices", index, "capabilities", at, "name")
@@ -236,7 +224,7 @@ def effect_conflict(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
     """One capability name has one effect on all devices, since it becomes one tool."""
     first: dict[str, tuple[str, str]] = {}
     out = []
-    for index, at, device, capability in _capabilities(value):
+    for index, at, device, capability in capabilities(value):
         effect, owner = first.setdefault(capability["name"], (capability["effect"], device["id"]))
         if effect != capability["effect"]:
             summary = f"{shown(capability['name'])} is {capability['effect']} here and {effect} on {shown(owner)}"
@@ -251,7 +239,7 @@ def many_devices(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
     able = sum(1 for device in value["devices"] if device["capabilities"])
     if able <= MANY_DEVICES:
         return []
-    summary = f"{able} devices have capabilities; five to fifteen is usual"
+    summary = f"{able} devices have capabilities, more than an agent can choose from"
     hint = "leave out what nobody would ask an agent to use"
     return [warning("IDENTIFY-MANY-DEVICES", summary, pointer="/devices", hint=hint)]
 
@@ -263,7 +251,6 @@ RULES = (
     Rule("IDENTIFY-QUOTE-NOT-VERBATIM", quote_not_verbatim),
     Rule("IDENTIFY-NAME-WITHOUT-EVIDENCE", name_without_evidence),
     Rule("IDENTIFY-CHIP-NOT-PRODUCT", chip_not_product),
-    Rule("IDENTIFY-PASSTHROUGH", passthrough),
     Rule("IDENTIFY-UNKNOWN-CAPABILITY", unknown_capability),
     Rule("IDENTIFY-UNKNOWN-CONFIDENCE", unknown_confidence),
     Rule("IDENTIFY-UNKNOWN-MISSING", unknown_missing),
@@ -276,6 +263,7 @@ RULES = (
     Rule("IDENTIFY-MANY-DEVICES", many_devices),
     *answer_rules.RULES,
     *stop_rules.IDENTIFY_RULES,
+    *capability_rules.RULES,
     *raw_line_rules.RULES,
     Rule("IDENTIFY-UNESCAPED-TEXT", in_values("IDENTIFY-UNESCAPED-TEXT")),
 )
@@ -287,12 +275,3 @@ def _probed(artifacts: Artifacts) -> dict[str, JsonObject]:
 
 def _unknown(value: JsonObject) -> list[tuple[int, JsonObject]]:
     return [(index, item) for index, item in enumerate(value["devices"]) if item["category"] == "unknown"]
-
-
-def _capabilities(value: JsonObject) -> list[tuple[int, int, JsonObject, JsonObject]]:
-    """(device index, capability index, device, capability) of every capability."""
-    return [
-        (index, at, device, capability)
-        for index, device in enumerate(value["devices"])
-        for at, capability in enumerate(device["capabilities"])
-    ]

@@ -50,7 +50,8 @@ class Artifacts:
 
     ``answers`` is what a person said of a device, by the device's id; ``step`` what a privileged step is held to,
     ``duty`` what the report of WATCH or HEAL is held to: what its agent was given. ``scan`` is what PROBE is held to,
-    what the host itself shows; None where the embedded agent does PROBE or where nobody could look.
+    what the host itself shows; None where the embedded agent does PROBE or where nobody could look. ``registered`` is
+    what the host's id databases say of a device's numbers (maker and product), by its id; None where nobody looked.
     """
 
     probe: JsonObject | None = None
@@ -64,6 +65,7 @@ class Artifacts:
     step: StepFacts | None = None
     duty: DutyFacts | None = None
     scan: HostScan | None = None
+    registered: Mapping[str, str] | None = None
 
 
 RuleCheck = Callable[[Any, Artifacts], list[Diagnostic]]

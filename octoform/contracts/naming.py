@@ -19,15 +19,51 @@ _PAYLOAD = frozenset(
     | {"opcode", "block", "blocks", "sector", "sectors", "port", "socket"}
 )
 _RUN = frozenset({"exec", "execute", "run", "eval"})
+# A defined message is no pipe: `send_magic_packet` wakes a computer, `send_usb_packet` sends what it is given.
+_MESSAGE = frozenset({"packet", "packets", "frame", "frames", "datagram", "report", "block"})
+_ANY = frozenset(
+    {"raw", "usb", "hid", "serial", "uart", "tty", "i2c", "spi", "can", "lin", "modbus", "network", "ethernet", "udp"}
+    | {"tcp", "ip", "radio", "lora", "ble", "zigbee", "custom", "arbitrary", "any", "generic", "vendor", "feature"}
+    | {"output", "input", "device", "to", "from", "a", "an", "the", "and", "data", "bus", "sensor", "port"}
+)
+_VAGUE = frozenset(
+    {"query", "request", "exchange", "communicate", "communication", "talk", "interact", "transact", "transaction"}
+    | {"message", "invoke", "register", "registers", "access", "roundtrip", "io", "rw", "conversation"}
+)
+_NOBODY = frozenset({"device", "the", "a", "to", "with", "and", "serial", "usb", "i2c", "spi", "hid", "line", "port"})
 _READ = frozenset({"read", "receive", "recv", "rx", "get", "query", "dump", "peek"})
 _RAW_SOURCE = frozenset({"bytes", "register", "registers", "uart", "tty", "serial", "eeprom"})
 _ALWAYS = frozenset({"passthrough", "transceive", "transceiver", "shell", "exec", "eval", "ioctl", "bash", "poke"})
 # `read_serial_number` and `list_serial_ports` ask about a line, they do not talk over it.
 _ABOUT = frozenset({"number", "numbers", "ports", "list", "info", "count", "status", "rate", "usage", "settings"})
 
+_PIPE = re.compile(
+    r"\b(?:raw|arbitrary|verbatim|any|custom|free-form|user-supplied|caller-supplied)\s+(?:\w+\s+){0,2}?"
+    r"(?:bytes?|commands?|command string|packets?|messages?|requests?|quer(?:y|ies)|payloads?|strings?|scpi|g-?code"
+    r"|registers?|frames? to|data to|instructions?|opcodes?|at commands?)\b"
+    r"|\b(?:sends?|writes?|forwards?|pass(?:es)?|transmits?|issues?)\s+(?:the\s+)?(?:given|supplied|passed|specified)\b"
+    r"|\breads?(?:\s+(?:and|or)\s+writes?)?\s+any\s+register",
+    re.IGNORECASE,
+)
+_FREE = frozenset({"string", "str", "bytes", "text", "free text", "hex", "hex string", "any", "list of bytes"})
+# As the first word of a name these say that something is other afterwards.
+_CHANGING = frozenset(
+    {"set", "move", "turn", "switch", "toggle", "enable", "disable", "lock", "unlock", "rotate", "drive", "actuate"}
+    | {"blink", "fire", "launch", "feed", "dispense", "rumble", "vibrate", "adjust", "increase", "decrease", "raise"}
+    | {"lower", "write", "program", "burn", "update", "upgrade", "install", "uninstall", "kill", "eject", "mount"}
+    | {"unmount", "format", "reset", "reboot", "restart", "shutdown", "poweroff", "clear", "remove", "flash", "zero"}
+    | {"play", "print", "press", "release", "activate", "deactivate", "home", "calibrate", "jog", "send", "wake"}
+)
+# Wherever these stand, they destroy.
+_DESTROYING = frozenset(
+    {"erase", "erases", "delete", "deletes", "wipe", "wipes", "purge", "overwrite", "overwrites", "destroy", "shred"}
+    | {"sanitize", "discard", "truncate", "reformat"}
+)
+
 RAW_PARAMETERS = frozenset(
     {"command", "commands", "cmd", "raw", "bytes", "payload", "hex", "data", "gcode", "scpi", "shell", "script"}
     | {"code", "packet", "frame", "opcode", "buffer", "raw_bytes", "hex_string", "message_bytes"}
+    | {"query", "request", "register", "statement", "expression", "instruction", "instructions", "at_command"}
 )
 
 _VERBS = {
@@ -54,6 +90,26 @@ _FILLER = frozenset(
     | {"inc", "ltd", "co", "corp", "corporation", "limited", "gmbh", "international", "electronics", "technology"}
     | {"technologies", "semiconductor", "semiconductors", "labs", "laboratories", "devices", "company", "vendor"}
 )
+_CLASS_WORDS = """
+    accelerometer access actuator adapter adaptor amplifier analog analogue antenna array audio backlight bank
+    barcode battery biometric bluetooth bridge bus button buttons cable camera capacitor capture card charger chip
+    chipset clock codec coil color colour compass composite computer console control controller converter cooler
+    cooling counter current dac definition depth desktop detector digital digitizer disc disk display dock docking
+    drive driver dual electric embedded emulated encoder ethernet external eye fan fans fi fingerprint flash flow
+    force frequency front game gamepad gateway generator gnss gps graphics gyroscope hard head headphone headphones
+    headset high host hub humidity identification image inertial infrared input integrated interface internal
+    joystick keyboard keypad label laptop laser led leds lid light line load lock logger logic machine magnetic
+    management measurement media memory meter microphone mixer modem module monitor motherboard motion mouse multi
+    multifunction network node numeric numpad optical oscilloscope output package pad panel paper passive pen phone
+    photo platform pointing port portable position power presence pressure printer probe processor projector
+    proximity pump radio reader real rear receiver recorder relay remote removable ring room root router scanner
+    screen sd security sensor sensors serial server signal single smart sound speaker speakers stick still storage
+    stylus supply surface switch system tablet tape telephone temperature terminal thermal thermometer thermostat
+    time timer token touch touchpad touchscreen trackball trackpad transceiver transmitter tuner uninterruptible
+    unit usb video virtual voltage watchdog water weather webcam wi wifi wired wireless wlan zone gpio pwm rtc ssd hdd
+    nvme emmc tv hdmi pci pcie sata scsi ups midi
+"""
+_CLASS = frozenset(_CLASS_WORDS.split())
 _PART_NUMBER = re.compile(r"[a-z]{0,5}\d{2,6}[a-z0-9]{0,6}")
 _MAKER_LINE = re.compile(r"^[^:\n]*(?:manufacturer|vendor|maker)[^:\n]*:(.*)$", re.IGNORECASE | re.MULTILINE)
 _APPOSITION = re.compile(r"\s(?:with|via|through|behind|over|using|on)\s|[(,;:]", re.IGNORECASE)
@@ -66,15 +122,45 @@ def tokens(name: str) -> list[str]:
 
 
 def is_passthrough(name: str) -> bool:
-    """True for a name that offers a raw pipe: ``send_serial_command``, ``raw_bytes_write``, ``exec``."""
-    words = set(tokens(name))
-    if words & _ALWAYS or {"pass", "through"} <= words:
+    """True for a name that offers a raw pipe: ``send_serial_command``, ``raw_bytes_write``, ``exec``, ``exchange``."""
+    spoken = set(tokens(name))
+    if (
+        spoken & _ALWAYS
+        or {"pass", "through"} <= spoken
+        or (spoken & _VAGUE and spoken <= _VAGUE | _NOBODY | _SEND | _READ)
+    ):
         return True
-    if words & _ABOUT:
+    if spoken & _ABOUT:
         return False
-    if words & _SEND and words & _PAYLOAD:
-        return True
-    return bool((words & _READ and words & _RAW_SOURCE) or (words & _RUN and "code" in words))
+    if spoken & _SEND and spoken & _PAYLOAD:
+        return not _is_a_message(spoken)
+    return bool((spoken & _READ and spoken & _RAW_SOURCE) or (spoken & _RUN and "code" in spoken))
+
+
+def _is_a_message(spoken: set[str]) -> bool:
+    """True where what is sent is one message with a name of its own."""
+    return spoken & _PAYLOAD <= _MESSAGE and bool(spoken - _SEND - _PAYLOAD - _ANY)
+
+
+def offers_a_pipe(description: str) -> bool:
+    """True for words that offer to carry whatever the caller gives: any command, arbitrary bytes, the given string."""
+    return _PIPE.search(description) is not None
+
+
+def raw_facts(parameters: Mapping[str, Any]) -> str | None:
+    """The parameter that IDENTIFY describes as free bytes or text for the device, or None."""
+    for name, kind in parameters.items():
+        if name.casefold() in RAW_PARAMETERS and isinstance(kind, str) and kind.strip().casefold() in _FREE:
+            return str(name)
+    return None
+
+
+def changes(name: str, description: str) -> str | None:
+    """The word that says that a call changes or destroys something, or None."""
+    spoken = tokens(name)
+    found = [word for word in spoken[:1] if word in _CHANGING]
+    found += [word for word in (*spoken, *tokens(description)[:1]) if word in _DESTROYING]
+    return found[0] if found else None
 
 
 def raw_parameter(schema: Mapping[str, Any]) -> str | None:
@@ -111,6 +197,11 @@ def is_chip_name(name: str, raw_descriptor: str) -> bool:
 def says_nothing(word: str) -> bool:
     """True for a word that could stand in any device's name: a filler, a bridge's word, one letter."""
     return word in _BRIDGE or word in _HEADS or word in _FILLER or len(word) < 2
+
+
+def is_class_word(word: str) -> bool:
+    """True for a word that says what kind of thing a device is, in one or in many; nobody's name, and no model."""
+    return word in _CLASS or word.removesuffix("s") in _CLASS
 
 
 def _says_nothing(word: str, makers: Iterable[str]) -> bool:

@@ -11,7 +11,7 @@ from octoform.diagnostics import Diagnostic, error
 
 CODE = "IDENTIFY-ACTUATE-WITHOUT-PROFILE"
 RAW = frozenset(
-    {"tty", "hidraw", "hiddev", "i2c", "i2c-adapter", "i2c-dev", "spi", "spidev", "usb", "usb_device", "usbmisc"}
+    {"tty", "hid", "hidraw", "hiddev", "i2c", "i2c-adapter", "i2c-dev", "spi", "spidev", "usb", "usb_device", "usbmisc"}
 )
 """Classes of the kernel whose nodes carry bytes and no meaning (Documentation/ABI, devices.txt)."""
 
@@ -27,13 +27,13 @@ def actuate_without_profile(value: JsonObject, artifacts: Artifacts) -> list[Dia
             hint=f"leave it out; `octoform profile new {device['id']}` drafts what is missing: limits and how to stop",
         )
         for index, device in enumerate(value["devices"])
-        if not _known(device, artifacts) and RAW.issuperset(probed.get(device["id"], {}).get("classes", ()))
+        if not known_by_a_person(device, artifacts) and RAW.issuperset(probed.get(device["id"], {}).get("classes", ()))
         for at, capability in enumerate(device["capabilities"])
         if capability["effect"] != "read"
     ]
 
 
-def _known(device: JsonObject, artifacts: Artifacts) -> bool:
+def known_by_a_person(device: JsonObject, artifacts: Artifacts) -> bool:
     """Whether a person or a profile says how it is driven; a profile that does not hold is another rule's finding."""
     return device["id"] in artifacts.answers or "profile" in device or device["method"] == "profile"
 

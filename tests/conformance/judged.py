@@ -15,7 +15,7 @@ from hosts.plant import plant
 from launched import LOOPBACK, Launched, launched, tool
 from suites import HANDSHAKE, INSPECTOR, LATER, Report, judge, run
 
-from octoform.builtin.identify.iddb import IdDatabases
+from octoform.base.id_databases import IdDatabases
 from octoform.builtin.identify.stage import identify
 from octoform.builtin.interface.stage import declare
 from octoform.builtin.probe.stage import probe_root

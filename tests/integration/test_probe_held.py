@@ -3,50 +3,18 @@
 import copy
 import json
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
 import pytest
-from bench_host import bench_host
+from bench_host import SERIAL, lab
 from projects import Project
-from sysfs_tree import Tree
 
 from octoform.builtin.probe.stage import probe_root
 
-PCI = "pci0000:00/0000:00:14.0/usb1"
 CAMERA, STICK, TOUCH, BUS = "usb-1f00-00c1", "usb-1f00-00d1", "hid-1f00-0077", "platform-amdi0010"
-SERIAL = "CAM-20071"
 MOST_ATTEMPTS = 11
 """The most that are tried in one run here; the manifest takes up to 20."""
 Probe = dict[str, Any]
-
-
-def lab(root: Path) -> Path:
-    """The bench, a camera that prints its serial number, a disk on USB, a touch screen on I2C, two bus controllers."""
-    bench_host(root)
-    tree = Tree.__new__(Tree)
-    tree.root = root
-    camera = tree.usb(f"{PCI}/1-2", "1f00", "00c1", SERIAL)
-    (camera / "product").write_text(f"Bench Cam {SERIAL}\n")
-    (camera / "manufacturer").write_text("Bench Works\n")
-    tree.bus(f"{PCI}/1-2/1-2:1.0", "usb", {"bInterfaceNumber": "00", "bInterfaceClass": "0e"}, DRIVER="uvcvideo")
-    tree.member(f"{PCI}/1-2/1-2:1.0/video4linux/video0", "video4linux", {"name": "Bench Cam"}, DEVNAME="video0")
-    stick = tree.usb(f"{PCI}/1-3", "1f00", "00d1")
-    (stick / "product").write_text("Bench Stick\n")
-    disk = f"{PCI}/1-3/1-3:1.0/host0/target0:0:0/0:0:0:0"
-    tree.bus(f"{PCI}/1-3/1-3:1.0", "usb", {"bInterfaceNumber": "00"}, DRIVER="usb-storage")
-    tree.bus(disk, "scsi", {"vendor": "Bench", "model": "Stick"}, DRIVER="sd")
-    tree.member(f"{disk}/block/sda", "block", {"removable": "1"}, DEVNAME="sda")
-    tree.bus(
-        "platform/i2c/0018:1F00:0077.0001",
-        "hid",
-        HID_ID="0018:00001F00:00000077",
-        HID_NAME="PNL",
-        DRIVER="hid-multitouch",
-    )
-    for place in ("AMDI0010:00", "AMDI0010:01"):
-        tree.bus(f"platform/{place}", "platform", MODALIAS="acpi:AMDI0010:", DRIVER="i2c_designware")
-    return root
 
 
 def found(probe: Probe, device: str) -> Probe:

@@ -13,6 +13,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from bench_host import bench_host
 from projects import Done, Project
 
 FILLING = Path(__file__).parent / "disk_filling.py"
@@ -133,9 +134,8 @@ def test_4_a_manifest_that_was_edited_after_the_plan_was_saved_is_refused_part_b
 def test_5_a_saved_plan_survives_an_unrelated_change_and_refuses_only_what_moved(
     project: Project, tmp_path: Path
 ) -> None:
-    sysroot = tmp_path / "sysroot"
+    sysroot = bench_host(tmp_path / "sysroot")
     device = sysroot / "sys" / "bus" / "usb" / "devices" / "1-1"
-    device.mkdir(parents=True)
     (device / "modalias").write_text("usb:v0A0Ap0001\n")
     project.environ = {"OCTOFORM_SYSROOT": str(sysroot)}
     specs = project.own_specs()

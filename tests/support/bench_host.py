@@ -6,6 +6,9 @@ from sysfs_tree import Tree
 
 ADAPTER = "pci0000:00/0000:00:14.0/usb1/1-1"
 SENSOR = "platform/benchtemp.0/hwmon/hwmon0"
+HUB = "pci0000:00/0000:00:14.0/usb1"
+SERIAL = "CAM-20071"
+"""The serial number that the camera of `lab` prints into its product string."""
 
 
 def bench_host(root: Path) -> Path:
@@ -19,4 +22,31 @@ def bench_host(root: Path) -> Path:
     tree.bus(f"{ADAPTER}/1-1:1.0", "usb", {"bInterfaceNumber": "00"}, DRIVER="ch341")
     (root / "etc").mkdir()
     (root / "etc/os-release").write_text('ID=debian\nVERSION_ID="12"\n')
+    return root
+
+
+def lab(root: Path) -> Path:
+    """The bench, a camera that prints its serial number, a disk on USB, a touch screen on I2C, two bus controllers."""
+    bench_host(root)
+    tree = Tree(root)
+    camera = tree.usb(f"{HUB}/1-2", "1f00", "00c1", SERIAL)
+    (camera / "product").write_text(f"Bench Cam {SERIAL}\n")
+    (camera / "manufacturer").write_text("Bench Works\n")
+    tree.bus(f"{HUB}/1-2/1-2:1.0", "usb", {"bInterfaceNumber": "00", "bInterfaceClass": "0e"}, DRIVER="uvcvideo")
+    tree.member(f"{HUB}/1-2/1-2:1.0/video4linux/video0", "video4linux", {"name": "Bench Cam"}, DEVNAME="video0")
+    stick = tree.usb(f"{HUB}/1-3", "1f00", "00d1")
+    (stick / "product").write_text("Bench Stick\n")
+    disk = f"{HUB}/1-3/1-3:1.0/host0/target0:0:0/0:0:0:0"
+    tree.bus(f"{HUB}/1-3/1-3:1.0", "usb", {"bInterfaceNumber": "00"}, DRIVER="usb-storage")
+    tree.bus(disk, "scsi", {"vendor": "Bench", "model": "Stick"}, DRIVER="sd")
+    tree.member(f"{disk}/block/sda", "block", {"removable": "1"}, DEVNAME="sda")
+    tree.bus(
+        "platform/i2c/0018:1F00:0077.0001",
+        "hid",
+        HID_ID="0018:00001F00:00000077",
+        HID_NAME="PNL",
+        DRIVER="hid-multitouch",
+    )
+    for place in ("AMDI0010:00", "AMDI0010:01"):
+        tree.bus(f"platform/{place}", "platform", MODALIAS="acpi:AMDI0010:", DRIVER="i2c_designware")
     return root

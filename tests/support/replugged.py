@@ -192,7 +192,7 @@ def _annotated(device: str, name: str, tools: Mapping[str, ToolRow]) -> dict[str
         "category": "bidirectional" if len(made) > 1 else "sensor",
         "confidence": 0.9,
         "method": "descriptor_strings",
-        "evidence": [{"quote": f"product: {name}"}],
+        "evidence": [{"quote": f"product: {name}"}, {"quote": "manufacturer: Bench Works"}],
         "capabilities": made,
     }
 

@@ -11,9 +11,8 @@ class Tree:
 
     def __init__(self, root: Path) -> None:
         self.root = root
-        (root / "sys/devices").mkdir(parents=True)
-        (root / "dev").mkdir()
-        (root / "proc/self").mkdir(parents=True)
+        for folder in ("sys/devices", "dev", "proc/self"):
+            (root / folder).mkdir(parents=True, exist_ok=True)
 
     def bus(self, path: str, bus: str, attributes: Mapping[str, str | bytes] | None = None, **uevent: str) -> Path:
         """A device on a bus."""

@@ -18,7 +18,7 @@ import scservo_sdk.port_handler
 import serial
 from ruamel.yaml import YAML
 
-from octoform.builtin.identify.iddb import IdDatabases
+from octoform.base.id_databases import IdDatabases
 from octoform.builtin.identify.stage import identify
 from octoform.builtin.interface.stage import declare
 from octoform.builtin.probe.stage import probe_root

@@ -11,8 +11,8 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
+from octoform.base.id_databases import IdDatabases
 from octoform.builtin.identify import naming
-from octoform.builtin.identify.iddb import IdDatabases
 from octoform.builtin.identify.verdict import Evidence
 
 _MEMBER = re.compile(r"^([a-z0-9_-]+)\[(\d+)\]\.([^:]+)$")
@@ -46,12 +46,16 @@ class Interface:
 
 @dataclass(frozen=True, slots=True)
 class Registered:
-    """What the host's id databases say of the unit's ids, and the line of PROBE that leads there."""
+    """What the host's id databases say of the unit's ids, and the line of PROBE that leads there.
+
+    ``maker`` is the line that names the vendor, where another one names the product.
+    """
 
     vendor: str = ""
     product: str = ""
     line: str = ""
     source: str = ""
+    maker: str = ""
 
 
 class Device:
@@ -152,7 +156,8 @@ class Device:
         vendor, product = self.udev("ID_VENDOR_FROM_DATABASE"), self.udev("ID_MODEL_FROM_DATABASE")
         line = next((fact.line for fact in (product, self.fact("product_id", "device_id"), vendor) if fact), "")
         if product or not self.vid:
-            return Registered(vendor.text if vendor else "", product.text if product else "", line, "udev hwdb")
+            maker = vendor.line if vendor else ""
+            return Registered(vendor.text if vendor else "", product.text if product else "", line, "udev hwdb", maker)
         found = self._databases.lookup(self.bus, self.vid, self.pid)
         if not found[1] and vendor:
             return Registered(vendor.text, "", vendor.line, "udev hwdb")

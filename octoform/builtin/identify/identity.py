@@ -50,9 +50,20 @@ def identity(device: Device, claim: Claim) -> Identity:
         # A bridge is itself what was plugged in here; its strings speak of the other wires that it has.
         return Identity(_shown(device, claim), CLASS_ONLY, "kernel_class", _strings(device))
     found = _of_usb(device, claim) if device.bus == "usb" else _of_other(device, claim)
-    if claim.settled or found.confidence < CLASS_ONLY:
+    if found.confidence <= CLASS_ONLY or (claim.settled and _is_cited(found, claim)):
         return found
-    return Identity(found.name, min(found.confidence, CLASS_ONLY), found.method, found.evidence)
+    return Identity(found.name, CLASS_ONLY, found.method, found.evidence)
+
+
+def _is_cited(found: Identity, claim: Claim) -> bool:
+    """True when each word of the name stands in what is cited for it, or says the kind of thing.
+
+    A string with unprintable signs, or one that PROBE had to cut, gives a name that nobody can look up.
+    """
+    cited = {word for each in (*found.evidence, *claim.evidence) for word in naming.words(each.quote)}
+    if found.method == "id_database":
+        cited.update(word for each in found.evidence for word in naming.words(each.says))
+    return cited.union(naming.words(claim.noun)).issuperset(naming.words(found.name))
 
 
 def _of_usb(device: Device, claim: Claim) -> Identity:
@@ -144,7 +155,11 @@ def _registered(device: Device, claim: Claim) -> Identity | None:
     entry = device.database
     if not entry.vendor or naming.describes_transport(entry.product):
         return None
-    evidence = (Evidence(entry.line, f"{entry.source}: {naming.tidy(f'{entry.vendor} {entry.product}')}"),)
+    evidence: tuple[Evidence, ...] = (
+        Evidence(entry.line, f"{entry.source}: {naming.tidy(f'{entry.vendor} {entry.product}')}"),
+    )
+    if entry.maker and entry.maker != entry.line:
+        evidence += (Evidence(entry.maker, f"{entry.source}: the vendor of the same number"),)
     # Where a number on USB was given twice, the database lists both products; which one it is nobody knows.
     product = entry.product.partition(" / ")[0] if device.bus == "usb" else entry.product
     name = naming.join(entry.vendor, product or claim.noun)
@@ -183,13 +198,15 @@ def _of_other(device: Device, claim: Claim) -> Identity:
 
 def _kernel_name(claim: Claim) -> Identity | None:
     """The kernel's name for the thing: the first that names a model, else the first that is a name."""
-    usable = [(naming.tidy(naming.without_ids(text)), line) for text, line in claim.names]
-    usable = [(text, line) for text, line in usable if naming.is_name(text)]
+    usable = [(naming.tidy(naming.without_ids(text)), lines) for text, *lines in claim.names]
+    usable = [(text, lines) for text, lines in usable if naming.is_name(text)]
     if not usable:
         return None
-    text, line = next((pair for pair in usable if naming.names_a_model(pair[0])), usable[0])
+    text, lines = next((pair for pair in usable if naming.names_a_model(pair[0])), usable[0])
     confidence = KERNEL if naming.names_a_model(text) else CLASS_ONLY
-    return Identity(text, confidence, "kernel_class", (Evidence(line, "the kernel's name for it"),))
+    return Identity(
+        text, confidence, "kernel_class", tuple(Evidence(line, "the kernel's name for it") for line in lines)
+    )
 
 
 def _strings(device: Device) -> tuple[Evidence, ...]:

@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterable, Mapping
 from types import MappingProxyType
 from typing import Any
 
+from octoform.base.id_databases import IdDatabases
 from octoform.builtin.grammars import Profiles
 from octoform.builtin.identify import answered, leftover, profiled, refusable
 from octoform.builtin.identify.classes import (
@@ -35,7 +36,6 @@ from octoform.builtin.identify.classes import (
     words,
 )
 from octoform.builtin.identify.evidence import Device
-from octoform.builtin.identify.iddb import IdDatabases
 from octoform.builtin.identify.identity import identity
 from octoform.builtin.identify.verdict import INFRASTRUCTURE, READ, UNKNOWN, Capability, Claim, Evidence, Leave
 from octoform.builtin.task import Task

@@ -53,7 +53,7 @@ class Claim:
     """One class module's reading of a unit.
 
     ``kind`` is the class word of the annotation, ``noun`` what the thing is called when nothing names the product.
-    ``names`` are the kernel's own strings for it, best first, each with the line it stands in. ``settled`` is false
+    ``names`` are the kernel's own strings for it, best first, each with the lines it stands in. ``settled`` is false
     where even the class is an inference: the annotation then stays below one half.
     """
 
@@ -62,7 +62,7 @@ class Claim:
     noun: str
     evidence: tuple[Evidence, ...]
     capabilities: tuple[Capability, ...] = ()
-    names: tuple[tuple[str, str], ...] = ()
+    names: tuple[tuple[str, ...], ...] = ()
     settled: bool = True
     missing: str = ""
 

@@ -3,7 +3,7 @@
 from pathlib import Path
 from typing import Any
 
-from octoform.builtin.identify.iddb import IdDatabases
+from octoform.base.id_databases import IdDatabases
 from octoform.builtin.identify.stage import identify
 
 NO_DATABASES = IdDatabases(Path("/nonexistent"))

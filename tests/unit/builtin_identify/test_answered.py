@@ -5,8 +5,8 @@ from typing import Any
 
 import pytest
 
+from octoform.base.id_databases import IdDatabases
 from octoform.builtin.identify.answered import short
-from octoform.builtin.identify.iddb import IdDatabases
 from octoform.builtin.identify.stage import identify
 from octoform.builtin.interface.reasons import why_left_out
 from octoform.contracts.checking import check

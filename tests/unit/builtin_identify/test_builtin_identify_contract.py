@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 from probes import answer, usb
 
-from octoform.builtin.identify.iddb import IdDatabases
+from octoform.base.id_databases import IdDatabases
 from octoform.builtin.identify.stage import identify
 from octoform.builtin.probe.stage import probe_root
 from octoform.contracts.checking import check

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 from probes import answer, device, probe, usb
 
-from octoform.builtin.identify.iddb import IdDatabases
+from octoform.base.id_databases import IdDatabases
 from octoform.builtin.identify.stage import identify
 
 SERIAL = ("interface 00: class ff/01/02 driver=ch341", "tty[0].name: ttyUSB")

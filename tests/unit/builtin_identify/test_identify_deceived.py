@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 from probes import NO_DATABASES, answer, usb
 
-from octoform.builtin.identify.iddb import IdDatabases
+from octoform.base.id_databases import IdDatabases
 
 ACM = ("interface 00: class 02/02/01 driver=cdc_acm", "interface 01: class 0a/00/00 driver=cdc_acm")
 AUDIO = ("interface 00: class 01/01/00 driver=snd-usb-audio",)

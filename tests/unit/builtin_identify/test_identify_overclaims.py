@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 from probes import answer, usb
 
-from octoform.builtin.identify.iddb import IdDatabases
+from octoform.base.id_databases import IdDatabases
 
 SURE = 0.5
 HID = "interface 0: class 03/00/00"

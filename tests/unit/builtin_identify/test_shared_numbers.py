@@ -12,7 +12,7 @@ from typing import Any
 import pytest
 from probes import NO_DATABASES, answer, usb
 
-from octoform.builtin.identify.iddb import IdDatabases
+from octoform.base.id_databases import IdDatabases
 
 CERTAIN = 0.5
 

@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from octoform.builtin.identify.iddb import IdDatabases
+from octoform.base.id_databases import IdDatabases
 from octoform.builtin.identify.stage import identify
 from octoform.builtin.interface.catalog import KINDS
 from octoform.builtin.interface.stage import declare

@@ -12,7 +12,7 @@ from typing import Any
 import pytest
 
 import octoform.runtime
-from octoform.builtin.identify.iddb import IdDatabases
+from octoform.base.id_databases import IdDatabases
 from octoform.builtin.identify.stage import identify
 from octoform.builtin.interface.stage import declare
 from octoform.builtin.serve.stage import render

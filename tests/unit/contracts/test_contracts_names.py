@@ -1,4 +1,4 @@
-"""When a name rests on what is cited for it, method by method."""
+"""When a name rests on what is cited for it: forms that a person would write, method by method, and their opposites."""
 
 import pytest
 from contract_samples import SCHEMAS, artifacts, good
@@ -6,30 +6,68 @@ from contract_samples import SCHEMAS, artifacts, good
 from octoform.contracts.checking import check
 
 CODE = "IDENTIFY-NAME-WITHOUT-EVIDENCE"
+ENTRY = "Acme Imaging DeskCam 300 / DeskCam 310 / DeskCam Pro"
+TEXT = """bus: usb
+manufacturer: Acme Imaging
+product: Acme QuickCam-Pro 300s
+video4linux[0].name: ＡＣＭＥ Quick Cam
+interface 00: label=Kamera für Lötplätze
+udev.ID_MODEL: カメラ
+driver: uvcvideo"""
+
+RIGHT = [
+    ("Acme QuickCam Pro 300s", "descriptor_strings", ["product: Acme QuickCam-Pro 300s"]),
+    ("Acme Quick Cam", "descriptor_strings", ["product: Acme QuickCam-Pro 300s"]),
+    ("QuickCam-Pro 300s by Acme Imaging", "descriptor_strings", ["product: Acme QuickCam-Pro 300s", "Acme Imaging"]),
+    ("acme quickcam pro", "descriptor_strings", ["product: Acme QuickCam-Pro 300s"]),
+    ("QUICKCAM PRO", "descriptor_strings", ["QuickCam-Pro"]),
+    ("Acme Imaging cameras", "descriptor_strings", ["manufacturer: Acme Imaging"]),
+    ("Acme Quick-Cams", "kernel_class", ["video4linux[0].name: ＡＣＭＥ Quick Cam"]),
+    ("Camera for soldering places", "kernel_class", ["label=Kamera für Lötplätze => a camera for soldering places"]),
+    ("Kamera für Lötplätze", "descriptor_strings", ["label=Kamera für Lötplätze"]),
+    ("カメラ", "descriptor_strings", ["udev.ID_MODEL: カメラ"]),
+    ("USB video camera", "kernel_class", ["driver: uvcvideo => the driver of cameras"]),
+    ("camera of the uvcvideo class", "descriptor_driver", ["driver: uvcvideo"]),
+    ("rear webcam with microphone", "kernel_class", ["driver: uvcvideo => a webcam"]),
+    ("Acme Imaging DeskCam", "id_database", ["bus: usb => usb.ids: DeskCam 300 / DeskCam 310"]),
+    (ENTRY, "id_database", ["bus: usb => usb.ids"]),
+    ("Acme DeskCam QuickCam-Pro 300s", "id_database", ["product: Acme QuickCam-Pro 300s => usb.ids: DeskCam"]),
+    ("Acme Vision 7", "web_search", ["manufacturer: Acme Imaging => acme.example/v7: the Acme Imaging Vision 7"]),
+    ("anything at all", "user_answer", ["driver: uvcvideo"]),
+]
+WRONG = [
+    ("Roboarm Deluxe", "descriptor_strings", ["product: Acme QuickCam-Pro 300s => a Roboarm Deluxe"]),
+    ("Acme QuickCam-Pro 310s", "descriptor_strings", ["product: Acme QuickCam-Pro 300s"]),
+    ("Acme QuickCam 2", "descriptor_strings", ["product: Acme QuickCam-Pro 300s"]),
+    ("Acme Quick", "descriptor_driver", ["driver: uvcvideo => an Acme"]),
+    ("Acme DeskCam 310", "id_database", ["bus: usb => usb.ids: DeskCam 310"]),
+    ("Zebra DeskCam", "id_database", ["bus: usb => usb.ids: Zebra DeskCam"]),
+    ("Acme Vision 7", "web_search", ["manufacturer: Acme Imaging => somewhere on the web"]),
+    ("Vision 7", "web_search", ["bus: usb => vision.example: Vision 7"]),
+    ("Roboarm", "none", ["driver: uvcvideo"]),
+]
 
 
-@pytest.mark.parametrize(
-    ("name", "method", "confidence", "says", "accepted"),
-    [
-        ("Acme Desk Cam 2", "descriptor_strings", 0.9, "", True),
-        ("Roboarm Deluxe", "descriptor_strings", 0.9, "a Roboarm", False),
-        ("Roboarm Deluxe", "descriptor_strings", 0.45, "", True),
-        ("Roboarm Deluxe", "id_database", 0.9, "usb.ids: Roboarm", True),
-        ("Roboarm Deluxe", "web_search", 0.9, " ", False),
-        ("Roboarm Deluxe", "kernel_class", 0.9, "a roboarm is bound", True),
-        ("Roboarm Deluxe", "descriptor_driver", 0.9, "a camera", False),
-        ("Roboarm Deluxe", "none", 0.9, "", False),
-        ("product driver", "descriptor_strings", 0.9, "", False),
-        ("USB device", "descriptor_driver", 0.9, "", True),
-    ],
-)
-def test_a_name_shares_a_word_with_what_is_cited(
-    name: str, method: str, confidence: float, says: str, accepted: bool
-) -> None:
-    value = good("identify")
-    evidence = [{"quote": "product: Acme Deskcam", **({"says": says} if says else {})}]
-    value["devices"][0] |= {
-        "identified_as": name, "method": method, "confidence": confidence, "evidence": evidence,
-    }  # fmt: skip
-    found = [item.code for item in check("identify", value, artifacts(), SCHEMAS)]
-    assert found == ([] if accepted else [CODE])
+def found(name: str, method: str, cited: list[str], confidence: float) -> list[str]:
+    """The codes for a camera of that name, on quotes that may be followed by ' => ' and what they say."""
+    value, probe = good("identify"), good("probe")
+    probe["devices"][0] |= {"raw_descriptor": TEXT}
+    evidence = [{"quote": quote, **({"says": says} if says else {})}
+                for quote, _, says in (each.partition(" => ") for each in cited)]  # fmt: skip
+    camera = value["devices"][0]
+    camera |= {"identified_as": name, "method": method, "confidence": confidence, "evidence": evidence}
+    known = artifacts(probe=probe, registered={camera["id"]: ENTRY}, answers={camera["id"]: "anything at all"})
+    return [
+        item.code for item in check("identify", value, known, SCHEMAS) if item.pointer.startswith("/devices/0/ident")
+    ]
+
+
+@pytest.mark.parametrize(("name", "method", "cited"), RIGHT)
+def test_a_name_whose_words_are_cited_is_accepted_in_any_form(name: str, method: str, cited: list[str]) -> None:
+    assert found(name, method, cited, 0.9) == []
+
+
+@pytest.mark.parametrize(("name", "method", "cited"), WRONG)
+def test_a_name_with_a_word_of_its_own_is_refused_and_may_be_guessed(name: str, method: str, cited: list[str]) -> None:
+    assert found(name, method, cited, 0.5) == [CODE]
+    assert found(name, method, cited, 0.49) == []

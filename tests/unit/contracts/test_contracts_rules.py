@@ -113,12 +113,10 @@ IDENTIFY_CASES: list[tuple[str, Change]] = [
     ("IDENTIFY-QUOTE-NOT-VERBATIM", _put("devices.0.evidence.0.quote", "Widgetronic Deskcam")),
     ("IDENTIFY-QUOTE-NOT-VERBATIM", _all(_put("devices.0.evidence.0.quote", ":"), _put("devices.0.confidence", 0.4))),
     ("IDENTIFY-NAME-WITHOUT-EVIDENCE", _put("devices.0.identified_as", "Zebra 9000")),
-    (
-        "IDENTIFY-NAME-WITHOUT-EVIDENCE",
-        _all(_put("devices.0.method", "id_database"), _put("devices.0.evidence", [{"quote": "product: Acme Deskcam"}])),
-    ),
     ("IDENTIFY-CHIP-NOT-PRODUCT", _put("devices.0.identified_as", "USB-serial adapter")),
     ("IDENTIFY-PASSTHROUGH", _put("devices.0.capabilities.0.name", "send_serial_command")),
+    ("IDENTIFY-CAPABILITY-WITHOUT-CLASS", _put("devices.0.capabilities.0.name", "record_audio_of_disk")),
+    ("IDENTIFY-EFFECT-UNDERSTATED", _put("devices.0.capabilities.0.name", "erase_image")),
     (
         "IDENTIFY-UNKNOWN-CAPABILITY",
         _all(

@@ -18,7 +18,8 @@ def found(
     """The codes for a device with these classes of which an agent says that it can move a joint."""
     probe, value = copy.deepcopy(PROBE), copy.deepcopy(IDENTIFY)
     probe["devices"][3] |= {"classes": classes, "name": "Acme Arm", "raw_descriptor": "product: Acme Arm"}
-    moves = {"name": "move_joint", "description": "Move a joint", "via": "a serial library", "effect": effect}
+    verb = "read" if effect == "read" else "move"
+    moves = {"name": f"{verb}_joint", "description": "A joint", "via": "a serial library", "effect": effect}
     value["devices"][3] = {
         "id": LINE,
         "identified_as": "Acme Arm",
@@ -41,9 +42,13 @@ def test_what_acts_through_a_raw_line_needs_a_profile(classes: list[str], effect
     assert found(classes, effect) == [CODE]
 
 
-@pytest.mark.parametrize("classes", [["tty"], [], ["hidraw"]])
+@pytest.mark.parametrize("classes", [["tty"], ["hidraw"]])
 def test_a_reading_needs_none(classes: list[str]) -> None:
     assert found(classes, "read") == []
+
+
+def test_without_any_class_there_is_no_way_to_read_either() -> None:
+    assert found([], "read") == ["IDENTIFY-CAPABILITY-WITHOUT-CLASS"]
 
 
 @pytest.mark.parametrize("classes", [["leds"], ["tty", "video4linux"], ["hidraw", "input"], ["gpio"], ["pwm"]])

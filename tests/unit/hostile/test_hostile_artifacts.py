@@ -13,7 +13,7 @@ from typing import Any
 import pytest
 from hostile_strings import STRINGS, Hostile, laptop_named
 
-from octoform.builtin.identify.iddb import IdDatabases
+from octoform.base.id_databases import IdDatabases
 from octoform.builtin.identify.stage import identify
 from octoform.builtin.interface.stage import declare
 from octoform.builtin.probe.stage import probe_root

@@ -24,22 +24,15 @@ def claim(device: Device) -> Claim | None:
             Capability("read_power_supply", "Read whether the supply is connected, and what it delivers.", _VIA,
                        parameters={"supplies": others})
         )  # fmt: skip
-    names = [
-        (" ".join(part.text for part in (group.get("manufacturer"), group.get("model_name")) if part), _line(group))
-        for group in supplies
-    ]
+    named = [[group[key] for key in ("manufacturer", "model_name") if key in group] for group in supplies]
+    names = tuple((" ".join(fact.text for fact in facts), *(fact.line for fact in facts)) for facts in named if facts)
     evidence = (device.cite("power_supply", "the kernel's power supply class"),)
     kind, noun = ("battery", "battery") if batteries else ("power_supply", "power supply")
-    return Claim(kind, SENSOR, noun, evidence, tuple(capabilities), tuple(pair for pair in names if all(pair)))
+    return Claim(kind, SENSOR, noun, evidence, tuple(capabilities), names)
 
 
 def _type(group: dict[str, Fact]) -> str:
     return group["type"].text if "type" in group else ""
-
-
-def _line(group: dict[str, Fact]) -> str:
-    fact = group.get("model_name") or group.get("manufacturer")
-    return fact.line if fact else ""
 
 
 def _supply(group: dict[str, Fact]) -> dict[str, object]:

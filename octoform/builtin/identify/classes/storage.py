@@ -1,7 +1,7 @@
 """Disks, cards, optical drives and their controllers: an inventory to read, never a block to write."""
 
 from octoform.builtin.identify import naming
-from octoform.builtin.identify.evidence import Device
+from octoform.builtin.identify.evidence import Device, Fact
 from octoform.builtin.identify.verdict import INFRASTRUCTURE, Capability, Claim, Evidence
 
 USB_STORAGE = "08"
@@ -35,23 +35,24 @@ def claim(device: Device) -> Claim | None:
     return Claim("storage", INFRASTRUCTURE, "storage device", (evidence,), capabilities, names)
 
 
-def _own_names(device: Device) -> tuple[tuple[str, str], ...]:
+def _own_names(device: Device) -> tuple[tuple[str, ...], ...]:
     if device.bus not in ("scsi", "mmc"):
         return ()
-    model = device.fact("model", "name")
+    return _joined(device.fact("vendor"), device.fact("model", "name"))
+
+
+def _udev_names(device: Device) -> tuple[tuple[str, ...], ...]:
+    return _joined(device.udev("ID_VENDOR"), device.udev("ID_MODEL")) if "block" in device.classes else ()
+
+
+def _joined(maker: Fact | None, model: Fact | None) -> tuple[tuple[str, ...], ...]:
+    """The name that the two give, with the lines that they stand in."""
     if not model:
         return ()
-    return ((_joined(device.text("vendor"), model.text), model.line),)
-
-
-def _udev_names(device: Device) -> tuple[tuple[str, str], ...]:
-    model = device.udev("ID_MODEL") if "block" in device.classes else None
-    return ((_joined(device.udev_text("ID_VENDOR"), model.text), model.line),) if model else ()
-
-
-def _joined(maker: str, model: str) -> str:
     # SCSI fills the vendor of a SATA drive with the name of the bus.
-    return naming.join("" if maker == "ATA" else maker, model)
+    if not maker or maker.text == "ATA":
+        return ((model.text, model.line),)
+    return ((naming.join(maker.text, model.text), model.line, maker.line),)
 
 
 def _is_optical(device: Device) -> bool:

@@ -1,0 +1,384 @@
+"""IDENTIFY of an agent that gets it wrong: each attempt is refused, with a finding that says what would be right.
+
+The output that is changed is the embedded agent's own, about the bench of `lab` and what `shop` adds to it.
+"""
+
+import copy
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+from bench_host import HUB, lab
+from projects import Project
+from sysfs_tree import Tree
+
+from octoform.base.id_databases import IdDatabases
+from octoform.builtin.identify.stage import identify
+from octoform.builtin.probe.stage import probe_root
+
+CAMERA, PANEL, SENSOR, RELAY = "usb-1f00-00c1", "hid-1f00-0078", "hwmon-benchtemp", "usb-1f00-00e1"
+DISK, DISK_OF_TWO, METER, LINE, STICK = (
+    "pci-1f00-5017",
+    "pci-1f00-5018",
+    "usb-1f00-00f1",
+    "usb-1f00-00f2",
+    "usb-1f00-00d1",
+)
+MOST_ATTEMPTS = 18
+"""The most that are tried in one run here; the manifest takes up to 20."""
+Identify = dict[str, Any]
+Change = Callable[[Identify], None]
+
+
+def shop(root: Path) -> Path:
+    """The lab, and a touch panel, two disks on PCI, a relay on HID, a meter without a driver, a serial line."""
+    tree = Tree(lab(root))
+    panel = "platform/i2c/0018:1F00:0078.0002"
+    named = "BENCH:ARM-M4 1F00:0078"
+    tree.bus(panel, "hid", HID_ID="0018:00001F00:00000078", HID_NAME=named, DRIVER="hid-multitouch")
+    tree.member(f"{panel}/input/input7", "input", {"name": named, "capabilities/abs": "260800000000003"})
+    for at, product, model in (("1", "5017", {"model": "BE SN740 512GB"}), ("2", "5018", {})):
+        disk = f"pci0000:00/0000:0{at}:00.0"
+        numbers = {"vendor": "0x1f00", "device": f"0x{product}", "class": "0x010802"}
+        tree.bus(disk, "pci", numbers, DRIVER="nvme")
+        tree.member(f"{disk}/nvme/nvme{at}", "nvme", model)
+    for port, product, text, code, driver in (
+        ("4", "00e1", "Bench Relay", "03", "usbhid"),
+        ("5", "00f1", "Bench Charmeter", "ff", ""),
+        ("6", "00f2", "USB Serial", "ff", "ch341"),
+    ):
+        (tree.usb(f"{HUB}/1-{port}", "1f00", product) / "product").write_text(f"{text}\n")
+        bound = {"DRIVER": driver} if driver else {}
+        interface = {"bInterfaceNumber": "00", "bInterfaceClass": code}
+        tree.bus(f"{HUB}/1-{port}/1-{port}:1.0", "usb", interface, **bound)
+    (root / "sys/devices" / HUB / "1-4/manufacturer").write_text("Bench Works\n")
+    report = f"{HUB}/1-4/1-4:1.0/0003:1F00:00E1.0003"
+    tree.bus(report, "hid", HID_ID="0003:00001F00:000000E1", HID_NAME="Bench Relay", DRIVER="hid-generic")
+    tree.member(f"{report}/hidraw/hidraw0", "hidraw", DEVNAME="hidraw0")
+    tree.member(f"{HUB}/1-6/1-6:1.0/ttyUSB0/tty/ttyUSB0", "tty", DEVNAME="ttyUSB0")
+    ids = root / "usr/share/misc"
+    ids.mkdir(parents=True)
+    (ids / "pci.ids").write_text(
+        "1f00  Bench Electronics\n\t5017  BE SN560 / SN740 / SN770 NVMe SSD\n\t5018  Desk SN1 / Desk SN2 NVMe SSD\n"
+    )
+    (ids / "usb.ids").write_text("1f00  Bench Electronics\n\t00e1  Relay Board\n")
+    return root
+
+
+def device(value: Identify, name: str) -> Identify:
+    return next(each for each in value["devices"] if each["id"] == name)
+
+
+def named(name: str, called: str, method: str = "descriptor_strings", *evidence: str, **more: Any) -> Change:
+    """An annotation that claims this name, on quotes that may be followed by ' => ' and what they say."""
+
+    def change(value: Identify) -> None:
+        cited = [
+            {"quote": quote, **({"says": says} if says else {})}
+            for quote, _, says in (each.partition(" => ") for each in evidence)
+        ]
+        known = {"identified_as": called, "method": method, "confidence": 0.8}
+        given = device(value, name)
+        if given["category"] == "unknown":
+            given.update(category="infrastructure", missing=None)
+        given.update({**known, **({"evidence": cited} if cited else {}), **more})
+
+    return change
+
+
+def able(name: str, capability: str, **more: Any) -> Change:
+    """A device that is said to have one capability, and to be something that acts or senses."""
+
+    def change(value: Identify) -> None:
+        own = {"description": "What it does.", "via": "a library of the system", "effect": "read", **more}
+        given = device(value, name)
+        own = {key: text for key, text in own.items() if text is not None}
+        given["capabilities"] = [{"name": capability, **own}]
+        if given["category"] == "unknown":
+            line = given["evidence"][0]["quote"]
+            given.update(
+                missing=None,
+                category="bidirectional",
+                confidence=0.49,
+                method="descriptor_strings",
+                evidence=[{"quote": line}],
+            )
+
+    return change
+
+
+def both(*changes: Change) -> Change:
+    def change(value: Identify) -> None:
+        for each in changes:
+            each(value)
+
+    return change
+
+
+def dropped(name: str) -> Change:
+    return lambda value: value["devices"].remove(device(value, name))
+
+
+def doubled(value: Identify) -> None:
+    value["devices"].append(copy.deepcopy(device(value, CAMERA)))
+
+
+def invented(value: Identify) -> None:
+    value["devices"].append({**copy.deepcopy(device(value, CAMERA)), "id": "usb-1f00-0a12"})
+
+
+NAME, WAY, PIPE = "IDENTIFY-NAME-WITHOUT-EVIDENCE", "IDENTIFY-CAPABILITY-WITHOUT-CLASS", "IDENTIFY-PASSTHROUGH"
+MOVES, CHIP = "IDENTIFY-ACTUATE-WITHOUT-PROFILE", "IDENTIFY-CHIP-NOT-PRODUCT"
+CAM = "product: Bench Cam <serial>"
+WRONG: dict[str, tuple[Change, str, str]] = {
+    # Names: the word that nothing says stands in the finding, and beside it what the device says of itself.
+    "a part of a longer word": (
+        named(METER, "Bench Charm", "descriptor_strings", "product: Bench Charmeter"),
+        NAME,
+        "Charm",
+    ),
+    "another kind of thing, by one word in common": (
+        named(PANEL, "Robot arm", "kernel_class", "input[0].name: BENCH:ARM-M4 1F00:0078"),
+        NAME,
+        "Robot",
+    ),
+    "another maker": (named(CAMERA, "Zebra Works Cam", "descriptor_strings", CAM), NAME, "Zebra"),
+    "another model": (
+        named(CAMERA, "Bench Works Cam 2", "descriptor_strings", CAM, "manufacturer: Bench Works"),
+        NAME,
+        "'2'",
+    ),
+    "a model from what is said": (
+        named(CAMERA, "Bench Cam HX20", "kernel_class", f"{CAM} => a HX20 is bound by this driver"),
+        NAME,
+        "HX20",
+    ),
+    "a maker from what is said": (
+        named(CAMERA, "Logimax Bench Cam", "descriptor_driver", f"{CAM} => Logimax makes it"),
+        NAME,
+        "Logimax",
+    ),
+    "a maker that no quote says": (
+        named(CAMERA, "Bench Works Cam", "descriptor_strings", CAM),
+        NAME,
+        "manufacturer: Bench Works",
+    ),
+    "the words of a key": (
+        named(METER, "product vendor 00f1", "descriptor_strings", "product: Bench Charmeter"),
+        NAME,
+        "00f1",
+    ),
+    "memory in the place of a database": (
+        named(CAMERA, "Zebra Eye", "id_database", "product_id: 00c1 => usb.ids: Zebra Eye"),
+        NAME,
+        "Bench Electronics",
+    ),
+    "another entry of the database": (
+        named(RELAY, "Bench Electronics Dimmer", "id_database", "product_id: 00e1 => usb.ids: Dimmer"),
+        NAME,
+        "Relay Board",
+    ),
+    "one model of an entry that names several": (
+        named(DISK_OF_TWO, "Bench Electronics SN1", "id_database", "device_id: 5018 => pci.ids: Desk SN1"),
+        NAME,
+        "SN1",
+    ),
+    "another model than the recorded one": (
+        named(DISK, "BE SN770 NVMe SSD", "id_database", "nvme[0].model: BE SN740 512GB => pci.ids: SN770"),
+        NAME,
+        "SN770",
+    ),
+    "a page without an address": (
+        named(METER, "Bench Charmeter Pro", "web_search", "product: Bench Charmeter => found on the web: Pro"),
+        NAME,
+        "Pro",
+    ),
+    "a page that speaks of no quoted word": (
+        named(STICK, "Wonder Widget", "web_search", "bus: usb => example.org/widgets says Wonder Widget"),
+        NAME,
+        "Wonder",
+    ),
+    "a kind of thing at the end of a raw line": (
+        named(
+            LINE,
+            "Thermometer",
+            "kernel_class",
+            "tty[0].name: ttyUSB => a serial thermometer",
+            category="sensor",
+            capabilities=[],
+            missing=None,
+        ),
+        NAME,
+        "Thermometer",
+    ),
+    "two products in one name": (
+        named(RELAY, "Bench Relay and Charmeter", "descriptor_strings", "product: Bench Relay"),
+        NAME,
+        "Charmeter",
+    ),
+    "a name of another script that nothing says": (
+        named(CAMERA, "Камера Зебра", "descriptor_strings", CAM),
+        NAME,
+        "Зебра",
+    ),
+    "a quote of another device": (
+        named(CAMERA, "Bench Relay", "descriptor_strings", "product: Bench Relay"),
+        "IDENTIFY-QUOTE-NOT-VERBATIM",
+        "letter by",
+    ),
+    "a quote from memory": (
+        named(CAMERA, "Bench Cam", "descriptor_strings", "product: Bench Cam Pro"),
+        "IDENTIFY-QUOTE-NOT-VERBATIM",
+        "copy it",
+    ),
+    "a profile that nobody has": (
+        named(RELAY, "Bench Relay", "profile", "product: Bench Relay", profile="relay"),
+        "IDENTIFY-PROFILE-EVIDENCE",
+        "relay",
+    ),
+    # Chips.
+    "a chip for a product": (
+        named(LINE, "USB-serial adapter", "descriptor_strings", "product: USB Serial", category="sensor", missing=None),
+        CHIP,
+        "unknown",
+    ),
+    "a chip with a reading": (
+        both(
+            able(LINE, "read_level"),
+            named(LINE, "USB-serial adapter", "descriptor_strings", "product: USB Serial", category="infrastructure"),
+        ),
+        CHIP,
+        "without capabilities",
+    ),
+    "an unknown chip that can do something": (
+        lambda value: device(value, LINE).update(capabilities=device(value, CAMERA)["capabilities"]),
+        "IDENTIFY-UNKNOWN-CAPABILITY",
+        "leave capabilities empty",
+    ),
+    "an unknown device that is half known": (
+        lambda value: device(value, METER).update(confidence=0.4),
+        "IDENTIFY-UNKNOWN-CONFIDENCE",
+        "0.0",
+    ),
+    "an unknown device without a question": (
+        lambda value: device(value, METER).update(missing="?"),
+        "IDENTIFY-UNKNOWN-MISSING",
+        "settle it",
+    ),
+    # Capabilities.
+    "a picture from a thermometer": (able(SENSOR, "capture_image"), WAY, "video4linux"),
+    "sound from a camera": (able(CAMERA, "record_audio"), WAY, "sound"),
+    "a disk behind a touch panel": (able(PANEL, "read_disk_health"), WAY, "block"),
+    "a reading without any class": (able(METER, "read_charm"), WAY, f"octoform profile new {METER}"),
+    "an erasure for a reading": (able(CAMERA, "erase_pictures"), "IDENTIFY-EFFECT-UNDERSTATED", "irreversible"),
+    "an erasure in the description": (
+        able(CAMERA, "capture_image", description="Delete the old picture, take a new one."),
+        "IDENTIFY-EFFECT-UNDERSTATED",
+        "irreversible",
+    ),
+    "a setting for a reading": (able(CAMERA, "set_exposure"), "IDENTIFY-EFFECT-UNDERSTATED", "actuate"),
+    "a pipe that queries": (able(RELAY, "query_device"), PIPE, "typed parameters"),
+    "a pipe that exchanges": (able(RELAY, "exchange_message"), PIPE, "typed parameters"),
+    "a pipe to registers": (able(RELAY, "register_access"), PIPE, "typed parameters"),
+    "a pipe by its description": (
+        able(RELAY, "read_state", description="Sends any command and reads what comes back."),
+        PIPE,
+        "description",
+    ),
+    "a pipe by what it takes": (able(RELAY, "read_state", parameters={"payload": "hex string"}), PIPE, "parameters"),
+    "a way that is none": (able(CAMERA, "capture_image", via="n/a"), "IDENTIFY-NO-VIA", "infrastructure"),
+    # What moves.
+    "a guess that moves a joint": (
+        both(able(LINE, "move_joint", effect="actuate"), named(LINE, "desk arm", confidence=0.49)),
+        MOVES,
+        f"octoform profile new {LINE}",
+    ),
+    "a relay from memory": (able(RELAY, "switch_relay", effect="actuate"), MOVES, "how to stop"),
+    "an action without any class": (able(METER, "start_motor", effect="irreversible"), MOVES, "profile new"),
+    "infrastructure that acts": (
+        able(DISK, "eject_disk", effect="actuate"),
+        "IDENTIFY-INFRASTRUCTURE-ACTUATES",
+        "drop the capability",
+    ),
+    "one name with two effects": (
+        both(able(CAMERA, "read_level"), able(PANEL, "read_level", effect="actuate")),
+        "IDENTIFY-EFFECT-CONFLICT",
+        "different",
+    ),
+    # Devices.
+    "a device that PROBE does not know": (invented, "IDENTIFY-INVENTED-DEVICE", "usb-1f00-0a12"),
+    "one device twice": (doubled, "IDENTIFY-DUPLICATE-DEVICE", "once"),
+    "a device in silence": (dropped(PANEL), "IDENTIFY-DEVICE-UNACCOUNTED", PANEL),
+}
+
+
+def allowed(value: Identify) -> None:
+    """What an agent may do, once in each way, on the same host."""
+    for change in (
+        named(CAMERA, "Bench Works cameras", "descriptor_strings", CAM, "manufacturer: Bench Works"),
+        named(PANEL, "Touch panel ARM-M4", "kernel_class", "input[0].name: BENCH:ARM-M4 1F00:0078 => a touch panel"),
+        named(
+            DISK,
+            "BE SN740 512GB solid-state disk",
+            "kernel_class",
+            "nvme[0].model: BE SN740 512GB => a solid-state disk",
+        ),
+        named(
+            DISK_OF_TWO, "Bench Electronics NVMe SSD", "id_database", "device_id: 5018 => pci.ids: Desk SN1 / Desk SN2"
+        ),
+        named(
+            METER,
+            "Bench Charmeter Pro",
+            "web_search",
+            "product: Bench Charmeter => example.org/charmeter: the Pro",
+            category="infrastructure",
+            missing=None,
+            confidence=0.6,
+        ),
+        named(RELAY, "Bench Electronics Relay Board", "id_database", "product: Bench Relay => usb.ids"),
+        able(RELAY, "read_relay_state"),
+    ):
+        change(value)
+
+
+def written(value: Identify, change: Change) -> dict[str, str]:
+    own = copy.deepcopy(value)
+    change(own)
+    for each in own["devices"]:
+        for name in [name for name, member in each.items() if member is None]:
+            del each[name]
+    return {"write": json.dumps(own)}
+
+
+@pytest.fixture(scope="module")
+def refused(tmp_path_factory: pytest.TempPathFactory) -> dict[str, list[dict[str, Any]]]:
+    """The errors of each case of `WRONG`; the last attempt of the last run is `allowed` and accepted."""
+    folder = tmp_path_factory.mktemp("held")
+    project = Project(folder / "project", folder / "outside")
+    host = shop(folder / "host")
+    project.environ["OCTOFORM_SYSROOT"] = str(host)
+    probe = probe_root(host)
+    value = identify(probe, IdDatabases(host))
+    changes = [*(change for change, _, _ in WRONG.values()), allowed]
+    errors: list[list[dict[str, Any]]] = []
+    for first in range(0, len(changes), MOST_ATTEMPTS):
+        part = changes[first : first + MOST_ATTEMPTS]
+        project.script = {
+            "probe": [{"write": json.dumps(probe)}],
+            "identify": [written(value, change) for change in part],
+        }
+        project.manifest = {"stages": f"{{identify: {{budget: {{attempts: {len(part)}}}}}}}"}
+        done = project.apply("-target", "identify", status=0 if part[-1] is allowed else 1)
+        errors += [event["diagnostics"] for event in done.events() if event["type"] == "attempt_errored"]
+    return dict(zip(WRONG, errors, strict=True))
+
+
+@pytest.mark.parametrize("case", WRONG)
+def test_what_the_evidence_does_not_bear_out_is_refused_with_the_cure(
+    refused: dict[str, list[dict[str, Any]]], case: str
+) -> None:
+    _, code, said = WRONG[case]
+    told = {item["code"]: json.dumps(item, ensure_ascii=False) for item in refused[case]}
+    assert list(told) == [code] and said in told[code], told
