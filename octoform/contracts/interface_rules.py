@@ -4,11 +4,12 @@ The list of tools is what a person reads to know what an agent may do here, so e
 truth about each, and every device that no tool serves is named with a reason.
 """
 
+import json
 from collections import defaultdict
 
-from octoform.contracts import stop_rules
-from octoform.contracts.model import Artifacts, JsonObject, Rule
-from octoform.contracts.naming import is_passthrough, raw_parameter, same_action
+from octoform.contracts import interface_bound_rules, stop_rules
+from octoform.contracts.model import Artifacts, JsonObject, Rule, effects_of
+from octoform.contracts.naming import same_action
 from octoform.contracts.text import listed, pointer, shown
 from octoform.contracts.text_rules import in_values
 from octoform.diagnostics import Diagnostic, did_you_mean, error
@@ -96,38 +97,43 @@ def name_clash(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
     return out
 
 
+_HINTS = {
+    "read": {"readOnlyHint": True, "destructiveHint": False},
+    "actuate": {"readOnlyHint": False},
+    "irreversible": {"readOnlyHint": False, "destructiveHint": True},
+}
+
+
 def effect_differs(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
     """A tool has the effect that IDENTIFY gave its capability."""
-    effects = {
-        capability["name"]: capability["effect"]
-        for device in _identify(artifacts)["devices"]
-        for capability in device["capabilities"]
-    }
+    effects = effects_of(artifacts)
     out = []
     for index, tool in enumerate(value["tools"]):
         wanted = effects.get(tool["capability"], tool["effect"])
         if tool["effect"] != wanted:
             summary = f"{shown(tool['name'])} is declared {tool['effect']}; its capability is {wanted}"
-            where = pointer("tools", index, "effect")
-            out.append(error("INTERFACE-EFFECT-DIFFERS", summary, pointer=where, hint=f"write {wanted}"))
+            hints = [f"{hint} {json.dumps(must)}" for hint, must in _HINTS[wanted].items()]
+            where, hint = (
+                pointer("tools", index, "effect"),
+                f"write {wanted}, and of the annotations {', '.join(hints)}",
+            )
+            out.append(error("INTERFACE-EFFECT-DIFFERS", summary, pointer=where, hint=hint))
     return out
 
 
-def annotations_contradict(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
-    """The hints that a client sees agree with the effect."""
-    wanted = {
-        "read": {"readOnlyHint": True, "destructiveHint": False},
-        "actuate": {"readOnlyHint": False},
-        "irreversible": {"readOnlyHint": False, "destructiveHint": True},
-    }
+def annotations_contradict(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
+    """The hints that a client sees agree with the effect; where that is wrong, it is the cause."""
+    effects = effects_of(artifacts)
     out = []
     for index, tool in enumerate(value["tools"]):
-        for hint, must in wanted[tool["effect"]].items():
+        effect = tool["effect"]
+        if effects.get(tool["capability"], effect) != effect:
+            continue
+        for hint, must in _HINTS[effect].items():
             if tool["annotations"][hint] is not must:
-                right = "true" if must else "false"
-                summary = f"{shown(tool['name'])} has the effect {tool['effect']}, so {hint} must be {right}"
+                summary = f"{shown(tool['name'])} has the effect {effect}, so {hint} must be {json.dumps(must)}"
                 where = pointer("tools", index, "annotations", hint)
-                out.append(error("INTERFACE-ANNOTATIONS", summary, pointer=where, hint=f"write {right}"))
+                out.append(error("INTERFACE-ANNOTATIONS", summary, pointer=where, hint=f"write {json.dumps(must)}"))
     return out
 
 
@@ -139,6 +145,21 @@ def tool_budget(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
     summary = f"{count} tools are more than the budget of {artifacts.tools_budget}"
     hint = "keep the most useful, leave the rest out with the reason tool_budget, or raise budget.tools"
     return [error("INTERFACE-TOOL-BUDGET", summary, pointer="/tools", hint=hint)]
+
+
+def budget_unused(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
+    """The tool budget is a reason only where it is used up."""
+    free = artifacts.tools_budget - len(value["tools"])
+    return [
+        error(
+            "INTERFACE-BUDGET-UNUSED",
+            f"{shown(item['id'])} is left out for the tool budget, and {free} of {artifacts.tools_budget} are free",
+            pointer=pointer("left_out", index, "reason"),
+            hint="add the tools of its capabilities, or give the reason that is true of it",
+        )
+        for index, item in enumerate(value["left_out"])
+        if item["reason"] == _BUDGET and free > 0
+    ]
 
 
 def unknown_device(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
@@ -205,23 +226,6 @@ def duplicate_path(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
     return out
 
 
-def passthrough(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
-    """No tool is a raw pipe, by its name or by its one telling parameter."""
-    out = []
-    for index, tool in enumerate(value["tools"]):
-        raw = raw_parameter(tool["input_schema"]) if tool["effect"] != "read" else None
-        if is_passthrough(tool["name"]):
-            summary, where = f"the tool {shown(tool['name'])} is a raw pipe", pointer("tools", index, "name")
-        elif raw is not None:
-            summary = f"the parameter {shown(raw)} of {shown(tool['name'])} takes anything"
-            where = pointer("tools", index, "input_schema", "properties", raw)
-        else:
-            continue
-        hint = "offer what the device does, with typed and bounded parameters (an enum or a pattern bounds a string)"
-        out.append(error("INTERFACE-PASSTHROUGH", summary, pointer=where, hint=hint))
-    return out
-
-
 RULES = (
     Rule("INTERFACE-UNKNOWN-DEVICE", unknown_device),
     Rule("INTERFACE-TOOL-WITHOUT-CAPABILITY", tool_without_capability),
@@ -235,7 +239,8 @@ RULES = (
     Rule("INTERFACE-DEVICE-UNACCOUNTED", device_unaccounted),
     Rule("INTERFACE-LEFT-OUT-TWICE", left_out_twice),
     Rule("INTERFACE-DUPLICATE-PATH", duplicate_path),
-    Rule("INTERFACE-PASSTHROUGH", passthrough),
+    Rule("INTERFACE-BUDGET-UNUSED", budget_unused),
+    *interface_bound_rules.RULES,
     *stop_rules.INTERFACE_RULES,
     Rule("INTERFACE-UNESCAPED-TEXT", in_values("INTERFACE-UNESCAPED-TEXT")),
 )

@@ -14,7 +14,7 @@ from jsonschema import Draft202012Validator
 from jsonschema.exceptions import SchemaError, best_match
 
 from octoform.base.files import parse
-from octoform.contracts.model import Artifacts, JsonObject, Rule
+from octoform.contracts.model import Artifacts, JsonObject, Rule, effects_of
 from octoform.contracts.shape import Problem, validator
 from octoform.contracts.text import pointer, shown
 from octoform.diagnostics import Diagnostic, error
@@ -124,11 +124,14 @@ def limit_empty(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
     return out
 
 
-def smoke_arguments(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
+def smoke_arguments(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
     """A read tool can be called once for trial: its smoke arguments, or none, fit its input_schema."""
+    effects = effects_of(artifacts)
     out = []
     for index, tool in enumerate(value["tools"]):
         where = pointer("tools", index, "smoke")
+        if effects.get(tool["capability"], tool["effect"]) != tool["effect"]:
+            continue  # another rule's finding, and the cause of this one
         if tool["effect"] != "read":
             if "smoke" in tool:
                 summary = f"{shown(tool['name'])} is no read tool and may not be called for trial"

@@ -68,6 +68,12 @@ class Artifacts:
     registered: Mapping[str, str] | None = None
 
 
+def effects_of(artifacts: Artifacts) -> dict[str, str]:
+    """The effect that IDENTIFY gives each capability, by its name."""
+    devices = (artifacts.identify or {"devices": []})["devices"]
+    return {capability["name"]: capability["effect"] for device in devices for capability in device["capabilities"]}
+
+
 RuleCheck = Callable[[Any, Artifacts], list[Diagnostic]]
 
 

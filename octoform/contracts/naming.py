@@ -46,7 +46,7 @@ _PIPE = re.compile(
     re.IGNORECASE,
 )
 _FREE = frozenset({"string", "str", "bytes", "text", "free text", "hex", "hex string", "any", "list of bytes"})
-# As the first word of a name these say that something is other afterwards.
+# As the verb of a name these say that something is other afterwards.
 _CHANGING = frozenset(
     {"set", "move", "turn", "switch", "toggle", "enable", "disable", "lock", "unlock", "rotate", "drive", "actuate"}
     | {"blink", "fire", "launch", "feed", "dispense", "rumble", "vibrate", "adjust", "increase", "decrease", "raise"}
@@ -54,7 +54,7 @@ _CHANGING = frozenset(
     | {"unmount", "format", "reset", "reboot", "restart", "shutdown", "poweroff", "clear", "remove", "flash", "zero"}
     | {"play", "print", "press", "release", "activate", "deactivate", "home", "calibrate", "jog", "send", "wake"}
 )
-# Wherever these stand, they destroy.
+# These do so as the verb of a description, too.
 _DESTROYING = frozenset(
     {"erase", "erases", "delete", "deletes", "wipe", "wipes", "purge", "overwrite", "overwrites", "destroy", "shred"}
     | {"sanitize", "discard", "truncate", "reformat"}
@@ -158,8 +158,9 @@ def raw_facts(parameters: Mapping[str, Any]) -> str | None:
 def changes(name: str, description: str) -> str | None:
     """The word that says that a call changes or destroys something, or None."""
     spoken = tokens(name)
-    found = [word for word in spoken[:1] if word in _CHANGING]
-    found += [word for word in (*spoken, *tokens(description)[:1]) if word in _DESTROYING]
+    begins = [spoken[at] for at in range(len(spoken)) if at == 0 or spoken[at - 1] in ("and", "then")]
+    found = [word for word in begins if word in _CHANGING or word in _DESTROYING]
+    found += [word for word in tokens(description)[:1] if word in _DESTROYING]
     return found[0] if found else None
 
 

@@ -4,14 +4,12 @@ The output that is changed is the embedded agent's own, about the bench of `lab`
 """
 
 import copy
-import json
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import pytest
 from bench_host import HUB, lab
-from projects import Project
+from held import Change, Output, both, refusals
 from sysfs_tree import Tree
 
 from octoform.base.id_databases import IdDatabases
@@ -26,10 +24,6 @@ DISK, DISK_OF_TWO, METER, LINE, STICK = (
     "usb-1f00-00f2",
     "usb-1f00-00d1",
 )
-MOST_ATTEMPTS = 18
-"""The most that are tried in one run here; the manifest takes up to 20."""
-Identify = dict[str, Any]
-Change = Callable[[Identify], None]
 
 
 def shop(root: Path) -> Path:
@@ -67,14 +61,14 @@ def shop(root: Path) -> Path:
     return root
 
 
-def device(value: Identify, name: str) -> Identify:
+def device(value: Output, name: str) -> Output:
     return next(each for each in value["devices"] if each["id"] == name)
 
 
 def named(name: str, called: str, method: str = "descriptor_strings", *evidence: str, **more: Any) -> Change:
     """An annotation that claims this name, on quotes that may be followed by ' => ' and what they say."""
 
-    def change(value: Identify) -> None:
+    def change(value: Output) -> None:
         cited = [
             {"quote": quote, **({"says": says} if says else {})}
             for quote, _, says in (each.partition(" => ") for each in evidence)
@@ -91,7 +85,7 @@ def named(name: str, called: str, method: str = "descriptor_strings", *evidence:
 def able(name: str, capability: str, **more: Any) -> Change:
     """A device that is said to have one capability, and to be something that acts or senses."""
 
-    def change(value: Identify) -> None:
+    def change(value: Output) -> None:
         own = {"description": "What it does.", "via": "a library of the system", "effect": "read", **more}
         given = device(value, name)
         own = {key: text for key, text in own.items() if text is not None}
@@ -109,23 +103,15 @@ def able(name: str, capability: str, **more: Any) -> Change:
     return change
 
 
-def both(*changes: Change) -> Change:
-    def change(value: Identify) -> None:
-        for each in changes:
-            each(value)
-
-    return change
-
-
 def dropped(name: str) -> Change:
     return lambda value: value["devices"].remove(device(value, name))
 
 
-def doubled(value: Identify) -> None:
+def doubled(value: Output) -> None:
     value["devices"].append(copy.deepcopy(device(value, CAMERA)))
 
 
-def invented(value: Identify) -> None:
+def invented(value: Output) -> None:
     value["devices"].append({**copy.deepcopy(device(value, CAMERA)), "id": "usb-1f00-0a12"})
 
 
@@ -314,7 +300,7 @@ WRONG: dict[str, tuple[Change, str, str]] = {
 }
 
 
-def allowed(value: Identify) -> None:
+def allowed(value: Output) -> None:
     """What an agent may do, once in each way, on the same host."""
     for change in (
         named(CAMERA, "Bench Works cameras", "descriptor_strings", CAM, "manufacturer: Bench Works"),
@@ -343,42 +329,20 @@ def allowed(value: Identify) -> None:
         change(value)
 
 
-def written(value: Identify, change: Change) -> dict[str, str]:
-    own = copy.deepcopy(value)
-    change(own)
-    for each in own["devices"]:
-        for name in [name for name, member in each.items() if member is None]:
-            del each[name]
-    return {"write": json.dumps(own)}
-
-
 @pytest.fixture(scope="module")
-def refused(tmp_path_factory: pytest.TempPathFactory) -> dict[str, list[dict[str, Any]]]:
-    """The errors of each case of `WRONG`; the last attempt of the last run is `allowed` and accepted."""
+def refused(tmp_path_factory: pytest.TempPathFactory) -> dict[str, dict[str, str]]:
+    """The errors of each case of `WRONG`; after them `allowed` is accepted."""
     folder = tmp_path_factory.mktemp("held")
-    project = Project(folder / "project", folder / "outside")
     host = shop(folder / "host")
-    project.environ["OCTOFORM_SYSROOT"] = str(host)
     probe = probe_root(host)
-    value = identify(probe, IdDatabases(host))
     changes = [*(change for change, _, _ in WRONG.values()), allowed]
-    errors: list[list[dict[str, Any]]] = []
-    for first in range(0, len(changes), MOST_ATTEMPTS):
-        part = changes[first : first + MOST_ATTEMPTS]
-        project.script = {
-            "probe": [{"write": json.dumps(probe)}],
-            "identify": [written(value, change) for change in part],
-        }
-        project.manifest = {"stages": f"{{identify: {{budget: {{attempts: {len(part)}}}}}}}"}
-        done = project.apply("-target", "identify", status=0 if part[-1] is allowed else 1)
-        errors += [event["diagnostics"] for event in done.events() if event["type"] == "attempt_errored"]
-    return dict(zip(WRONG, errors, strict=True))
+    good = identify(probe, IdDatabases(host))
+    return dict(zip(WRONG, refusals(folder, host, "identify", {"probe": probe}, good, changes)[1], strict=True))
 
 
 @pytest.mark.parametrize("case", WRONG)
 def test_what_the_evidence_does_not_bear_out_is_refused_with_the_cure(
-    refused: dict[str, list[dict[str, Any]]], case: str
+    refused: dict[str, dict[str, str]], case: str
 ) -> None:
     _, code, said = WRONG[case]
-    told = {item["code"]: json.dumps(item, ensure_ascii=False) for item in refused[case]}
-    assert list(told) == [code] and said in told[code], told
+    assert list(refused[case]) == [code] and said in refused[case][code], refused[case]

@@ -7,13 +7,12 @@ from typing import Any
 
 import pytest
 from bench_host import SERIAL, lab
+from held import refusals
 from projects import Project
 
 from octoform.builtin.probe.stage import probe_root
 
 CAMERA, STICK, TOUCH, BUS = "usb-1f00-00c1", "usb-1f00-00d1", "hid-1f00-0077", "platform-amdi0010"
-MOST_ATTEMPTS = 11
-"""The most that are tried in one run here; the manifest takes up to 20."""
 Probe = dict[str, Any]
 
 
@@ -112,44 +111,27 @@ def kinds_only(probe: Probe) -> None:
     probe["devices"].append({**near, "context": True})
 
 
-def written(probe: Probe, change: Callable[[Probe], None]) -> dict[str, str]:
-    own = copy.deepcopy(probe)
-    change(own)
-    for device in own["devices"]:
-        for name in [name for name, value in device.items() if value is None]:
-            del device[name]
-    return {"write": json.dumps(own)}
-
-
 @pytest.fixture(scope="module")
-def applied(tmp_path_factory: pytest.TempPathFactory) -> tuple[Project, dict[str, list[dict[str, Any]]]]:
+def applied(tmp_path_factory: pytest.TempPathFactory) -> tuple[Project, dict[str, dict[str, str]]]:
     """Runs of PROBE whose attempts are all of `WRONG`, then `kinds_only`; the errors of each attempt."""
     folder = tmp_path_factory.mktemp("held")
-    project = Project(folder / "project", folder / "outside")
-    project.environ["OCTOFORM_SYSROOT"] = str(lab(folder / "host"))
-    probe: Probe = probe_root(folder / "host")
+    host = lab(folder / "host")
     changes = [*(change for change, _, _ in WRONG.values()), kinds_only]
-    errors = []
-    for first in range(0, len(changes), MOST_ATTEMPTS):
-        part = changes[first : first + MOST_ATTEMPTS]
-        project.script = {"probe": [written(probe, change) for change in part]}
-        project.manifest = {"stages": f"{{probe: {{budget: {{attempts: {len(part)}}}}}}}"}
-        done = project.apply("-target", "probe", status=0 if part[-1] is kinds_only else 1)
-        errors += [event["diagnostics"] for event in done.events() if event["type"] == "attempt_errored"]
+    project, errors = refusals(folder, host, "probe", {}, probe_root(host), changes)
     return project, dict(zip(WRONG, errors, strict=True))
 
 
 @pytest.mark.parametrize("case", WRONG)
 def test_what_the_host_contradicts_is_refused_with_the_true_line(
-    applied: tuple[Project, dict[str, list[dict[str, Any]]]], case: str
+    applied: tuple[Project, dict[str, dict[str, str]]], case: str
 ) -> None:
     _, code, said = WRONG[case]
-    told = {item["code"]: json.dumps(item) for item in applied[1][case]}
+    told = applied[1][case]
     assert code in told and said in told[code], told
 
 
 def test_what_is_accepted_bears_the_hosts_own_facts_and_hides_a_number_that_stands_in_a_text_alone(
-    applied: tuple[Project, dict[str, list[dict[str, Any]]]],
+    applied: tuple[Project, dict[str, dict[str, str]]],
 ) -> None:
     project, _ = applied
     committed = (project.state / "probe" / "output.json").read_text()

@@ -7,6 +7,7 @@ from typing import Any
 from octoform.contracts import Artifacts, ProfileFacts
 
 SCHEMAS = Path(__file__).parents[3] / "protocol" / "schemas"
+PERCENT = {"minimum": 0, "maximum": 100}
 SHA = "sha256:" + "0123456789abcdef" * 4
 
 PROBE: dict[str, Any] = {
@@ -155,7 +156,11 @@ INTERFACE: dict[str, Any] = {
             "description": "Drive the fan.",
             "effect": "actuate",
             "annotations": ACT,
-            "input_schema": {"type": "object", "properties": {"percent": {"type": "number"}}, "required": ["percent"]},
+            "input_schema": {
+                "type": "object",
+                "properties": {"percent": {"type": "number", **PERCENT}},
+                "required": ["percent"],
+            },
         },
         {
             "name": "set_lamp_level",
@@ -164,7 +169,11 @@ INTERFACE: dict[str, Any] = {
             "description": "Dim the lamp.",
             "effect": "actuate",
             "annotations": ACT,
-            "input_schema": {"type": "object", "properties": {"level": {"type": "number"}}, "required": ["level"]},
+            "input_schema": {
+                "type": "object",
+                "properties": {"level": {"type": "number", **PERCENT}},
+                "required": ["level"],
+            },
             "limits": [{"parameter": "level", "minimum": 0, "maximum": 80, "unit": "percent"}],
         },
     ],
