@@ -31,7 +31,28 @@ _PAGE = re.compile(r"\b[\w-]+(?:\.[\w-]+)*\.[a-z]{2,}\b")
 _SEVERAL = re.compile(r"\s/\s|[,;]|\bor\b|\bseries\b|\bfamily\b", re.IGNORECASE)
 _TELLING_KEYS = ("product", "model", "name", "manufacturer", "vendor", "udev.ID_MODEL_FROM_DATABASE", "driver")
 _GRAMMAR = frozenset(
-    ("by", "with", "in", "on", "at", "from", "class", "built", "made", "its", "as", "or", "no", "two", "four")
+    (
+        "by",
+        "with",
+        "in",
+        "on",
+        "at",
+        "from",
+        "class",
+        "built",
+        "made",
+        "its",
+        "as",
+        "or",
+        "no",
+        "not",
+        "only",
+        "model",
+        "shown",
+        "unknown",
+        "two",
+        "four",
+    )
 )
 _CODE = "IDENTIFY-NAME-WITHOUT-EVIDENCE"
 _LONGEST_RUN = 3
@@ -75,9 +96,15 @@ def _unsupported(device: JsonObject, probed: JsonObject, entry: str | None) -> l
         says = " ".join(evidence.get("says", "") for evidence in device["evidence"])
         linked = any(len(word) > 3 and word in said for word in quoted if not is_class_word(word))
         return _missing(telling, quoted | said if linked and _PAGE.search(says) else quoted)
-    unquoted = _missing(telling, quoted)
-    unsaid = _missing(telling, quoted | said) if device["method"] in _OBSERVED else unquoted
-    return [word for word in unquoted if word in unsaid or _is_proper(word, device["identified_as"])]
+    own = _said(_KEY.sub("", str(probed.get(member, ""))) for member in ("name", "raw_descriptor"))
+    own = frozenset(word for word in own if word[0].isalpha())  # an id's digits are in no name
+    unquoted, unsaid = _missing(telling, quoted), _missing(telling, quoted | said | own)
+    unshown = _missing(telling, quoted | own)
+    return [
+        word
+        for word in unquoted
+        if word in unsaid or (_has_digit(word) and word in unshown) or _is_proper(word, device["identified_as"])
+    ]
 
 
 def _tells(word: str) -> bool:
@@ -87,7 +114,11 @@ def _tells(word: str) -> bool:
 
 def _models(words: Iterable[str]) -> list[str]:
     """The words that tell one model from another: those with a digit."""
-    return [word for word in words if any(sign.isdigit() for sign in word)]
+    return [word for word in words if _has_digit(word)]
+
+
+def _has_digit(word: str) -> bool:
+    return any(sign.isdigit() for sign in word)
 
 
 def _missing(words: Sequence[str], said: frozenset[str]) -> list[str]:
@@ -128,8 +159,8 @@ def _words(text: str) -> list[str]:
 
 
 def _is_proper(word: str, name: str) -> bool:
-    """A maker's or a model's word: one with a digit, or with a capital that does not only begin a sentence."""
-    if any(sign.isdigit() for sign in word) or word[1:] != word[1:].lower():
+    """A maker's or a model's word: a number, or one with a capital that does not only begin a sentence."""
+    if word.isdigit() or word[1:] != word[1:].lower():
         return True
     begins = name.strip().startswith(word) and not any(each[0].isupper() for each in _words(name)[1:])
     return word[0].isupper() and not begins

@@ -91,23 +91,24 @@ _FILLER = frozenset(
     | {"technologies", "semiconductor", "semiconductors", "labs", "laboratories", "devices", "company", "vendor"}
 )
 _CLASS_WORDS = """
-    accelerometer access actuator adapter adaptor amplifier analog analogue antenna array audio backlight bank
-    barcode battery biometric bluetooth bridge bus button buttons cable camera capacitor capture card charger chip
-    chipset clock codec coil color colour compass composite computer console control controller converter cooler
-    cooling counter current dac definition depth desktop detector digital digitizer disc disk display dock docking
-    drive driver dual electric embedded emulated encoder ethernet external eye fan fans fi fingerprint flash flow
-    force frequency front game gamepad gateway generator gnss gps graphics gyroscope hard head headphone headphones
-    headset high host hub humidity identification image inertial infrared input integrated interface internal
-    joystick keyboard keypad label laptop laser led leds lid light line load lock logger logic machine magnetic
-    management measurement media memory meter microphone mixer modem module monitor motherboard motion mouse multi
-    multifunction network node numeric numpad optical oscilloscope output package pad panel paper passive pen phone
-    photo platform pointing port portable position power presence pressure printer probe processor projector
-    proximity pump radio reader real rear receiver recorder relay remote removable ring room root router scanner
-    screen sd security sensor sensors serial server signal single smart sound speaker speakers stick still storage
-    stylus supply surface switch system tablet tape telephone temperature terminal thermal thermometer thermostat
-    time timer token touch touchpad touchscreen trackball trackpad transceiver transmitter tuner uninterruptible
-    unit usb video virtual voltage watchdog water weather webcam wi wifi wired wireless wlan zone gpio pwm rtc ssd hdd
-    nvme emmc tv hdmi pci pcie sata scsi ups midi
+    ac accelerometer access acpi actuator adapter adaptor adc ahci amplifier analog analogue antenna array audio
+    backlight bank barcode battery biometric bluetooth bridge bus button buttons cable camera capacitor capture card
+    cdc cec charger chip chipset clock codec coil color colour compass composite computer console control controller
+    converter cooler cooling counter current dac dc definition depth desktop detector digital digitizer disc disk
+    display dock docking drive driver dual dvb electric embedded emmc emulated encoder ethernet external eye fan
+    fans fi fingerprint flash flow fm force frequency front game gamepad gateway generator gnss gpio gps graphics
+    gyroscope hard hda hdd hdmi head headphone headphones headset hid high host hub humidity identification image
+    imu inertial infrared input integrated interface internal ir joystick keyboard keypad label laptop laser lcd led
+    leds lid light line load lock logger logic lte machine magnetic mains management measurement media memory meter
+    microphone midi mixer modem module monitor motherboard motion mouse mtp multi multifunction network nfc node
+    numeric numpad nvme oled optical oscilloscope output package pad panel paper passive pci pcie pen phone photo
+    platform pointing port portable position power presence pressure printer probe processor projector proximity ptp
+    pump pwm radio reader real rear receiver recorder relay remote removable rf rfid ring room root router rtc sata
+    scanner screen scsi sd sdr security sensor sensors serial server signal single smart solid sound speaker
+    speakers ssd state stick still storage stylus supply surface switch system tablet tape telephone temperature
+    terminal thermal thermometer thermostat time timer token touch touchpad touchscreen trackball trackpad
+    transceiver transmitter tuner tv uac uninterruptible unit ups usb uvc video virtual voltage watchdog water
+    weather webcam wi wifi wired wireless wlan xhci zone
 """
 _CLASS = frozenset(_CLASS_WORDS.split())
 _PART_NUMBER = re.compile(r"[a-z]{0,5}\d{2,6}[a-z0-9]{0,6}")

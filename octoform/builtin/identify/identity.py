@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from octoform.builtin.identify import naming
 from octoform.builtin.identify.evidence import Device
 from octoform.builtin.identify.verdict import UNKNOWN, Claim, Evidence
+from octoform.builtin.identify.vocabulary import GENERIC
 
 FULL, STRING, REGISTERED, KERNEL, CLASS_ONLY, NOTHING = 0.9, 0.8, 0.7, 0.8, 0.45, 0.3
 # What the kernel calls these says less than the database's name of the adapter.
@@ -63,7 +64,7 @@ def _is_cited(found: Identity, claim: Claim) -> bool:
     cited = {word for each in (*found.evidence, *claim.evidence) for word in naming.words(each.quote)}
     if found.method == "id_database":
         cited.update(word for each in found.evidence for word in naming.words(each.says))
-    return cited.union(naming.words(claim.noun)).issuperset(naming.words(found.name))
+    return cited.union(naming.words(claim.noun), GENERIC).issuperset(naming.words(found.name))
 
 
 def _of_usb(device: Device, claim: Claim) -> Identity:
