@@ -2,7 +2,8 @@
 #                  pi passes its whole failure matrix, other programs what needs no waiting; programs in CLIENTS only list
 #                  the endpoint
 # make test-harnesses  install all agent programs and pass all tests that run them
-# make recordings  score the embedded agent over a folder of recorded hosts: make recordings DIR=... [SAMPLE=3]
+# make recordings  score the embedded agent over a folder of recorded hosts: make recordings DIR=... [SAMPLE=3], and then
+#                  over DEVICES generated ones (default 10000, 250 with a SAMPLE)
 # make vm          boot emulated hosts with real kernels, onboard them and call their tools (docs/testing.md); needs root.
 #                  ARCHES="amd64" takes one architecture alone
 # make faults      inject every fault of the campaign into live deployments, TIMES times (default 5), and print a table
@@ -49,9 +50,11 @@ test-harnesses: HARNESSES := $(ALL_HARNESSES)
 test-harnesses: programs
 	@$(PYTHON) -m pytest -n auto --dist worksteal -m harness
 
+DEVICES := $(if $(SAMPLE),250,10000)
 recordings:
 	@.ci/setup recordings
 	@$(PYTHON) tests/recordings/run.py $(DIR) $(if $(SAMPLE),--sample $(SAMPLE))
+	@$(PYTHON) tests/recordings/generated.py --devices $(DEVICES)
 
 ARCHES := amd64 arm64
 vm:
@@ -63,11 +66,12 @@ TIMES := 5
 ONLY :=
 MUTATIONS := 200
 SEED := 1
+WORKERS := 2
 SECONDS := 3600
 CAMPAIGN := PYTHONPATH=tests:tests/support $(PYTHON) -m campaign
 faults: setup
 	@$(CAMPAIGN).run --times $(TIMES) --only $(ONLY)
-	@$(CAMPAIGN).mutations --mutations $(MUTATIONS) --seed $(SEED) --only $(ONLY)
+	@$(CAMPAIGN).mutations --mutations $(MUTATIONS) --seed $(SEED) --workers $(WORKERS) --only $(ONLY)
 
 soak: setup
 	@$(CAMPAIGN).soak --seconds $(SECONDS)

@@ -34,6 +34,15 @@ def of_file(path: Path) -> str:
     return of_bytes(files.read(path))
 
 
+def of_large_file(path: Path) -> str | None:
+    """Digest of a regular file of any size, read piece by piece; None for what is none, or cannot be read."""
+    try:
+        with files.stream(path, follow=False) as file:
+            return PREFIX + hashlib.file_digest(file, "sha256").hexdigest()
+    except OSError:
+        return None
+
+
 def short(digest: str) -> str:
     """The first 12 hex digits, for people and for folder names."""
     return digest.removeprefix(PREFIX)[:12]

@@ -5,6 +5,7 @@ import gc
 import os
 import signal
 from collections.abc import Callable, Generator, Iterator
+from importlib.metadata import distributions
 from pathlib import Path
 
 import pytest
@@ -12,7 +13,7 @@ from endings import end_endpoints
 from hosts.plant import plant
 from hypothesis import HealthCheck, settings
 
-from octoform.endpoint.packages import packages
+from octoform.base.files import replace
 from octoform.endpoint.prewarming import GUESS, has_environment, prepare
 from octoform.state.layout import Layout
 
@@ -57,41 +58,41 @@ def update(request: pytest.FixtureRequest) -> bool:
     return bool(request.config.getoption("--update"))
 
 
+@pytest.fixture(scope="session", autouse=True)
+def constraints(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Every lock that a test makes has the versions that the tests run with: no release on an index changes a test.
+
+    Locks of the same requirements are then the same ones, whatever the package cache learns meanwhile; otherwise an
+    apply would drop the environments of others from a folder that projects share.
+    """
+    path = run_folder(tmp_path_factory) / "constraints.txt"
+    pinned = {f"{item.name}=={item.version}" for item in distributions()}
+    replace(path, "".join(f"{line}\n" for line in sorted(pinned)).encode(), synced=False)
+    os.environ["UV_CONSTRAINT"] = str(path)
+    return path
+
+
+def run_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The folder of the whole run: that above the folders of its workers."""
+    base = tmp_path_factory.getbasetemp()
+    return base.parent if "PYTEST_XDIST_WORKER" in os.environ else base
+
+
 @pytest.fixture(scope="session")
 def environments(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder for `Project.share_environments` that all tests of the run have: built by the first who needs it.
 
     For projects of the scripted agent, whose packages are the same everywhere: an apply drops those of others.
     """
-    base = tmp_path_factory.getbasetemp()
-    folder = (base.parent if "PYTEST_XDIST_WORKER" in os.environ else base) / "environments"
+    folder = run_folder(tmp_path_factory) / "environments"
     folder.mkdir(mode=0o700, exist_ok=True)
-    ask_index(folder)
     return folder
-
-
-def ask_index(folder: Path) -> None:
-    """Fill the package cache with the index's answer, once for the whole run.
-
-    A lock is made from what the cache knows. A cache that learns of a release during the run would make two locks of
-    the same requirements, and the environment of one would be dropped by an apply that wants the other. Without a
-    network the cache stays as it is, and so do the locks.
-    """
-    done = folder / ".index-asked"
-    with (folder / ".index-lock").open("wb") as lock:
-        fcntl.flock(lock, fcntl.LOCK_EX)
-        if not done.exists():
-            packages(
-                ["pip", "compile", "--quiet", "-o", str(folder / ".index-answer"), "-"], folder, 120.0, "\n".join(GUESS)
-            )
-            done.touch()
 
 
 @pytest.fixture(scope="session")
 def compiled(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder for `Project.take_bytecode` of one environment, compiled once for the whole run."""
-    base = tmp_path_factory.getbasetemp()
-    layout = Layout((base.parent if "PYTEST_XDIST_WORKER" in os.environ else base) / "compiled", "bench")
+    layout = Layout(run_folder(tmp_path_factory) / "compiled", "bench")
     layout.environments.mkdir(mode=0o700, parents=True, exist_ok=True)
     with (layout.project / "lock").open("wb") as lock:
         fcntl.flock(lock, fcntl.LOCK_EX)

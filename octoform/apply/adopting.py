@@ -12,11 +12,11 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from octoform import digest
+from octoform import digest, events
 from octoform.apply import audit, guarded
 from octoform.apply.context import Context
 from octoform.apply.endpoint_node import CANDIDATE, made_of
-from octoform.apply.serving import Judge, prove_import, publish
+from octoform.apply.serving import STARTING, Judge, prove_import, publish
 from octoform.apply.settling import runtime_files, text_of
 from octoform.base import files
 from octoform.diagnostics import Diagnostic, error, has_errors
@@ -76,7 +76,8 @@ def offer(context: Context, task: Task, source: str, judge: Judge = judge_check)
     problem = _write(trial, source)
     if problem is not None:
         return [*found, problem]
-    publish(replace(context, layout=trial), environment, found, task.stage, judge)
+    context.emit(events.Checking(task.stage, STARTING))
+    publish(replace(context, layout=trial), environment, found, judge)
     return found
 
 
@@ -154,7 +155,8 @@ def published(context: Context, *, smoke: bool = True) -> list[Diagnostic]:
     """Publish the endpoint from the accepted artifacts and call its read tools; no errors: it is live."""
     environment, found = _environment(context)
     if environment is not None:
-        publish(context, environment, found, "endpoint", smoke=smoke)
+        context.emit(events.Checking("endpoint", STARTING if smoke else "starting the endpoint"))
+        publish(context, environment, found, smoke=smoke)
     return found
 
 

@@ -13,6 +13,7 @@ from octoform.apply import scan
 from octoform.apply.context import Context
 from octoform.apply.gate import Verdict, judge
 from octoform.apply.reading import predecessor
+from octoform.apply.settling import runtime_files
 from octoform.diagnostics import Diagnostic, error
 from octoform.harness.port import Price, Task
 from octoform.harness.pricing import OWNERS, price_of
@@ -92,4 +93,7 @@ def of_stage(context: Context, stage: str) -> Assignment:
     harness, budget = manifest.harness_for(stage), manifest.budget_for(stage)
     # The embedded agent's PROBE is the host's own scan; a recorded run may be that of another host.
     by_another = stage == "probe" and harness.name not in MODEL_FREE
-    return Assignment(stage, harness, manifest.model_for(stage), budget, judge=scan.judge if by_another else judge)
+    # Who writes a server reads what it stands on; the embedded agent knows it.
+    beside = runtime_files() if stage == "serve" and harness.name not in MODEL_FREE else {}
+    judged = scan.judge if by_another else judge
+    return Assignment(stage, harness, manifest.model_for(stage), budget, judge=judged, beside=beside)

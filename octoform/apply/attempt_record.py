@@ -12,6 +12,7 @@ from octoform.apply.context import Context
 from octoform.apply.gate import Verdict
 from octoform.apply.spec_copy import Edit
 from octoform.diagnostics import Diagnostic, to_json
+from octoform.digest import of_large_file
 from octoform.harness import environment, usage
 from octoform.harness.port import ExitReason, Outcome, Task, Usage
 from octoform.state import attempts, model
@@ -60,6 +61,7 @@ def record(
         accepted=verdict.accepted and outcome.reason is not ExitReason.INTERRUPTED,
         diagnostics=[to_json(item) for item in verdict.diagnostics],
         files=written_files(task.workdir),
+        digests=_digests(task, assignment.input(context, task.workdir)),
         spec_edit=spec_edit(edit),
         survivors_killed=outcome.survivors_killed,
         unconfined=outcome.unconfined,
@@ -100,8 +102,17 @@ def reused(context: Context, assignment: Assignment, task: Task, verdict: Verdic
         accepted=verdict.accepted,
         diagnostics=[to_json(item) for item in verdict.diagnostics],
         files=[task.output.name],
+        digests=_digests(task, assignment.input(context, task.workdir)),
     )
     return attempts.write(task.workdir, written)
+
+
+def _digests(task: Task, given: Path | None) -> dict[str, str]:
+    """What this attempt knew and wrote, each file by its digest; files that are not there are left out."""
+    paths = {path.name: path for path in (task.prompt, task.log, task.transcript, task.document, task.output)}
+    paths |= {"spec.md": task.workdir / "spec.md"} | ({"input": given} if given is not None else {})
+    found = {name: of_large_file(path) for name, path in paths.items()}
+    return {name: digest for name, digest in sorted(found.items()) if digest is not None}
 
 
 def spec_edit(edit: Edit | None) -> SpecEdit | None:

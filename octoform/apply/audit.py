@@ -2,8 +2,8 @@
 
 An agent has one folder and one file to write. A change of anything else that octoform answers for is undone and fails
 the attempt, by name; so is a new file where one would be read as instruction. Other new or changed files in the
-project are told, since a person may be at work there too. For the same reason nothing that is undone is lost: it is
-kept in the attempt's folder.
+project, and what is new in the person's home folder, are told, since a person may be at work there too. For the same
+reason nothing that is undone is lost: it is kept in the attempt's folder.
 """
 
 import os
@@ -36,13 +36,14 @@ class _There:
 class Guarded:
     """What is to be as it was: files and whole folders, none of which need exist.
 
-    No folder of ``rooms`` may get another entry. What is ``installed``, a file or a room, is told and never
-    put back. ``spared`` tells, at the beginning and at the end, below which paths another run is at work.
+    No folder of ``rooms`` may get another entry; one in ``home`` is told. What is ``installed``, a file or a room, is
+    told and never put back. ``spared`` tells, at the beginning and at the end, where another run is at work.
     """
 
     files: Iterable[Path]
     folders: Iterable[Path]
     rooms: Iterable[Path] = ()
+    home: Path | None = None
     installed: frozenset[Path] = frozenset()
     spared: Callable[[], tuple[Path, ...]] = tuple
 
@@ -60,6 +61,7 @@ class Watch:
     real: frozenset[Path]
     folders: tuple[Path, ...]
     rooms: Mapping[Path, frozenset[str]]
+    home: tuple[Path, frozenset[str]] | None
     seen: Mapping[Path, tuple[int, int]]
     installed: frozenset[Path]
     busy: tuple[Path, ...]
@@ -76,8 +78,9 @@ def begin(project: Path, wanted: Guarded) -> Watch:
     within = {path for folder in folders for path in _folders(folder)}
     real = frozenset(place for place in above | within if place.is_dir() and not place.is_symlink())
     rooms = {room: _names(room) for room in wanted.rooms}
+    home = (wanted.home, _names(wanted.home)) if wanted.home else None
     listing, busy = _listing(project), wanted.spared()
-    return Watch(project, guarded, real, folders, rooms, listing, wanted.installed, busy, wanted.spared)
+    return Watch(project, guarded, real, folders, rooms, home, listing, wanted.installed, busy, wanted.spared)
 
 
 def end(watch: Watch, undone: Path) -> list[Diagnostic]:
@@ -174,11 +177,16 @@ def _touched(watch: Watch, path: Path, kept: Path | None) -> Diagnostic:
 def _strangers(watch: Watch) -> list[Diagnostic]:
     now = _listing(watch.project)
     changed = sorted(path for path, facts in now.items() if watch.seen.get(path) != facts and path not in watch.guarded)
+    if watch.home is not None:
+        folder, names = watch.home
+        above = {place for path in (watch.project, *watch.guarded) for place in (path, *path.parents)}
+        changed += [path for path in (folder / name for name in sorted(_names(folder) - names)) if path not in above]
     return [
         warning(
             "APPLY-OUTSIDE-WRITE",
-            "a file of the project was written while the agent ran; it was left as it is",
+            "a file outside of the attempt's folder was written while the agent ran; it was left as it is",
             path=_name(watch.project, path),
+            hint="see whether it is yours; an agent that runs in a sandbox cannot write there",
         )
         for path in changed[:20]
     ]

@@ -3,12 +3,12 @@
 import shutil
 from collections.abc import Mapping
 
-from octoform import digest
+from octoform import digest, events
 from octoform.apply.context import Context
 from octoform.apply.gate import Verdict
 from octoform.apply.result import Finished
 from octoform.apply.service import service_of
-from octoform.apply.serving import calls_said, publish
+from octoform.apply.serving import STARTING, calls_said, publish
 from octoform.apply.settling import counted
 from octoform.base import files
 from octoform.diagnostics import Diagnostic, error, has_errors
@@ -45,7 +45,8 @@ def _publish(context: Context, anew: bool) -> Verdict:
     found: list[Diagnostic] = list(problems)
     if environment is None:
         return Verdict(tuple(found))
-    report = publish(context, environment, found, "endpoint")
+    context.emit(events.Checking("endpoint", STARTING))
+    report = publish(context, environment, found)
     if report is None or has_errors(found):
         return Verdict(tuple(found))
     # Nothing is published from there any more; a run that was killed during a proof has left it.

@@ -83,7 +83,12 @@ def _begun(context: Context, files: Iterable[Path], folders: Iterable[Path], roo
     started = instructions.of_octoform()
     installed = _installed(context) | {*started.files, *started.rooms}
     wanted = audit.Guarded(
-        [*files, *started.files], folders, [*rooms, *started.rooms], installed, lambda: _at_work(project, own)
+        [*files, *started.files],
+        folders,
+        [*rooms, *started.rooms],
+        instructions.home(context.environ),
+        installed,
+        lambda: _at_work(project, own),
     )
     return audit.begin(project, wanted)
 

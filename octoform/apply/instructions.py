@@ -40,6 +40,13 @@ _OF_A_REPOSITORY = (*_OF_A_TREE, "config", "objects/info/alternates", "shallow")
 _FOLDERS_OF_A_REPOSITORY = ("hooks", "info", "refs/replace")
 _OF_A_PERSON = ("git/config", "git/attributes", "git/ignore", "uv/uv.toml", "pip/pip.conf")
 _OF_THE_MACHINE = ("gitconfig", "gitattributes", "uv/uv.toml", "pip.conf")
+_OF_A_LOGIN = (
+    *(".profile", ".bash_profile", ".bash_login", ".bashrc", ".bash_logout", ".kshrc", ".pam_environment"),
+    *(".zshenv", ".zprofile", ".zshrc", ".zlogin", ".xprofile", ".xsession", ".config/fish/config.fish"),
+    *(".ssh/authorized_keys", ".ssh/config", ".ssh/rc"),
+)
+"""What runs, or lets somebody in, when a person logs in."""
+_FOLDERS_OF_A_LOGIN = (".config/autostart", ".config/fish/conf.d")
 _AGENTS = (
     *("AGENTS.md", "AGENTS.override.md", "CLAUDE.md", "CLAUDE.local.md", "GEMINI.md", "QWEN.md", ".mcp.json", ".env"),
     *("opencode.json", "opencode.jsonc"),
@@ -75,6 +82,7 @@ def sources(context: Context) -> Places:
     written = [manifest.path, *manifest.profile_files, *(spec.path for spec in context.specs.values())]
     files = [*written, project / ".octoform" / ".gitignore", *_around(layout), *_personal(layout, context.environ)]
     folders = [project / "protocol", project / "profiles", project / "state", *_units(layout, context.environ)]
+    folders += [home(context.environ) / name for name in _FOLDERS_OF_A_LOGIN]
     folders += [project / name for name in _FOLDERS_OF_AGENTS]
     rooms = [project / ".octoform"]
     for each in (layout, *_others(layout)):
@@ -90,6 +98,11 @@ def sources(context: Context) -> Places:
         files += of_git.files
         folders += of_git.folders
     return Places(*(tuple(dict.fromkeys(paths)) for paths in (files, folders, rooms)))
+
+
+def home(environ: Mapping[str, str]) -> Path:
+    """The home folder of the person whose shell runs octoform."""
+    return Path(environ.get("HOME") or "~").expanduser()
 
 
 def records(layout: Layout) -> list[Path]:
@@ -163,10 +176,11 @@ def _around(layout: Layout) -> Iterator[Path]:
 
 def _personal(layout: Layout, environ: Mapping[str, str]) -> Iterator[Path]:
     """A person's own files; of git also those that their configuration includes."""
-    home = Path(environ.get("HOME") or "~").expanduser()
+    own = home(environ)
     given = environ.get("XDG_CONFIG_HOME")
-    config = Path(given) if given and Path(given).is_absolute() else home / ".config"
-    yield from (home / ".gitconfig", home / ".pip" / "pip.conf")
+    config = Path(given) if given and Path(given).is_absolute() else own / ".config"
+    yield from (own / ".gitconfig", own / ".pip" / "pip.conf")
+    yield from (own / name for name in _OF_A_LOGIN)
     yield from (Path("/etc") / name for name in _OF_THE_MACHINE)
     yield from (config / name for name in _OF_A_PERSON)
     yield from (unit_path(layout, environ), watch_path(layout, environ))

@@ -8,9 +8,13 @@ from octoform.harness.port import Usage
 
 @dataclass(frozen=True, slots=True)
 class Finished:
-    """``verdict`` is the accepted one, or the last refusal; ``attempts`` counts the agent runs."""
+    """``verdict`` is the accepted one, or the last refusal; ``attempts`` counts the agent runs.
+
+    ``program`` is the agent's program of the last of them with its version, where it is known.
+    """
 
     verdict: Verdict
     attempts: int
     usage: Usage
     seconds: float
+    program: str | None = None

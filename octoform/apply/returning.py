@@ -16,6 +16,8 @@ MOST_RETURNS = 2
 MAKER, JUDGE = "serve", "deploy"
 SHOWN = frozenset(
     {"ENDPOINT-TOOL-BROKEN", "ENDPOINT-TOOLS-DIFFER", "ENDPOINT-CALL-NOT-LOGGED", "ENDPOINT-OUTPUT-INVALID"}
+    | {"ENDPOINT-RESULT-IMPLAUSIBLE", "ENDPOINT-RESULT-OTHER-DEVICE", "ENDPOINT-RESULT-CONSTANT"}
+    | {"ENDPOINT-DEVICE-ABSENT", "ENDPOINT-PROGRAM-MISSING", "ENDPOINT-NETWORK-FAILED", "ENDPOINT-NOTHING-ANSWERS"}
 )
 """Faults of the server itself, seen when it was started and called."""
 TOLD = frozenset({"DEPLOY-STATUS-ERROR"})
@@ -24,7 +26,7 @@ TOLD = frozenset({"DEPLOY-STATUS-ERROR"})
 
 def is_servers_fault(stage: str, found: Iterable[Diagnostic]) -> bool:
     """True when another attempt at the stage cannot help, since the server is at fault."""
-    return stage == JUDGE and any(item.code in SHOWN for item in found)
+    return stage == JUDGE and any(item.code in SHOWN and has_errors([item]) for item in found)
 
 
 def sent_back(context: Context, failed: str | None, found: Iterable[Diagnostic]) -> Failed | None:

@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
-from octoform import events
+from octoform import __version__, digest, events
 from octoform.apply import adopting, reusing
 from octoform.apply.attempt import Failed
 from octoform.apply.attempt_record import state_usage
@@ -11,6 +11,7 @@ from octoform.apply.context import Context
 from octoform.apply.destroying import take_away
 from octoform.apply.endpoint_node import run_endpoint
 from octoform.apply.gate import Verdict
+from octoform.apply.reading import accepted
 from octoform.apply.renaming import renamed
 from octoform.apply.result import Finished
 from octoform.apply.returning import JUDGE, MAKER, MOST_RETURNS, sent_back
@@ -21,6 +22,7 @@ from octoform.apply.tally import Tally
 from octoform.diagnostics import Diagnostic, has_errors
 from octoform.graph.model import Node, NodeKind, key_of, key_parts
 from octoform.harness.watching import added
+from octoform.manifest.model import MODEL_FREE
 from octoform.plan.diff import is_ignored
 from octoform.plan.lending import WANTED_ANEW
 from octoform.plan.model import Action, Plan, PlannedAction
@@ -197,9 +199,18 @@ def _state(context: Context, node: Node, finished: Finished) -> NodeState:
         file_digest=file_digest(context.layout, node.name) or "",
         harness=node.harness,
         model=node.model,
+        program=finished.program or (f"octoform {__version__}" if node.harness in (None, *MODEL_FREE) else None),
+        specs=digest.of_value({name: spec.digest for name, spec in context.specs.items()}),
+        platform=_platform(context),
         attempts=finished.attempts,
         usage=state_usage(finished.usage),
         seconds=round(finished.seconds, 3),
         accepted_at=context.clock.stamp(),
         detail={**finished.verdict.detail, "contract": context.contract},
     )
+
+
+def _platform(context: Context) -> dict[str, str]:
+    """What the accepted PROBE says of the system; empty where there is none yet."""
+    found: dict[str, str] = accepted(context, "probe")["platform"] if context.layout.output("probe").is_file() else {}
+    return found

@@ -1,10 +1,12 @@
 """What the accepted artifacts, the manifest and the profiles make of the endpoint: tools, scope, policy."""
 
+from collections.abc import Mapping
 from dataclasses import asdict
 from typing import Any
 
 from octoform.apply.context import Context
 from octoform.apply.reading import accepted
+from octoform.contracts.serve_tool_rules import tools_importing
 from octoform.diagnostics import Diagnostic
 from octoform.endpoint.policy import Holding, resolve
 from octoform.endpoint.policy_check import doubts
@@ -12,18 +14,41 @@ from octoform.endpoint.service import Service
 from octoform.profiles.applying import holds
 
 
-def service_of(context: Context) -> Service:
-    """The endpoint as it is to be published."""
+def service_of(context: Context, deploy: Mapping[str, Any] | None = None) -> Service:
+    """The endpoint as it is to be published; ``deploy`` is a DEPLOY artifact that is being proved."""
     manifest = context.manifest
     tools = accepted(context, "interface")["tools"]
+    policy = resolve(manifest.policy, tools, _holding(context))
+    for name, package in without_library(context, deploy or _deployed(context)).items():
+        policy["tools"][name] |= {"decision": "deny", "source": f"{package}, which could not be installed here"}
     return Service(
         tools=tools,
-        policy=resolve(manifest.policy, tools, _holding(context)),
+        policy=policy,
         devices=[_device(item) for item in accepted(context, "identify")["devices"]],
         scope=manifest.scope,
         network=asdict(manifest.network) if manifest.network is not None else None,
         tunnel={"command": list(manifest.tunnel.command)} if manifest.tunnel is not None else None,
     )
+
+
+def without_library(context: Context, deploy: Mapping[str, Any]) -> dict[str, str]:
+    """The tools that need a package which failed to install, each with its name; they are left out of the endpoint."""
+    failed = {item["name"] for item in deploy.get("deps_failed", ())}
+    modules = {
+        item["module"].partition(".")[0]: item["provided_by"]
+        for item in deploy.get("imports", ())
+        if item["provided_by"] in failed
+    }
+    if not modules:
+        return {}
+    served = {tool["name"] for tool in accepted(context, "interface")["tools"]}
+    needing = tools_importing(accepted(context, "serve"), modules)
+    return {tool: modules[module] for tool, module in needing.items() if tool in served}
+
+
+def _deployed(context: Context) -> Mapping[str, Any]:
+    found: Mapping[str, Any] = accepted(context, "deploy") if context.layout.output("deploy").is_file() else {}
+    return found
 
 
 def doubts_of(context: Context) -> list[Diagnostic]:

@@ -4,30 +4,36 @@ The proof of SERVE uses an environment of the packages that the server's own hea
 never accepted on its looks; the proof of DEPLOY uses exactly the locked set and the launcher that clients will use.
 """
 
+import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict
+from datetime import datetime, timedelta
 from typing import Any
 
 from octoform import events
 from octoform.apply.context import Context
 from octoform.apply.reading import accepted
-from octoform.apply.service import doubts_of, service_of
+from octoform.apply.service import doubts_of, service_of, without_library
 from octoform.apply.settling import counted, runtime_files
 from octoform.base import files
 from octoform.base.files import replace
-from octoform.contracts.deploying import deploy_lock
-from octoform.contracts.header import declared_requirements
+from octoform.contracts.deploying import deploy_installed, deploy_lock
+from octoform.contracts.header import declared_requirements, normalised
 from octoform.contracts.serving import serve_dynamic
-from octoform.diagnostics import Diagnostic, has_errors
+from octoform.contracts.source import imported_modules, needed_source
+from octoform.contracts.text import listed
+from octoform.contracts.text import shown as shown_text
+from octoform.diagnostics import Diagnostic, has_errors, warning
 from octoform.endpoint.building import build
 from octoform.endpoint.check import CheckReport, check, judge_check
-from octoform.endpoint.environment import Environment
+from octoform.endpoint.distributions import providers, requirements
+from octoform.endpoint.environment import Environment, packages_of
 from octoform.endpoint.errand import Client
 from octoform.endpoint.importcheck import ImportReport, check_import, judge_import
 from octoform.endpoint.prewarming import await_bytecode
 from octoform.endpoint.promise import shown
 from octoform.endpoint.publishing import write_endpoint
-from octoform.endpoint.resolving import resolve
+from octoform.endpoint.resolving import OFFLINE, resolve
 from octoform.endpoint.supervising import PUBLISHED_BYTES, obstacle, stop
 from octoform.endpoint.tokens import ensure_default
 from octoform.harness.port import Task
@@ -37,6 +43,11 @@ IMPORT_SECONDS = 30.0
 IMPORT_SHARE = 0.15
 """Who gave an attempt more time than usual has a host that is slower than usual: the import's part of that time."""
 
+SEEN_SECONDS = 900.0
+"""For so long a device that PROBE saw is taken to be there; SERVE and DEPLOY of a coding agent take minutes."""
+
+STARTING = "starting the endpoint and calling its read tools"
+
 Judge = Callable[[CheckReport, Mapping[str, Any]], list[Diagnostic]]
 """(report, interface) -> what is wrong with an endpoint that was checked."""
 Proof = tuple[list[Diagnostic], dict[str, bytes], dict[str, object]]
@@ -45,13 +56,50 @@ Proof = tuple[list[Diagnostic], dict[str, bytes], dict[str, object]]
 def prove_serve(context: Context, task: Task, source: str) -> Proof:
     """Import the server in an environment of its declared packages; compare its tools with INTERFACE."""
     context.emit(events.Checking("serve", "building the environment that the server declares"))
-    lock, found = _lock(context, declared_requirements(source))
-    environment, more = _environment(context, lock)
-    found += more
+    environment, found = _declared(context, source)
     if environment is None:
         return found, {}, {}
     more, tools = prove_import(context, environment, task, source)
     return [*found, *more], {}, {"said": f"imports with {counted(tools, 'tool')}"}
+
+
+def _declared(context: Context, source: str) -> tuple[Environment | None, list[Diagnostic]]:
+    """An environment of what the server declares; without what cannot be had, where only functions import it.
+
+    Such a package is told, DEPLOY reports it as failed, and the tools that need it are left out of the endpoint.
+    """
+    wanted = declared_requirements(source)
+    environment, found = _made(context, wanted)
+    spare = [item for item in wanted if not _is_at_top(item, source)]
+    if environment is not None or not spare or any(item.hint == OFFLINE for item in found):
+        return environment, found
+    kept = [item for item in wanted if item not in spare]
+    environment, _ = _made(context, kept)
+    told = []
+    for item in spare if environment is not None else ():
+        tried, problems = _made(context, [*kept, item])
+        if tried is not None:
+            environment, kept = tried, [*kept, item]
+            continue
+        said = "\n".join(problem.detail or problem.summary for problem in problems)
+        hint = "DEPLOY reports it as failed, and the tools that need it are left out"
+        told.append(
+            warning("SERVE-DEPENDENCY-FAILED", f"{shown_text(item)} cannot be had here", detail=said, hint=hint)
+        )
+    return (environment, told) if environment is not None else (None, found)
+
+
+def _is_at_top(requirement: str, source: str) -> bool:
+    """Whether the server's top imports a module by the name of the package, so that nothing works without it."""
+    parsed = needed_source(source)
+    top = {normalised(name) for name, _, inside in imported_modules(parsed) if not inside}
+    return normalised(re.split(r"[^A-Za-z0-9._-]", requirement.strip(), maxsplit=1)[0]) in top
+
+
+def _made(context: Context, requirements: Sequence[str]) -> tuple[Environment | None, list[Diagnostic]]:
+    lock, found = _lock(context, requirements)
+    environment, more = _environment(context, lock)
+    return environment, [*found, *more]
 
 
 def prove_import(context: Context, environment: Environment, task: Task, source: str) -> tuple[list[Diagnostic], int]:
@@ -75,7 +123,19 @@ def prove_deploy(context: Context, _: Task, deploy: Mapping[str, Any]) -> Proof:
     found += more
     if environment is None or lock is None:
         return found, {}, {}
-    report = publish(context, environment, found, "deploy")
+    site = packages_of(environment.path)
+    found += deploy_installed(dict(deploy), accepted(context, "serve"), providers(site), requirements(site))
+    if has_errors(found):
+        return found, {}, {}
+    left = without_library(context, deploy)
+    for package in sorted(set(left.values())):
+        tools = listed(sorted(name for name, one in left.items() if one == package))
+        reason = next(item["reason"] for item in deploy["deps_failed"] if item["name"] == package)
+        summary = f"{shown_text(package)} could not be installed, so the endpoint has no {tools}"
+        hint = "octoform apply -replace serve makes the server anew, once the package can be had"
+        found.append(warning("DEPLOY-DEPENDENCY-FAILED", summary, detail=reason, hint=hint))
+    context.emit(events.Checking("deploy", STARTING))
+    report = publish(context, environment, found, deploy=deploy)
     detail: dict[str, object] = {"packages": lock.count("==")}
     if report is not None:
         detail["said"] = f"{detail['packages']} packages locked, {calls_said(report)}"
@@ -86,33 +146,32 @@ def publish(
     context: Context,
     environment: Environment,
     found: list[Diagnostic],
-    node: str,
-    judge: Judge = judge_check,
+    judge: Judge | None = None,
     *,
     smoke: bool = True,
+    deploy: Mapping[str, Any] | None = None,
 ) -> CheckReport | None:
     """Write descriptor, snippets and launcher, start the endpoint, call every read tool; problems join ``found``.
 
-    ``judge`` says what of the check is wrong: an error takes the endpoint out of service. Without ``smoke`` no tool is
-    called, and the endpoint only has to answer with its tools.
+    ``judge`` says what of the check is wrong (`judge_check` where none is given): an error takes the endpoint out of
+    service. ``deploy`` is the DEPLOY artifact that is being proved. Without ``smoke`` no tool is called, and the
+    endpoint only has to answer with its tools.
     """
     if problem := obstacle(context.layout, PUBLISHED_BYTES):
         found.append(problem)
         return None
     with Client(context.layout, environment) as client:
         stop(context.layout)
-        service = service_of(context)
+        service = service_of(context, deploy)
         found += doubts_of(context)
         found += write_endpoint(context.layout, environment, service, context.environ)
         if service.network is not None:
             found += ensure_default(context.layout)
         if has_errors(found):
             return None
-        told = "starting the endpoint and calling its read tools" if smoke else "starting the endpoint"
-        context.emit(events.Checking(node, told))
         interface = shown(context.layout, accepted(context, "interface"))
         report = check(context.layout, interface, smoke=smoke, client=client)
-    judged = judge(report, interface)
+    judged = judge(report, interface) if judge else judge_check(report, interface, _just_seen(context))
     found += judged
     if has_errors(judged):
         # What is broken is not left running; the next apply makes it anew.
@@ -120,11 +179,22 @@ def publish(
     return report
 
 
+def _just_seen(context: Context) -> frozenset[str]:
+    """The devices of a PROBE that was accepted a moment ago; none where it is older."""
+    node = context.store.snapshot.nodes.get("probe")
+    if node is None or node.accepted_at is None:
+        return frozenset()
+    age = context.clock.now() - datetime.fromisoformat(node.accepted_at)
+    if age > timedelta(seconds=SEEN_SECONDS):
+        return frozenset()
+    return frozenset(device["id"] for device in accepted(context, "probe")["devices"])
+
+
 def calls_said(report: CheckReport) -> str:
-    """How the trial calls went, for a person."""
-    tried = [call for call in report.calls if call.skipped is None]
-    answered = sum(1 for call in tried if call.ok)
-    return f"{answered} of {len(tried)} read tools answered"
+    """How the trial calls went, for a person; a tool answered when it did for each of its devices."""
+    tried = {call.tool for call in report.calls if call.skipped is None}
+    failed = {call.tool for call in report.calls if call.skipped is None and not call.ok}
+    return f"{len(tried - failed)} of {len(tried)} read tools answered"
 
 
 def _lock(context: Context, requirements: Sequence[str]) -> tuple[str | None, list[Diagnostic]]:

@@ -18,17 +18,17 @@ HINT = "the accepted server stays in service; octoform attempts -stage heal show
 
 def no_worse(before: CheckReport, mended: frozenset[str]) -> Judge:
     """For a candidate: what worked ``before`` works, and the tools that it was to mend answer where they are tried."""
-    failed = {call.tool for call in before.calls if _failed(call)}
-    worked = {call.tool for call in before.calls if call.ok}
+    failed = {(call.tool, call.device) for call in before.calls if _failed(call)}
+    worked = {(call.tool, call.device) for call in before.calls if call.ok}
 
     def judge(report: CheckReport, interface: Mapping[str, Any]) -> list[Diagnostic]:
-        still = failed - mended
-        calls = tuple(call for call in report.calls if call.tool not in still)
+        still = {(tool, device) for tool, device in failed if tool not in mended}
+        calls = tuple(call for call in report.calls if (call.tool, call.device) not in still)
         found = judge_check(replace(report, calls=calls), interface)
         for call in calls:
             if _failed(call) and call.tool in mended:
                 found.append(_problem("HEAL-NOT-HELPED", f"{shown(call.tool)} still fails", call))
-            elif _failed(call) and call.tool in worked:
+            elif _failed(call) and (call.tool, call.device) in worked:
                 found.append(_problem("HEAL-WORSE", f"{shown(call.tool)} worked before and fails now", call))
         return found
 

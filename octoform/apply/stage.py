@@ -49,6 +49,7 @@ class _Progress:
     usage: Usage = field(default_factory=Usage)
     failed: Failed | None = None
     edit: Edit | None = None
+    program: str | None = None
 
 
 def run_stage(context: Context, stage: str, failed: Failed | None = None) -> Finished:
@@ -72,6 +73,7 @@ def _joined(first: Finished, second: Finished, more: Assignment) -> Finished:
         attempts=first.attempts + second.attempts,
         usage=added(first.usage, second.usage),
         seconds=first.seconds + second.seconds,
+        program=first.program,
     )
 
 
@@ -87,7 +89,7 @@ def fulfil(context: Context, assignment: Assignment, failed: Failed | None = Non
     if verdict.accepted and progress.edit is not None:
         edit = {"digest": progress.edit.digest, "base": context.specs[assignment.stage].digest}
         verdict = replace(verdict, detail={**verdict.detail, "spec_edit": edit})
-    return Finished(verdict, progress.attempts - attempts, progress.usage, elapsed)
+    return Finished(verdict, progress.attempts - attempts, progress.usage, elapsed, progress.program)
 
 
 def may_go_on(context: Context, stage: str) -> bool:
@@ -110,6 +112,7 @@ def _attempts(context: Context, assignment: Assignment, started: float, progress
         progress.attempts += 1
         context.emit(events.AttemptStarted(stage, progress.attempts, budget.attempts, harness.name))
         outcome, verdict = _attempt(context, assignment, harness, limits, progress)
+        progress.program = outcome.program if outcome is not None else None
         if verdict.accepted or outcome is None or outcome.reason is ExitReason.NOT_INSTALLED:
             return verdict
         context.emit(events.AttemptFailed(stage, progress.attempts, verdict.diagnostics, outcome.seconds))

@@ -7,6 +7,7 @@ have typed it, and less counts only where equal devices show different ones. Pur
 """
 
 import re
+import unicodedata
 from collections.abc import Iterable
 from itertools import pairwise
 
@@ -16,7 +17,7 @@ _LEAST_SYMBOLS = 6
 _LEAST_UNFORESEEN = 3
 _LONGEST_STRIDE = 4
 _ORDER = "0123456789abcdefghijklmnopqrstuvwxyz"
-_WORDS = re.compile(r"[a-z]+|\d+")
+_WORDS = re.compile(r"[a-z]+|[0-9]+")
 # Words that stand in for a number, or before one.
 _PLACEHOLDERS = frozenset(
     (
@@ -28,12 +29,26 @@ _PLACEHOLDERS = frozenset(
     )
 )
 _DATE = re.compile(r"(?:19|20)\d\d(?:0[1-9]|1[0-2])(?:0[1-9]|[12]\d|3[01])")
+_YEAR = re.compile(r"(?:19|20)\d\d")
+# A vendor and a product, an address on PCI, a port on USB, a version: none is a number of a unit.
+_OTHER_FORMS = re.compile(
+    r"[0-9a-f]{4}[:_][0-9a-f]{4}|(?:[0-9a-f]{4}:)?[0-9a-f]{2}:[0-9a-f]{2}\.[0-7]|(?:usb)?\d{1,3}-\d{1,3}(?:\.\d{1,3})*"
+    r"|v?\d{1,3}(?:\.\d{1,3})+(?:-.*)?"
+)
+_VERSION = re.compile(r"(?<![0-9a-z])v?\d{1,3}(?:\.\d{1,3})+(?![0-9a-z])")
+# What people write where any number would do: words of hexadecimal digits, rows of a keyboard, constants.
+_TYPED = re.compile(
+    r"deadbeef|badc0ffee0ddf00d|baadf00d|badf00d|c0ffee|c0de|cafebabe|feedface|0d15ea5e|d15ea5e|f00d|beef|cafe|babe|dead"
+    r"|qwerty|qwertz|azerty|asdf|zxcv|1q2w3e|31415926|3141592|2718281|8675309"
+)
+_UNNAMED = frozenset(("na", "nil", "tbd", "none", "null", "tobefilled", "tobefilledbyoem", "notapplicable"))
+_LEAST_NAME = 4
 _NOT_SERIAL = re.compile(r"[^0-9a-z]+")
 
 
 def bare(serial: str) -> str:
     """A number without what tools write differently: letter case, blanks, signs."""
-    return _NOT_SERIAL.sub("", serial.lower())
+    return _NOT_SERIAL.sub("", _plain(serial))
 
 
 def same(one: str, other: str) -> bool:
@@ -44,17 +59,18 @@ def same(one: str, other: str) -> bool:
 def is_placeholder(serial: str) -> bool:
     """Whether a text stands where there is no number at all: zeros, one digit, or words for nothing."""
     number = _number(serial)
-    return len(number) < 2 or not number.strip("0")
+    return len(number) < 2 or not number.strip("0") or bare(serial) in _UNNAMED
 
 
 def weight(serial: str, said: Iterable[str] = ()) -> int:
     """How much a number says, NONE to UNIQUE; ``said`` is what the device says of its kind: product, maker, ids."""
     number = _number(serial)
-    kind = {bare(text) for text in said}
-    if not any(map(str.isdecimal, number)) or len(set(number)) < 2 or {bare(serial), number} & kind:
+    if not any(map(str.isdecimal, number)) or len(set(number)) < 2 or _names_kind(serial, number, said):
         return NONE
     # Zeros in front only fill the width.
-    number = number.lstrip("0")
+    filled, number = number, number.lstrip("0")
+    if len(number) >= _LEAST_SYMBOLS and _is_counted(filled):
+        return PATTERN
     unforeseen = _unforeseen(number)
     if len(number) >= _LEAST_SYMBOLS and unforeseen >= _LEAST_UNFORESEEN:
         return UNIQUE
@@ -63,20 +79,76 @@ def weight(serial: str, said: Iterable[str] = ()) -> int:
 
 def tells_apart(serial: str, others: Iterable[str] = (), said: Iterable[str] = ()) -> bool:
     """Whether a number is one unit's alone; ``others`` are the numbers of the other units of its kind."""
-    others = list(others)
+    others, said = list(others), list(said)
     own = weight(serial, said)
     if any(bare(serial) == bare(other) for other in others):
         return False
     # Two that differ show that the maker numbers the units, where neither looks like a default.
-    return own == UNIQUE or (own == SHORT and bool(others) and all(weight(other) >= SHORT for other in others))
+    return own == UNIQUE or (own == SHORT and bool(others) and all(weight(other, said) >= SHORT for other in others))
+
+
+def _plain(serial: str) -> str:
+    """In small letters, with the digits of any script as ASCII has them."""
+    text = unicodedata.normalize("NFKC", serial).lower()
+    return "".join(str(unicodedata.decimal(sign)) if sign.isdecimal() else sign for sign in text)
+
+
+def _names_kind(serial: str, number: str, said: Iterable[str]) -> bool:
+    """Whether it repeats what the device says of its kind, or the first word of that, such as the name of its chip."""
+    said = list(said)
+    first = {bare(word) for text in said for word in text.split()[:1]}
+    kind = {bare(text) for text in said} | {word for word in first if len(word) >= _LEAST_NAME}
+    return not {bare(serial), number}.isdisjoint(kind)
 
 
 def _number(serial: str) -> str:
     """What is left without signs, placeholders and a date in front; a hexadecimal number without its mark."""
-    text = re.sub(r"\b0x(?=[0-9a-f])", "", serial.lower().replace("s/n", "sn"))
-    kept = "".join(word for word in _WORDS.findall(text) if word not in _PLACEHOLDERS)
-    dated = _DATE.match(bare(kept))
-    return kept[dated.end() :] if dated else kept
+    text = re.sub(r"\b0x(?=[0-9a-f])", "", _plain(serial).replace("s/n", "sn")).strip()
+    if _OTHER_FORMS.fullmatch(text):
+        return ""
+    words = _WORDS.findall(_VERSION.sub("", text))
+    kept = "".join(word for word in words if word not in _PLACEHOLDERS)
+    dated = _DATE.match(kept)
+    return _TYPED.sub("", kept[dated.end() :] if dated else kept)
+
+
+def _is_counted(number: str) -> bool:
+    """Whether it is a count in another dress, as makers number samples and people type.
+
+    A few letters before a row or a filled count, a year before a count, letters between digits that both go on, a count
+    behind the half of a network address that is the maker's, or the members of one row (2468, 10111213).
+    """
+    letters, digits = re.sub("[0-9]", "", number), re.sub("[a-z]", "", number)
+    if len(letters) >= 2 and _unforeseen(letters) <= 1 and _unforeseen(digits) <= 1:
+        return True
+    address = re.fullmatch("[0-9a-f]{6}([0-9a-f]{6})", number)
+    if address is not None and ("000" in address[1] or _is_row(address[1]) or _steps(address[1]) > 3):
+        return True
+    fronts = [re.match("[a-z]{1,4}(?=.{4})", number), _YEAR.match(number), re.match("", number)]
+    return any(_is_row(number[front.end() :]) for front in fronts if front is not None)
+
+
+def _is_row(number: str) -> bool:
+    """Whether it is a small number behind zeros, or the members of a row with equal distances."""
+    if not number or len(number.lstrip("0")) <= len(number) // 3:
+        return True
+    values = [_ORDER.index(symbol) for symbol in number]
+    if len(values) > 2 and any(len({(b - a) % base for a, b in pairwise(values)}) == 1 for base in (10, 16)):
+        return True
+    return any(
+        _goes_on(number, width, step)
+        for width in range(1, len(number) // 3 + 1)
+        if number[:width].isdecimal()
+        for step in range(1, 12)
+    )
+
+
+def _goes_on(number: str, width: int, step: int) -> bool:
+    """Whether it is written as its first ``width`` digits and what follows by adding ``step`` again and again."""
+    made, member = "", int(number[:width])
+    while len(made) < len(number):
+        made, member = made + str(member), member + step
+    return made.startswith(number)
 
 
 def _unforeseen(number: str) -> int:
@@ -92,7 +164,12 @@ def _unforeseen(number: str) -> int:
     )
     if period:
         return _unforeseen(number[:period]) if period > 1 else 1
-    return 1 + sum(not _follows(one, other) for one, other in pairwise(values))
+    return len(values) - _steps(number)
+
+
+def _steps(number: str) -> int:
+    """How many of its symbols go on from the one before."""
+    return sum(_follows(one, other) for one, other in pairwise(map(_ORDER.index, number)))
 
 
 def _follows(one: int, other: int) -> bool:

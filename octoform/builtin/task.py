@@ -7,6 +7,7 @@ one more failure to diagnose.
 
 import json
 import os
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -18,6 +19,9 @@ STAGES = ("probe", "scan", "identify", "interface", "serve", "deploy", "watch", 
 """What this agent does; ``scan`` beside another agent's PROBE, the last two once a deployment runs."""
 STEP = "step."
 """How the name of a privileged step begins; all of them are done by one stage of this agent."""
+FORMER = "former-output.json"
+"""Where the output of the attempt before lies when it was refused."""
+_OF_DEVICE = re.compile(r"/devices/(\d+)(?:/.*)?")
 DEFAULT_TOOLS = 30
 SYSROOT_VARIABLE = "OCTOFORM_SYSROOT"
 
@@ -34,6 +38,7 @@ class Task:
     has one, ``tools_budget`` the most tools that INTERFACE may declare, ``sysroot`` the folder whose sys, proc, dev
     and run are the host (``/`` unless the environment names a recorded one). ``profiles`` are the owner's knowledge of
     products, each with the devices that it ``holds`` for, and ``answers`` what a person said of a device, by its id.
+    ``refused`` are the entries of ``devices`` in the output of the attempt before that were refused, as they were.
     """
 
     stage: str
@@ -44,6 +49,7 @@ class Task:
     sysroot: Path
     profiles: tuple[Mapping[str, Any], ...] = ()
     answers: Mapping[str, str] = field(default_factory=dict)
+    refused: tuple[Mapping[str, Any], ...] = ()
 
     def read_input(self) -> dict[str, Any]:
         """The preceding artifact as a JSON object; Refused when there is none or it is no such thing."""
@@ -79,6 +85,7 @@ def read_task(path: Path, environ: Mapping[str, str] | None = None) -> Task:
         sysroot=Path(variables.get(SYSROOT_VARIABLE) or "/"),
         profiles=_profiles(document),
         answers=_answers(document),
+        refused=_refused(document, output.with_name(FORMER)),
     )
 
 
@@ -122,3 +129,17 @@ def _answers(document: Mapping[str, Any]) -> Mapping[str, str]:
     if not isinstance(given, dict) or not all(isinstance(item, str) for item in given.values()):
         raise Refused("task: 'answers' is no object of sentences")
     return given
+
+
+def _refused(document: Mapping[str, Any], former: Path) -> tuple[Mapping[str, Any], ...]:
+    """The devices of the former output to which an error points; none in a first attempt."""
+    told = [item for item in document.get("diagnostics") or () if isinstance(item, dict)]
+    errors = [str(item.get("pointer")) for item in told if item.get("severity") == "error"]
+    places = {int(found[1]) for pointer in errors if (found := _OF_DEVICE.fullmatch(pointer))}
+    if not places or not former.is_file():
+        return ()
+    devices = read_object(former).get("devices")
+    entries = devices if isinstance(devices, list) else []
+    return tuple(
+        entries[place] for place in sorted(places) if place < len(entries) and isinstance(entries[place], dict)
+    )

@@ -4,13 +4,13 @@ What runs beside the hardware for months is decided here once, so nothing may be
 index happens to offer on the day of a repair. Light.
 """
 
-from octoform.contracts.header import declared_names, normalised
+from octoform.contracts.header import declared_names, declared_requirements, normalised
 from octoform.contracts.model import Artifacts, JsonObject, Rule
 from octoform.contracts.serve_code_rules import is_standard
 from octoform.contracts.source import Source, imported_modules, read_source
 from octoform.contracts.text import pointer, shown
 from octoform.contracts.text_rules import in_values
-from octoform.diagnostics import Diagnostic, error, warning
+from octoform.diagnostics import Diagnostic, error
 from octoform.escaping import escaped
 
 
@@ -68,6 +68,59 @@ def import_provider(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
     return out
 
 
+def provider_twice(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
+    """One package provides a module; two that have the same module overwrite each other."""
+    first: dict[str, str] = {}
+    out = []
+    for index, item in enumerate(value["imports"]):
+        module, provider = item["module"].partition(".")[0], normalised(item["provided_by"])
+        if first.setdefault(module, provider) != provider:
+            summary = f"{shown(module)} is said to come from {shown(first[module])} and from {shown(provider)}"
+            where = pointer("imports", index, "provided_by")
+            hint = "require the one whose build has what the server calls, and leave the other out"
+            out.append(error("DEPLOY-PROVIDER-TWICE", summary, pointer=where, hint=hint))
+    return out
+
+
+def version_outside(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
+    """An exact version lies within the range that the server's header gives for it."""
+    from packaging.requirements import Requirement
+    from packaging.version import InvalidVersion, Version
+
+    written = declared_requirements(artifacts.serve or "")
+    ranges = {normalised(item.name): (item.specifier, text) for text in written for item in [Requirement(text)]}
+    out = []
+    for index, item in enumerate(value["requirements"]):
+        if normalised(item["name"]) not in ranges:
+            continue
+        specifier, text = ranges[normalised(item["name"])]
+        try:
+            fits = specifier.contains(Version(item["version"]), prereleases=True)
+        except InvalidVersion:
+            fits = False
+        if not fits:
+            summary = f"{shown(item['name'])} {shown(item['version'])} is outside of the header's range {shown(text)}"
+            hint = "take a version within the range; if none works, say so in `error` for the next SERVE"
+            where = pointer("requirements", index, "version")
+            out.append(error("DEPLOY-VERSION-OUTSIDE", summary, pointer=where, hint=hint))
+    return out
+
+
+def import_not_there(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
+    """The modules of other packages that are listed are those that the server imports."""
+    if artifacts.serve is None:
+        return []
+    imported = _foreign_imports(artifacts)
+    out = []
+    for index, item in enumerate(value["imports"]):
+        if item["provided_by"] in ("python", "runtime") or item["module"].partition(".")[0] in imported:
+            continue
+        summary = f"server.py does not import {shown(item['module'])}"
+        hint = "list what the server imports, and require nothing for the rest"
+        out.append(error("DEPLOY-IMPORT-NOT-THERE", summary, pointer=pointer("imports", index), hint=hint))
+    return out
+
+
 def duplicate_requirement(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
     """A requirement stands once, with one version."""
     first: dict[str, int] = {}
@@ -114,7 +167,7 @@ def requirement_unused(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
     """A requirement provides an import, or says what it is there for."""
     used = {normalised(item["provided_by"]) for item in value["imports"]}
     return [
-        warning(
+        error(
             "DEPLOY-REQUIREMENT-UNUSED",
             f"{shown(item['name'])} provides no import and does not say why it is required",
             pointer=pointer("requirements", index),
@@ -129,6 +182,9 @@ RULES = (
     Rule("DEPLOY-STATUS-ERROR", status_error),
     Rule("DEPLOY-IMPORT-UNRESOLVED", import_unresolved),
     Rule("DEPLOY-IMPORT-PROVIDER", import_provider),
+    Rule("DEPLOY-PROVIDER-TWICE", provider_twice),
+    Rule("DEPLOY-VERSION-OUTSIDE", version_outside),
+    Rule("DEPLOY-IMPORT-NOT-THERE", import_not_there),
     Rule("DEPLOY-DUPLICATE-REQUIREMENT", duplicate_requirement),
     Rule("DEPLOY-FAILED-AND-REQUIRED", failed_and_required),
     Rule("DEPLOY-DECLARED-NOT-REQUIRED", declared_not_required),

@@ -1,15 +1,15 @@
-"""The lock of an endpoint, checked as text: every package exact and with hashes, from nowhere but the one index.
+"""A set of packages proved: its lock as text (exact, with hashes, from the one index), and what it installed.
 
 The resolver wrote it, but it lies in git where anybody may edit it, and it decides what code runs beside hardware.
 Light.
 """
 
 import re
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator, Mapping
 
-from octoform.contracts.header import normalised
+from octoform.contracts.header import declared_names, normalised
 from octoform.contracts.model import JsonObject
-from octoform.contracts.text import flattened, shown
+from octoform.contracts.text import flattened, listed, pointer, shown
 from octoform.diagnostics import Diagnostic, Span, error
 
 _PINNED = re.compile(
@@ -42,6 +42,60 @@ def deploy_lock(lock_text: str, deploy: JsonObject, path: str | None = None) -> 
             summary = f"{shown(item['name'])} {found}; DEPLOY requires exactly {item['version']}"
             out.append(error("DEPLOY-LOCK-MISSING", summary, path=path, hint="resolve the lock again"))
     return out
+
+
+def deploy_installed(
+    deploy: JsonObject,
+    server: str,
+    providers: Mapping[str, Collection[str]],
+    requirements: Mapping[str, Collection[str]],
+) -> list[Diagnostic]:
+    """What the built environment shows to be wrong with a DEPLOY artifact for the text of a server.
+
+    ``providers`` are the distributions that have files of a module, ``requirements`` what each installed one asks for.
+    """
+    out = []
+    named = {normalised(item["name"]) for item in deploy["requirements"]}
+    failed = {normalised(item["name"]) for item in deploy.get("deps_failed", ())}
+    # What its author declared and has no import says why it is there; what another one needs was pinned on purpose.
+    used = declared_names(server) | {name for wanted in requirements.values() for name in wanted}
+    for index, item in enumerate(deploy["imports"]):
+        module, provider = item["module"].partition(".")[0], normalised(item["provided_by"])
+        real = set(providers.get(module, ()))
+        if provider in failed | {"python", "runtime"}:
+            continue
+        if _provides(provider, real, named, requirements):
+            used |= {provider}
+            continue
+        used |= real
+        says = f"; it comes from {listed(sorted(real))}" if real else ", and nothing else that is installed has it"
+        summary = f"{shown(provider)} is installed and has no module {shown(module)}{says}"
+        hint = "name the package that has the module, and require that one"
+        where = pointer("imports", index, "provided_by")
+        out.append(error("DEPLOY-IMPORT-PROVIDER", summary, pointer=where, hint=hint))
+    for index, item in enumerate(deploy["requirements"]):
+        if normalised(item["name"]) not in used:
+            summary = f"{shown(item['name'])} has no module that server.py imports, and no other package needs it"
+            where = pointer("requirements", index)
+            out.append(error("DEPLOY-REQUIREMENT-UNUSED", summary, pointer=where, hint="take it out"))
+    return out
+
+
+def _provides(
+    provider: str, real: Collection[str], named: Collection[str], requirements: Mapping[str, Collection[str]]
+) -> bool:
+    """Whether a package has the module, or brings a package that has it and that is not itself required."""
+    if provider in real:
+        return True
+    if set(real) & set(named):
+        return False
+    brought, queue = set(), [provider]
+    while queue:
+        name = queue.pop()
+        if name not in brought:
+            brought.add(name)
+            queue += requirements.get(name, ())
+    return bool(brought & set(real))
 
 
 def _entry(line: str, locked: dict[str, str]) -> tuple[str, str, str] | None:

@@ -7,6 +7,7 @@ would let a caller say what the description does not allow; both come from an ag
 from collections.abc import Iterator, Mapping
 from typing import Any
 
+from octoform.contracts.interface_rules import SPARED
 from octoform.contracts.model import Artifacts, JsonObject, Rule
 from octoform.contracts.text import listed, pointer, shown
 from octoform.diagnostics import Diagnostic, did_you_mean, error
@@ -17,7 +18,7 @@ _STOP = "stop"
 
 def grammar_differs(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
     """The tools of a device with a grammar mirror it exactly: names, effects, and what a caller may say."""
-    spared = {item["id"] for item in value["left_out"] if item["reason"] == "tool_budget"}
+    spared = {item["id"] for item in value["left_out"] if item["reason"] in SPARED}
     out: list[Diagnostic] = []
     for device, profile, commands in _described(artifacts):
         tools = {tool["capability"]: (at, tool) for at, tool in enumerate(value["tools"]) if device in tool["devices"]}

@@ -15,6 +15,7 @@ from octoform.contracts.text_rules import in_values
 from octoform.diagnostics import Diagnostic, did_you_mean, error, warning
 
 MANY_DEVICES = 40
+MANY_CAPABILITIES = 5
 _EMPTY_WORDS = frozenset(
     {"", "none", "n/a", "na", "unknown", "tbd", "todo", "null", "-", "?", "some library", "library"}
 )
@@ -244,6 +245,19 @@ def many_devices(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
     return [warning("IDENTIFY-MANY-DEVICES", summary, pointer="/devices", hint=hint)]
 
 
+def many_capabilities(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
+    """Above five, some are mostly one ability under several names; a profile's commands are what they are."""
+    out = []
+    for index, device in enumerate(value["devices"]):
+        count = len(device["capabilities"])
+        if count > MANY_CAPABILITIES and device["method"] != "profile":
+            summary = f"{device['id']} has {count} capabilities; two to five serve a device of consequence"
+            hint = "make one of those that differ in a channel, a direction or a unit: these are parameters"
+            where = f"/devices/{index}/capabilities"
+            out.append(warning("IDENTIFY-MANY-CAPABILITIES", summary, pointer=where, hint=hint))
+    return out
+
+
 RULES = (
     Rule("IDENTIFY-INVENTED-DEVICE", invented_device),
     Rule("IDENTIFY-DUPLICATE-DEVICE", duplicate_device),
@@ -261,6 +275,7 @@ RULES = (
     Rule("IDENTIFY-DUPLICATE-CAPABILITY", duplicate_capability),
     Rule("IDENTIFY-EFFECT-CONFLICT", effect_conflict),
     Rule("IDENTIFY-MANY-DEVICES", many_devices),
+    Rule("IDENTIFY-MANY-CAPABILITIES", many_capabilities),
     *answer_rules.RULES,
     *stop_rules.IDENTIFY_RULES,
     *capability_rules.RULES,

@@ -14,7 +14,11 @@ from octoform.contracts.text import listed, pointer, shown
 from octoform.contracts.text_rules import in_values
 from octoform.diagnostics import Diagnostic, did_you_mean, error
 
-_BUDGET = "tool_budget"
+_BUDGET, _SIZE = "tool_budget", "server_size"
+SPARED = frozenset({_BUDGET, _SIZE})
+"""Reasons for which one capability of a device has no tool, although others of it may have one."""
+_LONG_SERVER = 12
+"""Fewer tools always fit into a server: they would have forty lines each."""
 
 
 def capability_without_tool(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
@@ -148,7 +152,7 @@ def tool_budget(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
 
 
 def budget_unused(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
-    """The tool budget is a reason only where it is used up."""
+    """The tool budget is a reason only where it is used up, and the server's size only for one of many tools."""
     free = artifacts.tools_budget - len(value["tools"])
     return [
         error(
@@ -159,6 +163,15 @@ def budget_unused(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
         )
         for index, item in enumerate(value["left_out"])
         if item["reason"] == _BUDGET and free > 0
+    ] + [
+        error(
+            "INTERFACE-BUDGET-UNUSED",
+            f"{shown(item['id'])} is left out for the server's size, and {len(value['tools'])} tools make a short one",
+            pointer=pointer("left_out", index, "reason"),
+            hint="add the tools of its capabilities, or give the reason that is true of it",
+        )
+        for index, item in enumerate(value["left_out"])
+        if item["reason"] == _SIZE and len(value["tools"]) < _LONG_SERVER
     ]
 
 
@@ -201,7 +214,7 @@ def left_out_twice(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
         where = pointer("left_out", index, "id")
         if item["id"] in seen:
             summary, hint = f"{shown(item['id'])} is left out twice", "keep one of the two"
-        elif item["id"] in served and item["reason"] != _BUDGET:
+        elif item["id"] in served and item["reason"] not in SPARED:
             summary, hint = f"{shown(item['id'])} is left out and served by a tool", "choose one of the two"
         else:
             seen.add(item["id"])
@@ -270,4 +283,4 @@ def _served(value: JsonObject) -> set[str]:
 
 def _spared(value: JsonObject) -> set[str]:
     """The devices of which the tool budget cut at least one capability."""
-    return {item["id"] for item in value["left_out"] if item["reason"] == _BUDGET}
+    return {item["id"] for item in value["left_out"] if item["reason"] in SPARED}

@@ -30,6 +30,15 @@ def schema_equal(a: dict[str, Any], b: dict[str, Any]) -> list[str]:
     return _differences(normal_form(a), normal_form(b), "")
 
 
+def result_differences(promised: dict[str, Any], found: dict[str, Any]) -> list[str]:
+    """Where a server's result may be another one than promised, one line each, in the words of `schema_equal`.
+
+    A result may be narrower than its promise: an integer for a number, never null where null was allowed, more members
+    where the promise does not forbid them. Ranges, lengths and what is required are left to the results themselves.
+    """
+    return _wider(normal_form(promised), normal_form(found), "") if promised.get("properties") else []
+
+
 def normal_form(schema: dict[str, Any]) -> Any:
     """The form that `schema_equal` compares; a copy."""
     value = _Normaliser(schema).schema(schema)
@@ -170,3 +179,85 @@ def _said(value: Any) -> str:
 
 def _shown_place(place: str) -> str:
     return shown(place, 120)[1:-1]
+
+
+def _wider(promised: Any, found: Any, where: str) -> list[str]:
+    wanted, given = _kinds(promised), _kinds(found)
+    if not wanted:
+        return []
+    place = _shown_place(where) or "the result"
+    if not given:
+        told = isinstance(found, dict) and "$ref" in found  # beyond the references that a comparison follows
+        return [] if told else [f"{place}: {_said(_named(wanted))} promised, nothing found"]
+    if given - wanted - ({"integer"} if "number" in wanted else set()):
+        return [f"{place}: {_said(_named(wanted))} promised, {_said(_named(given))} found"]
+    choices, real = promised.get("enum"), found.get("enum")
+    if choices is not None and (real is None or any(not _is_among(item, choices) for item in real)):
+        return [f"{place}: {_said(choices)} promised, {_said(real or _named(given))} found"]
+    out = []
+    wanted_list, found_list = _only(promised, "array"), _only(found, "array")
+    if wanted_list and found_list:
+        out += _wider(wanted_list.get("items", {}), found_list.get("items", {}), f"{where}[]")
+    wanted_record, found_record = _only(promised, "object"), _only(found, "object")
+    if wanted_record and found_record:
+        out += _members(wanted_record, found_record, where)
+    return out
+
+
+def _members(promised: dict[str, Any], found: dict[str, Any], where: str) -> list[str]:
+    wanted, given = promised.get("properties", {}), found.get("properties", {})
+    out = []
+    for name, schema in wanted.items():
+        place = f"{where}.{name}" if where else str(name)
+        if name in given:
+            out += _wider(schema, given[name], place)
+        else:
+            out.append(f"{_shown_place(place)}: promised, nothing found")
+    if wanted and promised.get("additionalProperties") is False:
+        extra = sorted(given.keys() - wanted.keys())
+        out += [f"{_shown_place(f'{where}.{name}' if where else name)}: found, nothing promised" for name in extra]
+    return out
+
+
+def _alternatives(schema: Any) -> list[dict[str, Any]]:
+    if not isinstance(schema, dict):
+        return []
+    choices = schema.get("anyOf", schema.get("oneOf"))
+    if not isinstance(choices, list):
+        return [schema]
+    return [item for choice in choices for item in _alternatives(choice)]
+
+
+def _kinds(schema: Any) -> set[str]:
+    """The JSON types that a schema allows; empty where it does not say."""
+    out: set[str] = set()
+    for item in _alternatives(schema):
+        kind = item.get("type")
+        if "enum" in item:
+            out |= {_type_of(value) for value in item["enum"]}
+        elif isinstance(kind, str):
+            out.add(kind)
+        elif isinstance(kind, list):
+            out |= {str(each) for each in kind}
+        else:
+            return {"object"} if item.get("properties") else set()
+    return out
+
+
+def _only(schema: Any, kind: str) -> dict[str, Any] | None:
+    """The one alternative of a type; None where there is none, or more than one."""
+    found = [item for item in _alternatives(schema) if kind in _kinds(item)]
+    return found[0] if len(found) == 1 else None
+
+
+def _type_of(value: Any) -> str:
+    names = {bool: "boolean", int: "integer", float: "number", str: "string", type(None): "null", list: "array"}
+    return names.get(type(value), "object")
+
+
+def _named(kinds: set[str]) -> str:
+    return " or ".join(sorted(kinds))
+
+
+def _is_among(value: Any, values: list[Any]) -> bool:
+    return any(_same(value, item) for item in values)

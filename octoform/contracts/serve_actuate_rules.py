@@ -5,12 +5,11 @@ A reading of the wrong one of two equal devices misleads; a movement of the wron
 """
 
 import ast
-from collections.abc import Iterator
 
 from octoform.contracts.model import Artifacts, Rule
 from octoform.contracts.serve_device_rules import opens_device
-from octoform.contracts.serve_tool_rules import tool_sites
-from octoform.contracts.source import Function, Source, needed_source
+from octoform.contracts.serve_tool_rules import ToolSite, tool_functions, tool_sites
+from octoform.contracts.source import Source, needed_source
 from octoform.contracts.text import shown
 from octoform.diagnostics import Diagnostic
 
@@ -25,7 +24,7 @@ def actuate_unbound(value: str, artifacts: Artifacts) -> list[Diagnostic]:
     out: dict[ast.Call, Diagnostic] = {}
     for site in tool_sites(source):
         effect = effects.get(site.name or "", "read")
-        for call in _unbound(source, site.node) if effect != "read" else ():
+        for call in _unbound(source, site) if effect != "read" else ():
             summary = f"the tool {shown(site.name or '')} ({effect}) asks for its device as a reader does"
             out.setdefault(call, source.problem(CODE, call, summary, _HINT))
     return list(out.values())
@@ -34,47 +33,18 @@ def actuate_unbound(value: str, artifacts: Artifacts) -> list[Diagnostic]:
 RULES = (Rule(CODE, actuate_unbound),)
 
 
-def _unbound(source: Source, site: ast.AST) -> list[ast.Call]:
+def _unbound(source: Source, site: ToolSite) -> list[ast.Call]:
     """The calls by which a tool gets a device without saying that it acts; none when a function that it uses does."""
-    named = {item.id for item in ast.walk(site) if isinstance(item, ast.Name)}
-    roots = [item for item in source.functions if item is site or (isinstance(site, ast.Call) and item.name in named)]
-    own = [call for root in roots for call in _asking(source, root) if not _acts(call)]
+    roots = tool_functions(source, site)
+    own = [call for root in roots for call in source.asking(root) if not _acts(call)]
     if own:
         return own
-    used = _used(source, roots)
-    asking = [call for function in used for call in _asking(source, function)]
+    used = source.entered_from(roots)
+    asking = [call for function in used for call in source.asking(function)]
     if any(_acts(call) for call in asking):
         return []
     opening = [call for call, _ in source.calls if source.owner(call) in used and opens_device(source, call)]
     return (asking or opening)[:1]
-
-
-def _used(source: Source, roots: list[Function]) -> list[Function]:
-    """The functions of the file that these can enter, themselves too; of a class that they name, all methods."""
-    found: list[Function] = []
-    queue = list(roots)
-    while queue:
-        function = queue.pop()
-        if function not in found:
-            found.append(function)
-            queue += _entered(source, function)
-    return found
-
-
-def _entered(source: Source, function: Function) -> Iterator[Function]:
-    names = {item.id for item in ast.walk(function) if isinstance(item, ast.Name)}
-    names |= {item.attr for item in ast.walk(function) if isinstance(item, ast.Attribute)}
-    for other in source.functions:
-        above = source.parents.get(other)
-        if other.name in names or (isinstance(above, ast.ClassDef) and above.name in names):
-            yield other
-
-
-def _asking(source: Source, function: Function) -> list[ast.Call]:
-    """The calls of ``runtime.device`` in a function."""
-    calls = (item for item in ast.walk(function) if isinstance(item, ast.Call))
-    names = ((call, source.dotted(call.func)) for call in calls)
-    return [call for call, name in names if name.startswith("runtime.") and name.endswith(".device")]
 
 
 def _acts(call: ast.Call) -> bool:

@@ -37,6 +37,7 @@ _FILE_METHODS = frozenset({"open", "read_text", "read_bytes", "write_text", "wri
 # Finding a device reads the system, and fails the whole import when the device is away.
 _RUNTIME_READS = frozenset(f"runtime.{name}" for name in ("device", "files", "read_text", "read_bytes", "read_number"))
 _PROGRAMS = re.compile(r"subprocess\.(?:run|Popen|call|check_call|check_output)")
+_CONTAINERS = frozenset({"append", "add", "setdefault", "insert", "put", "push", "appendleft"})
 _CACHES = frozenset({"functools.cache", "functools.lru_cache", "functools.cached_property", "cache", "lru_cache"})
 
 
@@ -104,9 +105,9 @@ def opens_device(source: Source, call: ast.Call) -> bool:
     if name in _DOTTED_OPENERS | RUNTIME_TOUCHES or name.rpartition(".")[2] in _OPENERS:
         return True
     if name in _FILE_OPENERS:
-        return any(_is_node_path(source, item, call) for item in call.args[:1])
+        return any(is_node_path(source, item, call) for item in call.args[:1])
     if isinstance(call.func, ast.Attribute) and call.func.attr in _FILE_METHODS:
-        return _is_node_path(source, call.func.value, call)
+        return is_node_path(source, call.func.value, call)
     return False
 
 
@@ -118,7 +119,7 @@ def opens_anything(source: Source, call: ast.Call) -> bool:
     return isinstance(call.func, ast.Attribute) and call.func.attr in _FILE_METHODS and call.func.attr != "open"
 
 
-def _is_node_path(source: Source, path: ast.expr, call: ast.Call) -> bool:
+def is_node_path(source: Source, path: ast.expr, call: ast.Call) -> bool:
     """True for an expression that names a device node: below /dev, from ``.node(...)``, or a variable of such."""
     if _mentions_node(source, path):
         return True
@@ -191,6 +192,13 @@ def _encloses(source: Source, node: ast.AST, managers: frozenset[str]) -> bool:
             if any(_locks(source, item.context_expr, managers) for item in before):
                 return True
     return False
+
+
+def lock_regions(source: Source) -> list[ast.With | ast.AsyncWith]:
+    """Every ``with`` that takes the lock of a bus."""
+    managers = _locking_managers(source)
+    blocks = (item for item in source.nodes if isinstance(item, ast.With | ast.AsyncWith))
+    return [block for block in blocks if any(_locks(source, item.context_expr, managers) for item in block.items)]
 
 
 def _locks(source: Source, expression: ast.expr, managers: frozenset[str]) -> bool:
@@ -268,15 +276,33 @@ def _references(source: Source, known: Iterable[str]) -> Iterator[tuple[str | No
 
 
 def _kept(source: Source, call: ast.Call, owner: Function) -> bool:
-    """True when the camera goes into an attribute, a global or a container."""
+    """True when the camera goes into an attribute, a global or a container, at once or by its name."""
     shared = {name for item in ast.walk(owner) if isinstance(item, ast.Global | ast.Nonlocal) for name in item.names}
     statement = source.parents.get(call)
     while statement is not None and not isinstance(statement, ast.stmt):
+        if isinstance(statement, ast.Call) and _stores(statement):
+            return True
         statement = source.parents.get(statement)
     if not isinstance(statement, ast.Assign | ast.AnnAssign):
         return False
     targets = statement.targets if isinstance(statement, ast.Assign) else [statement.target]
-    return any(not isinstance(item, ast.Name) or item.id in shared for item in targets)
+    if any(not isinstance(item, ast.Name) or item.id in shared for item in targets):
+        return True
+    names = {item.id for item in targets if isinstance(item, ast.Name)}
+    return any(_hands_on(item, names, shared) for item in ast.walk(owner))
+
+
+def _stores(call: ast.Call) -> bool:
+    return isinstance(call.func, ast.Attribute) and call.func.attr in _CONTAINERS
+
+
+def _hands_on(node: ast.AST, names: set[str], shared: set[str]) -> bool:
+    """Whether a statement puts what one of the names stands for into something that outlives the call."""
+    if isinstance(node, ast.Call) and _stores(node):
+        return any(isinstance(item, ast.Name) and item.id in names for item in node.args)
+    if not isinstance(node, ast.Assign) or not isinstance(node.value, ast.Name) or node.value.id not in names:
+        return False
+    return any(not isinstance(item, ast.Name) or item.id in shared for item in node.targets)
 
 
 def _released(source: Source, call: ast.Call, owner: Function) -> bool:
@@ -292,11 +318,20 @@ def _released(source: Source, call: ast.Call, owner: Function) -> bool:
         if isinstance(above, ast.With | ast.AsyncWith) and given & _bound(above):
             return True
     finals = [item for node in ast.walk(owner) if isinstance(node, ast.Try) for item in node.finalbody]
+    if any(_is_registered_release(item) for item in ast.walk(owner)):
+        return True
     return any(
         isinstance(node, ast.Call) and isinstance(node.func, ast.Attribute) and node.func.attr in ("release", "close")
         for item in finals
         for node in ast.walk(item)
     )
+
+
+def _is_registered_release(node: ast.AST) -> bool:
+    """``stack.callback(camera.release)``: what an ExitStack calls on every way out."""
+    if not isinstance(node, ast.Call) or not isinstance(node.func, ast.Attribute) or node.func.attr != "callback":
+        return False
+    return any(isinstance(item, ast.Attribute) and item.attr in ("release", "close") for item in node.args[:1])
 
 
 def _bound(block: ast.With | ast.AsyncWith) -> set[str]:

@@ -1,4 +1,4 @@
-"""The whole SERVE contract over one source text: it compiles, and then every rule of the five families."""
+"""The whole SERVE contract over one source text: it compiles, and then every rule of the eight families."""
 
 from dataclasses import replace
 
@@ -6,8 +6,11 @@ from octoform.contracts import (
     serve_actuate_rules,
     serve_code_rules,
     serve_device_rules,
+    serve_exchange_rules,
     serve_loop_rules,
+    serve_reading_rules,
     serve_tool_rules,
+    serve_write_rules,
 )
 from octoform.contracts.model import Artifacts, JsonObject, Rule
 from octoform.contracts.source import Source, read_source
@@ -28,6 +31,9 @@ RULES = (
     *serve_loop_rules.RULES,
     *serve_tool_rules.RULES,
     *serve_actuate_rules.RULES,
+    *serve_reading_rules.RULES,
+    *serve_write_rules.RULES,
+    *serve_exchange_rules.RULES,
 )
 
 

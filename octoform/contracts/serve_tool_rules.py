@@ -5,12 +5,12 @@ not there. The gate stands before tools alone, so whatever else a server could o
 """
 
 import ast
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from dataclasses import dataclass
 
-from octoform.contracts.model import Artifacts, Rule
+from octoform.contracts.model import Artifacts, JsonObject, Rule
 from octoform.contracts.naming import is_passthrough
-from octoform.contracts.source import Source, needed_source
+from octoform.contracts.source import Function, Source, imported_modules, needed_source
 from octoform.contracts.text import listed, shown
 from octoform.diagnostics import Diagnostic, Span, error
 
@@ -140,6 +140,34 @@ def tool_sites(source: Source) -> Iterator[ToolSite]:
     for call, _ in source.calls:
         if call not in decorators and _registers(call.func, servers) and source.parents.get(call) not in decorators:
             yield _call_site(source, call)
+
+
+def served_tools(source: Source, artifacts: Artifacts) -> Iterator[tuple[ToolSite, JsonObject]]:
+    """Each registered tool with its entry in INTERFACE."""
+    tools = {tool["name"]: tool for tool in (artifacts.interface or {"tools": []})["tools"]}
+    for site in tool_sites(source):
+        if site.name in tools:
+            yield site, tools[site.name]
+
+
+def tool_functions(source: Source, site: ToolSite) -> list[Function]:
+    """The functions that a call of the tool runs first: the registered one, or those that the registration names."""
+    named = {item.id for item in ast.walk(site.node) if isinstance(item, ast.Name)}
+    called = isinstance(site.node, ast.Call)
+    return [item for item in source.functions if item is site.node or (called and item.name in named)]
+
+
+def tools_importing(value: str, modules: Collection[str]) -> dict[str, str]:
+    """The tools whose code imports one of the top-level modules inside a function, each with the module."""
+    source = needed_source(value)
+    places = [(source.owner(node), name) for name, node, inside in imported_modules(source) if inside]
+    out: dict[str, str] = {}
+    for site in tool_sites(source):
+        used = source.entered_from(tool_functions(source, site))
+        wanted = sorted(name for owner, name in places if owner in used and name in modules)
+        if site.name is not None and wanted:
+            out[site.name] = wanted[0]
+    return out
 
 
 _NO_NAME = ast.Constant(value=None)

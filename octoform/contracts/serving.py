@@ -5,7 +5,7 @@ from typing import Any
 
 from octoform.contracts.model import JsonObject
 from octoform.contracts.parsing import MAX_DEPTH, deeper_than
-from octoform.contracts.schemas_alike import schema_equal
+from octoform.contracts.schemas_alike import result_differences, schema_equal
 from octoform.contracts.text import listed, shown
 from octoform.diagnostics import Diagnostic, error
 
@@ -15,14 +15,15 @@ _HINTS = ("readOnlyHint", "destructiveHint", "idempotentHint", "openWorldHint")
 def serve_dynamic(report: Mapping[str, Any], interface: JsonObject, path: str = "server.py") -> list[Diagnostic]:
     """The differences between an import report and the INTERFACE artifact.
 
-    ``report`` has ``tools``: a list of objects with ``name``, ``input_schema`` and ``annotations`` in the wire's
-    spelling. That the import itself went well is for the caller to know.
+    ``report`` has ``tools``: a list of objects with ``name``, ``input_schema``, ``output_schema`` and ``annotations``
+    in the wire's spelling. That the import itself went well is for the caller to know.
     """
     wanted = {tool["name"]: tool for tool in interface["tools"]}
     found = {str(tool["name"]): tool for tool in report.get("tools") or ()}
     out = _sets(wanted, found, path)
     for name in sorted(wanted.keys() & found.keys()):
         out += _schema(name, wanted[name], found[name], path)
+        out += _result(name, wanted[name], found[name], path)
         out += _annotations(name, wanted[name], found[name], path)
     return out
 
@@ -56,6 +57,19 @@ def _schema(name: str, wanted: JsonObject, found: Mapping[str, Any], path: str) 
             hint="write parameters whose types, ranges, defaults and names give exactly that input_schema",
         )
     ]
+
+
+def _result(name: str, wanted: JsonObject, found: Mapping[str, Any], path: str) -> list[Diagnostic]:
+    schema = found.get("output_schema")
+    if not isinstance(schema, dict) or deeper_than(schema, MAX_DEPTH):
+        schema = {}
+    lines = result_differences(wanted.get("output_schema", {}), schema)
+    if not lines:
+        return []
+    summary = f"the result of {shown(name)} is not the one that INTERFACE promises"
+    hint = "annotate the function with a dataclass or model whose members are those of output_schema, or register the "
+    hint += "tool with output_schema={...} where it returns a ToolResult"
+    return [error("SERVE-RESULT-DIFFERS", summary, path=path, detail="\n".join(lines[:20]), hint=hint)]
 
 
 def _annotations(name: str, wanted: JsonObject, found: Mapping[str, Any], path: str) -> list[Diagnostic]:

@@ -5,7 +5,7 @@ whoever means harm can hide from any static rule, which is why the import under 
 """
 
 import ast
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from typing import Any
@@ -74,6 +74,37 @@ class Source:
         while above is not None and above is not stop:
             yield above, below
             below, above = above, self.parents.get(above)
+
+    def entered_from(self, roots: Iterable[Function]) -> list[Function]:
+        """The functions of the file that these can enter, themselves too; of a class that they name, all methods."""
+        found: list[Function] = []
+        queue = list(roots)
+        while queue:
+            function = queue.pop()
+            if function not in found:
+                found.append(function)
+                queue += self._entered[function]
+        return found
+
+    @cached_property
+    def _entered(self) -> dict[Function, list[Function]]:
+        """What each function names: functions of the file, and the methods of its classes."""
+        out = {}
+        for function in self.functions:
+            names = {item.id for item in ast.walk(function) if isinstance(item, ast.Name)}
+            names |= {item.attr for item in ast.walk(function) if isinstance(item, ast.Attribute)}
+            out[function] = [other for other in self.functions if names & self._called_by(other)]
+        return out
+
+    def _called_by(self, function: Function) -> set[str]:
+        above = self.parents.get(function)
+        return {function.name, above.name} if isinstance(above, ast.ClassDef) else {function.name}
+
+    def asking(self, function: ast.AST) -> list[ast.Call]:
+        """The calls of ``runtime.device`` in a function."""
+        calls = (item for item in ast.walk(function) if isinstance(item, ast.Call))
+        names = ((call, self.dotted(call.func)) for call in calls)
+        return [call for call, name in names if name.startswith("runtime.") and name.endswith(".device")]
 
     def problem(self, code: str, node: Any, summary: str, hint: str | None = None) -> Diagnostic:
         """An error at a node, with its line."""

@@ -15,10 +15,12 @@ from octoform.daemon.records import ownership
 from octoform.daemon.repairs.worker_port import Workers
 from octoform.daemon.sensing.looking import busy
 from octoform.daemon.sensing.moments import SystemClock
+from octoform.daemon.telling.execution import append
 from octoform.diagnostics import Diagnostic, error
 from octoform.endpoint.files import LAUNCHER
 from octoform.manifest.model import FILE_NAME
 from octoform.state.belonging import foreign
+from octoform.state.files import refused
 from octoform.state.layout import is_left
 
 SETTINGS_SECONDS = 60.0
@@ -53,7 +55,7 @@ def watch(
         return None, [problem] if problem else []
     try:
         with _stopping() as stopping:
-            return _watched(found, environ, _Shown(view, folder, owned), stopping, once)
+            return _watched(found, environ, _Shown(view, folder, owned, found.layout.call_log), stopping, once)
     finally:
         owned.release()
 
@@ -77,8 +79,10 @@ class _Stopping:
 class _Shown:
     """The view, and behind it a look whether this is the host's daemon still, and the manifest the one that it was."""
 
-    def __init__(self, view: View, project: Path, owned: ownership.Owned) -> None:
+    def __init__(self, view: View, project: Path, owned: ownership.Owned, log: Path) -> None:
         self._view = view
+        self._log = log
+        self._unwritten: OSError | None = None
         self._owned = owned
         self._path = project / FILE_NAME
         self._stamp = _stamp(self._path)
@@ -94,6 +98,7 @@ class _Shown:
         """Show a round; let the loop end when it has to begin anew."""
         self.last = made
         self._view(made)
+        self._record(made)
         before, self._unkept = self._unkept, self._owned.keep()
         if self._unkept is not None and self._unkept != before and self.running is not None:
             self._unowned(self._unkept, self.running)
@@ -104,6 +109,15 @@ class _Shown:
         if now != self._stamp:
             self._stamp, self.changed = now, True
             self.running.supervisor.stop()
+
+    def _record(self, made: Round) -> None:
+        """Write what was done into the host's one execution log, among the calls; say once that it cannot be."""
+        if self.running is None or not (lines := list(_doings(made))):
+            return
+        problem = append(self._log, lines)
+        if problem is not None and self._unwritten is None:
+            self.running.supervisor.say(refused(problem, self._log))
+        self._unwritten = problem
 
     def _listens(self) -> None:
         """Let the next round say that folders are not watched, when that is another number than before."""
@@ -121,6 +135,21 @@ class _Shown:
             running.supervisor.stop()
         else:
             running.supervisor.say(problem)
+
+
+def _doings(made: Round) -> Iterator[dict[str, object]]:
+    """What one round noticed, began, tried and saw the end of, as lines of the execution log."""
+    told = {"time": made.facts.stamp, "from": "daemon"}
+    for episode in made.opened:
+        yield {"event": "noticed", **told, "target": episode.target, "summary": episode.summary}
+    for episode, tried in made.tried:
+        ended = {"repair": tried.repair, "ok": tried.ok, "detail": tried.detail[:300], "seconds": tried.seconds}
+        yield {"event": "repair_end", **told, "target": episode.target, **ended}
+    for task in made.begun:
+        if task.finding is not None and task.repair is not None:
+            yield {"event": "repair_start", **told, "target": task.finding.target, "repair": task.repair.value}
+    for episode in made.ended:
+        yield {"event": "over", **told, "target": episode.target, "outcome": str(episode.outcome)}
 
 
 def _watched(

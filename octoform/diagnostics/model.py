@@ -94,8 +94,41 @@ def from_json(value: Mapping[str, object]) -> Diagnostic:
 
 
 def did_you_mean(word: str, candidates: Sequence[str]) -> str | None:
-    """The candidate that ``word`` most likely is a slip of, or None."""
-    import difflib  # only a mistake pays for it
+    """The candidate that ``word`` is a slip or the beginning of; None where none is near.
 
-    found = difflib.get_close_matches(word, list(candidates), n=1, cutoff=0.6)
-    return found[0] if found else None
+    A slip is a letter or two that is another one, left out, added or swapped.
+
+    Another number is no slip (who writes ``usb-1f00-0002`` does not mean ``usb-1f00-0001``), but for swapped digits.
+    """
+    most = max(1, min(3, len(word) // 4))
+    near = [(_slips(word.casefold(), item.casefold(), most), item) for item in candidates]
+    found = min((pair for pair in near if pair[0] <= most), default=None, key=lambda pair: pair[0])
+    begun = [item for item in candidates if len(word) > 2 and item.casefold().startswith(word.casefold())]
+    if found is None and len(begun) == 1:
+        return begun[0]
+    if found is None or (
+        _unnumbered(word) == _unnumbered(found[1]) and sorted(word.casefold()) != sorted(found[1].casefold())
+    ):
+        return None
+    return found[1]
+
+
+def _unnumbered(word: str) -> str:
+    return "".join("0" if letter.isdigit() else letter for letter in word.casefold())
+
+
+def _slips(one: str, other: str, most: int) -> int:
+    """How many slips make one word of the other (optimal string alignment); more than ``most`` where it is more."""
+    if abs(len(one) - len(other)) > most:
+        return most + 1
+    before: list[int] = []
+    row = list(range(len(other) + 1))
+    for at, letter in enumerate(one, 1):
+        earlier, before, row = before, row, [at]
+        for to, wanted in enumerate(other, 1):
+            best = min(before[to] + 1, row[to - 1] + 1, before[to - 1] + (letter != wanted))
+            swapped = at > 1 and to > 1 and letter == other[to - 2] and one[at - 2] == wanted
+            row.append(min(best, earlier[to - 2] + 1) if swapped else best)
+        if min(row) > most:
+            return most + 1
+    return row[-1]

@@ -4,8 +4,8 @@ A call that a client made and the log does not hold would be invisible to whoeve
 not the answer, is what a trial call is believed by.
 """
 
-from collections.abc import Iterable
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +14,10 @@ from octoform.base.files import parse, stream
 
 @dataclass(frozen=True, slots=True)
 class LoggedCall:
-    """A call line with its result line, if it came. ``error`` is the class of the exception, ``ms`` the duration."""
+    """A call line with its result line, if it came. ``error`` is the class of the exception, ``ms`` the duration.
+
+    ``raw`` are the numbers that the tool read of its devices through the runtime, by folder and attribute.
+    """
 
     tool: str
     ended: bool
@@ -22,6 +25,7 @@ class LoggedCall:
     error: str | None = None
     message: str | None = None
     ms: float | None = None
+    raw: Mapping[str, float] = field(default_factory=dict)
 
 
 def mark(path: Path) -> int:
@@ -59,7 +63,13 @@ def _logged(call: dict[str, Any], result: dict[str, Any] | None) -> LoggedCall:
     tool = str(call.get("tool"))
     if result is None:
         return LoggedCall(tool, ended=False, ok=False)
-    return LoggedCall(tool, True, bool(result.get("ok")), result.get("error"), result.get("message"), result.get("ms"))
+    ended = bool(result.get("ok")), result.get("error"), result.get("message"), result.get("ms")
+    return LoggedCall(tool, True, *ended, raw=_numbers(result.get("raw")))
+
+
+def _numbers(value: Any) -> dict[str, float]:
+    found = value.items() if isinstance(value, dict) else ()
+    return {str(name): float(number) for name, number in found if isinstance(number, int | float)}
 
 
 def _parsed(line: bytes) -> dict[str, Any] | None:

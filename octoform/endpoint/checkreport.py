@@ -1,5 +1,6 @@
 """What a check of the endpoint saw, as values."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -8,12 +9,14 @@ from octoform.diagnostics import Diagnostic
 
 @dataclass(frozen=True, slots=True)
 class TrialCall:
-    """One trial call.
+    """One trial call, and its repetitions.
 
-    ``skipped`` is the reason why there was none. ``error_class`` is the exception's class as the log tells it, or
-    ``Timeout``, ``OutputSchema``, ``ResultRefused``, ``Protocol``, ``BadArgument``. ``logged`` means that call and
-    result both stand in the log, ``ended_well`` is what that result says. ``pictures`` holds
-    ``{"bytes", "mean", "spread"}`` for each picture of the answer, brightness in 0..255.
+    ``device`` is the one that the call was for, where it is known. ``skipped`` is the reason why there was none.
+    ``error_class`` is the exception's class as the log tells it, or ``Timeout``, ``OutputSchema``, ``ResultRefused``,
+    ``Protocol``, ``BadArgument``. ``logged`` means that call and result both stand in the log, ``ended_well`` is what
+    that result says. ``pictures`` holds
+    ``{"bytes", "mean", "spread"}`` for each picture of the answer, brightness in 0..255. ``results`` are the structured
+    results of all calls that were made, ``raw`` the numbers that the tool read meanwhile, one table for each.
     """
 
     tool: str
@@ -25,6 +28,9 @@ class TrialCall:
     logged: bool = False
     ended_well: bool | None = None
     pictures: tuple[dict[str, Any], ...] = ()
+    device: str | None = None
+    results: tuple[Any, ...] = ()
+    raw: tuple[Mapping[str, float], ...] = ()
 
 
 @dataclass(frozen=True, slots=True)

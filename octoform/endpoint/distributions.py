@@ -9,6 +9,7 @@ import base64
 import csv
 import hashlib
 import io
+import re
 from collections.abc import Iterator
 from pathlib import Path, PurePosixPath
 
@@ -43,6 +44,34 @@ def conflicts(folder: Path) -> dict[str, tuple[str, ...]]:
         if len(names) > 1:
             found.setdefault(PurePosixPath(file).parts[0].removesuffix(".py"), set()).update(names)
     return {module: tuple(sorted(names)) for module, names in sorted(found.items())}
+
+
+def providers(folder: Path) -> dict[str, frozenset[str]]:
+    """Top-level module to the distributions that have files of it, by their normalised names."""
+    found: dict[str, set[str]] = {}
+    for name, file, _ in _listed(folder):
+        module = PurePosixPath(file).parts[0].partition(".")[0]
+        found.setdefault(module, set()).add(_normalised(name))
+    return {module: frozenset(names) for module, names in found.items()}
+
+
+def requirements(folder: Path) -> dict[str, frozenset[str]]:
+    """Each installed distribution to those that it asks for, optional ones too, by their normalised names."""
+    found = {}
+    for metadata in folder.glob(f"*{_DIST_INFO}/METADATA"):
+        try:
+            text = head(metadata, MOST_BYTES, follow=True).decode("utf-8", "replace").partition("\n\n")[0]
+        except OSError:  # that the environment is damaged shows elsewhere
+            continue
+        wanted = re.findall(r"(?m)^Requires-Dist:\s*([A-Za-z0-9][A-Za-z0-9._-]*)", text)
+        name = metadata.parent.name.removesuffix(_DIST_INFO).partition("-")[0]
+        found[_normalised(name)] = frozenset(map(_normalised, wanted))
+    return found
+
+
+def _normalised(name: str) -> str:
+    """A name in the one spelling by which names are compared (PEP 503)."""
+    return re.sub(r"[-_.]+", "-", name).casefold()
 
 
 def _listed(folder: Path) -> Iterator[tuple[str, str, str]]:

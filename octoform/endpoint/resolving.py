@@ -26,6 +26,9 @@ _PINNED = re.compile(rf"^({_NAME})==(\S+?)\s*(;[^\\]*?)?\s*\\?$")
 _HASH = re.compile(r"--hash=(\S+)")
 
 
+OFFLINE = "connect the host, or fill the package cache on it once"
+
+
 def resolve(requirements: Sequence[str], project: Path, previous: str | None = None, timeout: float = 120.0) -> Locked:
     """The lock for ``requirements`` (``name==version`` or ranges, no addresses), or errors.
 
@@ -48,7 +51,7 @@ def resolve(requirements: Sequence[str], project: Path, previous: str | None = N
                     return normalise(read(lock).decode()), ()
         except FileNotFoundError as problem:
             return None, (tool_missing(problem),)
-    hint = "connect the host, or fill the package cache on it once" if is_network_failure(finished) else None
+    hint = OFFLINE if is_network_failure(finished) else None
     return None, (
         error(
             "ENDPOINT-RESOLVE-FAILED",

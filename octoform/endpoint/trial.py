@@ -1,9 +1,30 @@
-"""Harmless arguments for one trial call of a read tool, from what its author gave or from its schema."""
+"""The trial calls of a read tool, one for each device, with harmless arguments: its author's or its schema's."""
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import Any
 
 _SIMPLE: dict[str, Any] = {"boolean": False, "array": [], "object": {}, "null": None}
+
+
+@dataclass(frozen=True, slots=True)
+class Trial:
+    """A call to make. ``device`` is None where the tool does not say which; ``arguments`` where none are harmless."""
+
+    tool: str
+    device: str | None
+    arguments: dict[str, Any] | None
+
+
+def trials(tool: Mapping[str, Any]) -> list[Trial]:
+    """The calls that prove a tool of the INTERFACE artifact: one for each value of its parameter ``device``."""
+    name, given = tool["name"], trial_arguments(tool)
+    listed = tool["input_schema"].get("properties", {}).get("device", {}).get("enum", ())
+    devices = [value for value in listed if isinstance(value, str)]
+    if given is not None and len(devices) > 1:
+        return [Trial(name, device, {**given, "device": device}) for device in devices]
+    only = tool.get("devices") or (None,)
+    return [Trial(name, only[0] if len(only) == 1 else None, given)]
 
 
 def trial_arguments(tool: Mapping[str, Any]) -> dict[str, Any] | None:

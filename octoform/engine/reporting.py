@@ -6,6 +6,7 @@ from typing import Any
 
 from octoform.base import files
 from octoform.base.shape import fits
+from octoform.endpoint.judging import NOTHING_ANSWERS
 from octoform.endpoint.observing import observe
 from octoform.endpoint.promise import shown
 from octoform.endpoint.public import no_tunnel, through, tunnel_opened
@@ -38,7 +39,8 @@ def endpoint(layout: Layout, artifacts: Mapping[str, Any]) -> EndpointSummary | 
     tools = shown(layout, interface)["tools"]
     readers = [tool for tool in tools if tool["effect"] == "read"]
     calls = _trial_calls(layout)
-    good = {call["tool"]: call for call in calls if call.get("ok")}
+    failed = {call["tool"] for call in calls if not call.get("ok")}
+    good = {call["tool"]: call for call in calls if call["tool"] not in failed}
     easy = [tool["name"] for tool in readers if not tool["input_schema"].get("required")]
     return EndpointSummary(
         command=f"octoform connect {layout.host}",
@@ -53,7 +55,11 @@ def endpoint(layout: Layout, artifacts: Mapping[str, Any]) -> EndpointSummary | 
 
 
 def rights(layout: Layout, result: RunResult, environ: Mapping[str, str]) -> RunResult:
-    """The result with each served device that this user may not use; its tools answer with an error until then."""
+    """The result with each served device that this user may not use; its tools answer with an error until then.
+
+    And with word of an endpoint none of whose read tools answered when they were tried.
+    """
+    result = replace(result, silent=any(item.code == NOTHING_ANSWERS for item in result.diagnostics))
     shut = lacking(layout, environ)
     told = (*result.diagnostics, *diagnostics(shut))
     return replace(result, diagnostics=told, incomplete=tuple(sorted(shut))) if shut else result
@@ -88,4 +94,4 @@ def _said(calls: list[dict[str, Any]], good: Mapping[str, dict[str, Any]]) -> st
         return None
     name, call = next(iter(good.items()))
     took = f" in {call['ms']:.0f} ms" if call.get("ms") is not None else ""
-    return f"{name} answered{took}; {len(good)} of {len(calls)} read tools did"
+    return f"{name} answered{took}; {len(good)} of {len({call['tool'] for call in calls})} read tools did"

@@ -53,7 +53,8 @@ class RunResult:
     """How an apply or a destroy ended; ``failed`` names the node that stopped it.
 
     ``questions`` are those that are open: one for each device whose meaning is missing. ``incomplete`` are the ids of
-    served devices that this user may not use: nothing failed, and the host is degraded.
+    served devices that this user may not use, ``silent`` is an endpoint none of whose read tools answered: nothing
+    failed, and the host is degraded.
     """
 
     operation: str
@@ -73,6 +74,7 @@ class RunResult:
     endpoint: EndpointSummary | None = None
     commit: str | None = None
     incomplete: tuple[str, ...] = ()
+    silent: bool = False
 
 
 @dataclass(frozen=True, slots=True)

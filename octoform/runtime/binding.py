@@ -62,8 +62,8 @@ def in_place(device_id: str, known: Mapping[str, Any]) -> Binding | None:
     """The specimen where it was last seen, for a reader: nothing else is looked at while all is as it was."""
     instance = known.get(device_id)
     claim = _claim(device_id, instance if isinstance(instance, Mapping) else {})
-    claim = _proved(claim, [claim])
     folder = _recorded(claim)
+    claim = _proved(claim, [claim], kinds.said(folder) if folder is not None else [])
     if folder is None or not kinds.matches(folder, device_id) or claim.excludes(folder) or claim.lacks(folder):
         return None
     proved = claim.unique and kinds.serial(folder)
@@ -171,13 +171,14 @@ def _claims(device_id: str, name: str, known: Mapping[str, Any], specimens: list
         _claim(each, instance if isinstance(instance, Mapping) else {})
         for each, instance in sorted(instances.items(), key=lambda item: _ordinal(item[0], name))
     ]
-    return [_proved(claim, claims) for claim in claims]
+    said = [text for each in specimens for text in kinds.said(each)]
+    return [_proved(claim, claims, said) for claim in claims]
 
 
-def _proved(claim: _Claim, claims: list[_Claim]) -> _Claim:
-    """The claim, unique where its number is one among those of its kind."""
+def _proved(claim: _Claim, claims: list[_Claim], said: list[str]) -> _Claim:
+    """The claim, unique where its number is one among those of its kind and not what the kind says of itself."""
     others = [other.serial for other in claims if other.id != claim.id and other.serial]
-    return replace(claim, unique=claim.numbered and serials.tells_apart(claim.serial, others))
+    return replace(claim, unique=claim.numbered and serials.tells_apart(claim.serial, others, said))
 
 
 def _ordinal(device_id: str, name: str) -> int:

@@ -15,6 +15,7 @@ from collections.abc import Awaitable, Callable, Mapping
 from typing import Any, ParamSpec, TypeVar, cast
 
 from .faults import DeviceFault, sentence
+from .trace import Trace, traced
 
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -27,7 +28,8 @@ _complained: list[str] = []
 def logged(tool: Callable[P, R]) -> Callable[P, R]:
     """Log every call of a sync or async tool; its name, signature and documentation stay.
 
-    A failed call's line names the class of the exception. A fault of a device, an error of the operating system and a
+    The result's line names the devices that were asked for and the numbers that were read of them; that of a failed
+    call names the class of the exception. A fault of a device, an error of the operating system and a
     missing library then go on as FastMCP's ToolError with one sentence for the client, which a server that masks the
     details of unforeseen errors lets through; without FastMCP, and for every other exception, as they are.
     """
@@ -36,27 +38,29 @@ def logged(tool: Callable[P, R]) -> Callable[P, R]:
     @functools.wraps(tool)
     def call(*args: P.args, **kwargs: P.kwargs) -> R:
         entry = _begin(tool.__name__, signature, args, kwargs)
-        try:
-            value = tool(*args, **kwargs)
-        except BaseException as problem:
-            _end(entry, problem)
-            if (told := for_client(problem)) is None:
-                raise
-            raise told from problem
-        _end(entry, None)
+        with traced() as seen:
+            try:
+                value = tool(*args, **kwargs)
+            except BaseException as problem:
+                _end(entry, seen, problem)
+                if (told := for_client(problem)) is None:
+                    raise
+                raise told from problem
+        _end(entry, seen, None)
         return value
 
     @functools.wraps(tool)
     async def call_async(*args: P.args, **kwargs: P.kwargs) -> Any:
         entry = _begin(tool.__name__, signature, args, kwargs)
-        try:
-            value = await cast("Awaitable[Any]", tool(*args, **kwargs))
-        except BaseException as problem:
-            _end(entry, problem)
-            if (told := for_client(problem)) is None:
-                raise
-            raise told from problem
-        _end(entry, None)
+        with traced() as seen:
+            try:
+                value = await cast("Awaitable[Any]", tool(*args, **kwargs))
+            except BaseException as problem:
+                _end(entry, seen, problem)
+                if (told := for_client(problem)) is None:
+                    raise
+                raise told from problem
+        _end(entry, seen, None)
         return value
 
     wrapper: Any = call_async if inspect.iscoroutinefunction(tool) else call
@@ -90,13 +94,14 @@ def _begin(
     return identity, name, time.perf_counter()
 
 
-def _end(entry: tuple[str, str, float], problem: BaseException | None) -> None:
+def _end(entry: tuple[str, str, float], seen: Trace, problem: BaseException | None) -> None:
     identity, name, begun = entry
     line: dict[str, Any] = {"event": "result", "id": identity, "time": _now(), "tool": name, "ok": problem is None}
     if problem is not None:
         line["error"] = type(problem).__name__
         line["message"] = _cut(str(problem))
     line["ms"] = round((time.perf_counter() - begun) * 1000, 1)
+    line.update({name: found for name, found in (("devices", seen.devices), ("raw", seen.raw)) if found})
     _write(line)
 
 

@@ -5,6 +5,7 @@ from collections.abc import Iterator
 from typing import NamedTuple
 
 from .devices import Device
+from .quantities import is_possible
 from .sysfs import files, read_first, read_number, read_text
 
 _IIO_UNITS = {  # quantity: (from the ABI's unit to this one, unit)
@@ -15,13 +16,18 @@ _IIO_UNITS = {  # quantity: (from the ABI's unit to this one, unit)
 
 
 class Row(NamedTuple):
-    """One channel; a value of None is one that did not answer."""
+    """One channel; a value of None is one that did not answer, or with what cannot be measured (nothing connected)."""
 
     sensor: str
     channel: str
     label: str
     value: float | None
     unit: str
+
+    @classmethod
+    def of(cls, sensor: str, channel: str, label: str, value: float | None, unit: str) -> "Row":
+        """A row; its value is None where nothing can have measured it."""
+        return cls(sensor, channel, label, value if value is not None and is_possible(value, unit) else None, unit)
 
 
 def hwmon(unit: Device, kind: str, scale: float, symbol: str) -> Iterator[Row]:
@@ -31,7 +37,7 @@ def hwmon(unit: Device, kind: str, scale: float, symbol: str) -> Iterator[Row]:
         found = files(folder, f"{kind}[0-9]*_average") + files(folder, f"{kind}[0-9]*_input")
         for channel, file in {file.name.rpartition("_")[0]: file for file in found}.items():
             label = read_text(folder / f"{channel}_label") or channel
-            yield Row(sensor, channel, label, read_number(file, scale), symbol)
+            yield Row.of(sensor, channel, label, read_number(file, scale), symbol)
 
 
 def thermal(unit: Device) -> Iterator[Row]:
@@ -39,7 +45,7 @@ def thermal(unit: Device) -> Iterator[Row]:
     for folder in unit.paths("thermal"):
         if (folder / "temp").exists():
             kind = read_text(folder / "type") or folder.name
-            yield Row(kind, "temp", kind, read_number(folder / "temp", 0.001), "degC")
+            yield Row.of(kind, "temp", kind, read_number(folder / "temp", 0.001), "degC")
 
 
 def iio(unit: Device, wanted: str = "") -> Iterator[Row]:
@@ -56,4 +62,4 @@ def iio(unit: Device, wanted: str = "") -> Iterator[Row]:
                 scale = read_first(folder / f"{channel}_scale", folder / f"{kind}_scale")
                 value = (value + offset) * (1 if scale is None else scale)
             value = None if value is None else round(value * factor, 9)
-            yield Row(sensor, channel, channel.removeprefix("in_"), value, symbol)
+            yield Row.of(sensor, channel, channel.removeprefix("in_"), value, symbol)

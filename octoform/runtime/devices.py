@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from . import kinds
+from . import kinds, trace
 from .binding import bind, in_place
 from .faults import AmbiguousDevice, DeviceAbsent
 from .locks import DEFAULT_TIMEOUT, bus
@@ -37,7 +37,8 @@ class Device:
 
         A part keeps its place in the order whatever number the kernel gives it: the first of two lines is the first.
         """
-        return [path for path in members(kind) if self._owns(path)]
+        with trace.asking(self.id):
+            return [trace.Folder(path) for path in members(kind) if self._owns(path)]
 
     def path(self, kind: str) -> Path:
         """The first folder of a class; DeviceAbsent when the device has none now."""
@@ -95,12 +96,13 @@ def device(device_id: str, actuate: bool = False) -> Device:
     DeviceAbsent when it is not there; AmbiguousDevice when ``actuate`` is true and neither a serial number nor a place
     tells which specimen is meant.
     """
-    known = _instances()
-    if known is None and actuate:
-        raise AmbiguousDevice(device_id, _unknown_specimen(device_id))
-    found = None if actuate else in_place(device_id, known or {})
-    found = found or bind(device_id, known or {}, actuate)
-    return Device(device_id, found.folder, found.strength, actuate)
+    with trace.asking(device_id):
+        known = _instances()
+        if known is None and actuate:
+            raise AmbiguousDevice(device_id, _unknown_specimen(device_id))
+        found = None if actuate else in_place(device_id, known or {})
+        found = found or bind(device_id, known or {}, actuate)
+    return Device(device_id, trace.Folder(found.folder), found.strength, actuate)
 
 
 def _unknown_specimen(device_id: str) -> str:

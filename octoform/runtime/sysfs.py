@@ -10,6 +10,8 @@ import re
 import struct
 from pathlib import Path
 
+from . import trace
+
 ATTRIBUTE_BYTES = 4096
 _OCTAL = re.compile(r"\\([0-7]{3})")
 _DIGITS = re.compile(r"(\d+)")
@@ -35,7 +37,9 @@ def read_bytes(path: Path, limit: int = ATTRIBUTE_BYTES) -> bytes | None:
         return None
     finally:
         os.close(descriptor)
-    return b"".join(parts)
+    data = b"".join(parts)
+    trace.read(Path(path), data)
+    return data
 
 
 def read_text(path: Path, limit: int = ATTRIBUTE_BYTES) -> str | None:

@@ -23,6 +23,7 @@ class Camera:
         self.fault: str | None = None
         self.written = 0
         self._sensor = Sensor()
+        self._writing = threading.Lock()
         self._over = threading.Event()
         self._thread = threading.Thread(target=self._run, name=node.name, daemon=True)
 
@@ -42,16 +43,17 @@ class Camera:
         """Replace the file by what is seen now."""
         if self.fault == "frozen" and self.written:
             return
-        wide, high = self._size
-        luma, blue, red = self._seen()
-        dead = self.fault in ("black", "uniform")
-        new = self._node.with_name(f".{self._node.name}.new")
-        with new.open("wb") as out:
-            out.write(f"YUV4MPEG2 W{wide} H{high} F30:1 Ip A1:1 C420jpeg\n".encode())
-            for _ in range(self._frames):
-                out.writelines((b"FRAME\n", luma if dead else self._sensor.exposed(luma), blue, red))
-        new.replace(self._node)
-        self.written += 1
+        with self._writing:  # a fault is shown at once, beside the camera's own rhythm
+            wide, high = self._size
+            luma, blue, red = self._seen()
+            dead = self.fault in ("black", "uniform")
+            new = self._node.with_name(f".{self._node.name}.new")
+            with new.open("wb") as out:
+                out.write(f"YUV4MPEG2 W{wide} H{high} F30:1 Ip A1:1 C420jpeg\n".encode())
+                for _ in range(self._frames):
+                    out.writelines((b"FRAME\n", luma if dead else self._sensor.exposed(luma), blue, red))
+            new.replace(self._node)
+            self.written += 1
 
     def _seen(self) -> Planes:
         wide, high = self._size

@@ -33,7 +33,8 @@ class AttemptRecord(Persisted):
     ``role`` is ``stage``, ``escalate`` for the agent that got what the first left unknown, or ``reuse`` for an output
     that was taken over from another host (no agent ran; ``attempt`` is 0). ``checks`` is how often the agent held its
     output against the contract before it ended. ``diagnostics`` are as
-    `octoform.diagnostics.to_json` gives them; ``files`` are what the agent left in its folder.
+    `octoform.diagnostics.to_json` gives them; ``files`` are what the agent left in its folder. ``digests`` are those of
+    what the attempt was given and left, by the file's name: prompt, input, log, transcript, spec, output.
     """
 
     format: Literal[1] = 1
@@ -56,6 +57,7 @@ class AttemptRecord(Persisted):
     accepted: bool = False
     diagnostics: list[dict[str, Any]] = Field(default_factory=list)
     files: list[str] = Field(default_factory=list)
+    digests: dict[str, str] = Field(default_factory=dict)
     spec_edit: SpecEdit | None = None
     survivors_killed: int = 0
     unconfined: str = ""

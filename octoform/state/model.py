@@ -46,7 +46,9 @@ class NodeState(Persisted):
 
     ``key``, ``key_parts``, ``output_digest`` (canonical: instances and times left out) and ``file_digest`` (the
     committed files as they are) belong to the accepted output and are empty when there never was one; they survive
-    a later run that failed or was interrupted. ``seconds`` is wall time of the accepted run, all attempts.
+    a later run that failed or was interrupted. ``seconds`` is wall time of the accepted run, all attempts. ``program``
+    is the agent's program with its version, ``specs`` the digest of all specs, and ``platform`` what PROBE says of the
+    system: by whom, from which specs and for which platform the output was made.
     """
 
     key: str = ""
@@ -55,6 +57,9 @@ class NodeState(Persisted):
     file_digest: str = ""
     harness: str | None = None
     model: str | None = None
+    program: str | None = Field(default=None, exclude_if=lambda value: value is None)
+    specs: str | None = Field(default=None, exclude_if=lambda value: value is None)
+    platform: dict[str, str] = Field(default_factory=dict, exclude_if=lambda value: not value)
     attempts: int = 0
     usage: Usage = Field(default_factory=Usage)
     seconds: float = 0.0

@@ -19,7 +19,7 @@ def made(console: Console, found: Made, *, rotated: bool, as_json: bool) -> int:
     what = "has a new value; the old one ended" if rotated else f"was made; it may call {', '.join(token.effects)}"
     console.line(f"The token {token.name} {what}." + (f" It ends {token.expires}." if token.expires else ""))
     console.line()
-    console.line(f"  {found.value}")
+    console.raw(f"  {found.value}")
     console.line()
     console.line(f"It is kept in {escape(str(found.path))} (for this user alone); octoform token list never shows it.")
     return 0
@@ -44,7 +44,7 @@ def value(console: Console, name: str, found: Shown, *, as_json: bool) -> int:
     """The value alone, so that a script can take it."""
     if as_json:
         return document(console, {"format": 1, "name": name, "value": found.value, "file": str(found.path)})
-    console.line(found.value)
+    console.raw(found.value)
     return 0
 
 

@@ -50,7 +50,7 @@ def changed(console: Console, told: Answered, *, as_json: bool) -> int:
 def _lines(console: Console, told: Answered) -> None:
     console.line(console.paint("octopus.yaml", "bold"))
     for line in told.lines:
-        console.line(f"  {console.paint(f'{line[:1]} {escape(line[1:])}', STYLES.get(line[:1], 'dim'))}")
+        console.raw(f"  {console.paint(f'{line[:1]} {escape(line[1:])}', STYLES.get(line[:1], 'dim'))}")
 
 
 def passed_over(console: Console) -> int:

@@ -198,7 +198,7 @@ class RunHuman:
         for item in dict.fromkeys(result.diagnostics):
             self._console.problem(render(near(item), colour=self._console.colour_err) + "\n")
         say()
-        style = "red" if result.failed else "yellow" if result.incomplete else "green"
+        style = "red" if result.failed else "yellow" if result.incomplete or result.silent else "green"
         say(paint(closing(result), "bold", style))
         if _is_made(result.failed) and result.operation == "apply":
             say("What was accepted stays accepted; the next apply goes on from there.")
@@ -282,4 +282,6 @@ def closing(result: RunResult) -> str:
     if result.incomplete:
         shut = sentences.counted(len(result.incomplete), "device")
         return f"Apply incomplete: this user may not use {shut}, see above. Resources: {counts}."
+    if result.silent:
+        return f"Apply incomplete: no read tool answered, see above. Resources: {counts}."
     return f"Apply complete! Resources: {counts}."

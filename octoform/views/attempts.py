@@ -1,6 +1,7 @@
 """Attempts for a person and for a program: a list with one line each, and everything about one."""
 
 from collections.abc import Iterator, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +12,7 @@ from octoform.views.console import Console
 from octoform.views.diagnostics import render
 from octoform.views.problems import near
 from octoform.views.spending import money, tokens, used
+from octoform.views.table import Column, lines
 from octoform.views.text import escape, one_line
 from octoform.views.texts import document
 
@@ -19,8 +21,19 @@ MOST_CALLS = 200
 MOST_TROUBLES = 20
 WIDTH = 160
 STYLES = {"+": "green", "-": "red", "@": "cyan"}
-HEADS = ("no", "stage", "try", "agent", "ended", "time", "turns", "tokens in/out", "cost", "when")
-RIGHT = frozenset({"no", "try", "time", "turns", "tokens in/out", "cost"})
+COLUMNS = (
+    Column("no", right=True, most=48),
+    Column("stage", most=48),
+    Column("try", right=True, most=48),
+    Column("agent", goes=5, most=48),
+    Column("ended", most=48),
+    Column("time", right=True, goes=4, most=48),
+    Column("turns", right=True, goes=1, most=48),
+    Column("tokens in/out", right=True, goes=2, most=48),
+    Column("cost", right=True, goes=3, most=48),
+    Column("when", goes=6, most=48),
+)
+"""On a terminal that is too narrow the columns go that tell least; -json and `attempts show` have all."""
 UNKNOWN = "-"
 FILES = {"prompt.md": "prompt", "agent.log": "log", "transcript.jsonl": "transcript"}
 """What octoform keeps of an attempt, shown as far as it is there: a reuse has none of it."""
@@ -36,10 +49,11 @@ def listing(console: Console, attempts: Sequence[Attempt], *, everything: bool, 
         console.line("No agent has been started yet. Next:  octoform apply")
         return 0
     rows = [_row(item) for item in chosen]
-    widths = [max(len(head), *(len(row[index]) for row in rows)) for index, head in enumerate(HEADS)]
-    console.line(console.paint(_line(HEADS, widths), "dim"))
-    for item, row in zip(chosen, rows, strict=True):
-        console.line(_painted(console, item, _line(row, widths)))
+    head, *told = lines(COLUMNS, rows, console.width)
+    console.line(console.paint(head, "dim"))
+    painted = map(partial(_painted, console), chosen, told)
+    for line in painted if len(told) == len(chosen) else told:
+        console.line(line)
     older = len(attempts) - len(chosen)
     if older:
         console.line(console.paint(f"{older} older; -all shows them", "dim"))
@@ -51,7 +65,7 @@ def one(console: Console, detail: Detail, *, as_json: bool) -> int:
     if as_json:
         return document(console, {"format": 1, **_document(detail.attempt), **_more(detail)})
     for line in _told(console, detail):
-        console.line(line)
+        console.raw(line) if line.startswith("    ") else console.line(line)
     return 0
 
 
@@ -75,14 +89,6 @@ def _row(item: Attempt) -> tuple[str, ...]:
     figures = (f"{told.seconds:.1f}s", turns, _tokens(usage.input_tokens, usage.output_tokens), cost)
     cells = (str(item.number), stage, str(item.attempt), _agent(item), _ended(item), *figures, _when(item))
     return tuple(one_line(cell, 48) for cell in cells)
-
-
-def _line(cells: Sequence[str], widths: Sequence[int]) -> str:
-    padded = (
-        cell.rjust(width) if head in RIGHT else cell.ljust(width)
-        for cell, width, head in zip(cells, widths, HEADS, strict=True)
-    )
-    return "  ".join(padded).rstrip()
 
 
 def _painted(console: Console, item: Attempt, line: str) -> str:

@@ -23,6 +23,8 @@ _COLOURS = {
     "STUCK": "red",
     "interrupted": "yellow",
 }
+NARROW = 100
+"""Columns of a terminal below which the date stands above the records of a day, not in each of them."""
 LONGEST = 1000
 """A sentence is cut after so many characters; the log itself keeps texts short."""
 _DECISIONS = {"allow": "allowed", "refuse": "refused", "ask": "asked", "dry_run": "dry run"}
@@ -49,18 +51,25 @@ def records(console: Console, found: Sequence[Record], count: int, *, as_json: b
         if count:
             console.line("No record fits." if filtered else "Nothing was recorded yet.")
         return 0
+    narrow, day = console.width < NARROW, ""
     for record in found:
-        _show(console, record)
+        moment = _moment(record)
+        if narrow:
+            if day != moment[:10]:
+                day = moment[:10]
+                console.line(console.paint(day, "dim"))
+            moment = moment[11:]
+        _show(console, record, f"{moment:{9 if narrow else 20}}")
     return 0
 
 
-def _show(console: Console, record: Record) -> None:
+def _show(console: Console, record: Record, moment: str) -> None:
     word, *sentences = _told(record)
     painted = console.paint(f"{one_line(word, 11):11}", *([_COLOURS[word]] if word in _COLOURS else []))
-    lead = f"{record.get('seq', ''):>6}  {_moment(record):20}  {painted}"
+    lead = f"{record.get('seq', ''):>6}  {moment}  {painted}"
     for sentence in sentences or [""]:
-        console.wrapped(f"{lead} ", one_line(sentence, LONGEST), indent=42)
-        lead = " " * 41
+        console.wrapped(f"{lead} ", one_line(sentence, LONGEST), indent=len(moment) + 22)
+        lead = " " * (len(moment) + 21)
 
 
 def _told(record: Record) -> list[str]:

@@ -31,7 +31,7 @@ def listed(console: Console, found: Sequence[Claim], *, everything: bool, as_jso
     """The claims that are in force or wait; with ``everything`` also those that are over."""
     if as_json:
         document = {"format": 1, "claims": [claim_json(each) for each in found]}
-        console.line(escaped_json(json.dumps(document, ensure_ascii=False, indent=2)))
+        console.raw(escaped_json(json.dumps(document, ensure_ascii=False, indent=2)))
         return 0
     if not found:
         console.line("Nothing is claimed." if everything else "Nothing is claimed now; octoform claims -all shows all.")
@@ -79,7 +79,7 @@ def waiting(console: Console, claims: Sequence[Claim], rewrites: Sequence[Mappin
     """All that waits for a person: claims, and rewrites with what they change."""
     if as_json:
         whole = {"format": 1, "claims": [claim_json(claim) for claim in claims], "rewrites": list(rewrites)}
-        console.line(escaped_json(json.dumps(whole, ensure_ascii=False)))
+        console.raw(escaped_json(json.dumps(whole, ensure_ascii=False)))
         return 0
     for claim in claims:
         for line in lines(console, claim):
@@ -95,7 +95,7 @@ def waiting(console: Console, claims: Sequence[Claim], rewrites: Sequence[Mappin
 def rewrite_decided(console: Console, identity: str, *, served: bool, as_json: bool) -> int:
     """What became of a rewrite that a person decided about."""
     if as_json:
-        console.line(json.dumps({"format": 1, "rewrite": identity, "served": served}))
+        console.raw(json.dumps({"format": 1, "rewrite": identity, "served": served}))
     else:
         console.line(f"{identity}: {'the rewritten server is in service' if served else 'dropped; nothing changed'}")
     return 0
@@ -111,7 +111,7 @@ def question(claim: Claim) -> str:
 def decided(console: Console, claim: Claim, *, as_json: bool) -> int:
     """What became of a claim that a person decided about."""
     if as_json:
-        console.line(escaped_json(json.dumps({"format": 1, "claim": claim_json(claim)}, ensure_ascii=False)))
+        console.raw(escaped_json(json.dumps({"format": 1, "claim": claim_json(claim)}, ensure_ascii=False)))
     else:
         for line in lines(console, claim):
             console.line(line)

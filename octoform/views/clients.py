@@ -73,9 +73,9 @@ def outcome(console: Console, done: Outcome, diagnostics: Sequence[Diagnostic], 
     console.line(f"{done.client.title}: the endpoint{kind} {_SAID[done.state]} {escape(str(done.file))}")
     for hunk in done.hunks:
         for line in _lines(hunk.removed):
-            console.line(console.paint(f"        - {line}", "red"))
+            console.raw(console.paint(f"        - {line}", "red"))
         for number, line in enumerate(_lines(hunk.added), hunk.line):
-            console.line(console.paint(f"  {number:>5} + {line}", "green"))
+            console.raw(console.paint(f"  {number:>5} + {line}", "green"))
     if done.backup is not None:
         console.line(f"  the file as it was: {escape(str(done.backup))}")
     for note in notes(done):
@@ -113,4 +113,4 @@ def printed(console: Console, found: Printed) -> int:
 
 def _json(console: Console, document: dict[str, Any], diagnostics: Sequence[Diagnostic]) -> None:
     document["diagnostics"] = [to_json(item) for item in diagnostics]
-    console.line(escaped_json(json.dumps(document, ensure_ascii=False, indent=2)))
+    console.raw(escaped_json(json.dumps(document, ensure_ascii=False, indent=2)))

@@ -14,6 +14,8 @@ from typing import TextIO
 
 STYLES = {"bold": "1", "dim": "2", "red": "31", "green": "32", "yellow": "33", "cyan": "36"}
 _PAINT = re.compile(r"\x1b\[[\d;]*m")
+_SOURCE = re.compile(r" *\d* \|")
+_WORD = re.compile(r"( *)([^ ]+)")
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,7 +40,11 @@ class Console:
         return f"\x1b[{';'.join(STYLES[style] for style in styles)}m{text}\x1b[0m"
 
     def line(self, text: str = "") -> None:
-        """One line on standard output."""
+        """A sentence or a row on standard output; on a terminal what is wider than it is broken between words."""
+        self.raw(broken(text, self.width) if self.out.isatty() else text)
+
+    def raw(self, text: str) -> None:
+        """A line that somebody copies, such as JSON or a line of a file: never broken."""
         self.out.write(text + "\n")
         self.out.flush()
 
@@ -48,21 +54,58 @@ class Console:
         ``lead`` may be painted: it counts as wide as it looks.
         """
         if not self.out.isatty():
-            return self.line(f"{lead}{text}".rstrip())
-        import textwrap  # a few milliseconds that a plan without changes need not wait
-
-        room, seen = max(20 + indent, self.width), len(_PAINT.sub("", lead))
-        wrapper = textwrap.TextWrapper(room, " " * seen, " " * indent, break_long_words=False, break_on_hyphens=False)
-        first, *rest = wrapper.wrap(text) or [""]
-        self.line(f"{lead}{first[seen:]}".rstrip())
-        for line in rest:
-            self.line(line)
-        return None
+            return self.raw(f"{lead}{text}".rstrip())
+        room = max(20 + indent, self.width)
+        return self.raw("\n".join(_pieces(lead, " ".join(text.split()), room, " " * indent)))
 
     def problem(self, text: str) -> None:
-        """Text on standard error."""
-        self.err.write(text + "\n")
+        """Text on standard error; on a terminal broken as on standard output, but for lines of a source."""
+        width = max(60, get_terminal_size((160, 24)).columns) if self.err.isatty() else 0
+        self.err.write((broken(text, width) if width else text) + "\n")
         self.err.flush()
+
+
+def broken(text: str, width: int) -> str:
+    """The text with each line at most ``width`` wide, broken between words; what goes on is indented further.
+
+    A line of a source with its number or its mark stays whole, and so does a word that is wider than the terminal,
+    unless it is a call, which is broken behind its bracket.
+    """
+    if all(len(line) <= width for line in text.split("\n")):
+        return text
+    made = []
+    for line in text.split("\n"):
+        if _seen(line) <= width or _SOURCE.match(_PAINT.sub("", line)):
+            made.append(line)
+            continue
+        lead = line[: len(line) - len(line.lstrip(" "))]
+        hang = lead + ("      " if _PAINT.sub("", line).lstrip().startswith("help: ") else "  ")
+        made += _pieces(lead, line[len(lead) :], width, hang)
+    return "\n".join(made)
+
+
+def _pieces(lead: str, text: str, width: int, hang: str) -> list[str]:
+    """The lines of a text behind ``lead``; the spaces between two words of a line stay as they are."""
+    lines, used, empty = [lead], _seen(lead), True
+    for gap, word in _WORD.findall(text):
+        parts = [word]
+        if len(hang) + _seen(word) > width and "(" in word[:-1]:
+            head, tail = word.split("(", 1)
+            parts = [f"{head}(", tail]
+        for part in parts:
+            between = gap if part is parts[0] else ""
+            if not empty and used + len(between) + _seen(part) > width:
+                lines.append(hang)
+                used, between = len(hang), ""
+            lines[-1] += between + part
+            used += len(between) + _seen(part)
+            empty = False
+    return [line.rstrip() for line in lines]
+
+
+def _seen(text: str) -> int:
+    """How many columns a text takes that may be painted."""
+    return len(_PAINT.sub("", text))
 
 
 def for_process(environ: Mapping[str, str] | None = None) -> Console:

@@ -226,6 +226,7 @@ def _unknown(found: Coverage, width: int, paint: Paint) -> Iterator[str]:
         yield from _wrapped(item.question, width, "    ")
         answered = "answered, and not settled by it; say more: " if item.answered else ""
         yield f'    {answered}octoform answer {one_line(item.id, 100)} "..."'
+        yield f"    to act over a line: octoform profile new {one_line(item.id, 100)}"
 
 
 def _without(found: Coverage, width: int, paint: Paint) -> Iterator[str]:

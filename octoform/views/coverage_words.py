@@ -22,6 +22,7 @@ REASONS = {
     "unknown_meaning": "its meaning is missing",
     "not_permitted": "is not open to this user",
     "tool_budget": "gave way to other tools",
+    "server_size": "found no room in a server that a person can read",
     "out_of_scope": "is a part of the computer itself",
 }
 TIERS = tier.WORDS

@@ -26,7 +26,7 @@ _MEANS = {
 def show(console: Console, found: Listing, *, as_json: bool, verbose: bool) -> int:
     """Every annotated device; exit code 0, also when some are absent."""
     if as_json:
-        console.line(escaped_json(json.dumps(_document(found, verbose), ensure_ascii=False, indent=2)))
+        console.raw(escaped_json(json.dumps(_document(found, verbose), ensure_ascii=False, indent=2)))
         return 0
     if not found.ledger:
         console.line("This machine does not know which specimens it has; `octoform apply` lets PROBE look again.")

@@ -57,4 +57,4 @@ def _document(console: Console, found: Diagnosis) -> None:
         "machine": [asdict(check) for check in found.machine],
         "diagnostics": [to_json(item) for item in found.diagnostics],
     }
-    console.line(escaped_json(json.dumps(document, ensure_ascii=False, indent=2)))
+    console.raw(escaped_json(json.dumps(document, ensure_ascii=False, indent=2)))

@@ -69,15 +69,15 @@ def answer(console: Console, tool: str, found: Answer, *, as_json: bool) -> int:
         console.problem(f"{tool}: {escape(result.message)}")
         return failed
     if result.structured is not None:
-        console.line(escape(json.dumps(result.structured, ensure_ascii=False, indent=2)))
+        console.raw(escape(json.dumps(result.structured, ensure_ascii=False, indent=2)))
     else:
         for block in result.content:
             if block.get("type") == "text":
-                console.line(escape(block.get("text", "")))
+                console.raw(escape(block.get("text", "")))
     for path in found.files:
         console.line(f"saved {path}")
     return failed
 
 
 def _json(console: Console, value: dict[str, Any]) -> None:
-    console.line(escaped_json(json.dumps(value, ensure_ascii=False, indent=2)))
+    console.raw(escaped_json(json.dumps(value, ensure_ascii=False, indent=2)))

@@ -47,7 +47,7 @@ def listed(console: Console, found: Sequence[Episode], said: Sequence[Diagnostic
             "kinds": [figures(kind, found) for kind in kinds(found)],
             "episodes": [{**episode_json(each), "seconds": seconds_of(each)} for each in latest],
         }
-        console.line(escaped_json(json.dumps(document, ensure_ascii=False, indent=2)))
+        console.raw(escaped_json(json.dumps(document, ensure_ascii=False, indent=2)))
         return 0
     problems.show(console, said)
     if not found:

@@ -28,7 +28,7 @@ def status(console: Console, found: Status, surveyed: Survey, *, as_json: bool) 
     reasons = _reasons(found, surveyed)
     if as_json:
         document = {**_document(found, surveyed, reasons), "watched": None if watched is None else watched.process.pid}
-        console.line(escaped_json(json.dumps(document, ensure_ascii=False, indent=2)))
+        console.raw(escaped_json(json.dumps(document, ensure_ascii=False, indent=2)))
         return code
     sync = console.paint("in sync", "green") if found.sync else console.paint("out of sync", "yellow")
     console.line(f"host {found.host}: {sync}, {console.paint(str(verdict), STYLES[verdict])}")

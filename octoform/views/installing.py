@@ -28,7 +28,7 @@ def show(console: Console, result: InstallResult, *, as_json: bool) -> int:
             "installed": [asdict(item) for item in result.installed],
             "diagnostics": [to_json(item) for item in result.diagnostics],
         }
-        console.line(escaped_json(json.dumps(document, ensure_ascii=False, indent=2)))
+        console.raw(escaped_json(json.dumps(document, ensure_ascii=False, indent=2)))
         return failed
     for item in result.installed:
         console.line(_line(console, item))

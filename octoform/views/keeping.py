@@ -83,5 +83,5 @@ def _names(names: Sequence[str]) -> str:
 
 
 def _object(console: Console, told: dict[str, object]) -> int:
-    console.line(escaped_json(json.dumps({"format": 1, **told}, ensure_ascii=False)))
+    console.raw(escaped_json(json.dumps({"format": 1, **told}, ensure_ascii=False)))
     return 0

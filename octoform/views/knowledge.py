@@ -57,6 +57,9 @@ def ask(questions: Sequence[OpenQuestion], console: Console) -> None:
         console.line(f"{mark} {question.device} ({one_line(question.seen_as, WIDTH)}){wanted}")
         console.line(f"        {one_line(question.sentence, 2 * WIDTH)}")
     console.line(console.paint(f'  To answer:  octoform answer {questions[0].device} "..."', "dim"))
+    # A name makes no tool of what only a line of its own commands can move: that needs limits and a way to stop.
+    told = f"  What acts over a line needs a profile:  octoform profile new {questions[0].device}"
+    console.line(console.paint(told, "dim"))
 
 
 def _counted(devices: Sequence[ToldDevice]) -> str:

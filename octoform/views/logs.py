@@ -45,7 +45,7 @@ def machine(console: Console, lines: Iterable[Line]) -> None:
     """An object for each line, as it stands in the call log; what was printed has ``time`` and ``text``."""
     for line in lines:
         told = line.record or {"time": moment(line.at), "text": line.text}
-        console.line(escaped_json(json.dumps({"log": line.log, **told}, ensure_ascii=False)))
+        console.raw(escaped_json(json.dumps({"log": line.log, **told}, ensure_ascii=False)))
 
 
 def _call(console: Console, entry: Entry) -> str:

@@ -16,7 +16,7 @@ from octoform.views.text import one_line
 def one(console: Console, look: Look, saved: Path | None, *, as_json: bool) -> int:
     """One look; exit code 0 for a picture that shows something, 1 for none, 2 for one that shows nothing."""
     if as_json:
-        console.line(escaped_json(json.dumps(_document(look, saved), ensure_ascii=False)))
+        console.raw(escaped_json(json.dumps(_document(look, saved), ensure_ascii=False)))
     elif isinstance(look.outcome, Diagnostic):
         problems.show(console, [look.outcome, *look.found])
         console.line(f"{look.at}  {console.paint('no picture', 'red')}{_since(look)}")

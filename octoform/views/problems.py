@@ -36,7 +36,7 @@ def stopped(console: Console, number: int, said: str = GOES_ON) -> int:
 def version(console: Console, *, as_json: bool = False) -> int:
     """The version; exit code 0."""
     plain = f"octoform {octoform.__version__}"
-    console.line(json.dumps({"format": 1, "version": octoform.__version__}) if as_json else plain)
+    console.raw(json.dumps({"format": 1, "version": octoform.__version__}) if as_json else plain)
     return 0
 
 
@@ -52,7 +52,7 @@ def show(console: Console, items: Iterable[Diagnostic], *, as_json: bool = False
     items = [near(item) for item in items]
     if as_json:
         document = {"format": 1, "diagnostics": [to_json(item) for item in items]}
-        console.line(escaped_json(json.dumps(document, ensure_ascii=False)))
+        console.raw(escaped_json(json.dumps(document, ensure_ascii=False)))
     elif items:
         from octoform.views.diagnostics import render  # only a problem pays for it
 

@@ -14,21 +14,21 @@ def unit(console: Console, found: Unit) -> None:
     for path, text in ((found.path, found.text), (found.watch.path, found.watch.text)):
         console.line(f"{path}:\n")
         for line in text.splitlines():
-            console.line(f"  {escape(line)}".rstrip())
+            console.raw(f"  {escape(line)}".rstrip())
         console.line()
 
 
 def machine_wide(console: Console, found: Unit) -> int:
     """Nothing was written; what a person would do who wants it for the whole machine."""
     console.line("Nothing was written. For the whole machine, put these texts at the places above as root, then:")
-    console.line(f"  systemctl daemon-reload\n  systemctl enable --now {found.name} {found.watch.name}")
+    console.raw(f"  systemctl daemon-reload\n  systemctl enable --now {found.name} {found.watch.name}")
     return 0
 
 
 def no_machine_wide(console: Console, found: Unit) -> int:
     """Nothing was taken away; what a person would do."""
     console.line("Nothing was taken away. For the whole machine, as root:")
-    console.line(f"  systemctl disable --now {found.watch.name} {found.name}")
+    console.raw(f"  systemctl disable --now {found.watch.name} {found.name}")
     console.line(f"  rm {found.watch.path} {found.path}\n  systemctl daemon-reload")
     return 0
 
@@ -66,7 +66,7 @@ def installed(console: Console, found: Unit, process: Running) -> int:
     console.line(f"{found.name}: the endpoint of {found.layout.host} runs under systemd (process {process.pid})")
     console.line(f"{found.watch.name}: its daemon does; journalctl --user -u {found.watch.name} shows what it does")
     console.line("To have it run while you are not logged in, once:")
-    console.line(f"  loginctl enable-linger {found.account}")
+    console.raw(f"  loginctl enable-linger {found.account}")
     return 0
 
 

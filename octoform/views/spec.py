@@ -31,7 +31,7 @@ def _one(console: Console, edit: Shown) -> None:
         say(paint("  the spec has changed since; what stands below is against the spec of today", "yellow"))
     for line in edit.diff[2:]:
         style = STYLES.get(line[:1])
-        say(paint(escape(line), style) if style else escape(line))
+        console.raw(paint(escape(line), style) if style else escape(line))
     say()
     say(f"octoform spec promote {edit.stage}   makes it permanent")
     say(f"octoform spec reset {edit.stage}     drops it")

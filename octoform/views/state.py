@@ -117,5 +117,5 @@ def _done(console: Console, text: str, name: str, as_json: bool) -> int:
 
 
 def _document(console: Console, value: dict[str, Any]) -> int:
-    console.line(escaped_json(json.dumps(value, ensure_ascii=False, indent=2)))
+    console.raw(escaped_json(json.dumps(value, ensure_ascii=False, indent=2)))
     return 0

@@ -33,7 +33,7 @@ class JsonStream:
         """One line of type ``kind``."""
         stamp = self._clock().isoformat(timespec="milliseconds").replace("+00:00", "Z")
         head: Mapping[str, object] = {"@level": level, "@message": message, "@timestamp": stamp, "type": kind}
-        self._console.line(escaped_json(json.dumps({**head, **fields}, ensure_ascii=False)))
+        self._console.raw(escaped_json(json.dumps({**head, **fields}, ensure_ascii=False)))
 
     def diagnostics(self, items: list[Diagnostic] | tuple[Diagnostic, ...]) -> None:
         """One line of type ``diagnostic`` for each."""

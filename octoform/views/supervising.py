@@ -13,7 +13,7 @@ def started(console: Console, done: Started, *, as_json: bool) -> int:
     """Which process serves the endpoint now."""
     process = done.process
     if as_json:
-        console.line(json.dumps({"format": 1, "host": done.host, "running": True, **asdict(process)}))
+        console.raw(json.dumps({"format": 1, "host": done.host, "running": True, **asdict(process)}))
         return 0
     where = f" at {process.url}" if process.url else ""
     if done.before == process:
@@ -28,7 +28,7 @@ def stopped(console: Console, done: Stopped, *, as_json: bool) -> int:
     pid = done.process.pid if done.process else None
     if as_json:
         document = {"format": 1, "host": done.host, "running": False, "pid": pid, "firmly": done.firmly}
-        console.line(json.dumps(document))
+        console.raw(json.dumps(document))
     elif pid is None:
         console.line(f"{done.host}: the endpoint was not running")
         console.line(_STAYS)

@@ -22,7 +22,7 @@ def validation(console: Console, found: Sequence[Diagnostic], *, as_json: bool) 
             "warning_count": len(found) - errors,
             "diagnostics": [to_json(problems.near(item)) for item in found],
         }
-        console.line(escaped_json(json.dumps(document, ensure_ascii=False, indent=2)))
+        console.raw(escaped_json(json.dumps(document, ensure_ascii=False, indent=2)))
     else:
         problems.show(console, found)
         if errors:
@@ -34,7 +34,7 @@ def validation(console: Console, found: Sequence[Diagnostic], *, as_json: bool) 
 
 def document(console: Console, value: Mapping[str, object]) -> int:
     """A JSON document on standard output."""
-    console.line(escaped_json(json.dumps(value, ensure_ascii=False, indent=2)))
+    console.raw(escaped_json(json.dumps(value, ensure_ascii=False, indent=2)))
     return 0
 
 

@@ -43,7 +43,7 @@ MOST = 12
 def health(console: Console, found: Survey, *, as_json: bool, now: datetime | None = None) -> int:
     """The exit code says it too: `EXIT`. ``now`` is what times are counted from."""
     if as_json:
-        console.line(escaped_json(json.dumps(document(found), ensure_ascii=False, indent=2)))
+        console.raw(escaped_json(json.dumps(document(found), ensure_ascii=False, indent=2)))
         return EXIT[found.health.status]
     now = now or datetime.now(UTC)
     problems.show(console, found.said)

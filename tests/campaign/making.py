@@ -36,7 +36,7 @@ def plug_in(host: Host) -> None:
             plug()
 
 
-def made(kind: str, folder: Path, environments: Path | None = None) -> Bench:
+def made(kind: str, folder: Path, environments: Path | None = None, port: int = PORT) -> Bench:
     """A bench that is applied and watched: ``scripted``, ``intranet``, ``builtin`` or ``small``.
 
     ``small`` has a disk of its own (mounting it needs the rights of root). ``environments`` is a folder of serving
@@ -61,7 +61,7 @@ def made(kind: str, folder: Path, environments: Path | None = None) -> Bench:
     else:
         del project.manifest["policy"]
     if kind == "intranet":
-        project.manifest |= {"scope": "intranet", "network": f"{{interface: lo, port: {PORT}}}"}
+        project.manifest |= {"scope": "intranet", "network": f"{{interface: lo, port: {port}}}"}
     if environments is not None:
         project.share_environments(environments)
     project.apply(status=0)

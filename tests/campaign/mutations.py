@@ -1,14 +1,18 @@
-"""Damaged files: every file of a host, spoilt in every way, and what the commands of a person make of it.
+"""Damaged files: every kind of file of a host, damaged in every way, and what the commands of a person make of it.
 
-``python -m campaign.mutations [--mutations N] [--seed S] [--only WORDS] [--seconds S]`` with ``tests`` and
-``tests/support`` on the path. After each mutation plan, status, health, tools, devices, clients and apply are run as a
-person would, from a process that has loaded octoform already. None may end in a traceback or take longer than its time;
-behind apply the host is as it was, or apply has said in a sentence why not.
+``python -m campaign.mutations [--mutations N] [--seed S] [--only WORDS] [--seconds S] [--workers W] [--applies A]``
+with ``tests`` and ``tests/support`` on the path. Files that octoform reads in the same way are one kind (`kind_of`); a
+mutation takes another file of the kind. After each mutation plan, status, health, tools and one of the other commands
+are run as a person would, from a process that has loaded octoform already. None may end in a traceback, speak in the
+words of the kernel or of Python, or take longer than its time.
+
+Then `apply` is run: behind it the host is as it was, or apply has reported in a sentence why not. An apply that makes
+the endpoint again costs ten times what the rest does. Where the commands have made the same of the same damage to the
+same kind of file for ``--applies`` times, such an apply is left out and the file is put back.
 """
 
 import argparse
-import json
-import os
+import concurrent.futures
 import random
 import re
 import shutil
@@ -16,125 +20,62 @@ import signal
 import subprocess
 import sys
 import tempfile
+from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
 
 import warm
+from campaign.spoiling import MUTATIONS
 from projects import OCTOFORM, Project
 
-LOOKS = (("plan",), ("status",), ("health",), ("tools",), ("devices",), ("clients",))
+LOOKS = (("plan",), ("status",), ("health",), ("tools",))
+OTHERS = (
+    *(
+        ("devices", "-v"),
+        ("clients",),
+        ("coverage",),
+        ("attempts",),
+        ("attempts", "show", "4"),
+        ("audit",),
+        ("limits",),
+    ),
+    *(("claims", "-all"), ("episodes",), ("logs",), ("token", "list"), ("state", "list"), ("show",)),
+    *(("answer",), ("spec", "diff"), ("doctor",), ("call",), ("validate",), ("graph",), ("health", "-json")),
+    *(("status", "--json"), ("plan", "--json"), ("look",), ("token", "show", "default")),
+)
 APPLY = ("apply", "-auto-approve")
 SECONDS = 5.0
 """For a command that looks; `apply` may build, start and check an endpoint besides, which has its own time."""
 APPLY_SECONDS = 60.0
-_SKIPPED = re.compile(r"(^|/)(environments|__pycache__|attempts)(/|$)|\.lock$|\.guard$|\.sock$")
-_JSON: tuple[Any, ...] = (None, True, -1, 1e308, "", "a\0b", "\ud800", [], {}, [[]], {"": {}}, "../../etc/passwd")
-
-
-def truncate(path: Path, data: bytes, chance: random.Random) -> None:
-    """Cut off anywhere, also to nothing."""
-    path.write_bytes(data[: chance.randrange(len(data) + 1) if chance.random() < 0.8 else 0])
-
-
-def flip(path: Path, data: bytes, chance: random.Random) -> None:
-    """A few bytes are others."""
-    spoilt = bytearray(data or b"x")
-    for _ in range(chance.randint(1, 8)):
-        spoilt[chance.randrange(len(spoilt))] = chance.randrange(256)
-    path.write_bytes(bytes(spoilt))
-
-
-def swap(path: Path, data: bytes, chance: random.Random) -> None:
-    """One value of a JSON document is of another type; another file becomes such a value."""
-    try:
-        document = json.loads(data)
-    except ValueError:
-        document = None
-    places = list(_places(document))
-    if places:
-        holder, key = chance.choice(places)
-        holder[key] = chance.choice(_JSON)
-    else:
-        document = chance.choice(_JSON)
-    path.write_text(json.dumps(document), encoding="utf-8")
-
-
-def nest(path: Path, data: bytes, chance: random.Random) -> None:
-    """Brackets without end, alone or in the place of a value."""
-    if chance.random() < 0.5:
-        path.write_bytes(b"[" * 200_000)
-        return
-    try:
-        document = json.loads(data)
-    except ValueError:
-        document = {}
-    places = list(_places(document))
-    if places:
-        holder, key = chance.choice(places)
-        holder[key] = "@@"
-    deep = "[" * 900 + "]" * 900
-    path.write_text(json.dumps(document).replace('"@@"', deep, 1), encoding="utf-8")
-
-
-def pipe(path: Path, data: bytes, chance: random.Random) -> None:
-    """A pipe that nobody writes to."""
-    path.unlink()
-    os.mkfifo(path)
-
-
-def link(path: Path, data: bytes, chance: random.Random) -> None:
-    """A link to nothing, to itself, to a device, or to the same bytes elsewhere."""
-    path.unlink()
-    target = chance.choice(["nothing", path.name, "/dev/zero", "same"])
-    if target == "same":
-        elsewhere = Path(tempfile.mkdtemp(prefix="octoform-elsewhere-")) / path.name
-        elsewhere.write_bytes(data)
-        target = str(elsewhere)
-    path.symlink_to(target)
-
-
-def folder(path: Path, data: bytes, chance: random.Random) -> None:
-    """A folder, empty or not."""
-    path.unlink()
-    path.mkdir()
-    if chance.random() < 0.5:
-        (path / "file").write_bytes(data)
-
-
-def nul(path: Path, data: bytes, chance: random.Random) -> None:
-    """NUL bytes in the middle, or escaped in a text."""
-    at = chance.randrange(len(data) + 1)
-    quoted = [match.end() for match in re.finditer(rb'[:\[] *"', data)]
-    if quoted and chance.random() < 0.6:
-        at = chance.choice(quoted)
-        path.write_bytes(data[:at] + b"\\u0000" + data[at:])
-    else:
-        path.write_bytes(data[:at] + b"\0" * chance.randint(1, 64) + data[at:])
-
-
-MUTATIONS: tuple[Callable[[Path, bytes, random.Random], None], ...] = (
-    truncate,
-    flip,
-    swap,
-    nest,
-    pipe,
-    link,
-    folder,
-    nul,
+APPLIES = 2
+PORT = 17777
+_SKIPPED = re.compile(r"(^|/)__pycache__(/|$)|environments/[^/]+/(?!octoform-complete\.json$)|\.lock$|\.guard$|\.sock$")
+_GROWS = re.compile(r"(^|/)(environments|attempts)(/|$)")
+_KINDS = (
+    (re.compile(r"/attempts/.*?/(import/|former-)?runtime/.*"), "/attempts/*/runtime/*"),
+    (re.compile(r"/attempts/[^/]+/"), "/attempts/*/"),
+    (re.compile(r"/serve/runtime/.*"), "/serve/runtime/*"),
+    (re.compile(r"/endpoint/octoform/.*"), "/endpoint/octoform/*"),
+    (re.compile(r"/clients/[^/]+\.json$"), "/clients/*.json"),
+    (re.compile(r"/kept/[0-9a-f]{64}$"), "/kept/*"),
+    (re.compile(r"/frames/[^/]+\.(png|jpg)$"), "/frames/*"),
+    (re.compile(r"/environments/[^/]+/"), "/environments/*/"),
 )
+_FOREIGN = re.compile(
+    r"Traceback|\[Errno|codec can't|levels of symbolic|NoneType|object (is not|has no)|(list|tuple|str) (index|indices)"
+    r"|unhashable|Error: |invalid literal|not supported between|unexpected keyword"
+)
+"""What no sentence of octoform holds: the words of Python and of the kernel."""
+_QUOTES = ("episodes", "logs", "attempts", "attempts show 4")
+"""Commands that quote what servers and agents printed."""
 
 
-def _places(document: Any) -> Iterator[tuple[Any, Any]]:
-    """Every (holder, key) below a document."""
-    left = [document]
-    while left:
-        holder = left.pop()
-        if isinstance(holder, dict | list):
-            for key in list(holder) if isinstance(holder, dict) else range(len(holder)):
-                yield holder, key
-                left.append(holder[key])
+def kind_of(inside: str) -> str:
+    """The kind of a file: the files of one kind are written and read by the same code."""
+    for pattern, name in _KINDS:
+        inside = pattern.sub(name, inside)
+    return inside
 
 
 @dataclass
@@ -146,14 +87,22 @@ class Case:
     number: int
     told: str = ""
     wrong: list[str] = field(default_factory=list)
+    read: list[str] = field(default_factory=list)
+    """What the commands that look printed, without figures."""
 
 
 class Subject:
-    """An applied project whose files are spoilt one after the other; put back as a whole where apply cannot."""
+    """An applied project whose files are damaged one after the other; put back as a whole where apply cannot."""
 
-    def __init__(self, project: Project, seconds: float = SECONDS, apply_seconds: float = APPLY_SECONDS) -> None:
-        self.project, self._seconds, self._apply_seconds = project, seconds, apply_seconds
-        self._printed = ""
+    def __init__(
+        self,
+        project: Project,
+        seconds: float = SECONDS,
+        apply_seconds: float = APPLY_SECONDS,
+        applies: int | None = None,
+    ) -> None:
+        self.project, self._seconds, self._apply_seconds, self._applies = project, seconds, apply_seconds, applies
+        self._seen: Counter[tuple[str, ...]] = Counter()
         self._kept = Path(tempfile.mkdtemp(prefix="octoform-kept-"))
         self.keep()
 
@@ -169,7 +118,7 @@ class Subject:
         shutil.rmtree(self._kept)
 
     def files(self) -> list[Path]:
-        """The files that are spoilt, in order."""
+        """The files that are damaged, in order."""
         found = []
         for top in (self.project.state, self.project.local):
             for path in sorted(top.rglob("*")):
@@ -178,89 +127,130 @@ class Subject:
                     found.append(path)
         return found
 
+    def kinds(self) -> dict[str, list[str]]:
+        """The files by kind."""
+        found: dict[str, list[str]] = {}
+        for path in self.files():
+            inside = path.relative_to(self.project.folder).as_posix()
+            found.setdefault(kind_of(inside), []).append(inside)
+        return found
+
     def spoil(self, inside: str, number: int, seed: int) -> Case:
         """One mutation of a file, and all commands behind it."""
-        chance = random.Random(f"{seed}:{inside}:{number}")
-        order = random.Random(f"{seed}:{inside}").sample(MUTATIONS, len(MUTATIONS))
+        kind = kind_of(inside)
+        chance = random.Random(f"{seed}:{kind}:{number}")
+        order = random.Random(f"{seed}:{kind}").sample(MUTATIONS, len(MUTATIONS))
         mutation = order[number % len(order)]
         return self.judge(
             Case(inside, mutation.__name__, number), lambda path: mutation(path, path.read_bytes(), chance)
         )
 
     def judge(self, case: Case, spoils: Callable[[Path], None]) -> Case:
-        """What all commands make of a file that was spoilt in this way."""
+        """What all commands make of a file that was damaged in this way."""
         path = self.project.folder / case.file
         if not path.is_file() or path.is_symlink():
             self.restore()
         spoils(path)
-        for command in LOOKS:
+        for command in (*LOOKS, OTHERS[(case.number + len(case.file)) % len(OTHERS)]):
             self._run(case, command, self._seconds)
+        if self._is_known(case):
+            self.put_back(case.file)
+            return case
         status = self._run(case, APPLY, self._apply_seconds)
         case.told = "recovered" if status == 0 else case.told or "nothing"
         after = self._run(case, ("plan", "-detailed-exitcode"), self._seconds)
         if status == 0 and after != 0:
-            reasons = [line.strip() for line in self._printed.splitlines() if line.startswith("        ")]
+            reasons = [line.strip() for line in case.read[-1].splitlines() if line.startswith("        ")]
             case.wrong.append(f"plan ends with {after} behind an apply that went well: {'; '.join(reasons)[:200]}")
         if after != 0:
             self.restore()
         return case
 
+    def _is_known(self, case: Case) -> bool:
+        """Whether an apply would make the endpoint again and has done so often enough after the same."""
+        plan = case.read[0]
+        if self._applies is None or "/run/" in case.file or not re.search(r"^ +[~+-]/?[+]? endpoint", plan, re.M):
+            return False
+        key = (kind_of(case.file), case.mutation, *case.read[: len(LOOKS)])
+        self._seen[key] += 1
+        case.told = "recovered before"
+        return self._seen[key] > self._applies and not case.wrong
+
     def _run(self, case: Case, command: Sequence[str], seconds: float) -> int | None:
         """The exit status; what is wrong with how it ended stands in the case."""
-        name = command[0]
+        name = " ".join(command)
         try:
             status, out, err = warm.run(OCTOFORM, command, self.project.folder, self.project.environment(), seconds)
         except subprocess.TimeoutExpired:
             case.wrong.append(f"{name}: not done after {seconds:g} s")
+            case.read.append("")
             return None
-        text = self._printed = out + err
+        text = out + err
+        case.read.append(re.sub(r"\d+", "0", text))
         if "Traceback" in text:
             last = [line for line in text.splitlines() if line.strip()][-1]
             where = [line.strip() for line in text.splitlines() if line.strip().startswith("File ")][-1:]
             case.wrong.append(f"{name}: {last[:160]} {' '.join(where)[-120:]}")
+        elif foreign := [line for line in text.splitlines() if name not in _QUOTES and _FOREIGN.search(line)]:
+            case.wrong.append(f"{name}: not in words of octoform: {foreign[0].strip()[:240]}")
         elif status not in (0, 2) and not text.strip():
             case.wrong.append(f"{name}: ends with {status} and says nothing")
-        if name == APPLY[0]:
-            case.told = next((line.strip() for line in err.splitlines() if line.strip()), "")[:160]
+        if command == APPLY:
+            lines = [line.strip() for line in err.splitlines() if line.strip()]
+            case.told = next((line for line in lines if "error[" in line), *lines[:1] or [""])[:160]
         return status
 
+    def put_back(self, inside: str) -> None:
+        """One file as it was kept."""
+        path = self.project.folder / inside
+        if path.is_dir() and not path.is_symlink():
+            shutil.rmtree(path)
+        path.unlink(missing_ok=True)
+        shutil.copy2(self._kept / inside, path)
+
     def restore(self) -> None:
-        """Everything as it was kept, and no process of the endpoint."""
+        """Everything as it was kept, and no process of the endpoint but a new one."""
         self.project.run("stop")
         for top in (self.project.state, self.project.local):
             for path in sorted(top.rglob("*"), reverse=True):
                 inside = path.relative_to(self.project.folder)
-                if _SKIPPED.search(inside.as_posix()) or (path.is_symlink() and path.name == "environments"):
+                if _SKIPPED.search(inside.as_posix()) or _GROWS.search(inside.as_posix()):
                     continue
                 if not path.is_symlink() and path.is_dir():
                     if (self._kept / inside).is_file():
                         shutil.rmtree(path)
                 else:
                     path.unlink()
-        shutil.copytree(self._kept, self.project.folder, dirs_exist_ok=True)
+        for path in self._kept.rglob("*"):
+            if path.is_file():
+                inside = path.relative_to(self._kept)
+                (self.project.folder / inside).parent.mkdir(parents=True, exist_ok=True)
+                self.put_back(inside.as_posix())
         self.project.run("start")
 
 
-def spoilt(subject: Subject, mutations: int, seed: int, only: Sequence[str] = ()) -> Iterator[Case]:
-    """Each file of the subject so many times, in turns, so that a run that is cut off has seen every file."""
-    names = [path.relative_to(subject.project.folder).as_posix() for path in subject.files()]
-    names = [name for name in names if not only or any(word in name for word in only)]
+def spoilt(subject: Subject, mutations: int, seed: int, only: Sequence[str], share: tuple[int, int]) -> Iterator[Case]:
+    """Each kind of file so many times, in turns, so that a run that is cut off has seen every kind."""
+    kinds = {name: files for name, files in subject.kinds().items() if not only or any(word in name for word in only)}
     for number in range(mutations):
-        for name in names:
-            yield subject.spoil(name, number, seed)
+        for at, (name, files) in enumerate(kinds.items()):
+            if (at + number) % share[1] == share[0] - 1:
+                yield subject.spoil(random.Random(f"{seed}:{name}:{number}").choice(files), number, seed)
 
 
-def campaign(folder: Path, mutations: int, seed: int, only: Sequence[str], seconds: float) -> list[Case]:
-    """Spoil a watched deployment; each case is printed as it is done."""
+def campaign(folder: Path, given: argparse.Namespace) -> list[Case]:
+    """Damage the files of a deployment with a past; each case is printed as it is done."""
+    from campaign.lived import lived
     from campaign.making import made
 
-    bench = made("intranet", folder)
+    part, parts = map(int, given.share.split("/"))
+    bench = made("intranet", folder, port=PORT + part)
     try:
-        bench.end_daemon()
-        subject = Subject(bench.project, seconds)
+        lived(bench)
+        subject = Subject(bench.project, given.seconds, applies=given.applies)
         try:
             cases = []
-            for case in spoilt(subject, mutations, seed, only):
+            for case in spoilt(subject, given.mutations, given.seed, given.only, (part, parts)):
                 cases.append(case)
                 print(f"{case.number} {case.mutation:8} {case.file}: {'; '.join(case.wrong) or case.told}", flush=True)
             return cases
@@ -270,19 +260,48 @@ def campaign(folder: Path, mutations: int, seed: int, only: Sequence[str], secon
         bench.close()
 
 
+def shared(given: argparse.Namespace) -> int:
+    """The campaign in so many processes, each with a deployment of its own; how many of them found something wrong."""
+
+    def run(part: int) -> tuple[int, list[str]]:
+        options = [f"--{name}={getattr(given, name)}" for name in ("mutations", "seed", "seconds", "applies")]
+        command = [sys.executable, "-m", "campaign.mutations", *options, f"--share={part}/{given.workers}"]
+        with subprocess.Popen([*command, "--only", *given.only], stdout=subprocess.PIPE, text=True) as process:
+            assert process.stdout is not None
+            lines = []
+            for line in process.stdout:
+                lines.append(line)
+                print(line, end="", flush=True)
+        return process.returncode, lines
+
+    with concurrent.futures.ThreadPoolExecutor(given.workers) as pool:
+        done = list(pool.map(run, range(1, given.workers + 1)))
+    counts: Counter[str] = Counter()
+    for _, lines in done:
+        for count, word in re.findall(r"(\d+) (mutations|recovered|told|wrong)", lines[-1] if lines else ""):
+            counts[word] += int(count)
+    print("all: " + ", ".join(f"{count} {word}" for word, count in counts.items()))
+    return 1 if any(status for status, _ in done) else 0
+
+
 def main() -> int:
     """0 when nothing went wrong."""
     signal.signal(signal.SIGTERM, lambda number, frame: sys.exit(128 + number))  # so that the bench is closed
     parser = argparse.ArgumentParser()
-    parser.add_argument("--mutations", type=int, default=200, help="of each file")
+    parser.add_argument("--mutations", type=int, default=200, help="of each kind of file")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--seconds", type=float, default=SECONDS, help="what a command that looks may take")
-    parser.add_argument("--only", nargs="*", default=[], help="files with one of these words in their names")
+    parser.add_argument("--applies", type=int, default=APPLIES, help="that make the endpoint again after the same")
+    parser.add_argument("--workers", type=int, default=1, help="deployments that are damaged at the same time")
+    parser.add_argument("--share", default="1/1", help="which part of the mutations: 2/3 takes the second of three")
+    parser.add_argument("--only", nargs="*", default=[], help="kinds of files with one of these words in their names")
     given = parser.parse_args()
+    if given.workers > 1:
+        return shared(given)
     with tempfile.TemporaryDirectory(prefix="octoform-mutations-") as place:
-        cases = campaign(Path(place), given.mutations, given.seed, given.only, given.seconds)
+        cases = campaign(Path(place), given)
     wrong = [case for case in cases if case.wrong]
-    recovered = sum(case.told == "recovered" for case in cases)
+    recovered = sum(case.told.startswith("recovered") for case in cases)
     print(f"{len(cases)} mutations: {recovered} recovered, {len(cases) - recovered} told, {len(wrong)} wrong")
     return 1 if wrong else 0
 

@@ -31,7 +31,7 @@ pytestmark = pytest.mark.dear
 
 TOOL, TARGET = "read_temperature", "tool:read_temperature"
 GOOD = (AGENT.parent / "good" / "server.py").read_text()
-READ = "        return Temperature(celsius=round(21.5, digits))"
+READ = "        return Temperature(celsius=round(value / 1000, digits))"
 GUARD = '        if not 0 <= digits <= 3:\n            raise ValueError("so many digits there are not")\n'
 WRONG = "        value = 21.5 if digits < 3 else (21.5).exactly\n"
 BROKEN = GOOD.replace(READ, f"{GUARD}{WRONG}        return Temperature(celsius=round(value, digits))")

@@ -62,6 +62,10 @@ PLANTS = {
     "echo 'PYTHONPATH=/tmp' > {home}/.config/environment.d/x.conf",
     "{home}/.config/systemd/user/octoform-bench.service.d/x.conf": "d={home}/.config/systemd/user; "
     "mkdir -p $d/octoform-bench.service.d; echo '[Service]' > $d/octoform-bench.service.d/x.conf",
+    "{home}/.bashrc": "echo 'touch {mark}' > {home}/.bashrc",
+    "{home}/.ssh/authorized_keys": "mkdir -p {home}/.ssh; echo 'ssh-ed25519 AAAA' > {home}/.ssh/authorized_keys",
+    "{home}/.config/autostart/x.desktop": "mkdir -p {home}/.config/autostart; "
+    "echo '[Desktop Entry]' > {home}/.config/autostart/x.desktop",
     "{home}/.gitconfig": "git config --file {home}/.gitconfig core.fsmonitor 'touch {mark}; false'",
     "{home}/.config/git/attributes": "mkdir -p {home}/.config/git; echo '* filter=x' > {home}/.config/git/attributes",
     "{home}/.config/uv/uv.toml": "mkdir -p {home}/.config/uv; echo '' > {home}/.config/uv/uv.toml",

@@ -11,7 +11,7 @@ import pytest
 from projects import Done, Project
 
 GOOD = (Path(__file__).parents[1] / "agent" / "good" / "server.py").read_text()
-READS = "return Temperature(celsius=round(21.5, digits))"
+READS = "return Temperature(celsius=round(value / 1000, digits))"
 
 
 def changed(before: str, after: str) -> str:

@@ -170,8 +170,8 @@ def test_what_a_dead_octoform_left_is_ended_by_the_next_run(host: Host) -> None:
 
 
 HIDING = """
-with open(PLACE, "a") as _said:
-    _said.write(str(subprocess.Popen(["/bin/sleep", "600"], start_new_session=True, env={}).pid) + "\\n")
+_left = subprocess.Popen(["/bin/sleep", "600"], start_new_session=True, env={}).pid
+subprocess.run(["tee", "-a", PLACE], input=f"{_left}\\n", text=True, stdout=subprocess.DEVNULL, check=True)
 """
 
 

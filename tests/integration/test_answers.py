@@ -159,7 +159,7 @@ def test_what_cannot_be_written_is_refused_and_nothing_changes(bench: Project) -
 
 
 def test_an_answer_about_something_else_is_a_warning_each_time(bench: Project) -> None:
-    (bench.folder / "octopus.yaml").write_text(f"{MANIFEST}answers: {{usb-1a86-7524: a pump}}\n")
+    (bench.folder / "octopus.yaml").write_text(f"{MANIFEST}answers: {{usb-1a86-7532: a pump}}\n")
     apply(bench)
     for _ in range(2):
         done = bench.run("plan", status=0)

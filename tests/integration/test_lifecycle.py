@@ -160,7 +160,7 @@ def test_a_saved_plan_is_shown_and_applied_as_it_was_saved(live: Project) -> Non
 def test_a_server_that_was_edited_is_not_served_and_made_again(live: Project) -> None:
     server = live.state / "serve" / "server.py"
     good = server.read_bytes()
-    server.write_bytes(good.replace(b"21.5", b"99.9"))
+    server.write_bytes(good.replace(b"value / 1000", b"value * 1000"))
     refused = json.loads(live.run("status", "-json", status=3).out)
     # The process goes on with what it was started with; the edited code is never run.
     assert (refused["in_sync"], refused["health"]) == (False, "degraded")

@@ -93,6 +93,12 @@ def edit(bench: Bench) -> None:
     assert until(lambda: bench.health().get("at") != looked, LONG)
 
 
+def doings(bench: Bench, target: str) -> list[str]:
+    """What the one execution log says of the daemon and a target."""
+    log = [json.loads(line) for line in bench.layout.call_log.read_text().splitlines()]
+    return [each["event"] for each in log if each.get("from") == "daemon" and each["target"] == target]
+
+
 def listed(bench: Bench) -> list[str]:
     """The targets that `octoform heal` lists."""
     document = json.loads(bench.project.run("heal", "-json").out)
@@ -113,6 +119,8 @@ def test_what_was_given_up_costs_nothing_more_and_stays_so_until_a_person_asks(b
         assert not until(lambda: len(asked(bench)) != spent, 3.0), "a frozen trouble costs a run of an agent"
     assert [each for each in alerts(bench) if each[1] == TARGET] == [("opened", TARGET), ("frozen", TARGET)]
 
+    # A person mends it while HEAL is still thinking: the call that works then is the end of the trouble.
+    broken(bench, heal={**heal("broken"), "sleep": 3.0})
     bench.project.run("heal", "-retry", TARGET, status=0)
     assert until(lambda: asked(bench)[spent:].count("heal") >= 1, LONG), "nobody is asked although a person wants it"
     assert until(lambda: any(bench.layout.attempts.glob("*-heal-*/input.json")), LONG)
@@ -135,6 +143,9 @@ def test_one_replug_is_told_once_and_one_hang_is_one_trouble(bench: Bench) -> No
     fresh = [each for name, each in bench.episodes().items() if name not in known]
     assert len(fresh) == 1, [(each["kind"], each["summary"]) for each in fresh]
     assert len(alerts(bench)) <= 2 and {target for _, target in alerts(bench)} <= {fresh[0]["target"]}
+    target = fresh[0]["target"]
+    assert until(lambda: doings(bench, target)[-1] == "over", LONG), "the daemon's doings stand among the calls"
+    assert doings(bench, target)[0] == "noticed"
 
     known = set(bench.episodes())
     for path in bench.host.tree.root.glob("sys/class/hwmon/*/temp1_input"):

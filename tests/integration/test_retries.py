@@ -46,7 +46,7 @@ def test_an_attempt_that_nobody_judged_leaves_nothing_to_correct(project: Projec
 
 def test_what_a_trial_found_stands_until_the_next_trial_however_many_servers_are_refused(project: Project) -> None:
     good = (GOOD / "server.py").read_text()
-    dead = good.replace("round(21.5, digits)", "__time.no_such_clock(digits)")
+    dead = good.replace("round(value / 1000, digits)", "__time.no_such_clock(digits)")
     dead = dead.replace("return Temperature", "import time\n\n        return Temperature").replace("__time", "time")
     assert "time.no_such_clock" in dead and "import time" in dead
     (project.outside / "dead.py").write_text(dead)

@@ -93,7 +93,7 @@ class Project:
     def environment(self) -> dict[str, str]:
         # What the scripted agent writes is held against a host; it is about this one.
         host = {} if self.harness else {"OCTOFORM_SYSROOT": str(bench_host(self.outside / "host"))}
-        kept = ("PATH", "HOME", "LANG", "UV_CACHE_DIR", "SSL_CERT_FILE", "PIP_CERT", "PIP_CONFIG_FILE")
+        kept = ("PATH", "HOME", "LANG", "UV_CACHE_DIR", "UV_CONSTRAINT", "SSL_CERT_FILE", "PIP_CERT", "PIP_CONFIG_FILE")
         return {**{name: os.environ[name] for name in kept if name in os.environ}, **host, **self.environ}
 
     def start(self, *arguments: str, **options: Any) -> "subprocess.Popen[str]":

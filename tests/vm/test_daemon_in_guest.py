@@ -151,7 +151,7 @@ def test_hardware_of_a_new_kind_is_onboarded_while_the_others_work(
     interface, now = watch.octoform.artifact("interface"), set(caller.tools())
     assert any(tool["devices"] == [LIGHT] and tool["name"] in now for tool in interface["tools"])
     # A generated server is at most 500 lines long: what is worth least makes room for the newcomer, and that is said.
-    room = " ".join(item["detail"] for item in interface["left_out"] if item["reason"] == "tool_budget")
+    room = " ".join(item["detail"] for item in interface["left_out"] if item["reason"] == "server_size")
     lost = {tool for tool in before - now if tool not in room}
     assert not lost, f"{lost} are gone without a word"
     assert watch.octoform.status("plan", "-detailed-exitcode") == 0, watch.octoform.run("plan")

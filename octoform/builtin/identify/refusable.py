@@ -5,12 +5,15 @@ It is judged on the final annotation, whoever gave the name: strings, a database
 """
 
 import re
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 from octoform.builtin.identify.evidence import Device
 from octoform.builtin.identify.verdict import UNKNOWN
 
 _MISSING = "The name that it goes by says only how it is wired; what is this device, by maker and model?"
+_ASKED = "What it says of itself could not be taken as it is; what is this device, by maker and model?"
+_UNTOLD = "nothing that it says of itself could be taken as it is"
 _ACTING = ("sensor", "actuator", "bidirectional")
 _WIRES = frozenset(
     (
@@ -38,6 +41,27 @@ def accepted(device: Device, annotation: dict[str, Any]) -> dict[str, Any]:
     """The annotation, or that of an unknown device with the reason where its name would be refused."""
     if annotation["category"] not in _ACTING or not names_wires(annotation["identified_as"], device.raw):
         return annotation
+    return unknown(annotation, _MISSING)
+
+
+def without_refused(artifact: dict[str, Any], refused: Iterable[Mapping[str, Any]]) -> dict[str, Any]:
+    """The artifact again, without what was refused of it: such a device is unknown, and one that was is left out.
+
+    Whatever rule of the contract this agent does not know costs one device, and never the host.
+    """
+    before = {str(entry.get("id")): entry.get("category") for entry in refused}
+    kept, left_out = [], list(artifact["left_out"])
+    for annotation in artifact["devices"]:
+        category = before.get(annotation["id"])
+        if category == UNKNOWN:
+            left_out.append({"id": annotation["id"], "reason": "unknown_meaning", "detail": _UNTOLD})
+        else:
+            kept.append(annotation if category is None else unknown(annotation, _ASKED))
+    return {**artifact, "devices": kept, "left_out": left_out}
+
+
+def unknown(annotation: dict[str, Any], missing: str) -> dict[str, Any]:
+    """The annotation as that of a device of which nothing is known but its name; ``missing`` is the open question."""
     kept: dict[str, Any] = {
         key: annotation[key] for key in ("id", "identified_as", "class", "evidence") if key in annotation
     }
@@ -47,7 +71,7 @@ def accepted(device: Device, annotation: dict[str, Any]) -> dict[str, Any]:
         "confidence": 0.0,
         "method": "none",
         "capabilities": [],
-        "missing": _MISSING,
+        "missing": missing,
     }
 
 

@@ -36,7 +36,7 @@ from octoform.builtin.identify.classes import (
     words,
 )
 from octoform.builtin.identify.evidence import Device
-from octoform.builtin.identify.identity import identity
+from octoform.builtin.identify.identity import NOTHING, Identity, identity
 from octoform.builtin.identify.verdict import INFRASTRUCTURE, READ, UNKNOWN, Capability, Claim, Evidence, Leave
 from octoform.builtin.task import Task
 
@@ -82,6 +82,7 @@ RULES: tuple[Callable[[Device], Claim | None], ...] = (
 def run(task: Task) -> str:
     """Write the IDENTIFY artifact of the task; the summary line (``41 devices annotated, 120 left out``)."""
     artifact = identify(task.read_input(), IdDatabases(task.sysroot), task.profiles, task.answers)
+    artifact = refusable.without_refused(artifact, task.refused)
     task.write(artifact)
     unknown = sum(device["category"] == UNKNOWN for device in artifact["devices"])
     return f"{len(artifact['devices'])} annotated ({unknown} unknown), {len(artifact['left_out'])} left out"
@@ -124,6 +125,8 @@ def annotate(device: Device, claims: list[Claim]) -> dict[str, Any]:
     """The schema's device object: kind from the first claim, capabilities from all of them."""
     first = claims[0]
     named = identity(device, first)
+    if refusable.names_wires(named.name, device.raw) and not refusable.names_wires(first.noun, device.raw):
+        named = Identity(first.noun, NOTHING, "kernel_class")  # its string says how it is wired; its class what it is
     annotation: dict[str, Any] = {
         "id": device.id,
         "identified_as": named.name[:300],

@@ -38,10 +38,13 @@ def declare(identify: Mapping[str, Any], budget: int, profiles: Profiles = ()) -
         kinds = {**KINDS, **grammar.kinds(profiles, KINDS)}
         wanted = [kinds[name] for name in kinds if name in owners]
         made = {kind.name: _tool(kind, owners[kind.name]) for kind in wanted}
-        kept = _written(_within(budget, wanted), made, profiles)
+        allowed = _within(budget, wanted)
+        kept = _written(allowed, made, profiles)
         tools = [made[kind.name] for kind in kept]
         cut = [kind for kind in wanted if kind not in kept]
-        left_out = _left_out(identify, {name for tool in tools for name in tool["devices"]}, _spared(cut, owners))
+        reason = "tool_budget" if len(allowed) < len(wanted) and kept == allowed else "server_size"
+        served = {name for tool in tools for name in tool["devices"]}
+        left_out = _left_out(identify, served, _spared(cut, owners), reason)
     except (KeyError, TypeError, AttributeError) as problem:
         raise Refused(f"the IDENTIFY artifact is not as expected: {type(problem).__name__}: {problem}") from problem
     return {"format": 1, "tools": tools, "left_out": left_out}
@@ -146,12 +149,14 @@ def _spared(cut: list[Kind], owners: Owners) -> dict[str, list[str]]:
     return lost
 
 
-def _left_out(identify: Mapping[str, Any], served: set[str], spared: Mapping[str, list[str]]) -> list[dict[str, Any]]:
+def _left_out(
+    identify: Mapping[str, Any], served: set[str], spared: Mapping[str, list[str]], why: str
+) -> list[dict[str, Any]]:
     out = [dict(item) for item in identify["left_out"]]
     for device in identify["devices"]:
         name = device["id"]
         if name in spared:
-            reason, detail = "tool_budget", f"without a tool for {', '.join(sorted(spared[name]))}"
+            reason, detail = why, f"without a tool for {', '.join(sorted(spared[name]))}"
         elif name in served:
             continue
         else:

@@ -8,6 +8,7 @@ import ast
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from octoform.base.source_lines import counted
 from octoform.builtin.grammars import Profiles
 from octoform.builtin.serve.assemble import assemble
 from octoform.builtin.task import Refused, Task
@@ -31,7 +32,7 @@ def render(interface: Mapping[str, Any], profiles: Profiles = ()) -> str:
         ast.parse(text)
     except (KeyError, TypeError, AttributeError, SyntaxError) as problem:
         raise Refused(f"the INTERFACE artifact cannot be rendered: {type(problem).__name__}: {problem}") from problem
-    if (count := text.count("\n")) > MOST_LINES:
+    if (count := len(counted(text))) > MOST_LINES:
         raise Refused(
             f"the server would have {count} lines, more than {MOST_LINES}; lower budget.tools in the manifest"
         )
@@ -39,5 +40,5 @@ def render(interface: Mapping[str, Any], profiles: Profiles = ()) -> str:
 
 
 def lines(tools: Sequence[Mapping[str, Any]], profiles: Profiles = ()) -> int:
-    """How many lines a server of these tools has."""
-    return assemble(tools, profiles).count("\n")
+    """How many lines a person has to read of a server of these tools."""
+    return len(counted(assemble(tools, profiles)))

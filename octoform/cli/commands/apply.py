@@ -56,7 +56,7 @@ def execute(arguments: Namespace, screen: Console, request: Request, planfile: s
 
 def status_of(result: RunResult) -> int:
     """1 when something failed or was refused, 3 (degraded) when devices are closed to this user, else 0."""
-    return 1 if result.failed else EXIT[Status.DEGRADED] if result.incomplete else 0
+    return 1 if result.failed else EXIT[Status.DEGRADED] if result.incomplete or result.silent else 0
 
 
 def _options(arguments: Namespace, planfile: str | None = None) -> Options:

@@ -23,7 +23,11 @@ _ACCESS = re.compile(r'"(?:GET|HEAD|POST|PUT|PATCH|DELETE|OPTIONS) [^"]* HTTP/[\
 
 @dataclass(frozen=True, slots=True)
 class Heard:
-    """``failures`` in order, the newest where there are too many; ``worked`` names of tools, each once."""
+    """What the logs say since the last look.
+
+    ``failures`` are in order, the newest where there are too many, of each tool those after its last call that worked;
+    ``worked`` are names of tools, each once.
+    """
 
     failures: tuple[LoggedCall, ...] = ()
     worked: tuple[str, ...] = ()
@@ -46,12 +50,6 @@ class Hearing:
         """Where the next look begins, as JSON."""
         return {"calls": self._calls.place, "server": self._server.place}
 
-    def skip(self) -> None:
-        """Go to the end of both: what was written until now is not to be judged."""
-        self._calls.skip()
-        self._server.skip()
-        self._under_way.clear()
-
     def __call__(self, *, anew: bool = True) -> Heard:
         """What is new; without ``anew`` only what is overdue, and no file is read."""
         failures: list[LoggedCall] = []
@@ -60,11 +58,26 @@ class Hearing:
             call = self._ended(entry)
             if call is not None and call.ok:
                 worked[call.tool] = None
+                failures = [each for each in failures if each.tool != call.tool]
             elif call is not None:
                 failures.append(call)
         failures += self._overdue()
         printed = [_shown(line) for line in self._server.lines() if not _ACCESS.search(line)] if anew else []
         return Heard(tuple(failures[-MOST_CALLS:]), tuple(worked), tuple(printed[-MOST_LINES:]))
+
+    def successes(self) -> Heard:
+        """Only the tools whose last call worked, of what is new; the rest is not to be judged.
+
+        Whoever works on the host tries its tools, and judges failures itself. That a tool works is true for all.
+        """
+        last: dict[str, bool] = {}
+        for entry in objects(self._calls.lines()):
+            call = self._ended(entry)
+            if call is not None:
+                last[call.tool] = call.ok
+        self._server.skip()
+        self._under_way.clear()
+        return Heard(worked=tuple(name for name, ok in last.items() if ok))
 
     def _ended(self, entry: Mapping[str, Any]) -> LoggedCall | None:
         """The call that a line ends; None for every other line."""

@@ -14,7 +14,7 @@ from octoform.base.files import parse
 from octoform.daemon.model import Cause, Facts
 from octoform.daemon.ports import Clock
 from octoform.daemon.sensing.answering import Answering
-from octoform.daemon.sensing.hearing import Heard, Hearing
+from octoform.daemon.sensing.hearing import Hearing
 from octoform.daemon.sensing.presence import Presence
 from octoform.daemon.sensing.standing import Standing
 from octoform.endpoint import stopmark
@@ -143,11 +143,7 @@ class Looker:
 
     def _log(self, facts: Facts, causes: frozenset[Cause], *, changed: bool) -> Facts:
         hearing = self._senses.hearing
-        heard = Heard()
-        if facts.busy is not None:
-            hearing.skip()  # trial calls of whoever works on the host are theirs to judge
-        else:
-            heard = hearing(anew=bool(causes & LOGS))
+        heard = hearing(anew=bool(causes & LOGS)) if facts.busy is None else hearing.successes()
         if changed:
             hearing.forget()
         sizes = _sizes(self._layout) if causes & LOGS else facts.log_bytes

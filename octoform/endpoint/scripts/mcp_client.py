@@ -3,12 +3,12 @@
 Run as ``python -I mcp_client.py`` with one JSON object on stdin::
 
     {"command": ["..."], "mode": "auto" | "legacy", "start_seconds": 30.0, "calls":
-     [{"tool": "...", "arguments": {}, "seconds": 15.0}]}
+     [{"tool": "...", "arguments": {}, "seconds": 15.0, "again": 2}]}
 
 One JSON object on stdout: ``{"answered", "error", "protocol", "server", "tools", "calls"}``; each call is
-``{"tool", "arguments", "is_error", "problem", "field", "refused", "message", "structured", "pictures", "ms"}`` where
-``problem`` is null, ``unknown_tool``, ``bad_argument``, ``timeout``, ``output_schema`` or ``protocol``, and ``refused``
-is the gate's code when it did not let the tool begin.
+``{"tool", "arguments", "is_error", "problem", "field", "refused", "message", "structured", "pictures", "ms", "again"}``
+where ``problem`` is null, ``unknown_tool``, ``bad_argument``, ``timeout``, ``output_schema`` or ``protocol``,
+``refused`` is the gate's code when it did not let the tool begin, and ``again`` are the results of its repetitions.
 """
 
 import json

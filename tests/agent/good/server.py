@@ -8,8 +8,9 @@
 from typing import Annotated
 
 from fastmcp import FastMCP
+from fastmcp.exceptions import ToolError
 from pydantic import BaseModel, Field
-from runtime import bus, logged
+from runtime import bus, device, logged, read_number
 
 mcp = FastMCP("bench")
 
@@ -32,7 +33,10 @@ class Temperature(BaseModel):
 def read_temperature(digits: Annotated[int, Field(ge=0, le=3)] = 1) -> Temperature:
     """Read the board temperature in degrees Celsius."""
     with bus("hwmon-benchtemp"):
-        return Temperature(celsius=round(21.5, digits))
+        value = read_number(device("hwmon-benchtemp").path("hwmon") / "temp1_input")
+        if value is None:
+            raise ToolError("the board's sensor gives no reading now")
+        return Temperature(celsius=round(value / 1000, digits))
 
 
 if __name__ == "__main__":

@@ -145,7 +145,7 @@ def test_what_came_to_a_room_is_taken_away_and_in_the_installation_only_told(
     project: Path, tmp_path_factory: pytest.TempPathFactory
 ) -> None:
     own, theirs = tmp_path_factory.mktemp("own"), tmp_path_factory.mktemp("theirs")
-    wanted = audit.Guarded([], [], [own, theirs], frozenset({theirs}))
+    wanted = audit.Guarded([], [], [own, theirs], installed=frozenset({theirs}))
     watch = audit.begin(project, wanted)
     for room in (own, theirs):
         (room / "planted.pth").write_text("import os\n")
@@ -162,3 +162,18 @@ def test_octoform_knows_what_its_own_interpreter_starts_with() -> None:
     assert (room / "pytest").is_dir()
     assert Path(sys.prefix) / "pyvenv.cfg" in started.files
     assert {path for path in room.glob("*.pth")} <= set(started.files)
+
+
+def test_what_is_new_in_the_home_folder_is_told_and_left(
+    project: Path, tmp_path_factory: pytest.TempPathFactory
+) -> None:
+    home = tmp_path_factory.mktemp("home")
+    for name in (".viminfo", ".profile"):
+        (home / name).write_text("old\n")
+    watch = audit.begin(project, audit.Guarded([home / ".profile"], [], home=home))
+    (home / "notes.txt").write_text("new\n")
+    (home / ".viminfo").write_text("what programs of the person write all the time\n")
+    (home / ".profile").write_text("planted\n")
+    told = [(item.severity.value, item.path) for item in audit.end(watch, project / ".undone")]
+    assert told == [("error", str(home / ".profile")), ("warning", str(home / "notes.txt"))]
+    assert (home / "notes.txt").exists() and (home / ".profile").read_text() == "old\n"

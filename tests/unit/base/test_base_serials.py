@@ -45,6 +45,23 @@ DEFAULTS = [
     ),
     *("1234-5678-9ABC", "fedcba9876543210", "0000-0000-0001", "001", "12", "TEST001", "Device 0001", "ffff0000"),
 ]
+TYPED = [
+    *("1f00:00c1", "1F00_00C1", "0000:00:14.0", "3-1.2", "6.1.0-13-amd64", "Linux_6.1", "v1.2.3"),
+    *(
+        "XY123456",
+        "ABCD1234",
+        "SN-2020-0001",
+        "12AB34CD",
+        "02468ACE",
+        "13579BDF",
+        "2468101214",
+        "10111213",
+        "314159265",
+    ),
+    *("DEADBEEF", "BADC0FFEE0DDF00D", "CAFEBABE0001", "QWERTY123", "asdf1234", "00e04c000001", "00E04C680001"),
+    *("\u0661\u0662\u0663\u0664\u0665\u0666", "\uff10\uff10\uff10\uff11", "\u0d67\u0d68\u0d69\u0d6a\u0d6b\u0d6c"),
+]
+"""Of what people and programs write where a number should stand: ids, places, versions, rows, words; in any script."""
 WORDS = [
     "",
     " ",
@@ -55,6 +72,9 @@ WORDS = [
     "None",
     "Not Specified",
     "Default",
+    "NA",
+    "To_be_filled_by_O.E.M.",
+    "ToBeFilledByO.E.M.",
 ]
 GOOD = [
     "A10KZP4X",
@@ -69,7 +89,7 @@ GOOD = [
 ]
 
 
-@pytest.mark.parametrize("serial", [*DEFAULTS, *WORDS])
+@pytest.mark.parametrize("serial", [*DEFAULTS, *TYPED, *WORDS])
 def test_a_default_tells_nothing_apart(serial: str) -> None:
     assert weight(serial) < UNIQUE
     assert not tells_apart(serial)
@@ -92,6 +112,7 @@ def test_a_short_number_counts_where_units_show_different_ones() -> None:
 @pytest.mark.parametrize("said", ["Otter Cam 3000-X2", "1f00 00c1"])
 def test_what_names_the_kind_is_no_number(said: str) -> None:
     assert weight(said.replace(" ", "_"), [said]) == NONE
+    assert weight("OT2102", ["OT2102 Otter Bridge Controller"]) == NONE
 
 
 @given(st.integers(0, 9999), st.sampled_from("0123456789abcdef"), st.integers(1, 20))
@@ -104,6 +125,6 @@ def test_counts_and_repeated_symbols_are_defaults_in_any_width(start: int, symbo
     assert weight(f"{start % 10:0{width}d}") < UNIQUE
 
 
-@given(st.text(max_size=300))
+@given(st.text(max_size=300) | st.text(st.characters(categories=["Nd", "No", "Nl"]), max_size=20))
 def test_any_text_is_judged(serial: str) -> None:
     assert weight(serial, [serial]) in range(4) and same(serial, serial) == bool(serial)

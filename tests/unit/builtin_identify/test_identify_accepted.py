@@ -9,7 +9,7 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 from probes import NO_DATABASES, device, probe, usb
 
-from octoform.builtin.identify.refusable import names_wires
+from octoform.builtin.identify.refusable import names_wires, without_refused
 from octoform.builtin.identify.stage import identify
 from octoform.builtin.interface.stage import declare
 from octoform.builtin.probe import text
@@ -105,9 +105,24 @@ def test_the_agents_rule_and_the_contracts_agree(name: str, maker: str) -> None:
     assert names_wires(name, raw) == is_chip_name(name, raw)
 
 
-def test_a_device_with_a_name_of_wires_is_unknown_and_says_what_is_missing() -> None:
-    keys = SHAPES["keys"]
-    found = identify(probe(usb("product: USB to Serial", *keys["lines"], nodes=keys["nodes"])), NO_DATABASES)
-    (unknown,) = found["devices"]
-    assert (unknown["category"], unknown["capabilities"]) == ("unknown", [])
-    assert "only how it is wired" in unknown["missing"]
+def test_a_device_with_a_name_of_wires_is_called_by_its_class_or_is_unknown() -> None:
+    (keys,) = identify(probe(shaped("keys")), NO_DATABASES)["devices"]
+    assert keys["category"] == "sensor" and "serial" not in keys["identified_as"].casefold()
+    (line,) = identify(probe(shaped("serial")), NO_DATABASES)["devices"]
+    assert (line["category"], line["capabilities"]) == ("unknown", []) and line["missing"]
+
+
+def shaped(shape: str) -> dict[str, Any]:
+    """A USB device of a shape that calls itself by its wires."""
+    form = SHAPES[shape]
+    return usb("product: USB to Serial", *form["lines"], nodes=form["nodes"])
+
+
+def test_what_was_refused_is_unknown_the_next_time_and_left_out_the_time_after() -> None:
+    artifact = identify(probe(shaped("keys")), NO_DATABASES)
+    (entry,) = artifact["devices"]
+    again = without_refused(artifact, [entry])
+    (unknown,) = again["devices"]
+    assert (unknown["category"], unknown["capabilities"]) == ("unknown", []) and unknown["missing"]
+    last = without_refused(artifact, [unknown])
+    assert last["devices"] == [] and last["left_out"][-1]["reason"] == "unknown_meaning"

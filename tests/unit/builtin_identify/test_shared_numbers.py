@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import pytest
+from cases import for_each
 from probes import NO_DATABASES, answer, usb
 
 from octoform.base.id_databases import IdDatabases
@@ -132,7 +133,7 @@ def test_there_are_enough_of_them() -> None:
     assert len(set(IDS)) == len(IDS) >= 25
 
 
-@pytest.mark.parametrize("row", SHARED, ids=IDS)
+@for_each("row", SHARED)
 def test_two_products_under_one_number_are_two_answers(row: Shared, databases: IdDatabases) -> None:
     one, other = told(row, ONE, databases), told(row, OTHER, databases)
     assert one["identified_as"] == "Heron Humidity H70"
@@ -143,8 +144,8 @@ def test_two_products_under_one_number_are_two_answers(row: Shared, databases: I
     assert "Chipworks" not in str((one["evidence"], other["evidence"]))
 
 
-@pytest.mark.parametrize("row", SHARED, ids=IDS)
-@pytest.mark.parametrize("strings", ["the chip's", "none"])
+@for_each("row", SHARED)
+@for_each("strings", ["the chip's", "none"])
 def test_a_chip_and_a_number_name_no_product(row: Shared, strings: str, databases: IdDatabases) -> None:
     found = told(row, row.chip if strings == "the chip's" else ("", ""), databases)
     assert found["confidence"] < CERTAIN

@@ -13,6 +13,7 @@ import pytest
 from invented_host import DEVICES, interface
 from ruff import find_ruff_bin
 
+from octoform.base.source_lines import counted
 from octoform.builtin.interface.catalog import KINDS
 from octoform.builtin.serve import stage
 from octoform.builtin.serve.assemble import SECTIONS
@@ -130,8 +131,8 @@ def test_formatted_and_without_a_finding(
 
 
 def test_never_longer_than_the_protocol_allows() -> None:
-    assert render(interface()).count("\n") <= MOST_LINES
-    assert render(interface(ONE_OF_EACH_CLASS)).count("\n") <= MOST_LINES
+    assert len(counted(render(interface()))) <= MOST_LINES
+    assert len(counted(render(interface(ONE_OF_EACH_CLASS)))) <= MOST_LINES
 
 
 def test_one_tool_of_every_class_of_an_ordinary_computer_fits() -> None:

@@ -176,7 +176,7 @@ def test_the_camera_that_a_step_proved_goes_before_the_best_and_a_person_before_
     finally:
         proved.unlink()
     wrong = Said(bench, capsys, "bright", "-device", "usb-1f00-00c3")
-    assert wrong.status == 1 and "is no camera of this host" in wrong.err and "did you mean" in wrong.err
+    assert wrong.status == 1 and "is no camera of this host" in wrong.err and "cameras here: usb-1f00-00c1" in wrong.err
 
 
 def test_a_row_of_looks_has_numbered_files_and_the_exit_code_of_the_last(

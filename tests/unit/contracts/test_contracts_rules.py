@@ -175,6 +175,7 @@ INTERFACE_CASES: list[tuple[str, Change]] = [
     ("INTERFACE-NUMBER-UNBOUNDED", _put("tools.2.input_schema.properties.percent", {"type": "number", "minimum": 0})),
     ("INTERFACE-WAIT-TOO-LONG", _put("tools.1.input_schema.properties.timeout", {"type": "number", "maximum": 61})),
     ("INTERFACE-BUDGET-UNUSED", _put("left_out.2.reason", "tool_budget")),
+    ("INTERFACE-BUDGET-UNUSED", _put("left_out.2.reason", "server_size")),
     ("INTERFACE-PASSTHROUGH", _put("tools.1.name", "raw_bytes_read")),
     ("INTERFACE-PASSTHROUGH", _put("tools.2.input_schema.properties.command", {"type": "string"})),
     ("INTERFACE-INPUT-SCHEMA", _put("tools.1.input_schema.type", "array")),
@@ -216,6 +217,10 @@ DEPLOY_CASES: list[tuple[str, Change]] = [
             _add("imports", {"module": "cv2", "provided_by": "opencv-python"}),
         ),
     ),
+    ("DEPLOY-PROVIDER-TWICE", _add("imports", {"module": "cv2", "provided_by": "fastmcp"})),
+    ("DEPLOY-VERSION-OUTSIDE", _put("requirements.0.version", "3.9.9")),
+    ("DEPLOY-VERSION-OUTSIDE", _put("requirements.0.version", "4.2.0")),
+    ("DEPLOY-IMPORT-NOT-THERE", _add("imports", {"module": "serial", "provided_by": "fastmcp"})),
     ("DEPLOY-REQUIREMENT-UNUSED", _add("requirements", {"name": "leftpad", "version": "1.0"})),
 ]
 
@@ -267,6 +272,20 @@ def test_many_devices_are_a_warning_only() -> None:
         value["devices"].append(dict(value["devices"][1], id=f"hwmon-x-{index}"))
     found = check("identify", value, artifacts(probe=probe), SCHEMAS)
     assert [(item.code, item.severity) for item in found] == [("IDENTIFY-MANY-DEVICES", Severity.WARNING)]
+
+
+@pytest.mark.parametrize(
+    ("count", "method", "told"), [(5, "kernel_class", 0), (6, "kernel_class", 1), (9, "profile", 0)]
+)
+def test_many_capabilities_of_one_device_are_a_warning_only(count: int, method: str, told: int) -> None:
+    value = good("identify")
+    device = value["devices"][1]
+    first = device["capabilities"][0]
+    more = [dict(first, name=f"{first['name']}_{'abcdefghi'[index]}") for index in range(count)]
+    device |= {"capabilities": more, "method": method}
+    found = [item for item in check("identify", value, artifacts(), SCHEMAS) if "MANY" in item.code]
+    wanted = ("IDENTIFY-MANY-CAPABILITIES", Severity.WARNING, "/devices/1/capabilities")
+    assert [(item.code, item.severity, item.pointer) for item in found] == [wanted] * told
 
 
 def test_more_tools_than_the_budget_are_refused() -> None:
@@ -393,6 +412,7 @@ def test_every_rule_has_a_code_of_its_stage_and_a_case_here() -> None:
     own_tests |= {
         "IDENTIFY-ACTUATE-WITHOUT-PROFILE",
         "IDENTIFY-NEIGHBOUR-PROMOTED",
+        "IDENTIFY-MANY-CAPABILITIES",
         "IDENTIFY-MANY-DEVICES",
         "IDENTIFY-SHARED-HUB",
         "INTERFACE-GRAMMAR-DIFFERS",

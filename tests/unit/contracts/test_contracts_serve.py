@@ -7,7 +7,7 @@ from contract_samples import READ, SCHEMAS, SERVER, artifacts, good
 
 from octoform import runtime
 from octoform.contracts.checking import RULES, check
-from octoform.contracts.deploying import deploy_lock
+from octoform.contracts.deploying import deploy_installed, deploy_lock
 from octoform.contracts.header import declared_requirements
 from octoform.contracts.model import Artifacts
 from octoform.contracts.serve_device_rules import RUNTIME_TOUCHES, camera_held
@@ -17,12 +17,35 @@ from octoform.contracts.serving import serve_dynamic
 HASH = "--hash=sha256:" + "ab" * 32
 END = '\n\nif __name__ == "__main__":'
 
+FAN = "    return int(path.read_text())"
+_OTHERWISE = """\
+    try:
+        value = int(path.read_text())
+    except OSError:
+        {}"""
+_LINE = """\
+    import serial
+
+    node = runtime.device("hwmon-fanboard").node("tty")
+    with runtime.bus("hwmon-fanboard"), serial.{} as port:
+        port.write(b"RPM?\\n")
+        return int(port.readline())"""
+_FRAME = _LINE.format("Serial(node, 9600)").replace('b"RPM?\\n"', "{}")
+_SPLIT = """\
+    import serial
+
+    port = serial.Serial(runtime.device("hwmon-fanboard").node("tty"), 9600)
+    with runtime.bus("hwmon-fanboard"):
+        port.write(b"RPM?\\n")
+    with runtime.bus("hwmon-fanboard"):
+        return {"rpm": int(port.readline())}"""
+
 # (code, what to replace in the good server, by what)
 CASES = [
     ("SERVE-SYNTAX", "def _fan() -> int:", "def _fan( -> int:"),
     ("SERVE-SYNTAX", "def _fan() -> int:\n", "def _fan() -> int:\n    return = 1\n"),
     ("SERVE-SYNTAX", '"""The bench."""', '"""The bench.\0"""'),
-    ("SERVE-TOO-LONG", END, "\n# more" * 500 + END),
+    ("SERVE-TOO-LONG", END, "\n\n# more" * 500 + END),
     ("SERVE-UNESCAPED-TEXT", '"""The bench."""', '"""The \u202ebench."""'),
     ("SERVE-UNESCAPED-TEXT", "import subprocess\n", "import subprocess  # \u2066 see\n"),
     ("SERVE-HEADER", "# ///\n", "# //\n"),
@@ -61,24 +84,28 @@ CASES = [
         '        runtime.device("hwmon-fanboard")\n        _drive(percent)',
     ),
     ("SERVE-BUS-UNLOCKED", '    with runtime.bus("hwmon-fanboard"):\n        _drive(percent)', "    _drive(percent)"),
-    ("SERVE-BUS-UNLOCKED", "    return int(path.read_text())", "    return len(open('/dev/fan').read())"),
     (
         "SERVE-BUS-UNLOCKED",
         "    return int(path.read_text())",
-        "    return [open(n) for n in runtime.device('x').nodes('fan')]",
+        "    return len(open(runtime.device('hwmon-fanboard').node('fan')).read())",
     ),
     (
         "SERVE-BUS-UNLOCKED",
         "    return int(path.read_text())",
-        "    import serial\n    return serial.Serial('x').read()",
+        "    return [open(n) for n in runtime.device('hwmon-fanboard').nodes('fan')]",
     ),
-    ("SERVE-BUS-UNLOCKED", "    return int(path.read_text())", "    return runtime.gpio.read('/dev/chip', 1)"),
+    (
+        "SERVE-BUS-UNLOCKED",
+        "    return int(path.read_text())",
+        "    import serial\n    return serial.Serial('x', 9600).read()",
+    ),
+    ("SERVE-BUS-UNLOCKED", "    return int(path.read_text())", "    return runtime.gpio.read('chip', 1)"),
     (
         "SERVE-BUS-UNLOCKED",
         "    return int(path.read_text())",
         "    from runtime import v4l2\n    return v4l2.formats('x')",
     ),
-    ("SERVE-DEVICE-AT-IMPORT", END, "\n\nHIGH = runtime.gpio.drive('/dev/chip', 1, 'high')" + END),
+    ("SERVE-DEVICE-AT-IMPORT", END, "\n\nHIGH = runtime.gpio.drive('chip', 1, 'high')" + END),
     (
         "SERVE-ASYNC-BLOCKS",
         END,
@@ -111,9 +138,66 @@ CASES = [
         "\n\n\ndef outer() -> None:\n    inner()"
         "\n\n\nasync def rest() -> None:\n    outer()" + END,
     ),
+    ("SERVE-NOT-IMPLEMENTED", FAN, "    raise NotImplementedError"),
+    ("SERVE-NOT-IMPLEMENTED", FAN, "    with runtime.bus('hwmon-fanboard'):\n        raise RuntimeError('later')"),
+    ("SERVE-NOT-IMPLEMENTED", '    return {"rpm": _fan()}', "    pass"),
+    ("SERVE-NOT-IMPLEMENTED", FAN, "    if 1:\n        raise OSError\n    else:\n        raise ValueError"),
+    ("SERVE-DEVICE-NOT-ASKED", '    return {"rpm": _fan()}', '    return {"rpm": 900}'),
+    ("SERVE-DEVICE-NOT-ASKED", 'runtime.device("hwmon-fanboard").path', 'runtime.device("hwmon-otherboard").path'),
+    (
+        "SERVE-DEVICE-NOT-ASKED",
+        'runtime.device("hwmon-fanboard").path("hwmon") / "fan1_input"',
+        'Path(runtime.device("hwmon-fanboard").id)',
+    ),
+    ("SERVE-DEVICE-NOT-ASKED", '    return {"rpm": _fan()}', '    return {"rpm": len(platform.node())}'),
+    ("SERVE-LITERAL-PLACE", 'runtime.device("usb-1234-0001").node("video4linux")', "0"),
+    ("SERVE-LITERAL-PLACE", FAN, "    return int(open('/sys/class/hwmon/hwmon0/fan1_input').read())"),
+    ("SERVE-LITERAL-PLACE", 'mcp = FastMCP("bench")', 'mcp = FastMCP("bench")\nNODE = "/dev/video0"'),
+    ("SERVE-LITERAL-PLACE", FAN, "    return len(f'/dev/video{path}')"),
+    ("SERVE-READ-WRITES", FAN, "    path.write_text('255')\n    return int(path.read_text())"),
+    ("SERVE-READ-WRITES", FAN, "    open(path, 'w').write('255')\n    return int(path.read_text())"),
+    ("SERVE-READ-WRITES", FAN, "    path.open(mode='a').close()\n    return int(path.read_text())"),
+    ("SERVE-READ-WRITES", FAN, "    path.unlink()\n    return 1"),
+    ("SERVE-DEFAULT-READING", FAN, _OTHERWISE.format("return 0")),
+    ("SERVE-DEFAULT-READING", FAN, _OTHERWISE.format("return dict(rpm=0)")),
+    ("SERVE-DEFAULT-READING", FAN, _OTHERWISE.format("value = -1") + "\n    return value"),
+    ("SERVE-DEFAULT-READING", FAN, "    value = 0\n" + _OTHERWISE.format("pass") + "\n    return value"),
+    ("SERVE-DEFAULT-READING", FAN, "    return int(runtime.read_number(path) or 0)"),
+    (
+        "SERVE-DEFAULT-READING",
+        FAN,
+        "    value = runtime.read_number(path)\n    return 0 if value is None else int(value)",
+    ),
+    (
+        "SERVE-DEFAULT-READING",
+        FAN,
+        "    value = runtime.read_number(path)\n    if value is None:\n        return 0\n    return int(value)",
+    ),
+    ("SERVE-EXCHANGE-SPLIT", '    return {"rpm": _fan()}', _SPLIT),
+    ("SERVE-CAMERA-NOT-FLUSHED", "[camera.read()[0] for _ in range(5)][-1]", "camera.read()[0]"),
+    (
+        "SERVE-CAMERA-HELD",
+        "        try:\n            return",
+        "        KEPT[width] = camera\n        try:\n            return",
+    ),
+    (
+        "SERVE-CAMERA-HELD",
+        "        try:\n            return",
+        "        KEPT.append(camera)\n        try:\n            return",
+    ),
+    ("SERVE-LINE-SPEED", FAN, _LINE.format("Serial(node)")),
+    ("SERVE-LINE-SPEED", FAN, _LINE.format("Serial(port=node, timeout=1)")),
+    ("SERVE-FRAME-BY-HAND", FAN, _FRAME.format("bytes([255, 255, 1])")),
+    ("SERVE-FRAME-BY-HAND", FAN, _FRAME.format("b'\\xff\\xff' + b'A'")),
+    ("SERVE-FRAME-BY-HAND", FAN, _FRAME.format("struct.pack('<BB', 255, 1)")),
     ("SERVE-PRINTS", "def _fan() -> int:\n", "def _fan() -> int:\n    print('fan')\n"),
 ]
-ALSO = {"SERVE-NO-SERVER": {"SERVE-TOOLS-DIFFER"}, "SERVE-HEADER": {"SERVE-IMPORT-UNDECLARED"}}
+ALSO = {
+    "SERVE-EXCHANGE-SPLIT": {"SERVE-BUS-UNLOCKED"},
+    "SERVE-ACTUATE-UNBOUND": {"SERVE-DEVICE-NOT-ASKED", "SERVE-LITERAL-PLACE"},
+    "SERVE-NO-SERVER": {"SERVE-TOOLS-DIFFER"},
+    "SERVE-HEADER": {"SERVE-IMPORT-UNDECLARED"},
+}
 
 
 def _codes(text: str) -> set[str]:
@@ -126,7 +210,7 @@ def test_a_broken_server_gets_exactly_its_code(code: str, old: str, new: str) ->
     text = SERVER.replace(old, new)
     if "os.system" in new:
         text = text.replace("import subprocess\n", "import os\nimport subprocess\n")
-    if "serial.Serial" in new:
+    if "import serial" in new:
         text = text.replace('"opencv-python-headless"', '"opencv-python-headless", "pyserial"')
     assert _codes(text) - ALSO.get(code, set()) == {code}
 
@@ -164,9 +248,13 @@ def test_a_diagnostic_has_line_column_and_source() -> None:
 
 
 GOOD_VARIANTS = [
+    (END, "\n\n\n\nclass Row:" + "\n    member: int\n" * 500 + END),
     # the lock taken by every caller of a helper, and by a context manager around the device
     ("        _drive(percent)", "        for _ in range(2):\n            _drive(percent)"),
-    ('    with runtime.bus("hwmon-fanboard"):', "    with runtime.bus(\"hwmon-fanboard\"), open('/dev/fan') as _:"),
+    (
+        '    with runtime.bus("hwmon-fanboard"):',
+        "    with runtime.bus(\"hwmon-fanboard\"), open(runtime.device('hwmon-fanboard', True).node('fan')) as _:",
+    ),
     ("import runtime\n", "import runtime\nfrom runtime import bus\n"),
     ("@mcp.tool\n@runtime.logged\ndef read_fan_speed", "@mcp.tool\n@runtime.logged()\ndef read_fan_speed"),
     ("def _fan() -> int:\n", "def _fan() -> int:\n    import sys\n    print('fan', file=sys.stderr)\n"),
@@ -297,6 +385,28 @@ def test_a_lock_has_every_requirement_in_its_version() -> None:
     for text in (LOCK.replace("4.1.2", "4.1.1"), LOCK.replace("fastmcp", "slowmcp")):
         [found] = deploy_lock(text, good("deploy"))
         assert found.code == "DEPLOY-LOCK-MISSING" and "4.1.2" in found.summary
+
+
+NEEDS = {"fastmcp": {"fastmcp-slim"}, "opencv-python-headless": {"numpy"}}
+PROVIDERS = {"fastmcp": {"fastmcp-slim"}, "cv2": {"opencv-python-headless"}, "numpy": {"numpy"}, "leftpad": {"leftpad"}}
+
+
+def test_what_was_installed_is_held_against_what_deploy_says() -> None:
+    assert deploy_installed(good("deploy"), SERVER, PROVIDERS, NEEDS) == []
+    value = good("deploy")
+    value["imports"][1]["provided_by"] = "fastmcp"
+    value["requirements"] += [{"name": name, "version": "1.0", "why": "useful"} for name in ("leftpad", "numpy")]
+    provider, unused = deploy_installed(value, SERVER, PROVIDERS, NEEDS)
+    assert provider.code == "DEPLOY-IMPORT-PROVIDER" and "it comes from 'opencv-python-headless'" in provider.summary
+    assert unused.code == "DEPLOY-REQUIREMENT-UNUSED" and "'leftpad'" in unused.summary
+    assert unused.pointer == "/requirements/2"
+
+
+def test_what_its_author_declares_may_be_there_without_an_import() -> None:
+    server = SERVER.replace('"opencv-python-headless"]', '"opencv-python-headless", "leftpad"]')
+    value = good("deploy")
+    value["requirements"].append({"name": "leftpad", "version": "1.0", "why": "a plug-in"})
+    assert deploy_installed(value, server, PROVIDERS, NEEDS) == []
 
 
 @pytest.mark.parametrize(

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import pytest
+from cases import for_each
 
 from octoform.contracts.checking import RULES
 from octoform.diagnostics.explain import codes, explain
@@ -72,7 +73,7 @@ def test_every_page_has_a_code(found: Found) -> None:
     assert idle == []
 
 
-@pytest.mark.parametrize("code", codes())
+@for_each("code", codes())
 def test_a_page_begins_with_its_code_and_says_what_to_do(code: str) -> None:
     page = explain(code)
     assert page is not None

@@ -16,7 +16,7 @@ def serving(tmp_path_factory: pytest.TempPathFactory, environments: Path) -> Env
     """A real environment with FastMCP, built once by the code under test; no test changes it."""
     layout = Layout(tmp_path_factory.mktemp("serving"), "bench")
     layout.local.mkdir(parents=True)
-    layout.environments.symlink_to(environments)
+    layout.environments.symlink_to(environments)  # the scripted agent's packages are the same
     lock, problems = resolve(["fastmcp>=4.1,<4.2"], layout.project)
     assert lock, problems
     environment, problems = build(layout, lock)

@@ -4,6 +4,11 @@ from endpoint_servers import CLOCK, HEADER, VOLTAGE, tool
 
 PLAIN = {**VOLTAGE, "input_schema": {"type": "object", "properties": {}}}
 NEEDS_WORD = {"type": "object", "properties": {"word": {"type": "string"}}, "required": ["word"]}
+OF_TWO = {
+    "type": "object",
+    "properties": {"device": {"type": "string", "enum": ["first", "second"]}},
+    "required": ["device"],
+}
 
 PICTURE = """import struct, zlib
 def chunk(kind, data):
@@ -34,6 +39,32 @@ ANIMALS = {
     "bright": tool(PICTURE.replace("{row}", "range(0, 160, 10)"), name="bright", returns="Image"),
     "needy": tool("return 1.0", name="needy", head="word: str"),
     "leaves_a_process": tool(SLEEPER, name="leaves_a_process"),
+    "no_program": tool("import subprocess\nsubprocess.run(['lampctl'], timeout=5)\nreturn 1.0", name="no_program"),
+    "no_answer": tool(
+        "import socket\nsocket.create_connection(('127.0.0.1', 9), timeout=2)\nreturn 1.0", name="no_answer"
+    ),
+    "scorching": tool(
+        "return ToolResult(content='x', structured_content={'temperature_degc': 53125})",
+        name="scorching",
+        returns="ToolResult",
+    ),
+    "mistaken": tool(
+        "return ToolResult(content='x', structured_content={'device': 'other', 'value': 1.0})",
+        name="mistaken",
+        returns="ToolResult",
+    ),
+    "frozen": tool(
+        "import itertools\n"
+        "counter = globals().setdefault('counter', itertools.count(1))\n"
+        "file = __import__('pathlib').Path(__import__('os').environ['HOME'], 'frozen')\n"
+        "file.write_text(str(1000 * next(counter)))\nruntime.read_number(file)\nreturn 21.5",
+        name="frozen",
+    ),
+    "of_two": tool(
+        "if device == 'second':\n    raise ValueError('only the first')\nreturn 1.0",
+        name="of_two",
+        head="device: str",
+    ),
     "noisy": tool("import os\nos.write(1, b'noise')\nprint('more')\nreturn 1.0", name="noisy"),
 }
 
@@ -48,9 +79,10 @@ SOURCE = "".join(
 )
 TOOLS = (
     CLOCK,
-    *({**PLAIN, "name": name} for name in ANIMALS if name != "needy"),
+    *({**PLAIN, "name": name, "devices": ["one"]} for name in ANIMALS if name not in ("needy", "of_two")),
+    {**PLAIN, "name": "of_two", "devices": ["first", "second"], "input_schema": OF_TWO},
     {**PLAIN, "name": "needy", "input_schema": NEEDS_WORD},
     {**PLAIN, "name": "mover", "effect": "actuate"},
-    {**PLAIN, "name": "promised"},
+    {**PLAIN, "name": "promised", "devices": ["other"]},
 )
 """What the interface says: it knows no ``extra``, and promises one tool that the server lacks."""

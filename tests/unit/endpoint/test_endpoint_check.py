@@ -2,6 +2,7 @@
 
 import json
 import time
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -11,9 +12,10 @@ from endpoint_zoo import PLAIN, SOURCE, TOOLS
 
 from octoform.diagnostics import Diagnostic, Severity
 from octoform.endpoint.calllog import LoggedCall, calls_after, mark
-from octoform.endpoint.check import CheckReport, check, judge_check
+from octoform.endpoint.check import CheckReport, TrialCall, check, judge_check
 from octoform.endpoint.environment import Environment
 from octoform.endpoint.files import CHECK
+from octoform.endpoint.judging import NOTHING_ANSWERS
 from octoform.endpoint.supervising import stop
 from octoform.state.layout import Layout
 
@@ -78,13 +80,73 @@ def test_a_defect_of_the_code_is_an_error(zoo: Seen, name: str, kind: str) -> No
     assert f"{name} fails in its own code: {kind}: " in problem.summary
 
 
-@pytest.mark.parametrize(
-    ("name", "kind"), [("not_permitted", "PermissionError"), ("absent", "DeviceAbsent"), ("busy", "BusBusy")]
-)
+@pytest.mark.parametrize(("name", "kind"), [("not_permitted", "PermissionError"), ("busy", "BusBusy")])
 def test_a_fault_of_the_room_is_a_warning(zoo: Seen, name: str, kind: str) -> None:
     (problem,) = about(zoo, name)
     assert said([problem]) == [("warning", "ENDPOINT-TOOL-FAILED")]
     assert kind in problem.summary
+
+
+@pytest.mark.parametrize(
+    ("name", "code", "words"),
+    [
+        ("absent", "ENDPOINT-DEVICE-ABSENT", "it is not connected"),
+        ("no_program", "ENDPOINT-PROGRAM-MISSING", "the program lampctl"),
+        ("no_answer", "ENDPOINT-NETWORK-FAILED", "ConnectionRefusedError"),
+    ],
+)
+def test_what_is_missing_is_told_apart_and_is_an_error_where_probe_saw_the_device(
+    zoo: Seen, name: str, code: str, words: str
+) -> None:
+    (problem,) = about(zoo, name)
+    assert said([problem]) == [("warning", code)] and words in problem.summary
+    again = judge_check(zoo[0], {"tools": list(TOOLS)}, frozenset({"one"}))
+    (problem,) = [item for item in again if item.code == code]
+    assert said([problem]) == [("error", code)] and problem.hint is not None
+
+
+def test_a_number_that_cannot_be_measured_is_an_error(zoo: Seen) -> None:
+    (problem,) = about(zoo, "scorching")
+    assert said([problem]) == [("error", "ENDPOINT-RESULT-IMPLAUSIBLE")]
+    assert "temperature_degc: 53125 degC" in str(problem.detail)
+
+
+def test_an_answer_for_another_device_is_an_error(zoo: Seen) -> None:
+    (problem,) = about(zoo, "mistaken")
+    assert said([problem]) == [("error", "ENDPOINT-RESULT-OTHER-DEVICE")] and "for other" in problem.summary
+
+
+def test_a_constant_beside_a_reading_that_moves_is_an_error(zoo: Seen) -> None:
+    (problem,) = about(zoo, "frozen")
+    assert said([problem]) == [("error", "ENDPOINT-RESULT-CONSTANT")] and "1000, 2000, 3000" in problem.summary
+
+
+def test_each_device_of_a_tool_is_tried(zoo: Seen) -> None:
+    assert [(call.device, call.ok) for call in zoo[0].calls if call.tool == "of_two"] == [
+        ("first", True),
+        ("second", False),
+    ]
+    (problem,) = about(zoo, "of_two")
+    assert said([problem]) == [("warning", "ENDPOINT-TOOL-FAILED")] and "only the first" in problem.summary
+
+
+@pytest.mark.parametrize(
+    ("kinds", "seen", "severity"),
+    [
+        (("ToolError", "OSError"), frozenset({"one"}), "error"),
+        (("ToolError", "OSError"), frozenset(), "warning"),
+        (("ToolError", "PermissionError"), frozenset({"one"}), "warning"),
+        (("ToolError",), frozenset({"one"}), "warning"),
+    ],
+)
+def test_an_endpoint_whose_tools_all_fail_is_told(kinds: tuple[str, ...], seen: frozenset[str], severity: str) -> None:
+    calls = tuple(TrialCall(f"tool{n}", False, None, kind, "no", logged=True) for n, kind in enumerate(kinds))
+    names = [{"name": call.tool, "devices": ["two"]} for call in calls]
+    report = CheckReport(True, None, None, None, tuple(names), calls, 0.0)
+    [found] = [item for item in judge_check(report, {"tools": names}, seen) if item.code == NOTHING_ANSWERS]
+    assert found.severity.value == severity
+    well = replace(report, calls=(*calls, TrialCall("tool0", True, logged=True)))
+    assert NOTHING_ANSWERS not in [item.code for item in judge_check(well, {"tools": names}, seen)]
 
 
 def test_a_result_that_breaks_its_schema_is_an_error(zoo: Seen) -> None:
@@ -116,7 +178,7 @@ def test_a_tool_without_harmless_arguments_is_told(zoo: Seen) -> None:
 
 
 def test_what_a_tool_leaves_running_is_ended_and_told(zoo: Seen) -> None:
-    assert zoo[0].survivors == 1
+    assert zoo[0].survivors == 3  # what answers at once is called three times
     assert said([item for item in zoo[1] if "still running" in item.summary]) == [("warning", "ENDPOINT-LEFT-RUNNING")]
 
 

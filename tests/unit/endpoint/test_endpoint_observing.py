@@ -144,7 +144,7 @@ def test_no_manifest_or_a_foreign_one_is_no_endpoint(layout: Layout, content: st
 def test_observing_costs_less_than_ten_milliseconds(applied: Layout) -> None:
     observe(applied)
     spent = []
-    for _ in range(5):
+    for _ in range(20):  # what else shares the processor's caches makes most of them dearer than they are
         before = time.process_time()
         observe(applied)
         spent.append(time.process_time() - before)

@@ -73,10 +73,12 @@ def test_a_plan_says_for_whom_a_profile_would_hold(pump: Profile) -> None:
     assert knowledge.profile_uses(ARTIFACTS, (pump,), answers, {}) == (ProfileUse("pump", BOARD, Action.CREATE),)
 
 
-def test_an_answer_without_its_device_names_the_nearest() -> None:
-    (found,) = knowledge.stray(ARTIFACTS, {"usb-0a0a-0003": "a pump", LAMP: "it shines"})
+def test_an_answer_without_its_device_names_the_one_that_it_is_a_slip_of() -> None:
+    (found,) = knowledge.stray(ARTIFACTS, {"usb-0a0-0001": "a pump", LAMP: "it shines"})
     assert found.code == "PLAN-ANSWER-WITHOUT-DEVICE"
     assert "did you mean usb-0a0a-000" in (found.hint or "")
+    (found,) = knowledge.stray(ARTIFACTS, {"usb-0a0a-0003": "a pump"})
+    assert "did you mean" not in (found.hint or ""), "another number is another device"
     assert knowledge.stray({}, {"usb-0a0a-0003": "a pump"}) == []
 
 

@@ -10,6 +10,7 @@ from typing import Any
 
 import pyte
 import pytest
+from cases import for_each
 from hostile_strings import STRINGS, Hostile
 
 from octoform import events
@@ -30,7 +31,7 @@ from octoform.views.apply_json import RunJson
 from octoform.views.console import Console
 from octoform.views.stream import JsonStream
 
-EACH = pytest.mark.parametrize("hostile", STRINGS, ids=lambda item: item.name)
+EACH = for_each("hostile", STRINGS)
 SPECS = load(None)[0]
 BENIGN = "nothing to see"
 FENCED = re.compile(r"^(`{3,})text data=(\w+)\n(.*?)^\1$", re.MULTILINE | re.DOTALL)
@@ -72,7 +73,7 @@ def test_a_first_prompt_holds_nothing_of_a_device(hostile: Hostile, tmp_path: Pa
 
 
 @EACH
-@pytest.mark.parametrize("stage", ["identify", "serve"])
+@for_each("stage", ["identify", "serve"])
 def test_in_a_retry_it_stays_inside_its_fence(hostile: Hostile, stage: str, tmp_path: Path) -> None:
     log = tmp_path / "agent.log"
 

@@ -5,6 +5,7 @@ import time
 from pathlib import Path
 
 import pytest
+from cases import for_each
 from manifest_cases import Case, all_cases
 
 from octoform.diagnostics import has_errors, to_json
@@ -16,7 +17,7 @@ CASES = all_cases()
 SECRET = "EXAMPLE"
 
 
-@pytest.mark.parametrize("case", CASES, ids=[case.name for case in CASES])
+@for_each("case", CASES)
 def test_case(case: Case, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, update: bool) -> None:
     case.project_in(tmp_path)
     monkeypatch.chdir(tmp_path)

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-import pytest
+from cases import for_each
 from jsonschema import Draft202012Validator
 from manifest_cases import Case, all_cases
 from ruamel.yaml import YAML
@@ -89,7 +89,7 @@ def _agreeing() -> list[Case]:
     return [case for case in all_cases() if is_for_the_schema(case)]
 
 
-@pytest.mark.parametrize("case", _agreeing(), ids=lambda case: case.name)
+@for_each("case", _agreeing())
 def test_an_editor_and_octoform_agree(case: Case, tmp_path: Path) -> None:
     content = YAML(typ="safe", pure=True).load(case.project_in(tmp_path).read_text("utf-8"))
     is_valid = Draft202012Validator(json_schema()).is_valid(content)

@@ -31,7 +31,7 @@ def test_counting_and_stopping_are_commands_after_the_others() -> None:
         ("    zero: rail_home\n", "    zero: rail_hom\n", "did you mean 'rail_home'"),
         ("    zero: rail_home\n", "    zero: rail_move_x\n", "takes parameters, so it is no origin"),
         ("    until: rail_home\n", "    until: rail_hom\n", "did you mean 'rail_home'"),
-        ("    until: rail_home\n", "    till: rail_home\n", "did you mean 'until'"),
+        ("    until: rail_home\n", "    untill: rail_home\n", "did you mean 'until'"),
         ("    tool: rail_position\n", "    tool: rail_move_x\n", "stands twice"),
         ("    tool: rail_stop\n", "    tool: rail_position\n", "stands twice"),
         ("    tool: rail_stop\n", "    tool: stop\n", "no usable tool name"),

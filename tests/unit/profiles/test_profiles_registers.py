@@ -197,7 +197,7 @@ REFUSED: list[tuple[str, str, str]] = [
     ("before: [{torque: 1}, {pace: speed}]", "before: [{torque: 1, pace: speed}]", "one field to its value"),
     ("before: [{torque: 1}, {pace: speed}]", "before: [{torque: 1}]", "written nowhere"),
     ("before: [{torque: 1}, {pace: speed}]", "before: [{torque: 256}, {pace: speed}]", "from 0 to 255"),
-    ("before: [{torque: 1}, {pace: speed}]", "before: [{torc: 1}, {pace: speed}]", "did you mean 'torque'"),
+    ("before: [{torque: 1}, {pace: speed}]", "before: [{torqe: 1}, {pace: speed}]", "did you mean 'torque'"),
     (
         "before: [{torque: 1}, {pace: speed}]",
         "before: [{torque: position}, {pace: speed}]",
@@ -210,7 +210,7 @@ REFUSED: list[tuple[str, str, str]] = [
     ("moved: 20", "moved: 2001", "from 1 to 2000"),
     ("within: 10s", "within: 10", "'within' is no duration from 1s to 60s"),
     ("within: 10s", "within: 2m", "'within'"),
-    ("release: {torque: 0}", "release: {torc: 0}", "did you mean 'torque'"),
+    ("release: {torque: 0}", "release: {torqe: 0}", "did you mean 'torque'"),
     ("release: {torque: 0}", "release: {torque: off}", "from 0 to 255"),
     ("resume_below: 70.5", "resume_below: 80", "not below 'refuse_at'"),
     ("refuse_at: 80", "refuse_at: hot", "'refuse_at' is no number"),
@@ -259,7 +259,7 @@ def test_what_is_refused(old: str, new: str, says: str) -> None:
 @pytest.mark.parametrize(
     ("old", "new", "says"),
     [
-        ("disabled: {right", "disabled: {write", "did you mean 'right'"),
+        ("disabled: {right", "disabled: {rihgt", "did you mean 'right'"),
         ("right: its hose is torn", 'right: ""', "nothing says why 'right' is disabled"),
         ("right: its hose is torn", r'right: "two\nlines"', "nothing says why 'right' is disabled"),
         ("disabled: {right: its hose is torn}", "disabled: [right]", "no mapping of units"),

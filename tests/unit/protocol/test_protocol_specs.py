@@ -1,11 +1,15 @@
 """The shipped specs as texts: their size, what they may not name, and what they must carry."""
 
+import ast
+import inspect
 import json
 import re
 from pathlib import Path
 
 import pytest
 
+from octoform import runtime
+from octoform.contracts.serve_rules import serve_static
 from octoform.protocol import DUTIES, STAGES, Spec
 from octoform.protocol.loading import load
 
@@ -95,3 +99,51 @@ def test_each_required_member_of_the_schema_is_explained(stage: str) -> None:
     text = SPECS[stage].body
     required -= {"quote", "reason", "id", "version", "module", "name", "description", "status", "parameter"}
     assert sorted(name for name in required if not re.search(rf"\b{name}\b", text)) == []
+
+
+def blocks(stage: str, language: str) -> list[str]:
+    """The fenced parts of a spec in a language."""
+    return re.findall(rf"```{language}\n(.*?)```", SPECS[stage].text, re.DOTALL)
+
+
+def test_the_signatures_that_serve_is_told_are_those_of_the_runtime() -> None:
+    [listed] = [text for text in blocks("serve", "python") if text.startswith("device(")]
+    told = {}
+    for line in listed.splitlines():
+        name, _, rest = line.partition("(")
+        [stub] = ast.parse(f"def {name.rpartition('.')[2]}({rest.partition('  #')[0]}: ...").body
+        assert isinstance(stub, ast.FunctionDef)
+        defaults = [ast.literal_eval(item) for item in stub.args.defaults]
+        told[name] = [item.arg for item in stub.args.args], defaults, stub.args.vararg and stub.args.vararg.arg
+    real = {}
+    for name in told:
+        owner, _, member = name.rpartition(".")
+        parameters = inspect.signature(getattr(getattr(runtime, owner) if owner else runtime, member)).parameters
+        named = [item for item in parameters.values() if item.name != "self" and item.kind is not item.VAR_POSITIONAL]
+        given = [item.default for item in named if item.default is not item.empty]
+        real[name] = [item.name for item in named], given, next((n for n, i in parameters.items() if i.kind == 2), None)
+    assert told == real and len(told) == 10
+
+
+def test_the_server_of_serves_example_keeps_the_interface_of_interfaces_example() -> None:
+    [tool] = [json.loads(text) for text in blocks("interface", "json")]
+    start, *_ = blocks("serve", "python")
+    [example] = [text for text in blocks("serve", "python") if "class Level" in text]
+    server = start.replace('"fastmcp>=4.1,<4.2"', '"fastmcp>=4.1,<4.2", "pydantic>=2.12", "pyserial>=3.5"')
+    server += """import re
+from dataclasses import dataclass
+from typing import Annotated
+
+import runtime
+from fastmcp import FastMCP
+from fastmcp.exceptions import ToolError
+from pydantic import Field
+
+mcp = FastMCP("lamp")
+SET = {"readOnlyHint": False, "destructiveHint": False, "idempotentHint": True, "openWorldHint": False}
+
+
+"""
+    assert serve_static(f"{server}{example}", {"tools": [tool]}) == []
+    wrong = example.replace("baudrate=9600", "baudrate=115200")
+    assert [item.code for item in serve_static(f"{server}{wrong}", {"tools": [tool]})] == ["SERVE-LINE-SPEED"]

@@ -14,7 +14,7 @@ from octoform.daemon.records.ownership import Record
 from octoform.daemon.surveying import Survey, Trouble
 from octoform.daemon.telling.notifying import Failing
 from octoform.state.holder import myself
-from octoform.views import claims, episodes, wellbeing
+from octoform.views import audit, claims, episodes, wellbeing
 from octoform.views.console import Console
 from octoform.views.times import clock, length
 
@@ -243,3 +243,46 @@ def test_a_terminal_breaks_between_words_whatever_is_painted(colour: bool, monke
     assert printed[0].startswith("bench: DEGRADED: nothing") and all(len(line) <= 60 for line in printed)
     assert " ".join(" ".join(printed).split()) == f"bench: DEGRADED: {text.strip()}"
     assert all(line.startswith("    nothing"[:4]) for line in printed[1:])
+
+
+LONG_LINES = (
+    "2 devices, 2 attached now, 47 skipped; -v shows reasons, evidence and serial numbers, none of them here",
+    "  help: connect a camera and run octoform apply; a tool that takes a picture answers with image content",
+    "  \x1b[36mhelp:\x1b[0m connect a camera and run octoform apply; a tool that takes a picture answers with an image",
+)
+
+
+@pytest.mark.parametrize("columns", [60, 80, 120])
+def test_no_sentence_breaks_a_word_on_a_terminal(columns: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("COLUMNS", str(columns))
+    screen = Console(out := Terminal(), err := Terminal(), colour=True, colour_err=True, interactive=False)
+    for text in LONG_LINES:
+        for write, stream in ((screen.line, out), (screen.problem, err)):
+            stream.seek(0)
+            stream.truncate()
+            write(text)
+            printed = stream.getvalue().splitlines()
+            assert all(len(line.replace("\x1b[36m", "").replace("\x1b[0m", "")) <= columns for line in printed)
+            assert " ".join(stream.getvalue().split()) == " ".join(text.split())
+            indent = "        " if "help" in text else "  "
+            assert all(line.startswith(indent) and line[len(indent)] != " " for line in printed[1:])
+    out.seek(0)
+    out.truncate()
+    source = "12 | " + "model: a-model-that-does-not-exist " * 4
+    screen.raw(copied := '{"a": "' + "word " * 40 + '"}')
+    screen.problem(source)
+    assert out.getvalue() == f"{copied}\n" and err.getvalue().endswith(f"{source}\n")
+
+
+def test_the_audit_and_the_attempts_fit_80_columns(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("COLUMNS", "80")
+    screen = Console(out := Terminal(), io.StringIO(), colour=False, colour_err=False, interactive=False)
+    made = {"seq": 4, "event": "decision", "decision": "allow", "tool": "read_network_interfaces", "caller": "local"}
+    given = {"arguments": {"device": "usb-1f00-00b1-virtio-0001"}, "client": "octoform watch 0.1.0", "pid": 1, "uid": 0}
+    days = [f"2026-11-{day}T21:32:06.4Z" for day in (25, 25, 26)]
+    audit.records(screen, [{**made, **given, "time": day} for day in days], 3, as_json=False)
+    lines = out.getvalue().splitlines()
+    assert all(len(line) <= 80 for line in lines)
+    assert [line for line in lines if line.startswith("2026")] == ["2026-11-25", "2026-11-26"]
+    assert "     4  21:32:06Z  allowed     read_network_interfaces(" in lines
+    assert lines[2].strip().startswith("device=usb-1f00-00b1-virtio-0001)")

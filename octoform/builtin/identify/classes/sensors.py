@@ -132,7 +132,7 @@ def _iio_kind(device: Device, kinds: set[str], readable: bool) -> tuple[str, str
         ("read_acceleration", "accelerometer", "accelerometer"),
         ("read_angular_velocity", "gyroscope", "gyroscope"),
         ("read_magnetic_field", "magnetometer", "magnetometer"),
-        ("read_illuminance", "light_sensor", "ambient light sensor"),
+        ("read_illuminance", "light_sensor", "light sensor"),
         ("read_proximity", "proximity", "proximity sensor"),
         ("read_pressure", "pressure", "pressure sensor"),
         ("read_humidity", "humidity", "humidity sensor"),

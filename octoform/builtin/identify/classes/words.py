@@ -73,18 +73,25 @@ _BOOT = ("03/01/01", "03/01/02")
 _HID = "03"
 _PLAIN: tuple[Entry, ...] = (
     (("storage", "flash drive", "flash disk", "ssd", "card reader"), "storage", INFRASTRUCTURE, "storage device"),
-    (("webcam", "camera"), "camera", SENSOR, "USB camera"),
+    (("webcam", "camera", "thermal imager"), "camera", SENSOR, "USB camera"),
+    (("video capture", "capture card", "frame grabber", "grabber", "capture"), "capture", SENSOR,
+     "video capture device"),
     (("hub",), "hub", INFRASTRUCTURE, "USB hub"),
     (("keyboard",), "keyboard", SENSOR, "USB keyboard"),
     (("mouse",), "mouse", SENSOR, "USB mouse"),
     (
-        ("headset", "audio", "speaker", "microphone", "midi", "synthesizer", "mixer"),
+        ("headset", "headphones", "audio", "speaker", "microphone", "midi", "synthesizer", "mixer", "sound card"),
         "audio",
         BIDIRECTIONAL,
         "USB audio device",
     ),
-    (("touchscreen", "touchpad"), "touchscreen", SENSOR, "touch surface"),
-)
+    (("touchscreen", "touch screen", "touchpad", "touch panel", "digitizer", "digitiser"), "touchscreen", SENSOR,
+     "touch surface"),
+    (("trackball", "presenter", "gamepad", "joystick", "game controller", "foot pedal", "footswitch"), "input",
+     SENSOR, "input device"),
+    (("rfid", "nfc", "magstripe", "magnetic stripe"), "reader", SENSOR, "card reader"),
+    (("phone", "smartphone"), "phone", BIDIRECTIONAL, "phone"),
+)  # fmt: skip
 _UDEV = (
     ("ID_SIGNAL_ANALYZER", "logic", SENSOR, "signal analyser"),
     ("ID_SOFTWARE_RADIO", "sdr", BIDIRECTIONAL, "software radio"),

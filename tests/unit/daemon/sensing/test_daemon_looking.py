@@ -12,6 +12,7 @@ from launched import Launched, launched, tool
 
 from octoform.daemon.model import Cause, Facts
 from octoform.daemon.sensing import answering
+from octoform.daemon.sensing.hearing import Hearing
 from octoform.daemon.sensing.looking import Looker, busy, open_look
 from octoform.daemon.sensing.moments import SystemClock
 from octoform.daemon.sensing.standing import Standing, damaged
@@ -88,6 +89,23 @@ def test_calls_are_told_once_with_their_text_made_harmless(endpoint: Launched, l
     assert (again.worked, again.failures) == ((), ())
 
 
+def test_a_call_that_worked_after_a_failure_ends_it_also_when_both_are_read_at_once(tmp_path: Path) -> None:
+    layout = Layout(tmp_path, "bench")
+    layout.logs.mkdir(parents=True)
+    layout.call_log.touch()
+    hearing = Hearing(layout, SystemClock().uptime)
+    hearing()
+    ends = [("value", False), ("value", False), ("value", True), ("broken", True), ("broken", False), ("value", False)]
+    lines = [
+        {"event": "result", "id": str(at), "tool": name, "ok": ok, "error": f"E{at}"}
+        for at, (name, ok) in enumerate(ends)
+    ]
+    layout.call_log.write_text("".join(json.dumps(line) + "\n" for line in lines))
+    heard = hearing()
+    assert set(heard.worked) == {"value", "broken"}
+    assert [(each.tool, each.error) for each in heard.failures] == [("broken", "E4"), ("value", "E5")]
+
+
 def test_a_daemon_that_is_started_again_goes_on_where_the_last_one_was(endpoint: Launched, look: Looker) -> None:
     endpoint.layout.daemon.mkdir(exist_ok=True)
     look(START)
@@ -143,7 +161,10 @@ def test_what_is_called_while_the_state_is_held_is_the_holders_to_judge(endpoint
     with taken.lock:
         call(endpoint, "broken")
         facts = look(LOG)
-        assert (facts.busy, facts.failures) == ("apply", ())
+        assert (facts.busy, facts.failures, facts.worked) == ("apply", (), ())
+        call(endpoint, "value")
+        facts = look(LOG)
+        assert (facts.busy, facts.worked) == ("apply", ("value",)), "that a tool works is true for all"
     assert look(FILES).busy is None
     assert look(LOG).failures == ()
 

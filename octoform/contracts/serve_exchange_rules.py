@@ -1,0 +1,170 @@
+"""Rules for SERVE about one exchange with a device: whole under one lock, at a named speed, a picture of now.
+
+A request and its answer under two locks let another tool's answer in between; a line opened at no named speed answers
+with noise, or not; the first pictures of a camera show what its exposure was before. None of it fails in a quick trial.
+"""
+
+import ast
+import re
+from collections.abc import Iterator
+
+from octoform.contracts.model import Artifacts, Rule
+from octoform.contracts.serve_device_rules import lock_regions
+from octoform.contracts.serve_tool_rules import tool_functions, tool_sites
+from octoform.contracts.source import Function, Source, needed_source
+from octoform.contracts.text import shown
+from octoform.diagnostics import Diagnostic
+
+_LINES = frozenset({"Serial", "serial_for_url", "RS485", "open_serial_connection", "create_serial_connection"})
+_ASKS = frozenset({"write", "writelines", "sendall", "send", "send_feature_report"})
+_HEARS = frozenset({"read", "readline", "readlines", "read_until", "readexactly", "read_all", "readinto", "recv"})
+_GRABS = frozenset({"read", "grab"})
+_LOOPS = (ast.For, ast.AsyncFor, ast.While, ast.ListComp, ast.GeneratorExp, ast.SetComp, ast.DictComp)
+_SPEED = re.compile(r"\b(\d{3,7})[ -]?(?:baud|bd|bit/s|bps)\b", re.IGNORECASE)
+
+
+def exchange_split(value: str, _: Artifacts) -> list[Diagnostic]:
+    """Request and answer of one exchange on a line are under one lock."""
+    source = needed_source(value)
+    hint = "put the write and the read of its answer inside one `with runtime.bus(device):`"
+    out: dict[ast.AST, Diagnostic] = {}
+    for site in tool_sites(source):
+        used = source.entered_from(tool_functions(source, site))
+        if not any(_opens_line(source, function) for function in used):
+            continue
+        talks = [(block, _talk(source, block)) for block in lock_regions(source) if source.owner(block) in used]
+        asking = [block for block, talk in talks if talk == {"asks"}]
+        hearing = [block for block, talk in talks if talk == {"hears"}]
+        if asking and hearing:
+            summary = f"the tool {shown(site.name or '')} writes under one lock and reads the answer under another"
+            out.setdefault(hearing[0], source.problem("SERVE-EXCHANGE-SPLIT", hearing[0], summary, hint))
+    return list(out.values())
+
+
+def camera_not_flushed(value: str, _: Artifacts) -> list[Diagnostic]:
+    """The first pictures of a camera that was just opened are thrown away."""
+    source = needed_source(value)
+    hint = "throw the first pictures away before the one that counts: for _ in range(5): camera.grab()"
+    out = []
+    for call, name in source.calls:
+        owner = source.owner(call)
+        if name.rpartition(".")[2] != "VideoCapture" or owner is None:
+            continue
+        grabs = [item for function in source.entered_from([owner]) for item in _calls_of(function, _GRABS)]
+        looped = any(isinstance(above, _LOOPS) for grab in grabs for above, _ in source.above(grab))
+        if len(grabs) == 1 and not looped:
+            summary = "the very first picture is returned, taken while the camera's exposure was settling"
+            out.append(source.problem("SERVE-CAMERA-NOT-FLUSHED", grabs[0], summary, hint))
+    return out
+
+
+def line_speed(value: str, artifacts: Artifacts) -> list[Diagnostic]:
+    """A serial line is opened at a speed that is written down, and at the one that INTERFACE names."""
+    source = needed_source(value)
+    tools = (artifacts.interface or {"tools": []})["tools"]
+    named = {int(speed) for tool in tools for speed in _SPEED.findall(tool["description"])}
+    out = []
+    for call, name in source.calls:
+        if name.rpartition(".")[2] not in _LINES:
+            continue
+        speed = _speed(call)
+        if speed is None and not _set_later(source, call):
+            summary = f"{shown(name)} is given no speed, so the line is opened at whatever the library takes"
+            hint = "name the speed: baudrate=115200, as INTERFACE or the profile says"
+        elif isinstance(speed, ast.Constant) and named and speed.value not in named:
+            summary = f"{shown(name)} opens the line at {speed.value!r} baud, which no tool of INTERFACE names"
+            hint = f"use the speed that INTERFACE names: {', '.join(map(str, sorted(named)))}"
+        else:
+            continue
+        out.append(source.problem("SERVE-LINE-SPEED", call, summary, hint))
+    return out
+
+
+def frame_by_hand(value: str, _: Artifacts) -> list[Diagnostic]:
+    """What is written to a serial line is text, or comes from the library that knows the frames."""
+    source = needed_source(value)
+    if not any(_opens_line(source, function) for function in source.functions):
+        return []
+    hint = "use the protocol's library; for a profile with registers runtime.registers, with lines runtime.lines"
+    return [
+        source.problem("SERVE-FRAME-BY-HAND", call, "a frame that this file puts together is written to a line", hint)
+        for function in source.functions
+        for call in _calls_of(function, _ASKS)
+        if source.owner(call) is function and any(_is_frame(source, item, function, 0) for item in call.args)
+    ]
+
+
+RULES = (
+    Rule("SERVE-EXCHANGE-SPLIT", exchange_split),
+    Rule("SERVE-CAMERA-NOT-FLUSHED", camera_not_flushed),
+    Rule("SERVE-LINE-SPEED", line_speed),
+    Rule("SERVE-FRAME-BY-HAND", frame_by_hand),
+)
+
+
+def _calls_of(tree: ast.AST, methods: frozenset[str]) -> Iterator[ast.Call]:
+    for item in ast.walk(tree):
+        if isinstance(item, ast.Call) and isinstance(item.func, ast.Attribute) and item.func.attr in methods:
+            yield item
+
+
+def _opens_line(source: Source, function: Function) -> bool:
+    calls = (item for item in ast.walk(function) if isinstance(item, ast.Call))
+    return any(source.dotted(call.func).rpartition(".")[2] in _LINES for call in calls)
+
+
+def _talk(source: Source, block: ast.AST) -> set[str]:
+    """Whether a block writes to something and reads from something, itself or in what it calls."""
+    named = {source.dotted(item.func) for item in ast.walk(block) if isinstance(item, ast.Call)}
+    entered = source.entered_from(item for item in source.functions if item.name in named)
+    places = [block, *entered]
+    asks = any(True for place in places for _ in _calls_of(place, _ASKS))
+    hears = any(True for place in places for _ in _calls_of(place, _HEARS))
+    return {word for word, found in (("asks", asks), ("hears", hears)) if found}
+
+
+def _speed(call: ast.Call) -> ast.expr | None:
+    for item in call.keywords:
+        if item.arg in ("baudrate", None):
+            return item.value
+    starred = any(isinstance(item, ast.Starred) for item in call.args)
+    return call.args[1] if len(call.args) > 1 else call.args[0] if starred else None
+
+
+def _set_later(source: Source, call: ast.Call) -> bool:
+    """Whether the function that opens the line sets its speed as an attribute."""
+    scope = source.owner(call) or source.tree
+    return any(
+        isinstance(item, ast.Attribute) and isinstance(item.ctx, ast.Store) and item.attr == "baudrate"
+        for item in ast.walk(scope)
+    )
+
+
+def _is_frame(source: Source, node: ast.expr, scope: Function, depth: int) -> bool:
+    """Whether an expression is bytes that are no text, made in this file."""
+    if depth > 4:
+        return False
+    if isinstance(node, ast.Constant):
+        return isinstance(node.value, bytes) and any(byte > 126 or byte < 9 for byte in node.value)
+    if isinstance(node, ast.BinOp):
+        return _is_frame(source, node.left, scope, depth + 1) or _is_frame(source, node.right, scope, depth + 1)
+    if isinstance(node, ast.Name):
+        bound = [item for item in ast.walk(scope) if isinstance(item, ast.Assign | ast.AugAssign)]
+        return any(node.id in _stored(item) and _is_frame(source, item.value, scope, depth + 1) for item in bound)
+    if not isinstance(node, ast.Call):
+        return False
+    name = source.dotted(node.func)
+    if name in ("bytes", "bytearray"):
+        numbers = (ast.List, ast.Tuple, ast.ListComp, ast.GeneratorExp)
+        given = node.args[0] if len(node.args) == 1 else None
+        return isinstance(given, numbers) or (given is not None and _is_frame(source, given, scope, depth + 1))
+    if name.startswith("struct.pack") or name.endswith(".to_bytes"):
+        return True
+    made = [item for item in source.functions if item.name == name]
+    returned = [(item, each) for item in made for each in ast.walk(item) if isinstance(each, ast.Return) and each.value]
+    return any(_is_frame(source, each.value, item, depth + 1) for item, each in returned if each.value is not None)
+
+
+def _stored(statement: ast.Assign | ast.AugAssign) -> set[str]:
+    targets = statement.targets if isinstance(statement, ast.Assign) else [statement.target]
+    return {item.id for target in targets for item in ast.walk(target) if isinstance(item, ast.Name)}

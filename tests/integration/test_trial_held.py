@@ -1,0 +1,118 @@
+"""DEPLOY's trial of servers that pass every other check and do not tell the truth: each tool, for each device."""
+
+import itertools
+import json
+import threading
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from bench_host import SENSOR
+from held import Edit, Output
+from projects import Done, Project
+from test_serve_held import FILE, all_of, body, read_by, uses, warm, written
+
+PANEL = """
+folder = runtime.device(device).path("backlight")
+level = int((folder / "brightness").read_text())
+if device == "backlight-panel2":
+    device = "backlight-panel"
+return Lights(device=device, lights=[Light(name=folder.name, percent=level, level=level, maximum=100)])
+"""
+LIED = all_of(
+    uses("subprocess", "socket"),
+    body("read_temperature", f"value = runtime.read_number({FILE})\n{warm('value')}"),
+    body("read_brightness", PANEL),
+    body("read_led", 'runtime.device(device).path("hwmon")\nreturn Lights(device=device, lights=[])'),
+    body(
+        "read_storage",
+        """
+        runtime.device(device).path("block")
+        subprocess.run(["no-such-disk-program", "-j"], timeout=5, check=True)
+        return Storage(device=device, disks=[])
+        """,
+    ),
+    body(
+        "list_camera_formats",
+        """
+        runtime.device(device).path("video4linux")
+        socket.create_connection(("127.0.0.1", 9), timeout=2)
+        return Formats(device=device, formats=[])
+        """,
+    ),
+)
+FROZEN = read_by(f"time.sleep(0.05)\nruntime.read_number({FILE})\nvalue = 21.5", "value")
+MUTE_TOOLS = (
+    *("read_temperature", "read_brightness", "read_led", "read_storage", "list_camera_formats", "describe_input"),
+    *("read_input_events", "capture_image"),
+)
+
+
+def muted(name: str) -> Edit:
+    """The tool asks for its device, and then gives up whatever that says."""
+    return body(name, 'if runtime.device(device).folder:\n    raise ToolError("not yet")\nreturn None')
+
+
+MUTE = all_of(*(muted(name) for name in MUTE_TOOLS))
+FOUND = {
+    "ENDPOINT-RESULT-IMPLAUSIBLE": ("read_temperature", " degC, which no device"),
+    "ENDPOINT-RESULT-OTHER-DEVICE": ("read_brightness for backlight-panel2", "answers for backlight-panel"),
+    "ENDPOINT-DEVICE-ABSENT": ("read_led", "has no hwmon device"),
+    "ENDPOINT-PROGRAM-MISSING": ("read_storage", "no-such-disk-program"),
+    "ENDPOINT-NETWORK-FAILED": ("list_camera_formats", "refused"),
+}
+
+
+@pytest.fixture
+def moving(tmp_path: Path) -> Iterator[tuple[Path, Output, str]]:
+    """A desk whose sensor rises all the time, beyond all that is possible: its root, and what `written` says of it."""
+    root = tmp_path / "host"
+    earlier, good = written(root)
+    file, ended = root / "sys/devices" / SENSOR / "temp1_input", threading.Event()
+
+    def swing() -> None:
+        for step in itertools.count():
+            fresh = file.with_name("fresh")
+            fresh.write_text(f"{20000 * 1.15**step:g}")
+            fresh.replace(file)
+            if ended.wait(0.02):
+                return
+
+    mover = threading.Thread(target=swing)
+    mover.start()
+    yield root, earlier, good
+    ended.set()
+    mover.join()
+
+
+def errors(done: Done) -> list[dict[str, str]]:
+    """The errors of each trial: code to the whole diagnostic as text."""
+    trials = [
+        event["diagnostics"]
+        for event in done.events()
+        if event["type"] == "attempt_errored" and event["node"] == "deploy"
+    ]
+    return [{item["code"]: json.dumps(item) for item in found if item["severity"] == "error"} for found in trials]
+
+
+def test_what_a_trial_finds_untrue_goes_back_to_serve(
+    tmp_path: Path, moving: tuple[Path, Output, str], compiled: Path
+) -> None:
+    root, earlier, good = moving
+    project = Project(tmp_path / "project", tmp_path / "outside")
+    project.environ["OCTOFORM_SYSROOT"] = str(root)
+    project.script = {name: [{"write": json.dumps(output)}] for name, output in earlier.items()}
+    project.script["serve"] = [{"write": LIED(good)}]
+    project.script["serve:told"] = [{"write": FROZEN(good)}, {"write": good}]
+    project.manifest = {"stages": "{deploy: {harness: builtin}}"}
+    project.take_bytecode(compiled)
+    lied, frozen = errors(project.apply("-target", "deploy", status=0))
+    assert lied.keys() == FOUND.keys(), lied
+    for code, words in FOUND.items():
+        assert all(word in lied[code] for word in words), lied[code]
+    assert list(frozen) == ["ENDPOINT-RESULT-CONSTANT"] and "read_temperature" in frozen["ENDPOINT-RESULT-CONSTANT"]
+    # A server none of whose tools reads anything, although it asks for every device.
+    project.script["serve"], project.script["serve:told"] = [{"write": MUTE(good)}], [{"write": good}]
+    [mute] = errors(project.apply("-target", "deploy", "-replace", "serve", status=0))
+    assert list(mute) == ["ENDPOINT-NOTHING-ANSWERS"]
+    assert "0 of 8 read tools answered" in mute["ENDPOINT-NOTHING-ANSWERS"]

@@ -1,0 +1,52 @@
+"""Score the embedded agent over hosts that are generated: ``generated.py [--devices 10000] [--seed 1]``.
+
+Prints how many devices of how many hosts were made, and each invariant that did not hold. Exit status 1 if any did not.
+"""
+
+import argparse
+import sys
+import tempfile
+import time
+from collections import Counter
+from multiprocessing import Pool
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[2]
+sys.path.insert(0, str(ROOT / "tests" / "support"))
+
+from generated_hosts import generate, ids, wrong  # noqa: E402
+
+OF_A_HOST = 25
+
+
+def main() -> int:
+    """Make, judge and print; the exit status."""
+    arguments = argparse.ArgumentParser(description=__doc__)
+    arguments.add_argument("--devices", type=int, default=10_000)
+    arguments.add_argument("--seed", type=int, default=1)
+    given = arguments.parse_args()
+    began = time.monotonic()
+    hosts = range(given.seed * 100_000, given.seed * 100_000 + -(-given.devices // OF_A_HOST))
+    with Pool() as pool:
+        lines = [line for found in pool.imap_unordered(judged, hosts, chunksize=8) for line in found]
+    for line, times in Counter(lines).most_common(40):
+        print(f"  {times} x {line}")
+    print(
+        f"{len(hosts) * OF_A_HOST} generated devices of {len(hosts)} hosts: {len(lines)} not as they were made; "
+        f"{time.monotonic() - began:.0f} s"
+    )
+    return 1 if lines else 0
+
+
+def judged(seed: int) -> list[str]:
+    """What is wrong about one host, and about the same host plugged together in another order."""
+    with tempfile.TemporaryDirectory(prefix="octoform-generated-") as name:
+        made = generate(Path(name, "host"), seed, OF_A_HOST)
+        found = wrong(Path(name, "host"), made)
+        generate(Path(name, "other"), seed, OF_A_HOST, order=1)
+        changed = ids(Path(name, "host")) ^ ids(Path(name, "other"))
+        return [*found, *([f"ids change with the order: {sorted(changed)[:4]}"] if changed else [])]
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,66 @@
+"""One item for many cases: a test that is passed with each value of a parameter, and names all that failed.
+
+An item of pytest costs its share of collection, of fixtures and of the talk between workers, whatever it does. Cases
+that take milliseconds are therefore passed inside one item. Ones that take long, or that a person wants to run alone,
+stay parametrised.
+"""
+
+import functools
+import inspect
+from collections.abc import Callable, Iterable
+from pathlib import Path
+from typing import Any
+
+Test = Callable[..., None]
+MAX_FAILURES = 20
+"""How many are shown in full: a rule that is broken fails for hundreds."""
+
+
+def for_each(
+    parameter: str | tuple[str, ...], cases: Iterable[Any]
+) -> Callable[[Callable[..., None]], Callable[..., None]]:
+    """Pass a test with every case as ``parameter``; it fails with one exception a case that failed.
+
+    Of several parameters each case is a tuple. Several can be stacked. A test that takes ``tmp_path`` gets a new folder
+    for each case; all other fixtures are shared.
+    """
+    names = (parameter,) if isinstance(parameter, str) else parameter
+    values = [(case,) if isinstance(parameter, str) else tuple(case) for case in cases]
+    assert values, f"no case for {parameter}"
+
+    def decorate(test: Test) -> Test:
+        @functools.wraps(test)
+        def passed(**fixtures: Any) -> None:
+            failures: list[Exception] = []
+            for number, case in enumerate(values):
+                try:
+                    test(**dict(zip(names, case, strict=True)), **_own_folder(fixtures, number))
+                except (AssertionError, ExceptionGroup) as problem:
+                    problem.add_note(_described(names, case))
+                    failures.append(problem)
+                except Exception as problem:
+                    problem.add_note(_described(names, case))
+                    raise
+            if failures:
+                raise ExceptionGroup(f"{len(failures)} of {len(values)} cases failed", failures[:MAX_FAILURES])
+
+        signature = inspect.signature(test)
+        kept = [item for name, item in signature.parameters.items() if name not in names]
+        passed.__signature__ = signature.replace(parameters=kept)  # type: ignore[attr-defined]
+        del passed.__wrapped__  # pytest would take the parameters of what is wrapped
+        return passed
+
+    return decorate
+
+
+def _described(names: tuple[str, ...], case: tuple[Any, ...]) -> str:
+    return ", ".join(f"{name} = {getattr(value, 'name', value)!r}" for name, value in zip(names, case, strict=True))
+
+
+def _own_folder(fixtures: dict[str, Any], number: int) -> dict[str, Any]:
+    folder = fixtures.get("tmp_path")
+    if not isinstance(folder, Path):
+        return fixtures
+    own = folder / str(number)
+    own.mkdir()
+    return {**fixtures, "tmp_path": own}

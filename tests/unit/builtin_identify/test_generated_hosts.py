@@ -1,0 +1,34 @@
+"""The embedded agent on hosts that nobody recorded: nothing of its own is refused, and what shows is made use of.
+
+`make recordings` takes ten thousand devices; here are a few of each kind.
+"""
+
+from collections import Counter
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from generated_hosts import DEFAULT_SERIALS, KINDS, generate, ids, wrong
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_what_is_true_of_a_generated_host_is_told_of_it(seed: int, tmp_path: Path) -> None:
+    made = generate(tmp_path / "host", seed, 30)
+    assert wrong(tmp_path / "host", made) == []
+    generate(tmp_path / "other", seed, 30, order=1)
+    assert ids(tmp_path / "other") == ids(tmp_path / "host")
+
+
+def test_each_kind_and_each_form_of_strings_is_among_them(tmp_path: Path) -> None:
+    made = [each for seed in range(4) for each in generate(tmp_path / "host", seed, 30)]
+    assert {each.kind for each in made} == set(KINDS)
+    forms = Counter(each.strings for each in made)
+    assert forms.keys() == {"tell", "nothing", "mislead", "script"} and min(forms.values()) >= 5
+    assert sum(each.default_serial for each in made) >= 5 and DEFAULT_SERIALS
+
+
+def test_an_invariant_that_does_not_hold_is_told(tmp_path: Path) -> None:
+    made = generate(tmp_path / "host", 0, 12)
+    changed = [replace(each, product="Nobody99", categories=frozenset({"nothing"})) for each in made]
+    lines = wrong(tmp_path / "host", changed)
+    assert sum("Nobody99" in line for line in lines) == sum("category" in line for line in lines) == 12
