@@ -109,7 +109,7 @@ class Host:
 
     def camera(self, port: str, number: int) -> None:
         """A camera with a serial number, whose node holds a frame."""
-        self._usb(port, "00c1", "Bench Cam", serial="CAM-0007")
+        self._usb(port, "00c1", "Bench Cam", serial="CAM-7F31A9")
         self._part(port, f"video4linux/video{number}", "video4linux", {"name": "Bench Cam"}, f"video{number}")
         (self.tree.root / f"dev/video{number}").write_text("a frame")
 
