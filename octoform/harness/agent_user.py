@@ -1,23 +1,20 @@
 """The ordinary user that a confined agent is where octoform runs as root.
 
 A process of user 0 owns what root owns, and a file mode asks for nothing more: without any capability it may still
-write ``/proc/sys`` and read what root keeps for itself. So the sandbox of root's agents ends in this program, started
-as ``python -I -S agent_user.py USER GROUP[,GROUP ...] PROGRAM [ARGUMENT ...]``: it becomes that user for good and runs
-the agent. It keeps the groups that serial ports, cameras and buses belong to, as an ordinary user of the hardware has
-them. It uses the standard library alone, because it is all that is certain to be seen in there.
+write ``/proc/sys`` and read what root keeps for itself. So in the sandbox of root's agents the first program becomes
+that user for good. It keeps the groups that serial ports, cameras and buses belong to, as an ordinary user of the
+hardware has them.
 """
 
 import os
 import pwd
 import stat
-import sys
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
 NAME = "nobody"
 FALLBACK = 65534
-SCRATCH = ("/tmp", "/var/tmp", "/dev/shm")
 MEMORY_MAJOR, CONSOLE_MAJOR, TERMINAL_MAJOR = 1, 4, 5
 CONSOLES = 64
 """Device numbers of Linux (devices.txt): below this minor the major of consoles has no serial port."""
@@ -30,10 +27,11 @@ class AgentUser:
     uid: int
     groups: tuple[int, ...]
 
-    def command(self) -> tuple[str, ...]:
-        """The beginning of a command that is run as this user."""
-        groups = ",".join(map(str, self.groups))
-        return (sys.executable, "-I", "-S", str(Path(__file__).resolve()), str(self.uid), groups)
+    def may_open(self, facts: os.stat_result) -> bool:
+        """Whether the mode of a file lets this user read or write it."""
+        if facts.st_uid == self.uid:
+            return bool(facts.st_mode & 0o600)
+        return bool(facts.st_mode & (0o060 if facts.st_gid in self.groups else 0o006))
 
 
 def agent_user() -> AgentUser | None:
@@ -82,24 +80,3 @@ def hand_over(folder: Path, uid: int, gid: int) -> None:
             os.chown(path, uid, gid, follow_symlinks=False)
         except FileNotFoundError:
             continue
-
-
-def become(uid: int, groups: list[int]) -> None:
-    """Be that user for good: with the last id goes every capability."""
-    for name in SCRATCH:
-        folder = Path(name)
-        if os.access(folder, os.W_OK) and folder.stat().st_uid == os.geteuid():
-            folder.chmod(0o1777)
-    os.setgroups(groups)
-    os.setresgid(groups[0], groups[0], groups[0])
-    os.setresuid(uid, uid, uid)
-
-
-def main(arguments: list[str]) -> None:
-    """Become the user and run the program; OSError where one of both does not work."""
-    become(int(arguments[0]), [int(group) for group in arguments[1].split(",")])
-    os.execvp(arguments[2], arguments[2:])
-
-
-if __name__ == "__main__":
-    main(sys.argv[1:])

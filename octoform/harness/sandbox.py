@@ -13,12 +13,14 @@ import os
 import shutil
 import stat
 import subprocess
+import sys
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 from octoform.base.files import parse
 from octoform.diagnostics import Diagnostic, error
+from octoform.harness import syscalls
 from octoform.harness.agent_user import AgentUser, agent_user, hand_over
 from octoform.harness.exposed import belongings
 from octoform.harness.plainfile import read_plain
@@ -33,11 +35,18 @@ PRIVATE = (LOCAL, ".git", ".env", ".envrc")
 PARTS = ("octopus.yaml", "protocol", "profiles", "state")
 """What of a project is shown where the project is a home itself."""
 PLACES = ("/home", "/root", "/tmp", "/var/tmp", "/run/user")
-DOORS = ("/run/docker.sock", "/run/podman", "/run/containerd", "/run/libvirt", "/run/snapd.socket", "/run/lxd")
+DOORS = (
+    *("/run/docker.sock", "/run/podman", "/run/containerd", "/run/libvirt", "/run/snapd.socket", "/run/lxd"),
+    *("/run/crio", "/run/buildkit", "/run/incus", "/run/lxc", "/run/k3s", "/var/lib/lxd", "/var/lib/incus"),
+    *("/var/snap/lxd/common/lxd", "/run/screen", "/run/screens", "/run/tmux", "/nix/var/nix/daemon-socket"),
+)
 ROOT_DOORS = ("/run/dbus/system_bus_socket", "/run/systemd/private", "/run/systemd/io.systemd.Manager")
 SYSTEM = frozenset({"usr", "bin", "sbin", "lib", "lib64", "etc", "dev", "proc", "sys", "boot", "nix", "snap"})
 SHALLOW = frozenset({"run", "var", "opt", "srv", "mnt", "media", "tmp"})
 TASK_BYTES = 8 << 20
+ENTRY = Path(__file__).resolve().with_name("sandbox_entry.py")
+LENT = {"CAP_SETUID": 7, "CAP_SETGID": 6, "CAP_SYS_ADMIN": 21, "CAP_DAC_OVERRIDE": 1}
+"""What the first program inside is lent by root, each by its bit (linux/capability.h)."""
 UNREADABLE = """for path; do [ -r "$path" ] || { echo "its user cannot read $path" >&2; exit 1; }; done"""
 OF_PROCESSES = frozenset({"self", "thread-self", "mounts", "net"})
 """What of /proc is about the process that looks at it."""
@@ -65,8 +74,8 @@ def wrap(argv: Sequence[str], sandbox: Sandbox, around: Confinement) -> tuple[st
     user = agent_user()
     if user is not None:
         hand_over(around.workdir, user.uid, user.groups[0])
-    prefix = (program, *_options(sandbox, user), *_views(argv, around, user), "--chdir", str(around.workdir), "--")
-    prefix += user.command() if user is not None else ()
+    options = (*_options(program, sandbox, user), *_views(argv, around, user), "--chdir", str(around.workdir))
+    prefix = (program, *options, "--", *_entry(user))
     problem = _tried(prefix, _readable(argv, around) if user is not None else ())
     if problem is None:
         return (*prefix, *argv)
@@ -86,7 +95,7 @@ def available(caller: Mapping[str, str], sandbox: Sandbox) -> Diagnostic | None:
     if program is None:
         return _none("bubblewrap (bwrap) is not installed")
     user = agent_user()
-    return _tried((program, *_options(sandbox, user), "--", *(user.command() if user is not None else ())))
+    return _tried((program, *_options(program, sandbox, user), "--", *_entry(user)))
 
 
 def unconfined(caller: Mapping[str, str], sandbox: Sandbox | None) -> str:
@@ -128,24 +137,67 @@ def _readable(argv: Sequence[str], around: Confinement) -> tuple[str, ...]:
     return (*named, *map(str, _named_in_task(around.document)))
 
 
-def _options(sandbox: Sandbox, user: AgentUser | None) -> list[str]:
+def _entry(user: AgentUser | None) -> tuple[str, ...]:
+    """The first program inside, which runs the agent's own."""
+    who = (str(user.uid), ",".join(map(str, user.groups))) if user is not None else ("-", "-")
+    return (sys.executable, "-I", "-S", str(ENTRY), syscalls.program().hex(), *who)
+
+
+def _options(program: str, sandbox: Sandbox, user: AgentUser | None) -> list[str]:
     """What holds for each agent: its own process ids, a file system to read, devices, and an end with its parent."""
     out = ["--die-with-parent", "--unshare-pid", "--unshare-ipc", "--unshare-uts"]
     out += [] if sandbox.network else ["--unshare-net"]
-    # Root needs no user namespace to make this one, and keeps of its powers what makes an ordinary user of it.
-    out += (
-        ["--unshare-user"]
-        if user is None
-        else ["--cap-drop", "ALL", "--cap-add", "CAP_SETUID", "--cap-add", "CAP_SETGID"]
-    )
+    # Root needs no user namespace to make this one.
+    out += ["--unshare-user"] if user is None else ["--cap-drop", "ALL"]
+    out += [option for name in _lent(program, user) for option in ("--cap-add", name)]
     out += ["--ro-bind", "/", "/", "--dev-bind", "/dev", "/dev", "--tmpfs", "/dev/shm", "--proc", "/proc"]
     for name in _of_the_kernel():
         out += ["--ro-bind", name, name]
-    for path in _disks():
+    for path in (*_disks(), *_keyboards(user)):
         out += ["--dev-bind", "/dev/null", str(path)]
     for path in map(Path, (*DOORS, *(ROOT_DOORS if os.geteuid() == 0 else ()))):
         out += _covered(path)
     return out
+
+
+def _lent(program: str, user: AgentUser | None) -> Iterator[str]:
+    """The powers that the first program inside needs, and gives up before the agent begins.
+
+    To become an ordinary user, to be read wherever it is installed and whoever owns that, and to make terminals.
+    """
+    if user is None:
+        # A bubblewrap with the set-user-ID bit hands out none to others.
+        yield from () if Path(program).stat().st_mode & stat.S_ISUID else ("CAP_SYS_ADMIN",)
+        return
+    held = _held()
+    yield from (name for name, bit in LENT.items() if held >> bit & 1)
+
+
+def _held() -> int:
+    """The capabilities of this process as a set of bits (proc(5)); all where that is not told."""
+    try:
+        lines = Path("/proc/self/status").read_text("ascii").splitlines()
+    except OSError:
+        return -1
+    return next((int(line.split()[1], 16) for line in lines if line.startswith("CapPrm:")), -1)
+
+
+def _keyboards(user: AgentUser | None) -> Iterator[Path]:
+    """Where this agent could type for a person or read what a person types: consoles, and devices that make keyboards.
+
+    Terminals of windows and of logins over a network are no concern: it has a set of its own.
+    """
+    for entry in os.scandir("/dev"):
+        if entry.name in ("console", "uinput", "uhid") or (entry.name[:3] == "tty" and entry.name[3:].isdigit()):
+            path = Path(entry.path)
+            try:
+                opens = (
+                    os.access(path, os.R_OK) or os.access(path, os.W_OK) if user is None else user.may_open(path.stat())
+                )
+            except OSError:
+                continue  # gone since the folder was read
+            if opens:
+                yield path
 
 
 def _of_the_kernel() -> Iterator[str]:

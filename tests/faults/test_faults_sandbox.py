@@ -1,13 +1,18 @@
 """Agents that attack the machine from inside the sandbox, as root and as an ordinary user."""
 
+import ctypes
 import os
 import shutil
+import socket
+import subprocess
 import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 from harness_confined import Host
+
+from octoform.harness import syscalls
 
 USERS = [0, 1000] if os.getuid() == 0 else [os.getuid()]
 ON: dict[str, bool] = {"network": True}
@@ -116,3 +121,119 @@ def test_where_user_namespaces_are_refused_it_is_required_or_reported(host: Host
     assert outcome["reason"] == ("not_installed" if required else "finished")
     assert "No permissions" in outcome["detail"]
     assert bool(outcome["unconfined"]) is not required
+
+
+CALLS = r"""
+import ctypes, errno, os
+libc = ctypes.CDLL(None, use_errno=True)
+def asked(number, *arguments):
+    ctypes.set_errno(0)
+    done = libc.syscall(ctypes.c_long(number), *map(ctypes.c_long, arguments))
+    return "done" if done >= 0 else errno.errorcode[ctypes.get_errno()]
+for name, (number, arguments) in NUMBERS.items():
+    print(name, asked(number, *arguments), flush=True)
+"""
+
+
+def numbers() -> tuple[dict[str, int], int, int, int]:
+    """The kernel's numbers of this machine's architecture: of what is refused, of clone, of ioctl, of socket."""
+    refused, clone, ioctl, socket_ = syscalls.TABLES[{"x86_64": 0xC000003E, "aarch64": 0xC00000B7}[os.uname().machine]]
+    return dict(refused), clone, ioctl, socket_
+
+
+def test_calls_that_lead_around_files_are_refused_by_the_kernel(host: Host) -> None:
+    refused, clone, ioctl, socket_ = numbers()
+    asked = {name: (number, [0] * 6) for name, number in refused.items()}
+    asked |= {"io_uring_setup": (425, [1, 0]), "fsopen": (430, [0] * 6), "mount_setattr": (442, [0] * 6)}
+    for name, flag in (("files", 0x20000), ("users", 0x10000000), ("processes", 0x20000000), ("network", 0x40000000)):
+        asked[f"clone with {name} of its own"] = (clone, [flag | 17, 0, 0, 0, 0])
+    asked |= {"type into a terminal": (ioctl, [0, 0x5412, 0]), "paste into a console": (ioctl, [0, 0x541C, 0])}
+    told = dict(line.rsplit(" ", 1) for line in attack(host, f"NUMBERS = {asked!r}\n{CALLS}"))
+    assert told == dict.fromkeys(asked, "EPERM")
+    others = {"clone3": (435, [0, 0]), "vsock": (socket_, [40, 1, 0]), "x32": (0x40000000 + 101, [0] * 4)}
+    told = dict(line.rsplit(" ", 1) for line in attack(host, f"NUMBERS = {others!r}\n{CALLS}"))
+    assert told == {"clone3": "ENOSYS", "vsock": "EAFNOSUPPORT", "x32": "ENOSYS"}
+
+
+def test_what_agents_do_all_day_still_works(host: Host) -> None:
+    code = """
+import fcntl, multiprocessing.pool, socket, subprocess, termios, threading
+print(subprocess.run(["sh", "-c", "echo from a shell | cat"], capture_output=True, text=True).stdout.strip())
+with multiprocessing.pool.ThreadPool(2) as pool: print(sum(pool.map(int, "12")))
+import os, pty, tty
+leader, follower = pty.openpty()
+tty.setraw(follower); fcntl.ioctl(follower, termios.TIOCGWINSZ, bytes(8))
+os.write(leader, b"typed"); print(os.read(follower, 9), os.ttyname(follower))
+here, there = socket.socketpair(); here.send(b"x"); print(there.recv(9))
+"""
+    lines = attack(host, code)
+    assert lines == ["from a shell", "3", "b'typed' /dev/pts/0", "b'x'"]
+
+
+TERMINAL = """
+import fcntl, os, termios
+for name in os.listdir("/dev/pts"):
+    if name.isdigit(): print("another's terminal", name)
+try: os.write(os.open(PATH, os.O_RDWR | os.O_NOCTTY), b"typed")
+except OSError: print("closed")
+leader, follower = os.openpty()
+try: fcntl.ioctl(follower, termios.TIOCSTI, b"x")
+except PermissionError: print("refused")
+"""
+
+
+def test_a_persons_terminal_is_neither_read_nor_typed_into(host: Host) -> None:
+    leader, follower = os.openpty()
+    try:
+        path = os.ttyname(follower)
+        os.chown(path, host.uid, -1)
+        lines = attack(host, f"PATH = {path!r}\n{TERMINAL}")
+        os.set_blocking(leader, False)
+        with pytest.raises(BlockingIOError):
+            os.read(leader, 9)
+    finally:
+        os.close(leader)
+        os.close(follower)
+    assert lines == ["closed", "refused"]
+
+
+REACHED = """
+import socket
+for name in (NAME, "octoform-test-own"):
+    with socket.socket(socket.AF_UNIX) as own, socket.socket(socket.AF_UNIX) as caller:
+        try:
+            if name != NAME: own.bind(chr(0) + name); own.listen()
+            caller.connect(chr(0) + name); print("reached", name)
+        except OSError as problem: print(type(problem).__name__)
+"""
+
+
+def _scopes() -> bool:
+    """Whether the kernel can keep sockets without a file apart (Landlock, ABI 6)."""
+    return int(ctypes.CDLL(None).syscall(444, None, ctypes.c_size_t(0), ctypes.c_uint32(1))) >= 6
+
+
+@pytest.mark.skipif(not _scopes(), reason="the kernel has no scopes of Landlock (Linux 6.12)")
+def test_a_program_behind_a_socket_without_a_file_is_not_reached(host: Host) -> None:
+    name = f"octoform-test-{os.getpid()}"
+    with socket.socket(socket.AF_UNIX) as listening:
+        listening.bind(f"\0{name}")
+        listening.listen()
+        lines = attack(host, f"NAME = {name!r}\n{REACHED}")
+    assert lines == ["PermissionError", "reached octoform-test-own"]
+
+
+def test_an_interpreter_that_belongs_to_another_user_can_begin(host: Host) -> None:
+    """Root's agents are ordinary users, and root itself without its powers reads no closed folder of anybody else."""
+    if host.uid != 0:
+        pytest.skip("nobody but root starts an interpreter in a folder that is closed to all but its owner")
+    theirs = Path(tempfile.mkdtemp(prefix="octoform-theirs-"))
+    try:
+        subprocess.run([host.python, "-m", "venv", "--without-pip", str(theirs / "venv")], check=True)
+        for path in (theirs, *theirs.rglob("*")):
+            os.chown(path, 1000, 1000, follow_symlinks=False)
+        host.python = str(theirs / "venv" / "bin" / "python")
+        lines = attack(host, "import os; print(os.getuid() != 0)")
+    finally:
+        shutil.rmtree(theirs)
+    assert lines == ["True"]
