@@ -29,6 +29,10 @@ _SPELLINGS: dict[str, str] = {
 }
 _LONG = tuple(word for word in _SPELLINGS if len(word) > 3)
 """Spellings that mean a unit wherever they stand in a name or a sentence; the short ones only as a whole."""
+_COUNTS = frozenset({"count", "counts", "index", "number", "raw", "step", "steps", "ticks", "total"})
+"""Last words of members that count something, whatever unit their description mentions."""
+_OF_ANOTHER_NUMBER = re.compile(r"(?:\d|\bper)\s*(?:deg(?:rees?)?\s*)?$")
+"""What stands before a unit that is not the member's: "steps at 100 percent", "counts per volt"."""
 _NAMES = frozenset({"device", "device_id"})
 _MOVED = 0.1
 """A reading that moved by a tenth shows in a result, however it is rounded."""
@@ -81,7 +85,8 @@ def _measured(value: Any, schema: Any, where: str, unit: str | None) -> Iterator
         for name, item in value.items():
             inner = members.get(name, {})
             said = inner.get("description") if isinstance(inner, Mapping) else None
-            own = _unit_of_name(str(name)) or (beside if name in ("value", "reading") else None) or _unit_in(said)
+            own = _unit_of_name(str(name)) or (beside if name in ("value", "reading") else None)
+            own = own or (None if _last_word(str(name)) in _COUNTS else _unit_in(said))
             yield from _measured(item, inner, f"{where}.{name}" if where else str(name), own)
     elif isinstance(value, list):
         inner = schema.get("items", {}) if isinstance(schema, Mapping) else {}
@@ -97,14 +102,23 @@ def _unit_of_text(text: Any) -> str | None:
 
 def _unit_of_name(name: str) -> str | None:
     """The unit that a member's name ends in: ``temperature_degc``, ``celsius``, ``level_percent``."""
-    last = name.casefold().rpartition("_")[2]
+    last = _last_word(name)
     return _SPELLINGS.get(last) if len(last) > 2 else None
+
+
+def _last_word(name: str) -> str:
+    return name.casefold().rpartition("_")[2]
 
 
 def _unit_in(description: Any) -> str | None:
     """The one unit that a description names; None where it names several, and so may mean none of them."""
     text = description.casefold() if isinstance(description, str) else ""
-    found = {_SPELLINGS[word] for word in _LONG if re.search(rf"(?<!\w){re.escape(word)}(?!\w)", text)}
+    found = {
+        _SPELLINGS[word]
+        for word in _LONG
+        for at in re.finditer(rf"(?<!\w){re.escape(word)}(?!\w)", text)
+        if not _OF_ANOTHER_NUMBER.search(text, 0, at.start())
+    }
     return found.pop() if len(found) == 1 else None
 
 
