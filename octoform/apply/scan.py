@@ -60,7 +60,7 @@ def _scanned(context: Context, folder: Path, probe: Any) -> tuple[HostScan | Non
     if outcome.reason is not ExitReason.FINISHED or found:
         return None, [_not_held(_reason(task, outcome))]
     value = parse(data, any_text=True)
-    return HostScan(value["probe"], tuple(value["unsaid"])), []
+    return HostScan(value["probe"], tuple(value["unsaid"]), tuple(value["untrue"])), []
 
 
 def _task(context: Context, folder: Path) -> Task:

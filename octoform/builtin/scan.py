@@ -1,17 +1,21 @@
 """The host's own scan beside another agent's PROBE: what the host shows, and which of that agent's words it never says.
 
-The output is an object with ``probe`` (this agent's artifact) and ``unsaid``: for each text of the other's devices the
+The output is an object with ``probe`` (this agent's artifact), ``unsaid``: for each text of the other's devices the
 words that stand nowhere in what the system tells of that device (its attributes, its folders, udev's record of it, the
-id databases). Only devices with a folder in sysfs are held to their words; attributes are read for those alone of which
-a word was not found in this agent's own descriptor. Who compares the two, and what follows from it, is not known here.
+id databases), and ``untrue``: the scans that are said to have worked, with a program that is not here. Only devices
+with a folder in sysfs are held to their words; attributes are read for those alone of which a word was not found in
+this agent's own descriptor. Who compares the two, and what follows from it, is not known here.
 """
 
+import os
 import re
+import shutil
 from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
 from octoform.base.id_databases import IdDatabases
+from octoform.builtin.probe.commands import RECORDED
 from octoform.builtin.probe.reader import Reader
 from octoform.builtin.probe.stage import probe
 from octoform.builtin.task import Task
@@ -48,14 +52,44 @@ _READING = re.compile(
 _BINARY = frozenset(("descriptors", "report_descriptor", "config", "rom", "eeprom", "edid", "vpd", "nvmem"))
 
 
+# A line whose key is one of these shows a reading, and what it shows is no number of a kind; a bound is one.
+_BOUND = re.compile(r"max|min|crit|design|rated|lowest_allowed|bound|limit|emergency|range|step|resolution")
+_READING_WORDS = frozenset(("temp", "temperature", "capacity", "charge", "energy", "level", "brightness", "online"))
+_READING_WORDS |= {"value", "reading", "rpm", "speed", "voltage", "current", "humidity", "now", "percent", "status"}
+# What shows one copy, and no kind: its pieces are no words of the device, but where it stands whole it is hidden later.
+_OWN_ATTRIBUTES = frozenset(
+    ("serial", "serial_number", "uniq", "address", "wwid", "uuid", "eui", "nguid", "cid", "unique_id")
+)
+_OWN_KEY = re.compile(r"(?:.*_)?(?:serial(?:_.*)?|uniq|address|uuid|wwid)")
+# Programs that list hardware; whoever says that one of them worked ran it.
+_PROGRAMS = frozenset(
+    (
+        *("lsusb", "lspci", "lshw", "dmidecode", "hwinfo", "inxi", "i2cdetect", "v4l2-ctl", "arecord", "aplay"),
+        *("udevadm", "upower", "nmcli", "bluetoothctl", "avahi-browse", "lsblk", "lscpu", "usb-devices", "lsscsi"),
+        *("gpiodetect", "gpioinfo", "smartctl", "evtest", "fwupdmgr", "boltctl", "rfkill", "iw", "hciconfig"),
+        *("system_profiler", "ioreg", "xinput", "edid-decode", "hdparm", "cyme", "lsdev", "lsiio", "iio_info"),
+    )
+)
+_PROGRAM = re.compile(r"[a-z0-9][a-z0-9_-]+")
+_FOLDERS = (
+    *("/usr/local/sbin", "/usr/local/bin", "/usr/sbin", "/usr/bin", "/sbin", "/bin", "/snap/bin"),
+    *("/run/current-system/sw/bin", "/nix/var/nix/profiles/default/bin", "/opt/homebrew/bin"),
+)
+
+
 def run(task: Task) -> str:
     """Scan the task's host, look for the words of the input, and write both; the summary line."""
-    given = task.read_input()
-    reader = Reader(str(task.sysroot))
-    own = probe(reader)
-    unsaid = list(_unsaid(given, own, _Host(reader, IdDatabases(task.sysroot))))
-    task.write({"format": 1, "probe": own, "unsaid": unsaid[:MOST_UNSAID]})
-    return f"{len(own['devices'])} devices, {len(unsaid)} texts that are not of the host"  # type: ignore[arg-type]
+    found = beside(task.read_input(), task.sysroot)
+    task.write({"format": 1, **found})
+    return f"{len(found['probe']['devices'])} devices, {len(found['unsaid'])} texts that are not of the host"
+
+
+def beside(given: Mapping[str, Any], root: Path) -> dict[str, Any]:
+    """``probe``, ``unsaid`` and ``untrue`` for another agent's PROBE of the host below ``root``."""
+    reader = Reader(str(root))
+    own: Any = probe(reader)
+    unsaid = list(_unsaid(given, own, _Host(reader, IdDatabases(root))))[:MOST_UNSAID]
+    return {"probe": own, "unsaid": unsaid, "untrue": list(_untrue(given, reader))}
 
 
 class _Host:
@@ -66,7 +100,7 @@ class _Host:
 
     def missing(self, words: set[str], device: Mapping[str, Any], others: set[str]) -> set[str]:
         """Those of ``words`` that the system does not say of a device; ``others`` are the folders of all others."""
-        left = _without(words, _of_values(device))
+        left = _without(words, _of_values({name: item for name, item in device.items() if name != "instance"}))
         if left:
             bus = str(device["interface"])
             left = _without(left, " ".join(self._databases.lookup(bus, device.get("vid", ""), device.get("pid", ""))))
@@ -86,14 +120,15 @@ class _Host:
                     yield link.rpartition("/")[2]
                 elif Path(self._reader.root + path).is_dir():
                     open_folders += [path] if path not in others else []
-                elif name not in _BINARY and not _READING.match(name):
+                elif name not in _BINARY | _OWN_ATTRIBUTES and not _READING.match(name):
                     files += 1
                     yield _kind_lines(self._reader.text(path))
 
 
 def _kind_lines(text: str) -> str:
-    """A text without the lines of an event that show a reading (``POWER_SUPPLY_VOLTAGE_NOW=11000``)."""
-    return " ".join(line for line in text.splitlines() if not _READING.match(line.partition("=")[0].casefold()))
+    """A text without the lines of an event that show a reading or one copy (``POWER_SUPPLY_VOLTAGE_NOW=11000``)."""
+    keyed = ((line, line.partition("=")[0].casefold()) for line in text.splitlines())
+    return " ".join(line for line, key in keyed if not _READING.match(key) and not _OWN_KEY.fullmatch(key))
 
 
 def _unsaid(given: Mapping[str, Any], own: Mapping[str, Any], host: _Host) -> Iterator[dict[str, object]]:
@@ -104,13 +139,51 @@ def _unsaid(given: Mapping[str, Any], own: Mapping[str, Any], host: _Host) -> It
         known = shown.get(device["id"])
         if known is None or "sysfs" not in known["instance"]:
             continue
-        texts = list(_texts(device))
+        texts = [(member, line, _masked(text, known["instance"])) for member, line, text in _texts(device)]
         asked = {word for _, _, text in texts for word in _words(text)}
         others = folders - {known["instance"]["sysfs"]}
         missing = host.missing(asked, known, others)
+        kinds = set(_WORD.findall(re.sub(r"(?m)^[^:\n]*: ", " ", known["raw_descriptor"]).casefold()))
         for member, line, text in texts:
-            if found := [word for word in dict.fromkeys(_words(text)) if word in missing]:
-                yield {"id": device["id"], "member": member, "line": line, "words": found}
+            words = [word for word in dict.fromkeys(_words(text)) if word in missing]
+            words += [number for number in _readings(text) if number not in kinds and number not in words]
+            if words:
+                yield {"id": device["id"], "member": member, "line": line, "words": words}
+
+
+def _masked(text: str, instance: Mapping[str, Any]) -> str:
+    """A text without the serial number and the address that stand in it whole: these are hidden, not refused."""
+    for member in ("serial", "address"):
+        if len(str(instance.get(member, ""))) > 3:
+            text = re.sub(re.escape(str(instance[member])), " ", text, flags=re.IGNORECASE)
+    return text
+
+
+def _readings(text: str) -> list[str]:
+    """The numbers of a line whose key is that of a reading: ``capacity: 81``, ``fan1 speed: 1180 rpm``."""
+    key, colon, value = text.partition(":")
+    words = [word for word in re.split(r"[^a-z]+", key.casefold()) if word]
+    name = re.split(r"[^a-z0-9_]+", key.casefold().strip())[-1]
+    bound = _BOUND.search(key.casefold()) or "usb" in words
+    if not colon or bound or not (_READING.match(name) or _READING_WORDS.intersection(words)):
+        return []
+    return [word for word in _WORD.findall(value.casefold()) if word.isdecimal()]
+
+
+def _untrue(given: Mapping[str, Any], reader: Reader) -> Iterator[dict[str, object]]:
+    """The scans that are said to have worked with a program that this host does not have."""
+    recorded = reader.names_or_none(RECORDED) if reader.root else None
+    for index, scan in enumerate(given.get("scan_methods", ())):
+        named = [word for word in _PROGRAM.findall(scan["name"].casefold()) if word in _PROGRAMS]
+        if scan["status"] == "ok" and named and not _is_here(named[0], recorded):
+            yield {"scan": index, "program": named[0], "recorded": recorded is not None}
+
+
+def _is_here(program: str, recorded: Iterable[str] | None) -> bool:
+    """Whether a program is installed, or on a recorded host its output was recorded."""
+    if recorded is not None:
+        return any(program in name for name in recorded)
+    return shutil.which(program, path=os.pathsep.join((*_FOLDERS, os.environ.get("PATH", "")))) is not None
 
 
 def _texts(device: Mapping[str, Any]) -> Iterator[tuple[str, int, str]]:

@@ -16,6 +16,7 @@ from octoform.contracts import (
     interface_unit_rules,
     probe_host_rules,
     probe_rules,
+    probe_text_rules,
     serve_rules,
     step_rules,
     topology_rules,
@@ -29,7 +30,7 @@ from octoform.diagnostics import Diagnostic
 MAX_PER_RULE = 10
 
 RULES: dict[str, tuple[Rule, ...]] = {
-    "probe": (*probe_rules.RULES, *probe_host_rules.RULES),
+    "probe": (*probe_rules.RULES, *probe_host_rules.RULES, *probe_text_rules.RULES),
     "identify": (*identify_rules.RULES, *topology_rules.RULES),
     "interface": (
         *interface_rules.RULES,

@@ -37,11 +37,13 @@ class HostScan:
     """What the embedded agent saw of the host beside another agent's PROBE.
 
     ``probe`` is its own PROBE artifact; ``unsaid`` are the texts of the other's with words that the host says nowhere
-    of the device: ``id``, ``member``, ``line`` (from 1) and ``words``.
+    of the device: ``id``, ``member``, ``line`` (from 1) and ``words``. ``untrue`` are the other's scans that are said
+    to have worked with a program that is not here: ``scan`` (its index), ``program``, whether the host is ``recorded``.
     """
 
     probe: JsonObject
     unsaid: tuple[JsonObject, ...] = ()
+    untrue: tuple[JsonObject, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)

@@ -4,19 +4,27 @@ Ids are those by which a tool finds a device later, so an id that the host's own
 Without a scan (the embedded agent did PROBE itself, or could not look) the rules find nothing.
 """
 
-from collections.abc import Iterator
+import re
+from collections.abc import Iterator, Mapping
 
 from octoform.contracts.model import Artifacts, HostScan, JsonObject, Rule
 from octoform.contracts.text import pointer, shown
 from octoform.diagnostics import Diagnostic, error
 
 MOST_LISTED = 200
+FEW = 3
+"""So many devices may be left out of a small host; of a large one a quarter."""
 _NUMBERS = ("vid", "pid")
-_COPY = (
-    "copy what the system says, letter by letter; what the device is, the next stage says, and a reading that changes "
-    "stands nowhere"
-)
 _PLATFORM = ("os", "os_id", "os_version", "arch", "kernel")
+# How package systems call what the kernel calls otherwise.
+_ALIASES = {"amd64": "x86_64", "x64": "x86_64", "x86-64": "x86_64", "arm64": "aarch64", "armhf": "armv7l"}
+_ALIASES |= {"macosx": "macos", "darwin": "macos", "i386": "i686"}
+_WHOLE_TREE = re.compile(r"/sys/(?:bus|devices)(?:/\*|/?(?=[\s,;:)]|$))|\ball (?:buses|folders|of sysfs)\b")
+_FILTER = re.compile(
+    r"(?i)\b(?:not? (?:of )?(?:interest\w*|relevan\w*|useful|needed|controllable|important|use)|irrelevant|dull|boring"
+    r"|uninteresting|useless|unimportant|nothing to control|out of scope|only (?:infrastructure|a hub|a bridge)"
+    r"|no(?:body|t)? (?:one )?(?:would )?(?:asks?|needs?|wants?))\b"
+)
 
 
 def unknown_device(value: JsonObject, known: Artifacts) -> list[Diagnostic]:
@@ -41,16 +49,20 @@ def contradicted(value: JsonObject, known: Artifacts) -> list[Diagnostic]:
     if known.scan is None:
         return []
     true = _by_id(known.scan)
+    taken = {place: each["id"] for each in true.values() for place in _places(each)}
     said = [
         (*found, pointer("devices", index))
         for index, device in enumerate(value["devices"])
         if device["id"] in true
-        for found in _differences(device, true[device["id"]])
+        for found in _differences(device, true[device["id"]], taken)
     ]
     platform, own = value["platform"], known.scan.probe["platform"]
     for name in _PLATFORM:
-        if own.get(name) not in (None, "", "unknown") and platform.get(name, own[name]) != own[name]:
+        if own.get(name) not in (None, "", "unknown") and not _agrees(str(platform.get(name, own[name])), own[name]):
             said.append((name, shown(platform[name]), shown(own[name]), "/platform"))
+    host, named = str(known.scan.probe.get("hostname", "")), str(value["hostname"])
+    if host and named and host.partition(".")[0].casefold() != named.partition(".")[0].casefold():
+        said.append(("hostname", shown(named), shown(host), ""))
     return [
         error(
             "PROBE-CONTRADICTED",
@@ -79,19 +91,30 @@ def missing_device(value: JsonObject, known: Artifacts) -> list[Diagnostic]:
     return [error("PROBE-DEVICE-MISSING", summary, pointer="/devices", detail="\n".join(lines), hint=hint)]
 
 
-def listed_and_left_out(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
-    """What is left out is not listed all the same."""
+def left_out(value: JsonObject, known: Artifacts) -> list[Diagnostic]:
+    """What is left out is not listed all the same, and is little; that it looks dull is no reason.
+
+    It need not be there any more: a device that went away while the agent looked is told so.
+    """
     listed = {device["id"] for device in value["devices"]}
-    return [
-        error(
-            "PROBE-LEFT-OUT",
-            f"{shown(item['id'])} is left out and listed as well",
-            pointer=pointer("left_out", index, "id"),
-            hint="take it out of one of the two",
-        )
-        for index, item in enumerate(value.get("left_out", ()))
-        if item["id"] in listed
-    ]
+    true = _by_id(known.scan) if known.scan else None
+    out = []
+    for index, item in enumerate(value.get("left_out", ())):
+        name, where = shown(item["id"]), pointer("left_out", index, "id")
+        if item["id"] in listed:
+            found = f"{name} is left out and listed as well", "take it out of one of the two"
+        elif _FILTER.search(item["reason"]):
+            found = f"{name} is left out because {shown(item['reason'])}: PROBE does not choose", "list it"
+        else:
+            continue
+        out.append(error("PROBE-LEFT-OUT", found[0], pointer=where, hint=found[1]))
+    count = sum(item["id"] in (true or {}) for item in value.get("left_out", ()))
+    units = sum(map(_stands_alone, (true or {}).values()))
+    if true is not None and count > max(FEW, units // 4):
+        summary = f"{count} of the {units} devices of the host are left out"
+        hint = "list them; what cannot be listed for a reason of its own is one device, or two"
+        out.append(error("PROBE-LEFT-OUT", summary, pointer="/left_out", hint=hint))
+    return out
 
 
 def scan_untold(value: JsonObject, known: Artifacts) -> list[Diagnostic]:
@@ -100,6 +123,8 @@ def scan_untold(value: JsonObject, known: Artifacts) -> list[Diagnostic]:
         return []
     worked = [scan for scan in value["scan_methods"] if scan["status"] == "ok"]
     told = " ".join(f"{scan['name']} {scan.get('detail', '')}" for scan in worked).casefold()
+    if _WHOLE_TREE.search(told):
+        return []
     shared = {device["interface"] for device in known.scan.probe["devices"] if _stands_alone(device)}
     listed = {device["interface"] for device in value["devices"] if device.get("context") is not True}
     return [
@@ -110,25 +135,21 @@ def scan_untold(value: JsonObject, known: Artifacts) -> list[Diagnostic]:
             hint=f"list every way of looking with its status, with the bus or class in its name, such as {shown(name)}",
         )
         for name in sorted(listed & shared)
-        if name != "virtual" and name.casefold() not in told
+        if name != "virtual" and _bare(name) not in _bare(told)
     ]
 
 
-def text_not_of_host(value: JsonObject, known: Artifacts) -> list[Diagnostic]:
-    """The words of a device's texts are those of the system: no interpretation, no reading, nothing from memory."""
-    if known.scan is None:
-        return []
-    places = {device["id"]: (index, device) for index, device in enumerate(value["devices"])}
+def scan_false(value: JsonObject, known: Artifacts) -> list[Diagnostic]:
+    """A scan that worked used a program that is here."""
     out = []
-    for found in known.scan.unsaid:
-        index, device = places[found["id"]]
-        text = str(device.get(found["member"], "")).splitlines() or [""]
-        line = text[min(found["line"], len(text)) - 1]
-        place = f"line {found['line']} of {found['member']}" if len(text) > 1 else found["member"]
-        words = ", ".join(shown(word) for word in found["words"][:8])
-        summary = f"{place} of {shown(device['id'])} is {shown(line)}; the system says nowhere of it: {words}"
-        where = pointer("devices", index, found["member"])
-        out.append(error("PROBE-TEXT-NOT-OF-HOST", summary, pointer=where, hint=_COPY))
+    for found in known.scan.untrue if known.scan else ():
+        name, why = (
+            shown(found["program"]),
+            "nothing of it was recorded on this host" if found["recorded"] else "it is not here",
+        )
+        summary = f"the scan {shown(value['scan_methods'][found['scan']]['name'])} worked with {name}, and {why}"
+        hint = "write not_found, or unsupported on a recorded host; name what really found the devices"
+        out.append(error("PROBE-SCAN-FALSE", summary, pointer=pointer("scan_methods", found["scan"]), hint=hint))
     return out
 
 
@@ -137,25 +158,41 @@ RULES = (
     Rule("PROBE-CONTRADICTED", contradicted),
     Rule("PROBE-DEVICE-MISSING", missing_device),
     Rule("PROBE-SCAN-UNTOLD", scan_untold),
-    Rule("PROBE-LEFT-OUT", listed_and_left_out),
-    Rule("PROBE-TEXT-NOT-OF-HOST", text_not_of_host),
+    Rule("PROBE-SCAN-FALSE", scan_false),
+    Rule("PROBE-LEFT-OUT", left_out),
 )
 
 
 def completed(value: JsonObject, scan: HostScan) -> JsonObject:
     """The artifact with the host's own facts on each specimen, by which a tool tells it from its twin.
 
-    They are also what is hidden before anything reaches git: a serial number that the agent named nowhere, too.
+    They are also what is hidden before anything reaches git: a serial number that the agent named nowhere, too. Numbers
+    and drivers that it left out, and the system's own spelling of the bus and the platform, join them. The host's name
+    and the time are those of the scan.
     """
     true = _by_id(scan)
-    devices = [
-        {**device, "instance": {**device.get("instance", {}), **true[device["id"]]["instance"]}}
-        if device["id"] in true
-        else device
-        for device in value["devices"]
-    ]
-    own = scan.probe.get("hostname")
-    return {**value, **({"hostname": own} if own else {}), "devices": devices}
+    devices = [_filled(device, true[device["id"]]) if device["id"] in true else device for device in value["devices"]]
+    own = {name: scan.probe[name] for name in ("hostname", "timestamp") if scan.probe.get(name)}
+    known = {name: word for name, word in scan.probe["platform"].items() if name in _PLATFORM and word != "unknown"}
+    platform = {**value["platform"], **known}
+    return {**value, "platform": platform, **own, "devices": devices}
+
+
+def _filled(device: JsonObject, true: JsonObject) -> JsonObject:
+    """A device with what the host shows of it beside what was said."""
+    facts = {name: true[name] for name in (*_NUMBERS, "drivers") if name in true and name not in device}
+    instance = {**device.get("instance", {}), **true["instance"]}
+    return {**device, **facts, "interface": true["interface"], "instance": instance}
+
+
+def _agrees(said: str, own: str) -> bool:
+    """Whether a fact of the platform is the same in another spelling: ``Linux``, ``12 (bookworm)``, ``amd64``."""
+    spoken = {_ALIASES.get(word, word) for word in re.split(r"[\s(),;]+", said.casefold()) if word}
+    return set(re.split(r"\s+", own.casefold())) <= spoken | {said.casefold()}
+
+
+def _bare(text: str) -> str:
+    return re.sub(r"[^0-9a-z/*]", "", text.casefold())
 
 
 def _by_id(scan: HostScan) -> dict[str, JsonObject]:
@@ -188,11 +225,23 @@ def _unknown(device: JsonObject, free: list[str], alike: list[str]) -> tuple[str
     return f"the host shows no device {name}", hint
 
 
-def _differences(device: JsonObject, true: JsonObject) -> Iterator[tuple[str, str, str]]:
-    """(member, what is said, what is true) where a device's entry and the host differ."""
+def _places(device: JsonObject) -> list[tuple[str, str]]:
+    """(member, value) of the places at which one device is and no other: its port on its bus, its nodes."""
+    instance = device.get("instance", {})
+    port = instance.get("port")
+    nodes = [("nodes", node["node"]) for node in instance.get("nodes", ()) if "node" in node]
+    return [*nodes, *([(f"port {device['interface']}", port)] if port else [])]
+
+
+def _differences(
+    device: JsonObject, true: JsonObject, taken: Mapping[tuple[str, str], str]
+) -> Iterator[tuple[str, str, str]]:
+    """(member, what is said, what is true) where a device's entry and the host differ; ``taken`` are all places."""
     for name in _NUMBERS:
         if device.get(name, true.get(name)) != true.get(name):
             yield name, shown(device[name]), shown(true[name]) if name in true else "none"
+    if true["interface"].casefold() not in re.split(r"[^0-9a-z_-]+", device["interface"].casefold()):
+        yield "interface", shown(device["interface"]), shown(true["interface"])
     if {*device.get("classes", ())} != {*true.get("classes", ())}:
         yield "classes", _listed(device.get("classes")), _listed(true.get("classes"))
     if not {*device.get("drivers", ())} <= {*true.get("drivers", ())}:
@@ -203,6 +252,10 @@ def _differences(device: JsonObject, true: JsonObject) -> Iterator[tuple[str, st
     for name in ("sysfs", "serial"):
         if said.get(name) and own.get(name) and said[name] != own[name]:
             yield f"instance.{name}", shown(said[name]), shown(own[name])
+    free = {place for place in _places({**device, "interface": true["interface"]}) if place not in _places(true)}
+    for name, place in sorted(each for each in free if taken.get(each, true["id"]) != true["id"]):
+        right = [own_place for kind, own_place in _places(true) if kind == name]
+        yield f"instance.{name.partition(' ')[0]}", shown(place), _listed(right)
 
 
 def _listed(names: list[str] | None) -> str:

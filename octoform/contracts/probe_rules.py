@@ -5,10 +5,11 @@ here may reset a board or move an arm.
 """
 
 import re
+from datetime import datetime
 
 from octoform.contracts.instance import secrets_of
 from octoform.contracts.model import Artifacts, JsonObject, Rule
-from octoform.contracts.text import pointer, shown
+from octoform.contracts.text import listed, pointer, shown
 from octoform.contracts.text_rules import in_values
 from octoform.diagnostics import Diagnostic, error
 
@@ -29,12 +30,26 @@ _TOUCHED = re.compile(
 _INSTALLED = re.compile(
     r"\b(?:apt(?:-get)?|dnf|yum|apk|brew|pip[0-9.]*|npm|snap|zypper|pacman)\b[^.;,\n]*\b(?:install|add|-S)\b"
     r"|\b(?:installed|installing|downloaded|compiled|built)\b[^.;,\n]*\b(?:first|for this|to (?:scan|list|read|look))\b"
-    r"|\b(?:modprobe|insmod|rmmod)\b|\bloaded (?:the )?(?:module|driver)\b",
+    r"|\b(?:modprobe|insmod|rmmod)\b|\bloaded (?:the )?(?:module|driver)\b"
+    r"|(?:>|\btee)\s*/(?:sys|proc)/|\b(?:unbound|rescanned|re-?scan of|power-cycled)\b"
+    r"|\budevadm (?:trigger|control)\b",
     re.I,
 )
 _PORT_SCAN = re.compile(
     r"\b(?:nmap|masscan|zmap|rustscan|arp-scan|netdiscover|fping|nbtscan)\b|\bport[- ]?scan|\b(?:ping|scan)\w* sweep"
-    r"|\bscan\w* (?:the )?(?:open )?(?:ports|subnet|network)\b",
+    r"|\bscan\w* (?:the )?(?:open )?(?:ports|subnet|network)\b"
+    r"|\bbluetoothctl (?:--timeout \d+ )?scan\b|\bhcitool (?:le)?scan\b|\biw(?:list)? (?:dev )?\S+ scan\b(?! dump)"
+    r"|\b(?:ssh|telnet|snmp\w*|arping) (?:to|into|-\w|\d|the)|\bping(?:ed)? (?:-\w|\d|each|all|every|the)"
+    r"|\blogged in(?:to)?\b",
+    re.I,
+)
+_RIGHTS = re.compile(r"\b(?:sudo|doas|pkexec|setcap|su -|as root by)\b", re.I)
+# Nodes that are opened to take something from them, and buses on which something is sent to find out who answers.
+_OPENED = re.compile(
+    r"\b(?:captured|grabbed|recorded|streamed|took|played|displayed|printed)\b[^.;,\n]*\b(?:frame|picture|image|photo"
+    r"|sample|sound|audio|clip|video|page|tone)s?\b|\bi2cdetect\b(?=[^.;\n]*\s-(?!l\b|V\b|F\b)\w)|\bevtest\b"
+    r"|\bi2c(?:get|set|dump|transfer)\b|\bdd if=/dev|\bopened\b[^.;,\n]*/dev/(?!tty|cu\.|serial)|\bspidev_test\b"
+    r"|\bgpio(?:get|set|mon)\b|\bsmartctl (?:-t|--test)",
     re.I,
 )
 _DENIAL = re.compile(r"\b(?:no|not|never|none|without|nothing|neither|nor|cannot|refused|skipped)\b", re.I)
@@ -63,15 +78,23 @@ def no_working_scan(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
     return [error("PROBE-NO-WORKING-SCAN", summary, pointer="/scan_methods", hint=hint)]
 
 
-def neighbour_not_context(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
-    """What is merely near (network, radio) carries ``context: true``."""
+def neighbour_not_context(value: JsonObject, known: Artifacts) -> list[Diagnostic]:
+    """What is merely near (network, radio) carries ``context: true``, and nothing that is attached does."""
     out = []
+    true = {device["id"] for device in known.scan.probe["devices"]} if known.scan else None
     for index, device in enumerate(value["devices"]):
         words = set(re.split(r"[\s_/:.]+", device["interface"].casefold()))
+        attached = [*device.get("classes", ()), *device.get("drivers", ())]
         if words & _NEIGHBOURHOODS and device.get("context") is not True:
             summary = f"{shown(device['id'])} was seen over {shown(device['interface'])} and is not marked as context"
             hint = "set context to true: a neighbour is surroundings, not a device of this host"
-            out.append(error("PROBE-NEIGHBOUR-NOT-CONTEXT", summary, pointer=pointer("devices", index), hint=hint))
+        elif device.get("context") is True and attached and true is not None and device["id"] not in true:
+            summary = f"{shown(device['id'])} is marked as context, and has {listed(attached)} of this host"
+            hint = "leave context out for what is attached; a neighbour has neither drivers nor classes here"
+        else:
+            continue
+        where = pointer("devices", index)
+        out.append(error("PROBE-NEIGHBOUR-NOT-CONTEXT", summary, pointer=where, hint=hint))
     return out
 
 
@@ -92,15 +115,40 @@ def tty_opened(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
 
 
 def installed(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
-    """No scan tells of installing or loading something: PROBE uses what is there."""
-    hint = "use what is there; a way that would have to be installed first is not_found"
-    return _telling(value, _INSTALLED, "PROBE-INSTALLED", "PROBE may install and load nothing", hint)
+    """No scan tells of installing, loading or changing something: PROBE uses what is there."""
+    hint = "use what is here and change nothing; a way that would have to be installed first is not_found"
+    return _telling(value, _INSTALLED, "PROBE-INSTALLED", "PROBE may install, load and change nothing", hint)
 
 
 def port_scan(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
     """No scan goes through a network: neighbours are what the system already knows of."""
     hint = "take neighbours from what the system already knows (its tables), and mark them as context"
     return _telling(value, _PORT_SCAN, "PROBE-NETWORK-SCAN", "PROBE may not search a network", hint)
+
+
+def rights(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
+    """No scan tells of rights that were asked for."""
+    hint = "look with the rights that you have; what wants others has the status denied"
+    return _telling(value, _RIGHTS, "PROBE-RIGHTS", "PROBE may ask for no rights", hint)
+
+
+def device_opened(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
+    """No scan tells of using a device or of asking a bus who answers."""
+    hint = "read what the kernel already says; open no device, and send nothing on a bus to find out who answers"
+    return _telling(value, _OPENED, "PROBE-DEVICE-OPENED", "PROBE may open no device", hint)
+
+
+def timestamp(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
+    """The time is one, with its offset from UTC."""
+    try:
+        if datetime.fromisoformat(value["timestamp"]).tzinfo is not None:
+            return []
+        why = "has no offset"
+    except ValueError:
+        why = "is no time"
+    summary = f"the timestamp {shown(value['timestamp'])} {why}"
+    hint = "write the time at which you looked, in UTC and in the form 2026-01-31T12:34:56Z"
+    return [error("PROBE-TIMESTAMP", summary, pointer="/timestamp", hint=hint)]
 
 
 def serial_in_id(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
@@ -139,6 +187,9 @@ RULES = (
     Rule("PROBE-TTY-OPENED", tty_opened),
     Rule("PROBE-INSTALLED", installed),
     Rule("PROBE-NETWORK-SCAN", port_scan),
+    Rule("PROBE-RIGHTS", rights),
+    Rule("PROBE-DEVICE-OPENED", device_opened),
+    Rule("PROBE-TIMESTAMP", timestamp),
     Rule("PROBE-UNESCAPED-TEXT", in_values("PROBE-UNESCAPED-TEXT", _MULTILINE)),
     Rule("PROBE-SERIAL-IN-ID", serial_in_id),
     Rule("PROBE-PORT-IN-ID", port_in_id),

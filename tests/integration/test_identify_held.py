@@ -4,13 +4,11 @@ The output that is changed is the embedded agent's own, about the bench of `lab`
 """
 
 import copy
-from pathlib import Path
 from typing import Any
 
 import pytest
-from bench_host import HUB, lab
+from bench_host import shop
 from held import Change, Output, both, refusals
-from sysfs_tree import Tree
 
 from octoform.base.id_databases import IdDatabases
 from octoform.builtin.identify.stage import identify
@@ -24,41 +22,6 @@ DISK, DISK_OF_TWO, METER, LINE, STICK = (
     "usb-1f00-00f2",
     "usb-1f00-00d1",
 )
-
-
-def shop(root: Path) -> Path:
-    """The lab, and a touch panel, two disks on PCI, a relay on HID, a meter without a driver, a serial line."""
-    tree = Tree(lab(root))
-    panel = "platform/i2c/0018:1F00:0078.0002"
-    named = "BENCH:ARM-M4 1F00:0078"
-    tree.bus(panel, "hid", HID_ID="0018:00001F00:00000078", HID_NAME=named, DRIVER="hid-multitouch")
-    tree.member(f"{panel}/input/input7", "input", {"name": named, "capabilities/abs": "260800000000003"})
-    for at, product, model in (("1", "5017", {"model": "BE SN740 512GB"}), ("2", "5018", {})):
-        disk = f"pci0000:00/0000:0{at}:00.0"
-        numbers = {"vendor": "0x1f00", "device": f"0x{product}", "class": "0x010802"}
-        tree.bus(disk, "pci", numbers, DRIVER="nvme")
-        tree.member(f"{disk}/nvme/nvme{at}", "nvme", model)
-    for port, product, text, code, driver in (
-        ("4", "00e1", "Bench Relay", "03", "usbhid"),
-        ("5", "00f1", "Bench Charmeter", "ff", ""),
-        ("6", "00f2", "USB Serial", "ff", "ch341"),
-    ):
-        (tree.usb(f"{HUB}/1-{port}", "1f00", product) / "product").write_text(f"{text}\n")
-        bound = {"DRIVER": driver} if driver else {}
-        interface = {"bInterfaceNumber": "00", "bInterfaceClass": code}
-        tree.bus(f"{HUB}/1-{port}/1-{port}:1.0", "usb", interface, **bound)
-    (root / "sys/devices" / HUB / "1-4/manufacturer").write_text("Bench Works\n")
-    report = f"{HUB}/1-4/1-4:1.0/0003:1F00:00E1.0003"
-    tree.bus(report, "hid", HID_ID="0003:00001F00:000000E1", HID_NAME="Bench Relay", DRIVER="hid-generic")
-    tree.member(f"{report}/hidraw/hidraw0", "hidraw", DEVNAME="hidraw0")
-    tree.member(f"{HUB}/1-6/1-6:1.0/ttyUSB0/tty/ttyUSB0", "tty", DEVNAME="ttyUSB0")
-    ids = root / "usr/share/misc"
-    ids.mkdir(parents=True)
-    (ids / "pci.ids").write_text(
-        "1f00  Bench Electronics\n\t5017  BE SN560 / SN740 / SN770 NVMe SSD\n\t5018  Desk SN1 / Desk SN2 NVMe SSD\n"
-    )
-    (ids / "usb.ids").write_text("1f00  Bench Electronics\n\t00e1  Relay Board\n")
-    return root
 
 
 def device(value: Output, name: str) -> Output:

@@ -6,7 +6,7 @@ from typing import Any
 import pytest
 from contract_samples import ACT, READ, SCHEMAS, artifacts, good
 
-from octoform.contracts import answer_rules, probe_host_rules
+from octoform.contracts import answer_rules, probe_host_rules, probe_text_rules
 from octoform.contracts.checking import MAX_PER_RULE, RULES, check
 from octoform.diagnostics import Severity
 
@@ -101,6 +101,11 @@ PROBE_CASES: list[tuple[str, Change]] = [
     ("PROBE-INSTALLED", _put("scan_methods.0.name", "modprobe i2c-dev")),
     ("PROBE-NETWORK-SCAN", _put("scan_methods.0.name", "nmap -sn")),
     ("PROBE-NETWORK-SCAN", _put("scan_methods.0.detail", "scanned the subnet for cameras")),
+    ("PROBE-NETWORK-SCAN", _put("scan_methods.0.detail", "bluetoothctl scan on, 10 s")),
+    ("PROBE-RIGHTS", _put("scan_methods.0.detail", "dmidecode with sudo")),
+    ("PROBE-DEVICE-OPENED", _put("scan_methods.0.name", "i2cdetect -y 1")),
+    ("PROBE-TIMESTAMP", _put("timestamp", "this morning")),
+    ("PROBE-TIMESTAMP", _put("timestamp", "2026-01-02T03:04:05")),
 ]
 
 IDENTIFY_CASES: list[tuple[str, Change]] = [
@@ -408,7 +413,7 @@ def test_a_missing_predecessor_is_a_bug_of_the_caller() -> None:
 
 def test_every_rule_has_a_code_of_its_stage_and_a_case_here() -> None:
     cases = {code for table in (PROBE_CASES, IDENTIFY_CASES, INTERFACE_CASES, DEPLOY_CASES) for code, _ in table}
-    own_tests = {rule.code for rule in (*answer_rules.RULES, *probe_host_rules.RULES)}
+    own_tests = {rule.code for rule in (*answer_rules.RULES, *probe_host_rules.RULES, *probe_text_rules.RULES)}
     own_tests |= {
         "IDENTIFY-ACTUATE-WITHOUT-PROFILE",
         "IDENTIFY-NEIGHBOUR-PROMOTED",
