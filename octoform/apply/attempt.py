@@ -55,15 +55,23 @@ ASKED = "identify"
 class Failed:
     """What a failed attempt hands to the next one: why it was refused, its log, the spec as it stands in this run.
 
-    ``former`` is the output to be corrected: the refused one, or an accepted one that a later stage found at fault, for
-    what stands in ``standing``. That stands until the later stage has tried another one, however many are refused.
+    ``former`` is the output to be corrected: the last one that could be read, or an accepted one that a later stage found
+    at fault. ``found`` is what is wrong with it, whichever attempt wrote it, and ``right`` says what is not.
+    ``standing`` is what the later stage found: it stands until that has tried another one, however many are refused.
     """
 
     diagnostics: tuple[Diagnostic, ...]
     log: Path | None
     spec: str
     former: bytes | None = None
+    found: tuple[Diagnostic, ...] = ()
+    right: str = ""
     standing: tuple[Diagnostic, ...] = ()
+
+    @property
+    def more(self) -> tuple[Diagnostic, ...]:
+        """What is wrong with the output to be corrected and is no reason why the last attempt failed."""
+        return tuple(item for item in self.found if item not in self.diagnostics)
 
 
 @dataclass(frozen=True, slots=True)
@@ -214,8 +222,12 @@ def _document(context: Context, assignment: Assignment, task: Task, failed: Fail
         "limits": {"wall_seconds": task.limits.wall_seconds, "tools": assignment.budget.tools},
         "profiles": [for_task(profile, ids) for profile, ids in _held(context, task.stage)],
         "answers": dict(_answers(context, assignment)),
-        "diagnostics": [to_json(item) for item in ((*failed.diagnostics, *failed.standing) if failed else ())],
+        "diagnostics": [to_json(item) for item in _findings(failed)],
     }
+
+
+def _findings(failed: Failed | None) -> tuple[Diagnostic, ...]:
+    return (*failed.diagnostics, *failed.more, *failed.standing) if failed is not None else ()
 
 
 def _prompt(context: Context, assignment: Assignment, task: Task, failed: Failed | None, excerpt: Excerpt) -> str:
@@ -235,6 +247,8 @@ def _prompt(context: Context, assignment: Assignment, task: Task, failed: Failed
             former=_former(task) if failed and failed.former else None,
             summary=excerpt.text if excerpt.condensed else "",
             diagnostics=failed.diagnostics if failed else (),
+            of_former=failed.more if failed else (),
+            right=failed.right if failed else "",
             standing=failed.standing if failed else (),
         )
     )

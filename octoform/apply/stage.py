@@ -17,7 +17,7 @@ from octoform.apply.context import Context
 from octoform.apply.gate import Verdict, ended_well, read_output
 from octoform.apply.leaks import leaked, masked, without_secrets
 from octoform.apply.result import Finished
-from octoform.apply.returning import is_servers_fault
+from octoform.apply.returning import is_servers_fault, remembered
 from octoform.apply.settling import settle
 from octoform.apply.spec_copy import Edit
 from octoform.apply.story import readable_log
@@ -193,25 +193,12 @@ def _attempt(
     progress.edit = edit if edit is not None and edit.permitted else progress.edit
     if not verdict.accepted:
         spec = progress.edit.text if progress.edit is not None else prepared.spec
-        before = progress.failed
-        progress.failed = Failed(
-            verdict.diagnostics,
-            _log(task, outcome),
-            spec,
-            _judged(task, outcome) or (before.former if before else None),
-            before.standing if before else (),
-        )
+        before = progress.failed or Failed((), None, spec)
+        failed = replace(before, diagnostics=verdict.diagnostics, log=_log(task, outcome), spec=spec)
+        progress.failed = remembered(context, assignment, task, (outcome, verdict), failed)
     # The agent may have removed its own folder or filled the disk; both are told by the verdict already.
     record(context, assignment, prepared, (outcome, verdict), edit, so_far.checks)
     return outcome, verdict
-
-
-def _judged(task: Task, outcome: Outcome) -> bytes | None:
-    """The refused output, for the next attempt to correct; what nobody judged or nobody can read is no beginning."""
-    if outcome.reason is not ExitReason.FINISHED:
-        return None
-    data, found = read_output(task)
-    return None if has_errors(found) else data or None
 
 
 def _log(task: Task, outcome: Outcome) -> Path:

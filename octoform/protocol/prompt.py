@@ -34,7 +34,8 @@ class Prompt:
     ``own_spec`` is the attempt's copy of the spec, which a retry may correct if ``editable``; ``profiles`` are whole
     texts, ``answers`` what a person said of devices, by their ids. ``diagnostics`` and ``failed_log`` are those of the
     attempt before, and one of them makes it a retry; ``summary`` stands in the place of a log's end. ``former`` is a
-    copy of the output that is to be corrected, ``standing`` what a later stage found when it tried an accepted one.
+    copy of the output that is to be corrected, ``of_former`` what else is wrong with it, ``right`` one sentence on what
+    is not; ``standing`` is what a later stage found when it tried an accepted one.
     """
 
     spec: Spec
@@ -51,6 +52,8 @@ class Prompt:
     summary: str = ""
     former: Path | None = None
     diagnostics: tuple[Diagnostic, ...] = ()
+    of_former: tuple[Diagnostic, ...] = ()
+    right: str = ""
     standing: tuple[Diagnostic, ...] = ()
 
     @property
@@ -106,6 +109,8 @@ def _render(prompt: Prompt, log: str) -> str:
         profiles=[fenced("profile", text) for text in prompt.profiles],
         answers=fenced("answers", _answers(prompt.answers)) if prompt.answers else "",
         findings=fenced("findings", findings(prompt.diagnostics)) if prompt.diagnostics else "",
+        of_former=fenced("findings", findings(prompt.of_former)) if prompt.of_former else "",
+        right=prompt.right,
         standing=fenced("findings", findings(prompt.standing)) if prompt.standing else "",
         log=fenced("log", log) if log.strip() else "",
         condensed=bool(prompt.summary),

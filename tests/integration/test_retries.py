@@ -3,6 +3,7 @@
 import json
 import shlex
 from pathlib import Path
+from typing import Any
 
 import pytest
 from projects import AGENT, Project
@@ -17,6 +18,12 @@ def project(tmp_path: Path, environments: Path) -> Project:
     made.share_environments(environments)
     made.outside.mkdir(parents=True, exist_ok=True)
     return made
+
+
+def changed() -> Any:
+    document = json.loads((GOOD / "identify.json").read_text())
+    document["devices"][0]["capabilities"][0]["effect"] = "sometimes"
+    return document
 
 
 def prompt(folder: Path) -> str:
@@ -36,12 +43,63 @@ def test_a_retry_gets_the_refused_output_and_is_told_that_the_rest_of_it_was_rig
     assert "former-output.json" not in json.loads((second / "attempt.json").read_text())["files"]
 
 
-def test_an_attempt_that_nobody_judged_leaves_nothing_to_correct(project: Project) -> None:
-    project.script = {"identify": [{"mutate": WRONG, "exit": 7}, "good"]}
+def test_an_attempt_that_left_nothing_leaves_nothing_to_correct(project: Project) -> None:
+    project.script = {"identify": [{"exit": 7}, "good"]}
     project.apply(status=0)
     second = project.attempts("identify")[-1]
     assert not (second / "former-output.json").exists()
     assert "you start afresh" in prompt(second)
+
+
+POINTER = "/devices/0/capabilities/0/effect"
+UNFINISHED = {
+    "crashed": {"exit": 7},
+    "out of time": {"sleep": 60},
+    "killed": {"shell": "kill -9 $PPID"},
+}
+
+
+@pytest.mark.parametrize("ending", UNFINISHED)
+def test_what_an_attempt_wrote_that_did_not_end_well_is_judged_and_handed_on(project: Project, ending: str) -> None:
+    """And it is remembered when the next attempt leaves nothing at all."""
+    project.manifest["budget"] = "{attempts: 4, attempt_timeout: 3s}"
+    wrong = project.outside / "wrong.json"
+    wrong.write_text(json.dumps(changed()))
+    writing = f"cp {shlex.quote(str(wrong))} output.json"
+    first = {**UNFINISHED[ending], "shell": f"{writing}; {UNFINISHED[ending].get('shell', '')}"}
+    empty = {"exit": 3, "shell": "rm -f output.json"}
+    project.script = {"identify": [first, empty, {"write": "{"}, "good"]}
+    project.apply(status=0)
+    _, second, third, fourth = project.attempts("identify")
+    assert json.loads((second / "former-output.json").read_text()) == changed()
+    for folder in (second, third):
+        said = " ".join(prompt(folder).split())
+        assert POINTER in said, folder
+        assert "No finding is about" in said and "0 of 1 devices" not in said
+    assert "APPLY-AGENT-FAILED" in prompt(third) and json.loads((third / "former-output.json").read_text()) == changed()
+    listed = json.loads((third / "task.json").read_text())["diagnostics"]
+    assert [item["code"] for item in listed].count("APPLY-AGENT-FAILED") == 1 and len(listed) > 1
+    assert (fourth / "former-output.json").read_text() == "{"
+    said = " ".join(prompt(fourth).split())
+    assert "It could not be read as a whole" in said and POINTER not in said
+
+
+def test_a_right_output_of_an_attempt_that_was_stopped_is_said_to_be_right_and_not_accepted(project: Project) -> None:
+    project.manifest["budget"] = "{attempts: 2, attempt_timeout: 3s}"
+    copied = f"cp {shlex.quote(str(GOOD / 'identify.json'))} output.json; sleep 60"
+    project.script = {"identify": [{"shell": copied}, {"shell": "cp former-output.json output.json"}]}
+    project.apply(status=0)
+    second = project.attempts("identify")[-1]
+    assert project.nodes()["identify"]["attempts"] == 2
+    assert "Nothing is wrong with it, as far as that shows without running it" in " ".join(prompt(second).split())
+
+
+def test_an_output_with_a_key_in_it_is_handed_to_nobody(project: Project) -> None:
+    project.environ, project.env = {"OCTOFORM_TEST_KEY": "sk-Zx81kd93KLmq77"}, ["OCTOFORM_TEST_KEY"]
+    project.script = {"identify": [{"leak": "OCTOFORM_TEST_KEY", "exit": 7}, "good"]}
+    project.apply(status=0)
+    second = project.attempts("identify")[-1]
+    assert not (second / "former-output.json").exists() and "sk-Zx81kd93KLmq77" not in prompt(second)
 
 
 def test_what_a_trial_found_stands_until_the_next_trial_however_many_servers_are_refused(project: Project) -> None:
@@ -67,9 +125,7 @@ def test_what_a_trial_found_stands_until_the_next_trial_however_many_servers_are
 def checked(project: Project) -> list[str]:
     """What `./check` printed for a wrong output, and for the good one, and its statuses."""
     wrong, right = project.outside / "wrong.json", GOOD / "identify.json"
-    document = json.loads(right.read_text())
-    document["devices"][0]["capabilities"][0]["effect"] = "sometimes"
-    wrong.write_text(json.dumps(document))
+    wrong.write_text(json.dumps(changed()))
     lines = [f"cp {shlex.quote(str(wrong))} output.json", "./check > first.txt || echo status $? >> first.txt"]
     lines += [f"cp {shlex.quote(str(right))} output.json", "./check > second.txt && echo status 0 >> second.txt"]
     project.script = {"identify": [{"shell": "\n".join(lines)}]}
