@@ -22,6 +22,7 @@ from octoform.apply.leaks import leaked, without_secrets
 from octoform.apply.reading import accepted
 from octoform.base.files import parse, replace
 from octoform.diagnostics import Diagnostic, has_errors, to_json
+from octoform.digest import of_large_file
 from octoform.harness.completion import LiteLLMCompletion
 from octoform.harness.condensing import Excerpt, condense
 from octoform.harness.port import (
@@ -55,8 +56,8 @@ ASKED = "identify"
 class Failed:
     """What a failed attempt hands to the next one: why it was refused, its log, the spec as it stands in this run.
 
-    ``former`` is the output to be corrected: the last one that could be read, or an accepted one that a later stage found
-    at fault. ``found`` is what is wrong with it, whichever attempt wrote it, and ``right`` says what is not.
+    ``former`` is the output to be corrected: the last one that could be read, or an accepted one that a later stage
+    found at fault. ``found`` is what is wrong with it, whichever attempt wrote it, and ``right`` says what is not.
     ``standing`` is what the later stage found: it stands until that has tried another one, however many are refused.
     """
 
@@ -78,12 +79,14 @@ class Failed:
 class Prepared:
     """An attempt about to begin: the task, the spec's text that it was given, whether it may correct it.
 
-    ``usage`` is what its preparation has cost (a summary of the failed attempt's log).
+    ``given`` has the digests of what the agent is given, by name. ``usage`` is what its preparation has cost (a summary
+    of the failed attempt's log).
     """
 
     task: Task
     spec: str
     editable: bool
+    given: Mapping[str, str] = field(default_factory=dict)
     usage: Usage = field(default_factory=Usage)
 
 
@@ -123,7 +126,17 @@ def prepare(
     excerpt = _excerpt(context, task, failed)
     prompt = _prompt(context, assignment, task, failed, excerpt)
     replace(task.prompt, prompt.encode(), 0o644, synced=False)
-    return Prepared(task, spec, editable, excerpt.usage)
+    return Prepared(task, spec, editable, _given(context, assignment, task), excerpt.usage)
+
+
+def _given(context: Context, assignment: Assignment, task: Task) -> dict[str, str]:
+    """What the agent begins with, each file by its digest; the agent may change the files in its folder."""
+    own = (task.prompt, task.document, task.workdir / spec_copy.FILE_NAME, _former(task))
+    paths: dict[str, Path | None] = {path.name: path for path in own}
+    paths |= {name: task.workdir / name for name in assignment.beside}
+    paths |= {"input": assignment.input(context, task.workdir), "schema": context.specs[task.stage].schema}
+    found = {name: of_large_file(path) for name, path in paths.items() if path is not None}
+    return {name: digest for name, digest in sorted(found.items()) if digest is not None}
 
 
 def _former(task: Task) -> Path:

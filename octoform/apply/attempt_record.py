@@ -1,5 +1,6 @@
 """What an attempt leaves as its record: everything that octoform knows of it, in ``attempt.json``."""
 
+from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import replace
 from datetime import timedelta
@@ -61,7 +62,7 @@ def record(
         accepted=verdict.accepted and outcome.reason is not ExitReason.INTERRUPTED,
         diagnostics=[to_json(item) for item in verdict.diagnostics],
         files=written_files(task.workdir),
-        digests=_digests(task, assignment.input(context, task.workdir)),
+        digests=_digests(task, prepared.given),
         spec_edit=spec_edit(edit),
         survivors_killed=outcome.survivors_killed,
         unconfined=outcome.unconfined,
@@ -102,17 +103,20 @@ def reused(context: Context, assignment: Assignment, task: Task, verdict: Verdic
         accepted=verdict.accepted,
         diagnostics=[to_json(item) for item in verdict.diagnostics],
         files=[task.output.name],
-        digests=_digests(task, assignment.input(context, task.workdir)),
+        digests=_digests(task, _reused_input(assignment.input(context, task.workdir))),
     )
     return attempts.write(task.workdir, written)
 
 
-def _digests(task: Task, given: Path | None) -> dict[str, str]:
-    """What this attempt knew and wrote, each file by its digest; files that are not there are left out."""
-    paths = {path.name: path for path in (task.prompt, task.log, task.transcript, task.document, task.output)}
-    paths |= {"spec.md": task.workdir / "spec.md"} | ({"input": given} if given is not None else {})
-    found = {name: of_large_file(path) for name, path in paths.items()}
-    return {name: digest for name, digest in sorted(found.items()) if digest is not None}
+def _digests(task: Task, given: Mapping[str, str]) -> dict[str, str]:
+    """What this attempt was given, as it was then, and what it wrote; files that are not there are left out."""
+    written = {path.name: of_large_file(path) for path in (task.log, task.transcript, task.output)}
+    return dict(sorted({**{name: value for name, value in written.items() if value is not None}, **given}.items()))
+
+
+def _reused_input(path: Path | None) -> dict[str, str]:
+    digest = of_large_file(path) if path is not None else None
+    return {"input": digest} if digest is not None else {}
 
 
 def spec_edit(edit: Edit | None) -> SpecEdit | None:

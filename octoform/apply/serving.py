@@ -4,6 +4,7 @@ The proof of SERVE uses an environment of the packages that the server's own hea
 never accepted on its looks; the proof of DEPLOY uses exactly the locked set and the launcher that clients will use.
 """
 
+import math
 import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict
@@ -42,6 +43,8 @@ IMPORT_SECONDS = 30.0
 """For an import on a small board; an attempt that may take less time in all may not take more for this."""
 IMPORT_SHARE = 0.15
 """Who gave an attempt more time than usual has a host that is slower than usual: the import's part of that time."""
+
+RESOLVE_SECONDS, BUILD_SECONDS = 120.0, 600.0
 
 SEEN_SECONDS = 900.0
 """For so long a device that PROBE saw is taken to be there; SERVE and DEPLOY of a coding agent take minutes."""
@@ -105,7 +108,7 @@ def _made(context: Context, requirements: Sequence[str]) -> tuple[Environment | 
 def prove_import(context: Context, environment: Environment, task: Task, source: str) -> tuple[list[Diagnostic], int]:
     """What an import of the server in this environment shows to be wrong, and how many tools it has."""
     context.emit(events.Checking(task.stage, "importing the server where it will be served"))
-    report = _import(environment, task, source)
+    report = _import(context, environment, task, source)
     found = judge_import(report)
     if not has_errors(found):
         found += serve_dynamic(asdict(report), accepted(context, "interface"))
@@ -160,7 +163,7 @@ def publish(
     if problem := obstacle(context.layout, PUBLISHED_BYTES):
         found.append(problem)
         return None
-    with Client(context.layout, environment) as client:
+    with Client(context.layout, environment, _time(context, math.inf)) as client:
         stop(context.layout)
         service = service_of(context, deploy)
         found += doubts_of(context)
@@ -201,9 +204,10 @@ def _lock(context: Context, requirements: Sequence[str]) -> tuple[str | None, li
     """The full set for these direct requirements; what was locked before is preferred."""
     path = context.layout.requirements_lock
     previous = files.read(path).decode("utf-8", "replace") if path.is_file() else None
-    lock, found = resolve(requirements, context.layout.project, previous)
+    project = context.layout.project
+    lock, found = resolve(requirements, project, previous, _time(context, RESOLVE_SECONDS))
     if lock is None and previous is not None:  # it may be the former lock that is damaged: it is a preference, no more
-        lock, found = resolve(requirements, context.layout.project, None)
+        lock, found = resolve(requirements, project, None, _time(context, RESOLVE_SECONDS))
     return lock, list(found)
 
 
@@ -211,18 +215,23 @@ def _environment(context: Context, lock: str | None) -> tuple[Environment | None
     if lock is None:
         return None, []
     await_bytecode(context.layout)
-    environment, found = build(context.layout, lock)
+    environment, found = build(context.layout, lock, _time(context, BUILD_SECONDS))
     return environment, list(found)
 
 
-def _import(environment: Environment, task: Task, source: str) -> ImportReport:
+def _time(context: Context, most: float) -> float:
+    """Seconds that a part of a trial may take: what is left of its stage's time, and at most so many."""
+    return context.purse.time(context.clock.monotonic(), most)
+
+
+def _import(context: Context, environment: Environment, task: Task, source: str) -> ImportReport:
     folder = task.workdir / "import"
     for name, data in {"server.py": source.encode(), **runtime_files()}.items():
         path = folder / name
         path.parent.mkdir(parents=True, exist_ok=True)
         replace(path, data, 0o644, synced=False)
     seconds = max(min(IMPORT_SECONDS, task.limits.wall_seconds), IMPORT_SHARE * task.limits.wall_seconds)
-    return check_import(environment.python, folder, seconds)
+    return check_import(environment.python, folder, _time(context, seconds))
 
 
 PROOFS: Mapping[str, Callable[[Context, Task, Any], Proof]] = {"serve": prove_serve, "deploy": prove_deploy}

@@ -83,7 +83,11 @@ def fulfil(context: Context, assignment: Assignment, failed: Failed | None = Non
     attempts, seconds = context.purse.used.get(place, (0, 0.0))
     began = context.clock.monotonic()
     progress = _Progress(attempts, failed=failed)
-    verdict = _attempts(context, assignment, began - seconds, progress)
+    context.purse.until = began - seconds + assignment.budget.stage_seconds
+    try:
+        verdict = _attempts(context, assignment, began - seconds, progress)
+    finally:
+        context.purse.until = None
     elapsed = context.clock.monotonic() - began
     context.purse.used[place] = progress.attempts, seconds + elapsed
     if verdict.accepted and progress.edit is not None:
@@ -237,6 +241,9 @@ def prove(context: Context, task: Task, value: Any, found: list[Diagnostic]) -> 
     more, files, detail = proof(context, task, value)
     found += [*more, *audit.end(watch, task.workdir / guarded.UNDONE)]
     if has_errors(found):
+        until = context.purse.until
+        if until is not None and context.clock.monotonic() >= until:  # and whatever it was doing was cut short
+            found.append(_spent(task.stage, context.manifest.budget_for(task.stage).stage_seconds))
         return Verdict(tuple(found))
     verdict = settle(context, task.stage, value, found, files)
     return replace(verdict, detail={**verdict.detail, **detail}, found=_with(verdict.found, detail))

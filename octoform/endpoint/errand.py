@@ -1,6 +1,8 @@
 """Send the serving environment's own MCP client on one errand to the running endpoint; read what it brings back."""
 
 import json
+import math
+import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -55,10 +57,14 @@ def recorded_environment(layout: Layout) -> Environment | None:
 
 
 class Client:
-    """A client that loads while the endpoint is being started, which takes as long as its loading."""
+    """A client that loads while the endpoint is being started, which takes as long as its loading.
 
-    def __init__(self, layout: Layout, environment: Environment) -> None:
+    ``seconds`` from now it is ended, whatever it has been sent for.
+    """
+
+    def __init__(self, layout: Layout, environment: Environment, seconds: float = math.inf) -> None:
         self._layout = layout
+        self._until = time.monotonic() + seconds
         self._begun = Begun(
             [str(environment.python), "-I", str(SCRIPT)],
             cwd=layout.project,
@@ -88,7 +94,7 @@ class Client:
             ],
         }
         timeout = START_SECONDS + _MARGIN + sum(call.seconds * (1 + call.again) for call in calls)
-        return _told(self._begun.finish(json.dumps(task), timeout))
+        return _told(self._begun.finish(json.dumps(task), min(timeout, max(0.0, self._until - time.monotonic()))))
 
 
 def _told(finished: Finished) -> Report:

@@ -1,7 +1,9 @@
 """What an attempt after a failed one knows of it, and what an agent can find out before it ends."""
 
+import hashlib
 import json
 import shlex
+import time
 from pathlib import Path
 from typing import Any
 
@@ -146,3 +148,40 @@ def test_an_agent_can_hold_its_output_against_the_contract_before_it_ends(projec
     (folder,) = project.attempts("identify")
     assert json.loads((folder / "attempt.json").read_text())["checks"] == 2
     assert "./check" in prompt(folder)
+
+
+def digest(data: bytes) -> str:
+    return f"sha256:{hashlib.sha256(data).hexdigest()}"
+
+
+def test_the_record_has_the_digests_of_what_was_given_whatever_the_agent_made_of_it(project: Project) -> None:
+    names = ("prompt.md", "task.json", "spec.md", "former-output.json")
+    spoiling = "; ".join(f"chmod u+w {name}; cp {name} seen-{name}; echo spoilt > {name}" for name in names)
+    project.script = {"identify": [{"mutate": WRONG}, {"shell": spoiling}]}
+    project.apply(status=0)
+    folder = project.attempts("identify")[-1]
+    recorded = json.loads((folder / "attempt.json").read_text())["digests"]
+    for name in names:
+        assert recorded[name] == digest((folder / f"seen-{name}").read_bytes()), name
+    assert recorded["input"] == digest((project.state / "probe" / "output.json").read_bytes())
+    assert recorded["output.json"] == digest((folder / "output.json").read_bytes())
+    assert set(recorded) == {*names, "input", "schema", "output.json", "agent.log", "transcript.jsonl"}
+
+
+def test_the_time_of_a_stage_holds_for_its_trial_too(project: Project) -> None:
+    project.apply("-target", "serve", status=0)
+    project.manifest["stages"] = "{deploy: {budget: {stage_timeout: 6s, attempts: 3}}}"
+    slow = (
+        (GOOD / "server.py").read_text().replace("    with bus(", "    __import__('time').sleep(15)\n    with bus(", 1)
+    )
+    slow = slow.replace("__import__('time').sleep(15)", "time.sleep(15)").replace(
+        "from typing", "import time\nfrom typing", 1
+    )
+    (project.outside / "slow.py").write_text(slow)
+    project.script = {"serve": [{"copy": str(project.outside / "slow.py")}]}
+    project.apply("-target", "serve", "-replace", "serve", status=0)
+    began = time.monotonic()
+    done = project.apply("-target", "deploy", status=1)
+    assert "APPLY-BUDGET-SPENT" in done.codes()
+    assert project.stages_run().count("deploy") == 1
+    assert time.monotonic() - began < 15
