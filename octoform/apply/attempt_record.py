@@ -16,6 +16,7 @@ from octoform.diagnostics import Diagnostic, to_json
 from octoform.digest import of_large_file
 from octoform.harness import environment, usage
 from octoform.harness.port import ExitReason, Outcome, Task, Usage
+from octoform.redaction import redacted
 from octoform.state import attempts, model
 from octoform.state.attempts import AttemptRecord, SpecEdit
 from octoform.state.donors import Donor
@@ -42,6 +43,7 @@ def record(
 ) -> Diagnostic | None:
     """Write the record of an attempt that has just ended; None when it stands."""
     task, (outcome, verdict) = prepared.task, ended
+    secrets = environment.secrets(task.environment, task.secrets)
     written = AttemptRecord(
         number=int(task.workdir.name.partition("-")[0]),
         stage=task.stage,
@@ -54,14 +56,14 @@ def record(
         seconds=round(outcome.seconds, 3),
         reason=outcome.reason.value,
         exit_status=outcome.exit_status,
-        detail=outcome.detail,
+        detail=redacted(outcome.detail, secrets),
         turns=outcome.turns,
         checks=checks,
         usage=state_usage(outcome.usage),
         prompt_bytes=task.prompt.stat().st_size if task.prompt.is_file() else 0,
         accepted=verdict.accepted and outcome.reason is not ExitReason.INTERRUPTED,
         diagnostics=[to_json(item) for item in verdict.diagnostics],
-        files=written_files(task.workdir),
+        files=[redacted(name, secrets) for name in written_files(task.workdir)],
         digests=_digests(task, prepared.given),
         spec_edit=spec_edit(edit),
         survivors_killed=outcome.survivors_killed,

@@ -70,7 +70,8 @@ def _contained(task: Task, invocation: Invocation, progress: ProgressSink) -> Ou
     confined = _confined(argv, task, invocation, variables)
     if isinstance(confined, Diagnostic) and invocation.sandbox is not None and invocation.sandbox.required:
         return Outcome(ExitReason.NOT_INSTALLED, None, 0.0, f"{confined.summary} ({confined.hint})")
-    watcher = Watcher(invocation.dialect, task.limits, progress, task.price).recording(task.transcript)
+    secrets = environment.secrets(task.environment, (*invocation.named, *invocation.piped, *task.secrets))
+    watcher = Watcher(invocation.dialect, task.limits, progress, task.price).recording(task.transcript, secrets)
     ended = run(
         Program(
             argv=argv if isinstance(confined, Diagnostic) else confined,
@@ -78,7 +79,7 @@ def _contained(task: Task, invocation: Invocation, progress: ProgressSink) -> Ou
             environment=variables,
             log=task.log,
             stdin=invocation.stdin,
-            secrets=environment.secrets(task.environment, (*invocation.named, *invocation.piped, *task.secrets)),
+            secrets=secrets,
             piped=_piped(task, invocation),
         ),
         Limits(wall_seconds=task.limits.wall_seconds),

@@ -8,7 +8,7 @@ of, so that a run that came to nothing gets the reason that a person can act on.
 import json
 import os
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
@@ -32,6 +32,7 @@ from octoform.harness.port import (
 )
 from octoform.harness.pricing import OWNERS, cost_of
 from octoform.harness.tasklog import Progress
+from octoform.redaction import redacted
 
 CLOSING_SECONDS = 10.0
 """How long a program may take to leave after it has said that its run is over."""
@@ -85,11 +86,17 @@ class Watcher:
         self._lines = {"stdout": _Lines(), "stderr": _Lines()}
         self._plain = Progress(self._say, clock)
         self._transcript: _Transcript | None = None
+        self._secrets: Mapping[str, str] = {}
         self.reason: ExitReason | None = None
 
-    def recording(self, path: Path) -> "Watcher":
-        """Also write the transcript to that file; OSError when it cannot be made."""
+    def recording(self, path: Path, secrets: Mapping[str, str] | None = None) -> "Watcher":
+        """Also write the transcript to that file; OSError when it cannot be made.
+
+        ``secrets``, by name, are redacted once more in what a dialect has read: a line may spell one out letter by
+        letter, and a word that came in pieces is whole only there.
+        """
         self._transcript = _Transcript(path)
+        self._secrets = secrets or {}
         return self
 
     @property
@@ -158,7 +165,12 @@ class Watcher:
             self._seen.last = text
             self._seen.complaint = text if "error" in text.lower() else self._seen.complaint
         for event in self._dialect.read(stream, line):
-            self._take(event)
+            self._take(self._clean(event))
+
+    def _clean(self, event: AgentEvent) -> AgentEvent:
+        if isinstance(event, Said | ToolCalled | Trouble | Closed):
+            return replace(event, text=redacted(event.text, self._secrets))
+        return event
 
     def _verdict(self) -> ExitReason | None:
         now, seen, limits = self._clock(), self._seen, self._limits

@@ -71,7 +71,7 @@ def test_what_an_attempt_wrote_that_did_not_end_well_is_judged_and_handed_on(pro
     first = {**UNFINISHED[ending], "shell": f"{writing}; {UNFINISHED[ending].get('shell', '')}"}
     empty = {"exit": 3, "shell": "rm -f output.json"}
     project.script = {"identify": [first, empty, {"write": "{"}, "good"]}
-    project.apply(status=0)
+    project.apply("-target", "identify", status=0)
     _, second, third, fourth = project.attempts("identify")
     assert json.loads((second / "former-output.json").read_text()) == changed()
     for folder in (second, third):
@@ -90,7 +90,7 @@ def test_a_right_output_of_an_attempt_that_was_stopped_is_said_to_be_right_and_n
     project.manifest["budget"] = "{attempts: 2, attempt_timeout: 3s}"
     copied = f"cp {shlex.quote(str(GOOD / 'identify.json'))} output.json; sleep 60"
     project.script = {"identify": [{"shell": copied}, {"shell": "cp former-output.json output.json"}]}
-    project.apply(status=0)
+    project.apply("-target", "identify", status=0)
     second = project.attempts("identify")[-1]
     assert project.nodes()["identify"]["attempts"] == 2
     assert "Nothing is wrong with it, as far as that shows without running it" in " ".join(prompt(second).split())
@@ -185,3 +185,26 @@ def test_the_time_of_a_stage_holds_for_its_trial_too(project: Project) -> None:
     assert "APPLY-BUDGET-SPENT" in done.codes()
     assert project.stages_run().count("deploy") == 1
     assert time.monotonic() - began < 15
+
+
+def test_no_record_of_an_attempt_has_a_key_that_its_agent_wrote_anywhere(project: Project) -> None:
+    key = "sk-Zx81kd93KLmq77aa"
+    project.environ, project.env = {"OCTOFORM_TEST_KEY": key}, ["OCTOFORM_TEST_KEY"]
+    shell = (
+        "touch named-$OCTOFORM_TEST_KEY; mkdir $OCTOFORM_TEST_KEY; touch $OCTOFORM_TEST_KEY/x; echo $OCTOFORM_TEST_KEY"
+    )
+    project.script = {
+        "identify": [
+            {"shell": shell, "echo": "OCTOFORM_TEST_KEY", "exit": 7},
+            {"edit_spec": f"use {key}", "echo": "OCTOFORM_TEST_KEY", "sleep": 60},
+            {"mutate": [[["devices", 0, "capabilities", 0, "effect"], key]]},
+            "good",
+        ]
+    }
+    project.manifest["budget"] = "{attempts: 4, attempt_timeout: 3s}"
+    done = project.apply("-target", "identify", status=0)
+    assert key not in done.text
+    kept = [path for folder in project.attempts("identify") for path in folder.glob("*") if path.is_file()]
+    holding = {path.name for path in kept if key.encode() in path.read_bytes()}
+    assert holding <= {"spec.md", "output.json"}, "what the agent wrote into its own folder, and nothing of octoform's"
+    assert key.encode() not in project.local.joinpath("log", "octoform.jsonl").read_bytes()

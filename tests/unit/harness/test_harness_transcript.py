@@ -1,5 +1,6 @@
 """A transcript that was written can be read, and one that somebody else wrote does no harm."""
 
+import json
 from pathlib import Path
 
 import pytest
@@ -95,3 +96,37 @@ def test_what_was_used_so_far_is_what_the_watcher_counts() -> None:
     replies = [Moment(float(at), Turn(Usage(10, None, at))) for at in range(3)]
     assert used(replies) == (3, Usage(30, None, 3))
     assert used([*replies, Moment(3.0, Totals(Usage(31, 5, 4)))]) == (3, Usage(31, 5, 4))
+
+
+class Pieces:
+    """A dialect whose words come in pieces, spelt as their program likes; an empty line ends them."""
+
+    def __init__(self) -> None:
+        self._held = ""
+
+    def read(self, stream: str, line: bytes) -> list[AgentEvent]:
+        if line:
+            self._held += json.loads(line)
+            return []
+        text, self._held = self._held, ""
+        return [Said(text), ToolCalled("bash", text), Trouble(ExitReason.AUTH, text), Closed(False, text)]
+
+
+KEY = "loop-7f3c19d2a4"
+SPELT = {
+    "whole": [json.dumps(KEY)],
+    "in pieces": [json.dumps(KEY[:7]), json.dumps(KEY[7:])],
+    "letter by letter": ['"' + "".join(f"\\u{ord(sign):04x}" for sign in KEY) + '"'],
+}
+
+
+@pytest.mark.parametrize("spelling", SPELT)
+def test_a_key_that_only_a_dialect_sees_whole_reaches_no_transcript(tmp_path: Path, spelling: str) -> None:
+    told: list[str] = []
+    watcher = Watcher(Pieces(), TaskLimits(60.0), lambda event, *_: told.append(str(event)))
+    watcher.recording(tmp_path / "transcript.jsonl", {"LOOP_KEY": KEY})
+    watcher.feed("stdout", "".join(f"{line}\n" for line in (*SPELT[spelling], "")).encode())
+    watcher.finish()
+    written = (tmp_path / "transcript.jsonl").read_text()
+    assert KEY not in written + "".join(told)
+    assert written.count("[LOOP_KEY redacted]") == 4
