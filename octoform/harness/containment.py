@@ -11,9 +11,10 @@ import os
 import selectors
 import subprocess
 import sys
+import threading
 import time
-from collections.abc import Mapping
-from contextlib import suppress
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import BinaryIO, Protocol
@@ -22,6 +23,7 @@ from octoform.base import marks
 from octoform.base.files import parse
 from octoform.harness import orphans, processes
 from octoform.harness.environment import ATTEMPT
+from octoform.harness.reaper import PR_SET_CHILD_SUBREAPER, prctl
 from octoform.harness.tasklog import DEFAULT_LIMIT, TaskLog
 
 REAPER = Path(__file__).with_name("reaper.py")
@@ -31,6 +33,17 @@ FLOOD_PAUSE_SECONDS = 0.01
 STREAMS = ("stdout", "stderr")
 FILE_BYTES = 256 << 20
 """The most that any one file of an agent may have."""
+
+
+@dataclass(slots=True)
+class _Adopting:
+    """How many runs of this process are going on."""
+
+    runs: int = 0
+    lock: threading.Lock = field(default_factory=threading.Lock)
+
+
+_ADOPTING = _Adopting()
 
 
 @dataclass(frozen=True, slots=True)
@@ -106,14 +119,16 @@ def run(program: Program, limits: Limits, observer: Observer) -> Ended:
     began = time.monotonic()
     mark = marks.new()
     with TaskLog(program.log, program.secrets, limits.log_bytes) as log:
-        session = _Session(program, limits, mark)
-        try:
-            record = session.record()
-            orphans.write(program.workdir, record)
-            told = session.follow(log, observer)
-        finally:
-            session.stop()
-        ended = _settle(told, record, time.monotonic() - began, "halted" if session.halted else "lost")
+        with _adopting() as adopted:
+            session = _Session(program, limits, mark)
+            try:
+                record = session.record()
+                orphans.write(program.workdir, record)
+                told = session.follow(log, observer)
+            finally:
+                session.stop()
+            seconds = time.monotonic() - began
+            ended = _settle(told, record, seconds, "halted" if session.halted else "lost", adopted)
         if not ended.remaining:
             # The folder may be gone or full by what the agent did; the record only helps a later sweep.
             with suppress(OSError):
@@ -263,10 +278,31 @@ class _Session:
                 stream.close()
 
 
-def _settle(told: bytes, record: orphans.Record, seconds: float, without: str) -> Ended:
+@contextmanager
+def _adopting() -> Iterator[orphans.Adopted | None]:
+    """While it lasts, whoever loses its parent below this process becomes its child; None where there is no such way.
+
+    So what an agent has hidden cannot get away from here by killing its supervisor.
+    """
+    before = frozenset(item for item in processes.own() if item.parent == os.getpid())
+    with _ADOPTING.lock:
+        _ADOPTING.runs += 1
+        possible = prctl(PR_SET_CHILD_SUBREAPER, 1)
+    try:
+        yield orphans.Adopted(os.getpid(), before) if possible else None
+    finally:
+        with _ADOPTING.lock:
+            _ADOPTING.runs -= 1
+            if not _ADOPTING.runs:
+                prctl(PR_SET_CHILD_SUBREAPER, 0)
+
+
+def _settle(
+    told: bytes, record: orphans.Record, seconds: float, without: str, adopted: orphans.Adopted | None
+) -> Ended:
     """The supervisor's report as a value; ``without`` one it was killed, and its orphans are ended from here."""
     try:
         return Ended(**parse(told))
     except (ValueError, TypeError):
-        swept = orphans.end_marked((record,))
+        swept = orphans.end_marked((record,), adopted)
         return Ended(without, seconds=seconds, survivors=len(swept.ended), remaining=len(swept.left))

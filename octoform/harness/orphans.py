@@ -7,8 +7,10 @@ it belongs to this user and is not older than the attempt. Names and ids alone p
 """
 
 import json
+import os
 import re
 import time
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -18,11 +20,26 @@ from octoform.harness import processes
 from octoform.harness.environment import ATTEMPT, remove_private
 from octoform.harness.plainfile import read_plain
 from octoform.harness.processes import Process
+from octoform.harness.reaper import children
 
 RECORD = "process.json"
 RECORD_LIMIT = 64 << 10
 _MARK = re.compile("[0-9a-f]{32}")
 ROUNDS = 100
+HUNT_SECONDS, QUIET = 5.0, 20
+"""How long what comes without end is hunted, and how many looks at nothing are the end."""
+
+
+@dataclass(frozen=True, slots=True)
+class Adopted:
+    """Whose child a process becomes that has lost its own parent, and which children that one had before."""
+
+    parent: int
+    before: frozenset[Process]
+
+    def has(self, process: Process, since: int) -> bool:
+        """Whether a process has come to it; ``since`` in clock ticks since boot."""
+        return process.parent == self.parent and process.start >= since and process not in self.before
 
 
 @dataclass(frozen=True, slots=True)
@@ -96,12 +113,38 @@ def sweep(attempts: Path) -> Swept:
     return done
 
 
-def end_marked(records: tuple[Record, ...]) -> Swept:
-    """SIGKILL to every process that provably belongs to one of the records, until none is found."""
-    ended: list[int] = []
+def _hunt(adopted: Adopted, since: int) -> list[int]:
+    """SIGKILL to what has come to this process, until nothing comes for a while; the ids of those that it met.
+
+    Only its own children are looked at, so that it is quicker than a process that forks and leaves all the time.
+    """
+    met: dict[int, bool] = {}
+    spared = {process.pid for process in adopted.before}
+    quiet, until = 0, time.monotonic() + HUNT_SECONDS
+    while quiet < QUIET and time.monotonic() < until:
+        quiet += 1
+        for pid in children() - spared:
+            process = processes.look(pid)
+            if process is None or not adopted.has(process, since):
+                continue
+            if process.state in "ZX":
+                with suppress(ChildProcessError):
+                    os.waitpid(pid, os.WNOHANG)
+                continue
+            quiet, met[pid] = 0, processes.kill(process)
+    return [pid for pid, ended in met.items() if ended]
+
+
+def end_marked(records: tuple[Record, ...], adopted: Adopted | None = None) -> Swept:
+    """SIGKILL to every process that provably belongs to one of the records, until none is found.
+
+    ``adopted`` says how to tell those of a supervisor that was killed, whatever they have done with their marks.
+    """
+    since = min((record.start for record in records if record.start), default=None)
+    ended = _hunt(adopted, since) if adopted is not None and since is not None else []
     seen: set[Process] = set()
     for _ in range(ROUNDS):
-        found = [process for process in _belonging(records) if process not in seen]
+        found = [process for process in _belonging(records, adopted) if process not in seen]
         if not found:
             break
         for process in found:
@@ -109,16 +152,27 @@ def end_marked(records: tuple[Record, ...]) -> Swept:
             if processes.kill(process):
                 ended.append(process.pid)
     _await_end(seen)
+    if adopted is not None:
+        _collect(seen)
     left = tuple(item.pid for item in seen if processes.is_alive(item.pid, item.start))
     return Swept(tuple(ended), left)
 
 
-def _belonging(records: tuple[Record, ...]) -> list[Process]:
+def _collect(killed: set[Process]) -> None:
+    """Take note of the end of those that are children of this process, so that they are gone."""
+    for process in killed:
+        with suppress(ChildProcessError):  # another's child
+            os.waitpid(process.pid, os.WNOHANG)
+
+
+def _belonging(records: tuple[Record, ...], adopted: Adopted | None) -> list[Process]:
     """The tree of each record, its supervisor last: while it lives, its orphans cannot leave the tree."""
     running = {process.pid: process for process in processes.own()}
+    since = min((record.start for record in records if record.start), default=None)
     ours: set[int] = set()
     for process in running.values():
-        if any(process.start >= record.start and record.is_of(process.pid) for record in records):
+        marked = any(process.start >= record.start and record.is_of(process.pid) for record in records)
+        if marked or (adopted is not None and since is not None and adopted.has(process, since)):
             ours.add(process.pid)
     size = -1
     while size != len(ours):

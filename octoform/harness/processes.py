@@ -41,7 +41,11 @@ def is_alive(pid: int, start: int) -> bool:
 
 
 def own() -> Iterator[Process]:
-    """Every running process of this user, this one and its parent left out."""
+    """Every running process that this user may signal, this one and its parent left out.
+
+    Root may signal all. What a file mode in /proc says is not asked: a process that lets nobody look into it seems to
+    be root's (PR_SET_DUMPABLE in prctl(2)).
+    """
     spared = {os.getpid(), os.getppid()}
     try:
         entries = list(os.scandir(PROC))
@@ -50,13 +54,20 @@ def own() -> Iterator[Process]:
     for entry in entries:
         if not entry.name.isdigit() or int(entry.name) in spared:
             continue
-        try:
-            mine = entry.stat().st_uid == os.getuid()
-        except OSError:
-            continue
-        found = look(int(entry.name)) if mine else None
+        found = look(int(entry.name)) if os.getuid() in (0, *_users(entry.name)) else None
         if found is not None and found.state not in "ZX":
             yield found
+
+
+def _users(pid: str) -> tuple[int, ...]:
+    """The real and the saved user of a process (/proc/<pid>/status); none when it is gone."""
+    try:
+        text = (PROC / pid / "status").read_bytes()
+    except OSError:
+        return ()
+    _, _, line = text.partition(b"\nUid:\t")
+    ids = line.partition(b"\n")[0].split()
+    return (int(ids[0]), int(ids[2])) if len(ids) == 4 else ()
 
 
 def kill(process: Process) -> bool:

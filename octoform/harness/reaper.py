@@ -21,12 +21,14 @@ import select
 import signal
 import sys
 import time
+from pathlib import Path
 
 PR_SET_PDEATHSIG = 1
 PR_SET_CHILD_SUBREAPER = 36
 STEP_SECONDS = 0.02
 HASTE_SECONDS = 0.5
 KILL_LIMIT_SECONDS = 10.0
+SNATCHES = 200
 STOP_SIGNALS = (signal.SIGTERM, signal.SIGINT, signal.SIGHUP)
 
 
@@ -105,11 +107,24 @@ class Tree:
             now = time.monotonic()
             if now > give_up_at:
                 return len(self.living())
+            if now >= kill_at:
+                self._snatch()
             fresh = self._signal(signal.SIGTERM if now < kill_at else signal.SIGKILL)
             # A tree that makes new processes faster than it is read must find no pause to do so.
             if not (fresh and now >= kill_at):
                 bell.wait(STEP_SECONDS)
         return 0
+
+    def _snatch(self) -> None:
+        """SIGKILL to the children, quicker than one of them can become another process by forking and leaving."""
+        for _ in range(SNATCHES):
+            found = children()
+            if not found:
+                return
+            self.signalled |= found
+            for pid in found:
+                _send(pid, signal.SIGKILL)
+            self.reap()
 
     def _signal(self, number: int) -> bool:
         """Send it to each (SIGTERM only once); True when a process was met for the first time."""
@@ -134,6 +149,17 @@ def _send(pid: int, number: int) -> None:
     except (ProcessLookupError, PermissionError):
         # Gone meanwhile; or it changed its user, and then the report counts it as remaining.
         return
+
+
+def children() -> set[int]:
+    """The children of this process, zombies too, without a look at all others; none where the kernel has no list."""
+    found: set[int] = set()
+    for task in Path("/proc/self/task").glob("*/children"):
+        try:
+            found.update(map(int, task.read_bytes().split()))
+        except OSError:
+            continue  # of a thread that has just ended
+    return found
 
 
 def _descendants(root: int) -> set[int]:
@@ -173,7 +199,7 @@ def _parent_of_living(pid: str) -> int | None:
     return int(fields[1])
 
 
-def _prctl(option: int, value: int) -> bool:
+def prctl(option: int, value: int) -> bool:
     """prctl(2) where there is one; False when the system has none or refuses."""
     if sys.platform != "linux":
         return False
@@ -201,7 +227,7 @@ def _become_agent(arguments: list[str], file_bytes: int, supervisor: int, failur
         for name in (*STOP_SIGNALS, signal.SIGCHLD, signal.SIGPIPE, signal.SIGXFSZ):
             signal.signal(name, signal.SIG_DFL)
         os.setsid()
-        _prctl(PR_SET_PDEATHSIG, signal.SIGKILL)
+        prctl(PR_SET_PDEATHSIG, signal.SIGKILL)
         if os.getppid() == supervisor:
             resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
             resource.setrlimit(resource.RLIMIT_FSIZE, (file_bytes, file_bytes))
@@ -265,9 +291,9 @@ def main(arguments: list[str]) -> int:
     wall, grace, file_bytes = float(arguments[2]), float(arguments[3]), int(arguments[4])
     for descriptor in (report, control):
         os.set_inheritable(descriptor, False)
-    contained = _prctl(PR_SET_CHILD_SUBREAPER, 1)
+    contained = prctl(PR_SET_CHILD_SUBREAPER, 1)
     # It watches the thread that started us; that thread waits for our end, so it cannot be gone before the process.
-    _prctl(PR_SET_PDEATHSIG, signal.SIGTERM)
+    prctl(PR_SET_PDEATHSIG, signal.SIGTERM)
     bell = Bell(control)
     while not bell.wait(wall):
         if bell.stopped or bell.orphaned:

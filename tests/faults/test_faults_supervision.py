@@ -68,6 +68,30 @@ time.sleep(60)
 }
 
 
+DISGUISES = {
+    "another mark": "import resource; resource.setrlimit(10, (7, 7))",
+    "no look into it": "import ctypes; ctypes.CDLL(None).prctl(4, 0, 0, 0, 0)",
+    "another name": "import ctypes; ctypes.CDLL(None).prctl(15, b'kworker/0:1', 0, 0, 0); os.closerange(0, 3)",
+    "another process all the time": "while os.fork(): os._exit(0)",
+    "many": "for _ in range(4): os.fork()",
+    "another user": "os.getuid() == 0 and os.setuid(65534)",
+}
+"""What a hidden process does beside having no variable: so that nothing of it shows whose it is."""
+DISGUISED = r"""
+import os, signal, sys, time
+for number in (signal.SIGTERM, signal.SIGHUP): signal.signal(number, signal.SIG_IGN)
+spoilt = os.open("hidden", os.O_WRONLY | os.O_CREAT | os.O_APPEND, 0o666)
+if os.fork(): os._exit(0)
+os.setsid()
+if os.fork(): os._exit(0)
+DISGUISE
+while True:
+    os.write(spoilt, f"{os.getpid()}\n".encode())
+    time.sleep(0.02)
+    FORTH
+"""
+
+
 @pytest.fixture(params=USERS, ids=lambda uid: f"uid{uid}")
 def host(request: pytest.FixtureRequest) -> Iterator[Host]:
     assert shutil.which("bwrap"), "bubblewrap is missing; `make setup` installs it"
@@ -120,6 +144,25 @@ def test_without_a_sandbox_the_attempt_ends_with_its_supervisor_and_says_so(host
     word = "stopped by a signal" if "stopped" in attack else "killed"
     assert f"its supervisor was {word}, so it was ended" in detail
     assert "without a sandbox it can hide a process from octoform, which may run on" in detail
+
+
+@pytest.mark.parametrize("disguise", DISGUISES)
+def test_what_shows_nothing_of_its_attempt_ends_with_its_supervisor_too(host: Host, disguise: str) -> None:
+    """Without a sandbox; octoform becomes the parent of what an agent's supervisor leaves behind."""
+    forth = DISGUISES[disguise] if "all the time" in disguise else "pass"
+    act = "pass" if "all the time" in disguise else DISGUISES[disguise]
+    hidden = DISGUISED.replace("DISGUISE", act).replace("FORTH", forth)
+    code = f"import os, signal, sys, time\nhidden = {hidden!r}\n"
+    code += "if os.fork() == 0: os.execve(sys.executable, [sys.executable, '-I', '-S', '-c', hidden], {})\n"
+    code += "while not (os.path.exists('hidden') and os.path.getsize('hidden') > 60): time.sleep(0.01)\n"
+    code += "os.kill(os.getppid(), signal.SIGKILL); time.sleep(60)"
+    done = host.run(["/usr/bin/python3", "-I", "-S", "-c", code], None, seconds=30)
+    assert "its supervisor was killed, so it was ended" in done["outcome"]["detail"], done
+    left = [pid for pid in {int(line) for line in (host.workdir / "hidden").read_text().split()} if is_alive(pid)]
+    for pid in left:
+        os.kill(pid, 9)
+    assert left == []
+    assert stands(host.workdir / "hidden")
 
 
 @pytest.mark.parametrize("attack", ATTACKS)
