@@ -291,6 +291,11 @@ class Ledger:
             data = restricting.document(active, self._boot, self._settings, self._readings)
             problem = restricting.publish(path, data)
             self.said.extend([problem] if problem is not None else [])
+        standing = {claim.id for claim in active if claim.irreversible is not None}
+        over = {claim.id for claim in self._book.claims.values() if claim.state in ENDED}
+        ids = restricting.forbidden(self._layout.forbidden) - over | standing
+        problem = restricting.forbid(self._layout.forbidden, frozenset(ids))
+        self.said.extend([problem] if problem is not None else [])
 
     @contextlib.contextmanager
     def _held(self) -> Iterator[None]:
@@ -344,8 +349,18 @@ class Ledger:
         lost = bool(found.said) or (seen is None and self._layout.restrictions.exists())
         if lost:
             self._lost()
+        self._miss()
         bookkeeping.trust(self._book, lost or found.boot == self._boot, self._moment())
         self._keep(before, publish=True)
+
+    def _miss(self) -> None:
+        """Take it that nothing may move where a permanent restriction is in neither of its files any more."""
+        book = self._book
+        missing = restricting.forbidden(self._layout.forbidden) - set(book.claims)
+        for identity in sorted(missing):
+            book.claims[identity] = restricting.unknown(identity, (self._clock.uptime(), self._clock.stamp()))
+        numbers = [int(name[1:]) for name in missing if name[1:].isdigit()]
+        book.count = max(book.count, *numbers) if numbers else book.count
 
     def _strangers(self) -> list[Diagnostic]:
         """What somebody else has changed although nobody may: said, counted, and not believed."""

@@ -13,7 +13,7 @@ from typing import Any
 
 from octoform.base.files import parse, read
 from octoform.claims import storing
-from octoform.claims.model import Channel, Claim, Restriction, Value
+from octoform.claims.model import Channel, Claim, Condition, Restriction, Signal, Value
 from octoform.claims.readings import Readings
 from octoform.claims.settings import Settings, ToolFacts
 from octoform.diagnostics import Diagnostic
@@ -22,6 +22,8 @@ from octoform.state.files import read_regular, refused, write_atomic
 FORMAT = 1
 NAMES = ("name", "id", "label", "unit", "joint", "motor", "channel", "index", "number", "address")
 """Members of a unit's part of a result that say which unit it is."""
+UNTOLD = "c0"
+"""In place of ids that cannot be read; no claim has it."""
 SIZE_LIMIT = 4 * 1024 * 1024
 
 
@@ -55,6 +57,48 @@ def standing(path: Path) -> list[Claim]:
     except (ValueError, KeyError, TypeError, AttributeError):
         return []
     return [claim for claim in found if claim.irreversible is not None and claim.data.get("confirmed_by")]
+
+
+def forbidden(path: Path) -> frozenset[str]:
+    """The ids of the permanent restrictions that there were last; `UNTOLD` alone where the file cannot be read."""
+    data, problem = read_regular(path, SIZE_LIMIT)
+    if data is None and problem is None:
+        return frozenset()
+    try:
+        return frozenset(str(each) for each in parse(data or b"")["claims"])
+    except (ValueError, KeyError, TypeError):
+        return frozenset((UNTOLD,))
+
+
+def forbid(path: Path, ids: frozenset[str]) -> Diagnostic | None:
+    """Keep which permanent restrictions there are; None when it stands there."""
+    if ids == forbidden(path):
+        return None
+    return write_atomic(path, json.dumps({"format": FORMAT, "claims": sorted(ids)}).encode("ascii"), 0o600)
+
+
+def unknown(identity: str, moment: tuple[float, str]) -> Claim:
+    """A permanent restriction of which nothing is known but that there was one: nothing moves until a person ends it.
+
+    ``moment`` is now, in seconds of CLOCK_BOOTTIME and as a time.
+    """
+    uptime, stamp = moment
+    return Claim(
+        id=identity,
+        target="deployment:all",
+        fault="unknown",
+        statement="what a person has forbidden here is lost: its files are gone or cannot be read, so nothing moves",
+        signal=Signal(Channel.LOG, "", ""),
+        condition=Condition("==", None),
+        cites=(),
+        by="person",
+        made_at=stamp,
+        made=uptime,
+        expires_at="",
+        expires=math.inf,
+        irreversible="lost",
+        data={"confirmed_by": "octoform"},
+    )
 
 
 def _entries(claim: Claim, settings: Settings, readings: Readings) -> Iterator[dict[str, Any]]:

@@ -26,7 +26,7 @@ from .restrictions import Restrictions, this_boot
 from .saying import say
 from .socketfile import listen
 from .standing import NAME as CLAIMS
-from .standing import Standing
+from .standing import WITNESS, Forbidden, Standing
 from .stopping import ENDING, Emergency, Running
 from .unix import LocalClients
 from .watchdog import WATCHDOG
@@ -64,6 +64,7 @@ class Endpoint:
         self._gate.on_result = self._offer.frames.keep
         ledger = Standing(descriptor.run.parent / "daemon" / CLAIMS, this_boot())
         self._gate.restrictions = Restrictions(descriptor.run / RESTRICTIONS, self._told, ledger=ledger)
+        self._gate.restrictions.forbidden = Forbidden(descriptor.run.parent / WITNESS)
         server.add_middleware(self._gate)
         WATCHDOG.cover(Path(descriptor.server["path"]).parent)
         self._clients = LocalClients(server)

@@ -96,7 +96,7 @@ class Entry:
         if not self.claim:
             return (
                 "nothing moves: what a person has forbidden cannot be read, neither in the ledger of claims nor in "
-                f"{NAME}. A person looks at octoform claims, which starts both anew"
+                f"{NAME}. A person looks at octoform claims, which starts both anew, and says what goes on"
             )
         if self.expires is None:
             kind = f"the permanent restriction {self.kind}" if self.kind else "a permanent restriction"
@@ -163,6 +163,8 @@ class Restrictions:
         self._seen: tuple[int, int, int] | None = None
         self._entries: tuple[Entry, ...] = ()
         self._read_before = False
+        self.forbidden: Callable[[], AbstractSet[str]] = frozenset
+        """The ids that a person's restrictions have; where one is missing, nobody knows what it was."""
         self.problem: str | None = None
         """Why the file cannot be used; None when it can, or is not there."""
 
@@ -182,7 +184,8 @@ class Restrictions:
             self._entries = tuple(entry for entry in self._entries if entry.expires is None or now < entry.expires)
             if self._entries is not before and self._entries != before:
                 self._changed(before, self._entries)
-            return self._entries
+            missing = self.forbidden() - {entry.claim for entry in self._entries}
+            return (*self._entries, NOBODY_KNOWS) if missing else self._entries
 
     def shown(self) -> dict[str, Any]:
         """For a person who asks: ``in_force`` as plain values, ``problem`` with the file or None."""

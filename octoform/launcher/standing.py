@@ -17,6 +17,31 @@ from .restrictions import NOBODY_KNOWS, Entry
 NAME = "claims.json"
 FORMAT = 1
 SIZE = 8 * 1024 * 1024
+WITNESS = "forbidden.json"
+UNTOLD = "c0"
+
+
+class Forbidden:
+    """The ids of a person's restrictions at ``path``, read again when it changes. Not safe to use from threads."""
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        self._seen: tuple[int, int, int] | None = None
+        self._ids: frozenset[str] = frozenset()
+
+    def __call__(self) -> frozenset[str]:
+        """Those that must be in force; one that no restriction has where the file cannot be read."""
+        try:
+            status = os.lstat(self._path)
+            stamp = status.st_ino, status.st_mtime_ns, status.st_size
+            if stamp != self._seen:
+                self._ids = frozenset(str(each) for each in read_json(self._path, SIZE, follow=False)["claims"])
+                self._seen = stamp
+        except FileNotFoundError:
+            self._seen, self._ids = None, frozenset()
+        except (OSError, ValueError, LookupError, TypeError, AttributeError):
+            self._seen, self._ids = None, frozenset((UNTOLD,))
+        return self._ids
 
 
 class Standing:

@@ -90,7 +90,7 @@ class Layout:
 
     def records(self) -> tuple[Path, ...]:
         """The files beside the folders that octoform alone writes, and not while an agent runs."""
-        names = ("instances.json", "fingerprint.json", "pseudonym.key", "journal.jsonl", "lock.json")
+        names = ("instances.json", "fingerprint.json", "pseudonym.key", "journal.jsonl", "lock.json", "forbidden.json")
         return (*(self.local / name for name in (*names, *_ON_THE_WAY)), self.project / ".octoform" / "compiled.json")
 
     def memory(self) -> tuple[Path, ...]:
@@ -151,6 +151,11 @@ class Layout:
     def restrictions(self) -> Path:
         """What may not be called while a claim holds; written for the endpoint, which lets go of each at its end."""
         return self.run / "restrictions.json"
+
+    @property
+    def forbidden(self) -> Path:
+        """Which permanent restrictions there are, in a third place: so that the loss of both others is noticed."""
+        return self.local / "forbidden.json"
 
     @property
     def stop_mark(self) -> Path:

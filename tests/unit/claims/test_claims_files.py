@@ -155,6 +155,35 @@ def test_what_a_person_made_true_survives_the_loss_of_the_ledger(bench: Bench) -
     assert bench.again().active() == (kept,)
 
 
+LOSSES: dict[str, Callable[[Path], object]] = {
+    "gone": lambda path: path.unlink(),
+    "damaged": lambda path: path.write_bytes(b"{"),
+    "replaced": lambda path: path.write_bytes(b'{"format": 1, "boot": "boot-1", "claims": [], "restrictions": []}'),
+}
+
+
+@pytest.mark.parametrize("how", LOSSES)
+def test_where_both_files_are_lost_nothing_moves_until_a_person_says_so(bench: Bench, how: str) -> None:
+    hot = bench.read(75)
+    proposal = Proposal(ELBOW_TARGET, "none", "bent", cites=(hot.id,), irreversible="disable_unit")
+    claim = bench.ledger.propose(proposal, "watch")
+    assert isinstance(claim, Claim) and isinstance(bench.ledger.confirm(claim.id, "alice"), Claim)
+    for path in (claims_file(bench), bench.layout.restrictions):
+        LOSSES[how](path)
+    ledger = bench.again()
+    (lost,) = ledger.active()
+    assert lost.id == claim.id and "is lost" in lost.statement
+    (told,) = restricted(bench)
+    assert (told["tool"], told["arguments"], told["effect"], told["expires"]) == ("", {}, "deny", None)
+    assert "device" not in told
+    assert bench.again().active() == (lost,)
+    waiting = bench.ledger.propose(proposal, "watch")
+    assert isinstance(waiting, Claim) and waiting.id != claim.id, "the number of a lost one is given to no other"
+    assert isinstance(bench.ledger.retire(lost.id, "alice"), Claim)
+    assert restricted(bench) == [] and bench.again().active() == ()
+    assert json.loads(bench.layout.forbidden.read_bytes())["claims"] == []
+
+
 @pytest.mark.parametrize(
     "edit",
     [

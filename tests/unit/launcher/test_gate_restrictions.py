@@ -12,7 +12,7 @@ from gated import MODES, Gated, gated, tool_policy
 
 from octoform.launcher.buses import Holder, release, take_free
 from octoform.launcher.restrictions import NAME, Restrictions, Subject
-from octoform.launcher.standing import Standing
+from octoform.launcher.standing import WITNESS, Forbidden, Standing
 
 moved: list[Any] = []
 
@@ -318,6 +318,31 @@ def test_nothing_moves_while_nobody_can_read_what_a_person_has_forbidden(tmp_pat
     assert "nothing moves" in str(damaged.problem)
     ledger.write_text(json.dumps({"format": 1, "boot": "b", "claims": []}))
     assert damaged.in_force() == ()
+
+
+def test_a_restriction_that_is_in_none_of_its_files_any_more_stops_all_that_moves(tmp_path: Path) -> None:
+    run, ledger, witness = tmp_path / "run", tmp_path / "claims.json", tmp_path / WITNESS
+    run.mkdir()
+    call = Subject("move", {"joint": "elbow"}, ("arm",))
+
+    def begun() -> Restrictions:
+        made = Restrictions(run / NAME, clock=lambda: NOW, boot="b", ledger=Standing(ledger, "b"))
+        made.forbidden = Forbidden(witness)
+        return made
+
+    assert begun().in_force() == ()
+    for written in ({"format": 1, "claims": ["c7"]}, {"format": 1}, ["c7"]):
+        witness.write_text(json.dumps(written))
+        stood = begun().against(call)
+        assert stood is not None and "what a person has forbidden cannot be read" in stood.words, written
+    witness.write_text(json.dumps({"format": 1, "claims": ["c7"]}))
+    (run / NAME).write_text(json.dumps({"format": 1, "boot": "b", "restrictions": [FOR_GOOD]}))
+    assert [entry.claim for entry in begun().in_force()] == ["c7"]
+    (run / NAME).write_text(json.dumps({"format": 1, "boot": "b", "restrictions": []}))
+    kept = begun()
+    assert kept.against(call) is not None
+    witness.unlink()
+    assert kept.against(call) is None
 
 
 def test_a_process_that_has_read_the_list_goes_on_with_what_it_knows(tmp_path: Path) -> None:
