@@ -21,7 +21,6 @@ import select
 import signal
 import sys
 import time
-from pathlib import Path
 
 PR_SET_PDEATHSIG = 1
 PR_SET_CHILD_SUBREAPER = 36
@@ -153,13 +152,19 @@ def _send(pid: int, number: int) -> None:
 
 def children() -> set[int]:
     """The children of this process, zombies too, without a look at all others; none where the kernel has no list."""
-    found: set[int] = set()
-    for task in Path("/proc/self/task").glob("*/children"):
-        try:
-            found.update(map(int, task.read_bytes().split()))
-        except OSError:
-            continue  # of a thread that has just ended
-    return found
+    listed = [b""]
+    try:
+        for task in os.scandir("/proc/self/task"):
+            handle = os.open(f"{task.path}/children", os.O_RDONLY)
+            try:
+                while piece := os.read(handle, 1 << 16):
+                    listed.append(piece)
+                listed.append(b" ")
+            finally:
+                os.close(handle)
+    except OSError:
+        return set()  # no such list, or a thread that has just ended
+    return set(map(int, b"".join(listed).split()))
 
 
 def _descendants(root: int) -> set[int]:
