@@ -36,8 +36,9 @@ class _There:
 class Guarded:
     """What is to be as it was: files and whole folders, none of which need exist.
 
-    No folder of ``rooms`` may get another entry; one in ``home`` is told. What is ``installed``, a file or a room, is
-    told and never put back. ``spared`` tells, at the beginning and at the end, where another run is at work.
+    No folder of ``rooms`` may get another entry, and none of ``starts`` another file that an interpreter runs at its
+    start; an entry in ``home`` is told. What is ``installed``, a file or a room, is told and never put back.
+    ``spared`` tells, at the beginning and at the end, where another run is at work.
     """
 
     files: Iterable[Path]
@@ -46,6 +47,7 @@ class Guarded:
     home: Path | None = None
     installed: frozenset[Path] = frozenset()
     spared: Callable[[], tuple[Path, ...]] = tuple
+    starts: Iterable[Path] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,6 +68,7 @@ class Watch:
     installed: frozenset[Path]
     busy: tuple[Path, ...]
     spared: Callable[[], tuple[Path, ...]]
+    starts: Mapping[Path, frozenset[str]]
 
 
 def begin(project: Path, wanted: Guarded) -> Watch:
@@ -78,9 +81,11 @@ def begin(project: Path, wanted: Guarded) -> Watch:
     within = {path for folder in folders for path in _folders(folder)}
     real = frozenset(place for place in above | within if place.is_dir() and not place.is_symlink())
     rooms = {room: _names(room) for room in wanted.rooms}
+    starts = {room: _names(room, _at_start) for room in wanted.starts}
     home = (wanted.home, _names(wanted.home)) if wanted.home else None
     listing, busy = _listing(project), wanted.spared()
-    return Watch(project, guarded, real, folders, rooms, home, listing, wanted.installed, busy, wanted.spared)
+    kept = (wanted.installed, busy, wanted.spared, starts)
+    return Watch(project, guarded, real, folders, rooms, home, listing, *kept)
 
 
 def end(watch: Watch, undone: Path) -> list[Diagnostic]:
@@ -103,14 +108,22 @@ def end(watch: Watch, undone: Path) -> list[Diagnostic]:
         found.append(_touched(watch, path, kept))
     for folder in watch.folders:
         found += _new(watch, folder, undone)
-    for room, names in watch.rooms.items():
-        for path in (room / name for name in sorted(_names(room) - names)):
-            if room in watch.installed:
-                found.append(_shared(path))
-            elif not _is_spared(watch, path):
-                found.append(_touched(watch, path, _keep(watch, path, undone)))
-                _clear(path)
+    found += _entered(watch, undone)
     found += _strangers(watch)
+    return found
+
+
+def _entered(watch: Watch, undone: Path) -> list[Diagnostic]:
+    """Take away what has come to folders in which files count by their mere presence."""
+    found = []
+    for rooms, counts in ((watch.rooms, _is_entry), (watch.starts, _at_start)):
+        for room, names in rooms.items():
+            for path in (room / name for name in sorted(_names(room, counts) - names)):
+                if room in watch.installed:
+                    found.append(_shared(path))
+                elif not _is_spared(watch, path):
+                    found.append(_touched(watch, path, _keep(watch, path, undone)))
+                    _clear(path)
     return found
 
 
@@ -250,9 +263,18 @@ def _folders(folder: Path) -> list[Path]:
     return [Path(root) for root, _, _ in os.walk(folder)]
 
 
-def _names(room: Path) -> frozenset[str]:
+def _at_start(name: str) -> bool:
+    """Whether an interpreter runs a file of that name among its packages before anything else (site, Python docs)."""
+    return name.endswith(".pth") or name in ("sitecustomize.py", "usercustomize.py")
+
+
+def _is_entry(name: str) -> bool:
+    return name != "__pycache__"
+
+
+def _names(room: Path, counts: Callable[[str], bool] = _is_entry) -> frozenset[str]:
     try:
-        return frozenset(path.name for path in room.iterdir() if path.name != "__pycache__")
+        return frozenset(path.name for path in room.iterdir() if counts(path.name))
     except OSError:
         return frozenset()
 

@@ -89,6 +89,7 @@ def _begun(context: Context, files: Iterable[Path], folders: Iterable[Path], roo
         instructions.home(context.environ),
         installed,
         lambda: _at_work(project, own),
+        instructions.starts(context.environ),
     )
     return audit.begin(project, wanted)
 

@@ -5,6 +5,7 @@ another host, a hook or a file monitor in `.git`, an index of packages. So these
 not there before has to be gone again.
 """
 
+import os
 import sys
 import sysconfig
 from collections.abc import Iterator, Mapping
@@ -34,7 +35,7 @@ from octoform.state.revision import on_branch, repository
 
 SERVED = (LAUNCHER, CONNECTION, SERVE_SCRIPT, MANIFEST, POLICY)
 _GIT = (".gitattributes", ".gitignore", ".gitmodules", ".mailmap")
-_PACKAGES = ("uv.toml", "pyproject.toml", ".python-version")
+_PACKAGES = ("uv.toml", "pyproject.toml", ".python-version", ".npmrc")
 _OF_A_TREE = ("config.worktree", "commondir", "gitdir")
 _OF_A_REPOSITORY = (*_OF_A_TREE, "config", "objects/info/alternates", "shallow")
 _FOLDERS_OF_A_REPOSITORY = ("hooks", "info", "refs/replace")
@@ -43,13 +44,24 @@ _OF_THE_MACHINE = ("gitconfig", "gitattributes", "uv/uv.toml", "pip.conf")
 _OF_A_LOGIN = (
     *(".profile", ".bash_profile", ".bash_login", ".bashrc", ".bash_logout", ".kshrc", ".pam_environment"),
     *(".zshenv", ".zprofile", ".zshrc", ".zlogin", ".xprofile", ".xsession", ".config/fish/config.fish"),
-    *(".ssh/authorized_keys", ".ssh/config", ".ssh/rc"),
+    *(".bash_aliases", ".inputrc", ".xinitrc", ".xsessionrc", ".config/direnv/direnvrc", ".tmux.conf", ".screenrc"),
+    *(".ssh/authorized_keys", ".ssh/authorized_keys2", ".ssh/config", ".ssh/rc", ".shosts", ".rhosts", ".k5login"),
+    *(".vimrc", ".exrc", ".gdbinit", ".config/nvim/init.lua", ".config/nvim/init.vim", ".npmrc"),
+    *(".claude/CLAUDE.md", ".codex/AGENTS.md", ".config/opencode/AGENTS.md"),
 )
-"""What runs, or lets somebody in, when a person logs in."""
-_FOLDERS_OF_A_LOGIN = (".config/autostart", ".config/fish/conf.d")
+"""What runs, lets somebody in, or gives an agent orders, when a person logs in and works. Not what programs rewrite."""
+_FOLDERS_OF_A_LOGIN = (
+    *(".config/autostart", ".config/fish/conf.d", ".config/fish/functions", ".config/systemd/user"),
+    *(f".claude/{name}" for name in ("agents", "commands", "hooks", "skills")),
+)
+_PROGRAMS = ("git", "uv", "bwrap", "node", "npm", "npx", "systemctl", "loginctl", "ssh", "sh", "true", "python3")
+"""What octoform calls by name."""
+_MINORS = range(8, 20)
+"""Of the Pythons that a person may have."""
 _AGENTS = (
     *("AGENTS.md", "AGENTS.override.md", "CLAUDE.md", "CLAUDE.local.md", "GEMINI.md", "QWEN.md", ".mcp.json", ".env"),
-    *("opencode.json", "opencode.jsonc"),
+    *("opencode.json", "opencode.jsonc", ".envrc", ".cursorrules", ".windsurfrules", ".goosehints", ".aider.conf.yml"),
+    *(".github/copilot-instructions.md", ".cursor/mcp.json", ".vscode/mcp.json", ".vscode/tasks.json", ".roo/mcp.json"),
     *(f".claude/{name}" for name in ("CLAUDE.md", "settings.json", "settings.local.json")),
     *(f".{name}/settings.json" for name in ("gemini", "qwen", "pi")),
     *(".codex/config.toml", ".opencode/opencode.json", ".opencode/opencode.jsonc"),
@@ -61,6 +73,7 @@ _FOLDERS_OF_AGENTS = (
         f".opencode/{name}"
         for name in ("agent", "agents", "command", "commands", "plugin", "plugins", "skills", "tools")
     ),
+    *(".cursor/rules", ".clinerules", ".github/instructions"),
     *(".agents", ".gemini/commands", ".gemini/extensions", ".qwen/commands", ".pi/extensions", ".pi/skills"),
 )
 _STARTS = ("pyvenv.cfg", "pip.conf")
@@ -181,10 +194,26 @@ def _personal(layout: Layout, environ: Mapping[str, str]) -> Iterator[Path]:
     config = Path(given) if given and Path(given).is_absolute() else own / ".config"
     yield from (own / ".gitconfig", own / ".pip" / "pip.conf")
     yield from (own / name for name in _OF_A_LOGIN)
+    yield from _shadows(environ)
     yield from (Path("/etc") / name for name in _OF_THE_MACHINE)
     yield from (config / name for name in _OF_A_PERSON)
     yield from (unit_path(layout, environ), watch_path(layout, environ))
     yield from configuration_files(layout.project)
+
+
+def _shadows(environ: Mapping[str, str]) -> Iterator[Path]:
+    """Where a program would stand before the one that octoform calls by that name; none of them is there."""
+    folders = [Path(name) for name in environ.get("PATH", "").split(os.pathsep) if name.startswith("/")]
+    for name in _PROGRAMS:
+        for folder in folders:
+            if (folder / name).exists():
+                break
+            yield folder / name
+
+
+def starts(environ: Mapping[str, str]) -> list[Path]:
+    """Where the person's own packages lie, which any Python of theirs goes by at its start."""
+    return [home(environ) / ".local" / "lib" / f"python3.{minor}" / "site-packages" for minor in _MINORS]
 
 
 def _units(layout: Layout, environ: Mapping[str, str]) -> Iterator[Path]:

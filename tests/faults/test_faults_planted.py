@@ -62,6 +62,24 @@ PLANTS = {
     "echo 'PYTHONPATH=/tmp' > {home}/.config/environment.d/x.conf",
     "{home}/.config/systemd/user/octoform-bench.service.d/x.conf": "d={home}/.config/systemd/user; "
     "mkdir -p $d/octoform-bench.service.d; echo '[Service]' > $d/octoform-bench.service.d/x.conf",
+    ".envrc": "echo 'touch {mark}' > {project}/.envrc",
+    ".cursor/mcp.json": "mkdir -p {project}/.cursor; echo '{{}}' > {project}/.cursor/mcp.json",
+    ".vscode/tasks.json": "mkdir -p {project}/.vscode; echo '{{}}' > {project}/.vscode/tasks.json",
+    ".github/copilot-instructions.md": "mkdir -p {project}/.github; echo x > {project}/.github/copilot-instructions.md",
+    ".npmrc": "echo 'registry=http://127.0.0.1:9' > {project}/.npmrc",
+    "{home}/.npmrc": "echo 'registry=http://127.0.0.1:9' > {home}/.npmrc",
+    "{home}/.claude/CLAUDE.md": "mkdir -p {home}/.claude; echo planted > {home}/.claude/CLAUDE.md",
+    "{home}/.bash_aliases": "echo 'alias git=x' > {home}/.bash_aliases",
+    "{home}/.ssh/authorized_keys2": "mkdir -p {home}/.ssh; echo 'ssh-ed25519 AAAA' > {home}/.ssh/authorized_keys2",
+    "{home}/.config/systemd/user/default.target.wants/x.service": "d={home}/.config/systemd/user; "
+    "mkdir -p $d/default.target.wants; echo '[Service]' > $d/x.service; "
+    "ln -s ../x.service $d/default.target.wants/x.service",
+    "{home}/.local/lib/python3.11/site-packages/x.pth": "d={home}/.local/lib/python3.11/site-packages; "
+    "mkdir -p $d; echo 'import os' > $d/x.pth; touch $d/usercustomize.py",
+    "{home}/.local/lib/python3.11/site-packages/usercustomize.py": "true",
+    "{home}/bin/git": "mkdir -p {home}/bin; printf '#!/bin/sh\ntouch {mark}\n' > {home}/bin/git; "
+    "chmod +x {home}/bin/git",
+    "{home}/.vimrc": "echo ':!touch {mark}' > {home}/.vimrc",
     "{home}/.bashrc": "echo 'touch {mark}' > {home}/.bashrc",
     "{home}/.ssh/authorized_keys": "mkdir -p {home}/.ssh; echo 'ssh-ed25519 AAAA' > {home}/.ssh/authorized_keys",
     "{home}/.config/autostart/x.desktop": "mkdir -p {home}/.config/autostart; "
@@ -96,7 +114,7 @@ class Attacked:
     def __init__(self, project: Project, home: Path, prefix: Sequence[str] = ()) -> None:
         self.project, self.home, self.mark = project, home, home.parent / "ran"
         home.mkdir(exist_ok=True)
-        project.environ = {"HOME": str(home)}
+        project.environ = {"HOME": str(home), "PATH": f"{home}/bin:{os.environ['PATH']}"}
         project.prefix = list(prefix)
         project.write()
         subprocess.run(["git", "init", "-q", str(project.folder)], check=True)
