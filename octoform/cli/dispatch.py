@@ -15,7 +15,7 @@ from octoform.cli.options import UsageError
 from octoform.cli.parser import parse
 from octoform.cli.stopping import Stopped, orderly
 from octoform.diagnostics import Severity
-from octoform.views import console, problems
+from octoform.views.format import console, problems
 
 _READING = frozenset(
     (

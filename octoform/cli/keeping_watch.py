@@ -7,9 +7,9 @@ from typing import Protocol
 from octoform.daemon.loop.supervisor import Round
 from octoform.daemon.model import Status
 from octoform.daemon.watching import watch
-from octoform.views import problems
-from octoform.views.console import Console
-from octoform.views.watching import EXIT
+from octoform.views.daemon.event_log import EXIT
+from octoform.views.format import problems
+from octoform.views.format.console import Console
 
 
 class Shown(Protocol):

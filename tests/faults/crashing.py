@@ -11,8 +11,8 @@ from pathlib import Path
 from octoform.engine.applying import Options, apply
 from octoform.engine.planning import Request
 from octoform.state.store import Ports
-from octoform.views.apply import RunHuman
-from octoform.views.console import Console
+from octoform.views.format.console import Console
+from octoform.views.run.apply import RunHuman
 
 
 def main() -> None:

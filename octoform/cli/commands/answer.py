@@ -7,9 +7,9 @@ from pathlib import Path
 from octoform.cli.options import UsageError
 from octoform.diagnostics import error
 from octoform.engine import answering
-from octoform.views import answering as views
-from octoform.views import problems
-from octoform.views.console import Console
+from octoform.views.format import problems
+from octoform.views.format.console import Console
+from octoform.views.run import questions as views
 
 USAGE = "usage: octoform answer [-json] [-remove] [DEVICE] [SENTENCE]"
 

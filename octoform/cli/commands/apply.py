@@ -12,12 +12,12 @@ from octoform.engine.applying import Options
 from octoform.engine.applying import apply as carry_out
 from octoform.engine.planning import Request
 from octoform.engine.results import RunResult
-from octoform.views import problems
-from octoform.views.apply import RunHuman
-from octoform.views.apply_json import RunJson
-from octoform.views.console import Console
-from octoform.views.stream import JsonStream
-from octoform.views.watching import EXIT
+from octoform.views.daemon.event_log import EXIT
+from octoform.views.format import problems
+from octoform.views.format.console import Console
+from octoform.views.format.stream import JsonStream
+from octoform.views.run.apply import RunHuman
+from octoform.views.run.apply_json import RunJson
 
 USAGE = "usage: octoform apply [-json] [-lock-timeout DURATION] PLANFILE"
 
@@ -43,7 +43,7 @@ def run(arguments: Namespace, project: Path, screen: Console) -> int:
 def _ask(arguments: Namespace, screen: Console, request: Request) -> int:
     """Apply, ask about what is still unknown, apply what the answers change."""
     from octoform.engine.answering import apply_asking
-    from octoform.views.answering import AskingHuman
+    from octoform.views.run.questions import AskingHuman
 
     return status_of(apply_asking(request, _options(arguments), AskingHuman(screen)))
 

@@ -10,8 +10,9 @@ from octoform.engine import attempts as engine
 from octoform.engine.recording import record
 from octoform.protocol.model import DUTIES
 from octoform.state.layout import STAGES, STEP
-from octoform.views import attempts, problems
-from octoform.views.console import Console
+from octoform.views.format import problems
+from octoform.views.format.console import Console
+from octoform.views.run import attempts
 
 
 def run(arguments: Namespace, project: Path, screen: Console) -> int:

@@ -9,8 +9,9 @@ from octoform import durations
 from octoform.cli.options import UsageError
 from octoform.endpoint.auditing import Wanted
 from octoform.engine.guarding import check_records, records
-from octoform.views import audit, guarding, problems
-from octoform.views.console import Console
+from octoform.views.endpoint import audit, safety
+from octoform.views.format import problems
+from octoform.views.format.console import Console
 
 
 def run(arguments: Namespace, project: Path, screen: Console) -> int:
@@ -19,7 +20,7 @@ def run(arguments: Namespace, project: Path, screen: Console) -> int:
         checked, found = check_records(project, os.environ)
         if checked is None:
             return problems.show(screen, found, as_json=arguments.json)
-        return guarding.checked(screen, checked, found, as_json=arguments.json)
+        return safety.checked(screen, checked, found, as_json=arguments.json)
     if not arguments.n.isascii() or not arguments.n.isdigit():
         raise UsageError(f"-n: {arguments.n!r} is no number of lines", "")
     count = int(arguments.n)

@@ -11,9 +11,10 @@ from octoform.cli.parser import seconds
 from octoform.cli.stopping import Stopped
 from octoform.diagnostics import error
 from octoform.engine.serving import Request, answered, call, example, tools
-from octoform.views import endpoint, problems
-from octoform.views.calling import attended, starting
-from octoform.views.console import Console
+from octoform.views.endpoint import tools as tools_view
+from octoform.views.endpoint.call_prompt import attended, starting
+from octoform.views.format import problems
+from octoform.views.format.console import Console
 
 
 def run(arguments: Namespace, project: Path, screen: Console) -> int:
@@ -25,7 +26,7 @@ def run(arguments: Namespace, project: Path, screen: Console) -> int:
         listed, found = tools(project, os.environ, partial(starting, screen), revive=arguments.start)
         shown = example(listed or (), answered(project, os.environ))
         if listed == [] and not as_json:
-            return endpoint.tools(screen, listed, as_json=False)  # a host with nothing to call is no failure
+            return tools_view.tools(screen, listed, as_json=False)  # a host with nothing to call is no failure
         if shown is None:
             hint = "octoform tools lists them; octoform call TOOL -arg NAME=VALUE calls one"
             nothing = [
@@ -49,7 +50,7 @@ def run(arguments: Namespace, project: Path, screen: Console) -> int:
     if answer is None:
         return problems.show(screen, found, as_json=as_json)
     problems.show(screen, found)
-    return endpoint.answer(screen, arguments.tool, answer, as_json=as_json)
+    return tools_view.answer(screen, arguments.tool, answer, as_json=as_json)
 
 
 def _typed(pairs: list[str]) -> list[str]:

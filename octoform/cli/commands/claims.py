@@ -6,9 +6,9 @@ from pathlib import Path
 
 from octoform.daemon.deciding import everything, open_ledger, person, undecidable
 from octoform.diagnostics import Diagnostic
-from octoform.views import claims as view
-from octoform.views import problems
-from octoform.views.console import Console
+from octoform.views.daemon import claims as view
+from octoform.views.format import problems
+from octoform.views.format.console import Console
 
 
 def run(arguments: Namespace, project: Path, screen: Console) -> int:

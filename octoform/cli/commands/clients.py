@@ -6,8 +6,9 @@ from pathlib import Path
 
 from octoform.cli.options import UsageError
 from octoform.engine import clients as engine
-from octoform.views import clients, problems
-from octoform.views.console import Console
+from octoform.views.endpoint import clients
+from octoform.views.format import problems
+from octoform.views.format.console import Console
 
 
 def run(arguments: Namespace, project: Path, screen: Console) -> int:

@@ -11,10 +11,10 @@ from octoform.claims.model import Claim
 from octoform.daemon.deciding import open_ledger, person, undecidable
 from octoform.diagnostics import Diagnostic, error
 from octoform.engine.healing import decide_rewrite, waiting_rewrite, waiting_rewrites
-from octoform.views import claims as view
-from octoform.views import problems
-from octoform.views.console import Console
-from octoform.views.service import approves
+from octoform.views.daemon import claims as view
+from octoform.views.endpoint.service import approves
+from octoform.views.format import problems
+from octoform.views.format.console import Console
 
 
 def run(arguments: Namespace, project: Path, screen: Console) -> int:

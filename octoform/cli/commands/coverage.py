@@ -6,8 +6,9 @@ from pathlib import Path
 
 from octoform.cli.options import UsageError
 from octoform.engine import covering as engine
-from octoform.views import coverage, problems
-from octoform.views.console import Console
+from octoform.views.coverage import report as coverage_view
+from octoform.views.format import problems
+from octoform.views.format.console import Console
 
 
 def run(arguments: Namespace, project: Path, screen: Console) -> int:
@@ -20,11 +21,11 @@ def run(arguments: Namespace, project: Path, screen: Console) -> int:
     if not arguments.json:
         problems.show(screen, found)
     if arguments.html is None:
-        return coverage.show(screen, report, everything=arguments.all, as_json=arguments.json)
-    from octoform.views.coverage_page import page  # the template engine is for who wants a page
+        return coverage_view.show(screen, report, everything=arguments.all, as_json=arguments.json)
+    from octoform.views.coverage.page import page  # the template engine is for who wants a page
 
     path = Path(arguments.html)
     problem = engine.save(path.absolute(), page(report))
     if problem is not None:
         return problems.show(screen, [problem], as_json=arguments.json)
-    return coverage.written(screen, path, as_json=arguments.json)
+    return coverage_view.written(screen, path, as_json=arguments.json)

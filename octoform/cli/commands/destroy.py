@@ -6,7 +6,7 @@ from pathlib import Path
 
 from octoform.cli.commands.apply import execute
 from octoform.engine.planning import Request
-from octoform.views.console import Console
+from octoform.views.format.console import Console
 
 
 def run(arguments: Namespace, project: Path, screen: Console) -> int:

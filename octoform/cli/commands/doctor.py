@@ -6,8 +6,9 @@ from pathlib import Path
 
 from octoform.diagnostics import has_errors
 from octoform.engine.doctor import diagnose
-from octoform.views import doctor, problems
-from octoform.views.console import Console
+from octoform.views.format import problems
+from octoform.views.format.console import Console
+from octoform.views.inspect import doctor
 
 
 def run(arguments: Namespace, project: Path, screen: Console) -> int:

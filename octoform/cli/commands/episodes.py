@@ -8,9 +8,9 @@ from octoform.cli.options import UsageError
 from octoform.daemon.records.episodes import read
 from octoform.daemon.records.shelf import Shelf
 from octoform.engine.serving import layout_of
-from octoform.views import episodes as view
-from octoform.views import problems
-from octoform.views.console import Console
+from octoform.views.daemon import incidents as view
+from octoform.views.format import problems
+from octoform.views.format.console import Console
 
 
 def run(arguments: Namespace, project: Path, screen: Console) -> int:

@@ -4,8 +4,9 @@ from argparse import Namespace
 from pathlib import Path
 
 from octoform.engine.guarding import clear, stop
-from octoform.views import guarding, problems
-from octoform.views.console import Console
+from octoform.views.endpoint import safety
+from octoform.views.format import problems
+from octoform.views.format.console import Console
 
 
 def run(arguments: Namespace, project: Path, screen: Console) -> int:
@@ -14,5 +15,5 @@ def run(arguments: Namespace, project: Path, screen: Console) -> int:
     if not done:
         return problems.show(screen, found, as_json=arguments.json)
     if arguments.clear:
-        return guarding.cleared(screen, done, found, as_json=arguments.json)
-    return guarding.stopped(screen, done, found, as_json=arguments.json)
+        return safety.cleared(screen, done, found, as_json=arguments.json)
+    return safety.stopped(screen, done, found, as_json=arguments.json)

@@ -6,8 +6,8 @@ from pathlib import Path
 
 from octoform.engine.compiling import compile_project
 from octoform.graph.drawing import to_dot, to_mermaid
-from octoform.views import problems, texts
-from octoform.views.console import Console
+from octoform.views.format import output, problems
+from octoform.views.format.console import Console
 
 
 def run(arguments: Namespace, project: Path, screen: Console) -> int:
@@ -15,4 +15,4 @@ def run(arguments: Namespace, project: Path, screen: Console) -> int:
     compiled, found = compile_project(project, os.environ)
     if compiled is None:
         return problems.show(screen, found)
-    return texts.plain(screen, (to_dot if arguments.type == "dot" else to_mermaid)(compiled.graph))
+    return output.plain(screen, (to_dot if arguments.type == "dot" else to_mermaid)(compiled.graph))

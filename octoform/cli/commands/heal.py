@@ -7,9 +7,10 @@ from pathlib import Path
 from octoform.cli.keeping_watch import watched
 from octoform.daemon.asking import daemon_of, given_up, retry
 from octoform.engine.serving import layout_of
-from octoform.views import keeping, problems
-from octoform.views.console import Console
-from octoform.views.watching import Lines, Silence
+from octoform.views.daemon import control
+from octoform.views.daemon.event_log import Lines, Silence
+from octoform.views.format import problems
+from octoform.views.format.console import Console
 
 
 def run(arguments: Namespace, project: Path, screen: Console) -> int:
@@ -23,9 +24,9 @@ def run(arguments: Namespace, project: Path, screen: Console) -> int:
         return problems.show(screen, [problem], as_json=arguments.json)
     daemon = daemon_of(layout)
     if daemon is not None:
-        return keeping.asked(screen, daemon, known, retried, as_json=arguments.json)
+        return control.asked(screen, daemon, known, retried, as_json=arguments.json)
     view = Silence() if arguments.json else Lines(screen)
     code, status = watched(project, screen, view, once=True, as_json=arguments.json)
     if status is not None:
-        keeping.healed(screen, given_up(layout), retried, str(status), as_json=arguments.json)
+        control.healed(screen, given_up(layout), retried, str(status), as_json=arguments.json)
     return code

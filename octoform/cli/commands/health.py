@@ -5,9 +5,9 @@ from argparse import Namespace
 from pathlib import Path
 
 from octoform.daemon.surveying import survey
-from octoform.views import problems
-from octoform.views.console import Console
-from octoform.views.wellbeing import health
+from octoform.views.daemon.health import health
+from octoform.views.format import problems
+from octoform.views.format.console import Console
 
 
 def run(arguments: Namespace, project: Path, screen: Console) -> int:

@@ -4,7 +4,7 @@ from argparse import Namespace
 from pathlib import Path
 
 from octoform.cli.parser import parse
-from octoform.views.console import Console
+from octoform.views.format.console import Console
 
 
 def run(arguments: Namespace, _: Path, __: Console) -> int:

@@ -4,8 +4,8 @@ from argparse import Namespace
 from pathlib import Path
 
 from octoform.engine.starting import start_project
-from octoform.views import problems, texts
-from octoform.views.console import Console
+from octoform.views.format import output, problems
+from octoform.views.format.console import Console
 
 
 def run(arguments: Namespace, project: Path, screen: Console) -> int:
@@ -13,4 +13,4 @@ def run(arguments: Namespace, project: Path, screen: Console) -> int:
     started, found = start_project(project, arguments.host)
     if started is None:
         return problems.show(screen, found, as_json=arguments.json)
-    return texts.started(screen, started, as_json=arguments.json)
+    return output.started(screen, started, as_json=arguments.json)

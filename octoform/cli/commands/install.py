@@ -5,11 +5,11 @@ from argparse import Namespace
 from pathlib import Path
 
 from octoform.engine.installing import install
-from octoform.views import installing
-from octoform.views.console import Console
+from octoform.views.format.console import Console
+from octoform.views.run import installation
 
 
 def run(arguments: Namespace, _: Path, screen: Console) -> int:
     """Exit code 1 when one of them could not be installed."""
-    result = install(arguments.harness, os.environ, installing.steps(screen))
-    return installing.show(screen, result, as_json=arguments.json)
+    result = install(arguments.harness, os.environ, installation.steps(screen))
+    return installation.show(screen, result, as_json=arguments.json)

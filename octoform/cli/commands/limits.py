@@ -5,8 +5,9 @@ from argparse import Namespace
 from pathlib import Path
 
 from octoform.engine.guarding import limits, reset_limits
-from octoform.views import guarding, problems
-from octoform.views.console import Console
+from octoform.views.endpoint import safety
+from octoform.views.format import problems
+from octoform.views.format.console import Console
 
 
 def run(arguments: Namespace, project: Path, screen: Console) -> int:
@@ -15,8 +16,8 @@ def run(arguments: Namespace, project: Path, screen: Console) -> int:
         found = reset_limits(project, os.environ, arguments.reset)
         if found:
             return problems.show(screen, found, as_json=arguments.json)
-        return guarding.reset(screen, arguments.reset, as_json=arguments.json)
+        return safety.reset(screen, arguments.reset, as_json=arguments.json)
     listed, found = limits(project, os.environ)
     if listed is None:
         return problems.show(screen, found, as_json=arguments.json)
-    return guarding.limits(screen, listed, as_json=arguments.json)
+    return safety.limits(screen, listed, as_json=arguments.json)

@@ -8,9 +8,9 @@ from octoform.cli.options import UsageError
 from octoform.cli.stopping import Stopped
 from octoform.endpoint.logs import Logs
 from octoform.engine.logs import entries, following, lines, open_logs
-from octoform.views import logs as view
-from octoform.views import problems
-from octoform.views.console import Console
+from octoform.views.endpoint import logs as view
+from octoform.views.format import problems
+from octoform.views.format.console import Console
 
 
 def run(arguments: Namespace, project: Path, screen: Console) -> int:

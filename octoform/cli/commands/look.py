@@ -13,10 +13,10 @@ from octoform.diagnostics import error
 from octoform.endpoint.client import Person
 from octoform.engine.looking import Eye, Look, heartbeat, look, open_eye, save
 from octoform.perception.looking import Taken
-from octoform.views import looking as view
-from octoform.views import problems
-from octoform.views.calling import attended
-from octoform.views.console import Console
+from octoform.views.endpoint import snapshot as view
+from octoform.views.endpoint.call_prompt import attended
+from octoform.views.format import problems
+from octoform.views.format.console import Console
 
 _USAGE = "usage: octoform look [-device ID] [-save FILE] [-every [DURATION]] [-count N] [-json]"
 _SHORTEST = 1.0

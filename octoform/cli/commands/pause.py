@@ -7,8 +7,9 @@ from pathlib import Path
 from octoform.daemon.records import ownership
 from octoform.daemon.sensing.moments import SystemClock
 from octoform.engine.serving import layout_of
-from octoform.views import keeping, problems
-from octoform.views.console import Console
+from octoform.views.daemon import control
+from octoform.views.format import problems
+from octoform.views.format.console import Console
 
 
 def run(arguments: Namespace, project: Path, screen: Console) -> int:
@@ -18,4 +19,4 @@ def run(arguments: Namespace, project: Path, screen: Console) -> int:
         return problems.show(screen, found, as_json=arguments.json)
     if problem := ownership.pause(layout, SystemClock().stamp()):
         return problems.show(screen, [problem], as_json=arguments.json)
-    return keeping.paused(screen, layout.host, ownership.alive(layout), as_json=arguments.json)
+    return control.paused(screen, layout.host, ownership.alive(layout), as_json=arguments.json)

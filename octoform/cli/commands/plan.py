@@ -8,10 +8,10 @@ from pathlib import Path
 from octoform.diagnostics import Diagnostic
 from octoform.engine import memo
 from octoform.plan.model import Plan
-from octoform.views import problems
-from octoform.views.console import Console
-from octoform.views.plan import PlanHuman, PlanJson
-from octoform.views.stream import JsonStream
+from octoform.views.format import problems
+from octoform.views.format.console import Console
+from octoform.views.format.stream import JsonStream
+from octoform.views.plan.plan import PlanHuman, PlanJson
 
 
 def run(arguments: Namespace, project: Path, screen: Console) -> int:

@@ -6,8 +6,9 @@ from pathlib import Path
 
 from octoform.diagnostics import has_errors
 from octoform.engine import drafting, profiling
-from octoform.views import problems, profiles
-from octoform.views.console import Console
+from octoform.views.format import problems
+from octoform.views.format.console import Console
+from octoform.views.inspect import profiles
 
 
 def run(arguments: Namespace, project: Path, screen: Console) -> int:

@@ -6,8 +6,9 @@ from pathlib import Path
 
 from octoform.daemon.records import ownership
 from octoform.engine.serving import layout_of
-from octoform.views import keeping, problems
-from octoform.views.console import Console
+from octoform.views.daemon import control
+from octoform.views.format import problems
+from octoform.views.format.console import Console
 
 
 def run(arguments: Namespace, project: Path, screen: Console) -> int:
@@ -18,4 +19,4 @@ def run(arguments: Namespace, project: Path, screen: Console) -> int:
     was, problem = ownership.resume(layout)
     if problem is not None:
         return problems.show(screen, [problem], as_json=arguments.json)
-    return keeping.resumed(screen, layout.host, ownership.alive(layout), was=was, as_json=arguments.json)
+    return control.resumed(screen, layout.host, ownership.alive(layout), was=was, as_json=arguments.json)

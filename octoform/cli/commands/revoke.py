@@ -5,8 +5,9 @@ from argparse import Namespace
 from pathlib import Path
 
 from octoform.engine.access import revoke_tunnel
-from octoform.views import access, problems
-from octoform.views.console import Console
+from octoform.views.endpoint import access
+from octoform.views.format import problems
+from octoform.views.format.console import Console
 
 
 def run(arguments: Namespace, project: Path, screen: Console) -> int:

@@ -4,10 +4,10 @@ from argparse import Namespace
 from pathlib import Path
 
 from octoform.manifest.schema import json_schema
-from octoform.views import texts
-from octoform.views.console import Console
+from octoform.views.format import output
+from octoform.views.format.console import Console
 
 
 def run(_: Namespace, __: Path, screen: Console) -> int:
     """The schema that editors use."""
-    return texts.document(screen, json_schema())
+    return output.document(screen, json_schema())

@@ -5,9 +5,9 @@ from argparse import Namespace
 from pathlib import Path
 
 from octoform.engine import service as engine
-from octoform.views import problems
-from octoform.views import service as view
-from octoform.views.console import Console
+from octoform.views.endpoint import service as view
+from octoform.views.format import problems
+from octoform.views.format.console import Console
 
 
 def run(arguments: Namespace, project: Path, screen: Console) -> int:

@@ -5,10 +5,11 @@ from argparse import Namespace
 from pathlib import Path
 
 from octoform.engine.inspecting import open_project, saved_plan
-from octoform.views import problems, state
-from octoform.views.console import Console
-from octoform.views.plan import PlanHuman, PlanJson
-from octoform.views.stream import JsonStream
+from octoform.views.format import problems
+from octoform.views.format.console import Console
+from octoform.views.format.stream import JsonStream
+from octoform.views.inspect import state
+from octoform.views.plan.plan import PlanHuman, PlanJson
 
 
 def run(arguments: Namespace, project: Path, screen: Console) -> int:

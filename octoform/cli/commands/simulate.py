@@ -5,7 +5,7 @@ import sys
 from argparse import Namespace
 from pathlib import Path
 
-from octoform.views.console import Console
+from octoform.views.format.console import Console
 
 
 def run(arguments: Namespace, project: Path, _screen: Console) -> int:

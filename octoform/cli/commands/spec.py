@@ -7,8 +7,9 @@ from pathlib import Path
 
 from octoform.diagnostics import Diagnostic, has_errors
 from octoform.engine import spec_editing
-from octoform.views import problems, spec
-from octoform.views.console import Console
+from octoform.views.format import problems
+from octoform.views.format.console import Console
+from octoform.views.inspect import spec
 
 
 def run(arguments: Namespace, project: Path, screen: Console) -> int:

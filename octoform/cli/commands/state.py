@@ -5,8 +5,9 @@ from argparse import Namespace
 from pathlib import Path
 
 from octoform.engine.inspecting import forget, node_of, open_project
-from octoform.views import problems, state
-from octoform.views.console import Console
+from octoform.views.format import problems
+from octoform.views.format.console import Console
+from octoform.views.inspect import state
 
 
 def run(arguments: Namespace, project: Path, screen: Console) -> int:

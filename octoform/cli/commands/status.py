@@ -6,8 +6,9 @@ from pathlib import Path
 
 from octoform.daemon.surveying import survey
 from octoform.engine.health import status
-from octoform.views import health, problems
-from octoform.views.console import Console
+from octoform.views.daemon import status as status_view
+from octoform.views.format import problems
+from octoform.views.format.console import Console
 
 
 def run(arguments: Namespace, project: Path, screen: Console) -> int:
@@ -18,4 +19,4 @@ def run(arguments: Namespace, project: Path, screen: Console) -> int:
     surveyed, trouble = survey(project, os.environ)
     if surveyed is None:
         return problems.show(screen, trouble, as_json=arguments.json)
-    return health.status(screen, found, surveyed, as_json=arguments.json)
+    return status_view.status(screen, found, surveyed, as_json=arguments.json)

@@ -5,8 +5,9 @@ from argparse import Namespace
 from pathlib import Path
 
 from octoform.engine.supervising import stop
-from octoform.views import problems, supervising
-from octoform.views.console import Console
+from octoform.views.endpoint import process
+from octoform.views.format import problems
+from octoform.views.format.console import Console
 
 
 def run(arguments: Namespace, project: Path, screen: Console) -> int:
@@ -14,4 +15,4 @@ def run(arguments: Namespace, project: Path, screen: Console) -> int:
     done, found = stop(project, os.environ, arguments.host)
     if done is None:
         return problems.show(screen, found, as_json=arguments.json)
-    return supervising.stopped(screen, done, as_json=arguments.json)
+    return process.stopped(screen, done, as_json=arguments.json)

@@ -6,9 +6,9 @@ from pathlib import Path
 
 from octoform.cli.parser import seconds
 from octoform.engine import access
-from octoform.views import access as view
-from octoform.views import problems
-from octoform.views.console import Console
+from octoform.views.endpoint import access as view
+from octoform.views.format import problems
+from octoform.views.format.console import Console
 
 
 def run(arguments: Namespace, project: Path, screen: Console) -> int:

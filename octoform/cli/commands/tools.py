@@ -6,9 +6,10 @@ from functools import partial
 from pathlib import Path
 
 from octoform.engine.serving import tools
-from octoform.views import endpoint, problems
-from octoform.views.calling import starting
-from octoform.views.console import Console
+from octoform.views.endpoint import tools as tools_view
+from octoform.views.endpoint.call_prompt import starting
+from octoform.views.format import problems
+from octoform.views.format.console import Console
 
 
 def run(arguments: Namespace, project: Path, screen: Console) -> int:
@@ -16,4 +17,4 @@ def run(arguments: Namespace, project: Path, screen: Console) -> int:
     listed, found = tools(project, os.environ, partial(starting, screen), revive=arguments.start)
     if listed is None:
         return problems.show(screen, found, as_json=arguments.json)
-    return endpoint.tools(screen, listed, as_json=arguments.json)
+    return tools_view.tools(screen, listed, as_json=arguments.json)

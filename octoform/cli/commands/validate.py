@@ -8,8 +8,8 @@ from octoform.diagnostics import as_warning
 from octoform.engine.compiling import compile_project
 from octoform.engine.prices import unpriced
 from octoform.harness import logins
-from octoform.views import texts
-from octoform.views.console import Console
+from octoform.views.format import output
+from octoform.views.format.console import Console
 
 
 def run(arguments: Namespace, project: Path, screen: Console) -> int:
@@ -18,4 +18,4 @@ def run(arguments: Namespace, project: Path, screen: Console) -> int:
     if compiled is not None:
         found += unpriced(compiled.manifest, os.environ)
         found += [as_warning(each) for each in logins.problems(compiled.manifest, os.environ)]
-    return texts.validation(screen, found, as_json=arguments.json)
+    return output.validation(screen, found, as_json=arguments.json)

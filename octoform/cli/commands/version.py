@@ -3,8 +3,8 @@
 from argparse import Namespace
 from pathlib import Path
 
-from octoform.views import problems
-from octoform.views.console import Console
+from octoform.views.format import problems
+from octoform.views.format.console import Console
 
 
 def run(arguments: Namespace, _: Path, screen: Console) -> int:

@@ -4,8 +4,8 @@ from argparse import Namespace
 from pathlib import Path
 
 from octoform.cli.keeping_watch import watched
-from octoform.views.console import Console
-from octoform.views.watching import Lines, Objects
+from octoform.views.daemon.event_log import Lines, Objects
+from octoform.views.format.console import Console
 
 
 def run(arguments: Namespace, project: Path, screen: Console) -> int:

@@ -8,7 +8,7 @@ import pytest
 
 from octoform.cli.commands import attempts
 from octoform.cli.options import UsageError
-from octoform.views.console import Console
+from octoform.views.format.console import Console
 
 
 @pytest.mark.parametrize("stage", ["serve", "watch", "heal", "step.arm"])

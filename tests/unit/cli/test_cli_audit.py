@@ -13,8 +13,8 @@ from launched import launched, tool
 import octoform
 from octoform.cli.main import main
 from octoform.launcher.audit import Audit
-from octoform.views import audit
-from octoform.views.console import Console
+from octoform.views.endpoint import audit
+from octoform.views.format.console import Console
 
 SOURCE = '''
 from fastmcp import FastMCP

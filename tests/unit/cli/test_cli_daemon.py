@@ -19,7 +19,7 @@ from octoform.daemon.model import Cause, Done, Repair
 from octoform.daemon.records import ownership
 from octoform.daemon.sensing.moments import SystemClock
 from octoform.state.layout import Layout
-from octoform.views.console import Console
+from octoform.views.format.console import Console
 
 
 @pytest.fixture

@@ -12,8 +12,8 @@ import octoform
 from octoform.cli.completion import script
 from octoform.cli.main import main
 from octoform.engine.serving import example
-from octoform.views import audit, endpoint
-from octoform.views.console import Console
+from octoform.views.endpoint import audit, tools
+from octoform.views.format.console import Console
 
 LONG = "Moves the joint to a place, by counts of its encoder, and waits until it is there or 5 seconds are over. " * 4
 TOOL = {
@@ -136,7 +136,7 @@ def test_zsh_and_fish_have_every_command() -> None:
 
 def test_a_pipe_gets_every_word_of_a_tool_on_one_line() -> None:
     out = io.StringIO()
-    assert endpoint.tools(console(out), [TOOL], as_json=False) == 0
+    assert tools.tools(console(out), [TOOL], as_json=False) == 0
     lines = out.getvalue().splitlines()
     assert lines[1].strip() == LONG.strip()
     assert lines[2].startswith("      joint: required, the-joint-number-0 |") and lines[2].endswith(
@@ -159,7 +159,7 @@ def test_a_terminal_breaks_between_words_and_loses_none(columns: int, monkeypatc
         "arguments": {},
         "text": LONG,
     }
-    endpoint.tools(console(out), [TOOL], as_json=False)
+    tools.tools(console(out), [TOOL], as_json=False)
     audit.records(console(out), [record], 50, as_json=False)
     lines = out.getvalue().splitlines()
     assert max(map(len, lines)) <= columns

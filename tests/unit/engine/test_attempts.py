@@ -15,8 +15,8 @@ from octoform.harness import orphans, processes
 from octoform.harness.port import Closed, ExitReason, Said, ToolCalled, ToolReturned, Trouble, Turn, Usage
 from octoform.state.attempts import SpecEdit
 from octoform.state.lock import acquire
-from octoform.views import attempts as views
-from octoform.views.console import Console
+from octoform.views.format.console import Console
+from octoform.views.run import attempts as views
 
 REFUSED = {"diagnostics": [to_json(error("PROBE-DUPLICATE-ID", "twice")), to_json(error("PROBE-NO-WORKING-SCAN", "x"))]}
 HOSTILE = "\x1b]0;owned\x07\u202eevil\r\nsecond line"

@@ -15,8 +15,8 @@ from octoform.engine import health, memo, reporting
 from octoform.engine.planning import Request, prepare
 from octoform.engine.results import EndpointSummary, RunResult
 from octoform.plan.model import Plan
-from octoform.views.apply import RunHuman
-from octoform.views.console import Console
+from octoform.views.format.console import Console
+from octoform.views.run.apply import RunHuman
 
 TUNNEL = Path(__file__).parents[2] / "support" / "local_tunnel.py"
 

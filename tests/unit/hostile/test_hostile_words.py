@@ -26,10 +26,10 @@ from octoform.protocol import MOST_PROMPT_BYTES, STAGES, Prompt, render_prompt
 from octoform.protocol.loading import load
 from octoform.runtime import calllog
 from octoform.state.attempts import AttemptRecord
-from octoform.views.apply import RunHuman
-from octoform.views.apply_json import RunJson
-from octoform.views.console import Console
-from octoform.views.stream import JsonStream
+from octoform.views.format.console import Console
+from octoform.views.format.stream import JsonStream
+from octoform.views.run.apply import RunHuman
+from octoform.views.run.apply_json import RunJson
 
 EACH = for_each("hostile", STRINGS)
 SPECS = load(None)[0]

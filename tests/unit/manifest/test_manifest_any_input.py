@@ -12,7 +12,7 @@ from ruamel.yaml import YAML
 from octoform.diagnostics import Diagnostic, has_errors, to_json
 from octoform.manifest.loading import parse
 from octoform.manifest.schema import json_schema
-from octoform.views.diagnostics import render_all
+from octoform.views.format.diagnostics import render_all
 
 WORDS = sorted(
     {

@@ -10,7 +10,7 @@ from manifest_cases import Case, all_cases
 
 from octoform.diagnostics import has_errors, to_json
 from octoform.manifest.loading import load
-from octoform.views.diagnostics import render_all
+from octoform.views.format.diagnostics import render_all
 
 CASES = all_cases()
 # The made-up credentials of the cases; each has this word in it.

@@ -10,8 +10,8 @@ from hosts.plant import plant
 from octoform.contracts.tier import tier, wanted
 from octoform.engine.coverage import Share
 from octoform.engine.covering import Report
-from octoform.views.coverage import lines
-from octoform.views.coverage_words import percent
+from octoform.views.coverage.report import lines
+from octoform.views.coverage.text import percent
 
 DOCUMENT = Path(__file__).parents[3] / "docs" / "coverage.md"
 EXAMPLE = re.compile(r"(?<=<!-- example -->\n```text\n).*?(?=```\n)", re.DOTALL)

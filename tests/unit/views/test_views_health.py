@@ -1,139 +1,290 @@
-"""Status as a person and as a program read it, whatever the process tells of itself."""
+"""Health as a person reads it at night, and as a program does."""
 
 import io
 import json
-from collections.abc import Mapping
-from dataclasses import replace
-from typing import Any
+from collections.abc import Iterable
+from datetime import UTC, datetime, timedelta
 
 import pytest
 
 from octoform.daemon.health import Health, Part
-from octoform.daemon.model import Status as Verdict
+from octoform.daemon.model import FaultClass, Kind, Outcome, Spent, Status
+from octoform.daemon.records.episodes import Episode, Try
 from octoform.daemon.records.ownership import Record
-from octoform.daemon.surveying import Survey
-from octoform.endpoint.running import Running
-from octoform.engine.health import Process, Status
+from octoform.daemon.surveying import Survey, Trouble
+from octoform.daemon.telling.notifying import Failing
 from octoform.state.holder import myself
-from octoform.views import health
-from octoform.views.console import Console
+from octoform.views.daemon import claims, incidents
+from octoform.views.daemon import health as health_view
+from octoform.views.endpoint import audit
+from octoform.views.format.console import Console
+from octoform.views.format.values import clock, length
 
-RUNNING = Running(
-    41, 7, ("python", "serve.py"), "aa", "2026-01-01T00:00:00+00:00", "internet", "http://10.0.0.2:7777/mcp"
-)
-TOLD: dict[str, Any] = {
-    "pid": 41,
-    "clients": 1,
-    "tunnel": {"state": "running", "url": "https://x.example", "since": "2026-01-01T00:00:09Z", "reason": None},
-    "gate": {
-        "mode": "shadow",
-        "running": 1,
-        "stuck": [{"tool": "move_rail", "caller": "local", "buses": ["usb-1"], "seconds": 12.5}],
-        "approvals": 2,
-        "audit": "No space left on device",
-    },
-    "later": {"nobody": "knows"},
-}
+NOW = datetime.now(UTC)
 
 
-def shown(
-    found: Status, watched: Record | None = None, *, verdict: Verdict = Verdict.HEALTHY, as_json: bool = False
-) -> tuple[int, str]:
+@pytest.fixture(autouse=True)
+def narrow(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("COLUMNS", "100")
+
+
+def stamp(seconds_ago: float) -> str:
+    return (NOW - timedelta(seconds=seconds_ago)).isoformat(timespec="milliseconds").replace("+00:00", "Z")
+
+
+def console(*, colour: bool = False) -> tuple[Console, io.StringIO]:
     out = io.StringIO()
-    console = Console(out, io.StringIO(), colour=False, colour_err=False, interactive=False)
-    parts = () if verdict is Verdict.HEALTHY else (Part("endpoint", verdict, "its process does not run"),)
-    surveyed = Survey(Health("bench", "", 0.0, verdict, parts), watched, watched is None, 0.0)
-    return health.status(console, found, surveyed, as_json=as_json), out.getvalue()
+    return Console(out, io.StringIO(), colour=colour, colour_err=False, interactive=False), out
 
 
-def status(told: Mapping[str, Any] | None = None, **more: Any) -> Status:
-    process = Process(RUNNING, TOLD if told is None else told, None, 3)
-    return Status("bench", True, tools=("a", "b"), process=process, **more)
+def episode(**changes: object) -> Episode:
+    known = {
+        "id": "e7",
+        "kind": Kind.CRASH_LOOP,
+        "fault": FaultClass.DEAD_PROCESS,
+        "target": "endpoint",
+        "key": "endpoint dead_process 12ab",
+        "summary": "it ended 5 times in 60 s, each time soon after its start",
+        "status": Status.DOWN,
+        "boot": "b",
+        "opened": stamp(7500),
+        "opened_uptime": 100.0,
+        "tries": [Try("restart", stamp(7450), False, "ModuleNotFoundError: No module named 'cv2'", 1.2)] * 3,
+        "outcome": Outcome.FROZEN,
+        "hint": "3 tries did not help",
+    }
+    return Episode(**{**known, **changes})  # type: ignore[arg-type]
 
 
-def test_a_healthy_host_tells_what_runs() -> None:
-    code, text = shown(status())
-    assert code == 0
-    assert text.splitlines() == [
-        "host bench: in sync, healthy",
-        "  the endpoint answers with 2 tools",
-        "  process 41 since 2026-01-01T00:00:00+00:00, scope internet, 1 local client",
-        "  at http://10.0.0.2:7777/mcp, open to 3 tokens",
-        "  tunnel: https://x.example since 2026-01-01T00:00:09Z",
-        "  the policy only watches (mode shadow): nothing is refused",
-        "  stuck: move_rail for 12.5 s, which keeps usb-1 (octoform restart ends it)",
-        "  2 calls waiting for an approval",
-        "  the audit log cannot be written: No space left on device",
-        "  nobody watches it: octoform watch keeps it alive",
-    ]
+def survey(status: Status, parts: Iterable[Part] = (), **more: object) -> Survey:
+    uncovered = tuple(each.target.removeprefix("unit:") for each in parts if each.target.startswith("unit:"))
+    health = Health("bench", stamp(0), 1.0, status, tuple(parts), 14, uncovered, ("c1",))
+    known = {"watched": Record(myself(), stamp(9000), 1.0, "1.0"), "looked": False, "age": 4.0}
+    return Survey(health, **{**known, **more})  # type: ignore[arg-type]
 
 
-def test_who_watches_is_told() -> None:
-    daemon = Record(replace(myself(), pid=77), "2026-01-01T00:01:00Z", 9.0, "1")
-    _, text = shown(status(), daemon)
-    assert text.endswith(
-        "a daemon watches it: process 77 since 2026-01-01T00:01:00Z; octoform health tells what it sees\n"
+def bad_night() -> Survey:
+    frozen = Trouble(
+        "endpoint",
+        episode().summary,
+        stamp(7500),
+        episode(),
+        "given up: 3 tries did not help",
+        "mend the cause, then: octoform heal -retry endpoint",
     )
-    assert json.loads(shown(status(), daemon, as_json=True)[1])["watched"] == 77
-    assert json.loads(shown(status(), as_json=True)[1])["watched"] is None
-
-
-def test_a_tunnel_that_is_not_there_says_why() -> None:
-    for state, reason in (
-        ("revoked", "revoked; octoform start opens a new one"),
-        ("not running", "there is no program"),
-    ):
-        _, text = shown(status({"tunnel": {"state": state, "url": None, "reason": reason}}))
-        assert f"  tunnel: {state} ({reason})" in text.splitlines()
-
-
-def test_a_dry_run_of_everything_says_that_readings_are_done() -> None:
-    _, text = shown(status({"gate": {"mode": "dry_run"}}))
-    assert "  what would move is a dry run (mode dry_run): only readings are done" in text.splitlines()
-
-
-def test_what_a_process_of_another_version_does_not_tell_is_left_out() -> None:
-    _, text = shown(status({}))
-    assert text.splitlines()[2:-1] == [
-        "  process 41 since 2026-01-01T00:00:00+00:00, scope internet",
-        "  at http://10.0.0.2:7777/mcp, open to 3 tokens",
+    gone = episode(
+        target="device:usb-1", summary="usb-1 is not there", status=Status.DEGRADED, tries=[], outcome="open"
+    )
+    parts = [
+        Part("endpoint", Status.DOWN, "its process does not run"),
+        Part("device:usb-1", Status.DEGRADED, "it is not there"),
+        Part("unit:arm_status/joints/elbow", Status.UNKNOWN, "does not report: switched off by hand"),
     ]
+    return survey(
+        Status.DOWN,
+        parts,
+        troubles=(Trouble("device:usb-1", gone.summary, stamp(60), gone, "", "put it back"), frozen),
+        todo=(("octoform confirm c3", "waits for a person: the elbow is locked"),),
+        untold=(Failing("webhook", stamp(7400), "it answered with 404", 4),),
+    )
 
 
-def test_nothing_that_is_told_acts_on_the_terminal() -> None:
-    estop = {"by": "\x1b[1manna", "reason": "smoke\nhost bench: in sync", "since": ""}
-    process = Process(RUNNING, {"tunnel": {"state": "x", "reason": "\x1b]0;title\x07"}}, estop)
-    code, text = shown(Status("bench", True, ("why \x1b[2J",), process=process), verdict=Verdict.DOWN)
-    assert code == 5
-    assert "\x1b" not in text and "\x07" not in text
-    assert "  emergency stop latched by \\x1b[1manna: smoke host bench: in sync" in text
-
-
-def test_a_program_reads_everything_that_the_process_told() -> None:
-    code, text = shown(status(), as_json=True)
-    found = json.loads(text)
-    assert code == 0
-    assert (found["in_sync"], found["health"], found["running"], found["tokens"]) == (True, "healthy", True, 3)
-    assert found["process"]["url"] == RUNNING.url
-    assert found["process"]["later"] == {"nobody": "knows"}
-    code, text = shown(Status("bench", True), verdict=Verdict.DOWN, as_json=True)
-    found = json.loads(text)
-    assert (code, found["health"], found["process"], found["running"]) == (5, "down", None, False)
-    assert found["reasons"] == ["endpoint: its process does not run"]
+def test_a_person_at_night_reads_it_in_one_screen() -> None:
+    screen, out = console()
+    assert health_view.health(screen, bad_night(), as_json=False, now=NOW) == 5
+    lines = out.getvalue().splitlines()
+    since, second, untold = clock(stamp(7500)), clock(stamp(60)), clock(stamp(7400))
+    assert lines == [
+        f"bench: DOWN since {since} (2 h 5 min): endpoint: its process does not run",
+        "",
+        "  endpoint",
+        "    it ended 5 times in 60 s, each time soon after its start",
+        f"    since  {since} (2 h 5 min)",
+        "    tried  restart 3 times; the last one 2 h 4 min ago failed: ModuleNotFoundError: No module named 'cv2'",
+        "    now    given up: 3 tries did not help",
+        "    do     mend the cause, then: octoform heal -retry endpoint",
+        "",
+        "  device:usb-1",
+        "    usb-1 is not there",
+        f"    since  {second} (1 min)",
+        "    do     put it back",
+        "",
+        "  cannot report (1), so nothing is known of it:",
+        "    arm_status/joints/elbow  switched off by hand",
+        "",
+        "  octoform confirm c3  waits for a person: the elbow is locked",
+        "",
+        "  no signal is read while the endpoint is down; claims in force: c1 (octoform claims)",
+        f"  watched by process {myself().pid} since {clock(stamp(9000))}; last look 4.0 s ago",
+        f"  nobody was told by the webhook since {untold} (4 messages lost): it answered with 404",
+    ]
 
 
 @pytest.mark.parametrize(
-    ("sync", "verdict", "code"),
+    ("status", "code"),
+    [(Status.HEALTHY, 0), (Status.DEGRADED, 3), (Status.ERROR, 4), (Status.DOWN, 5), (Status.UNKNOWN, 6)],
+)
+def test_the_exit_code_tells_in_both_forms(status: Status, code: int) -> None:
+    for as_json in (False, True):
+        screen, out = console()
+        assert health_view.health(screen, survey(status), as_json=as_json) == code
+    assert json.loads(out.getvalue())["status"] == status
+
+
+def test_all_is_well_in_three_lines() -> None:
+    screen, out = console()
+    health_view.health(screen, survey(Status.HEALTHY), as_json=False)
+    assert out.getvalue().splitlines()[0] == "bench: healthy"
+    assert len(out.getvalue().splitlines()) == 4
+
+
+def test_a_program_reads_all_of_it() -> None:
+    screen, out = console()
+    health_view.health(screen, bad_night(), as_json=True)
+    document = json.loads(out.getvalue())
+    assert document["format"] == 1
+    assert document["uncovered"] == ["arm_status/joints/elbow"]
+    assert [each["target"] for each in document["troubles"]] == ["device:usb-1", "endpoint"]
+    assert document["troubles"][1]["episode"]["outcome"] == "frozen"
+    assert document["todo"] == [{"command": "octoform confirm c3", "why": "waits for a person: the elbow is locked"}]
+    assert document["untold"][0]["lost"] == 4
+    assert document["watched"]["pid"] == myself().pid
+
+
+def test_what_devices_say_is_bounded_and_escaped() -> None:
+    hostile = "\x1b[2J" + "x" * 5000 + "\u202e"
+    trouble = Trouble(hostile, hostile, hostile, episode(target=hostile, summary=hostile), hostile, hostile)
+    parts = [Part("unit:" + hostile, Status.UNKNOWN, hostile), Part(hostile, Status.DOWN, hostile)] * 30
+    found = survey(Status.DOWN, parts, troubles=(trouble,) * 30, todo=((hostile, hostile),))
+    screen, out = console()
+    health_view.health(screen, found, as_json=False)
+    assert "\x1b" not in out.getvalue()
+    assert "\u202e" not in out.getvalue()
+    assert len(out.getvalue()) < 60_000
+    assert "and 18 more: octoform episodes" in out.getvalue()
+
+
+@pytest.mark.parametrize(
+    ("seconds", "text"),
     [
-        (True, Verdict.HEALTHY, 0),
-        (False, Verdict.HEALTHY, 1),
-        (True, Verdict.DEGRADED, 3),
-        (False, Verdict.ERROR, 4),
-        (True, Verdict.DOWN, 5),
-        (True, Verdict.UNKNOWN, 6),
+        (0.04, "0.0 s"),
+        (9.94, "9.9 s"),
+        (59, "59 s"),
+        (60, "1 min"),
+        (125, "2 min 5 s"),
+        (7500, "2 h 5 min"),
+        (90061, "1 d 1 h"),
     ],
 )
-def test_the_exit_code_is_that_of_health_and_drift_is_one(sync: bool, verdict: Verdict, code: int) -> None:
-    left, text = shown(Status("bench", sync), verdict=verdict)
-    assert left == code
-    assert text.splitlines()[0].endswith(f", {verdict}")
+def test_lengths(seconds: float, text: str) -> None:
+    assert length(seconds) == text
+
+
+def test_a_stamp_that_is_none_is_shown_as_it_is() -> None:
+    assert clock("yesterday") == "yesterday"
+
+
+def ended(number: int, seconds: float, outcome: Outcome = Outcome.REPAIRED) -> Episode:
+    spent = Spent(1, 10, 5, 0.01)
+    return episode(
+        id=f"e{number}", closed=stamp(0), closed_uptime=100.0 + seconds, outcome=outcome, spent=spent, tries=[]
+    )
+
+
+def test_episodes_are_counted_by_kind() -> None:
+    found = [ended(number, float(number)) for number in range(1, 21)]
+    found += [ended(21, 500.0, Outcome.CLEARED), episode(id="e22"), episode(id="e23", kind=Kind.DISK_FULL)]
+    screen, out = console()
+    assert incidents.listed(screen, found, (), 2, as_json=True) == 0
+    document = json.loads(out.getvalue())
+    assert [each["kind"] for each in document["kinds"]] == ["crash_loop", "disk_full"]
+    assert document["kinds"][0] == {
+        "kind": "crash_loop",
+        "count": 22,
+        "repaired": 20,
+        "cleared": 1,
+        "open": 0,
+        "frozen": 1,
+        "surfaced": 0,
+        "median_seconds": 11.0,
+        "p95_seconds": 20.0,
+        "agent_calls": 21,
+    }
+    assert [each["id"] for each in document["episodes"]] == ["e22", "e23"]
+    screen, out = console()
+    incidents.listed(screen, found, (), 2, as_json=False)
+    assert "and 21 before: octoform episodes -n 23" in out.getvalue()
+
+
+def test_uptimes_of_two_starts_of_the_machine_give_no_time() -> None:
+    found = [episode(closed=stamp(0), closed_uptime=3.0, outcome=Outcome.CLEARED)]
+    assert incidents.figures("crash_loop", found)["median_seconds"] is None
+
+
+def test_nothing_ever_went_wrong() -> None:
+    screen, out = console()
+    incidents.listed(screen, (), (), 20, as_json=False)
+    claims.listed(screen, (), everything=False, as_json=False)
+    assert out.getvalue().count("\n") == 2
+
+
+class Terminal(io.StringIO):
+    def isatty(self) -> bool:
+        return True
+
+
+@pytest.mark.parametrize("colour", [True, False])
+def test_a_terminal_breaks_between_words_whatever_is_painted(colour: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("COLUMNS", "60")
+    screen = Console(out := Terminal(), io.StringIO(), colour=colour, colour_err=False, interactive=False)
+    lead, text = f"bench: {screen.paint('DEGRADED', 'bold', 'yellow')}: ", "nothing that moves is called " * 5
+    screen.wrapped(lead, text.strip(), indent=4)
+    printed = [
+        line.replace(screen.paint("DEGRADED", "bold", "yellow"), "DEGRADED") for line in out.getvalue().splitlines()
+    ]
+    assert printed[0].startswith("bench: DEGRADED: nothing") and all(len(line) <= 60 for line in printed)
+    assert " ".join(" ".join(printed).split()) == f"bench: DEGRADED: {text.strip()}"
+    assert all(line.startswith("    nothing"[:4]) for line in printed[1:])
+
+
+LONG_LINES = (
+    "2 devices, 2 attached now, 47 skipped; -v shows reasons, evidence and serial numbers, none of them here",
+    "  help: connect a camera and run octoform apply; a tool that takes a picture answers with image content",
+    "  \x1b[36mhelp:\x1b[0m connect a camera and run octoform apply; a tool that takes a picture answers with an image",
+)
+
+
+@pytest.mark.parametrize("columns", [60, 80, 120])
+def test_no_sentence_breaks_a_word_on_a_terminal(columns: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("COLUMNS", str(columns))
+    screen = Console(out := Terminal(), err := Terminal(), colour=True, colour_err=True, interactive=False)
+    for text in LONG_LINES:
+        for write, stream in ((screen.line, out), (screen.problem, err)):
+            stream.seek(0)
+            stream.truncate()
+            write(text)
+            printed = stream.getvalue().splitlines()
+            assert all(len(line.replace("\x1b[36m", "").replace("\x1b[0m", "")) <= columns for line in printed)
+            assert " ".join(stream.getvalue().split()) == " ".join(text.split())
+            indent = "        " if "help" in text else "  "
+            assert all(line.startswith(indent) and line[len(indent)] != " " for line in printed[1:])
+    out.seek(0)
+    out.truncate()
+    source = "12 | " + "model: a-model-that-does-not-exist " * 4
+    screen.raw(copied := '{"a": "' + "word " * 40 + '"}')
+    screen.problem(source)
+    assert out.getvalue() == f"{copied}\n" and err.getvalue().endswith(f"{source}\n")
+
+
+def test_the_audit_and_the_attempts_fit_80_columns(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("COLUMNS", "80")
+    screen = Console(out := Terminal(), io.StringIO(), colour=False, colour_err=False, interactive=False)
+    made = {"seq": 4, "event": "decision", "decision": "allow", "tool": "read_network_interfaces", "caller": "local"}
+    given = {"arguments": {"device": "usb-1f00-00b1-virtio-0001"}, "client": "octoform watch 0.1.0", "pid": 1, "uid": 0}
+    days = [f"2026-11-{day}T21:32:06.4Z" for day in (25, 25, 26)]
+    audit.records(screen, [{**made, **given, "time": day} for day in days], 3, as_json=False)
+    lines = out.getvalue().splitlines()
+    assert all(len(line) <= 80 for line in lines)
+    assert [line for line in lines if line.startswith("2026")] == ["2026-11-25", "2026-11-26"]
+    assert "     4  21:32:06Z  allowed     read_network_interfaces(" in lines
+    assert lines[2].strip().startswith("device=usb-1f00-00b1-virtio-0001)")

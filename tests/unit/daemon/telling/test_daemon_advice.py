@@ -11,8 +11,8 @@ from octoform.daemon.records.breakers import Breaker
 from octoform.daemon.records.ownership import Record
 from octoform.daemon.telling.advice import advice, hint
 from octoform.state.holder import myself
-from octoform.views import keeping
-from octoform.views.console import Console
+from octoform.views.daemon import control
+from octoform.views.format.console import Console
 
 
 @pytest.mark.parametrize("kind", list(Kind))
@@ -34,7 +34,7 @@ def test_heal_tells_what_health_tells(tmp_path: Path) -> None:
     )
     told = {"hardware": advice(Kind.HARDWARE_CHANGED, "hardware")}
     known = asking.GivenUp(frozen, ("hardware", "disk"), told)
-    keeping.asked(screen, Record(myself(), "2026-11-22T03:00:00Z", 1.0, "1.0"), known, (), as_json=False)
+    control.asked(screen, Record(myself(), "2026-11-22T03:00:00Z", 1.0, "1.0"), known, (), as_json=False)
     text = out.getvalue()
     assert f"do     {told['hardware']}" in text
     assert "do     octoform heal -retry disk" in text

@@ -1,0 +1,158 @@
+"""Coverage in words: one place for what its figures mean and why a device is left out, for terminal, page and JSON."""
+
+from collections.abc import Sequence
+
+from octoform.contracts import tier
+from octoform.engine.coverage import OFFERED, Group, Share
+from octoform.engine.covering import Report, Stage
+from octoform.engine.passes import Pass, known_sum
+from octoform.views.format.table import Column
+from octoform.views.format.values import money, tokens
+from octoform.views.plan.text import counted
+
+REASONS = {
+    "bus_infrastructure": "only carries other devices",
+    "no_function": "has nothing that an agent could use",
+    "no_standard_interface": "no library or system interface reaches it",
+    OFFERED: "a profile that comes with octoform matches it",
+    "no_credentials": "wants a login that is not here",
+    "network_neighbour": "is merely near, not part of this host",
+    "duplicate_path": "is another entry of a device that is annotated",
+    "virtual": "has no hardware behind it",
+    "unknown_meaning": "its meaning is missing",
+    "not_permitted": "is not open to this user",
+    "tool_budget": "gave way to other tools",
+    "server_size": "found no room in a server that a person can read",
+    "out_of_scope": "is a part of the computer itself",
+}
+TIERS = tier.WORDS
+ENDPOINT = {"running": "the endpoint runs", "stopped": "the endpoint does not run", "absent": "no endpoint yet"}
+ONBOARDABLE = (
+    "Onboardable is what senses or acts, what is unknown, and what was left out although an agent could use it."
+)
+WITH_INFRASTRUCTURE = "Infrastructure is what was annotated as carrying others, such as disks, radios and hubs."
+BESIDE = (
+    "Neither counts what IDENTIFY left out as a carrier, without function, virtual, another path of a device, "
+    "a part of the computer itself, or a neighbour on the network."
+)
+USABLE = "Usable is a device that at least one tool serves."
+STABLE = "Compared are identity, category and capabilities of each device; a tool's name is not part of them."
+DEFINITIONS = {
+    "usable": USABLE,
+    "onboardable": ONBOARDABLE,
+    "with_infrastructure": f"{WITH_INFRASTRUCTURE} {BESIDE}",
+    "stable": STABLE,
+    "tier": "; ".join(f"{number}: {words}" for number, words in TIERS.items()),
+}
+UNKNOWN = "-"
+STAGES = (
+    Column("stage"),
+    Column("agent", most=40),
+    Column("attempts", right=True),
+    Column("retries", right=True),
+    Column("time", right=True),
+    Column("tokens in/out", right=True, goes=2),
+    Column("cost", right=True, goes=3),
+    Column("accepted", goes=1),
+)
+PASSES = (
+    Column("no", right=True),
+    Column("agent", most=28, goes=6),
+    Column("stages", right=True, goes=3),
+    Column("retries", right=True),
+    Column("time", right=True),
+    Column("enumerated", right=True),
+    Column("annotated", right=True),
+    Column("tools", right=True),
+    Column("tokens in/out", right=True, goes=2),
+    Column("cost", right=True, goes=4),
+    Column("ended", most=14, goes=5),
+    Column("began", goes=1),
+)
+
+
+def reason(code: str) -> str:
+    """Why a device is left out; a code that is not known here stands for itself."""
+    return REASONS.get(code, code.replace("_", " "))
+
+
+def platform(report: Report) -> str:
+    """``debian 12, x86_64``."""
+    told = report.platform
+    system = " ".join(word for word in (told.get("os_id") or told.get("os", ""), told.get("os_version", "")) if word)
+    return ", ".join(word for word in (system, told.get("arch", "")) if word not in ("", "unknown"))
+
+
+def percent(share: Share) -> str:
+    """``92 %``; 100 only where nothing is missing."""
+    if share.percent is None:
+        return UNKNOWN
+    return f"{int(share.percent)} %" if share.usable < share.of else "100 %"
+
+
+def figures(onboardable: Share, with_infrastructure: Share) -> tuple[tuple[str, Share], ...]:
+    """Both figures as sentences."""
+    verb = "is" if onboardable.of == 1 else "are"
+    return (
+        (f"{onboardable.usable} of {counted(onboardable.of, 'onboardable device')} {verb} usable", onboardable),
+        (f"{with_infrastructure.usable} of {with_infrastructure.of}, counting infrastructure", with_infrastructure),
+    )
+
+
+def part(group: Group) -> str:
+    """``3``, or ``2 of 3`` where some have no tool."""
+    return str(group.annotated) if group.usable == group.annotated else f"{group.usable} of {group.annotated}"
+
+
+def seconds(value: float) -> str:
+    """``0.4 s``, ``268 s``."""
+    return f"{value:.1f} s" if value < 100 else f"{value:.0f} s"
+
+
+def stage_row(item: Stage) -> tuple[str, ...]:
+    """The cells of `STAGES`."""
+    spent = (_tokens(item.input_tokens, item.output_tokens), _cost(item.cost_usd))
+    tries = (str(item.attempts), str(max(0, item.attempts - 1)), seconds(item.seconds))
+    return (item.name, item.agent, *tries, *spent, _moment(item.accepted_at))
+
+
+def all_stages(items: Sequence[Stage]) -> tuple[str, ...]:
+    """The row below them: their sums."""
+    given, made = (known_sum(getattr(item, name) for item in items) for name in ("input_tokens", "output_tokens"))
+    spent = (_tokens(given, made), _cost(known_sum(item.cost_usd for item in items)))
+    tries = (sum(item.attempts for item in items), sum(max(0, item.attempts - 1) for item in items))
+    return ("all", "", *map(str, tries), seconds(sum(item.seconds for item in items)), *spent, "")
+
+
+def pass_row(item: Pass) -> tuple[str, ...]:
+    """The cells of `PASSES`."""
+    counts = (UNKNOWN if count is None else str(count) for count in (item.enumerated, item.annotated, item.tools))
+    spent = (_tokens(item.input_tokens, item.output_tokens), _cost(item.cost_usd))
+    tries = (str(len(item.stages)), str(item.retries), seconds(item.seconds))
+    head = (str(item.number), "; ".join(item.agents))
+    return (*head, *tries, *counts, *spent, item.ended, _moment(item.began))
+
+
+def said(words: Sequence[tuple[str, int]]) -> str:
+    """``"a camera" in 2 runs, "a lamp" in 1``."""
+    first, *rest = words
+    return ", ".join([f'"{first[0]}" in {counted(first[1], "run")}', *(f'"{word}" in {count}' for word, count in rest)])
+
+
+def agents(told: Sequence[tuple[str, int]]) -> str:
+    """``builtin``, or each with its number of runs where several were at work."""
+    return told[0][0] if len(told) == 1 else ", ".join(f"{name} {count}" for name, count in told)
+
+
+def _tokens(given: int | None, made: int | None) -> str:
+    if given is None and made is None:
+        return UNKNOWN
+    return "/".join(UNKNOWN if count is None else tokens(count) for count in (given, made))
+
+
+def _cost(value: float | None) -> str:
+    return UNKNOWN if value is None else money(value)
+
+
+def _moment(stamp: str) -> str:
+    return stamp.replace("T", " ").removesuffix("Z")[:16]

@@ -1,0 +1,1 @@
+"""The daemon: status, health, incidents, claims, what it does and what a person tells it."""

@@ -1,0 +1,232 @@
+"""What the daemon does, as it does it: on a terminal one line for each event, elsewhere one JSON object a line.
+
+Light: it is loaded in the daemon's own process and stays there.
+"""
+
+from collections.abc import Iterator
+from contextlib import suppress
+from typing import Any
+
+from octoform.daemon.loop.supervisor import Round
+from octoform.daemon.model import Outcome, Status
+from octoform.daemon.records.episodes import Episode, Try
+from octoform.daemon.records.episodes import to_json as episode_json
+from octoform.diagnostics import Diagnostic
+from octoform.views.format.console import Console
+from octoform.views.format.stream import JsonStream
+from octoform.views.format.values import clock, length, one_line
+from octoform.views.plan.text import counted
+
+EXIT = {Status.HEALTHY: 0, Status.DEGRADED: 3, Status.ERROR: 4, Status.DOWN: 5, Status.UNKNOWN: 6}
+"""How a command leaves that tells how the deployment is; 1 and 2 mean other things."""
+STYLES = {
+    Status.HEALTHY: "green",
+    Status.DEGRADED: "yellow",
+    Status.ERROR: "red",
+    Status.DOWN: "red",
+    Status.UNKNOWN: "yellow",
+}
+Style = tuple[str, ...]
+_STANDING = (Outcome.FROZEN, Outcome.SURFACED)
+
+
+class Standing:
+    """Which troubles wait for a person, told once each time that they begin to."""
+
+    def __init__(self) -> None:
+        self._told: set[str] = set()
+        self._known: dict[str, Episode] = {}
+
+    def fresh(self, made: Round) -> list[Episode]:
+        """Those that are given up, or that nothing repairs, since the round before."""
+        for each in (*made.opened, *(episode for episode, _ in made.tried), *made.ended):
+            self._known[each.key] = each
+        for each in made.ended:
+            self._known.pop(each.key, None)
+        now = {key: each for key, each in self._known.items() if each.outcome in _STANDING}
+        new = [each for key, each in now.items() if key not in self._told]
+        self._told = set(now)
+        return new
+
+
+def named(target: str, sentence: str) -> str:
+    """``target: sentence``; the sentence alone where it says whom it concerns."""
+    name = target.partition(":")[2] or target
+    return sentence if name in sentence else f"{target}: {sentence}"
+
+
+def seconds_of(episode: Episode) -> float | None:
+    """From its first sign to its end; None while it lasts, and where a restart of the machine lies between."""
+    if episode.closed_uptime is None or episode.closed_uptime < episode.opened_uptime:
+        return None
+    return episode.closed_uptime - episode.opened_uptime
+
+
+class Lines:
+    """The events for a person, and below them a line that says how it is."""
+
+    def __init__(self, console: Console) -> None:
+        self._console = console
+        self._standing = Standing()
+        self._status = ""
+        self._paused: str | None = None
+        self._gone = False
+
+    def __call__(self, made: Round) -> None:
+        """Show one round; nothing any more once the terminal was closed, which ends the daemon in order (SIGHUP)."""
+        if self._gone:
+            return
+        try:
+            self._show(made)
+        except BrokenPipeError:
+            raise
+        except OSError:
+            self._gone = True
+
+    def _show(self, made: Round) -> None:
+        self._wipe()
+        stamp = clock(made.facts.stamp)
+        for target, style, words, colour in self._events(made):
+            target = one_line(target, self._console.width // 2)
+            head = f"{self._console.paint(stamp, 'dim')}  {self._console.paint(target, *style)}"
+            room = self._console.width - len(stamp) - len(target) - 4
+            self._console.line(f"{head}  {self._console.paint(one_line(words, room), *colour)}")
+        self._draw(made)
+
+    def end(self) -> None:
+        """Leave the terminal as it was."""
+        with suppress(OSError):  # it may have been closed
+            self._wipe()
+
+    def _events(self, made: Round) -> Iterator[tuple[str, Style, str, Style]]:
+        """What it is about and how it looks, what is said of it and how that looks."""
+        for problem in made.problems:
+            yield "octoform", (), _problem(problem), ("yellow",)
+        if made.paused != self._paused:
+            self._paused = made.paused
+            words = "repairs go on" if made.paused is None else "repairs are paused: octoform resume lets them go on"
+            yield "octoform", (), words, ()
+        for episode in made.opened:
+            yield episode.target, (STYLES[episode.status],), episode.summary, ()
+        for episode, tried in made.tried:  # before what was begun because of it
+            word = f"{tried.repair} {'done' if tried.ok else 'failed'} in {length(tried.seconds)}"
+            yield episode.target, (), f"{word}{f': {tried.detail}' if tried.detail else ''}", _colour(tried)
+        for target, repair in _under_way(made):
+            yield target, (), f"{repair} ...", ("dim",)
+        for episode in made.ended:
+            took = seconds_of(episode)
+            word = "repaired" if episode.outcome is Outcome.REPAIRED else "over by itself"
+            yield episode.target, (), f"{word}{f' after {length(took)}' if took is not None else ''}", ("green",)
+        for episode in self._standing.fresh(made):
+            yield episode.target, (), _needed(episode), ("red",)
+
+    def _draw(self, made: Round) -> None:
+        """The quiet line; it is drawn again only when something is written above it or it says something new."""
+        if made.health is None or not self._console.out.isatty():
+            return
+        health = made.health
+        word = self._console.paint(str(health.status), STYLES[health.status])
+        paused = ", repairs paused" if made.paused is not None else ""
+        wrong = f", {len(health.parts)} not well" if health.parts else ""
+        read = counted(health.covered, "signal") if health.status is not Status.DOWN else "no signal is read"
+        rest = f"{read}{wrong}{paused}, last round {clock(made.facts.stamp)}"
+        self._status = f"{one_line(health.host, 40)}: {word}  {rest}  (Ctrl-C ends)"
+        self._console.out.write(self._status[: self._console.width + (len(word) - len(str(health.status)))])
+        self._console.out.flush()
+
+    def _wipe(self) -> None:
+        if self._status:
+            self._console.out.write("\r\x1b[K")
+            self._console.out.flush()
+            self._status = ""
+
+
+class Objects:
+    """The events as JSON lines; see docs/daemon.md for their types."""
+
+    def __init__(self, console: Console) -> None:
+        self._stream = JsonStream(console)
+        self._standing = Standing()
+        self._health: tuple[object, ...] | None = None
+        self._paused: str | None = None
+
+    def __call__(self, made: Round) -> None:
+        """Show one round; a round in which nothing happened shows nothing."""
+        emit = self._stream.emit
+        self._stream.diagnostics(made.problems)
+        if made.paused != self._paused:
+            self._paused = made.paused
+            emit(
+                "paused" if made.paused is not None else "resumed",
+                "repairs are paused" if made.paused is not None else "repairs go on",
+            )
+        for episode in made.opened:
+            emit("noticed", named(episode.target, episode.summary), level="warn", episode=episode_json(episode))
+        for episode, tried in made.tried:  # before what was begun because of it
+            emit("repair_end", f"{episode.target}: {tried.repair}", **_tried(episode, tried))
+        for target, repair in _under_way(made):
+            emit("repair_start", f"{target}: {repair}", target=target, repair=repair)
+        for episode in made.ended:
+            emit(
+                "over",
+                f"{episode.target}: {episode.outcome}",
+                episode=episode_json(episode),
+                seconds=seconds_of(episode),
+            )
+        for episode in self._standing.fresh(made):
+            text = f"{episode.target}: {episode.outcome}"
+            emit("needs_person", text, level="error", episode=episode_json(episode), hint=episode.hint)
+        self._tell_health(made)
+
+    def end(self) -> None:
+        """Nothing is left to be said."""
+
+    def _tell_health(self, made: Round) -> None:
+        health = made.health
+        if health is None:
+            return
+        said = (health.status, health.parts, health.uncovered, health.claims, health.pending)
+        if said != self._health:
+            self._health = said
+            self._stream.emit("health", f"{health.host}: {health.status}", health=health.as_json())
+
+
+class Silence:
+    """Nothing, for a command that prints one document at its end."""
+
+    def __call__(self, _made: Round) -> None:
+        """Show nothing."""
+
+    def end(self) -> None:
+        """There is nothing to clear away."""
+
+
+def _tried(episode: Episode, tried: Try) -> dict[str, Any]:
+    return {
+        "episode": episode.id,
+        "target": episode.target,
+        "repair": tried.repair,
+        "ok": tried.ok,
+        "detail": tried.detail,
+        "seconds": tried.seconds,
+    }
+
+
+def _under_way(made: Round) -> list[tuple[str, str]]:
+    """(target, repair) of what was begun and has not ended in the same round."""
+    over = {(episode.target, tried.repair) for episode, tried in made.tried}
+    begun = [(each.finding.target, str(each.repair)) for each in made.begun if each.finding and each.repair]
+    return [each for each in begun if each not in over]
+
+
+def _needed(episode: Episode) -> str:
+    """Why, and where the whole of it is told: a line of events is no place for a command that is cut."""
+    return f"needs a person (octoform health): {episode.hint.partition('; ')[0] or episode.summary}"
+
+
+def _colour(tried: Try) -> Style:
+    return () if tried.ok else ("yellow",)
+
+
+def _problem(item: Diagnostic) -> str:
+    return one_line(f"{item.summary}{f' ({item.path})' if item.path else ''}", 160)

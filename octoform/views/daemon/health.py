@@ -1,0 +1,235 @@
+"""How a deployment is, for a person who was woken by it: one line that says it, then what is wrong and what to do.
+
+What is said of each trouble stands always in the same order: what, since when, what was tried, why nothing is tried
+now, and the command that helps.
+"""
+
+import json
+from collections.abc import Iterator, Sequence
+from dataclasses import asdict
+from datetime import UTC, datetime
+from textwrap import wrap
+from typing import Any
+
+from octoform.daemon.health import ORDER, Health, Part
+from octoform.daemon.model import Outcome, Repair, Status
+from octoform.daemon.records.episodes import to_json as episode_json
+from octoform.daemon.surveying import Survey, Trouble
+from octoform.daemon.telling.notifying import Failing
+from octoform.diagnostics import to_json
+from octoform.escaping import escaped_json
+from octoform.views.daemon.event_log import EXIT, named
+from octoform.views.format import problems
+from octoform.views.format.console import Console
+from octoform.views.format.values import ago, clock, length, one_line
+from octoform.views.plan.text import counted
+
+STYLES = {
+    Status.HEALTHY: ("green",),
+    Status.DEGRADED: ("yellow",),
+    Status.ERROR: ("red",),
+    Status.DOWN: ("red", "bold"),
+    Status.UNKNOWN: ("yellow",),
+}
+LONGEST = 110
+"""Columns that a person reads in one go, however wide the terminal is."""
+MOST_CHARACTERS = 400
+"""Of what one trouble says about one thing."""
+MOST = 12
+"""Troubles, and silent signals, that are shown; the rest is counted."""
+
+
+def health(console: Console, found: Survey, *, as_json: bool, now: datetime | None = None) -> int:
+    """The exit code says it too: `EXIT`. ``now`` is what times are counted from."""
+    if as_json:
+        console.raw(escaped_json(json.dumps(document(found), ensure_ascii=False, indent=2)))
+        return EXIT[found.health.status]
+    now = now or datetime.now(UTC)
+    problems.show(console, found.said)
+    _first(console, found, now)
+    troubles = sorted(found.troubles, key=_rank)
+    for trouble in troubles[:MOST]:
+        console.line()
+        for line in _trouble(console, trouble, now):
+            console.line(line)
+    if len(troubles) > MOST:
+        console.line(f"\n  and {len(troubles) - MOST} more: octoform episodes")
+    for block in (_beside(console, found), _silent(console, found), _todo(console, found)):
+        lines = list(block)
+        if lines:
+            console.line()
+            for line in lines:
+                console.line(line)
+    console.line()
+    for line in _basis(console, found, now):
+        console.line(console.paint(line, "dim"))
+    return EXIT[found.health.status]
+
+
+def document(found: Survey) -> dict[str, Any]:
+    """All of it as data; the format of ``octoform health -json``."""
+    watched = found.watched
+    return {
+        **found.health.as_json(),
+        "looked": found.looked,
+        "age_seconds": round(found.age, 1),
+        "watched": None
+        if watched is None
+        else {"pid": watched.process.pid, "since": watched.since, "octoform": watched.version},
+        "paused": found.paused,
+        "troubles": [
+            {
+                "target": each.target,
+                "summary": each.summary,
+                "since": each.since,
+                "waits": each.waits,
+                "do": each.do,
+                "episode": episode_json(each.episode) if each.episode is not None and each.episode.id else None,
+            }
+            for each in found.troubles
+        ],
+        "todo": [{"command": command, "why": why} for command, why in found.todo],
+        "untold": [asdict(each) for each in found.untold],
+        "diagnostics": [to_json(problems.near(item)) for item in found.said],
+    }
+
+
+def _first(console: Console, found: Survey, now: datetime) -> None:
+    """The line that has to be enough: the host, one word, since when, and the first reason."""
+    status = found.health.status
+    word = console.paint(str(status).upper() if status is not Status.HEALTHY else "healthy", *STYLES[status])
+    worst = _worst(found)
+    trouble = next((each for each in found.troubles if worst is not None and each.target == worst.target), None)
+    if worst is None:
+        return console.line(f"{found.health.host}: {word}")
+    since = _since(trouble.since if trouble is not None else None, now)
+    lead = f"{found.health.host}: {word}{f' {since}' if since else ''}: "
+    return console.wrapped(lead, one_line(_what(worst), MOST_CHARACTERS), indent=4)
+
+
+def _worst(found: Survey) -> Part | None:
+    """What the first line tells."""
+    return next((part for part in found.health.parts if part.status is found.health.status), None)
+
+
+def _what(part: Part) -> str:
+    """What is wrong, with its name where the sentence does not have it."""
+    return named(part.target, part.why)
+
+
+def _rank(trouble: Trouble) -> tuple[int, bool, str]:
+    """The worst first, of these what waits for a person."""
+    episode = trouble.episode
+    if episode is None:
+        return 0, True, ""
+    return -ORDER.index(episode.status), episode.outcome is Outcome.OPEN, trouble.since or ""
+
+
+def _wrapped(console: Console, head: str, text: str) -> Iterator[str]:
+    """A text behind a head that is indented; foreign text, so it is bounded."""
+    width = min(LONGEST, console.width)
+    lines = wrap(one_line(text, MOST_CHARACTERS), max(30, width - len(head)), break_on_hyphens=False) or [""]
+    yield f"{head}{lines[0]}"
+    yield from (f"{' ' * len(head)}{line}" for line in lines[1:])
+
+
+def _since(stamp: str | None, now: datetime) -> str:
+    if not stamp:
+        return ""
+    passed = ago(stamp, now)
+    return f"since {clock(stamp, now)}{f' ({passed})' if passed else ''}"
+
+
+def _trouble(console: Console, trouble: Trouble, now: datetime) -> Iterator[str]:
+    episode = trouble.episode
+    style = STYLES[episode.status] if episode is not None else ("yellow",)
+    yield f"  {console.paint(one_line(trouble.target, 100), *style)}"
+    yield from _wrapped(console, "    ", trouble.summary)
+    if trouble.since:
+        yield f"    since  {_since(trouble.since, now).removeprefix('since ')}"
+    if episode is not None and episode.tries:
+        yield from _wrapped(console, "    tried  ", _tried(trouble, now))
+    if trouble.waits:
+        yield from _wrapped(console, "    now    ", trouble.waits)
+    if trouble.do:  # a command is not broken: it is copied
+        yield f"    do     {console.paint(one_line(trouble.do, MOST_CHARACTERS), 'bold')}"
+
+
+def _tried(trouble: Trouble, now: datetime) -> str:
+    """``restart 3 times, rebuild; the last one 2 min ago failed: no such file``."""
+    tries = trouble.episode.tries if trouble.episode is not None else []
+    counts: dict[str, int] = {}
+    for each in tries:
+        counts[each.repair] = counts.get(each.repair, 0) + 1
+    names = ", ".join(name if count == 1 else f"{name} {count} times" for name, count in counts.items())
+    last = tries[-1]
+    passed = ago(last.at, now)
+    how = "failed" if not last.ok else "said" if last.repair == Repair.WATCH else "said it was done"
+    return f"{names}; the last one{f' {passed} ago' if passed else ''} {how}{f': {last.detail}' if last.detail else ''}"
+
+
+def _beside(console: Console, found: Survey) -> Iterator[str]:
+    """What is not healthy and is no trouble of its own: a device that is not there, a claim, a person's stop."""
+    told = {each.target for each in found.troubles}
+    parts = [each for each in found.health.parts if each is not _worst(found)]
+    shown = [each for each in parts if each.target not in told and not each.target.startswith("unit:")]
+    for part in shown[:MOST]:
+        yield from _wrapped(console, "  ", _what(part))
+    if len(shown) > MOST:
+        yield f"  and {len(shown) - MOST} more: octoform health -json"
+
+
+def _silent(console: Console, found: Survey) -> Iterator[str]:
+    """What cannot report, with the reason where there is one."""
+    names = found.health.uncovered
+    if not names:
+        return
+    why = {part.target.removeprefix("unit:"): part.why for part in found.health.parts}
+    yield f"  cannot report ({len(names)}), so nothing is known of it:"
+    for name in names[:MOST]:
+        reason = why.get(name, "").removeprefix("does not report: ")
+        yield from _wrapped(console, f"    {one_line(name, 60)}  ", reason)
+    if len(names) > MOST:
+        yield f"    and {len(names) - MOST} more: octoform health -json"
+
+
+def _todo(console: Console, found: Survey) -> Iterator[str]:
+    """What waits for a person and belongs to no trouble."""
+    todo = [(one_line(command, LONGEST), why) for command, why in found.todo]
+    width = max((len(command) for command, _ in todo), default=0)
+    for command, why in todo:
+        yield f"  {console.paint(command.ljust(width), 'bold')}  {one_line(why, LONGEST)}"
+
+
+def _basis(console: Console, found: Survey, now: datetime) -> Iterator[str]:
+    """What all of this rests on: who looked, when, and how much reports."""
+    claims = f"; claims in force: {_names(found.health.claims)} (octoform claims)" if found.health.claims else ""
+    yield f"  {_reporting(found.health)}{claims}"
+    if found.watched is None:
+        yield "  looked at just now by this command"
+    elif found.looked:
+        yield f"  looked at just now by this command: the daemon (process {found.watched.process.pid}) is behind"
+    else:
+        since = clock(found.watched.since, now)
+        yield f"  watched by process {found.watched.process.pid} since {since}; last look {length(found.age)} ago"
+    for each in found.untold:
+        yield from _wrapped(console, "  ", _untold(each, now))
+
+
+def _untold(each: Failing, now: datetime) -> str:
+    """A way of telling that fails."""
+    lost = counted(each.lost, "message")
+    return f"nobody was told by the {each.way} since {clock(each.since, now)} ({lost} lost): {each.why}"
+
+
+def _reporting(health: Health) -> str:
+    """How many signals are read; that there is none is no fault, but a person should know what is not looked at."""
+    if health.status is Status.DOWN:
+        return "no signal is read while the endpoint is down"
+    if not health.covered and not health.uncovered:
+        return "no signal is read: process, files and devices are looked at"
+    return f"{counted(health.covered, 'signal')} {'reports' if health.covered == 1 else 'report'}"
+
+
+def _names(names: Sequence[str]) -> str:
+    return ", ".join(names[:5]) + (f" and {len(names) - 5} more" if len(names) > 5 else "")

@@ -1,0 +1,130 @@
+"""Status for a person and for a program: both axes with their reasons, and what the process says of itself."""
+
+import json
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import asdict
+from typing import Any
+
+from octoform.daemon.records.ownership import Record
+from octoform.daemon.surveying import Survey
+from octoform.engine.health import Process, Status
+from octoform.escaping import escaped_json
+from octoform.views.daemon.event_log import EXIT, STYLES, named
+from octoform.views.format.console import Console
+from octoform.views.format.values import one_line
+from octoform.views.plan import text as plan_text
+
+WIDTH = 150
+_MODES = {
+    "shadow": "the policy only watches (mode shadow): nothing is refused",
+    "dry_run": "what would move is a dry run (mode dry_run): only readings are done",
+}
+
+
+def status(console: Console, found: Status, surveyed: Survey, *, as_json: bool) -> int:
+    """Exit code 0 only for in sync and healthy; that of ``health`` where it is not healthy, else 1."""
+    verdict, watched = surveyed.health.status, surveyed.watched
+    code = EXIT[verdict] or (0 if found.sync else 1)
+    reasons = _reasons(found, surveyed)
+    if as_json:
+        document = {**_document(found, surveyed, reasons), "watched": None if watched is None else watched.process.pid}
+        console.raw(escaped_json(json.dumps(document, ensure_ascii=False, indent=2)))
+        return code
+    sync = console.paint("in sync", "green") if found.sync else console.paint("out of sync", "yellow")
+    console.line(f"host {found.host}: {sync}, {console.paint(str(verdict), STYLES[verdict])}")
+    if found.plan is not None and not found.sync:
+        console.line(f"  {plan_text.summary(found.plan).splitlines()[0]}  (octoform plan tells why)")
+    for reason in reasons:
+        console.wrapped("  ", one_line(reason, WIDTH), indent=4)
+    if found.tools:
+        console.line(f"  the endpoint answers with {plan_text.counted(len(found.tools), 'tool')}")
+    for line in _process(found.process):
+        console.wrapped("  ", one_line(line, WIDTH), indent=4)
+    if found.process.running is not None or watched is not None:
+        console.wrapped("  ", one_line(_watched(watched), WIDTH), indent=4)
+    for host in found.others:
+        told = f"the endpoint of {host}, which octopus.yaml does not name, runs: octoform stop {host} ends it"
+        console.wrapped("  ", told, indent=4)
+    if found.process.estop is not None:
+        told = console.paint("emergency stop", "red")
+        console.wrapped(f"  {told} ", one_line(_estop(found.process.estop), WIDTH), indent=4)
+    return code
+
+
+def _reasons(found: Status, surveyed: Survey) -> tuple[str, ...]:
+    """What is not as apply left it, then what the verdict rests on, each once."""
+    parts = (each for each in surveyed.health.parts if not each.target.startswith("unit:"))
+    told = [named(each.target, each.why) for each in parts]
+    silent = len(surveyed.health.uncovered)
+    counted = [f"{plan_text.counted(silent, 'signal')} cannot report: octoform health names them"] if silent else []
+    return tuple(dict.fromkeys((*found.reasons, *told, *counted)))
+
+
+def _document(found: Status, surveyed: Survey, reasons: Sequence[str]) -> dict[str, Any]:
+    process = found.process
+    return {
+        "format": 1,
+        "host": found.host,
+        "in_sync": found.sync,
+        "health": str(surveyed.health.status),
+        "reasons": list(reasons),
+        "tools": list(found.tools),
+        "running": process.running is not None,
+        "process": None if process.running is None else {**asdict(process.running), **(process.told or {})},
+        "estop": process.estop,
+        "tokens": process.tokens,
+        "others": list(found.others),
+    }
+
+
+def _watched(daemon: Record | None) -> str:
+    if daemon is None:
+        return "nobody watches it: octoform watch keeps it alive"
+    return f"a daemon watches it: process {daemon.process.pid} since {daemon.since}; octoform health tells what it sees"
+
+
+def _process(process: Process) -> Iterator[str]:
+    """What there is to tell of the process; members of its answer that this octoform does not know are left out."""
+    running, told = process.running, process.told or {}
+    if running is None:
+        return
+    clients = told.get("clients")
+    count = f", {plan_text.counted(clients, 'local client')}" if isinstance(clients, int) else ""
+    yield f"process {running.pid} since {running.since}, scope {running.scope}{count}"
+    if running.url:
+        yield f"at {running.url}, open to {plan_text.counted(process.tokens, 'token')}"
+    if isinstance(told.get("tunnel"), Mapping):
+        yield _tunnel(told["tunnel"])
+    gate = told.get("gate")
+    if isinstance(gate, Mapping):
+        yield from _gate(gate)
+
+
+def _gate(gate: Mapping[str, Any]) -> Iterator[str]:
+    if gate.get("mode") in _MODES:
+        yield _MODES[gate["mode"]]
+    for stuck in gate.get("stuck") or ():
+        yield _stuck(stuck)
+    if gate.get("approvals"):
+        yield f"{plan_text.counted(int(gate['approvals']), 'call')} waiting for an approval"
+    if gate.get("audit"):
+        yield f"the audit log cannot be written: {gate['audit']}"
+
+
+def _stuck(call: Mapping[str, Any]) -> str:
+    buses = f", which keeps {', '.join(call['buses'])}" if call.get("buses") else ""
+    return f"stuck: {call.get('tool')} for {call.get('seconds')} s{buses} (octoform restart ends it)"
+
+
+def _tunnel(tunnel: Mapping[str, Any]) -> str:
+    state = tunnel.get("state")
+    if state == "running":
+        return f"tunnel: {tunnel.get('url')} since {tunnel.get('since')}"
+    reason = tunnel.get("reason")
+    return f"tunnel: {state}{f' ({reason})' if reason else ''}"
+
+
+def _estop(estop: Mapping[str, Any]) -> str:
+    reason = f": {estop['reason']}" if estop.get("reason") else ""
+    since = f" at {estop['since']}" if estop.get("since") else ""
+    return f"latched by {estop.get('by')}{since}{reason} (octoform estop -clear opens it)"

@@ -1,0 +1,1 @@
+"""The live endpoint: tools, calls, clients, tokens, safety, its process and its logs."""

@@ -1,0 +1,158 @@
+"""Emergency stop, limits and the verdict on the audit log for a person and for a program."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict
+from typing import Any
+
+from octoform.diagnostics import Diagnostic, to_json
+from octoform.endpoint.auditing import Checked
+from octoform.endpoint.estop import Estop
+from octoform.endpoint.limiting import Limited, Limits
+from octoform.views.format import problems
+from octoform.views.format.console import Console
+from octoform.views.format.output import document
+from octoform.views.format.values import escape
+
+
+def stopped(console: Console, done: Sequence[Estop], found: Sequence[Diagnostic], *, as_json: bool) -> int:
+    """What the emergency stop did; exit code 0 only when all of it was done, everywhere."""
+    ok = not found and all(item.ok for item in done)
+    if as_json:
+        _document(console, done, found, ok=ok)
+        return 0 if ok else 1
+    for item in done:
+        _stopped(console, item)
+    problems.show(console, found)
+    return 0 if ok else 1
+
+
+def _stopped(console: Console, done: Estop) -> None:
+    head = f"{done.host}: {_held(done)}"
+    if not done.latched:
+        console.problem(console.paint(head, "red"))
+    else:
+        console.line(console.paint(head, "bold"))
+        console.line(f"  latched by {_by(done)}")
+    if done.direct:
+        tried = "did" if done.latched else "tried"
+        console.line(f"  no process of the endpoint answered, so octoform {tried} it itself")
+    if not done.stopped:
+        console.line("  no profile names a stop action: nothing was sent to any device")
+    for action in done.stopped:
+        mark = console.paint("done", "green") if action.ok else console.paint("FAILED", "red")
+        console.line(f"  {mark}  {escape(action.device)}: {escape(action.detail)} ({action.ms:.0f} ms)")
+    for text in done.problems:
+        console.problem(f"  {escape(text)}")
+    if done.latched:
+        console.line("  octoform estop -clear lets actuators be called again")
+
+
+def _held(done: Estop) -> str:
+    """How far the stop holds: for good, until the process ends, or not at all."""
+    if not done.latched:
+        return "NOT latched. Actuators can be called, now or once the endpoint runs."
+    if not done.lasting:
+        return "stopped while its process runs; NOT latched beyond that. Actuators can be called once it is restarted."
+    return "stopped. Nothing that moves is called until it is cleared."
+
+
+def cleared(console: Console, done: Sequence[Estop], found: Sequence[Diagnostic], *, as_json: bool) -> int:
+    """Who had latched it and when; exit code 0 when all are open."""
+    ok = not found and all(item.ok for item in done)
+    if as_json:
+        _document(console, done, found, ok=ok)
+        return 0 if ok else 1
+    for item in done:
+        if item.by is None and not item.latched:
+            console.line(f"{item.host}: was not latched.")
+        else:
+            state = "still latched" if item.latched else "cleared, actuators can be called again"
+            console.line(f"{item.host}: {state}. It was latched by {_by(item)}")
+        for text in item.problems:
+            console.problem(f"  {escape(text)}")
+    problems.show(console, found)
+    return 0 if ok else 1
+
+
+def _document(console: Console, done: Sequence[Estop], found: Sequence[Diagnostic], *, ok: bool) -> None:
+    listed = {"endpoints": [asdict(one) for one in done], "diagnostics": [to_json(item) for item in found]}
+    document(console, {"format": 1, "ok": ok, **listed})
+
+
+def _by(done: Estop) -> str:
+    reason = f": {escape(done.reason)}" if done.reason else ", who gave no reason"
+    return f"{escape(done.by or 'somebody')} at {escape(done.since or 'an unknown time')}{reason}"
+
+
+def checked(console: Console, found: Checked, faults: Sequence[Diagnostic], *, as_json: bool) -> int:
+    """The verdict; exit code 1 when something was done to the log."""
+    if as_json:
+        facts = {**asdict(found), "file": str(found.file)}
+        document(console, {"format": 1, **facts, "diagnostics": [to_json(item) for item in faults]})
+        return 0 if found.ok else 1
+    if found.ok:
+        console.line(console.paint(f"The audit log is as it was written: {found.records} records.", "green"))
+        console.line(f"  the last one is number {found.seq}, hash {found.hash}")
+        if found.note:
+            console.line(f"  {escape(found.note)}")
+    return problems.show(console, faults)
+
+
+def limits(console: Console, found: Limits, *, as_json: bool) -> int:
+    """Tool by tool; exit code 1 when counters are damaged, or a device is outside of a range."""
+    damaged = any(tool.damaged or tool.outside for tool in found.tools)
+    if as_json:
+        document(console, {"format": 1, **asdict(found)})
+        return 1 if damaged else 0
+    if found.mode != "enforce":
+        how = "told and not enforced" if found.mode == "shadow" else "judged, and no call reaches a device"
+        console.line(console.paint(f"mode {found.mode}: limits are {how}", "yellow"))
+    for tool in found.tools:
+        console.line(f"{console.paint(tool.tool, 'bold')}  {tool.effect}, {tool.decision}  ({escape(tool.source)})")
+        for limit in tool.limits:
+            console.line(f"    {escape(_limit(limit, tool))}  ({escape(str(limit['source']))})")
+        if tool.unreported:
+            console.line(
+                "    unknown: its results do not say where the device is afterwards, so no range is held against that"
+            )
+        for unit, text in tool.outside.items():
+            told = f"the device reported {unit} {text}; nothing moves it until octoform limits -reset {tool.tool}"
+            console.line(f"    {console.paint(escape(told), 'red')}")
+        if tool.damaged:
+            text = f"what was counted is lost; the tool is refused until octoform limits -reset {tool.tool}"
+            console.line(f"    {console.paint(text, 'red')}")
+    return 1 if damaged else 0
+
+
+def _limit(limit: Mapping[str, Any], tool: Limited) -> str:
+    """A limit in words, with what is used of it."""
+    kind, name = limit["kind"], str(limit.get("parameter"))
+    unit = f" {limit['unit']}" if limit.get("unit") else ""
+    if kind in ("range", "goal"):
+        name = name if kind == "range" else f"the goal of {limit['of']}"
+        low, high = limit.get("minimum"), limit.get("maximum")
+        ends = f"at most {high}" if low is None else f"at least {low}" if high is None else f"{low} to {high}"
+        return f"{name}: {ends}{unit}"
+    if kind == "step":
+        last = f"; the last one was {tool.last[name]}{unit}" if name in tool.last else ""
+        return f"{name}: changed by {limit['most']}{unit} at most{last}"
+    if kind == "cumulative":
+        since = f" since {limit['zero']}" if limit.get("zero") else ""
+        used = tool.sums.get(f"{name}{since}", 0)
+        return f"{name}: sum of all calls{since} {limit['most']}{unit} at most; it is {used}{unit}"
+    if kind == "rate":
+        recent = sum(1 for age in tool.calls if age < limit["seconds"])
+        return f"{limit['calls']} calls in {limit['seconds']:g} s; {recent} used"
+    if kind == "cooldown":
+        wait = limit["seconds"] - min(tool.calls, default=limit["seconds"])
+        return f"{limit['seconds']:g} s between two calls" + (f"; the next in {wait:.1f} s" if wait > 0 else "")
+    return f"not from {limit['from']} to {limit['to']}"
+
+
+def reset(console: Console, tool: str, *, as_json: bool) -> int:
+    """What was counted is forgotten."""
+    if as_json:
+        return document(console, {"format": 1, "reset": tool})
+    what = "all tools" if tool == "all" else escape(tool)
+    console.line(f"What was counted for {what} is forgotten: sums, last values and times of calls begin anew.")
+    return 0

@@ -1,0 +1,1 @@
+"""What all views print with: the console, problems, tables, streams, and how values are written."""

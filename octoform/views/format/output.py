@@ -1,0 +1,67 @@
+"""Plain results: validation, schema, pages of codes, texts."""
+
+import json
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+
+from octoform.diagnostics import Diagnostic, has_errors, to_json
+from octoform.escaping import escaped_json
+from octoform.views.format import problems
+from octoform.views.format.console import Console
+from octoform.views.format.diagnostics import summary
+
+
+def validation(console: Console, found: Sequence[Diagnostic], *, as_json: bool) -> int:
+    """All diagnostics and whether the project is valid; exit code 1 when it is not."""
+    errors = sum(1 for item in found if item.severity == "error")
+    if as_json:
+        document = {
+            "format": 1,
+            "valid": errors == 0,
+            "error_count": errors,
+            "warning_count": len(found) - errors,
+            "diagnostics": [to_json(problems.near(item)) for item in found],
+        }
+        console.raw(escaped_json(json.dumps(document, ensure_ascii=False, indent=2)))
+    else:
+        problems.show(console, found)
+        if errors:
+            console.problem(summary(found))
+        else:
+            console.line(console.paint("Success! The configuration is valid.", "green"))
+    return 1 if has_errors(found) else 0
+
+
+def document(console: Console, value: Mapping[str, object]) -> int:
+    """A JSON document on standard output."""
+    console.raw(escaped_json(json.dumps(value, ensure_ascii=False, indent=2)))
+    return 0
+
+
+def plain(console: Console, text: str) -> int:
+    """A text as it is."""
+    console.out.write(text)
+    return 0
+
+
+def page(console: Console, code: str, text: str, *, as_json: bool) -> int:
+    """The page of a code."""
+    return document(console, {"format": 1, "code": code, "page": text}) if as_json else plain(console, text)
+
+
+def codes(console: Console, names: Iterable[str], *, as_json: bool) -> int:
+    """All codes, one a line."""
+    names = sorted(names)
+    if as_json:
+        return document(console, {"format": 1, "codes": names})
+    for name in names:
+        console.line(name)
+    return 0
+
+
+def started(console: Console, path: Path, *, as_json: bool) -> int:
+    """A new manifest was written."""
+    if as_json:
+        return document(console, {"format": 1, "written": str(path)})
+    console.line(f"Wrote {path.name}. Read it, then:  octoform plan")
+    return 0

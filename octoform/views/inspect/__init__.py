@@ -1,0 +1,1 @@
+"""What is known and kept: state, devices, profiles, specs, and what the harnesses need."""

@@ -1,0 +1,90 @@
+"""``devices`` for a person and for a program: one line a device, and with ``-v`` what lies behind it.
+
+Real serial numbers are shown with ``-v`` only: what is printed without it may be pasted anywhere.
+"""
+
+import json
+from dataclasses import asdict
+from typing import Any
+
+from octoform.engine.devices import LeftOut, Listing, Row
+from octoform.escaping import escaped_json
+from octoform.views.format.console import Console
+from octoform.views.format.values import one_line
+from octoform.views.plan.text import counted
+
+_LONGEST = 4000
+_WIDEST_ID = 32
+"""A longer id moves its own line alone."""
+_MEANS = {
+    "strong": "its own serial number tells it from any other, wherever it is plugged in",
+    "positional": "its port tells it from an equal one; an equal one in that port would be taken for it",
+    "weak": "only its kind tells what it is; with two of them attached, nothing is moved on a guess",
+}
+
+
+def show(console: Console, found: Listing, *, as_json: bool, verbose: bool) -> int:
+    """Every annotated device; exit code 0, also when some are absent."""
+    if as_json:
+        console.raw(escaped_json(json.dumps(_document(found, verbose), ensure_ascii=False, indent=2)))
+        return 0
+    if not found.ledger:
+        console.line("This machine does not know which specimens it has; `octoform apply` lets PROBE look again.")
+    wide = min(_WIDEST_ID, max((len(row.id) for row in found.devices), default=0))
+    for row in found.devices:
+        _row(console, row, wide, verbose=verbose)
+    there = sum(row.now is not None and row.now.attached for row in found.devices)
+    attached = f", {there} attached now" if any(row.now is not None for row in found.devices) else ""
+    more = "" if verbose else "; -v shows reasons, evidence and serial numbers"
+    console.line(f"{counted(len(found.devices), 'device')}{attached}, {len(found.left_out)} skipped{more}")
+    if verbose:
+        for item in found.left_out:
+            console.wrapped("", one_line(_left_out(item), _LONGEST), indent=4)
+    return 0
+
+
+def _row(console: Console, row: Row, wide: int, *, verbose: bool) -> None:
+    tools = counted(len(row.tools), "tool") if row.tools else "no tool"
+    what = one_line(f"{row.identified_as} ({row.category}, {tools})", _LONGEST)
+    lead = f"{console.paint(f'{row.id:<{wide}}', 'bold')}  "
+    console.wrapped(lead, f"{what}  {_where(console, row)}", indent=wide + 2)
+    if not verbose:
+        return
+    details = [f"serial number: {row.serial}, committed as {row.pseudonym or 'nothing'}"] if row.serial else []
+    details += [f"evidence: {quote}" for quote in row.evidence]
+    details += [f"missing: {row.missing}"] if row.missing else []
+    details += [f"tools: {', '.join(row.tools)}"] if row.tools else []
+    if row.now is not None:
+        details += [f"{row.now.strength}: {_MEANS[row.now.strength]}"] if row.now.strength in _MEANS else []
+        details += [f"note: {row.now.doubt}"] if row.now.doubt else []
+        details += [f"no rights: {node['node']}: {node['remedy']}" for node in row.now.refused]
+    for line in details:
+        console.wrapped("    ", one_line(line, _LONGEST), indent=8)
+
+
+def _where(console: Console, row: Row) -> str:
+    if row.now is None:
+        return console.paint("not known whether attached", "yellow")
+    if not row.now.attached:
+        return console.paint("absent", "red")
+    nodes = f" as {', '.join(row.now.nodes)}" if row.now.nodes else ""
+    held = f"{row.now.strength}, in doubt" if row.now.doubt else row.now.strength
+    held += ", no rights" if row.now.refused else ""
+    return one_line(f"at {row.now.port}{nodes} [{held}]", _LONGEST)
+
+
+def _left_out(item: LeftOut) -> str:
+    return f"skipped: {item.id}: {item.reason.replace('_', ' ')}{f' ({item.detail})' if item.detail else ''}"
+
+
+def _document(found: Listing, verbose: bool) -> dict[str, Any]:
+    devices = []
+    for row in found.devices:
+        whole = asdict(row)
+        if not verbose:
+            whole = {name: value for name, value in whole.items() if name not in ("serial", "pseudonym", "evidence")}
+        devices.append(whole)
+    left = [asdict(item) for item in found.left_out]
+    offers = [asdict(item) for item in found.offers]
+    told = {"format": 1, "host": found.host, "ledger": found.ledger}
+    return {**told, "devices": devices, "left_out": left, "offers": offers}

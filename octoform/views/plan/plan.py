@@ -1,0 +1,162 @@
+"""The plan for a person and for a program."""
+
+from octoform.plan import tools
+from octoform.plan.encode import to_json
+from octoform.plan.model import Action, Plan, PlannedAction
+from octoform.views.format.console import Console
+from octoform.views.format.stream import JsonStream
+from octoform.views.format.values import money, one_line
+from octoform.views.plan import hardware, knowledge
+from octoform.views.plan import text as plan_text
+
+WIDTH = 100
+
+
+class PlanHuman:
+    """Text in Terraform's manner: legend, nodes with reasons, devices, the line that counts."""
+
+    def __init__(self, console: Console) -> None:
+        self._console = console
+
+    def show(self, plan: Plan, saved_as: str | None = None) -> None:
+        """Print the plan; ``saved_as`` is the file it was written to."""
+        say = self._console.line
+        say(self._header(plan))
+        if plan.work:
+            say()
+            self._legend(plan)
+            for item in plan.work:
+                self._node(plan, item)
+        self._hardware(plan)
+        self._tools(plan)
+        knowledge.show(plan, self._console)
+        say()
+        first, *rest = plan_text.summary(plan).split("\n")
+        say(self._console.paint(first, "bold"))
+        for line in rest:
+            say(line)
+        if warning := plan_text.moving(plan):
+            say(self._console.paint(warning, "bold", "yellow"))
+        self._advice(plan, saved_as)
+
+    def _header(self, plan: Plan) -> str:
+        text = f"host {plan.host}"
+        if plan.targets:
+            text += f", only {plan_text.listed(plan.targets, 'and')} (-target)"
+        text += ", as if nobody had said anything of its devices (-tier1)" if plan.tier1 else ""
+        if plan.revision:
+            text += f", revision {plan.revision[:12]}"
+            text += f" with uncommitted {', '.join(plan.dirty)}" if plan.dirty else ""
+        return self._console.paint(text, "dim")
+
+    def _legend(self, plan: Plan) -> None:
+        self._console.line("octoform will perform the following actions:")
+        for action, meaning in plan_text.LEGEND.items():
+            if any(item.action is action for item in plan.work):
+                self._console.line(f"{self._symbol(action)} {meaning}")
+        self._console.line()
+
+    def _symbol(self, action: Action) -> str:
+        symbol = f"{plan_text.SYMBOLS[action]:>3}"
+        return self._console.paint(symbol, plan_text.COLOURS[action])
+
+    def _node(self, plan: Plan, item: PlannedAction) -> None:
+        say = self._console.line
+        maker = f"  [{one_line(plan_text.makers(item), WIDTH)}]" if item.calls_agent else ""
+        width = max(10, *(len(one.node) for one in plan.work))
+        name = self._console.paint(f"{item.node:<{width}}", "bold")
+        say(f"{self._symbol(item.action)} {name} {plan_text.phrase(item, plan)}{self._console.paint(maker, 'dim')}")
+        for reason in plan_text.reasons(plan, item):
+            say(f"        {reason}")
+        if item.loan is not None:
+            say(self._console.paint(f"        {one_line(plan_text.loan(item.loan), WIDTH)}", "cyan"))
+        if item.calls_agent and item.last.get("attempts"):
+            say(self._console.paint(f"        the accepted run took {_last(item)}", "dim"))
+
+    def _hardware(self, plan: Plan) -> None:
+        found = hardware.lines(plan.changes)
+        if found:
+            self._console.line("\nHardware that came or went since the last apply, as the kernel announces it:")
+        for line in found:
+            self._console.line(f"{self._symbol(line.action)} {one_line(line.text, WIDTH)}")
+
+    def _tools(self, plan: Plan) -> None:
+        found = [change for change in plan.changes if change.kind == tools.KIND]
+        if found:
+            self._console.line("\nTools of the endpoint that INTERFACE has otherwise now:")
+        for change in found:
+            text = f"{change.name}, {change.text}" if change.text else change.name
+            self._console.line(f"{self._symbol(change.action)} {one_line(text, 2 * WIDTH)}")
+
+    def _advice(self, plan: Plan, saved_as: str | None) -> None:
+        first, *more = plan_text.adoptable(plan) or ("",)
+        if first:
+            text = f"To keep an artifact that is still right, without a new run:  octoform accept {first}"
+            text += f"  (and so {plan_text.listed(more, 'and')})" if more else ""
+            self._console.line(self._console.paint(text, "dim"))
+        if saved_as:
+            self._console.line(f"\nSaved as {saved_as}. Apply it with:  octoform apply {saved_as}")
+
+
+def _last(item: PlannedAction) -> str:
+    parts = []
+    if isinstance(item.last.get("seconds"), int | float):
+        parts.append(f"{item.last['seconds']:.1f} s")
+    attempts = item.last.get("attempts")
+    if attempts:
+        parts.append(f"{attempts} attempt{'' if attempts == 1 else 's'}")
+    for key, word in (("input_tokens", "tokens in"), ("output_tokens", "tokens out")):
+        if item.last.get(key) is not None:
+            parts.append(f"{item.last[key]} {word}")
+    cost = item.last.get("cost_usd")
+    if isinstance(cost, int | float):
+        parts.append(money(cost))
+    return ", ".join(parts)
+
+
+class PlanJson:
+    """The event stream of a plan: one ``planned_change`` a node, ``open_question``s, one ``change_summary``."""
+
+    def __init__(self, stream: JsonStream) -> None:
+        self._stream = stream
+
+    def show(self, plan: Plan, saved_as: str | None = None) -> None:
+        """Stream the plan."""
+        document = to_json(plan)
+        for item, change in zip(plan.actions, document["actions"], strict=True):
+            if item.action is not Action.NOOP:
+                texts = plan_text.reasons(plan, item)
+                self._stream.emit(
+                    "planned_change", f"{item.node}: {plan_text.phrase(item, plan)}", change=change, reasons_text=texts
+                )
+        for change in document["changes"]:
+            self._stream.emit("known_change", f"{change['kind']} {change['name']}", change=change)
+        for device in document["devices"]:
+            self._stream.emit("known_device", f"{device['device']}: tier {device['tier']}", known=device)
+        for use in document["profiles"]:
+            self._stream.emit("profile_use", f"profile {use['profile']}: {use['device']}", use=use)
+        for item in document["near"]:
+            self._stream.emit("profile_near", f"profile {item['profile']}: {item['device']} lacks a word", near=item)
+        for step in document.get("steps", ()):
+            self._stream.emit("privileged_step", f"{step['node']}: {step['about']}", step=step)
+        for question in document["questions"]:
+            self._stream.emit("open_question", f"{question['device']}: {question['sentence']}", question=question)
+        add, update, remove = plan_text.counts(plan)
+        maybe = sum(1 for item in plan.work if not item.certain)
+        self._stream.emit(
+            "change_summary",
+            plan_text.summary(plan).split("\n")[0],
+            changes={"add": add, "change": update, "remove": remove, "maybe": maybe, "operation": plan.operation},
+            agent_runs={
+                "at_most": sum(1 for item in plan.work if item.calls_agent),
+                "maybe": sum(1 for item in plan.work if plan_text.surely_runs(item)),
+                "model": sum(1 for item in plan.work if item.calls_model),
+            },
+            host=plan.host,
+            lineage=plan.lineage,
+            serial=plan.serial,
+            revision=plan.revision,
+            dirty=list(plan.dirty),
+            tier1=plan.tier1,
+            saved_as=saved_as,
+        )

@@ -1,0 +1,287 @@
+"""Apply and destroy for a person: what is done while it is done, and how it ended.
+
+On a terminal the node at work is one moving line (stage, attempt, elapsed time, what the agent says); elsewhere the
+same facts come as plain lines, with a sign of life every ten seconds. The end is a funnel, the endpoint and the next
+command. (Heavy only on a terminal: the moving line is drawn by rich.)
+"""
+
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, fields, replace
+from typing import TYPE_CHECKING
+
+from octoform import events
+from octoform.engine.results import RunResult
+from octoform.escaping import escaped
+from octoform.plan.model import Plan
+from octoform.state.layout import STAGES, STEP
+from octoform.views.format.console import Console
+from octoform.views.format.diagnostics import render
+from octoform.views.format.problems import near
+from octoform.views.format.values import one_line, spent
+from octoform.views.plan import knowledge
+from octoform.views.plan import text as plan_text
+from octoform.views.plan.plan import PlanHuman
+
+if TYPE_CHECKING:
+    from octoform.views.run.spinner import MovingLine
+
+PULSE_SECONDS = 9.0
+INDENT = 24
+"""Columns before the text of a line that tells what an agent does, the widest of them."""
+
+
+def _visible(event: events.Event) -> events.Event:
+    """The event with each text on one line and nothing hidden in it; `render` does the same for diagnostics."""
+    texts = {item.name: getattr(event, item.name) for item in fields(event)}
+    return replace(event, **{name: escaped(text) for name, text in texts.items() if isinstance(text, str)})
+
+
+@dataclass(slots=True)
+class _Running:
+    """The node at work, for the sign of life."""
+
+    node: str = ""
+    attempt: str = ""
+    spent: str = ""
+    last_pulse: float = 0.0
+
+
+class RunHuman:
+    """The human view of a run."""
+
+    def __init__(self, console: Console) -> None:
+        self._console = console
+        self._running = _Running()
+        self._moving: MovingLine | None = None
+
+    def plan(self, plan: Plan) -> None:
+        """Show what is going to be done."""
+        PlanHuman(self._console).show(plan)
+
+    def approve(self) -> bool:
+        """Ask on the terminal; only ``yes`` is yes."""
+        self._console.line("\nDo you want to perform these actions? Only 'yes' will be accepted to approve.")
+        self._console.out.write("  Enter a value: ")
+        self._console.out.flush()
+        try:
+            answer = input() if sys.stdin is not None else ""
+        except (EOFError, UnicodeDecodeError):
+            answer = ""
+        self._console.line()
+        return answer.strip() == "yes"
+
+    @contextmanager
+    def watching(self) -> Iterator[Callable[[events.Event], None]]:
+        """The sink for events; on a terminal the moving line lives as long as this context."""
+        self._console.line()
+        if not (self._console.out.isatty() and self._console.colour):
+            yield self.event
+            return
+        from octoform.views.run.spinner import MovingLine  # rich is paid for only where a person looks
+
+        with MovingLine(self._console.out) as moving:
+            self._moving = moving
+            try:
+                yield self.event
+            finally:
+                self._moving = None
+
+    def event(self, event: events.Event) -> None:
+        """One event, as a line or as a change of the moving line; words in it may come from anywhere."""
+        event = _visible(event)
+        match event:
+            case events.NodeStarted():
+                self._running = _Running(node=event.node)
+                if self._moving is not None:
+                    self._moving.update(event.node, "starting")
+            case events.AttemptStarted():
+                self._running = _Running(event.node, f"attempt {event.number} of {event.of}, {event.harness}")
+                self._work(event.node, self._running.attempt)
+            case events.AttemptProgress():
+                self._progress(event)
+            case events.AgentActed():
+                self._acted(event)
+            case events.AgentSpent():
+                self._running.spent = spent(event.input_tokens, event.output_tokens, event.cost_usd)
+                self._move("")
+            case events.Checking():
+                self._work(event.node, event.what)
+            case events.AttemptFailed():
+                self._attempt_failed(event)
+            case _:
+                self._finished(event)
+
+    def _finished(self, event: events.Event) -> None:
+        paint = self._console.paint
+        match event:
+            case events.NodeAccepted():
+                tail = "" if event.changed else paint("  same output as before", "dim")
+                facts = [f"{event.seconds:.1f} s"]
+                facts += [f"{event.attempts} attempts"] if event.attempts > 1 else []
+                used = spent(event.input_tokens, event.output_tokens, event.cost_usd)
+                facts += [used] if used else []
+                self._say(f"{paint('✓', 'green')} {event.node:<10} {event.found}  ({', '.join(facts)}){tail}")
+            case events.NodeUnchanged():
+                self._say(paint(f"= {event.node:<10} {event.reason}", "dim"))
+            case events.NodeFailed():
+                self._say(f"{paint('✗', 'red')} {event.node:<10} failed after {event.seconds:.1f} s")
+            case events.NodeDestroyed():
+                self._say(f"{paint('-', 'red')} {event.node:<10} destroyed")
+            case events.SpecEdited():
+                self._edited(event)
+            case events.StepTried():
+                mark = paint("·", "dim") if event.well else paint("!", "yellow")
+                text = one_line(
+                    f"{event.unit}  {event.text}" if event.well else event.text, self._console.width - INDENT
+                )
+                self._say(f"{mark} {event.node:<10} {text}")
+            case events.Notice():
+                self._say(paint(f"  {event.text}", "dim"))
+
+    def _progress(self, event: events.AttemptProgress) -> None:
+        if self._moving is not None:
+            self._move(event.text)
+        elif event.elapsed - self._running.last_pulse >= PULSE_SECONDS:
+            self._running.last_pulse = event.elapsed
+            used = f", {self._running.spent}" if self._running.spent else ""
+            said = f": {one_line(event.text, self._console.width - INDENT)}" if event.text else ""
+            self._say(f"  {event.node:<10} still running, {event.elapsed:.0f} s elapsed{used}{said}")
+
+    def _acted(self, event: events.AgentActed) -> None:
+        """One line for each use of a tool, as it happens."""
+        self._running.last_pulse = event.elapsed
+        said = one_line(f"{event.tool}  {event.text}", self._console.width - INDENT)
+        self._say(self._console.paint(f"    {event.node:<9} {event.elapsed:6.1f} s  {said}", "dim"))
+        self._move(f"{event.tool} {event.text}")
+
+    def _move(self, said: str) -> None:
+        if self._moving is not None:
+            parts = (self._running.attempt, self._running.spent, said)
+            self._moving.update(self._running.node, "  ".join(part for part in parts if part))
+
+    def _edited(self, event: events.SpecEdited) -> None:
+        """What the agent made of its own copy of the spec, as a diff."""
+        paint = self._console.paint
+        what = "corrected its copy of the spec" if event.permitted else "changed its copy of the spec unasked"
+        self._say(f"{paint('~', 'yellow')} {event.node:<10} the agent {what} (attempt {event.number})")
+        styles = {"+": "green", "-": "red", "@": "cyan"}
+        for line in event.diff[2:]:
+            self._say(
+                "             " + paint(one_line(line, self._console.width - INDENT), styles.get(line[:1], "dim"))
+            )
+        if event.permitted:
+            self._say(f"             it holds for this run only; `octoform spec diff {event.node}` shows it again")
+
+    def _work(self, node: str, what: str) -> None:
+        if self._moving is not None:
+            self._moving.update(node, what)
+        else:
+            self._say(f"  {node:<10} {what}")
+
+    def _attempt_failed(self, event: events.AttemptFailed) -> None:
+        self._say(f"{self._console.paint('!', 'yellow')} {event.node:<10} attempt {event.number} refused")
+        for item in event.diagnostics:
+            if item.severity == "error":
+                self._say(f"             {one_line(f'{item.code}: {item.summary}', self._console.width - INDENT)}")
+
+    def _say(self, text: str) -> None:
+        if self._moving is not None:
+            self._moving.above(text)
+        else:
+            self._console.line(text)
+
+    def ended(self, result: RunResult) -> None:
+        """The closing lines."""
+        say, paint = self._console.line, self._console.paint
+        for item in dict.fromkeys(result.diagnostics):
+            self._console.problem(render(near(item), colour=self._console.colour_err) + "\n")
+        say()
+        style = "red" if result.failed else "yellow" if result.incomplete or result.silent else "green"
+        say(paint(closing(result), "bold", style))
+        if _is_made(result.failed) and result.operation == "apply":
+            say("What was accepted stays accepted; the next apply goes on from there.")
+        used = spent(result.usage.input_tokens, result.usage.output_tokens, result.usage.cost_usd)
+        if used:
+            source = f" (priced by {result.usage.cost_source})" if result.usage.cost_source else ""
+            say(f"{plan_text.counted(result.agent_runs, 'agent run')}: {used}{source}")
+        if result.funnel is not None:
+            say()
+            self._funnel(result)
+        self._questions(result)
+        if result.commit:
+            say(f"  committed   {result.commit[:12]}")
+        if result.endpoint is not None:
+            self._endpoint(result)
+
+    def _questions(self, result: RunResult) -> None:
+        """What is open, and how it is answered."""
+        if result.questions:
+            self._console.line()
+        knowledge.ask(result.questions, self._console)
+
+    def _funnel(self, result: RunResult) -> None:
+        funnel = result.funnel
+        if funnel is None:
+            return
+        rows = [("seen", funnel.seen, "devices that the operating system shows")]
+        rows.append(("identified", funnel.annotated - funnel.unknown, "of them, what each is, on evidence"))
+        rows.append(("unknown", funnel.unknown, "of them, for which no evidence says what they are"))
+        rows.append(("skipped", funnel.left_out, "the others, each with its reason: octoform devices -v"))
+        rows.append(("tools", funnel.tools, "typed tools of the endpoint"))
+        for name, count, meaning in rows:
+            self._console.line(f"  {name:<10} {count:>5}   {self._console.paint(meaning, 'dim')}")
+
+    def _endpoint(self, result: RunResult) -> None:
+        endpoint = result.endpoint
+        if endpoint is None:
+            return
+        say = self._console.line
+        say(f"\n  endpoint    {endpoint.command}")
+        if endpoint.url:
+            opened = (
+                f"octoform token show {endpoint.token}" if endpoint.token else "none yet: octoform token create NAME"
+            )
+            say(f"              {endpoint.url}, with a token ({opened})")
+        if endpoint.public:
+            say(f"              {endpoint.public} from the internet, until the tunnel starts anew")
+        offered = plan_text.counted(len(endpoint.tools), "tool")
+        offered += f", {endpoint.denied} more denied by the policy" if endpoint.denied else ""
+        say(f"              scope {endpoint.scope}, {offered}")
+        if endpoint.answered:
+            say(f"  answered    {endpoint.answered}")
+        say("  next        octoform tools")
+        if endpoint.example:
+            say(f"              octoform call {endpoint.example}")
+        say("              octoform clients install claude-code")
+
+
+def _is_made(node: str | None) -> bool:
+    """True for a node that an agent makes."""
+    return node is not None and (node in STAGES or node.startswith(STEP))
+
+
+def closing(result: RunResult) -> str:
+    """The one line that says how it ended."""
+    operation = result.operation.capitalize()
+    if result.failed == "approval":
+        return f"{operation} cancelled: nothing was done."
+    if result.refused:
+        return f"{operation} stopped: the saved plan no longer holds for {plan_text.listed(result.refused, 'and')}."
+    if result.failed == "commit":
+        return f"{operation} done, but not committed: see the error above."
+    if result.failed == "endpoint" or _is_made(result.failed):
+        return f"{operation} stopped: {result.failed} failed."
+    if result.failed:
+        return f"{operation} stopped: see the error above."
+    if result.operation == "destroy":
+        return f"Destroy complete! Resources: {result.destroyed} destroyed."
+    alike = f" {result.alike} made again with the same output," if result.alike else ""
+    counts = f"{result.added} added, {result.changed} changed,{alike} {result.destroyed} destroyed"
+    if result.incomplete:
+        shut = plan_text.counted(len(result.incomplete), "device")
+        return f"Apply incomplete: this user may not use {shut}, see above. Resources: {counts}."
+    if result.silent:
+        return f"Apply incomplete: no read tool answered, see above. Resources: {counts}."
+    return f"Apply complete! Resources: {counts}."
