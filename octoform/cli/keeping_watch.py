@@ -4,9 +4,9 @@ import os
 from pathlib import Path
 from typing import Protocol
 
-from octoform.daemon.loop.supervisor import Round
+from octoform.daemon.main import watch
 from octoform.daemon.model import Status
-from octoform.daemon.watching import watch
+from octoform.daemon.reconcile.supervisor import Round
 from octoform.views.daemon.event_log import EXIT
 from octoform.views.format import problems
 from octoform.views.format.console import Console

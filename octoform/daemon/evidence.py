@@ -12,11 +12,11 @@ from octoform.claims.model import Channel, Claim, Reading, Signal, State, Value
 from octoform.claims.proposal import of_claim, of_declaration
 from octoform.claims.readings import to_json as reading_json
 from octoform.claims.storing import to_json as claim_json
-from octoform.daemon.coverage import NO_VALUE, answered
-from octoform.daemon.expecting import current, measured
 from octoform.daemon.model import Cause, Facts, Finding
-from octoform.daemon.records.memory import Memory, Report
-from octoform.daemon.triage.recall import Recall
+from octoform.daemon.signals.expected import current, measured
+from octoform.daemon.signals.reporting import NO_VALUE, answered
+from octoform.daemon.store.state import Memory, Report
+from octoform.daemon.triage.failure_history import Recall
 from octoform.diagnostics import Diagnostic
 from octoform.state.layout import Layout
 

@@ -10,8 +10,8 @@ from typing import Any, Protocol
 
 from octoform.claims.conditions import holds
 from octoform.claims.model import Claim, Reading, Signal, State
-from octoform.daemon.coverage import Silence, answered, newest, reporting, silent
 from octoform.daemon.model import Facts, Kind, Outcome, Status
+from octoform.daemon.signals.reporting import Silence, answered, newest, reporting, silent
 from octoform.endpoint.observing import OTHER_TOOLS
 
 FORMAT = 1
@@ -120,7 +120,7 @@ def compose(
 ) -> Health:
     """Health as of these facts. ``episodes`` may hold ended ones; ``expected`` are signals that ought to report.
 
-    ``unread`` is what is promised to report and was not asked (`octoform.daemon.expecting.unread`).
+    ``unread`` is what is promised to report and was not asked (`octoform.daemon.signals.expected.unread`).
     """
     latest, made = newest(readings), list(claims)
     quiet = silent(latest.values(), expected, unread)

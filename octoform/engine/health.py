@@ -1,6 +1,6 @@
 """In sync or not, and what the process that serves the endpoint says of itself. (Heavy.)
 
-How the deployment is, no word is said of here: that verdict is one for all (`octoform.daemon.surveying`).
+How the deployment is, no word is said of here: that verdict is one for all (`octoform.daemon.status`).
 """
 
 from collections.abc import Mapping, Sequence

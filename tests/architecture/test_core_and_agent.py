@@ -12,7 +12,7 @@ OUTSIDE = ("builtin", "runtime", "endpoint/scripts")
 CORE = [path for path in FILES if not path.relative_to(ROOT / "octoform").as_posix().startswith(OUTSIDE)]
 DEVICE_LIBRARIES = {"cv2", "serial", "smbus", "smbus2", "gpiod", "usb", "hid", "evdev", "sounddevice", "pyudev"}
 # Where the daemon hears that something was plugged in or pulled; it opens nothing and asks for no device.
-LISTENING = {"daemon/sensing/hardware.py": {"pyudev"}}
+LISTENING = {"daemon/observe/hardware.py": {"pyudev"}}
 USB_ID = re.compile(r"^[0-9a-fA-F]{4}:[0-9a-fA-F]{4}$")
 
 

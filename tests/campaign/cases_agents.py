@@ -20,7 +20,7 @@ from octoform.daemon.model import Kind, Repair
 from octoform.state.lock import Holder, read_holder
 
 LONG = 30.0
-WORKER = b"octoform.daemon.repairs.worker"
+WORKER = b"octoform.daemon.repair.worker"
 SETTLED = 20.0
 """Seconds after which what a killed worker has left must be settled."""
 PAUSE = 3.0

@@ -22,7 +22,7 @@ from campaign import cases_devices, cases_files, cases_process, cases_room
 from campaign.bench import Bench, until
 from campaign.making import made, plug_in
 
-from octoform.daemon.records import ownership
+from octoform.daemon.store import instance_lock
 from octoform.state.damage import MOST_ASIDE
 
 MINUTE = 60.0
@@ -141,7 +141,7 @@ def calm(bench: Bench) -> list[str]:
     while bench.undo:
         bench.undo.pop()()
     plug_in(bench.host)
-    ownership.ask(bench.layout, ["*"])
+    instance_lock.ask(bench.layout, ["*"])
     if until(bench.ready, CALM):
         return []
     if bench.daemon is None or bench.daemon.poll() is not None:

@@ -17,7 +17,7 @@ from typing import Any
 import pytest
 from projects import AGENT, Project
 
-from octoform.daemon.records import ownership
+from octoform.daemon.store import instance_lock
 from octoform.endpoint.running import running
 from octoform.engine.diagnosing import diagnose
 from octoform.engine.healing import heal, roll_back, settle
@@ -213,7 +213,7 @@ def test_a_report_is_held_to_what_was_given_and_changes_nothing(bench: Bench) ->
 
 def test_a_living_daemon_knows_itself_what_it_wrote_and_nobody_decides_while_an_agent_works(bench: Bench) -> None:
     claims = bench.layout.daemon / "claims.json"
-    owned, _ = ownership.take(bench.layout, AT, 1.0, "1")
+    owned, _ = instance_lock.take(bench.layout, AT, 1.0, "1")
     assert owned is not None
     bench.duty("watch", {"report": REPORT, "touch": [str(claims)]})
     assert bench.watch()["ok"] and claims.exists()
@@ -332,7 +332,7 @@ TRIED = """
 import os, signal, sys
 from pathlib import Path
 from octoform.apply import adopting
-from octoform.daemon.repairs import worker
+from octoform.daemon.repair import worker
 from octoform.engine.healing import heal
 import json
 

@@ -13,7 +13,7 @@ from launched import Launched, launched, tool
 from projects import OCTOFORM
 from terminals import Terminal
 
-from octoform.daemon.records import ownership
+from octoform.daemon.store import instance_lock
 
 SOURCE = '''
 """A bench with a meter."""
@@ -96,6 +96,6 @@ def test_a_person_watches_pauses_asks_and_ends_it(bench: Launched) -> None:
         status, screen = terminal.end()
     assert status == 130
     assert not any("Ctrl-C" in line for line in screen)
-    assert ownership.alive(layout) is None
+    assert instance_lock.alive(layout) is None
     alert = json.JSONDecoder().raw_decode((layout.project / "told").read_text())[0]
     assert (alert["octoform"], alert["event"], alert["host"]) == ("alert", "opened", "bench")

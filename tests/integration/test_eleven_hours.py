@@ -25,9 +25,9 @@ from octoform.claims.gathering import bounds_told, settings_of
 from octoform.claims.ledger import CLAIMS
 from octoform.claims.model import Channel, Claim, Reading, Signal, State
 from octoform.claims.storing import evidence_of
-from octoform.daemon.loop.supervisor import Round, Supervisor
 from octoform.daemon.model import Cause, Done, Finding, Repair, Status
-from octoform.daemon.sensing.sampling import flattened
+from octoform.daemon.observe.samples import flattened
+from octoform.daemon.reconcile.supervisor import Round, Supervisor
 from octoform.diagnostics import Diagnostic
 from octoform.endpoint.files import POLICY
 from octoform.launcher.entries import Entries

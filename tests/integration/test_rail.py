@@ -24,7 +24,7 @@ from octoform.claims.ledger import Ledger
 from octoform.claims.model import Channel, Claim, Reading, Signal, State
 from octoform.claims.readings import to_json
 from octoform.daemon.evidence import Evidence
-from octoform.daemon.sensing.moments import SystemClock
+from octoform.daemon.observe.clock import SystemClock
 from octoform.diagnostics import Diagnostic
 from octoform.endpoint.client import CallResult, Wanted, call
 from octoform.engine.diagnosing import diagnose

@@ -14,7 +14,7 @@ from bench_host import bench_host
 from plugged import CAMERA, Host
 from projects import Project
 
-from octoform.daemon.repairs.restarting import restart
+from octoform.daemon.repair.restart import restart
 from octoform.endpoint import supervising
 from octoform.endpoint.environment import at, intact, packages_of
 from octoform.endpoint.files import read_manifest
@@ -206,7 +206,7 @@ ENDED = """
 import os, signal, sys
 from functools import partial
 from pathlib import Path
-from octoform.daemon.repairs import worker
+from octoform.daemon.repair import worker
 from octoform.engine import rediscovering
 from octoform.state.store import Ports
 from octoform.state.layout import Layout as Paths

@@ -19,7 +19,7 @@ from launched import Launched, launched, tool
 from projects import OCTOFORM
 from terminals import Terminal
 
-from octoform.daemon.repairs.restarting import restart
+from octoform.daemon.repair.restart import restart
 from octoform.endpoint import stopmark
 from octoform.endpoint.running import running
 from octoform.endpoint.stopmark import is_marked

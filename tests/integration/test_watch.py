@@ -11,7 +11,7 @@ import pytest
 from launched import Launched, launched, tool
 from projects import OCTOFORM
 
-from octoform.daemon.records import ownership
+from octoform.daemon.store import instance_lock
 from octoform.endpoint.running import running
 
 SOURCE = """
@@ -75,7 +75,7 @@ def daemons(bench: Launched) -> Iterator[Daemons]:
 
 def looks(bench: Launched, process: "subprocess.Popen[bytes]") -> bool:
     """Whether that daemon has posted health since it began."""
-    record, health = ownership.alive(bench.layout), bench.layout.daemon / "health.json"
+    record, health = instance_lock.alive(bench.layout), bench.layout.daemon / "health.json"
     if record is None or record.process.pid != process.pid or not health.exists():
         return False
     return bool(json.loads(health.read_bytes())["uptime"] >= record.uptime)
@@ -83,7 +83,7 @@ def looks(bench: Launched, process: "subprocess.Popen[bytes]") -> bool:
 
 def test_there_is_one_daemon_and_its_end_leaves_the_endpoint_running(bench: Launched, daemons: Daemons) -> None:
     """Paused, since this endpoint stands on no apply; what a daemon repairs is shown by the campaign."""
-    assert ownership.pause(bench.layout, "2026-11-22T12:00:00Z") is None
+    assert instance_lock.pause(bench.layout, "2026-11-22T12:00:00Z") is None
     served = bench.process
     first = daemons.begin()
     assert until(lambda: looks(bench, first)), daemons.said.read_text()
@@ -96,5 +96,5 @@ def test_there_is_one_daemon_and_its_end_leaves_the_endpoint_running(bench: Laun
     assert until(lambda: looks(bench, third)), daemons.said.read_text()
     third.send_signal(signal.SIGTERM)
     assert third.wait(SECONDS) == 143
-    assert ownership.alive(bench.layout) is None
+    assert instance_lock.alive(bench.layout) is None
     assert running(bench.layout) == served

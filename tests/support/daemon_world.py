@@ -14,11 +14,11 @@ from pathlib import Path
 from octoform.claims.ledger import Ledger
 from octoform.claims.model import Channel, Reading, Signal, Value
 from octoform.claims.settings import Settings
-from octoform.daemon.loop.bench import AtOnce, Bench
-from octoform.daemon.loop.supervisor import Round, Supervisor
 from octoform.daemon.model import Alert, Cause, Done, Facts, Finding, Repair, Sighting
 from octoform.daemon.ports import Ports
-from octoform.daemon.records.memory import Memory
+from octoform.daemon.reconcile.lanes import AtOnce, Bench
+from octoform.daemon.reconcile.supervisor import Round, Supervisor
+from octoform.daemon.store.state import Memory
 from octoform.endpoint.calllog import LoggedCall
 from octoform.endpoint.running import Running
 from octoform.manifest.model import Daemon

@@ -4,7 +4,7 @@ import os
 from argparse import Namespace
 from pathlib import Path
 
-from octoform.daemon.deciding import everything, open_ledger, person, undecidable
+from octoform.daemon.claim_decisions import everything, open_ledger, person, undecidable
 from octoform.diagnostics import Diagnostic
 from octoform.views.daemon import claims as view
 from octoform.views.format import problems

@@ -8,7 +8,7 @@ from pathlib import Path
 from octoform.apply.pending_rewrite import Rewrite
 from octoform.claims.ledger import Ledger
 from octoform.claims.model import Claim
-from octoform.daemon.deciding import open_ledger, person, undecidable
+from octoform.daemon.claim_decisions import open_ledger, person, undecidable
 from octoform.diagnostics import Diagnostic, error
 from octoform.engine.healing import decide_rewrite, waiting_rewrite, waiting_rewrites
 from octoform.views.daemon import claims as view

@@ -5,8 +5,8 @@ from argparse import Namespace
 from pathlib import Path
 
 from octoform.cli.options import UsageError
-from octoform.daemon.records.episodes import read
-from octoform.daemon.records.shelf import Shelf
+from octoform.daemon.store.incidents import read
+from octoform.daemon.store.json_store import Shelf
 from octoform.engine.serving import layout_of
 from octoform.views.daemon import incidents as view
 from octoform.views.format import problems

@@ -5,7 +5,7 @@ from argparse import Namespace
 from pathlib import Path
 
 from octoform.cli.keeping_watch import watched
-from octoform.daemon.asking import daemon_of, given_up, retry
+from octoform.daemon.requests import daemon_of, given_up, retry
 from octoform.engine.serving import layout_of
 from octoform.views.daemon import control
 from octoform.views.daemon.event_log import Lines, Silence

@@ -4,7 +4,7 @@ import os
 from argparse import Namespace
 from pathlib import Path
 
-from octoform.daemon.surveying import survey
+from octoform.daemon.status import survey
 from octoform.views.daemon.health import health
 from octoform.views.format import problems
 from octoform.views.format.console import Console

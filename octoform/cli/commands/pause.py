@@ -4,8 +4,8 @@ import os
 from argparse import Namespace
 from pathlib import Path
 
-from octoform.daemon.records import ownership
-from octoform.daemon.sensing.moments import SystemClock
+from octoform.daemon.observe.clock import SystemClock
+from octoform.daemon.store import instance_lock
 from octoform.engine.serving import layout_of
 from octoform.views.daemon import control
 from octoform.views.format import problems
@@ -17,6 +17,6 @@ def run(arguments: Namespace, project: Path, screen: Console) -> int:
     layout, found = layout_of(project, os.environ)
     if layout is None:
         return problems.show(screen, found, as_json=arguments.json)
-    if problem := ownership.pause(layout, SystemClock().stamp()):
+    if problem := instance_lock.pause(layout, SystemClock().stamp()):
         return problems.show(screen, [problem], as_json=arguments.json)
-    return control.paused(screen, layout.host, ownership.alive(layout), as_json=arguments.json)
+    return control.paused(screen, layout.host, instance_lock.alive(layout), as_json=arguments.json)

@@ -4,7 +4,7 @@ import os
 from argparse import Namespace
 from pathlib import Path
 
-from octoform.daemon.records import ownership
+from octoform.daemon.store import instance_lock
 from octoform.engine.serving import layout_of
 from octoform.views.daemon import control
 from octoform.views.format import problems
@@ -16,7 +16,7 @@ def run(arguments: Namespace, project: Path, screen: Console) -> int:
     layout, found = layout_of(project, os.environ)
     if layout is None:
         return problems.show(screen, found, as_json=arguments.json)
-    was, problem = ownership.resume(layout)
+    was, problem = instance_lock.resume(layout)
     if problem is not None:
         return problems.show(screen, [problem], as_json=arguments.json)
-    return control.resumed(screen, layout.host, ownership.alive(layout), was=was, as_json=arguments.json)
+    return control.resumed(screen, layout.host, instance_lock.alive(layout), was=was, as_json=arguments.json)

@@ -4,7 +4,7 @@ import os
 from argparse import Namespace
 from pathlib import Path
 
-from octoform.daemon.surveying import survey
+from octoform.daemon.status import survey
 from octoform.engine.health import status
 from octoform.views.daemon import status as status_view
 from octoform.views.format import problems

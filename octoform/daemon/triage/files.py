@@ -9,8 +9,8 @@ from collections import Counter
 from collections.abc import Iterator
 
 from octoform.daemon.model import Facts, FaultClass, Finding, Kind, Repair, Status
+from octoform.daemon.triage.failure_history import Recall
 from octoform.daemon.triage.process import THE_START
-from octoform.daemon.triage.recall import Recall
 
 MOST = 50
 FOREIGN = "foreign"

@@ -3,7 +3,7 @@
 from collections.abc import Iterable, Iterator, Mapping
 
 from octoform.daemon.model import Facts, FaultClass, Finding, Kind, Repair, Status
-from octoform.daemon.triage.recall import Recall
+from octoform.daemon.triage.failure_history import Recall
 from octoform.escaping import escaped
 
 CRASHES = 3

@@ -7,7 +7,7 @@ caused counts when it happens again with no success between.
 from collections.abc import Iterable, Iterator
 
 from octoform.daemon.model import Facts, FaultClass, Finding, Kind, Repair
-from octoform.daemon.triage.recall import ABSENT, AMBIGUOUS, OVERDUE, Failing, Recall
+from octoform.daemon.triage.failure_history import ABSENT, AMBIGUOUS, OVERDUE, Failing, Recall
 from octoform.endpoint.judging import DEFECTS
 
 AGAIN = 2

@@ -3,9 +3,9 @@
 import json
 from collections.abc import Sequence
 
-from octoform.daemon.asking import GivenUp
-from octoform.daemon.records.breakers import Breaker
-from octoform.daemon.records.ownership import Record
+from octoform.daemon.requests import GivenUp
+from octoform.daemon.store.backoff import Breaker
+from octoform.daemon.store.instance_lock import Record
 from octoform.escaping import escaped_json
 from octoform.views.format.console import Console
 from octoform.views.format.values import ago, clock, one_line

@@ -7,10 +7,10 @@ from collections.abc import Iterator
 from contextlib import suppress
 from typing import Any
 
-from octoform.daemon.loop.supervisor import Round
 from octoform.daemon.model import Outcome, Status
-from octoform.daemon.records.episodes import Episode, Try
-from octoform.daemon.records.episodes import to_json as episode_json
+from octoform.daemon.reconcile.supervisor import Round
+from octoform.daemon.store.incidents import Episode, Try
+from octoform.daemon.store.incidents import to_json as episode_json
 from octoform.diagnostics import Diagnostic
 from octoform.views.format.console import Console
 from octoform.views.format.stream import JsonStream

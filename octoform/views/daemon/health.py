@@ -13,9 +13,9 @@ from typing import Any
 
 from octoform.daemon.health import ORDER, Health, Part
 from octoform.daemon.model import Outcome, Repair, Status
-from octoform.daemon.records.episodes import to_json as episode_json
-from octoform.daemon.surveying import Survey, Trouble
-from octoform.daemon.telling.notifying import Failing
+from octoform.daemon.notify.notices import Failing
+from octoform.daemon.status import Survey, Trouble
+from octoform.daemon.store.incidents import to_json as episode_json
 from octoform.diagnostics import to_json
 from octoform.escaping import escaped_json
 from octoform.views.daemon.event_log import EXIT, named

@@ -6,8 +6,8 @@ from statistics import median
 from typing import Any
 
 from octoform.daemon.model import Outcome
-from octoform.daemon.records.episodes import Episode
-from octoform.daemon.records.episodes import to_json as episode_json
+from octoform.daemon.store.incidents import Episode
+from octoform.daemon.store.incidents import to_json as episode_json
 from octoform.diagnostics import Diagnostic
 from octoform.escaping import escaped_json
 from octoform.views.daemon.event_log import named, seconds_of

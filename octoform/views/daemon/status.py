@@ -5,8 +5,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict
 from typing import Any
 
-from octoform.daemon.records.ownership import Record
-from octoform.daemon.surveying import Survey
+from octoform.daemon.status import Survey
+from octoform.daemon.store.instance_lock import Record
 from octoform.engine.health import Process, Status
 from octoform.escaping import escaped_json
 from octoform.views.daemon.event_log import EXIT, STYLES, named

@@ -16,8 +16,8 @@ from octoform.cli.commands import confirm as command
 from octoform.cli.dispatch import dispatch
 from octoform.cli.parser import parse
 from octoform.daemon.model import Cause, Done, Repair
-from octoform.daemon.records import ownership
-from octoform.daemon.sensing.moments import SystemClock
+from octoform.daemon.observe.clock import SystemClock
+from octoform.daemon.store import instance_lock
 from octoform.state.layout import Layout
 from octoform.views.format.console import Console
 
@@ -32,7 +32,7 @@ def host(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Layout:
 
 @pytest.fixture
 def watched(host: Layout) -> Iterator[Layout]:
-    owned, problem = ownership.take(host, "2026-11-22T03:00:00Z", SystemClock().uptime(), octoform.__version__)
+    owned, problem = instance_lock.take(host, "2026-11-22T03:00:00Z", SystemClock().uptime(), octoform.__version__)
     assert owned is not None, problem
     yield host
     owned.release()
@@ -69,7 +69,7 @@ def test_pause_and_resume(watched: Layout, capsys: pytest.CaptureFixture[str]) -
         0,
         "bench: repairs are paused; the deployment is still looked at\n  octoform resume lets them go on\n",
     )
-    assert ownership.paused_since(watched)
+    assert instance_lock.paused_since(watched)
     assert json.loads(run(capsys, "resume", "-json")[1]) == {
         "format": 1,
         "host": "bench",
@@ -77,7 +77,7 @@ def test_pause_and_resume(watched: Layout, capsys: pytest.CaptureFixture[str]) -
         "was": True,
         "watched": True,
     }
-    assert ownership.paused_since(watched) is None
+    assert instance_lock.paused_since(watched) is None
     assert run(capsys, "resume")[:2] == (0, "bench: repairs were not paused\n")
 
 
@@ -93,10 +93,10 @@ def test_heal_asks_the_daemon_that_lives(watched: Layout, capsys: pytest.Capture
     assert status == 0
     assert "1 trouble given up" in out
     assert "octoform heal -retry endpoint" in out
-    assert ownership.taken_up(watched) == ()
+    assert instance_lock.taken_up(watched) == ()
     status, out, _ = run(capsys, "heal", "-retry", "endpoint", "-json")
     assert json.loads(out)["retried"] == ["endpoint"]
-    assert ownership.taken_up(watched) == ("endpoint",)
+    assert instance_lock.taken_up(watched) == ("endpoint",)
     status, out, err = run(capsys, "heal", "-retry", "endpiont")
     assert (status, out) == (1, "")
     assert "did you mean endpoint?" in err

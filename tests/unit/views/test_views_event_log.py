@@ -10,10 +10,10 @@ import pyte
 import pytest
 from daemon_world import DaemonWorld
 
-from octoform.daemon.loop.bench import Task, lane_of
 from octoform.daemon.model import Cause, Done, Repair
-from octoform.daemon.records import ownership
-from octoform.daemon.records.episodes import finding_of
+from octoform.daemon.reconcile.lanes import Task, lane_of
+from octoform.daemon.store import instance_lock
+from octoform.daemon.store.incidents import finding_of
 from octoform.views.daemon.event_log import Lines, Objects, named
 from octoform.views.format.console import Console
 
@@ -51,9 +51,9 @@ def night(folder: Path) -> DaemonWorld:
     world.start()
     world.at(10, world.die, Cause.PROCESS)
     world.advance(20)
-    ownership.pause(world.layout, world.stamp())
+    instance_lock.pause(world.layout, world.stamp())
     world.happens(Cause.FILES)
-    ownership.resume(world.layout)
+    instance_lock.resume(world.layout)
     world.happens(Cause.FILES)
     world.mends[Repair.RESTORE] = lambda world, finding: Done(False, "there is \x1b[2Jno copy", again=False)
     world.truth.damaged["state/bench/serve/server.py"] = "changed"

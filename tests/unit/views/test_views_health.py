@@ -9,10 +9,10 @@ import pytest
 
 from octoform.daemon.health import Health, Part
 from octoform.daemon.model import FaultClass, Kind, Outcome, Spent, Status
-from octoform.daemon.records.episodes import Episode, Try
-from octoform.daemon.records.ownership import Record
-from octoform.daemon.surveying import Survey, Trouble
-from octoform.daemon.telling.notifying import Failing
+from octoform.daemon.notify.notices import Failing
+from octoform.daemon.status import Survey, Trouble
+from octoform.daemon.store.incidents import Episode, Try
+from octoform.daemon.store.instance_lock import Record
 from octoform.state.holder import myself
 from octoform.views.daemon import claims, incidents
 from octoform.views.daemon import health as health_view

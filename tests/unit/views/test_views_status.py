@@ -10,8 +10,8 @@ import pytest
 
 from octoform.daemon.health import Health, Part
 from octoform.daemon.model import Status as Verdict
-from octoform.daemon.records.ownership import Record
-from octoform.daemon.surveying import Survey
+from octoform.daemon.status import Survey
+from octoform.daemon.store.instance_lock import Record
 from octoform.endpoint.running import Running
 from octoform.engine.health import Process, Status
 from octoform.state.holder import myself

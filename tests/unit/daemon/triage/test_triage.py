@@ -8,8 +8,8 @@ from hypothesis import strategies as st
 
 from octoform.claims.model import Channel, Reading, Signal
 from octoform.daemon.model import Facts, FaultClass, Kind, Repair, Sighting
-from octoform.daemon.triage import Recall, judge, recall, remember
-from octoform.daemon.triage.reported import findings_of
+from octoform.daemon.triage import Recall, failure_history, judge, remember
+from octoform.daemon.triage.agent_report import findings_of
 from octoform.endpoint.calllog import LoggedCall
 from octoform.endpoint.running import Running
 
@@ -161,7 +161,7 @@ def test_short_lives_in_a_row_are_a_loop_and_no_longer_a_matter_of_starting_agai
         known = remember(known, replace(DEAD, uptime=uptime))
     found = judge(replace(DEAD, uptime=uptime), None, known)
     assert [(each.kind, each.repair) for each in found] == [(Kind.CRASH_LOOP, Repair.REBUILD)]
-    later = replace(DEAD, uptime=uptime + recall.CRASH_WINDOW + 1)
+    later = replace(DEAD, uptime=uptime + failure_history.CRASH_WINDOW + 1)
     assert [each.kind for each in judge(later, None, remember(known, later))] == [Kind.PROCESS_DEAD]
 
 
@@ -272,7 +272,7 @@ def test_a_tool_may_say_anything(error: bytes, message: bytes) -> None:
     known = remember(Recall(), replace(WELL, failures=(call, call)))
     found = judge(WELL, None, known)
     assert all("\x1b" not in each.summary and len(each.summary) <= 400 for each in found)
-    assert recall.from_json(recall.as_json(known)) == known
+    assert failure_history.from_json(failure_history.as_json(known)) == known
 
 
 CLASSES = [

@@ -1,0 +1,128 @@
+"""What the two logs tell since the last look: calls that failed or worked, and what was printed. (Light.)
+
+Everything in a log is foreign text: bounded, and its hidden characters made visible, before anybody else sees it.
+"""
+
+import re
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from octoform.daemon.observe.log_tail import Tail, objects
+from octoform.endpoint.calllog import LoggedCall
+from octoform.endpoint.files import read_policy
+from octoform.escaping import escaped
+from octoform.state.layout import Layout
+
+MOST_CALLS, MOST_LINES, MOST_UNDER_WAY = 200, 100, 500
+TEXT_CHARS = 500
+CALL_SECONDS, GRACE_SECONDS = 30.0, 10.0
+"""What a call may take where the policy does not say, and what may pass after that until it counts as lost."""
+_ACCESS = re.compile(r'"(?:GET|HEAD|POST|PUT|PATCH|DELETE|OPTIONS) [^"]* HTTP/[\d.]+"')
+
+
+@dataclass(frozen=True, slots=True)
+class Heard:
+    """What the logs say since the last look.
+
+    ``failures`` are in order, the newest where there are too many, of each tool those after its last call that worked;
+    ``worked`` are names of tools, each once.
+    """
+
+    failures: tuple[LoggedCall, ...] = ()
+    worked: tuple[str, ...] = ()
+    printed: tuple[str, ...] = ()
+
+
+class Hearing:
+    """Reads both logs from a place on; ``places`` is a former `places`."""
+
+    def __init__(self, layout: Layout, uptime: Callable[[], float], places: Mapping[str, Any] | None = None) -> None:
+        known = places or {}
+        self._layout = layout
+        self._uptime = uptime
+        self._calls = Tail(layout.call_log, known.get("calls"))
+        self._server = Tail(layout.server_log, known.get("server"))
+        self._under_way: dict[str, tuple[str, float]] = {}
+
+    @property
+    def places(self) -> dict[str, Any]:
+        """Where the next look begins, as JSON."""
+        return {"calls": self._calls.place, "server": self._server.place}
+
+    def __call__(self, *, anew: bool = True) -> Heard:
+        """What is new; without ``anew`` only what is overdue, and no file is read."""
+        failures: list[LoggedCall] = []
+        worked: dict[str, None] = {}
+        for entry in objects(self._calls.lines()) if anew else ():
+            call = self._ended(entry)
+            if call is not None and call.ok:
+                worked[call.tool] = None
+                failures = [each for each in failures if each.tool != call.tool]
+            elif call is not None:
+                failures.append(call)
+        failures += self._overdue()
+        printed = [_shown(line) for line in self._server.lines() if not _ACCESS.search(line)] if anew else []
+        return Heard(tuple(failures[-MOST_CALLS:]), tuple(worked), tuple(printed[-MOST_LINES:]))
+
+    def successes(self) -> Heard:
+        """Only the tools whose last call worked, of what is new; the rest is not to be judged.
+
+        Whoever works on the host tries its tools, and judges failures itself. That a tool works is true for all.
+        """
+        last: dict[str, bool] = {}
+        for entry in objects(self._calls.lines()):
+            call = self._ended(entry)
+            if call is not None:
+                last[call.tool] = call.ok
+        self._server.skip()
+        self._under_way.clear()
+        return Heard(worked=tuple(name for name, ok in last.items() if ok))
+
+    def _ended(self, entry: Mapping[str, Any]) -> LoggedCall | None:
+        """The call that a line ends; None for every other line."""
+        identity, tool = str(entry.get("id")), _shown(str(entry.get("tool")))
+        if entry.get("event") == "call":
+            if len(self._under_way) < MOST_UNDER_WAY:
+                self._under_way[identity] = (tool, self._uptime())
+            return None
+        if entry.get("event") != "result":
+            return None
+        self._under_way.pop(identity, None)
+        error, message = (_text(entry.get(name)) for name in ("error", "message"))
+        took = entry.get("ms")
+        return LoggedCall(tool, True, entry.get("ok") is True, error, message, took if _is_number(took) else None)
+
+    def _overdue(self) -> Iterator[LoggedCall]:
+        """Calls that should have ended long ago; each is told once."""
+        now = self._uptime()
+        late = [key for key, (_, began) in self._under_way.items() if now - began > CALL_SECONDS + GRACE_SECONDS]
+        allowed = self._allowed() if late else {}
+        for key in late:
+            tool, began = self._under_way[key]
+            seconds = allowed.get(tool, CALL_SECONDS)
+            if now - began > seconds + GRACE_SECONDS:
+                del self._under_way[key]
+                yield LoggedCall(tool, False, False, None, f"it has not ended within its {seconds:g} s")
+
+    def _allowed(self) -> dict[str, float]:
+        """What the policy gives each tool, in seconds."""
+        tools = (read_policy(self._layout) or {"tools": {}})["tools"]
+        return {name: float(tool["timeout"]) for name, tool in tools.items() if tool.get("timeout") is not None}
+
+    def forget(self) -> None:
+        """The process is another one: what was under way in the former ended with it."""
+        self._under_way.clear()
+
+
+def _text(value: object) -> str | None:
+    return None if value is None else _shown(str(value))
+
+
+def _is_number(value: object) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool)
+
+
+def _shown(text: str) -> str:
+    cut = text if len(text) <= TEXT_CHARS else f"{text[:TEXT_CHARS]}..."
+    return escaped(cut)

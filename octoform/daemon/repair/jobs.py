@@ -1,0 +1,147 @@
+"""What the daemon's child can be asked to do, by name; what a job needs is imported when it is asked for.
+
+Every job takes the project's folder and its brief, which names the ``host``, and gives a JSON object with ``ok``,
+``detail`` (plain sentences) and ``again`` (False: no further try can help).
+"""
+
+import os
+from collections.abc import Callable, Mapping
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+from octoform.daemon.model import Done
+from octoform.state.layout import Layout
+
+Brief = Mapping[str, Any]
+Job = Callable[[str, Brief], dict[str, Any]]
+
+
+def _settings(project: str, _: Brief) -> dict[str, Any]:
+    """How the manifest wants the deployment kept alive: ``host``, ``scope``, ``daemon``, ``perception``, and ``bounds``
+    that the profiles set (`octoform.claims.gathering.bounds_told`)."""
+    from octoform.engine.bounding import bounds
+    from octoform.manifest.loading import load
+    from octoform.manifest.model import FILE_NAME
+
+    manifest, found = load(Path(project) / FILE_NAME, os.environ)
+    if manifest is None:
+        first = next(item for item in found if item.severity == "error")
+        return _plain(False, f"the manifest has errors: {first.summary}", again=False)
+    daemon = asdict(manifest.daemon)
+    daemon["metrics"] = None if manifest.daemon.metrics is None else str(manifest.daemon.metrics)
+    told = {"host": manifest.host, "scope": manifest.scope, "daemon": daemon, "perception": asdict(manifest.perception)}
+    return {**_plain(True, ""), **told, "bounds": bounds(Path(project), os.environ)}
+
+
+def _restart(project: str, brief: Brief) -> dict[str, Any]:
+    from octoform.daemon.repair.restart import restart
+
+    return _done(restart(_layout(project, brief), hung=bool(brief.get("hung"))))
+
+
+def _restore(project: str, brief: Brief) -> dict[str, Any]:
+    from octoform.engine.repairing import restore
+
+    return asdict(restore(_layout(project, brief)))
+
+
+def _republish(project: str, brief: Brief) -> dict[str, Any]:
+    from octoform.engine.healing import settle
+    from octoform.engine.repairing import republish
+
+    layout = _layout(project, brief)
+    return settle(layout, os.environ) or asdict(republish(layout))
+
+
+def _settle(project: str, brief: Brief) -> dict[str, Any]:
+    from octoform.engine.healing import settle
+
+    nothing = _plain(True, "nothing was left unfinished")
+    return settle(_layout(project, brief), os.environ) or nothing
+
+
+def _rebuild(project: str, brief: Brief) -> dict[str, Any]:
+    from octoform.engine.repairing import rebuild
+
+    return asdict(rebuild(_layout(project, brief)))
+
+
+def _rediscover(project: str, brief: Brief) -> dict[str, Any]:
+    from octoform.engine.affording import Left
+    from octoform.engine.rediscovering import rediscover
+
+    apply = str(brief.get("apply") or "ask")
+    return rediscover(_layout(project, brief), os.environ, apply=apply, left=Left.of(brief))
+
+
+def _rebind(project: str, brief: Brief) -> dict[str, Any]:
+    from octoform.daemon.repair.device_binding import rebind
+
+    return _done(rebind(_layout(project, brief), str(brief["device"])))
+
+
+def _rotate(project: str, brief: Brief) -> dict[str, Any]:
+    from octoform.daemon.repair.disk_cleanup import rotate
+
+    return _done(rotate(_layout(project, brief), str(brief["log"])))
+
+
+def _free(project: str, brief: Brief) -> dict[str, Any]:
+    from octoform.daemon.repair.disk_cleanup import free
+
+    return _done(free(_layout(project, brief)))
+
+
+def _watch(project: str, brief: Brief) -> dict[str, Any]:
+    from octoform.engine.diagnosing import diagnose
+
+    return diagnose(Path(project), os.environ, brief)
+
+
+def _heal(project: str, brief: Brief) -> dict[str, Any]:
+    from octoform.engine.healing import heal
+
+    return heal(Path(project), os.environ, brief)
+
+
+def _roll_back(project: str, brief: Brief) -> dict[str, Any]:
+    from octoform.engine.healing import roll_back
+
+    return roll_back(Path(project), os.environ, brief)
+
+
+def _look(project: str, _: Brief) -> dict[str, Any]:
+    from octoform.daemon.observe.camera import look_once
+
+    return look_once(Path(project))
+
+
+def _layout(project: str, brief: Brief) -> Layout:
+    return Layout(Path(project), str(brief["host"]))
+
+
+def _done(done: Done) -> dict[str, Any]:
+    return _plain(done.ok, done.detail, again=done.again)
+
+
+def _plain(ok: bool, detail: str, *, again: bool = True) -> dict[str, Any]:
+    return {"ok": ok, "detail": detail, "again": again}
+
+
+JOBS: Mapping[str, Job] = {
+    "settings": _settings,
+    "restart": _restart,
+    "restore": _restore,
+    "republish": _republish,
+    "rebuild": _rebuild,
+    "settle": _settle,
+    "rebind": _rebind,
+    "rotate": _rotate,
+    "free": _free,
+    "rediscover": _rediscover,
+    "watch": _watch,
+    "heal": _heal,
+    "roll_back": _roll_back,
+    "look": _look,
+}

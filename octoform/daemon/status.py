@@ -1,0 +1,270 @@
+"""How a deployment is, for a person who asks: from the daemon while it lives and is fresh, else from a look of our own.
+
+A record that outlived its daemon says how things were, never how they are; so without a daemon everything is looked at
+here and now, the reading tools are called, and nothing of it is written down: what the next daemon has not read of the
+logs is still new to it.
+"""
+
+import os
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from octoform.base.files import parse
+from octoform.claims.ledger import Ledger
+from octoform.claims.model import Claim, Signal
+from octoform.claims.settings import Settings
+from octoform.daemon.health import Health, compose, from_json
+from octoform.daemon.model import Cause, Facts, Finding, Kind, Outcome, Repair
+from octoform.daemon.notify.notices import Failing, failing
+from octoform.daemon.notify.remediation import advice
+from octoform.daemon.notify.status_file import FILE, FRESH_SECONDS, basis
+from octoform.daemon.observe.clock import SystemClock
+from octoform.daemon.observe.observer import open_look
+from octoform.daemon.observe.samples import Sensors
+from octoform.daemon.signals.expected import current, measured
+from octoform.daemon.store import incidents, instance_lock
+from octoform.daemon.store.backoff import Breakers
+from octoform.daemon.store.incidents import Episode
+from octoform.daemon.store.instance_lock import Record
+from octoform.daemon.store.json_store import Shelf
+from octoform.daemon.store.state import RECALL
+from octoform.daemon.triage import judge, remember
+from octoform.daemon.triage.failure_history import Recall
+from octoform.daemon.triage.failure_history import from_json as recall_from
+from octoform.diagnostics import Diagnostic
+from octoform.endpoint import stopmark
+from octoform.endpoint.estop import is_latched
+from octoform.endpoint.running import running
+from octoform.engine import onboarding
+from octoform.engine.serving import layout_of
+from octoform.manifest.model import FILE_NAME
+from octoform.state.files import read_regular
+from octoform.state.holder import myself
+from octoform.state.layout import Layout
+
+_LIMIT = 4_000_000
+_FULL = frozenset({Cause.START})
+
+
+@dataclass(frozen=True, slots=True)
+class Trouble:
+    """One thing that is wrong now. ``episode`` is what the daemon noted of it (None: it was seen just now, by us).
+
+    ``waits`` says why nothing is done about it at the moment, ``do`` is what a person can do, a command where there is
+    one; empty where there is nothing to be done.
+    """
+
+    target: str
+    summary: str
+    since: str | None = None
+    episode: Episode | None = None
+    waits: str = ""
+    do: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Survey:
+    """How a host is. ``watched`` is the daemon that lives; ``looked`` is True where we looked ourselves.
+
+    ``paused`` is since when repairs are paused, empty where that is not known, None when they are not. ``todo`` are
+    things that wait for a person and belong to no trouble: (command, why). ``untold`` are ways of telling that fail.
+    """
+
+    health: Health
+    watched: Record | None
+    looked: bool
+    age: float
+    troubles: tuple[Trouble, ...] = ()
+    paused: str | None = None
+    todo: tuple[tuple[str, str], ...] = ()
+    untold: tuple[Failing, ...] = ()
+    said: tuple[Diagnostic, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class _Known:
+    """What the daemon left or keeps, as far as it could be read."""
+
+    shelf: Shelf
+    episodes: list[Episode] = field(default_factory=list)
+    frozen: Mapping[str, str] = field(default_factory=dict)
+
+
+def survey(project: Path, environ: Mapping[str, str]) -> tuple[Survey | None, list[Diagnostic]]:
+    """How the manifest's host is now; None with the reasons where the project itself cannot be read."""
+    layout, found = layout_of(project, environ)
+    if layout is None:
+        return None, found
+    known = _known(layout)
+    watched = instance_lock.alive(layout)
+    # A daemon that can write nothing down any more has left what was true before.
+    heard = watched is not None and os.access(layout.daemon, os.W_OK)
+    told = _bulletin(layout, environ) if heard else None
+    if told is None:
+        health, troubles = _looked(layout, environ, known)
+        age = 0.0
+    else:
+        health, age, waits = told
+        troubles = [_of_episode(each, known, waits.get(each.key, "")) for each in known.episodes if not each.over]
+    paused = instance_lock.paused_since(layout)
+    made = Survey(
+        health,
+        watched,
+        looked=told is None,
+        age=age,
+        troubles=tuple(troubles),
+        paused=paused,
+        todo=tuple(_todo(layout, health, watched, paused)),
+        untold=failing(layout),
+        said=tuple(known.shelf.said),
+    )
+    return made, found
+
+
+def _known(layout: Layout) -> _Known:
+    shelf = Shelf(layout)
+    if not layout.daemon.is_dir():
+        return _Known(shelf)
+    breakers = Breakers(shelf, myself().boot_id)
+    breakers.load(SystemClock().uptime())
+    frozen = {each.key: each.frozen or "" for each in breakers.frozen()}
+    return _Known(shelf, incidents.read(shelf), frozen)
+
+
+def _bulletin(layout: Layout, environ: Mapping[str, str]) -> tuple[Health, float, dict[str, str]] | None:
+    """What the living daemon wrote last, its age in seconds, and why repairs wait; None where it is not fresh."""
+    data, _ = read_regular(layout.daemon / FILE, _LIMIT)
+    try:
+        document = parse(data or b"")
+        health = from_json(document)
+        waits = {str(key): str(why) for key, why in document.get("waits", {}).items()}
+    except (ValueError, LookupError, TypeError, AttributeError, OverflowError):
+        return None
+    age = SystemClock().uptime() - health.uptime
+    if age < 0 or health.host != layout.host or _is_past(document, layout):
+        return None
+    # The interval is asked for only where it matters: reading a manifest takes longer than all the rest.
+    if age > FRESH_SECONDS and age > _interval(layout, environ) + FRESH_SECONDS:
+        return None
+    return health, age, waits
+
+
+def _is_past(document: Mapping[str, Any], layout: Layout) -> bool:
+    """True when the process, a person's stop or the emergency stop is not as the record of health has it."""
+    stop = stopmark.read(layout)
+    by, latched = None if stop is None else stop.by, is_latched(layout)
+    now = basis(Facts(0.0, "", layout.host, process=running(layout), stopped_by=by, latched=latched))
+    return bool(document.get("basis", now) != now)
+
+
+def _interval(layout: Layout, environ: Mapping[str, str]) -> float:
+    from octoform.manifest.loading import load
+
+    manifest, _ = load(layout.project / FILE_NAME, environ)
+    return float(manifest.daemon.interval) if manifest is not None else 0.0
+
+
+def _looked(layout: Layout, environ: Mapping[str, str], known: _Known) -> tuple[Health, list[Trouble]]:
+    clock = SystemClock()
+    facts = open_look(layout, environ, clock, traceless=True)(_FULL)
+    recall = remember(_recall(known.shelf), facts)
+    ledger = Ledger.open(layout, clock, Settings()) if layout.daemon.is_dir() else Ledger(layout, clock, Settings())
+    readings = Sensors(layout, ledger.make)() if facts.process is not None and facts.answers else ()
+    findings = judge(facts, None, recall, readings, known.frozen)
+    claims: tuple[Claim, ...] = ()
+    expected: Iterable[Signal] = ()
+    if layout.daemon.is_dir():
+        claims = (*ledger.active(), *ledger.pending())
+        expected = measured(current(ledger.latest(), layout), ledger.readings_of)
+    lasting = _lasting(findings, known, facts)
+    health = compose(facts, lasting, claims, readings, expected if facts.process is not None else ())
+    troubles = [_of_episode(each, known, "") if each.opened else _of_finding(each) for each in lasting]
+    return health, troubles
+
+
+def _lasting(findings: Iterable[Finding], known: _Known, facts: Facts) -> list[Episode]:
+    """The troubles that our own look finds, each with what the daemon noted of it; and what only an agent knows of."""
+    noted = {each.key: each for each in known.episodes if not each.over}
+    seen = {each.key: noted.get(each.key) or _episode(each) for each in findings}
+    if facts.busy is not None:  # while somebody works on the host nothing is judged
+        return [*seen.values(), *(each for key, each in noted.items() if key not in seen)]
+    return [*seen.values(), *(each for key, each in noted.items() if key not in seen and each.by == "watch")]
+
+
+def _episode(finding: Finding) -> Episode:
+    """A trouble that nobody has noted: it has no beginning."""
+    chain = tuple(repair.value for repair in (finding.repair, *finding.then))
+    outcome = Outcome.SURFACED if finding.repair is Repair.PERSON else Outcome.OPEN
+    return Episode(
+        id="",
+        kind=finding.kind,
+        fault=finding.fault,
+        target=finding.target,
+        key=finding.key,
+        summary=finding.summary,
+        status=finding.status,
+        boot="",
+        opened="",
+        opened_uptime=0.0,
+        chain=chain,
+        outcome=outcome,
+        hint=finding.detail if finding.repair is Repair.PERSON else "",
+    )
+
+
+def _of_episode(episode: Episode, known: _Known, waits: str) -> Trouble:
+    frozen = known.frozen.get(episode.key)
+    retry = f"octoform heal -retry {episode.target}"
+    if frozen is not None or episode.outcome is Outcome.FROZEN:
+        return Trouble(
+            episode.target,
+            episode.summary,
+            episode.opened,
+            episode,
+            f"given up: {frozen or episode.hint.partition('; ')[0] or 'its tries did not help'}",
+            advice(episode.kind, episode.target),
+        )
+    if episode.outcome is Outcome.SURFACED:
+        do = episode.hint or f"look at it, then: {retry}"
+        return Trouble(episode.target, episode.summary, episode.opened, episode, "nothing repairs this by itself", do)
+    return Trouble(episode.target, episode.summary, episode.opened, episode, waits, _of_the_world(episode.kind))
+
+
+def _of_the_world(kind: Kind) -> str:
+    """What only hands can do."""
+    return "put it back" if kind is Kind.DEVICE_GONE else ""
+
+
+def _of_finding(episode: Episode) -> Trouble:
+    do = (episode.hint if episode.outcome is Outcome.SURFACED else "") or _of_the_world(episode.kind)
+    return Trouble(episode.target, episode.summary, None, episode, "nobody watches, so nothing is done about it", do)
+
+
+def _recall(shelf: Shelf) -> Recall:
+    """Which tools failed and have not worked since, as the last daemon knew it; nothing where there was none."""
+    try:
+        return recall_from(shelf.read(RECALL)["recall"])
+    except (LookupError, TypeError, ValueError, AttributeError, OverflowError):
+        return Recall()
+
+
+def _todo(layout: Layout, health: Health, watched: Record | None, paused: str | None) -> Iterator[tuple[str, str]]:
+    if not layout.endpoint.is_dir():
+        yield "octoform apply", "nothing is applied yet"
+        return
+    if stopmark.is_marked(layout):
+        yield "octoform start", "a person stopped the endpoint"
+    if is_latched(layout):
+        yield "octoform estop -clear", "the emergency stop is latched"
+    if paused is not None:
+        yield "octoform resume", "a person paused repairs"
+    for name in health.pending:
+        why = next((each.why for each in health.parts if each.why.startswith(f"{name} ")), "it waits for a person")
+        yield f"octoform confirm {name}", why.removeprefix(f"{name} ")
+    question = onboarding.read(layout)
+    if question is not None:
+        yield "octoform apply", f"takes up the hardware that changed; not done by itself: {'; '.join(question.why)}"
+    if watched is None:
+        yield "octoform watch", "nobody watches: what breaks now stays broken"
