@@ -42,7 +42,7 @@ from octoform.manifest.model import MODEL_FREE
 from octoform.profiles import Profile, briefing, for_task, holds
 from octoform.protocol import Prompt, render_prompt
 from octoform.protocol.prompt import MOST_TAIL_BYTES, findings
-from octoform.state.attempts import folders
+from octoform.state.artifacts.attempts import folders
 from octoform.state.layout import OUTPUT_NAMES
 
 KEEP = 100

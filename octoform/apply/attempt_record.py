@@ -17,9 +17,10 @@ from octoform.digest import of_large_file
 from octoform.harness import environment, usage
 from octoform.harness.port import ExitReason, Outcome, Task, Usage
 from octoform.redaction import redacted
-from octoform.state import attempts, model
-from octoform.state.attempts import AttemptRecord, SpecEdit
-from octoform.state.donors import Donor
+from octoform.state import model
+from octoform.state.artifacts import attempts
+from octoform.state.artifacts.attempts import AttemptRecord, SpecEdit
+from octoform.state.artifacts.reusable import Donor
 from octoform.state.layout import OUTPUT_NAMES
 
 MOST_FILES = 200

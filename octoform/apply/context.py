@@ -12,10 +12,10 @@ from octoform.graph.model import Graph
 from octoform.manifest.model import Manifest
 from octoform.profiles import Profile
 from octoform.protocol import Spec, Step
-from octoform.state.donors import Donors
+from octoform.state.artifacts.reusable import Donors
 from octoform.state.files import Checkpoint, pass_by
 from octoform.state.layout import Layout
-from octoform.state.store import StateStore
+from octoform.state.store.store import StateStore
 
 
 @dataclass(frozen=True, slots=True)

@@ -10,8 +10,8 @@ from octoform.endpoint.estop import is_latched
 from octoform.endpoint.removing import remove, stopped_devices
 from octoform.endpoint.systemd import is_ours, unit_path
 from octoform.plan.model import Action, Plan
+from octoform.state.artifacts.cache import INSTANCES, forget
 from octoform.state.files import refused
-from octoform.state.keeping import INSTANCES, forget
 from octoform.state.layout import Layout
 
 _COPIES = {"probe": ("probe", INSTANCES)}

@@ -16,10 +16,10 @@ from octoform.apply import audit, instructions
 from octoform.apply.context import Context
 from octoform.diagnostics import Diagnostic, warning
 from octoform.harness.port import Task
-from octoform.state import attempts
+from octoform.state.artifacts import attempts
+from octoform.state.git.head import head_revision
 from octoform.state.layout import Layout
-from octoform.state.lock import is_locked
-from octoform.state.revision import head_revision
+from octoform.state.store.lock import is_locked
 
 UNDONE = "undone"
 """Folder of an attempt with what files had become that were not the agent's to change."""

@@ -11,9 +11,9 @@ from octoform import digest
 from octoform.apply.settling import text_of
 from octoform.base.files import parse
 from octoform.diagnostics import Diagnostic
+from octoform.state.disk_reserve import spending
 from octoform.state.files import make_folders, read_regular, refused, write_atomic
 from octoform.state.layout import Layout
-from octoform.state.reserve import spending
 
 FOLDER = "healed"
 KEEP = 8

@@ -29,9 +29,9 @@ from octoform.endpoint.files import (
 )
 from octoform.endpoint.systemd import unit_path
 from octoform.endpoint.watch_unit import watch_path
-from octoform.state.history import configuration_files
+from octoform.state.git.head import on_branch, repository
+from octoform.state.git.repository import configuration_files
 from octoform.state.layout import Layout
-from octoform.state.revision import on_branch, repository
 
 SERVED = (LAUNCHER, CONNECTION, SERVE_SCRIPT, MANIFEST, POLICY)
 _GIT = (".gitattributes", ".gitignore", ".gitmodules", ".mailmap")

@@ -15,9 +15,9 @@ from octoform.apply.confining import Unit, divided
 from octoform.apply.settling import text_of
 from octoform.base.files import parse
 from octoform.diagnostics import Diagnostic, error
+from octoform.state.disk_reserve import spending
 from octoform.state.files import make_folders, read_regular, refused, write_atomic
 from octoform.state.layout import Layout
-from octoform.state.reserve import spending
 
 FOLDER = "rewrites"
 KEEP = 16

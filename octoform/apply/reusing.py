@@ -20,8 +20,8 @@ from octoform.apply.stage import prove
 from octoform.base import files
 from octoform.diagnostics import has_errors
 from octoform.harness.port import Task, TaskLimits, Usage
-from octoform.state.artifacts import file_digest
-from octoform.state.donors import Donor
+from octoform.state.artifacts.accepted import file_digest
+from octoform.state.artifacts.reusable import Donor
 from octoform.state.files import read_regular
 
 MOST_REFUSED = 5

@@ -24,9 +24,9 @@ from octoform.graph.model import Node, NodeKind, key_of, key_parts
 from octoform.harness.watching import added
 from octoform.manifest.model import MODEL_FREE
 from octoform.plan.diff import is_ignored
-from octoform.plan.lending import WANTED_ANEW
 from octoform.plan.model import Action, Plan, PlannedAction
-from octoform.state.artifacts import accept, file_digest
+from octoform.plan.reuse import WANTED_ANEW
+from octoform.state.artifacts.accepted import accept, file_digest
 from octoform.state.model import NodeState, Status
 
 

@@ -18,10 +18,10 @@ from octoform.contracts.instance import instances, pseudonymise
 from octoform.contracts.parsing import parse
 from octoform.contracts.specimens import judged, keep_ids
 from octoform.diagnostics import Diagnostic
+from octoform.state.artifacts.instances import read_instances, write_instances
+from octoform.state.disk_reserve import spending
 from octoform.state.files import read_regular, write_atomic
-from octoform.state.instances import read_instances, write_instances
 from octoform.state.layout import Layout
-from octoform.state.reserve import spending
 
 KEY_BYTES = 32
 MACHINE_ID = Path("/etc/machine-id")

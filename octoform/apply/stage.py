@@ -28,7 +28,7 @@ from octoform.harness.port import ExitReason, Harness, Outcome, Task, TaskLimits
 from octoform.harness.registry import resolve
 from octoform.harness.watching import added
 from octoform.protocol import PromptTooLarge
-from octoform.state import spec_edits
+from octoform.state.artifacts import spec_edits
 from octoform.state.files import full_disk, refused
 
 DELAY_SECONDS = 0.5

@@ -23,7 +23,7 @@ from octoform.diagnostics import Diagnostic, error, has_errors, warning
 from octoform.harness.port import Usage
 from octoform.perception.choosing import Camera, best, cameras
 from octoform.protocol.steps import FRAME, Step
-from octoform.state.instances import read_instances
+from octoform.state.artifacts.instances import read_instances
 
 SERVER = "server.py"
 

@@ -26,8 +26,8 @@ from octoform.claims.settings import Clock, Settings
 from octoform.claims.storing import EVIDENCE, SECONDS, Book
 from octoform.conditions import is_number
 from octoform.diagnostics import Diagnostic, error
-from octoform.state.holder import PROC, myself
 from octoform.state.layout import Layout
+from octoform.state.lock_holder import PROC, myself
 
 CLAIMS, READINGS, LOCK = "claims.json", "readings.jsonl", "claims.lock"
 TEXT_CHARS = 300

@@ -65,7 +65,7 @@ def _run(arguments: Namespace, screen: console.Console) -> int:
     except BrokenPipeError:
         raise
     except OSError as problem:
-        from octoform.state.refusals import refusal  # only a refusal pays for it
+        from octoform.state.os_errors import refusal  # only a refusal pays for it
 
         return problems.show(screen, [refusal(problem)], as_json=_as_json(arguments))
     return status

@@ -14,8 +14,8 @@ from octoform.engine.serving import layout_of
 from octoform.escaping import escaped
 from octoform.manifest.loading import load
 from octoform.manifest.model import FILE_NAME, Daemon
-from octoform.state.holder import Liveness, liveness, myself
-from octoform.state.lock import Holder, read_holder
+from octoform.state.lock_holder import Liveness, liveness, myself
+from octoform.state.store.lock import Holder, read_holder
 
 
 def open_ledger(project: Path, environ: Mapping[str, str]) -> tuple[Ledger | None, list[Diagnostic]]:

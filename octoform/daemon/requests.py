@@ -10,8 +10,8 @@ from octoform.daemon.store.backoff import Breaker, Breakers
 from octoform.daemon.store.instance_lock import Record
 from octoform.daemon.store.json_store import Shelf
 from octoform.diagnostics import Diagnostic, did_you_mean, error
-from octoform.state.holder import myself
 from octoform.state.layout import Layout
+from octoform.state.lock_holder import myself
 
 ALL = "all"
 

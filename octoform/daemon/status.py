@@ -41,8 +41,8 @@ from octoform.engine import onboarding
 from octoform.engine.serving import layout_of
 from octoform.manifest.model import FILE_NAME
 from octoform.state.files import read_regular
-from octoform.state.holder import myself
 from octoform.state.layout import Layout
+from octoform.state.lock_holder import myself
 
 _LIMIT = 4_000_000
 _FULL = frozenset({Cause.START})

@@ -29,8 +29,8 @@ from octoform.daemon.store.state import Memory
 from octoform.diagnostics import Diagnostic
 from octoform.endpoint.files import POLICY
 from octoform.manifest.model import Daemon, Notify
-from octoform.state.holder import myself
 from octoform.state.layout import Layout
+from octoform.state.lock_holder import myself
 
 METRICS_SECONDS = 15.0
 LOOK_SECONDS = 120.0

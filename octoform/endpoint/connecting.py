@@ -7,7 +7,7 @@ from octoform.endpoint.files import LAUNCHER
 from octoform.endpoint.piping import Again, pipe, refuse
 from octoform.endpoint.reaching import reach
 from octoform.manifest.host_name import is_legal
-from octoform.state.belonging import foreign_among
+from octoform.state.file_owner import foreign_among
 from octoform.state.layout import Layout
 
 

@@ -40,8 +40,8 @@ from octoform.endpoint.promise import denied
 from octoform.endpoint.service import Service
 from octoform.endpoint.snippets import snippets
 from octoform.endpoint.starter import lasting_command
+from octoform.state.artifacts.cache import ENDPOINT, keep
 from octoform.state.files import write_atomic
-from octoform.state.keeping import ENDPOINT, keep
 from octoform.state.layout import Layout
 
 _SERVICE = ("host", "scope", "tools", "devices", "network", "tunnel")

@@ -18,7 +18,7 @@ from octoform.endpoint.files import (
 )
 from octoform.endpoint.snippets import snippets
 from octoform.endpoint.supervising import stop
-from octoform.state.keeping import ENDPOINT, forget
+from octoform.state.artifacts.cache import ENDPOINT, forget
 from octoform.state.layout import Layout
 
 STOPS = "stopped-*.json"  # what the runtime writes for a device that was stopped until a command of its own

@@ -9,8 +9,8 @@ from typing import Any
 from octoform.base.files import read_json
 from octoform.base.place import is_from
 from octoform.base.shape import fits
-from octoform.state.holder import PROC, start_time
 from octoform.state.layout import Layout
+from octoform.state.lock_holder import PROC, start_time
 
 RECORD = "process.json"
 MARK = "OCTOFORM_ENDPOINT"

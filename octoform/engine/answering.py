@@ -17,7 +17,7 @@ from octoform.engine.ports import RunView
 from octoform.engine.results import RunResult
 from octoform.manifest import editing
 from octoform.plan.model import OpenQuestion
-from octoform.state.artifacts import observe
+from octoform.state.artifacts.accepted import observe
 
 TABLE = "answers"
 Environ = Mapping[str, str]

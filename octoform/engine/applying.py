@@ -30,15 +30,15 @@ from octoform.events import Event, Notice
 from octoform.harness import logins
 from octoform.harness.orphans import sweep
 from octoform.plan.model import Plan
-from octoform.state import donors
-from octoform.state.artifacts import observe
+from octoform.state.artifacts import reusable
+from octoform.state.artifacts.accepted import observe
+from octoform.state.artifacts.cache import keep_accepted
 from octoform.state.files import write_atomic
-from octoform.state.history import repository_facts
-from octoform.state.keeping import keep_accepted
+from octoform.state.git.repository import repository_facts
 from octoform.state.layout import STEP, Layout
 from octoform.state.model import GitRecord
-from octoform.state.store import Context as RunFacts
-from octoform.state.store import Ports, StateStore
+from octoform.state.store.store import Context as RunFacts
+from octoform.state.store.store import Ports, StateStore
 
 _SERVING = ("deploy", "endpoint")
 """The nodes that start the endpoint, as every privileged step does."""
@@ -168,7 +168,7 @@ class _Run:
 
     def _context(self, emit: Callable[[Event], None]) -> Context:
         compiled, request, options = self.outlook.compiled, self.request, self.options
-        donating = cache(partial(donors.find, compiled.layout)) if request.reuse else dict
+        donating = cache(partial(reusable.find, compiled.layout)) if request.reuse else dict
         means = Means(request.environ, emit, options.clock, options.ports.checkpoint, donating)
         return context_of(compiled, self.outlook.situation, self.store, means)
 

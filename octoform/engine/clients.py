@@ -20,7 +20,7 @@ from octoform.endpoint.publishing import client_command, lasting_client_command
 from octoform.endpoint.running import running
 from octoform.engine import memo
 from octoform.engine.compiling import compile_project
-from octoform.state.belonging import foreign
+from octoform.state.file_owner import foreign
 from octoform.state.layout import Layout
 
 STDIO, HTTP = "stdio", "http"

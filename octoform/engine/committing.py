@@ -1,7 +1,7 @@
 """``git: {commit: true}``: apply commits what it changed, and says in trailers what made it."""
 
 from octoform.diagnostics import Diagnostic
-from octoform.state.history import commit
+from octoform.state.git.repository import commit
 from octoform.state.layout import Layout
 from octoform.state.model import Snapshot
 

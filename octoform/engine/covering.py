@@ -30,7 +30,7 @@ from octoform.engine.stability import run_of as stable_run
 from octoform.graph.model import ANSWER
 from octoform.harness.dialect import json_object
 from octoform.harness.plainfile import read_plain
-from octoform.state.artifacts import observe as observe_files
+from octoform.state.artifacts.accepted import observe as observe_files
 from octoform.state.files import shown, write_atomic
 from octoform.state.layout import STAGES, Layout
 from octoform.state.model import NodeState, Snapshot

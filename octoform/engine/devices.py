@@ -18,8 +18,8 @@ from octoform.diagnostics import Diagnostic, error
 from octoform.engine import knowledge
 from octoform.engine.compiling import compile_project
 from octoform.host.fingerprint import SYSROOT_VARIABLE
+from octoform.state.artifacts.instances import classes_of, read_instances
 from octoform.state.files import read_regular, shown
-from octoform.state.instances import classes_of, read_instances
 from octoform.state.layout import Layout
 
 WHERE_SECONDS = 30.0

@@ -23,10 +23,10 @@ from octoform.engine.observing import look
 from octoform.engine.opening import Locked, Means, Opened, Refused, context_of, locked, opened
 from octoform.events import Event, Notice
 from octoform.harness.orphans import sweep
-from octoform.state.artifacts import observe
+from octoform.state.artifacts.accepted import observe
 from octoform.state.layout import STAGES
 from octoform.state.model import Status
-from octoform.state.store import Ports
+from octoform.state.store.store import Ports
 
 LOCK_SECONDS = 30.0
 """How long a duty waits for somebody else who works on the host: longer than a plan, shorter than an apply."""

@@ -12,7 +12,7 @@ from octoform.endpoint import auditing, estop, limiting
 from octoform.endpoint.auditing import Checked, Wanted
 from octoform.endpoint.estop import Estop
 from octoform.endpoint.limiting import Limits
-from octoform.state.belonging import foreign_among
+from octoform.state.file_owner import foreign_among
 from octoform.state.layout import Layout
 
 Environ = Mapping[str, str]

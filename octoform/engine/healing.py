@@ -26,7 +26,7 @@ from octoform.harness.watching import added
 from octoform.manifest.loading import load
 from octoform.manifest.model import FILE_NAME
 from octoform.state.layout import Layout, is_left
-from octoform.state.store import Ports
+from octoform.state.store.store import Ports
 
 ROLL_BACK, SETTLE, CONFIRM = "roll_back", "settle", "confirm"
 ASK = "ask"

@@ -15,12 +15,12 @@ from octoform.engine.observing import verify as verify_artifact
 from octoform.graph.model import key_of, key_parts
 from octoform.plan import encode, planfile
 from octoform.plan.model import Plan
-from octoform.state.artifacts import file_digest
+from octoform.state.artifacts.accepted import file_digest
 from octoform.state.files import read_regular
 from octoform.state.layout import STAGES, STEP
-from octoform.state.lock import acquire, force_unlock
 from octoform.state.model import NodeState, Snapshot, Status
-from octoform.state.store import StateStore
+from octoform.state.store.lock import acquire, force_unlock
+from octoform.state.store.store import StateStore
 
 
 @dataclass(frozen=True, slots=True)

@@ -23,9 +23,9 @@ from octoform.perception.frames import Camera, Record
 from octoform.perception.judging import FROZEN_PICTURES
 from octoform.perception.keeping import keep
 from octoform.perception.looking import Taken, take
-from octoform.state.belonging import foreign
+from octoform.state.artifacts.instances import read_instances
+from octoform.state.file_owner import foreign
 from octoform.state.files import read_regular, refused, shown, write_atomic
-from octoform.state.instances import read_instances
 from octoform.state.layout import Layout
 
 PERCEIVE = "step.perceive"

@@ -20,8 +20,8 @@ from octoform.endpoint.neighbours import running_beside
 from octoform.endpoint.observing import observe
 from octoform.plan.encode import from_json, to_json
 from octoform.plan.model import Plan
+from octoform.state.git.head import head_revision, repository
 from octoform.state.layout import Layout
-from octoform.state.revision import head_revision, repository
 
 FORMAT = 1
 MANIFEST = "octopus.yaml"
@@ -152,7 +152,7 @@ def _below(path: str, name: str) -> Iterator[str]:
 
 def _dirty(project: Path, memo: Mapping[str, Any]) -> tuple[str, ...] | None:
     """Which of the project's own sources git calls changed; None when git cannot say, and the long way tells why."""
-    from octoform.state.git_command import RepositoryRefused, call  # only after a commit since the last apply
+    from octoform.state.git.command import RepositoryRefused, call  # only after a commit since the last apply
 
     inside = [name for name in memo["sources"] if (project / name).is_relative_to(project)]
     options = ["--porcelain=v1", "-z", "--no-renames", "--ignore-submodules=all"]

@@ -1,6 +1,6 @@
 """Put back what was accepted and what is served, where it is damaged; an edit of a person stays. (Heavy: the state.)
 
-What is damage and what is an edit is said in `octoform.state.damage`. Three rules beside it:
+What is damage and what is an edit is said in `octoform.state.artifacts.damage`. Three rules beside it:
 
 * Only what the state calls accepted is put back: what a run has left unfinished is for the next apply.
 * An edited server does no harm while the endpoint runs, since the process has its code already; the endpoint refuses
@@ -22,14 +22,15 @@ from octoform.diagnostics import Diagnostic, has_errors
 from octoform.endpoint.files import CLIENTS, LAUNCHER
 from octoform.endpoint.running import running
 from octoform.endpoint.stopmark import is_marked
-from octoform.state import history, keeping
-from octoform.state.artifacts import observe
-from octoform.state.damage import Damage, damage_of, set_aside
+from octoform.state.artifacts import cache
+from octoform.state.artifacts.accepted import observe
+from octoform.state.artifacts.damage import Damage, damage_of, set_aside
+from octoform.state.artifacts.instances import read_instances
 from octoform.state.files import shown, write_atomic
-from octoform.state.instances import read_instances
+from octoform.state.git import repository
 from octoform.state.layout import Layout
 from octoform.state.model import Snapshot, Status
-from octoform.state.store import StateStore
+from octoform.state.store.store import StateStore
 
 ADOPTING = "adopting.json"
 SERVE = "serve"
@@ -66,7 +67,7 @@ def mend_artifacts(layout: Layout) -> Mended:
         there = facts.get(node)
         if there is not None and there.digest == wanted:
             continue
-        files = keeping.kept(layout, node, wanted) or _committed(layout, node, wanted)
+        files = cache.kept(layout, node, wanted) or _committed(layout, node, wanted)
         if files is None:
             done.lost.append(
                 f"{node} is not as it was accepted, and neither a kept copy nor a commit holds it; "
@@ -79,14 +80,14 @@ def mend_artifacts(layout: Layout) -> Mended:
 
 def _committed(layout: Layout, node: str, wanted: str) -> dict[str, bytes] | None:
     """The accepted files as a commit of the project has them; None when none of the last ones does."""
-    versions = history.versions(layout.project, layout.folder(node))
-    return next((files for files in versions if files and keeping.folder_digest(files) == wanted), None)
+    versions = repository.versions(layout.project, layout.folder(node))
+    return next((files for files in versions if files and cache.folder_digest(files) == wanted), None)
 
 
 def mend_endpoint(layout: Layout) -> Mended:
     """Put every damaged file of the endpoint, and the ledger of instances, back as it was published or written last."""
     done = Mended()
-    files = keeping.kept(layout, keeping.ENDPOINT)
+    files = cache.kept(layout, cache.ENDPOINT)
     if files is None:
         done.lost.append("no copy of the endpoint's files is kept; octoform apply writes them again")
     else:
@@ -94,7 +95,7 @@ def mend_endpoint(layout: Layout) -> Mended:
         _mend_folder(layout, layout.endpoint, owned, done, hold=False)
         told = {name: data for name, data in files.items() if name not in owned}
         _mend_folder(layout, layout.endpoint, told, done, hold=True)
-    instances = keeping.kept(layout, keeping.INSTANCES)
+    instances = cache.kept(layout, cache.INSTANCES)
     if instances is not None and read_instances(layout)[0] is None:
         _mend_folder(layout, layout.local, instances, done, hold=False)
     return done
@@ -119,7 +120,7 @@ def _holds(layout: Layout) -> bool:
     return running(layout) is not None or is_marked(layout)
 
 
-def _mend_folder(layout: Layout, folder: Path, files: keeping.Files, done: Mended, *, hold: bool) -> None:
+def _mend_folder(layout: Layout, folder: Path, files: cache.Files, done: Mended, *, hold: bool) -> None:
     """Put the damaged ones of these files back; an edited one only where nothing has to ``hold`` it."""
     stamp = datetime.now(UTC).strftime("%Y-%m-%dT%H:%M:%S.%fZ")
     _free(layout, folder, stamp, done)

@@ -21,8 +21,8 @@ from octoform.perception.choosing import Camera, cameras
 from octoform.plan.diff import Observed, Prior
 from octoform.profiles import commands, holds
 from octoform.protocol import DUTIES
-from octoform.state.artifacts import observe as observe_files
-from octoform.state.instances import read_instances
+from octoform.state.artifacts.accepted import observe as observe_files
+from octoform.state.artifacts.instances import read_instances
 from octoform.state.layout import STAGES, Layout
 from octoform.state.model import NodeState, Snapshot
 

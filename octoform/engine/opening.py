@@ -16,10 +16,10 @@ from octoform.engine.observing import Situation
 from octoform.engine.undoing import settle
 from octoform.events import EventSink
 from octoform.harness import logins
-from octoform.state.donors import Donors
+from octoform.state.artifacts.reusable import Donors
 from octoform.state.files import Checkpoint, check_writable, pass_by
-from octoform.state.lock import Waiting, acquire
-from octoform.state.store import Ports, StateStore
+from octoform.state.store.lock import Waiting, acquire
+from octoform.state.store.store import Ports, StateStore
 
 
 @dataclass(frozen=True, slots=True)

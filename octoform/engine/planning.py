@@ -21,17 +21,17 @@ from octoform.graph.model import Graph
 from octoform.harness import logins
 from octoform.plan import encode, planfile
 from octoform.plan.diff import Wishes, diff
-from octoform.plan.lending import Offer, Offers, with_loans
 from octoform.plan.model import Action, Cause, Change, Plan, PlannedAction, Reason, StepOutlook
+from octoform.plan.reuse import Offer, Offers, with_loans
 from octoform.profiles.applying import holds
-from octoform.state import donors
+from octoform.state.artifacts import reusable
 from octoform.state.files import write_atomic
-from octoform.state.history import repository_facts
-from octoform.state.holder import Liveness, liveness, myself
+from octoform.state.git.repository import repository_facts
 from octoform.state.layout import Layout
-from octoform.state.lock import Holder, read_holder
+from octoform.state.lock_holder import Liveness, liveness, myself
 from octoform.state.model import Snapshot
-from octoform.state.store import StateStore
+from octoform.state.store.lock import Holder, read_holder
+from octoform.state.store.store import StateStore
 
 
 @dataclass(frozen=True, slots=True)
@@ -223,7 +223,7 @@ def offers(layout: Layout) -> Offers:
         stage: tuple(
             Offer(one.host, one.state.key_parts, one.state.output_digest) for equal in by_key.values() for one in equal
         )
-        for stage, by_key in donors.find(layout).items()
+        for stage, by_key in reusable.find(layout).items()
     }
 
 

@@ -25,7 +25,7 @@ from octoform.manifest.loading import load as load_manifest
 from octoform.manifest.model import FILE_NAME as MANIFEST
 from octoform.state.files import read_regular, refused, shown
 from octoform.state.layout import OUTPUT_NAMES, STAGES, Layout
-from octoform.state.lock import acquire
+from octoform.state.store.lock import acquire
 
 STAGE_ROLE = "stage"
 

@@ -22,7 +22,7 @@ from octoform.endpoint.stopmark import is_marked
 from octoform.engine.mending import Mended, mend_artifacts, mend_endpoint
 from octoform.state.files import read_regular
 from octoform.state.layout import Layout
-from octoform.state.lock import Waiting, acquire
+from octoform.state.store.lock import Waiting, acquire
 
 LOCK_SECONDS = 30.0
 """How long a repair waits for whoever works on the state; behind that it is tried again later."""

@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from octoform.diagnostics import Diagnostic, warning
 from octoform.endpoint.rights import describe, served
 from octoform.engine.devices import attached
-from octoform.state.instances import classes_of, read_instances
+from octoform.state.artifacts.instances import classes_of, read_instances
 from octoform.state.layout import Layout
 
 CODE = "ENDPOINT-NO-RIGHTS"

@@ -12,7 +12,7 @@ from octoform.endpoint.client import call as call_tool
 from octoform.endpoint.files import CHECK
 from octoform.endpoint.promise import promised
 from octoform.engine import memo
-from octoform.state.belonging import foreign
+from octoform.state.file_owner import foreign
 from octoform.state.files import read_regular
 from octoform.state.layout import Layout
 

@@ -20,10 +20,10 @@ from octoform.graph.model import key_of
 from octoform.protocol import DUTIES, STAGES, STEP, Spec, own_path, step_paths
 from octoform.protocol.loading import load_one
 from octoform.protocol.step_loading import load_step
-from octoform.state import attempts, spec_edits
+from octoform.state.artifacts import attempts, spec_edits
+from octoform.state.artifacts.spec_edits import PendingEdit
 from octoform.state.files import write_atomic
 from octoform.state.model import NodeState
-from octoform.state.spec_edits import PendingEdit
 
 
 @dataclass(frozen=True, slots=True)

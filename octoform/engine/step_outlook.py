@@ -11,7 +11,7 @@ from octoform.plan.model import Action, PlannedAction, StepOutlook
 from octoform.profiles import Profile, holds, near
 from octoform.protocol import Step
 from octoform.protocol.steps import FRAME
-from octoform.state.instances import read_instances
+from octoform.state.artifacts.instances import read_instances
 from octoform.state.layout import Layout
 
 _OF_CAMERAS = ("probe", "identify", "interface")

@@ -25,13 +25,13 @@ from octoform.endpoint import supervising
 from octoform.endpoint.files import CHECK, LAUNCHER, MANIFEST, read_manifest
 from octoform.endpoint.running import running
 from octoform.endpoint.stopmark import is_marked
-from octoform.state.artifacts import accept, contents, file_digest
+from octoform.state.artifacts.accepted import accept, contents, file_digest
+from octoform.state.disk_reserve import spending
 from octoform.state.files import read_regular, write_atomic
 from octoform.state.layout import UNATTENDED, Layout
-from octoform.state.lock import Waiting, acquire
 from octoform.state.model import NodeState, Snapshot, Status
-from octoform.state.reserve import spending
-from octoform.state.store import StateStore
+from octoform.state.store.lock import Waiting, acquire
+from octoform.state.store.store import StateStore
 
 LOCK_SECONDS = 30.0
 FORMAT = 1

@@ -2,7 +2,7 @@
 
 Fields that this octoform does not know are kept and written back as they were, so that two people with different
 octoforms can work on one repository; a change that an older one must not touch raises ``format``, which it refuses.
-(Heavy: imports pydantic. A no-op plan uses `octoform.state.peek`.)
+(Heavy: imports pydantic. A no-op plan uses `octoform.state.store.quick_read`.)
 """
 
 import json

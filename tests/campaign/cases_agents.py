@@ -17,7 +17,7 @@ from campaign.rig import SENSOR, report
 
 from octoform.apply.endpoint_node import CANDIDATE
 from octoform.daemon.model import Kind, Repair
-from octoform.state.lock import Holder, read_holder
+from octoform.state.store.lock import Holder, read_holder
 
 LONG = 30.0
 WORKER = b"octoform.daemon.repair.worker"

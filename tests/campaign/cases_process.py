@@ -11,7 +11,7 @@ from campaign.bench import Bench, until
 from campaign.model import QUIET, Case
 
 from octoform.daemon.model import Kind, Repair
-from octoform.state.lock import acquire
+from octoform.state.store.lock import acquire
 
 DEAD, HUNG, LOOP = Kind.PROCESS_DEAD, Kind.PROCESS_HUNG, Kind.CRASH_LOOP
 _SLEEP = ["sleep", "3600"]

@@ -21,7 +21,7 @@ from octoform.endpoint.running import running
 from octoform.harness import orphans
 from octoform.launcher import addresses, revoking
 from octoform.state.layout import Layout
-from octoform.state.lock import Lock, acquire
+from octoform.state.store.lock import Lock, acquire
 
 
 @pytest.fixture(scope="module")

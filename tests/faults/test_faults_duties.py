@@ -25,7 +25,7 @@ from octoform.perception.judging import THUMB_BYTES, Picture
 from octoform.perception.keeping import keep
 from octoform.perception.looking import Taken
 from octoform.state.layout import Layout, is_left
-from octoform.state.lock import acquire
+from octoform.state.store.lock import acquire
 
 pytestmark = pytest.mark.dear
 
@@ -318,7 +318,7 @@ KILLED = """
 import os, signal, sys
 from pathlib import Path
 from octoform.engine.healing import roll_back
-from octoform.state.store import Ports
+from octoform.state.store.store import Ports
 
 def checkpoint(name):
     if name == "artifact.renamed":

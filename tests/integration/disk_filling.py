@@ -11,7 +11,7 @@ from pathlib import Path
 
 from octoform.engine.applying import Options, apply
 from octoform.engine.planning import Request
-from octoform.state.store import Ports
+from octoform.state.store.store import Ports
 from octoform.views.format.console import Console
 from octoform.views.run.apply import RunHuman
 

@@ -16,8 +16,8 @@ import pytest
 from projects import OCTOFORM, Project
 
 from octoform.harness import processes
+from octoform.state.disk_reserve import reserve_path
 from octoform.state.layout import Layout
-from octoform.state.reserve import reserve_path
 
 PROGRAM = """
 import json, os, subprocess, sys

@@ -25,7 +25,7 @@ from octoform.engine.rediscovering import rediscover
 from octoform.engine.repairing import rebuild, republish, restore
 from octoform.engine.undoing import go_back, remember
 from octoform.state.layout import Layout, is_left
-from octoform.state.store import StateStore
+from octoform.state.store.store import StateStore
 
 pytestmark = pytest.mark.dear
 
@@ -208,7 +208,7 @@ from functools import partial
 from pathlib import Path
 from octoform.daemon.repair import worker
 from octoform.engine import rediscovering
-from octoform.state.store import Ports
+from octoform.state.store.store import Ports
 from octoform.state.layout import Layout as Paths
 
 number, last = int(sys.argv[2]), int(sys.argv[3])

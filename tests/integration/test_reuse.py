@@ -11,8 +11,8 @@ from typing import Any
 import pytest
 from projects import Done, Project
 
-from octoform.state.artifacts import file_digest
-from octoform.state.donors import find
+from octoform.state.artifacts.accepted import file_digest
+from octoform.state.artifacts.reusable import find
 from octoform.state.layout import Layout
 
 

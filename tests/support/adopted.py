@@ -5,10 +5,10 @@ from pathlib import Path
 from octoform import digest
 from octoform.apply.endpoint_node import made_of
 from octoform.graph.model import Graph, Node, NodeKind, key_of
-from octoform.state.artifacts import accept, file_digest
+from octoform.state.artifacts.accepted import accept, file_digest
 from octoform.state.layout import Layout
 from octoform.state.model import NodeState, Status
-from octoform.state.store import Ports, StateStore
+from octoform.state.store.store import Ports, StateStore
 
 OLD, NEW = "import runtime\nBAUD = 9600\n", "import runtime\nBAUD = 1000000\n"
 BEFORE, AFTER = digest.of_bytes(OLD.encode()), digest.of_bytes(NEW.encode())

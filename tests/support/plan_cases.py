@@ -21,7 +21,7 @@ from settled import Settled, sysroot
 
 from octoform.diagnostics import error
 from octoform.state.layout import Layout
-from octoform.state.store import StateStore
+from octoform.state.store.store import StateStore
 
 FOLDER = Path(__file__).parents[1] / "cases" / "plan"
 SHIPPED = Path(__file__).parents[2] / "protocol"

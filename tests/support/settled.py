@@ -26,12 +26,12 @@ from octoform.endpoint.service import Service
 from octoform.engine.compiling import Compiled, compile_project
 from octoform.engine.observing import contract_digest
 from octoform.graph.model import Node, NodeKind, key_of, key_parts
-from octoform.state.artifacts import accept, file_digest
+from octoform.state.artifacts.accepted import accept, file_digest
+from octoform.state.artifacts.instances import write_instances
 from octoform.state.files import write_atomic
-from octoform.state.instances import write_instances
 from octoform.state.layout import OUTPUT_NAMES, STAGES, Layout
 from octoform.state.model import NodeState, Usage
-from octoform.state.store import Ports, StateStore
+from octoform.state.store.store import Ports, StateStore
 
 GOOD = Path(__file__).parents[1] / "agent" / "good"
 RUNTIME = b'"""Stands for the modules beside a generated server."""\n'

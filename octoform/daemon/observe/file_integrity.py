@@ -15,11 +15,11 @@ from octoform.base.files import read
 from octoform.endpoint.environment import MARKER, at, intact, packages_of
 from octoform.endpoint.files import PACKAGES, read_manifest
 from octoform.endpoint.observing import observe
-from octoform.state.artifacts import FileFacts, file_digest, present
-from octoform.state.artifacts import observe as observe_artifacts
-from octoform.state.keeping import kept
+from octoform.state.artifacts.accepted import FileFacts, file_digest, present
+from octoform.state.artifacts.accepted import observe as observe_artifacts
+from octoform.state.artifacts.cache import kept
 from octoform.state.layout import Layout
-from octoform.state.peek import peek
+from octoform.state.store.quick_read import peek
 
 MISSING, CHANGED, LINK, FOREIGN = "missing", "changed", "link", "foreign"
 _NOT_RUNNING = "the endpoint is not running"

@@ -26,8 +26,8 @@ from octoform.escaping import escaped
 from octoform.manifest.model import FILE_NAME
 from octoform.state.files import read_regular, write_atomic
 from octoform.state.layout import STEP, Layout
-from octoform.state.lock import Holder, is_dead, read_holder
-from octoform.state.peek import peek
+from octoform.state.store.lock import Holder, is_dead, read_holder
+from octoform.state.store.quick_read import peek
 
 FULL = frozenset((Cause.START, Cause.INTERVAL, Cause.RESUMED, Cause.ASKED, Cause.RETRY))
 STANDING = FULL | {Cause.FILES, Cause.PROCESS}

@@ -24,7 +24,7 @@ from octoform.daemon.observe.process import ProcessEar
 from octoform.endpoint.rights import describe, served
 from octoform.endpoint.running import Running, is_it
 from octoform.host.fingerprint import SYSROOT_VARIABLE
-from octoform.state.instances import classes_of, read_instances
+from octoform.state.artifacts.instances import classes_of, read_instances
 from octoform.state.layout import Layout
 
 WHERE_SECONDS = 30.0

@@ -12,9 +12,9 @@ from typing import Any
 
 from octoform.daemon.model import Done
 from octoform.daemon.observe.presence import Asked
-from octoform.state.instances import read_instances, write_instances
+from octoform.state.artifacts.instances import read_instances, write_instances
 from octoform.state.layout import Layout
-from octoform.state.lock import Waiting, acquire
+from octoform.state.store.lock import Waiting, acquire
 
 LOCK_SECONDS = 20.0
 WEAK = "weak"

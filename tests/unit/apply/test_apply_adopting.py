@@ -15,7 +15,7 @@ from octoform.apply.context import Context
 from octoform.apply.endpoint_node import CANDIDATE
 from octoform.diagnostics import error
 from octoform.state.layout import Layout
-from octoform.state.store import Ports
+from octoform.state.store.store import Ports
 
 
 @pytest.fixture(autouse=True)

@@ -20,7 +20,7 @@ from octoform.contracts.model import Artifacts
 from octoform.diagnostics import Diagnostic, error
 from octoform.state.files import pass_by
 from octoform.state.layout import Layout
-from octoform.state.store import Ports
+from octoform.state.store.store import Ports
 
 EPISODE = {"episode": "e1", "reason": "worse"}
 

@@ -13,8 +13,8 @@ from octoform.diagnostics import error, to_json, warning
 from octoform.engine import attempts as engine
 from octoform.harness import orphans, processes
 from octoform.harness.port import Closed, ExitReason, Said, ToolCalled, ToolReturned, Trouble, Turn, Usage
-from octoform.state.attempts import SpecEdit
-from octoform.state.lock import acquire
+from octoform.state.artifacts.attempts import SpecEdit
+from octoform.state.store.lock import acquire
 from octoform.views.format.console import Console
 from octoform.views.run import attempts as views
 

@@ -16,7 +16,7 @@ from octoform.engine import covering
 from octoform.engine.attempts import of_host
 from octoform.engine.covering import Report
 from octoform.engine.passes import grouped, runs
-from octoform.state.artifacts import file_digest
+from octoform.state.artifacts.accepted import file_digest
 from octoform.state.model import NodeState, Snapshot, Status, Usage, encode
 
 Artifacts = dict[str, dict[str, Any]]

@@ -12,10 +12,10 @@ from octoform.diagnostics import Diagnostic, error
 from octoform.endpoint import stopmark
 from octoform.engine import duty
 from octoform.engine.opening import Locked, Opened
-from octoform.state.artifacts import accept, file_digest
+from octoform.state.artifacts.accepted import accept, file_digest
 from octoform.state.layout import STAGES, Layout
-from octoform.state.lock import acquire
 from octoform.state.model import Status
+from octoform.state.store.lock import acquire
 
 DONE = Answer(ok=True, detail="done", changed=True)
 

@@ -6,10 +6,10 @@ from pathlib import Path
 import pytest
 
 from octoform.engine.mending import mend_artifacts
-from octoform.state.artifacts import accept, file_digest
+from octoform.state.artifacts.accepted import accept, file_digest
 from octoform.state.layout import Layout
 from octoform.state.model import NodeState
-from octoform.state.store import StateStore
+from octoform.state.store.store import StateStore
 
 SERVER = b"import os\n\n\ndef tool():\n    return os.name\n\n\n"
 

@@ -25,7 +25,7 @@ from octoform.harness.watching import Watcher
 from octoform.protocol import MOST_PROMPT_BYTES, STAGES, Prompt, render_prompt
 from octoform.protocol.loading import load
 from octoform.runtime import calllog
-from octoform.state.attempts import AttemptRecord
+from octoform.state.artifacts.attempts import AttemptRecord
 from octoform.views.format.console import Console
 from octoform.views.format.stream import JsonStream
 from octoform.views.run.apply import RunHuman

@@ -8,8 +8,8 @@ import pytest
 from octoform.graph.model import Graph, Node, NodeKind, key_parts
 from octoform.plan import encode, planfile
 from octoform.plan.diff import Observed, Prior, Wishes, diff
-from octoform.plan.lending import with_loans
 from octoform.plan.model import Action, Cause, Plan, PlannedAction, StepOutlook
+from octoform.plan.reuse import with_loans
 
 STEP = Node("step.lamp", NodeKind.STEP, ("serve",), {"spec": "sha256:spec"}, harness="builtin", after=("endpoint",))
 SERVE = Node("serve", NodeKind.STAGE, (), {"spec": "sha256:serve"}, harness="builtin")

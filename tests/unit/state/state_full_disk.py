@@ -9,11 +9,11 @@ import sys
 from pathlib import Path
 
 from octoform.diagnostics import Diagnostic
-from octoform.state.artifacts import accept, file_digest
+from octoform.state.artifacts.accepted import accept, file_digest
 from octoform.state.files import check_writable, full_disk
 from octoform.state.layout import Layout
 from octoform.state.model import NodeState
-from octoform.state.store import StateStore
+from octoform.state.store.store import StateStore
 
 SIZE = 2 * 1024 * 1024
 

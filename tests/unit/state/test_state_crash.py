@@ -11,12 +11,12 @@ from pathlib import Path
 import pytest
 from state_scenario import NODES, apply, files_of, settled
 
-from octoform.state.artifacts import file_digest
+from octoform.state.artifacts.accepted import file_digest
 from octoform.base.files import TEMPORARY
 from octoform.state.layout import Layout
 from octoform.state.model import Status, content_digest
-from octoform.state.peek import peek
-from octoform.state.store import StateStore
+from octoform.state.store.quick_read import peek
+from octoform.state.store.store import StateStore
 
 
 def points(project: Path, version: int) -> list[str]:

@@ -9,8 +9,8 @@ import pytest
 
 from octoform.state.layout import Layout
 from octoform.state.model import NodeState
-from octoform.state.peek import backup_path, parse, peek
-from octoform.state.store import StateStore
+from octoform.state.store.quick_read import backup_path, parse, peek
+from octoform.state.store.store import StateStore
 
 PAGES = Path(__file__).parents[3] / "octoform/diagnostics/pages"
 
@@ -164,7 +164,7 @@ def test_a_corrupt_journal_stops_and_is_not_touched(twice: Layout) -> None:
 def test_every_code_of_the_package_has_a_page() -> None:
     folder = Path(__file__).parents[3] / "octoform/state"
     pattern = re.compile(r'"((?:STATE|GIT)-[A-Z-]+)"')
-    codes = {code for path in folder.glob("*.py") for code in pattern.findall(path.read_text())}
+    codes = {code for path in folder.rglob("*.py") for code in pattern.findall(path.read_text())}
     assert len(codes) > 20
     for name in sorted(codes):
         text = (PAGES / f"{name}.md").read_text()

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from octoform.diagnostics import Severity
-from octoform.state.journal import Journal, Op, Reading, Record, decode, encode, read
+from octoform.state.store.journal import Journal, Op, Reading, Record, decode, encode, read
 
 texts = st.text(st.characters(codec="utf-8"), max_size=30)
 values = st.recursive(

@@ -8,7 +8,10 @@ import pytest
 
 ROOT = Path(__file__).parents[3]
 HEAVY = ("pydantic", "git", "jsonschema", "ruamel", "jinja2", "rich", "tempfile", "subprocess")
-LIGHT = ("layout", "files", "peek", "journal", "artifacts", "instances", "reserve", "revision", "holder", "lock")
+LIGHT = (
+    *("layout", "files", "disk_reserve", "lock_holder", "store.quick_read", "store.journal", "store.lock"),
+    *("artifacts.accepted", "artifacts.instances", "git.head"),
+)
 
 
 @pytest.mark.parametrize("module", LIGHT)

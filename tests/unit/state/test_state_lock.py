@@ -11,9 +11,9 @@ from pathlib import Path
 
 import pytest
 
-from octoform.state.holder import Liveness, Process, liveness, myself, start_time
+from octoform.state.lock_holder import Liveness, Process, liveness, myself, start_time
 from octoform.state.layout import Layout
-from octoform.state.lock import Holder, Lock, Waiting, acquire, force_unlock, read_holder
+from octoform.state.store.lock import Holder, Lock, Waiting, acquire, force_unlock, read_holder
 
 
 def taken(layout: Layout, operation: str = "apply", waiting: Waiting | None = None) -> Lock:
@@ -229,7 +229,7 @@ def test_a_lock_that_is_a_link_is_refused(layout: Layout, tmp_path: Path) -> Non
 
 def test_a_guard_that_is_never_let_go_is_an_error_and_no_hang(layout: Layout, monkeypatch: pytest.MonkeyPatch) -> None:
     taken(layout).release()
-    monkeypatch.setattr("octoform.state.lock._GUARD_SECONDS", 0.01)
+    monkeypatch.setattr("octoform.state.store.lock._GUARD_SECONDS", 0.01)
     with layout.lock.with_name("lock.guard").open("rb+") as guard:
         fcntl.flock(guard, fcntl.LOCK_EX)
         outcome = acquire(layout, "apply")

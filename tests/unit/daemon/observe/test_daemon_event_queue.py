@@ -19,8 +19,8 @@ from octoform.daemon.observe.event_queue import EventSources, Timing, open_sourc
 from octoform.daemon.observe.process import ProcessEar
 from octoform.endpoint.running import Running
 from octoform.state.files import write_atomic
-from octoform.state.holder import start_time
 from octoform.state.layout import Layout
+from octoform.state.lock_holder import start_time
 
 AT_MOST = 5.0
 """Seconds that a busy machine may take where the kernel takes milliseconds."""

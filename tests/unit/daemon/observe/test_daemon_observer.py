@@ -19,7 +19,7 @@ from octoform.daemon.observe.log_tail import Tail
 from octoform.daemon.observe.observer import Looker, busy, open_look
 from octoform.state.files import write_atomic
 from octoform.state.layout import Layout
-from octoform.state.lock import acquire
+from octoform.state.store.lock import acquire
 
 SERVER = '''
 import os, time
@@ -242,8 +242,8 @@ def endpoint_of(facts: Facts) -> str | None:
 
 
 def test_accepted_files_that_are_not_as_they_were_are_named(tmp_path: Path) -> None:
-    from octoform.state.artifacts import accept, file_digest
-    from octoform.state.keeping import keep
+    from octoform.state.artifacts.accepted import accept, file_digest
+    from octoform.state.artifacts.cache import keep
 
     layout = Layout(tmp_path, "bench")
     files = {"server.py": b"pass\n", "runtime/a.py": b"a\n", "runtime/b.py": b"b\n"}

@@ -28,9 +28,9 @@ from octoform.daemon.observe.observer import Looker, Senses
 from octoform.daemon.observe.presence import Asked, Presence
 from octoform.daemon.observe.process import ProcessEar
 from octoform.endpoint.running import Running, running
-from octoform.state.holder import myself, start_time
-from octoform.state.instances import write_instances
+from octoform.state.artifacts.instances import write_instances
 from octoform.state.layout import Layout
+from octoform.state.lock_holder import myself, start_time
 
 DEVICE = "usb-1a86-55d3"
 AT_MOST = 20.0

@@ -16,7 +16,7 @@ import pytest
 from octoform.daemon.repair.jobs import JOBS
 from octoform.daemon.repair.worker import BAD_JOB, STOPPED
 from octoform.state.layout import Layout
-from octoform.state.lock import acquire
+from octoform.state.store.lock import acquire
 
 WORKER = [sys.executable, "-m", "octoform.daemon.repair.worker"]
 IN_BETWEEN = """

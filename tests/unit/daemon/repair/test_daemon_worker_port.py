@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 
 from octoform.daemon.repair.worker_port import Workers
-from octoform.state.holder import start_time
+from octoform.state.lock_holder import start_time
 
 ECHO = """
 import json, sys

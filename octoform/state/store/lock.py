@@ -25,7 +25,7 @@ from octoform.diagnostics import Diagnostic, error
 from octoform.base import locks
 from octoform.base.files import sync_folder, write_all, parse
 from octoform.state.files import make_folders, read_regular, refused, shown
-from octoform.state.holder import PROC, Liveness, Process, from_json, liveness, myself, to_json
+from octoform.state.lock_holder import PROC, Liveness, Process, from_json, liveness, myself, to_json
 from octoform.state.layout import Layout
 
 _LIMIT = 64 * 1024

@@ -12,7 +12,7 @@ from collections.abc import Mapping
 
 from octoform.diagnostics import Diagnostic, error
 from octoform.state.files import make_folders, read_regular, shown, write_atomic
-from octoform.state.keeping import INSTANCES, keep
+from octoform.state.artifacts.cache import INSTANCES, keep
 from octoform.state.layout import Layout
 
 FORMAT = 1

@@ -9,7 +9,7 @@ import traceback
 from pathlib import Path
 
 from octoform.diagnostics import Diagnostic, error
-from octoform.state.belonging import name_of
+from octoform.state.file_owner import name_of
 from octoform.state.files import mount_point, shown
 
 _PACKAGE = Path(__file__).resolve().parents[1]

@@ -15,7 +15,7 @@ from typing import Any
 
 from octoform import digest
 from octoform.diagnostics import Diagnostic
-from octoform.state.artifacts import contents
+from octoform.state.artifacts.accepted import contents
 from octoform.base import files
 from octoform.state.files import make_folders, read_regular, refused, write_atomic
 from octoform.state.layout import Layout
@@ -36,7 +36,7 @@ _Index = dict[str, list[dict[str, str]]]
 
 
 def folder_digest(files: Files) -> str:
-    """The digest by which a node's files are known: `octoform.state.artifacts.file_digest` of the same files."""
+    """The digest by which a node's files are known: `octoform.state.artifacts.accepted.file_digest` of the same files."""
     return digest.of_value({name: digest.of_bytes(data) for name, data in files.items()})
 
 

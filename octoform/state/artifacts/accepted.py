@@ -24,7 +24,7 @@ from octoform.state.files import (
     write_atomic,
 )
 from octoform.state.layout import STAGES, STEP, Layout
-from octoform.state.reserve import spending
+from octoform.state.disk_reserve import spending
 
 MOST_FILES = 1000
 

@@ -29,7 +29,7 @@ def backup_path(layout: Layout) -> Path:
 def peek(layout: Layout) -> dict[str, Any] | None:
     """The settled state document, or None when there is none, it is damaged, or a journal waits to be folded.
 
-    None means: ask `octoform.state.store.StateStore`, which tells apart what it was.
+    None means: ask `octoform.state.store.store.StateStore`, which tells apart what it was.
     """
     try:
         if layout.journal.stat(follow_symlinks=False).st_size > 0:

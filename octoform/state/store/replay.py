@@ -7,7 +7,7 @@ all histories. A begin without an end leaves `interrupted`; an end of any kind r
 from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
-from octoform.state.journal import Op, Record
+from octoform.state.store.journal import Op, Record
 from octoform.state.model import NodeState, Snapshot, Status
 
 Nodes = dict[str, NodeState]

@@ -11,13 +11,13 @@ from pydantic import ValidationError
 
 from octoform import __version__
 from octoform.diagnostics import Diagnostic, error, has_errors, warning
-from octoform.state import journal as journals
+from octoform.state.store import journal as journals
 from octoform.state.files import read_regular, shown
-from octoform.state.fold import fold
-from octoform.state.journal import Op, Reading, Record
+from octoform.state.store.replay import fold
+from octoform.state.store.journal import Op, Reading, Record
 from octoform.state.layout import Layout
 from octoform.state.model import Snapshot, state_digest
-from octoform.state.peek import backup_path, parse, recovery
+from octoform.state.store.quick_read import backup_path, parse, recovery
 
 _TRIES = 5
 
