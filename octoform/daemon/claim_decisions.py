@@ -12,7 +12,7 @@ from octoform.daemon.observe.clock import SystemClock
 from octoform.diagnostics import Diagnostic, error
 from octoform.engine.serving import layout_of
 from octoform.escaping import escaped
-from octoform.manifest.loading import load
+from octoform.manifest.loader import load
 from octoform.manifest.model import FILE_NAME, Daemon
 from octoform.state.lock_holder import Liveness, liveness, myself
 from octoform.state.store.lock import Holder, read_holder

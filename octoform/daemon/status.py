@@ -160,7 +160,7 @@ def _is_past(document: Mapping[str, Any], layout: Layout) -> bool:
 
 
 def _interval(layout: Layout, environ: Mapping[str, str]) -> float:
-    from octoform.manifest.loading import load
+    from octoform.manifest.loader import load
 
     manifest, _ = load(layout.project / FILE_NAME, environ)
     return float(manifest.daemon.interval) if manifest is not None else 0.0

@@ -15,7 +15,7 @@ from octoform.engine.observing import read_artifacts
 from octoform.engine.planning import Request
 from octoform.engine.ports import RunView
 from octoform.engine.results import RunResult
-from octoform.manifest import editing
+from octoform.manifest.edit import settings
 from octoform.plan.model import OpenQuestion
 from octoform.state.artifacts.accepted import observe
 
@@ -101,7 +101,7 @@ def take_back(project: Path, environ: Environ, device: str) -> tuple[Answered | 
 def _change(
     project: Path, environ: Environ, known: Asked, device: str, sentence: str | None
 ) -> tuple[Answered | None, list[Diagnostic]]:
-    edited, found = editing.change(project / MANIFEST, (TABLE, device), sentence, environ)
+    edited, found = settings.change(project / MANIFEST, (TABLE, device), sentence, environ)
     if edited is None:
         return None, found
     lines = difflib.unified_diff(edited.before.splitlines(), edited.after.splitlines(), lineterm="", n=0)

@@ -18,7 +18,7 @@ from octoform.harness import orphans, processes, transcript
 from octoform.harness.dialect import field, json_object
 from octoform.harness.plainfile import read_plain
 from octoform.harness.port import Closed, ExitReason, ToolCalled, ToolReturned, Trouble
-from octoform.manifest.loading import load as load_manifest
+from octoform.manifest.loader import load as load_manifest
 from octoform.manifest.model import FILE_NAME as MANIFEST
 from octoform.protocol import STEP, step_paths
 from octoform.protocol.loading import load as load_specs

@@ -10,8 +10,8 @@ from octoform.engine import memo
 from octoform.engine.step_selection import select
 from octoform.graph.compile import compile_graph
 from octoform.graph.model import Graph
-from octoform.manifest.loading import load as load_manifest
-from octoform.manifest.loading import named_profiles
+from octoform.manifest.loader import load as load_manifest
+from octoform.manifest.loader import named_profiles
 from octoform.manifest.model import Manifest, ProfileSource, TypedProfile
 from octoform.profiles import Profile
 from octoform.protocol import Spec, Step

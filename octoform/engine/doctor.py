@@ -22,7 +22,7 @@ from octoform.harness.asking.route import Route, apis_for, route
 from octoform.harness.health import Check, Status, command_check, failed, passed, program_checks, sandbox_check, unknown
 from octoform.harness.pricing import OWNERS, price_of
 from octoform.harness.reaching import model_checks
-from octoform.manifest.loading import load
+from octoform.manifest.loader import load
 from octoform.manifest.model import MODEL_FREE, HarnessSpec, Manifest
 from octoform.manifest.references import resolve
 from octoform.state.layout import Layout

@@ -14,7 +14,7 @@ from typing import Any
 from octoform.contracts.naming import is_chip_name
 from octoform.diagnostics import Diagnostic, did_you_mean, error
 from octoform.engine.profiling import MANIFEST, probes
-from octoform.manifest.loading import load as load_manifest
+from octoform.manifest.loader import load as load_manifest
 from octoform.state.files import write_atomic
 
 FOLDER = "profiles"

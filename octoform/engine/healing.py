@@ -23,7 +23,7 @@ from octoform.engine.repairing import restore
 from octoform.engine.serving import layout_of
 from octoform.harness.port import Usage
 from octoform.harness.watching import added
-from octoform.manifest.loading import load
+from octoform.manifest.loader import load
 from octoform.manifest.model import FILE_NAME
 from octoform.state.layout import Layout, is_left
 from octoform.state.store.store import Ports

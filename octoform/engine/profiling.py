@@ -11,7 +11,7 @@ from typing import Any
 
 from octoform.base.files import parse
 from octoform.diagnostics import Diagnostic
-from octoform.manifest.loading import load as load_manifest
+from octoform.manifest.loader import load as load_manifest
 from octoform.profiles import Profile, evidence, load
 from octoform.profiles.evidence import Judged
 from octoform.state.files import read_regular

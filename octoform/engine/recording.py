@@ -21,7 +21,7 @@ from octoform.engine.recording_folder import check_target, write
 from octoform.harness import recording, transcript
 from octoform.harness.plainfile import read_plain
 from octoform.harness.port import ExitReason
-from octoform.manifest.loading import load as load_manifest
+from octoform.manifest.loader import load as load_manifest
 from octoform.manifest.model import FILE_NAME as MANIFEST
 from octoform.state.files import read_regular, refused, shown
 from octoform.state.layout import OUTPUT_NAMES, STAGES, Layout

@@ -5,7 +5,7 @@ from pathlib import Path
 
 from octoform.diagnostics import Diagnostic
 from octoform.engine.compiling import MANIFEST
-from octoform.manifest.starter import write_starter
+from octoform.manifest.edit.starter import write_starter
 
 
 def start_project(project: Path, host: str | None) -> tuple[Path | None, list[Diagnostic]]:

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from urllib.parse import urlsplit
 
 from octoform.diagnostics import Diagnostic, error
-from octoform.manifest import keys
-from octoform.manifest.logins import LOGINS
+from octoform.manifest import credentials
+from octoform.manifest.credentials import LOGINS
 from octoform.manifest.model import HarnessSpec
 from octoform.manifest.providers import CHAT, RESPONSES, split
 from octoform.manifest.references import resolve
@@ -69,7 +69,7 @@ def unusable(key: str | None, environ: Mapping[str, str]) -> str | None:
 
     One that is not set may be no fault: the program has its own words for it.
     """
-    return keys.complaint(key, environ) if key is not None and key in environ else None
+    return credentials.complaint(key, environ) if key is not None and key in environ else None
 
 
 def normalised(url: str, api: str) -> str:

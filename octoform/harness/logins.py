@@ -10,8 +10,7 @@ from typing import Any
 
 from octoform.base.files import parse, read_json
 from octoform.diagnostics import Diagnostic, error
-from octoform.manifest.keys import is_sendable
-from octoform.manifest.logins import LOGINS, Login
+from octoform.manifest.credentials import LOGINS, Login, is_sendable
 from octoform.manifest.model import STEP, HarnessSpec, Manifest
 
 MOST_BYTES = 1 << 20

@@ -19,7 +19,7 @@ from octoform.diagnostics import did_you_mean
 from octoform.harness.access import Access
 from octoform.harness.health import Check, failed, passed, unknown
 from octoform.manifest.base_url import is_loopback
-from octoform.manifest.keys import is_sendable
+from octoform.manifest.credentials import is_sendable
 from octoform.manifest.providers import ANTHROPIC, GEMINI
 
 SECONDS = 5.0

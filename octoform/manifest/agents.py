@@ -7,12 +7,12 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from octoform.manifest import base_url, references
-from octoform.manifest.document import Document, Housekeeping, Stage
-from octoform.manifest.harness_document import CommandHarness, Harness, ModelHarness, ProgramHarness, ReplayHarness
-from octoform.manifest.logins import LOGINS
+from octoform.manifest.credentials import LOGINS
 from octoform.manifest.model import KEEPERS, MODEL_FREE, STAGES
 from octoform.manifest.providers import Provider, split
-from octoform.manifest.tree import Loc
+from octoform.manifest.schema.document import Document, Housekeeping, Stage
+from octoform.manifest.schema.harness import CommandHarness, Harness, ModelHarness, ProgramHarness, ReplayHarness
+from octoform.manifest.source.tree import Loc
 
 PROBE = STAGES[0]
 HOUSEKEEPER = "litellm"

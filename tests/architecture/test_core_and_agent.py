@@ -66,4 +66,4 @@ def calls_git(path: Path) -> bool:
 def test_git_is_called_in_one_way_which_runs_no_program_of_the_repository() -> None:
     found = [path.relative_to(ROOT / "octoform").as_posix() for path in FILES if calls_git(path)]
     # A table of settings and a query name git as a word; neither starts it.
-    assert set(found) - {"manifest/tables.py", "state/model.py"} == {"state/git/command.py"}
+    assert set(found) - {"manifest/schema/key_tables.py", "state/model.py"} == {"state/git/command.py"}

@@ -13,7 +13,7 @@ import pytest
 from projects import OCTOFORM
 
 from octoform.cli.parser import build, parse
-from octoform.manifest.loading import parse as parse_manifest
+from octoform.manifest.loader import parse as parse_manifest
 
 ROOT = Path(__file__).parents[2]
 DOCUMENTS = [*sorted(ROOT.glob("*.md")), *sorted((ROOT / "docs").rglob("*.md"))]

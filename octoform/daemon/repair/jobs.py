@@ -21,7 +21,7 @@ def _settings(project: str, _: Brief) -> dict[str, Any]:
     """How the manifest wants the deployment kept alive: ``host``, ``scope``, ``daemon``, ``perception``, and ``bounds``
     that the profiles set (`octoform.claims.gathering.bounds_told`)."""
     from octoform.engine.bounding import bounds
-    from octoform.manifest.loading import load
+    from octoform.manifest.loader import load
     from octoform.manifest.model import FILE_NAME
 
     manifest, found = load(Path(project) / FILE_NAME, os.environ)

@@ -8,7 +8,7 @@ import pytest
 from octoform.cli.main import main
 from octoform.engine.prices import unpriced
 from octoform.harness import pricing
-from octoform.manifest.loading import load
+from octoform.manifest.loader import load
 
 README = Path(__file__).parents[3] / "README.md"
 

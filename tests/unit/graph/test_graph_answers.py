@@ -6,7 +6,7 @@ import pytest
 
 from octoform.graph.compile import compile_graph
 from octoform.graph.model import Graph
-from octoform.manifest.loading import parse
+from octoform.manifest.loader import parse
 from octoform.profiles import load_text
 from octoform.protocol import STAGES, Spec
 

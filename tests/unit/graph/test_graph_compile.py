@@ -7,7 +7,7 @@ import pytest
 
 from octoform.graph.compile import compile_graph
 from octoform.graph.model import Node
-from octoform.manifest.loading import load
+from octoform.manifest.loader import load
 from octoform.protocol import STAGES, Spec
 
 SPECS = {name: Spec(name, Path(name), "", "", f"sha256:{name}", (), "", None) for name in STAGES}

@@ -7,7 +7,7 @@ import pytest
 from octoform.graph.compile import compile_graph
 from octoform.graph.endpoint_parts import in_force
 from octoform.graph.model import Graph
-from octoform.manifest.loading import parse
+from octoform.manifest.loader import parse
 from octoform.profiles import Profile, load
 from octoform.protocol import STAGES, Spec
 

@@ -6,7 +6,7 @@ from pathlib import Path
 from octoform.graph.compile import compile_graph
 from octoform.graph.drawing import to_dot, to_mermaid
 from octoform.graph.model import Graph, Node, NodeKind
-from octoform.manifest.loading import load
+from octoform.manifest.loader import load
 from octoform.profiles import load_text
 from octoform.protocol import STAGES, Spec, Step, step_paths
 from octoform.protocol.step_loading import load_step

@@ -6,9 +6,8 @@ from pathlib import Path
 import pytest
 
 from octoform.diagnostics import Diagnostic
-from octoform.manifest import base_url, places
-from octoform.manifest.harness_document import NAMES, table_of
-from octoform.manifest.loading import load
+from octoform.manifest import agent_locations, base_url
+from octoform.manifest.loader import load
 from octoform.manifest.model import (
     KEEPERS,
     MODEL_FREE,
@@ -21,6 +20,7 @@ from octoform.manifest.model import (
     Sandbox,
 )
 from octoform.manifest.providers import APIS, PROVIDERS, SEARCHERS
+from octoform.manifest.schema.harness import NAMES, table_of
 
 AGENTS = ("claude-code", "codex", "gemini-cli", "litellm", "opencode", "pi", "qwen-code")
 
@@ -253,7 +253,7 @@ def test_names_are_complete() -> None:
     assert all(set(provider.urls) <= set(APIS) for provider in PROVIDERS.values())
     for name in NAMES:
         assert "name" in table_of(name).model_fields
-    assert len(places.HARNESSES) == 1 + len((*STAGES, *KEEPERS)) + len(("escalation",))
+    assert len(agent_locations.HARNESSES) == 1 + len((*STAGES, *KEEPERS)) + len(("escalation",))
 
 
 @pytest.mark.parametrize(

@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 from ruamel.yaml import YAML
 
 from octoform.diagnostics import Diagnostic, has_errors, to_json
-from octoform.manifest.loading import parse
-from octoform.manifest.schema import json_schema
+from octoform.manifest.loader import parse
+from octoform.manifest.schema.json_schema import json_schema
 from octoform.views.format.diagnostics import render_all
 
 WORDS = sorted(
@@ -129,9 +129,9 @@ def test_the_value_of_a_secret_name_is_never_shown(key: str, form: str) -> None:
 @given(st.dictionaries(st.sampled_from(WORDS), values, max_size=6))
 def test_the_yaml_reader_and_ours_agree(data: dict[str, Any]) -> None:
     """The tree is built of events; its data are those that the reader itself would make of JSON."""
-    from octoform.manifest import tree
-    from octoform.manifest.reading import read_tree
-    from octoform.manifest.report import Report
+    from octoform.manifest.source import tree
+    from octoform.manifest.source.parser import read_tree
+    from octoform.manifest.source.report import Report
 
     text = json.dumps({"version": 1, **data}, allow_nan=False) if _is_finite(data) else "{a: 1}"
     report = Report("x")

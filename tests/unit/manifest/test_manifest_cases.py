@@ -9,7 +9,7 @@ from cases import for_each
 from manifest_cases import Case, all_cases
 
 from octoform.diagnostics import has_errors, to_json
-from octoform.manifest.loading import load
+from octoform.manifest.loader import load
 from octoform.views.format.diagnostics import render_all
 
 CASES = all_cases()

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from octoform.manifest.loading import parse
+from octoform.manifest.loader import parse
 from octoform.manifest.model import Manifest, Network, Tunnel
 from octoform.manifest.policy_model import Limit, Policy, Rule
 

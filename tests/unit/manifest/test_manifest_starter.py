@@ -8,10 +8,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from octoform.manifest import host_name
-from octoform.manifest.loading import load
+from octoform.manifest.edit.starter import SCHEMA_FILE, starter_text, write_starter
+from octoform.manifest.loader import load
 from octoform.manifest.model import Daemon, Network, Notify, Perception, Tunnel
-from octoform.manifest.schema import json_schema
-from octoform.manifest.starter import SCHEMA_FILE, starter_text, write_starter
+from octoform.manifest.schema.json_schema import json_schema
 
 ROOT = Path(__file__).parents[3]
 

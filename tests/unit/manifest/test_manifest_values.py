@@ -10,7 +10,7 @@ import pytest
 
 from octoform.harness.adapters import command as command_harness
 from octoform.manifest import model
-from octoform.manifest.loading import load
+from octoform.manifest.loader import load
 from octoform.manifest.model import KEEPERS, Budget, Daemon, HarnessSpec, Manifest, Notify
 from octoform.manifest.references import contains, malformed, names, resolve, resolve_argument
 
@@ -198,14 +198,14 @@ def test_placeholders_are_those_of_the_harness() -> None:
 
 def test_every_code_has_a_page_and_every_page_a_code() -> None:
     package = Path(model.__file__).parent
-    used = set(re.findall(r'"(MANIFEST-[A-Z-]+)"', "".join(file.read_text("utf-8") for file in package.glob("*.py"))))
+    used = set(re.findall(r'"(MANIFEST-[A-Z-]+)"', "".join(file.read_text("utf-8") for file in package.rglob("*.py"))))
     pages = package.parent / "diagnostics" / "pages"
     assert used == {page.stem for page in pages.glob("MANIFEST-*.md")}
     for code in used:
         assert (pages / f"{code}.md").read_text("utf-8").startswith(f"# {code}: ")
 
 
-@pytest.mark.parametrize("module", ["model", "policy_model", "references", "starter", "host_name", "secrets"])
+@pytest.mark.parametrize("module", ["model", "policy_model", "references", "edit.starter", "host_name", "secrets"])
 def test_light_modules_stay_light(module: str) -> None:
     code = (
         f"import sys, octoform.manifest.{module}; "

@@ -5,8 +5,8 @@ from pathlib import Path
 import pytest
 
 from octoform.diagnostics import Diagnostic
-from octoform.manifest.loading import load
-from octoform.manifest.profile_paths import shipped
+from octoform.manifest.loader import load
+from octoform.manifest.rules.profile_paths import shipped
 
 
 def profiles(project: Path, *names: str) -> tuple[tuple[Path, ...], list[Diagnostic]]:

@@ -7,7 +7,7 @@ import pytest
 
 from octoform.graph.compile import compile_graph
 from octoform.graph.model import Graph, key_parts
-from octoform.manifest.loading import parse
+from octoform.manifest.loader import parse
 from octoform.plan.diff import Observed, Prior, Wishes, diff
 from octoform.plan.model import Action, Cause
 from octoform.protocol import STAGES, Spec

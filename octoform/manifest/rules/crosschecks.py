@@ -1,0 +1,150 @@
+"""Rules the schema cannot say: timeouts that do not fit together, settings without effect, placeholders of commands.
+
+(Heavy: the document.)
+"""
+
+import re
+
+from octoform.diagnostics import Span, did_you_mean
+from octoform.manifest import agent_locations, agents
+from octoform.manifest.conversion import idle, timeouts
+from octoform.manifest.model import KEEPERS, PLACEHOLDERS, STAGES
+from octoform.manifest.schema.document import Document, Stage
+from octoform.manifest.schema.harness import PROGRAMS
+from octoform.manifest.source import tree
+from octoform.manifest.source.report import Report
+from octoform.manifest.source.tree import Items, Loc, Scalar, Table
+
+_PLACEHOLDER = re.compile(r"\{\{|\}\}|(?<!\$)\{([A-Za-z_][A-Za-z0-9_]*)\}")
+
+
+def check(document: Document, root: Table, report: Report) -> None:
+    """Report what does not fit together in a document that fits the schema."""
+    _timeouts(document, root, report)
+    _idle_timeouts(document, root, report)
+    _unused_prices(document, root, report)
+    _unused_money(document, root, report)
+
+
+def _stage(document: Document, name: str) -> Stage:
+    stage: Stage = getattr(document.stages, name)
+    return stage
+
+
+def _timeouts(document: Document, root: Table, report: Report) -> None:
+    told: set[Span] = set()
+    for name in (*STAGES, *KEEPERS):
+        attempt, stage = timeouts(document.budget, _stage(document, name).budget)
+        if attempt <= stage:
+            continue
+        span = _written(root, name, _TIMEOUTS) or root.span
+        if span not in told:
+            told.add(span)
+            report.warning(
+                "MANIFEST-TIMEOUTS",
+                f"one attempt may take longer ({attempt:.0f} s) than its whole stage ({stage:.0f} s)",
+                span,
+                hint="the stage's time ends the attempt; raise stage_timeout or lower attempt_timeout",
+            )
+
+
+_TIMEOUTS = ("attempt_timeout", "stage_timeout")
+
+
+def _written(root: Table, stage: str, names: tuple[str, ...]) -> Span | None:
+    """Where one of the settings of a budget is given, the stage's own first."""
+    found = (tree.at(root, (*at, name)) for at in (("stages", stage, "budget"), ("budget",)) for name in names)
+    return next((node.span for node in found if node is not None), None)
+
+
+def _idle_timeouts(document: Document, root: Table, report: Report) -> None:
+    """A silence longer than the attempt itself never ends it."""
+    told: set[Span] = set()
+    for name in (*STAGES, *KEEPERS):
+        own = _stage(document, name).budget
+        (attempt, _), silence = timeouts(document.budget, own), idle(document.budget, own)
+        span = _written(root, name, ("idle_timeout",))
+        if silence is not None and silence > attempt and span is not None and span not in told:
+            told.add(span)
+            report.warning(
+                "MANIFEST-TIMEOUTS",
+                f"an attempt may be silent for longer ({silence:.0f} s) than it may take ({attempt:.0f} s)",
+                span,
+                hint="it has no effect; lower idle_timeout or raise attempt_timeout",
+            )
+
+
+def _unused_prices(document: Document, root: Table, report: Report) -> None:
+    """A price under a name that no agent's model has is most likely a slip."""
+    used = [agent.model for agent in agents.in_force(document) if agent.takes_model and agent.model is not None]
+    used += [document.housekeeping.model] if document.housekeeping is not None else []
+    for name in document.prices:
+        key = tree.key_at(root, ("prices", name))
+        if name not in used and key is not None:
+            near = did_you_mean(name, used)
+            report.warning(
+                "MANIFEST-UNUSED",
+                "this price has no effect: no agent uses that model",
+                key.span,
+                hint=f"did you mean `{report.shown(near)}`?" if near else "write the name as it stands under `model`",
+            )
+
+
+def _unused_money(document: Document, root: Table, report: Report) -> None:
+    """A limit in dollars where no model is paid would look as if it were in force."""
+    paid = {name: agents.of_stage(document, name).takes_model for name in (*STAGES, *KEEPERS)}
+    escalation = agents.of_escalation(document)
+    paid["identify"] |= escalation is not None and escalation.takes_model
+    unpaid: list[Loc] = [("stages", name, "budget", "usd") for name in paid if not paid[name]]
+    if not any(paid.values()) and document.housekeeping is None:
+        unpaid += [("budget", "usd"), ("daemon", "usd_per_hour")]
+    for loc in unpaid:
+        key = tree.key_at(root, loc)
+        if key is not None:
+            report.warning(
+                "MANIFEST-UNUSED",
+                "this limit has no effect: no agent here uses a model",
+                key.span,
+                hint="remove it, or choose another harness",
+            )
+
+
+def check_commands(root: Table, report: Report) -> None:
+    """Report what is wrong in the arguments of a command; looks at the tree, so it needs no document."""
+    for loc in agent_locations.HARNESSES:
+        command = tree.at(root, (*loc, "command"))
+        items = command.items if isinstance(command, Items) else ()
+        name, way = tree.at(root, (*loc, "name")), tree.at(root, (*loc, "prompt"))
+        prompt = way.text if isinstance(way, Scalar) else "stdin"
+        for item in (item for item in items if isinstance(item, Scalar)):
+            if item is items[0] and isinstance(item.value, str) and not item.text.strip():
+                what = "the first item of a command is a program"
+                report.error("MANIFEST-WRONG-VALUE", what, item.span, hint="name the program")
+            if isinstance(name, Scalar) and name.text in PROGRAMS:
+                _own_argument(item, name.text, report)
+            else:
+                _argument(item, prompt, report)
+
+
+def _own_argument(item: Scalar, harness: str, report: Report) -> None:
+    """The command of a known program names the program; octoform adds what it needs to know."""
+    for name in dict.fromkeys(found for found in _PLACEHOLDER.findall(item.text) if found in PLACEHOLDERS):
+        report.error(
+            "MANIFEST-WRONG-VALUE",
+            f"{{{name}}} is not filled in here: `{harness}` is given its task by octoform",
+            item.span,
+            hint="name the program alone",
+        )
+
+
+def _argument(item: Scalar, prompt: str, report: Report) -> None:
+    for name in dict.fromkeys(found for found in _PLACEHOLDER.findall(item.text) if found):
+        if name not in PLACEHOLDERS:
+            near = did_you_mean(name[:80], PLACEHOLDERS)
+            hint = f"did you mean {{{near}}}?" if near else f"known: {', '.join(PLACEHOLDERS)}; {{{{ is a plain brace"
+            report.error("MANIFEST-WRONG-VALUE", f"{{{report.shown(name)}}} is no placeholder", item.span, hint=hint)
+        elif name == "prompt" and prompt != "argument":
+            hint = "add `prompt: argument`, or use {prompt_file}"
+            report.error(
+                "MANIFEST-WRONG-VALUE", "{prompt} stands here, but the prompt is no argument", item.span, hint=hint
+            )

@@ -1,0 +1,266 @@
+"""What the schema has against a document, as diagnostics with places and hints. (Heavy: pydantic.)"""
+
+import re
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from pydantic import ValidationError
+
+from octoform.diagnostics import Span, did_you_mean
+from octoform.manifest.rules import error_text
+from octoform.manifest.schema.document import Document
+from octoform.manifest.schema.harness import NAMES, TAGS
+from octoform.manifest.schema.key_tables import home_of, keys_at
+from octoform.manifest.source import tree
+from octoform.manifest.source.report import Report
+from octoform.manifest.source.tree import Items, Loc, Scalar, Table
+
+
+def check(root: Table, report: Report) -> Document | None:
+    """The document, or None with every problem of it in the report."""
+    _refuse_empty(root, report)
+    try:
+        return Document.model_validate(_filled(root))
+    except ValidationError as failure:
+        for item in failure.errors(include_url=False, include_input=False):
+            loc = tuple(part for part in item["loc"] if part not in TAGS)
+            if not report.is_settled(loc):
+                _Problem(root, report, loc, item["type"], item.get("ctx", {})).tell()
+    return None
+
+
+def _refuse_empty(root: Table, report: Report) -> None:
+    """Report every key that has no value."""
+    found = [(loc, scalar) for loc, scalar in tree.scalars(root) if scalar.value is None]
+    for loc, scalar in found:
+        key = tree.key_at(root, loc)
+        report.error(
+            "MANIFEST-WRONG-TYPE",
+            f"`{report.shown(key.text)}` has no value" if key else "this item of the list has no value",
+            key.span if key else scalar.span,
+            hint="give it a value, or remove it",
+        )
+        report.settle(loc)
+
+
+def _filled(node: tree.Node) -> Any:
+    """The plain data without the keys that have no value."""
+    if isinstance(node, Table):
+        return {key.text: _filled(value) for key, value in node.entries if tree.data(value) is not None}
+    return [_filled(item) for item in node.items] if isinstance(node, Items) else node.value
+
+
+class _Problem:
+    """One validation error on its way to a diagnostic."""
+
+    def __init__(self, root: Table, report: Report, loc: Loc, kind: str, context: Mapping[str, Any]) -> None:
+        self._root = root
+        self._report = report
+        self._loc = loc
+        self._kind = kind
+        self._is_key = loc[-1:] == ("[key]",)
+        if self._is_key:
+            self._loc = loc[:-1]
+        self._context = context
+
+    def tell(self) -> None:
+        """Report it."""
+        telling: dict[str, Callable[[], None]] = {
+            "missing": self._missing,
+            "extra_forbidden": self._unknown_key,
+            "literal_error": self._unknown_value,
+            "manifest": self._own_words,
+            "union_tag_not_found": self._no_branch,
+        }
+        if self._kind in telling:
+            telling[self._kind]()
+        elif self._kind in error_text.TYPES:
+            self._wrong_type()
+        else:
+            self._wrong_value(self._limits())
+
+    def _missing(self) -> None:
+        name, parent = str(self._loc[-1]), tree.at(self._root, self._loc[:-1])
+        if isinstance(parent, Table) and self._is_misspelt(name, parent):
+            return
+        inside = f" in `{error_text.dotted(self._loc[:-1])}`" if len(self._loc) > 1 else ""
+        hint = {
+            "version": "write `version: 1` as the first line",
+            "command": error_text.COMMAND_HINT,
+            "name": "write `name: command`, or the name of a coding-agent program",
+            "harness": "name the agent, such as `harness: claude-code`",
+            "model": "name it as the provider does, such as anthropic/claude-sonnet-4-5",
+            "recording": error_text.RECORDING_HINT,
+            "tool": 'name the tools that it is for, such as `tool: move_rail`, or `tool: "*"` for all',
+            "tools": "name the tools that it is for, such as `tools: [move_rail]`",
+            "decision": "write `decision: allow`, `confirm` or `deny`",
+            "input": error_text.RANGES["input"],
+            "output": error_text.RANGES["output"],
+        }
+        self._report.error(
+            "MANIFEST-MISSING-KEY",
+            f"the key `{name}` is missing{inside}",
+            parent.span if parent else Span(1, 1),
+            hint=hint.get(name),
+        )
+
+    def _is_misspelt(self, name: str, parent: Table) -> bool:
+        """True when a key stands there that is reported as a slip of this one."""
+        known = keys_at(self._root, self._loc[:-1])
+        keys = [key.text[: error_text.LONGEST_WORD] for key, _ in parent.entries if key.text not in known]
+        return any(did_you_mean(key, known) == name for key in keys)
+
+    def _unknown_key(self) -> None:
+        key = tree.key_at(self._root, self._loc)
+        name, span = str(self._loc[-1]), key.span if key else self._span()
+        siblings = keys_at(self._root, self._loc[:-1])
+        hint = error_text.NO_KEYS.get(name) if len(self._loc) == 1 else None
+        self._report.error(
+            "MANIFEST-UNKNOWN-KEY",
+            f"unknown key `{self._report.shown(name)}`",
+            span,
+            hint=hint or self._where_key_belongs(name, siblings),
+        )
+
+    def _where_key_belongs(self, name: str, siblings: tuple[str, ...]) -> str:
+        if siblings == ("name",):
+            return "the embedded agent has no settings; write `harness: builtin`"
+        near = did_you_mean(name[: error_text.LONGEST_WORD], siblings)
+        if near:
+            return f"did you mean `{near}`?"
+        elsewhere = home_of(self._loc)
+        if elsewhere is not None:
+            return f"`{name}` belongs " + (f"under `{error_text.dotted(elsewhere)}`" if elsewhere else "at the top")
+        return f"known here: {', '.join(siblings)}"
+
+    def _unknown_value(self) -> None:
+        value = tree.at(self._root, self._loc)
+        if not isinstance(value, Scalar) or not isinstance(value.value, str):
+            self._wrong_type("a name")
+            return
+        allowed = tuple(re.findall(r"'([^']*)'", str(self._context.get("expected", ""))))
+        if self._loc[-1] == "harness":
+            self._harness_name(value)
+        else:
+            self._not_one_of(value, allowed)
+
+    def _harness_name(self, value: Scalar) -> None:
+        needs = {
+            "command": ("command", "{name: command, command: [my-agent, '{task}']}"),
+            "replay": ("recording", "{name: replay, recording: recordings/bench}"),
+        }
+        if value.text in needs:
+            what, form = needs[value.text]
+            self._report.error(
+                "MANIFEST-MISSING-KEY",
+                f"the harness `{value.text}` needs its {what}",
+                value.span,
+                hint=f"write `harness: {form}`",
+            )
+        elif value.text == "builtin":
+            self._report.error(
+                "MANIFEST-ESCALATION",
+                "the embedded agent cannot escalate to itself",
+                value.span,
+                hint="choose another harness, such as claude-code, or remove `escalate`",
+            )
+        else:
+            self._not_one_of(value, self._harnesses())
+
+    def _harnesses(self) -> tuple[str, ...]:
+        """The harnesses that may stand here."""
+        return tuple(name for name in NAMES if name != "builtin" or "escalate" not in self._loc)
+
+    def _not_one_of(self, value: Scalar, allowed: tuple[str, ...]) -> None:
+        near = did_you_mean(value.text[: error_text.LONGEST_WORD], allowed)
+        self._report.error(
+            "MANIFEST-WRONG-VALUE",
+            f"`{self._report.shown(value.text)}` is no value of `{error_text.dotted(self._loc)}`",
+            value.span,
+            hint=f"did you mean `{near}`?" if near else f"allowed: {', '.join(allowed)}",
+        )
+
+    def _no_branch(self) -> None:
+        """A harness that is neither a name nor a table with a known name, or a sandbox that is neither."""
+        node = tree.at(self._root, self._loc)
+        entry = node.get("name") if isinstance(node, Table) else None
+        if self._loc[-1] == "sandbox":
+            self._wrong_type("auto, true, false or a mapping")
+        elif not isinstance(node, Table):
+            self._wrong_type()
+        elif entry is None:
+            self._loc = (*self._loc, "name")
+            self._missing()
+        elif not isinstance(entry[1], Scalar):
+            self._loc = (*self._loc, "name")
+            self._wrong_type("a text")
+        else:
+            self._loc = (*self._loc, "name")
+            self._harness_name(entry[1])
+
+    def _own_words(self) -> None:
+        index = self._context.get("index")
+        if index is not None:
+            self._loc = (*self._loc, index)
+        self._wrong_value(str(self._context["summary"]), self._context.get("hint"))
+
+    def _wrong_type(self, expected: str | None = None) -> None:
+        node = tree.at(self._root, self._loc)
+        hint = self._how_to_write(node) if isinstance(node, Scalar) else None
+        expected = expected or error_text.TYPES[self._kind]
+        hint = hint or f"write {error_text.FORMS[expected]}"
+        self._report.error(
+            "MANIFEST-WRONG-TYPE",
+            f"`{error_text.dotted(self._loc)}` must be {expected}, and this is {error_text.kind(node)}",
+            self._span(),
+            hint=hint,
+        )
+
+    def _how_to_write(self, node: Scalar) -> str | None:
+        """The value in the form that was expected, where it is plain what was meant."""
+        shown = self._report.shown(node.text)
+        if (self._kind == "bool_type" or self._loc[-1] == "sandbox") and node.text.lower() in error_text.SWITCHES:
+            return f"write `{error_text.SWITCHES[node.text.lower()]}`"
+        if self._kind == "string_type":
+            return f'quote it: "{shown}"'
+        if self._kind == "list_type":
+            return f"write a list: [{shown}]"
+        if self._kind == "int_type" and re.fullmatch("[0-9]+", node.text):
+            return f"remove the quotes: {shown}"
+        if self._kind == "float_type" and isinstance(tree.plain_value(node.text), int | float) and not node.plain:
+            return f"remove the quotes: {shown}"
+        return None
+
+    def _limits(self) -> str:
+        context = self._context
+        words = {
+            "greater_than": f"must be more than {_shortest(context.get('gt'))}",
+            "greater_than_equal": f"must be at least {_shortest(context.get('ge'))}",
+            "less_than_equal": f"must be at most {_shortest(context.get('le'))}",
+            "finite_number": "is too large a number",
+            "too_short": f"must have at least {context.get('min_length')} item",
+            "too_long": f"may have at most {context.get('max_length')} items",
+            "string_too_short": "may not be empty",
+            "string_too_long": f"may have at most {context.get('max_length')} characters",
+        }
+        return words.get(self._kind, "")
+
+    def _wrong_value(self, summary: str, hint: str | None = None) -> None:
+        if self._kind == "string_pattern_mismatch":
+            hints = {"env": error_text.VARIABLE_HINT, "key": error_text.KEY_HINT}
+            hint = next((hints[str(part)] for part in self._loc[-2:] if part in hints), error_text.MODEL_HINT)
+            summary = "must be one word" if hint == error_text.MODEL_HINT else "is no name of an environment variable"
+        elif self._kind != "manifest":
+            hint = error_text.range_of(self._loc)
+        lead = f"`{error_text.dotted(self._loc)}`" + (" " if self._kind != "manifest" else ": ")
+        self._report.error("MANIFEST-WRONG-VALUE", lead + summary, self._span(), hint=hint)
+
+    def _span(self) -> Span:
+        key = tree.key_at(self._root, self._loc) if self._is_key else None
+        node = key or tree.at(self._root, self._loc) or tree.at(self._root, self._loc[:-1]) or self._root
+        return node.span
+
+
+def _shortest(limit: object) -> object:
+    """A limit as a person would write it: 0 and not 0.0."""
+    return int(limit) if isinstance(limit, float) and limit.is_integer() else limit

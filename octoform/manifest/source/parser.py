@@ -1,0 +1,233 @@
+"""YAML text to a positioned tree, within bounds. (Heavy: imports the YAML reader.)
+
+Only the reader's event stream is used. It comes piece by piece, so depth and size are bounded while reading; nothing
+is constructed, so no tag can run anything; and anchors, aliases, merge keys and tags, which a short file of settings
+does not need, are refused where they stand instead of being expanded.
+"""
+
+from dataclasses import dataclass, field
+
+from ruamel.yaml import YAML
+from ruamel.yaml.error import MarkedYAMLError, StringMark, YAMLError
+from ruamel.yaml.events import (
+    AliasEvent,
+    CollectionStartEvent,
+    DocumentStartEvent,
+    Event,
+    MappingEndEvent,
+    MappingStartEvent,
+    NodeEvent,
+    ScalarEvent,
+    SequenceEndEvent,
+)
+
+from octoform.diagnostics import Span
+from octoform.manifest.source.report import Report
+from octoform.manifest.source.syntax_errors import explain
+from octoform.manifest.source.text import FORBIDDEN, name_of
+from octoform.manifest.source.tree import Items, Node, Scalar, Table, plain_value
+
+DEEPEST = 12
+MOST_VALUES = 5000
+
+
+def read_tree(text: str, report: Report) -> Table | None:
+    """The manifest's top mapping, or None with the reasons in the report; a problem of syntax ends the reading."""
+    builder = _Builder(report)
+    try:
+        for event in YAML(typ="safe", pure=True).parse(text):
+            if not builder.take(event):
+                return None
+    except MarkedYAMLError as problem:
+        explain(problem, report)
+        return None
+    except (YAMLError, ValueError, OverflowError):
+        # The reader passes the number of an escape to chr() unchecked.
+        report.error(
+            "MANIFEST-SYNTAX",
+            "not valid YAML: an escape in the next text is no character",
+            builder.last,
+            hint="write the backslash twice, or use single quotes",
+        )
+        return None
+    return _top(builder, report)
+
+
+def _top(builder: "_Builder", report: Report) -> Table | None:
+    root = builder.root
+    if isinstance(root, Table) and root.entries:
+        return root
+    if root is None or (isinstance(root, Scalar) and root.value is None) or isinstance(root, Table):
+        report.error("MANIFEST-EMPTY", "the manifest is empty", hint="the least that is needed is `version: 1`")
+        return None
+    what = "a list" if isinstance(root, Items) else "a single value"
+    report.error(
+        "MANIFEST-NOT-A-MAPPING",
+        f"the manifest is {what}; it must be a mapping of settings",
+        root.span,
+        hint="write lines of the form `key: value`, starting with `version: 1`",
+    )
+    return None
+
+
+@dataclass(slots=True)
+class _Frame:
+    """A mapping or list that is still being read."""
+
+    span: Span
+    is_mapping: bool
+    entries: list[tuple[Scalar, Node]] = field(default_factory=list)
+    items: list[Node] = field(default_factory=list)
+    key: Scalar | None = None
+    waits_for_value: bool = False
+
+
+class _Builder:
+    """Makes a tree of events; reports what it refuses."""
+
+    def __init__(self, report: Report) -> None:
+        self._report = report
+        self._stack: list[_Frame] = []
+        self._values = 0
+        self._documents = 0
+        self.root: Node | None = None
+        self.last: Span | None = None
+
+    def take(self, event: Event) -> bool:
+        """Add an event; False when reading must stop."""
+        self.last = _span(event)
+        if isinstance(event, DocumentStartEvent):
+            return self._document(event)
+        if isinstance(event, NodeEvent):
+            return self._node(event)
+        if isinstance(event, MappingEndEvent | SequenceEndEvent):
+            frame = self._stack.pop()
+            done: Node
+            if frame.is_mapping:
+                done = Table(frame.span, tuple(frame.entries))
+            else:
+                done = Items(frame.span, tuple(frame.items))
+            self._place(done)
+        return True
+
+    def _document(self, event: DocumentStartEvent) -> bool:
+        self._documents += 1
+        if self._documents > 1:
+            self._report.error(
+                "MANIFEST-DOCUMENTS",
+                "the file holds more than one YAML document",
+                self.last,
+                hint="remove this `---` and what follows it; a second host has its own folder and manifest",
+            )
+            return False
+        if event.version not in (None, (1, 2)):
+            self._report.error("MANIFEST-SYNTAX", "the manifest is YAML 1.2", Span(1, 1), hint="remove `%YAML`")
+            return False
+        return True
+
+    def _node(self, event: NodeEvent) -> bool:
+        span = _span(event)
+        self._values += 1
+        if self._values > MOST_VALUES or len(self._stack) >= DEEPEST:
+            what = f"more than {MOST_VALUES} values" if self._values > MOST_VALUES else f"more than {DEEPEST} levels"
+            hint = "a manifest is a short file of settings; devices are found, not listed"
+            self._report.error("MANIFEST-TOO-LARGE", f"the manifest has {what}", span, hint=hint)
+            return False
+        if self._refused(event, span):
+            return False
+        if isinstance(event, ScalarEvent):
+            text = self._characters(event.value, span)
+            plain = event.style is None
+            value = plain_value(text) if plain else text
+            self._place(Scalar(span, text, value, plain, _last_line(event)))
+        else:
+            self._stack.append(_Frame(span, isinstance(event, MappingStartEvent)))
+        return True
+
+    def _refused(self, event: NodeEvent, span: Span) -> bool:
+        """Report an anchor, an alias or a tag: what it would mean for the rest is not guessed at."""
+        if event.anchor is not None:
+            mark = "*" if isinstance(event, AliasEvent) else "&"
+            self._report.error(
+                "MANIFEST-ANCHOR",
+                f"anchors and aliases are not used in a manifest: {mark}{self._report.shown(event.anchor)}",
+                span,
+                hint="write the value out where it is needed"
+                + ("; quote a text that begins with *" if isinstance(event, AliasEvent) else ""),
+            )
+            return True
+        tag = str(event.tag or "") if isinstance(event, ScalarEvent | CollectionStartEvent) else ""
+        if tag:
+            shown = self._report.shown(tag.replace("tag:yaml.org,2002:", "!!"))
+            self._report.error(
+                "MANIFEST-TAG",
+                f"tags are not used in a manifest: {shown}",
+                span,
+                hint="remove the tag; every setting has one type, which is known",
+            )
+        return bool(tag)
+
+    def _characters(self, text: str, span: Span) -> str:
+        """The text without characters that no setting may hold; they are reported."""
+        found = FORBIDDEN.search(text)
+        if found:
+            self._report.error(
+                "MANIFEST-CONTROL-CHARACTER",
+                f"an escape stands for the character {name_of(found.group())}, which no setting may hold",
+                span,
+                hint="remove the escape",
+            )
+        return FORBIDDEN.sub("", text)
+
+    def _place(self, node: Node) -> None:
+        if not self._stack:
+            self.root = node
+            return
+        frame = self._stack[-1]
+        if not frame.is_mapping:
+            frame.items.append(node)
+        elif not frame.waits_for_value:
+            frame.key, frame.waits_for_value = self._key(node, frame), True
+        else:
+            if frame.key is not None:
+                frame.entries.append((frame.key, node))
+            frame.key, frame.waits_for_value = None, False
+
+    def _key(self, node: Node, frame: _Frame) -> Scalar | None:
+        """The node as a key, or None when its entry is dropped because the key was refused."""
+        if not isinstance(node, Scalar) or not node.text:
+            self._report.error("MANIFEST-BAD-KEY", "a key must be a word", node.span, hint="write `key: value`")
+            return None
+        if node.plain and node.text == "<<":
+            self._report.error(
+                "MANIFEST-ANCHOR",
+                "merge keys are not used in a manifest",
+                node.span,
+                hint="write the settings out where they are needed",
+            )
+            return None
+        earlier = next((key for key, _ in frame.entries if key.text == node.text), None)
+        if earlier is not None:
+            self._report.error(
+                "MANIFEST-DUPLICATE-KEY",
+                f"the key `{self._report.shown(node.text)}` stands twice",
+                node.span,
+                detail=f"it was first given on line {earlier.span.line}",
+                hint="keep one of the two",
+            )
+            return None
+        return node
+
+
+def _span(event: Event) -> Span:
+    start: StringMark = event.start_mark
+    end: StringMark = event.end_mark
+    same_line = end.line == start.line and end.column > start.column
+    return Span(start.line + 1, start.column + 1, end.column + 1 if same_line else None)
+
+
+def _last_line(event: Event) -> int:
+    """The last line that an event reaches to; a block text ends where the next line begins."""
+    end: StringMark = event.end_mark
+    is_block = end.column == 0 and end.line > event.start_mark.line
+    return int(end.line) if is_block else int(end.line) + 1
