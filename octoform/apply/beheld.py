@@ -10,8 +10,8 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from octoform.manifest.model import Perception
+from octoform.perception.frame_store import picture_of, read
 from octoform.perception.frames import Frame, Record, words
-from octoform.perception.keeping import picture_of, read
 from octoform.state.layout import Layout
 
 FRAME, TROUBLE = "frame", "/trouble"

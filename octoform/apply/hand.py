@@ -10,8 +10,8 @@ from typing import Any, Protocol
 
 from octoform.diagnostics import Diagnostic
 from octoform.endpoint.client import Nobody, Wanted, call
-from octoform.perception.judging import Picture
-from octoform.perception.looking import take
+from octoform.perception.capture import take
+from octoform.perception.image_quality import Picture
 from octoform.state.layout import Layout
 
 CALL_SECONDS = 60.0

@@ -11,7 +11,7 @@ from typing import Any
 from octoform.apply.hand import Seen
 from octoform.apply.trials import Bench, Mover, Trial, Tried
 from octoform.base.files import replace
-from octoform.perception.judging import (
+from octoform.perception.image_quality import (
     FROZEN_PICTURES,
     FROZEN_SECONDS,
     Picture,

@@ -4,7 +4,7 @@ from collections.abc import Iterable
 
 from octoform.contracts.model import Artifacts
 from octoform.contracts.stepping import StepFacts, corroborated
-from octoform.perception.choosing import Camera, best
+from octoform.perception.camera_selection import Camera, best
 from octoform.profiles import Profile
 from octoform.protocol import Step
 

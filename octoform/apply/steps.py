@@ -21,7 +21,7 @@ from octoform.contracts.model import Artifacts
 from octoform.contracts.stepping import StepFacts, corroborated
 from octoform.diagnostics import Diagnostic, error, has_errors, warning
 from octoform.harness.port import Usage
-from octoform.perception.choosing import Camera, best, cameras
+from octoform.perception.camera_selection import Camera, best, cameras
 from octoform.protocol.steps import FRAME, Step
 from octoform.state.artifacts.instances import read_instances
 

@@ -15,15 +15,15 @@ from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from pathlib import Path
 
-from octoform.claims import bookkeeping, refusals, restricting, storing
-from octoform.claims.bookkeeping import ENDED, Moment, as_ended, carried, in_force, waiting
+from octoform.claims import codec, enforcement, errors, lifecycle
+from octoform.claims.admission import Level, Verdict, View, judge, outranked
+from octoform.claims.codec import EVIDENCE, SECONDS, Book
 from octoform.claims.conditions import holds
-from octoform.claims.judging import Level, Verdict, View, judge, outranked
+from octoform.claims.lifecycle import ENDED, Moment, as_ended, carried, in_force, waiting
 from octoform.claims.model import Channel, Claim, Condition, Reading, Signal, State, Value
 from octoform.claims.proposal import Proposal, problem_of
 from octoform.claims.readings import Readings, to_json
 from octoform.claims.settings import Clock, Settings
-from octoform.claims.storing import EVIDENCE, SECONDS, Book
 from octoform.conditions import is_number
 from octoform.diagnostics import Diagnostic, error
 from octoform.state.layout import Layout
@@ -74,7 +74,7 @@ class Ledger:
         self._settings = replace(settings, boot=self._boot)
         with self._held():
             before = self._copy()
-            bookkeeping.trust(self._book, True, self._moment())
+            lifecycle.trust(self._book, True, self._moment())
             self._keep(before, publish=True)
 
     def make(self, signal: Signal, value: Value, why: str = "") -> Reading:
@@ -96,7 +96,7 @@ class Ledger:
             before, moment = self._copy(), self._moment()
             self.said.extend(self._readings.add(given, self._cited()))
             for reading in sorted(given, key=lambda each: each.uptime):
-                bookkeeping.weigh(self._book, reading, moment)
+                lifecycle.weigh(self._book, reading, moment)
             return self._keep(before)
 
     def propose(self, proposal: Proposal, by: str) -> Claim | Diagnostic:
@@ -109,7 +109,7 @@ class Ledger:
             return malformed
         with self._held():
             before = self._copy()
-            bookkeeping.expire(self._book, self._moment())
+            lifecycle.expire(self._book, self._moment())
             verdict = judge(proposal, by, self._view())
             claim = verdict.refused or self._made_of(proposal, by, verdict)
             if isinstance(claim, Claim) and self._book.claims.get(claim.id) != claim:
@@ -121,7 +121,7 @@ class Ledger:
         """End what is over; these claims come back. Puts right what the endpoint is told, should it be otherwise."""
         with self._held():
             before = self._copy()
-            bookkeeping.expire(self._book, self._moment())
+            lifecycle.expire(self._book, self._moment())
             return self._keep(before, publish=True)
 
     def confirm(self, identity: str, person: str) -> Claim | Diagnostic:
@@ -136,7 +136,7 @@ class Ledger:
                     return refused
                 evidence = self._evidence(claim)
                 if evidence is None:
-                    return refusals.over(claim)
+                    return errors.over(claim)
                 believed = carried(believed, evidence, self._moment())
             return self._accept(believed, self._copy())
 
@@ -153,9 +153,9 @@ class Ledger:
         with self._held():
             claim = self._book.claims.get(identity)
             if claim is None or claim.state is not State.ACTIVE:
-                return refusals.unknown(identity, "in force")
+                return errors.unknown(identity, "in force")
             if not person:
-                return refusals.nobody()
+                return errors.nobody()
             return self._accept(as_ended(claim, "operator", (person,)), self._copy())
 
     def active(self) -> tuple[Claim, ...]:
@@ -228,7 +228,7 @@ class Ledger:
 
     def _accept(self, claim: Claim, before: Book) -> Claim | Diagnostic:
         """Put a claim into the book; what would restrict or wait counts only once it is on the disk."""
-        bookkeeping.enter(self._book, claim, self._moment())
+        lifecycle.enter(self._book, claim, self._moment())
         problems = len(self.said)
         self._keep(before)
         if claim.state in ENDED or len(self.said) == problems:
@@ -260,8 +260,8 @@ class Ledger:
     def _pending(self, identity: str, person: str) -> Claim | Diagnostic:
         claim = self._book.claims.get(identity)
         if claim is None or claim.state is not State.PENDING:
-            return refusals.unknown(identity, "waiting for a person")
-        return claim if person else refusals.nobody()
+            return errors.unknown(identity, "waiting for a person")
+        return claim if person else errors.nobody()
 
     def _cited(self) -> frozenset[str]:
         alive = (claim for claim in self._book.claims.values() if claim.state not in ENDED)
@@ -271,8 +271,8 @@ class Ledger:
         """Write what changed, for this ledger and for the endpoint; the claims that ended since come back."""
         claims = self._book.claims
         if changed := claims != before.claims or self._unwritten:
-            bookkeeping.prune(self._book)
-            problem = storing.write(self._path, self._book, self._boot) if self._alone else refusals.taken(self._lock)
+            lifecycle.prune(self._book)
+            problem = codec.write(self._path, self._book, self._boot) if self._alone else errors.taken(self._lock)
             self._unwritten = problem is not None
             self.said.extend([problem] if problem is not None else [])
             self._seen = _stamp(self._path)
@@ -288,13 +288,13 @@ class Ledger:
         active = tuple(claim for claim in in_force(self._book, self._moment()) if claim.id in names)
         path = self._layout.restrictions
         if active or path.exists():
-            data = restricting.document(active, self._boot, self._settings, self._readings)
-            problem = restricting.publish(path, data)
+            data = enforcement.document(active, self._boot, self._settings, self._readings)
+            problem = enforcement.publish(path, data)
             self.said.extend([problem] if problem is not None else [])
         standing = {claim.id for claim in active if claim.irreversible is not None}
         over = {claim.id for claim in self._book.claims.values() if claim.state in ENDED}
-        ids = restricting.forbidden(self._layout.forbidden) - over | standing
-        problem = restricting.forbid(self._layout.forbidden, frozenset(ids))
+        ids = enforcement.forbidden(self._layout.forbidden) - over | standing
+        problem = enforcement.forbid(self._layout.forbidden, frozenset(ids))
         self.said.extend([problem] if problem is not None else [])
 
     @contextlib.contextmanager
@@ -327,7 +327,7 @@ class Ledger:
                 fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
             except BlockingIOError:
                 if time.monotonic() >= end:
-                    self.said.extend([] if self._standing_still else [refusals.taken(self._lock)])
+                    self.said.extend([] if self._standing_still else [errors.taken(self._lock)])
                     self._standing_still = True
                     return False
                 time.sleep(STEP)
@@ -342,7 +342,7 @@ class Ledger:
         seen = _stamp(self._path)
         if self._unwritten or (seen == self._seen and (seen is not None or not self._book.claims)):
             return
-        found = storing.read(self._path)
+        found = codec.read(self._path)
         self.said.extend(found.said)
         self._book, self._seen = found.book, _stamp(self._path)
         before = self._copy()
@@ -350,15 +350,15 @@ class Ledger:
         if lost:
             self._lost()
         self._miss()
-        bookkeeping.trust(self._book, lost or found.boot == self._boot, self._moment())
+        lifecycle.trust(self._book, lost or found.boot == self._boot, self._moment())
         self._keep(before, publish=True)
 
     def _miss(self) -> None:
         """Take it that nothing may move where a permanent restriction is in neither of its files any more."""
         book = self._book
-        missing = restricting.forbidden(self._layout.forbidden) - set(book.claims)
+        missing = enforcement.forbidden(self._layout.forbidden) - set(book.claims)
         for identity in sorted(missing):
-            book.claims[identity] = restricting.unknown(identity, (self._clock.uptime(), self._clock.stamp()))
+            book.claims[identity] = enforcement.unknown(identity, (self._clock.uptime(), self._clock.stamp()))
         numbers = [int(name[1:]) for name in missing if name[1:].isdigit()]
         book.count = max(book.count, *numbers) if numbers else book.count
 
@@ -367,7 +367,7 @@ class Ledger:
         mine = {self._path.name: _stamp(self._path) == self._seen, READINGS: self._readings.is_mine()}
         if all(mine.values()) or not (self.guarded or self._settings.shut()):
             return []
-        found = [refusals.changed(self._path.with_name(name)) for name, same in mine.items() if not same]
+        found = [errors.changed(self._path.with_name(name)) for name, same in mine.items() if not same]
         self.strange += len(found)
         self.said.extend(found)
         self._unwritten = not mine[self._path.name]
@@ -376,7 +376,7 @@ class Ledger:
     def _lost(self) -> None:
         """Go on without the book: with what a person made true, and with readings that are yet to come."""
         book = self._book
-        book.claims = {claim.id: claim for claim in restricting.standing(self._layout.restrictions)}
+        book.claims = {claim.id: claim for claim in enforcement.standing(self._layout.restrictions)}
         book.count = max((int(name[1:]) for name in book.claims if name[1:].isdigit()), default=0)
         book.spent = {reading.signal: reading.uptime for reading in self._readings.newest()}
 

@@ -5,7 +5,7 @@ import pwd
 from collections.abc import Mapping
 from pathlib import Path
 
-from octoform.claims.gathering import settings_of
+from octoform.claims.context import settings_of
 from octoform.claims.ledger import Ledger
 from octoform.claims.model import Claim
 from octoform.daemon.observe.clock import SystemClock

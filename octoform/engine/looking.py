@@ -17,12 +17,12 @@ from octoform.diagnostics import Diagnostic, did_you_mean, error, has_errors, wa
 from octoform.endpoint.client import Person
 from octoform.engine.compiling import Compiled, compile_project
 from octoform.manifest.model import Perception
-from octoform.perception import choosing
-from octoform.perception.choosing import best
+from octoform.perception import camera_selection
+from octoform.perception.camera_selection import best
+from octoform.perception.capture import Taken, take
+from octoform.perception.frame_store import keep
 from octoform.perception.frames import Camera, Record
-from octoform.perception.judging import FROZEN_PICTURES
-from octoform.perception.keeping import keep
-from octoform.perception.looking import Taken, take
+from octoform.perception.image_quality import FROZEN_PICTURES
 from octoform.state.artifacts.instances import read_instances
 from octoform.state.file_owner import foreign
 from octoform.state.files import read_regular, refused, shown, write_atomic
@@ -156,7 +156,7 @@ def _chosen(
     if has_errors(found):
         return None, found
     probe, identify, interface = (artifacts[stage] for stage in _STAGES)
-    known = choosing.cameras(probe, identify, interface, settings.camera, ledger)
+    known = camera_selection.cameras(probe, identify, interface, settings.camera, ledger)
     if device is not None:
         named = next((item for item in known if item.device == device), None)
         return (Eye(layout, settings, _call(named)), []) if named else (None, [_no_such(device, known)])
@@ -171,7 +171,7 @@ def _chosen(
     return Eye(layout, settings, _call(first)), [_unproved(first)]
 
 
-def _call(camera: choosing.Camera) -> Camera:
+def _call(camera: camera_selection.Camera) -> Camera:
     return Camera(device=camera.device, tool=camera.tool, arguments=dict(camera.arguments))
 
 
@@ -192,14 +192,14 @@ def _proved(layout: Layout) -> tuple[Camera | None, list[Diagnostic]]:
         return None, [error("PERCEPTION-NO-CAMERA", "the step perceive names no camera", path=shown(path), hint=hint)]
 
 
-def _no_such(device: str, known: tuple[choosing.Camera, ...]) -> Diagnostic:
+def _no_such(device: str, known: tuple[camera_selection.Camera, ...]) -> Diagnostic:
     names = [item.device for item in known]
     meant = did_you_mean(device, names)
     hint = f"did you mean {meant}?" if meant else f"cameras here: {', '.join(names) or 'none'}"
     return error("PERCEPTION-NO-CAMERA", f"{device!r} is no camera of this host", hint=hint)
 
 
-def _unproved(camera: choosing.Camera) -> Diagnostic:
+def _unproved(camera: camera_selection.Camera) -> Diagnostic:
     summary = f"no step has proved which camera to look through; {camera.device} was chosen"
     hint = "privileged_steps: [perceive] proves one; -device chooses another for this time"
     detail = f"it shares a hub with {', '.join(camera.hub_shared_with)}" if camera.hub_shared_with else None

@@ -17,7 +17,7 @@ from octoform.contracts.parsing import parse
 from octoform.diagnostics import Diagnostic, Severity
 from octoform.endpoint.observing import observe as observe_endpoint
 from octoform.engine.compiling import Compiled
-from octoform.perception.choosing import Camera, cameras
+from octoform.perception.camera_selection import Camera, cameras
 from octoform.plan.diff import Observed, Prior
 from octoform.profiles import commands, holds
 from octoform.protocol import DUTIES

@@ -6,7 +6,7 @@ from typing import Any
 
 from octoform.contracts.model import Artifacts, ProfileFacts
 from octoform.contracts.stepping import corroborated
-from octoform.perception.choosing import best, cameras
+from octoform.perception.camera_selection import best, cameras
 from octoform.plan.model import Action, PlannedAction, StepOutlook
 from octoform.profiles import Profile, holds, near
 from octoform.protocol import Step

@@ -15,8 +15,17 @@ from octoform.diagnostics import Diagnostic
 from octoform.digest import of_bytes
 from octoform.endpoint.media import ending_of
 from octoform.escaping import escaped
-from octoform.perception.judging import CHANGED, Complaint, Picture, complaint, difference, frozen, noisy, repeated
-from octoform.perception.looking import Taken
+from octoform.perception.capture import Taken
+from octoform.perception.image_quality import (
+    CHANGED,
+    Complaint,
+    Picture,
+    complaint,
+    difference,
+    frozen,
+    noisy,
+    repeated,
+)
 
 MOST_CHANGES = 40
 MOST_BYTES = 2048

@@ -21,9 +21,9 @@ from octoform.daemon.store import instance_lock
 from octoform.endpoint.running import running
 from octoform.engine.diagnosing import diagnose
 from octoform.engine.healing import heal, roll_back, settle
-from octoform.perception.judging import THUMB_BYTES, Picture
-from octoform.perception.keeping import keep
-from octoform.perception.looking import Taken
+from octoform.perception.capture import Taken
+from octoform.perception.frame_store import keep
+from octoform.perception.image_quality import THUMB_BYTES, Picture
 from octoform.state.layout import Layout, is_left
 from octoform.state.store.lock import acquire
 

@@ -17,8 +17,8 @@ from fastmcp import Client
 from fastmcp.client.transports import StdioTransport
 from projects import OCTOFORM, Project
 
-from octoform.perception.judging import difference
-from octoform.perception.looking import take
+from octoform.perception.capture import take
+from octoform.perception.image_quality import difference
 from octoform.simulation.descriptions import load
 from octoform.simulation.rig import Rig
 from octoform.state.layout import Layout

@@ -14,7 +14,7 @@ from fastmcp import Client
 from fastmcp.client.transports import StdioTransport
 from projects import AGENT, OCTOFORM, Project
 
-from octoform.claims.gathering import settings_of
+from octoform.claims.context import settings_of
 from octoform.claims.ledger import Ledger
 from octoform.claims.model import Channel, Claim, Condition, Restriction, Signal
 from octoform.claims.proposal import Proposal

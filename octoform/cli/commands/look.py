@@ -12,7 +12,7 @@ from octoform.cli.stopping import Stopped
 from octoform.diagnostics import error
 from octoform.endpoint.client import Person
 from octoform.engine.looking import Eye, Look, heartbeat, look, open_eye, save
-from octoform.perception.looking import Taken
+from octoform.perception.capture import Taken
 from octoform.views.endpoint import snapshot as view
 from octoform.views.endpoint.call_prompt import attended
 from octoform.views.format import problems

@@ -4,8 +4,8 @@ import json
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
+from octoform.claims.codec import to_json as claim_json
 from octoform.claims.model import Claim, State
-from octoform.claims.storing import to_json as claim_json
 from octoform.escaping import escaped_json
 from octoform.views.format.console import Console
 from octoform.views.format.values import clock, one_line

@@ -16,7 +16,7 @@ from octoform.apply.restoring import Value, fitting
 from octoform.apply.sights import by_frame, by_view
 from octoform.apply.trials import Bench, Tried, by_reading
 from octoform.endpoint.scripts.picture import digest, grain_of
-from octoform.perception.judging import Picture
+from octoform.perception.image_quality import Picture
 from octoform.protocol.steps import Proof
 from octoform.simulation import packets
 from octoform.simulation.descriptions import load

@@ -266,14 +266,14 @@ def test_a_claim_that_cannot_be_written_is_none(bench: Bench, monkeypatch: pytes
     hot = bench.read(70)
     full = Diagnostic(severity="error", code="STATE-DISK-FULL", summary="no space left")  # type: ignore[arg-type]
     with monkeypatch.context() as patch:
-        patch.setattr("octoform.claims.storing.write_atomic", lambda *_: full)
+        patch.setattr("octoform.claims.codec.write_atomic", lambda *_: full)
         assert bench.claim(hot) == full
         assert bench.ledger.active() == () and full in bench.ledger.told()
     assert not claims_file(bench).exists() and bench.again().active() == ()
     claim = bench.claim(hot)
     assert isinstance(claim, Claim)
     with monkeypatch.context() as patch:
-        patch.setattr("octoform.claims.storing.write_atomic", lambda *_: full)
+        patch.setattr("octoform.claims.codec.write_atomic", lambda *_: full)
         bench.clock.now += 1
         bench.read(50)  # letting go needs no room
         assert bench.ledger.active() == () and restricted(bench) == []

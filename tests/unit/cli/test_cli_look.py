@@ -12,7 +12,7 @@ from launched import Launched, launched, tool
 from octoform.cli.dispatch import dispatch
 from octoform.endpoint.environment import MARKER
 from octoform.engine import looking
-from octoform.perception import judging
+from octoform.perception import image_quality
 from octoform.state.layout import Layout
 
 CAMERA, OTHER = "usb-1f00-00c1", "usb-1f00-00c2"
@@ -133,7 +133,7 @@ def test_a_picture_that_shows_nothing_leaves_with_2(
     bench: Launched, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(looking, "REPEAT_SECONDS", 0.0)
-    monkeypatch.setattr(judging, "FROZEN_SECONDS", 0.0)
+    monkeypatch.setattr(image_quality, "FROZEN_SECONDS", 0.0)
     dark = Said(bench, capsys, "dark")
     assert dark.status == 2 and dark.out[0].endswith("shows nothing: black")
     assert Said(bench, capsys, "bright").status == 0

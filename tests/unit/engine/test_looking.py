@@ -13,9 +13,9 @@ from octoform.diagnostics import Diagnostic, error
 from octoform.endpoint.scripts.picture import digest, grain_of, shrunk
 from octoform.engine.looking import Eye, Look, heartbeat, look, save
 from octoform.manifest.model import Perception
+from octoform.perception.capture import Taken
 from octoform.perception.frames import Camera
-from octoform.perception.judging import Picture
-from octoform.perception.looking import Taken
+from octoform.perception.image_quality import Picture
 from octoform.simulation.scene import Scene
 from octoform.simulation.sensor import Sensor
 from octoform.state.layout import Layout

@@ -8,10 +8,10 @@ from pathlib import Path
 import pytest
 
 from octoform.diagnostics import error
+from octoform.perception.capture import Taken
+from octoform.perception.frame_store import keep, picture_of, read
 from octoform.perception.frames import MOST_BYTES, Record, with_absence, with_picture, words
-from octoform.perception.judging import Picture
-from octoform.perception.keeping import keep, picture_of, read
-from octoform.perception.looking import Taken
+from octoform.perception.image_quality import Picture
 from octoform.state.layout import Layout
 
 VIEW = {"device": "usb-1f00-00c1", "tool": "capture_image", "arguments": {"device": "usb-1f00-00c1"}}

@@ -4,7 +4,7 @@ from typing import Any
 
 import pytest
 
-from octoform.perception.choosing import Camera, best, cameras
+from octoform.perception.camera_selection import Camera, best, cameras
 
 ROOT = "/sys/devices/pci0000:00/0000:00:14.0/usb1"
 BENCH, DESK, LID, ARM = "usb-1f00-00c1", "usb-1f00-00c2", "usb-1f00-00c3", "usb-1f00-00a1"

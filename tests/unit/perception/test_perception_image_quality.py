@@ -5,7 +5,7 @@ from collections.abc import Callable
 
 import pytest
 
-from octoform.perception.judging import (
+from octoform.perception.image_quality import (
     CHANGED,
     FROZEN_PICTURES,
     FROZEN_SECONDS,

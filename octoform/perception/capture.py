@@ -11,8 +11,8 @@ from typing import Any
 
 from octoform.diagnostics import Diagnostic, error
 from octoform.endpoint.client import CallResult, Person, Wanted, call
-from octoform.perception.decoding import Decoded, decode
-from octoform.perception.judging import Picture
+from octoform.perception.decoder import Decoded, decode
+from octoform.perception.image_quality import Picture
 from octoform.state.layout import Layout
 
 LOOK_SECONDS = 60.0

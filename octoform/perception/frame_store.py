@@ -16,8 +16,8 @@ from pydantic import ValidationError
 from octoform.diagnostics import Diagnostic, error, has_errors, warning
 from octoform.digest import of_bytes
 from octoform.endpoint.files import not_ours, private_folder
+from octoform.perception.capture import Taken
 from octoform.perception.frames import Frame, Record, with_absence, with_picture
-from octoform.perception.looking import Taken
 from octoform.state.files import make_folders, read_regular, refused, shown, write_atomic
 from octoform.state.layout import Layout
 

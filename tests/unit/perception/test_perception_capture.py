@@ -10,8 +10,8 @@ import pytest
 
 from octoform.diagnostics import Diagnostic
 from octoform.endpoint.client import CallResult
-from octoform.perception.decoding import Decoded, decode, decode_with
-from octoform.perception.looking import Taken, judged, picture_of, take
+from octoform.perception.capture import Taken, judged, picture_of, take
+from octoform.perception.decoder import Decoded, decode, decode_with
 from octoform.state.layout import Layout
 
 PYTHON = Path(sys.executable)

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from octoform.base.files import parse, read
-from octoform.claims import storing
+from octoform.claims import codec
 from octoform.claims.model import Channel, Claim, Condition, Restriction, Signal, Value
 from octoform.claims.readings import Readings
 from octoform.claims.settings import Settings, ToolFacts
@@ -30,7 +30,7 @@ SIZE_LIMIT = 4 * 1024 * 1024
 def document(claims: Sequence[Claim], boot: str, settings: Settings, readings: Readings) -> bytes:
     """The file's bytes for these active claims; the same for the same claims."""
     entries = [entry for claim in claims for entry in _entries(claim, settings, readings)]
-    standing = [storing.to_json(claim) for claim in claims if not math.isfinite(claim.expires)]
+    standing = [codec.to_json(claim) for claim in claims if not math.isfinite(claim.expires)]
     whole = {"format": FORMAT, "boot": boot, "restrictions": entries, "standing": standing}
     return json.dumps(whole, separators=(",", ":"), allow_nan=False).encode("ascii")
 
@@ -53,7 +53,7 @@ def standing(path: Path) -> list[Claim]:
     """What a person made true, from the endpoint's file: the second place where it stands; empty when there is none."""
     data, _ = read_regular(path, SIZE_LIMIT)
     try:
-        found = [storing.of_json(each) for each in parse(data or b"{}").get("standing", [])]
+        found = [codec.of_json(each) for each in parse(data or b"{}").get("standing", [])]
     except (ValueError, KeyError, TypeError, AttributeError):
         return []
     return [claim for claim in found if claim.irreversible is not None and claim.data.get("confirmed_by")]

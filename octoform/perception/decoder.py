@@ -16,7 +16,7 @@ from octoform.base.files import parse
 from octoform.diagnostics import Diagnostic, error
 from octoform.endpoint.errand import recorded_environment
 from octoform.endpoint.process import base_environment, run
-from octoform.perception.judging import THUMB_BYTES, Picture
+from octoform.perception.image_quality import THUMB_BYTES, Picture
 from octoform.state.layout import Layout
 
 SCRIPT = Path(octoform.endpoint.__file__).parent / "scripts" / "picture.py"

@@ -7,12 +7,12 @@ loosest that ended is the tightest that agents get from then on.
 from dataclasses import dataclass, replace
 from datetime import datetime, timedelta
 
-from octoform.claims import storing
+from octoform.claims import codec
+from octoform.claims.admission import Level
+from octoform.claims.codec import EVIDENCE, Book
 from octoform.claims.conditions import holds, tighter
-from octoform.claims.judging import Level
 from octoform.claims.model import Claim, Reading, Signal, State
 from octoform.claims.readings import to_json
-from octoform.claims.storing import EVIDENCE, Book
 
 MOST_ENDED = 200
 MOST_CITED = 8
@@ -48,7 +48,7 @@ def weigh(book: Book, reading: Reading, moment: Moment) -> None:
     for claim in list(book.claims.values()):
         if claim.signal != reading.signal or claim.irreversible is not None or claim.state in ENDED:
             continue
-        evidence = storing.evidence_of(claim)
+        evidence = codec.evidence_of(claim)
         if evidence is not None and reading.uptime < evidence.uptime:
             continue
         verdict = holds(claim.condition, reading.value)
@@ -61,7 +61,7 @@ def weigh(book: Book, reading: Reading, moment: Moment) -> None:
 def carried(claim: Claim, evidence: Reading, moment: Moment) -> Claim:
     """The claim as this reading carries it on."""
     cites = (*[each for each in claim.cites if each != evidence.id][-MOST_CITED + 1 :], evidence.id)
-    expires = min(evidence.uptime, moment.uptime) + storing.seconds_of(claim, moment.most)
+    expires = min(evidence.uptime, moment.uptime) + codec.seconds_of(claim, moment.most)
     stamp = _later(moment.stamp, expires - moment.uptime)
     data = {**claim.data, EVIDENCE: to_json(evidence)}
     return replace(claim, cites=cites, expires=expires, expires_at=stamp, data=data)
@@ -100,7 +100,7 @@ def trust(book: Book, same_boot: bool, moment: Moment) -> None:
             end(book, claim, "expired", ("boot",), None)
         elif claim.state is State.PENDING:
             continue
-        elif moment.uptime < claim.expires and not storing.is_justified(claim, moment.most, moment.uptime):
+        elif moment.uptime < claim.expires and not codec.is_justified(claim, moment.most, moment.uptime):
             end(book, claim, "expired", ("unjustified",), None)
     if not same_boot:
         book.spent.clear()
@@ -133,7 +133,7 @@ def _supersede(book: Book, claim: Claim, moment: Moment) -> None:
 
 
 def _spend(book: Book, claim: Claim) -> None:
-    evidence = storing.evidence_of(claim)
+    evidence = codec.evidence_of(claim)
     if claim.restrictions and evidence is not None:
         signal: Signal = claim.signal
         book.spent[signal] = max(book.spent.get(signal, evidence.uptime), evidence.uptime)

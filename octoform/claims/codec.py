@@ -15,8 +15,8 @@ from typing import Any
 
 from octoform.base.files import parse
 from octoform.claims import readings as reading_json
+from octoform.claims.admission import Level
 from octoform.claims.conditions import holds
-from octoform.claims.judging import Level
 from octoform.claims.model import Channel, Claim, Condition, Reading, Restriction, Signal, State
 from octoform.conditions import OPERATORS
 from octoform.diagnostics import Diagnostic, error
