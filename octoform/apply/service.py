@@ -11,7 +11,7 @@ from octoform.diagnostics import Diagnostic
 from octoform.endpoint.policy import Holding, resolve
 from octoform.endpoint.policy_check import doubts
 from octoform.endpoint.service import Service
-from octoform.profiles.applying import holds
+from octoform.profiles.selection import holds
 
 
 def service_of(context: Context, deploy: Mapping[str, Any] | None = None) -> Service:

@@ -6,7 +6,7 @@ from typing import Any
 
 from octoform.claims.context import bounds_told
 from octoform.engine.compiling import compile_project
-from octoform.profiles.registers import RegisterGrammar
+from octoform.profiles.definitions.registers import RegisterGrammar
 
 
 def bounds(project: Path, environ: Mapping[str, str]) -> list[dict[str, Any]]:

@@ -23,7 +23,7 @@ from octoform.plan import encode, planfile
 from octoform.plan.diff import Wishes, diff
 from octoform.plan.model import Action, Cause, Change, Plan, PlannedAction, Reason, StepOutlook
 from octoform.plan.reuse import Offer, Offers, with_loans
-from octoform.profiles.applying import holds
+from octoform.profiles.selection import holds
 from octoform.state.artifacts import reusable
 from octoform.state.files import write_atomic
 from octoform.state.git.repository import repository_facts

@@ -12,8 +12,8 @@ from typing import Any
 from octoform.base.files import parse
 from octoform.diagnostics import Diagnostic
 from octoform.manifest.loader import load as load_manifest
-from octoform.profiles import Profile, evidence, load
-from octoform.profiles.evidence import Judged
+from octoform.profiles import Profile, load, match_rule
+from octoform.profiles.match_rule import Judged
 from octoform.state.files import read_regular
 from octoform.state.layout import Layout
 
@@ -85,7 +85,7 @@ def _devices(data: bytes) -> Iterator[Mapping[str, Any]]:
 
 def _of_host(profile: Profile, host: str, probe: list[Mapping[str, Any]], answers: Mapping[str, str]) -> HostReport:
     judged = [
-        Met(device["id"], str(device.get("name", "")), answer, evidence.judge(profile.evidence, device, answer))
+        Met(device["id"], str(device.get("name", "")), answer, match_rule.judge(profile.evidence, device, answer))
         for device in probe
         if device.get("context") is not True
         for answer in [answers.get(device["id"], "")]

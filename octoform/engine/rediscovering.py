@@ -27,7 +27,7 @@ from octoform.engine.undoing import Former, forget, go_back, keep, remember, tak
 from octoform.engine.unwatched import Unwatched
 from octoform.graph.model import STEP, key_parts
 from octoform.host.fingerprint import root_from_environment
-from octoform.host.settling import settle
+from octoform.host.udev_settle import settle
 from octoform.plan.model import Cause, PlannedAction
 from octoform.protocol.steps import FRAME
 from octoform.state.layout import Layout

@@ -5,8 +5,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from octoform.profiles.evidence import Rule
-from octoform.profiles.grammar import Grammar, LineGrammar
+from octoform.profiles.definitions.definition import Grammar, LineGrammar
+from octoform.profiles.match_rule import Rule
 
 
 @dataclass(frozen=True, slots=True)

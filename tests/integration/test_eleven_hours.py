@@ -34,7 +34,7 @@ from octoform.launcher.entries import Entries
 from octoform.launcher.policy import read
 from octoform.launcher.restrictions import Restrictions
 from octoform.manifest.model import Daemon
-from octoform.profiles.registers import RegisterGrammar
+from octoform.profiles.definitions.registers import RegisterGrammar
 from octoform.state.layout import Layout
 
 DAY, HOUR, MINUTE = 86400.0, 3600.0, 60.0

@@ -15,7 +15,7 @@ from octoform.builtin.identify.stage import identify
 from octoform.builtin.probe.stage import probe_root
 from octoform.contracts.model import ProfileFacts
 from octoform.profiles import commands, for_task, holds
-from octoform.profiles.reading import load
+from octoform.profiles.parser import load
 from octoform.simulation import descriptions
 from octoform.simulation.rig import Rig
 from octoform.simulation.tree import Planter

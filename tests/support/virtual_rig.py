@@ -26,7 +26,7 @@ from octoform.builtin.serve.stage import render
 from octoform.endpoint.policy import resolve
 from octoform.manifest.policy_model import Policy
 from octoform.profiles import Profile, for_task, holds
-from octoform.profiles.reading import load
+from octoform.profiles.parser import load
 from octoform.simulation.line import LineDevice
 from octoform.simulation.rig import Rig
 from octoform.simulation.servos import ServoBus

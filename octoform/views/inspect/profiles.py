@@ -6,10 +6,10 @@ from typing import Any
 
 from octoform.engine.drafting import Draft
 from octoform.engine.profiling import HostReport, Met, Report
-from octoform.profiles import applying
-from octoform.profiles.evidence import Judged
-from octoform.profiles.grammar import Command, Grammar, LineGrammar, RegisterGrammar, Value, plain
+from octoform.profiles import selection
+from octoform.profiles.definitions.definition import Command, Grammar, LineGrammar, RegisterGrammar, Value, plain
 from octoform.profiles.limits import told
+from octoform.profiles.match_rule import Judged
 from octoform.profiles.model import Profile
 from octoform.views.format.console import Console
 from octoform.views.format.output import document
@@ -49,7 +49,7 @@ def _said(profile: Profile) -> Iterator[str]:
     if profile.grammar is not None:
         yield from _part("Tools of its grammar", list(_tools(profile.grammar)))
         yield from _part("Units on its bus", list(_bus(profile.grammar)))
-    own = [*applying.of_rig(profile), *(words for item in rig.limits for words in told(item))]
+    own = [*selection.of_rig(profile), *(words for item in rig.limits for words in told(item))]
     yield from _part("This rig alone", own)
 
 

@@ -15,7 +15,7 @@ from octoform.builtin.task import Refused
 from octoform.contracts.checking import check
 from octoform.contracts.model import Artifacts, ProfileFacts
 from octoform.profiles import Profile, commands, for_task, load, load_text
-from octoform.profiles.grammar import Command, Grammar, LineGrammar, RegisterGrammar, Value
+from octoform.profiles.definitions.definition import Command, Grammar, LineGrammar, RegisterGrammar, Value
 
 ROOT = Path(__file__).parents[3]
 SCHEMAS = ROOT / "protocol" / "schemas"

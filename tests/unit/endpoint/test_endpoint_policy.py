@@ -15,7 +15,7 @@ from octoform.launcher import policy as launcher
 from octoform.launcher.limits import Ledger
 from octoform.manifest.policy_model import Limit, Policy, Rule
 from octoform.profiles import Profile
-from octoform.profiles.evidence import Rule as Evidence
+from octoform.profiles.match_rule import Rule as Evidence
 from octoform.profiles.model import Stop
 
 

@@ -4,9 +4,9 @@ import json
 from collections.abc import Mapping
 
 from octoform.frontmatter import Place
-from octoform.profiles import line_reading, register_reading
-from octoform.profiles.finding import Found, Problem
-from octoform.profiles.grammar import Grammar, plain
+from octoform.profiles.definitions import line_parser, register_parser
+from octoform.profiles.definitions.definition import Grammar, plain
+from octoform.profiles.definitions.problems import Found, Problem
 
 PLACE: Place = ("grammar",)
 MOST_BYTES = 24 * 1024
@@ -24,7 +24,7 @@ def read(given: object) -> tuple[Grammar | None, list[Problem]]:
     if "registers" in given and "line" in given:
         found.add(PLACE, "a grammar is of one kind, and this is of two", "keep `line` or `registers`")
         return None, found.problems
-    read_kind = register_reading.read if "registers" in given else line_reading.read
+    read_kind = register_parser.read if "registers" in given else line_parser.read
     grammar: Grammar = read_kind(found, given, PLACE)
     if not found.problems and len(json.dumps(plain(grammar))) > MOST_BYTES:
         hint = "a tool that moves all units has a parameter for each: keep one of them, and what an agent needs"

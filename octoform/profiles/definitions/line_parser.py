@@ -10,9 +10,9 @@ from typing import Any
 
 from octoform.diagnostics import did_you_mean
 from octoform.frontmatter import Place
-from octoform.profiles.finding import MOST_BAUD, PRINTABLE, Found, is_number, is_value_name
-from octoform.profiles.lines import Axis, Command, Halt, Line, LineGrammar, Position
-from octoform.profiles.values import Value
+from octoform.profiles.definitions.lines import Axis, Command, Halt, Line, LineGrammar, Position
+from octoform.profiles.definitions.problems import MOST_BAUD, PRINTABLE, Found, is_number, is_value_name
+from octoform.profiles.definitions.values import Value
 
 FIELDS = ("line", "position", "stop", "commands")
 LINE_FIELDS = ("class", "baud", "ending", "ok", "error", "timeout", "settle")

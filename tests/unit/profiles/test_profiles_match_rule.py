@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from octoform.profiles import Profile, briefing, evidence, holds, load, near
+from octoform.profiles import Profile, briefing, holds, load, match_rule, near
 
 ARM = Path(__file__).parents[3] / "profiles" / "so-arm101.md"
 
@@ -53,8 +53,8 @@ def test_a_neighbour_is_never_met(arm: Profile) -> None:
     assert holds(arm, {"devices": [device("1a86", "7523", "LeRobot", context=True)]}) == frozenset()
 
 
-def rule(value: object) -> evidence.Rule:
-    found, problems = evidence.read(value, ())
+def rule(value: object) -> match_rule.Rule:
+    found, problems = match_rule.read(value, ())
     assert problems == []
     assert found is not None
     return found
@@ -79,7 +79,7 @@ def rule(value: object) -> evidence.Rule:
     ],
 )
 def test_single_rules(value: object, expected: bool) -> None:
-    assert evidence.holds(rule(value), device("1a86", "7523", "")) is expected
+    assert match_rule.holds(rule(value), device("1a86", "7523", "")) is expected
 
 
 @pytest.mark.parametrize(
@@ -97,16 +97,16 @@ def test_single_rules(value: object, expected: bool) -> None:
     ],
 )
 def test_what_is_no_rule(value: object) -> None:
-    found, problems = evidence.read(value, ("evidence",))
+    found, problems = match_rule.read(value, ("evidence",))
     assert found is None
     assert problems and all(place[0] == "evidence" for place, _, _ in problems)
 
 
 def test_depth_is_bounded() -> None:
     value: object = {"text": "a"}
-    for _ in range(evidence.MOST_DEPTH):
+    for _ in range(match_rule.MOST_DEPTH):
         value = {"not": value}
-    assert evidence.read(value, ())[0] is None
+    assert match_rule.read(value, ())[0] is None
 
 
 tests = st.fixed_dictionaries({"text": st.sampled_from(["a", "b"])}) | st.fixed_dictionaries({"class": st.just("tty")})
@@ -124,9 +124,9 @@ junk = st.recursive(st.none() | st.integers() | st.text(max_size=5), lambda x: s
 
 @given(rules, st.dictionaries(st.sampled_from(["name", "raw_descriptor", "vid", "classes", "drivers"]), junk))
 def test_every_rule_has_an_answer_for_every_device(value: object, facts: dict[str, Any]) -> None:
-    found, problems = evidence.read(value, ())
+    found, problems = match_rule.read(value, ())
     if found is not None:
-        assert evidence.holds(found, facts) is not evidence.holds(evidence.Rule("not", (found,)), facts)
+        assert match_rule.holds(found, facts) is not match_rule.holds(match_rule.Rule("not", (found,)), facts)
     else:
         assert problems
 
@@ -190,6 +190,6 @@ def test_a_profile_is_near_where_a_word_alone_lacks_and_nobody_has_spoken(arm: P
     assert near([arm], {"devices": [bare]}) == [("usb-x", arm.name, "SO-ARM101")], "the product's own word"
     assert near([arm], {"devices": [bare | {"context": True}, other, named]}) == []
     assert near([arm], {"devices": [bare]}, {"usb-x": "a lamp"}) == []
-    more = replace(arm, evidence=evidence.Rule("all", (arm.evidence, evidence.Rule("class", words=("leds",)))))
+    more = replace(arm, evidence=match_rule.Rule("all", (arm.evidence, match_rule.Rule("class", words=("leds",)))))
     assert near([more], {"devices": [bare]}) == [], "a class lacks as well"
     assert holds(arm, {"devices": [bare]}, {"usb-x": "SO-ARM101"}), "the word that was told is enough"

@@ -12,10 +12,11 @@ from typing import Any
 from octoform import digest, frontmatter
 from octoform.diagnostics import Diagnostic, did_you_mean, error, has_errors, warning
 from octoform.frontmatter import Document
-from octoform.profiles import bounding, evidence, grammar_reading, limits, rig_reading, stopping
-from octoform.profiles.evidence import Rule
-from octoform.profiles.finding import Found
-from octoform.profiles.grammar import Grammar
+from octoform.profiles import bench_parser, limits, match_rule, stop_actions
+from octoform.profiles.definitions import derived_limits, parser
+from octoform.profiles.definitions.definition import Grammar
+from octoform.profiles.definitions.problems import Found
+from octoform.profiles.match_rule import Rule
 from octoform.profiles.model import Profile, Rig
 
 # Prose of four pages and a grammar that names every unit, field and command, with facts of the owner's own copy.
@@ -106,9 +107,9 @@ def parse(document: Document) -> tuple[Profile | None, list[Diagnostic]]:
     rule, more = _evidence(document)
     bounds, also = _limits(document, fields.get("limits", []), ("limits",))
     found += [*more, *also]
-    stop, problems = stopping.read(fields.get("stop", []))
+    stop, problems = stop_actions.read(fields.get("stop", []))
     found += [document.problem("PROFILE-STOP", summary, place, hint) for place, summary, hint in problems]
-    grammar, problems = grammar_reading.read(fields["grammar"]) if "grammar" in fields else (None, [])
+    grammar, problems = parser.read(fields["grammar"]) if "grammar" in fields else (None, [])
     found += [document.problem("PROFILE-GRAMMAR", summary, place, hint) for place, summary, hint in problems]
     rig, too = _rig(document, grammar)
     found += [*too, *_idle_limits(document, grammar)]
@@ -122,9 +123,13 @@ def parse(document: Document) -> tuple[Profile | None, list[Diagnostic]]:
         body=document.body,
         digest=digest.of_bytes(document.text.encode("utf-8")),
         evidence=rule,
-        limits=(*bounds, *(bounding.derived(grammar.tools(), bounds) if grammar is not None else ()), *rig.limits),
+        limits=(
+            *bounds,
+            *(derived_limits.derived(grammar.tools(), bounds) if grammar is not None else ()),
+            *rig.limits,
+        ),
         stop=stop,
-        grammar=rig_reading.fitted(grammar, rig),
+        grammar=bench_parser.fitted(grammar, rig),
         product=fields.get("product", ""),
         rig=rig,
     )
@@ -181,9 +186,9 @@ def _evidence(document: Document) -> tuple[Rule | None, list[Diagnostic]]:
     if "evidence" not in document.fields:
         hint = "say when it may be used: evidence: {all: [{vid_pid: ...}, {text: [...]}]}"
         return None, [document.problem("PROFILE-EVIDENCE", "the profile has no evidence rule", (), hint)]
-    rule, problems = evidence.read(document.fields["evidence"], ("evidence",))
+    rule, problems = match_rule.read(document.fields["evidence"], ("evidence",))
     found = [document.problem("PROFILE-EVIDENCE", summary, place, hint) for place, summary, hint in problems]
-    if rule is not None and not evidence.needs_more_than_a_number(rule):
+    if rule is not None and not match_rule.needs_more_than_a_number(rule):
         span = document.places.get(("evidence",))
         summary = "the evidence rule holds on numbers alone, and the numbers of a chip sit on many products"
         hint = "ask for words, a class or a driver as well: {all: [{vid_pid: ...}, {text: [...]}]}"
@@ -214,11 +219,11 @@ def _rig(document: Document, grammar: Grammar | None) -> tuple[Rig, list[Diagnos
     """What holds for the owner's own copy alone, apart from what holds for the product."""
     given, problems = document.fields.get("rig", {}), Found()
     listed = given if isinstance(given, Mapping) else {}
-    found = _unknown(document, listed, rig_reading.FIELDS, ("rig",))
+    found = _unknown(document, listed, bench_parser.FIELDS, ("rig",))
     bounds, more = _limits(document, listed.get("limits", []), ("rig", "limits"))
     if grammar is None and "grammar" in document.fields and listed:  # its own problems are told; units are not known
-        given = {name: value for name, value in listed.items() if name not in rig_reading.OF_UNITS}
-    rig = rig_reading.read(problems, given, bounds, grammar)
+        given = {name: value for name, value in listed.items() if name not in bench_parser.OF_UNITS}
+    rig = bench_parser.read(problems, given, bounds, grammar)
     told = [document.problem("PROFILE-RIG", summary, place, hint) for place, summary, hint in problems.problems]
     return rig, [*found, *told, *more]
 
@@ -234,7 +239,7 @@ def _idle_limits(document: Document, grammar: Grammar | None) -> list[Diagnostic
     found = []
     for given, place in places if tools else ():
         for index, item in enumerate(given if isinstance(given, list) else ()):
-            idle = bounding.idle(item, tools) if isinstance(item, Mapping) else None
+            idle = derived_limits.idle(item, tools) if isinstance(item, Mapping) else None
             if idle is not None:
                 name, summary, hint = idle
                 found.append(document.problem("PROFILE-LIMIT", summary, (*place, index, name), hint))

@@ -4,8 +4,8 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 from octoform.frontmatter import Place
-from octoform.profiles.finding import Found
-from octoform.profiles.registers import CALIBRATED, DOES, Action, Registers
+from octoform.profiles.definitions.problems import Found
+from octoform.profiles.definitions.registers import CALIBRATED, DOES, Action, Registers
 
 MOST_COMMANDS, MOST_TOLD = 40, 20
 FIELDS = ("tool", "do", "about", "fields", "scale", "pose", "release")

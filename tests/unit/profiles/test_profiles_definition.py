@@ -6,8 +6,8 @@ from types import MappingProxyType
 import pytest
 
 from octoform.diagnostics import Diagnostic
-from octoform.profiles import Profile, briefing, contributions, evidence, for_task, holds, load, load_text
-from octoform.profiles.grammar import Command, Line, LineGrammar, Value, plain
+from octoform.profiles import Profile, briefing, contributions, for_task, holds, load, load_text, match_rule
+from octoform.profiles.definitions.definition import Command, Line, LineGrammar, Value, plain
 
 SHIPPED = Path(__file__).parents[3] / "profiles"
 PAGES = Path(__file__).parents[3] / "octoform" / "diagnostics" / "pages"
@@ -286,8 +286,8 @@ def test_a_name_is_enough_for_the_arm_and_for_nothing_else(chip: tuple[str, str]
 
 
 def test_a_version_in_an_answer_is_one_word() -> None:
-    rule, _ = evidence.read({"text": ["Lamp v1.5"]}, ())
-    assert rule is not None and evidence.holds(rule, {}, "my Lamp v1.5.")
+    rule, _ = match_rule.read({"text": ["Lamp v1.5"]}, ())
+    assert rule is not None and match_rule.holds(rule, {}, "my Lamp v1.5.")
 
 
 @pytest.mark.parametrize(

@@ -8,8 +8,8 @@ from collections.abc import Iterable, Iterator, Mapping
 from fnmatch import fnmatchcase
 from typing import Any
 
-from octoform.profiles.finding import near
-from octoform.profiles.values import Tool, Value
+from octoform.profiles.definitions.problems import near
+from octoform.profiles.definitions.values import Tool, Value
 
 Limit = Mapping[str, Any]
 

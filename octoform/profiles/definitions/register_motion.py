@@ -8,8 +8,8 @@ from collections.abc import Mapping
 from typing import Any
 
 from octoform.frontmatter import Place
-from octoform.profiles.finding import PRINTABLE, Found, is_value_name
-from octoform.profiles.registers import Calibration, Motion, Protect, Register, Speed
+from octoform.profiles.definitions.problems import PRINTABLE, Found, is_value_name
+from octoform.profiles.definitions.registers import Calibration, Motion, Protect, Register, Speed
 
 MOTION_FIELDS = (
     *("goal", "present", "lowest", "highest", "minimum", "maximum"),

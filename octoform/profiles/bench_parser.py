@@ -4,10 +4,10 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
-from octoform.profiles.finding import Found, near
-from octoform.profiles.grammar import Grammar, RegisterGrammar
+from octoform.profiles.definitions.definition import Grammar, RegisterGrammar
+from octoform.profiles.definitions.problems import Found, near
+from octoform.profiles.definitions.register_parser import MOST_ID
 from octoform.profiles.model import Rig
-from octoform.profiles.register_reading import MOST_ID
 
 OF_UNITS = ("disabled", "units")
 FIELDS = ("facts", "limits", *OF_UNITS)

@@ -5,8 +5,8 @@ from collections.abc import Collection, Iterable, Iterator, Mapping
 from types import MappingProxyType
 from typing import Any
 
-from octoform.profiles import evidence, limits
-from octoform.profiles.grammar import plain
+from octoform.profiles import limits, match_rule
+from octoform.profiles.definitions.definition import plain
 from octoform.profiles.model import Profile
 
 LONGEST_LINE, DEEPEST = 100, 3
@@ -22,7 +22,7 @@ def holds(profile: Profile, probe: Any, answers: Mapping[str, str] = NO_ANSWERS)
     return frozenset(
         device["id"]
         for device in _attached(probe)
-        if evidence.holds(profile.evidence, device, answers.get(device["id"], ""))
+        if match_rule.holds(profile.evidence, device, answers.get(device["id"], ""))
     )
 
 
@@ -52,7 +52,7 @@ def near(
         (device["id"], profile.name, min(words, key=lambda word: word.casefold() not in profile.product.casefold()))
         for profile in profiles
         for device in _attached(probe)
-        if device["id"] not in settled and (words := evidence.words_wanting(profile.evidence, device))
+        if device["id"] not in settled and (words := match_rule.words_wanting(profile.evidence, device))
     )
 
 

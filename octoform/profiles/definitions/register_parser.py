@@ -9,10 +9,10 @@ from collections.abc import Mapping
 from typing import Any
 
 from octoform.frontmatter import Place
-from octoform.profiles import register_motion
-from octoform.profiles.finding import MOST_BAUD, Found, is_value_name
-from octoform.profiles.register_commands import read as read_commands
-from octoform.profiles.registers import Library, Register, RegisterGrammar, Registers
+from octoform.profiles.definitions import register_motion
+from octoform.profiles.definitions.problems import MOST_BAUD, Found, is_value_name
+from octoform.profiles.definitions.register_commands import read as read_commands
+from octoform.profiles.definitions.registers import Library, Register, RegisterGrammar, Registers
 
 FIELDS = ("registers", "commands")
 REGISTERS_FIELDS = (

@@ -7,7 +7,7 @@ line reaches the device that does not stand here, with parameters that keep to w
 from dataclasses import dataclass
 from typing import Any
 
-from octoform.profiles.values import Tool, Value, plain_values, present
+from octoform.profiles.definitions.values import Tool, Value, plain_values, present
 
 
 @dataclass(frozen=True, slots=True)
