@@ -2,6 +2,7 @@
 
 import re
 from collections.abc import Iterator
+from pathlib import Path
 from typing import NamedTuple
 
 from .devices import Device
@@ -12,6 +13,9 @@ _IIO_UNITS = {  # quantity: (from the ABI's unit to this one, unit)
     **{"accel": (1, "m/s^2"), "anglvel": (1, "rad/s"), "magn": (1, "gauss"), "illuminance": (1, "lux")},
     **{"pressure": (1, "kPa"), "temp": (0.001, "degC"), "humidityrelative": (0.001, "%"), "voltage": (0.001, "V")},
     **{"current": (0.001, "A"), "power": (0.001, "W"), "resistance": (1, "ohm"), "angl": (1, "rad")},
+    **{"incli": (1, "deg"), "gravity": (1, "m/s^2"), "distance": (1, "m"), "velocity": (1, "m/s"), "energy": (1, "J")},
+    **{"concentration": (1, "%"), "massconcentration": (1, "ug/m^3"), "electricalconductivity": (1, "S/m")},
+    **{"capacitance": (1, "nF")},
 }
 
 
@@ -54,12 +58,28 @@ def iio(unit: Device, wanted: str = "") -> Iterator[Row]:
         sensor = read_text(folder / "name") or folder.name
         found = files(folder, f"in_{wanted}*_raw") + files(folder, f"in_{wanted}*_input")
         for channel, file in {file.name.rpartition("_")[0]: file for file in found}.items():
-            kind = (re.match(r"in_[a-z]+", channel) or [channel])[0]
-            factor, symbol = _IIO_UNITS.get(kind.removeprefix("in_"), (1, ""))
-            value = read_number(file)
-            if value is not None and file.name.endswith("_raw"):
-                offset = read_first(folder / f"{channel}_offset", folder / f"{kind}_offset") or 0
-                scale = read_first(folder / f"{channel}_scale", folder / f"{kind}_scale")
-                value = (value + offset) * (1 if scale is None else scale)
-            value = None if value is None else round(value * factor, 9)
-            yield Row.of(sensor, channel, channel.removeprefix("in_"), value, symbol)
+            kind = (re.match(r"in_[a-z]+", channel) or [channel])[0].removeprefix("in_")
+            if wanted in ("", kind):
+                yield from _iio_rows(sensor, folder, channel, file, kind)
+
+
+def _iio_rows(sensor: str, folder: Path, channel: str, file: Path, kind: str) -> Iterator[Row]:
+    """A row of a channel; one for each part of a value that has several (a quaternion)."""
+    factor, symbol = _IIO_UNITS.get(kind, (1, ""))
+    label = channel.removeprefix("in_")
+    offset, scale = 0.0, None
+    if file.name.endswith("_raw"):
+        offset = read_first(folder / f"{channel}_offset", folder / f"in_{kind}_offset") or 0
+        scale = read_first(folder / f"{channel}_scale", folder / f"in_{kind}_scale")
+    parts = (read_text(file) or "").split() if kind == "rot" else []
+    values = [_number(part) for part in parts] if len(parts) > 1 else [read_number(file)]
+    for index, value in enumerate(values):
+        plain = None if value is None else round((value + offset) * (1 if scale is None else scale) * factor, 9)
+        yield Row.of(sensor, channel, f"{label}[{index}]" if len(values) > 1 else label, plain, symbol)
+
+
+def _number(text: str) -> float | None:
+    try:
+        return float(text)
+    except ValueError:
+        return None

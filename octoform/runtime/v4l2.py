@@ -14,6 +14,9 @@ CAPTURED = (1, 9)
 """Queues that give pictures: as a whole, in planes."""
 TAKEN = (2, 10)
 """Queues that take pictures."""
+_QUERY_CTRL, _GET_CTRL, _SET_CTRL = (0xC0445624, 68), 0xC008561B, 0xC008561C
+FOCUS = 0x009A090A
+"""The control for the way of a lens (V4L2_CID_FOCUS_ABSOLUTE)."""
 
 
 def is_node(node: str) -> bool:
@@ -43,6 +46,22 @@ def codes(node: str, queues: tuple[int, ...]) -> list[str]:
     """The pixel formats of a node's queues of these kinds."""
     with Path(node).open("rb", 0) as codec:
         return [_text(code) for _, _, code in _formats(codec, queues)]
+
+
+def control(node: str, number: int) -> tuple[int, int, int]:
+    """(lowest, highest, present) value of a control of a node or of a part of a camera; OSError where it has none."""
+    request, size = _QUERY_CTRL
+    with Path(node).open("rb", 0) as part:
+        told = fcntl.ioctl(part, request, struct.pack("=I", number).ljust(size, b"\0"))
+        _, value = struct.unpack("=Ii", fcntl.ioctl(part, _GET_CTRL, struct.pack("=Ii", number, 0)))
+    low, high = struct.unpack_from("=40x2i", told)
+    return low, high, value
+
+
+def set_control(node: str, number: int, value: int) -> None:
+    """Set a control; OSError where the node has none or takes no such value."""
+    with Path(node).open("r+b", 0) as part:
+        fcntl.ioctl(part, _SET_CTRL, struct.pack("=Ii", number, value))
 
 
 def _formats(file: Any, queues: tuple[int, ...]) -> Iterator[tuple[int, bytes, bytes]]:

@@ -10,6 +10,8 @@ serves what the device is for. Everything else is counted under one of the reaso
   home automation is one: its protocol belongs to its firmware, so it waits for a profile.
 * Radio, printing, fingerprints: no class of the kernel receives, prints or recognises. A software radio shows IIO
   buffers of raw samples, but what tunes and gates it is its own driver's.
+* A part of a camera pipeline (the kernel shows it as v4l-subdev and makes no video node of it) gives no picture: a
+  program has to link it to a receiver first, and no interface of the kernel says how.
 * A class device without a single value (a voltage monitor that only has an alarm, a sound card that is only a mute
   switch and has no PCM) has nothing to read or to play.
 """
@@ -53,8 +55,9 @@ INFRASTRUCTURE = "infrastructure, or unknown to the person who wrote the item"
 NOTHING_BOUND = "no class device in the recording (a bare list of USB devices)"
 RAW_PIPE = "only a serial line or a raw pipe: no standard tells what its bytes mean"
 NO_CLASS_SERVES = "no class of the kernel serves what it is for (radio, printing)"
+PART_OF_A_CAMERA = "a part of a camera pipeline, which gives no picture by itself"
 NO_VALUE = "a class device without a value that can be read or set"
-REASONS = (INFRASTRUCTURE, NOTHING_BOUND, RAW_PIPE, NO_CLASS_SERVES, NO_VALUE)
+REASONS = (INFRASTRUCTURE, NOTHING_BOUND, RAW_PIPE, NO_CLASS_SERVES, PART_OF_A_CAMERA, NO_VALUE)
 
 
 def why_not(item: Item, unit: Device | None) -> str:
@@ -71,9 +74,17 @@ def why_not(item: Item, unit: Device | None) -> str:
         return RAW_PIPE
     if item.capabilities and _UNSERVED.issuperset(item.capabilities):
         return NO_CLASS_SERVES if driven - {"leds", "input"} else RAW_PIPE
+    nodes = [node["name"] for node in unit["instance"]["nodes"] if node["class"] == "video4linux"]
+    parts = bool(nodes) and all(name.startswith("v4l-subdev") for name in nodes)
+    if driven == {"video4linux"} and parts and _asks_picture(item):
+        return PART_OF_A_CAMERA
     if item.kind.startswith("audio") and "sound" in driven:
         driven = {"sound"}  # one unit may hold a sound card beside lights and sensors
     text = "\n".join((str(unit.get("raw_descriptor", "")), *(node["name"] for node in unit["instance"]["nodes"])))
     if driven <= _VALUES.keys() and not any(_VALUES[name].search(text) for name in driven):
         return NO_VALUE
     return ""
+
+
+def _asks_picture(item: Item) -> bool:
+    return not {"capture_image", "capture_frame", "capture_video"}.isdisjoint(item.capabilities)

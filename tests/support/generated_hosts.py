@@ -31,7 +31,7 @@ SCHEMAS = Path(__file__).parents[2] / "protocol" / "schemas"
 MAKERS = ("Heron", "Quantal", "Brightwater", "Osmo Labs", "Nordwind", "Tessera", "Karoo", "Vireo Works")
 MODELS = ("X200", "LX-7", "Pico4", "M310", "Delta9", "QV22", "T-880", "Aria3")
 DEFAULT_SERIALS = ("0001", "0123456789", "000000", "111111111111")
-SCRIPTS = ("カメラ", "Датчик", "传感器", "Ölprüfer", "محول")
+SCRIPTS = ("ヘロン", "Журавль", "苍鹭之家", "Ölprüfer", "بلشون")
 MISLEADING = ("USB Serial", "USB UART Bridge", "Generic USB Device", "USB2.0-Serial", "Android Bootloader")
 CONTROLLER = "pci0000:00/0000:00:14.0/usb1"
 
@@ -291,7 +291,13 @@ def _make(tree: Tree, name: str, chance: random.Random, index: int, slot: int) -
         place=place,
         strings=strings if kind.bus == "usb" else "nothing",
         default_serial=serial in DEFAULT_SERIALS,
-        categories=frozenset({"unknown"} if mute or (kind.chip and silent) else kind.categories),
+        categories=frozenset(
+            {"unknown", "bidirectional"}
+            if mute and strings == "script"
+            else {"unknown"}
+            if mute or (kind.chip and silent)
+            else kind.categories
+        ),
         tools=frozenset(kind.tools),
         product=model if told else "",
     )

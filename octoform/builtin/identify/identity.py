@@ -7,9 +7,10 @@ registered name that the device's own strings do not bear out is worth no more, 
 """
 
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass
 
-from octoform.builtin.identify import naming
+from octoform.builtin.identify import glossary, naming
 from octoform.builtin.identify.evidence import Device
 from octoform.builtin.identify.verdict import UNKNOWN, Claim, Evidence
 from octoform.builtin.identify.vocabulary import GENERIC
@@ -30,6 +31,7 @@ _CHIPS = frozenset(("hub", "network", "wifi", "bluetooth", "modem"))
 # The longest end of a part number that only tells its variant (S2, C6).
 _SUFFIX = 2
 _MEDIUM_WORDS = frozenset(("flash", "drive", "disk", "udisk", "stick"))
+_SDIO_VENDOR = "udev.ID_VENDOR_FROM_DATABASE"
 _PARAVIRTUAL = frozenset(("virtio", "xen", "vmbus", "vio"))
 
 
@@ -50,10 +52,16 @@ def identity(device: Device, claim: Claim) -> Identity:
     if claim.kind == "gpio" and device.bus == "usb":
         # A bridge is itself what was plugged in here; its strings speak of the other wires that it has.
         return Identity(_shown(device, claim), CLASS_ONLY, "kernel_class", _strings(device))
-    found = _of_usb(device, claim) if device.bus == "usb" else _of_other(device, claim)
+    found = _translated(_of_usb(device, claim)) if device.bus == "usb" else _of_other(device, claim)
     if found.confidence <= CLASS_ONLY or (claim.settled and _is_cited(found, claim)):
         return found
     return Identity(found.name, CLASS_ONLY, found.method, found.evidence)
+
+
+def _translated(found: Identity) -> Identity:
+    """The name with what it says in English, where it is in another language."""
+    told = glossary.english(found.name) if found.method == "descriptor_strings" and found.confidence < STRING else ""
+    return Identity(f"{found.name} ({told})", found.confidence, found.method, found.evidence) if told else found
 
 
 def _is_cited(found: Identity, claim: Claim) -> bool:
@@ -69,6 +77,9 @@ def _is_cited(found: Identity, claim: Claim) -> bool:
 
 def _of_usb(device: Device, claim: Claim) -> Identity:
     product, maker = device.product_text, device.text("manufacturer")
+    if claim.kind == "storage" and naming.names_another_thing(product):
+        vendor = maker if naming.is_vendor(maker) else device.database.vendor
+        return Identity(naming.join(vendor, claim.noun), CLASS_ONLY, "kernel_class", _strings(device))
     if naming.describes_chip(product) and naming.is_vendor(maker):
         return Identity(naming.join(maker, claim.noun), CLASS_ONLY, "descriptor_strings", _strings(device))
     if naming.names_a_product(product):
@@ -194,6 +205,16 @@ def _of_other(device: Device, claim: Claim) -> Identity:
         return registered
     own = device.text("name") if device.bus == "platform" else ""
     prefix = own if naming.is_name(own) else device.bus if device.bus in _PARAVIRTUAL else ""
+    if device.bus in ("platform", "amba") and not naming.names_a_model(prefix) and (tree := _of_tree(device)):
+        text, line = tree
+        evidence = (Evidence(line, f"the device tree's name of the {claim.noun}"),)
+        return Identity(naming.tidy(f"{text} {claim.noun}"), CLASS_ONLY, "kernel_class", evidence)
+    if device.bus == "mmc" and device.text("type") == "SDIO":
+        # A function on the card bus has numbers and no name; which family it is, its driver says.
+        driver = next((fact.text for fact in device.of("sdio", "driver")), "")
+        maker = device.database.vendor or next((fact.text for fact in device.of("sdio", _SDIO_VENDOR)), "")
+        prefix, driver = naming.join(maker, "SDIO"), f" ({driver})" if driver else ""
+        return Identity(naming.tidy(f"{prefix} {claim.noun}{driver}"), CLASS_ONLY, "kernel_class")
     return Identity(naming.tidy(f"{prefix} {claim.noun}"), CLASS_ONLY, "kernel_class")
 
 
@@ -203,11 +224,17 @@ def _kernel_name(claim: Claim) -> Identity | None:
     usable = [(text, lines) for text, lines in usable if naming.is_name(text)]
     if not usable:
         return None
-    text, lines = next((pair for pair in usable if naming.names_a_model(pair[0])), usable[0])
+    # What the kernel itself calls generic is still what it is called.
+    text, lines = next((pair for pair in usable if naming.tells_a_model(pair[0])), usable[0])
     confidence = KERNEL if naming.names_a_model(text) else CLASS_ONLY
-    return Identity(
-        text, confidence, "kernel_class", tuple(Evidence(line, "the kernel's name for it") for line in lines)
-    )
+    return Identity(text, confidence, "kernel_class", tuple(Evidence(line, _says(text, lines)) for line in lines))
+
+
+def _says(name: str, lines: Sequence[str]) -> str:
+    """What follows from the lines: that it is called so, and what kind of thing this agent's own words call it."""
+    quoted = {word for line in lines for word in naming.words(line)}
+    own = [word for word in naming.words(name) if word not in quoted]
+    return "the kernel's name for it" + (f": {' '.join(own)}" if own else "")
 
 
 def _strings(device: Device) -> tuple[Evidence, ...]:
@@ -219,3 +246,10 @@ def _shown(device: Device, claim: Claim) -> str:
     """What an unknown device is called: its own strings as they are, with the kind that shows."""
     strings = naming.join(device.text("manufacturer"), device.product_text)
     return f"{claim.noun} ({strings})" if strings else claim.noun
+
+
+def _of_tree(device: Device) -> tuple[str, str] | None:
+    """The model in the first compatible string of the device tree, without its vendor's prefix, and its line."""
+    fact = device.fact("of_compatible_0")
+    text = fact.text.partition(",")[2] if fact else ""
+    return (text, fact.line) if fact and naming.names_a_model(text) else None

@@ -9,7 +9,8 @@ import re
 from octoform.builtin.identify import naming
 from octoform.builtin.identify.classes import network
 from octoform.builtin.identify.evidence import Device
-from octoform.builtin.identify.verdict import UNKNOWN, Claim, Evidence, Leave
+from octoform.builtin.identify.identity import names_its_chip
+from octoform.builtin.identify.verdict import BIDIRECTIONAL, UNKNOWN, Claim, Evidence, Leave
 
 _ROOT_HUB = re.compile(r"/usb\d+$")
 _PCI_BUSES = ("06", "0c", "08", "05", "0604")
@@ -44,6 +45,27 @@ def leave(device: Device) -> Leave:
     if device.bus in ("i2c", "spi", "hid", "w1"):
         return Leave("no_standard_interface", "no kernel class drives it")
     return Leave("no_function", "part of the machine; nothing to read or set through a standard interface")
+
+
+def claim_named(device: Device) -> Claim | None:
+    """A USB device whose own strings name a product, though nothing tells what kind of thing it is.
+
+    What it is called is known, and that it speaks a language of its own; what it does, a profile tells. A loader's or
+    a reference design's string names no product, nor does that of a chip.
+    """
+    if device.bus != "usb" or not device.product or not device.interfaces:
+        return None
+    product, maker = device.product_text, device.text("manufacturer")
+    named = (
+        naming.is_short(device.product.text)
+        and naming.names_a_product(product)
+        and naming.adds_to(maker, product)
+        and not names_its_chip(device)
+    )
+    if not named or naming.describes_chip(product) or naming.makes_chips(maker) or naming.speaks_of_a_part(product):
+        return None
+    evidence = Evidence(device.interfaces[0].line, "an interface of its own, for a program of its own")
+    return Claim("vendor", BIDIRECTIONAL, "USB device", (evidence,), settled=False)
 
 
 def unknown(device: Device) -> Claim:

@@ -40,6 +40,14 @@ _PART_NUMBER = re.compile(r"[a-z]{2,}\d{2}")
 _INITIALS = re.compile(r"([a-z]{2,4})\d\d[a-z0-9]*")
 # A whole family of parts: the last digits are left open.
 _FAMILY = re.compile(r"[a-z]+\d+[a-z]?\d*xx")
+_WIRES = frozenset(("i2c", "smbus", "spi", "uart", "jtag", "gpio"))
+_NO_DISKS = frozenset(("webcam", "keyboard", "mouse", "headset", "microphone", "gamepad", "joystick", "oscilloscope"))
+_FEW, _LONG = 8, 32
+_OPEN = frozenset(("misc", "composite", "unknown", "undefined", "reserved", "oem"))
+# Greek, Cyrillic, Hebrew, Arabic, kana, Chinese characters, Hangul: two letters at least.
+_FOREIGN = re.compile(r"[\u0370-\u06ff\u3040-\u30ff\u3400-\u9fff\uac00-\ud7af]{2}")
+_COINED = re.compile(r"\b(?=\w*[a-z])(?=\w*[A-Z]\w*[A-Z])[A-Za-z]{4,}\b")
+_INITIAL = 2
 _LOT_NUMBER = re.compile(r"^(?=.*\d.*\d)[A-Z0-9_-]{14,}$")
 
 
@@ -55,9 +63,20 @@ def words(text: str) -> list[str]:
     return _WORD.findall(_CAMEL.sub(" ", text.replace("_", " ")).lower())
 
 
+def spread(text: str) -> str:
+    """A text with its words of mixed case taken apart."""
+    return _CAMEL.sub(" ", text.replace("_", " "))
+
+
 def model_words(text: str) -> list[str]:
     """The words of a name that tell one model from another: no class words, versions, letters or small numbers."""
-    return [word for word in words(_DOTTED.sub(" ", without_ids(text))) if not _says_nothing(word)]
+    plain = _DOTTED.sub(" ", without_ids(text))
+    found = [word for word in words(plain) if not _says_nothing(word)]
+    if found and max(map(len, found)) > _INITIAL:
+        return found
+    # A coined word of mixed case ('RAMBo', 'uDMX') falls into parts of which none tells anything.
+    whole = [word.lower() for word in _COINED.findall(plain)]
+    return found + [word for word in whole if not _says_nothing(word)]
 
 
 def _says_nothing(word: str) -> bool:
@@ -72,13 +91,23 @@ def without_ids(text: str) -> str:
 def is_name(text: str) -> bool:
     """True for what can be a product's name at all: has letters and is no sentence or paragraph."""
     tokens = words(text)
-    return any(token[0].isalpha() for token in tokens) and len(tokens) <= MOST_WORDS
+    return (any(token[0].isalpha() for token in tokens) or is_foreign(text)) and len(tokens) <= MOST_WORDS
+
+
+def is_foreign(text: str) -> bool:
+    """True for a text with a word of another script than the Latin one."""
+    return _FOREIGN.search(text) is not None
 
 
 def names_a_model(text: str) -> bool:
     """True when a name tells the model; false for class words, reference firmware and chips' transports."""
     vague = describes_transport(text) or is_reference(text) or is_state(text)
     return is_name(text) and bool(model_words(text)) and not vague
+
+
+def tells_a_model(text: str) -> bool:
+    """True for a name with a word that tells models apart, whatever else it says."""
+    return is_name(text) and bool(model_words(text)) and not describes_transport(text)
 
 
 def names_a_product(text: str) -> bool:
@@ -118,6 +147,31 @@ def is_reference(text: str) -> bool:
     return bool(REFERENCE.search(text.replace("_", " ")))
 
 
+def describes_a_part(text: str) -> bool:
+    """True where a product's string speaks of a part that sits in products (a bridge, a codec)."""
+    return not PART.isdisjoint(words(text))
+
+
+def describes_wires(text: str) -> bool:
+    """True where a string names a bus for chips or a serial line."""
+    return describes_transport(text) or not _WIRES.isdisjoint(words(text))
+
+
+def is_short(text: str) -> bool:
+    """True for a few plain words, as a name is; false for a sentence, and for a text that PROBE had to mend."""
+    return len(words(text)) <= _FEW and max(map(len, text.split()), default=0) <= _LONG and not _MARKS.search(text)
+
+
+def names_another_thing(text: str) -> bool:
+    """True where the string of a disk names a thing that is none, as firmware that was copied does."""
+    return not _NO_DISKS.isdisjoint(words(text))
+
+
+def speaks_of_a_part(text: str) -> bool:
+    """True where a string speaks of something that sits in products and is none: a sensor's chip, a miscellany."""
+    return not _OPEN.isdisjoint(words(text))
+
+
 def is_state(text: str) -> bool:
     """True where a string tells what the device is waiting for (a boot loader), not what it is."""
     return bool(STATE.search(text.replace("_", " ")))
@@ -126,7 +180,9 @@ def is_state(text: str) -> bool:
 def is_placeholder(text: str) -> bool:
     """True for a manufacturer's field that names nobody: 'Generic', 'VendorCo', or the kind of thing again."""
     told = words(text)
-    return not told or PLACEHOLDER.issuperset(told) or (len(told) == 1 and told[0] in GENERIC)
+    if not told:
+        return not is_foreign(text)
+    return PLACEHOLDER.issuperset(told) or (len(told) == 1 and told[0] in GENERIC)
 
 
 def makes_chips(maker: str) -> bool:

@@ -8,8 +8,11 @@ import re
 from collections.abc import Iterable, Mapping
 from typing import Any
 
+from octoform.builtin.identify import naming
 from octoform.builtin.identify.evidence import Device
-from octoform.builtin.identify.verdict import UNKNOWN
+from octoform.builtin.identify.identity import Identity
+from octoform.builtin.identify.verdict import UNKNOWN, Evidence
+from octoform.builtin.identify.vocabulary import GENERIC
 
 _MISSING = "The name that it goes by says only how it is wired; what is this device, by maker and model?"
 _ASKED = "What it says of itself could not be taken as it is; what is this device, by maker and model?"
@@ -73,6 +76,22 @@ def unknown(annotation: dict[str, Any], missing: str) -> dict[str, Any]:
         "capabilities": [],
         "missing": missing,
     }
+
+
+def is_borne_out(named: Identity, cited: Iterable[Evidence]) -> bool:
+    """True when each telling word of a name stands in a quote, or as a plain word in what follows from one."""
+    evidence = (*named.evidence, *cited)
+    quoted = {word for each in evidence for word in naming.words(each.quote)}
+    quoted |= {word for each in evidence for word in re.findall(r"[^\W_]+", each.quote.casefold())}
+    said = {word for each in evidence for word in naming.words(each.says)}
+    if named.method == "id_database":
+        quoted |= said
+    missing = [word for word in re.findall(r"[^\W_]+", naming.spread(named.name)) if not _is_class(word.casefold())]
+    return all(word.casefold() in quoted or (word.islower() and word.isalpha() and word in said) for word in missing)
+
+
+def _is_class(word: str) -> bool:
+    return word in GENERIC or word in _FILLER or word in _WIRES or word in _HEADS or len(word) < 2
 
 
 def names_wires(name: str, raw: str) -> bool:

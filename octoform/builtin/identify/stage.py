@@ -10,7 +10,7 @@ from typing import Any
 
 from octoform.base.id_databases import IdDatabases
 from octoform.builtin.grammars import Profiles
-from octoform.builtin.identify import answered, leftover, profiled, refusable
+from octoform.builtin.identify import answered, leftover, naming, profiled, refusable
 from octoform.builtin.identify.classes import (
     audio,
     buses,
@@ -36,12 +36,23 @@ from octoform.builtin.identify.classes import (
     words,
 )
 from octoform.builtin.identify.evidence import Device
-from octoform.builtin.identify.identity import NOTHING, Identity, identity
-from octoform.builtin.identify.verdict import INFRASTRUCTURE, READ, UNKNOWN, Capability, Claim, Evidence, Leave
+from octoform.builtin.identify.identity import CLASS_ONLY, NOTHING, Identity, identity
+from octoform.builtin.identify.verdict import (
+    BIDIRECTIONAL,
+    INFRASTRUCTURE,
+    READ,
+    UNKNOWN,
+    Capability,
+    Claim,
+    Evidence,
+    Leave,
+)
 from octoform.builtin.task import Task
 
 MAX_CAPABILITIES = 40
 MAX_EVIDENCE = 6
+MAX_NAME = 120
+_BOARD = frozenset(("platform", "acpi", "wmi", "i2c", "spi", "amba", "auxiliary"))
 RULES: tuple[Callable[[Device], Claim | None], ...] = (
     buses.claim_hub,
     cameras.claim,
@@ -66,16 +77,20 @@ RULES: tuple[Callable[[Device], Claim | None], ...] = (
     inputs.claim,
     force.claim,
     power.claim,
+    buses.claim_usb_bridge,
     serial.claim,
     counters.claim,
     gpio.claim,
     sensors.claim_hwmon,
     sensors.claim_driver,
+    sensors.claim_one_wire,
     clock.claim,
     light.claim_leds,
     buses.claim_bridge,
     words.claim_plain,
     audio.claim_vendor,
+    buses.claim_part,
+    leftover.claim_named,
 )
 
 
@@ -127,12 +142,15 @@ def annotate(device: Device, claims: list[Claim]) -> dict[str, Any]:
     named = identity(device, first)
     if refusable.names_wires(named.name, device.raw) and not refusable.names_wires(first.noun, device.raw):
         named = Identity(first.noun, NOTHING, "kernel_class")  # its string says how it is wired; its class what it is
+    named, category = _composed(device, claims, _with_drivers(device, named))
     annotation: dict[str, Any] = {
         "id": device.id,
         "identified_as": named.name[:300],
-        "category": first.category,
+        "category": category,
         "class": first.kind,
-        "confidence": named.confidence,
+        "confidence": named.confidence
+        if refusable.is_borne_out(named, first.evidence)
+        else min(named.confidence, CLASS_ONLY),
         "method": named.method,
         "evidence": _evidence((*named.evidence, *first.evidence)),
         "capabilities": [],
@@ -142,6 +160,42 @@ def annotate(device: Device, claims: list[Claim]) -> dict[str, Any]:
     else:
         annotation["capabilities"] = [capability.as_json() for capability in _merged(claims)]
     return annotation
+
+
+def _with_drivers(device: Device, named: Identity) -> Identity:
+    """The name of a USB product with those of its parts in brackets that the kernel calls after their driver."""
+    told = {fact.text.strip('"'): fact for fact in device.of("input", "name") if device.bus == "usb"}
+    parts = [told[driver] for driver in sorted(device.drivers) if driver in told and driver not in named.name]
+    name = f"{named.name} ({', '.join(fact.text for fact in parts)})"
+    if not parts or len(name) > MAX_NAME:
+        return named
+    cited = tuple(Evidence(fact.line, "a part that is called after its driver") for fact in parts)
+    return Identity(name, named.confidence, named.method, (*named.evidence, *cited))
+
+
+def _composed(device: Device, claims: list[Claim], named: Identity) -> tuple[Identity, str]:
+    """The name and the category of a part of the board with several functions: it is called by each of them.
+
+    A laptop's firmware driver has hot keys, a lamp and a fan; none of them is what it is.
+    """
+    first = claims[0]
+    if device.bus not in _BOARD or first.category in (UNKNOWN, INFRASTRUCTURE) or named.method != "kernel_class":
+        return named, first.category
+    others = [claim for claim in claims[1:] if claim.capabilities and claim.kind != first.kind]
+    names, said = [named.name], set(naming.words(named.name))
+    evidence, confidence = list(named.evidence[:1]), named.confidence
+    for claim in others:
+        other = identity(device, claim)
+        if not said.issuperset(naming.words(other.name)) and len(", ".join([*names, other.name])) <= MAX_NAME:
+            names.append(other.name)
+            said.update(naming.words(other.name))
+            evidence += other.evidence[:1]
+            confidence = min(confidence, other.confidence)
+    acts = {claim.category for claim in (first, *others)} - {INFRASTRUCTURE, UNKNOWN}
+    category = first.category if len(acts) == 1 else BIDIRECTIONAL
+    if len(names) == 1:
+        return named, category
+    return Identity(", ".join(names), confidence, named.method, tuple(evidence)), category
 
 
 def _evidence(cited: Iterable[Evidence]) -> list[dict[str, str]]:

@@ -45,6 +45,7 @@ ATTRIBUTES: Mapping[str, tuple[str, ...]] = {
     "tpm": ("tpm_version_major",),
     "typec": ("port_type", "usb_power_delivery_revision"),
     "video4linux": ("name", "index"),
+    "virtio-ports": ("name",),
     "watchdog": ("identity",),
 }
 _SENSOR = re.compile(r"^((?:temp|fan|in|curr|power|energy|humidity|freq|intrusion|pwm)\d+)(?:_(\w+))?$")
@@ -57,6 +58,7 @@ _LED_OWNER = re.compile(r"(?<![a-z])(input|phy|mmc|usb|hid|card)\d+(?=\W|$)")
 _LED_HID = re.compile(r"^[0-9A-F]{4}:[0-9A-F]{4}:[0-9A-F]{4}\.[0-9A-F]+:")
 # What a printer's id says of its kind; serial numbers stand there too.
 _PRINTER_KEYS = frozenset(("MFG", "MANUFACTURER", "MDL", "MODEL", "CMD", "COMMAND SET", "CLS", "CLASS", "DES"))
+_AT_ADDRESS = re.compile(r"\d+-[0-9a-f]{2,4}$")
 _TTY_NUMBER = re.compile(r"\d+$")
 _MAX_CHANNELS = 120
 _EDID_BYTES = 512
@@ -269,8 +271,9 @@ def _rtc(node: Node, reader: Reader, _uevent: dict[str, str]) -> None:
 
 
 def _backlight(node: Node, reader: Reader, _uevent: dict[str, str]) -> None:
-    node.kind = node.name
-    node.add("name", node.name)
+    # A panel on a bus for chips is called by its address there, which is a place and no name.
+    node.kind = "" if _AT_ADDRESS.match(node.name) else node.name
+    node.add("name", node.kind)
     for attribute in ATTRIBUTES["backlight"]:
         node.add(attribute, reader.text(f"{node.path}/{attribute}"))
 

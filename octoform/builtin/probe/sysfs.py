@@ -21,7 +21,19 @@ EXPECTED_CLASSES = (
 # Virtual devices that stand for something physical; those of every other class are software, one unit a class.
 PHYSICAL_VIRTUAL = frozenset(
     (
-        *("backlight", "bluetooth", "dmi", "extcon", "hwmon", "iio", "input", "leds", "power_supply", "powercap"),
+        *(
+            "backlight",
+            "bluetooth",
+            "dmi",
+            "extcon",
+            "hwmon",
+            "iio",
+            "input",
+            "ipmi",
+            "leds",
+            "power_supply",
+            "powercap",
+        ),
         *("rtc", "thermal", "tpm", "typec", "video4linux", "watchdog"),
     )
 )

@@ -16,8 +16,13 @@ from octoform.builtin.probe.unit import SCRUB_FROM, Unit, in_class_order, owned
 MAX_MEMBERS = 400
 _NUMBERED = re.compile(r"[0-9:.].*$")
 MAX_NAMES = 60
-# The light of a display panel hangs below the graphics adapter in sysfs; it is a thing of its own that can be set.
-_APART = frozenset(("backlight",))
+# The light of a display panel hangs below the graphics adapter in sysfs; it is a thing of its own that can be set. The
+# RDMA function of a network adapter is no network interface.
+_APART = frozenset(("backlight", "infiniband"))
+# What drivers of cameras call the nodes that carry numbers about pictures, and none.
+_SIDE_STREAM = re.compile(
+    r"(?:^|[^a-z])(?:stats?|statistics|params?|parameters|embedded|meta(?:data)?|config)(?:$|[^a-z])", re.IGNORECASE
+)
 _NO_CLASS = frozenset(
     ("wakeup", "usb", "scsi", "pci_express", "i2c", "platform", "usb-serial", "serial-base", "serial", "auxiliary")
 )
@@ -48,10 +53,27 @@ def _owner_key(node: Node, owner: Mapping[str, str], units: Mapping[str, Unit]) 
         key = owner.get(above)
         # Nothing real hides in a unit that stands for many of a kind.
         if key is not None and not units[key].group:
-            owned = node.member and node.subsystem not in _APART
             head = units[key].head
+            owned = node.member and node.subsystem not in _APART and not _is_side_stream(node, head)
             return key if owned or _is_cell(node, head) or _same_product(node, head) else node.path
     return node.path
+
+
+def _is_side_stream(node: Node, above: Node) -> bool:
+    """A video node that gives no pictures beside those that do: metadata, statistics, parameters.
+
+    udev records what a USB camera's node can do; without its record, every second node is the one for metadata (the
+    kernel makes one for each stream, after it). Boards' drivers tell it in the name.
+    """
+    if node.subsystem != "video4linux" or not node.name.startswith(("video", "vbi")):
+        return False
+    if node.name.startswith("vbi"):
+        return above.subsystem != "video4linux"  # the text between the pictures of a television signal
+    facts = dict(node.lines)
+    if above.subsystem != "usb":
+        return bool(_SIDE_STREAM.search(facts.get("name", "").replace("_", " ")))
+    able = facts.get("udev.ID_V4L_CAPABILITIES", "")
+    return not able.strip(":") if able else facts.get("index", "0")[-1:] in "13579"
 
 
 def _is_cell(node: Node, above: Node) -> bool:
@@ -146,6 +168,8 @@ def _serial(unit: Unit) -> str:
         serial = node.serial.strip()
         # A root hub gives the address of its controller as its serial number: that is a place.
         placed = len(serial) >= SCRUB_FROM and f"/{serial}/" in node.path
+        # Nor is the number of the kind one of the unit.
+        placed = placed or serial.casefold() in ("".join(unit.vid_pid()), "-".join(unit.vid_pid()))
         if serial and not placed and not serials.is_placeholder(serial):
             return serial
     return ""
@@ -161,7 +185,7 @@ def _instance(unit: Unit, others: list[str]) -> dict[str, object]:
     kernel = head.path.startswith(("/sys/", "/proc/"))
     instance: dict[str, object] = {"sysfs": text.visible(head.path)[:1000]} if kernel else {}
     serial = _serial(unit)
-    if not unit.group:
+    if not unit.group and not _is_function(head):
         instance["port"] = text.value(head.name, 200)
         counted = head.subsystem in _UNPLACED_BUSES or (head.member and head.name[-1:].isdecimal())
         place = "weak" if counted else "positional"
@@ -180,6 +204,11 @@ def _instance(unit: Unit, others: list[str]) -> dict[str, object]:
     instance["paths"] = [text.visible(node.path)[:1000] for node in nodes[:MAX_MEMBERS]]
     instance["nodes"] = [_node(node) for node in nodes[:MAX_MEMBERS] if node.subsystem not in _NO_CLASS]
     return instance | unit.extra
+
+
+def _is_function(head: Node) -> bool:
+    """Whether a unit is a function of a device that stands elsewhere: it has no place of its own."""
+    return head.member and head.subsystem in ("video4linux", "infiniband") and not head.path.startswith(VIRTUAL)
 
 
 def _node(node: Node) -> dict[str, str]:

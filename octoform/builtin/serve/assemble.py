@@ -20,12 +20,15 @@ from octoform.builtin.task import Refused
 
 TEMPLATES = Path(__file__).parent / "templates"
 SECTIONS: Mapping[str, tuple[str, ...]] = {
-    "camera": ("capture_image", "list_camera_formats", "list_video_codecs"),
+    "camera": ("capture_image", "list_camera_formats", "list_video_codecs", "read_focus", "set_focus"),
     "audio": ("record_audio", "play_audio"),
     "sensors": (
         *("read_temperature", "read_fan_speed", "read_voltage", "read_current", "read_power", "read_energy"),
         *("read_humidity", "read_acceleration", "read_angular_velocity", "read_magnetic_field", "read_illuminance"),
-        *("read_pressure", "read_proximity", "read_sensor_channels"),
+        *("read_pressure", "read_proximity", "read_angle", "read_orientation", "read_inclination", "read_gravity"),
+        *("read_distance", "read_velocity", "read_steps", "read_light_intensity", "read_uv_index", "read_ph"),
+        *("read_gas", "read_mass_concentration", "read_conductivity", "read_resistance"),
+        *("read_capacitance", "read_sensor_channels"),
     ),
     "counters": ("read_counters",),
     "position": ("read_position",),

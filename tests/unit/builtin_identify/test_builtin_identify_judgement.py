@@ -73,9 +73,30 @@ def test_a_pen_tablet_is_not_sure_of_its_model() -> None:
     assert found["confidence"] < 0.5
 
 
-def test_a_hid_device_with_only_private_usages_is_unknown() -> None:
-    found = answer(usb("product: Heron Thing", "interface 00: class 03/00/00", "hid[0].usages: ff43/0202"))
-    assert (found["category"], found["identified_as"]) == ("unknown", "USB device (Heron Thing)")
+def test_a_hid_device_with_only_private_usages_is_no_input_device() -> None:
+    lines = ("interface 00: class 03/00/00", "hid[0].usages: ff43/0202")
+    assert answer(usb(*lines))["category"] == "unknown"
+    found = answer(usb("product: Heron Thing", *lines))
+    assert (found["category"], found["identified_as"], found["class"]) == ("bidirectional", "Heron Thing", "vendor")
+
+
+@pytest.mark.parametrize(
+    ("product", "named"),
+    [
+        ("Heron U3", True),
+        ("uHEron", True),
+        ("RAMBoLex", True),
+        ("USB Device", False),
+        ("USB2.0 MISC", False),
+        ("Heron Bootloader", False),
+        ("HR4411 Coprocessor", False),
+        ("the device that you always wanted to have on your desk X9", False),
+    ],
+)
+def test_a_product_that_names_itself_is_named_and_does_nothing_yet(product: str, named: bool) -> None:
+    found = answer(usb(f"product: {product}", "interface 00: class ff/00/00"))
+    assert (found["category"] == "bidirectional") == named == (found["identified_as"] == product)
+    assert found["capabilities"] == [] and found["confidence"] < 0.5
 
 
 def test_the_id_database_names_what_has_no_strings(tmp_path: Path) -> None:

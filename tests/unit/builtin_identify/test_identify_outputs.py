@@ -53,7 +53,17 @@ def test_only_whole_outputs_of_a_converter_are_set() -> None:
     found = capabilities(answer(device("spi-dac", "spi", "bus: spi", "iio[0].name: dac", *lines, nodes=node)))
     assert found["set_output_channel"]["parameters"] == {"outputs": ["out_voltage0"]}
     mixed = device("spi-mixed", "spi", "bus: spi", *lines, "iio[0].in_voltage0: raw,scale", nodes=node)
-    assert "set_output_channel" not in capabilities(answer(mixed))
+    found = answer(mixed)
+    assert (found["class"], found["category"]) == ("converter", "bidirectional")
+    assert {"read_voltage", "set_output_channel"} <= set(capabilities(found))
+    light = device("i2c-light", "i2c", "bus: i2c", *lines, "iio[0].in_proximity: raw", nodes=node)
+    assert "set_output_channel" not in capabilities(answer(light))
+
+
+def test_a_vibration_motor_is_no_game_controller_and_rumbles() -> None:
+    lines = ('input[0].name: "demo-vibrator"', "input[0].events: force")
+    found = answer(device("platform-vibrator", "platform", "bus: platform", *lines, nodes=(("input", "input3"),)))
+    assert (found["class"], found["category"]) == ("haptic", "actuator") and set(capabilities(found)) == {"play_rumble"}
 
 
 def test_a_printers_id_is_told_without_its_serial_number(tmp_path: Path) -> None:

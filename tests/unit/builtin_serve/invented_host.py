@@ -15,11 +15,12 @@ BATTERY, PANEL, LAMP, CLOCK = "acpi-batt01", "backlight-panel0", "leds-status-gr
 DISK, SCREEN, KEYS, PINS = "scsi-demo-disk", "pci-1f01-0002", "usb-1f00-00b1", "platform-pinctrl"
 ADAPTER = "pci-1f01-0003"
 RECEIVER, PRINTER, CONVERTER, CODEC = "usb-1f00-00d1", "usb-1f00-00e1", "spi-dac16", "platform-vpu"
-ENCODER = "platform-encoder"
+ENCODER, LENS = "platform-encoder", "i2c-vcm9"
 DEVICES: dict[str, tuple[str, ...]] = {
     CAMERA: ("capture_image", "list_camera_formats"),
     ENCODER: ("read_counters",),
     CODEC: ("list_video_codecs",),
+    LENS: ("read_focus", "set_focus"),
     SOUND: ("record_audio", "play_audio"),
     CHIP: (
         *("read_temperature", "read_fan_speed", "read_voltage", "read_current", "read_power", "read_energy"),
@@ -28,7 +29,10 @@ DEVICES: dict[str, tuple[str, ...]] = {
     ZONE: ("read_temperature",),
     IMU: (
         *("read_temperature", "read_acceleration", "read_angular_velocity", "read_magnetic_field"),
-        *("read_illuminance", "read_pressure", "read_proximity", "read_humidity", "read_sensor_channels"),
+        *("read_illuminance", "read_pressure", "read_proximity", "read_humidity", "read_angle", "read_orientation"),
+        *("read_inclination", "read_gravity", "read_distance", "read_velocity", "read_steps", "read_light_intensity"),
+        *("read_uv_index", "read_gas", "read_mass_concentration", "read_ph", "read_conductivity", "read_resistance"),
+        *("read_capacitance", "read_sensor_channels"),
     ),
     BATTERY: ("read_battery", "read_power_supply"),
     PANEL: ("read_brightness", "set_brightness"),
@@ -119,10 +123,28 @@ def _sensors(tree: Tree) -> None:
     imu |= {"in_anglvel_z_raw": "10", "in_anglvel_scale": "0.001", "in_temp_raw": "100", "in_temp_offset": "20"}
     imu |= {"in_temp_scale": "200", "in_magn_x_raw": "2", "in_magn_x_scale": "0.5", "in_illuminance_input": "120.5"}
     imu |= {"in_pressure_input": "101.325", "in_proximity_raw": "7", "in_humidityrelative_input": "45500"}
+    imu |= {"in_angl0_raw": "157", "in_angl_scale": "0.01", "in_rot_quaternion_raw": "0 1 0 1", "in_incli_x_raw": "12"}
+    imu |= {
+        "in_gravity_z_raw": "981",
+        "in_gravity_scale": "0.01",
+        "in_distance_raw": "80",
+        "in_distance_scale": "0.001",
+    }
+    imu |= {"in_velocity_x_raw": "3", "in_steps_input": "42", "in_intensity_both_raw": "55", "in_uvindex_input": "3"}
+    imu |= {
+        "in_concentration_co2_raw": "415",
+        "in_concentration_scale": "0.0001",
+        "in_massconcentration_pm2p5_input": "12",
+    }
+    imu |= {"in_ph_raw": "700", "in_ph_scale": "0.01", "in_electricalconductivity_raw": "4", "in_resistance_raw": "90"}
+    imu |= {"in_capacitance0_raw": "22"}
     tree.bus("i2c0/i2c-1/1-0068/iio:device0", "iio", {**imu, "in_voltage0_raw": "500", "in_voltage_scale": "2"})
 
 
 def _converter(tree: Tree) -> None:
+    tree.bus("i2c0/i2c-1/1-000c", "i2c", {"name": "vcm9"})
+    tree.member("i2c0/i2c-1/1-000c/video4linux/v4l-subdev0", "video4linux", {"name": "vcm9"}, DEVNAME="v4l-subdev0")
+    (tree.root / "dev/v4l-subdev0").touch()
     tree.bus("spi0/spi0.0", "spi", {"name": "dac16"})
     dac = {"name": "dac16", "out_voltage0_raw": "0", "out_voltage0_scale": "0.5", "out_voltage0_offset": "-1000"}
     dac |= {"out_voltage0_raw_available": "[0 1 4095]", "out_voltage0_powerdown": "1", "out_voltage2_raw": "8"}

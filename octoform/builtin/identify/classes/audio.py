@@ -41,6 +41,11 @@ def claim(device: Device) -> Claim | None:
     else:
         evidence = device.cite_key("class_code", "PCI audio function")
     names = device.names("sound", "longname", "name", "id")
+    if not directions and interface and not any(one.triple[:2] == (USB_AUDIO, STREAMING) for one in device.interfaces):
+        streams = device.usb(f"{USB_AUDIO}/{MIDI}")
+        if streams:
+            cited = (Evidence(streams.line, "USB MIDI streaming interface"),)
+            return Claim("midi", BIDIRECTIONAL, "USB MIDI device", cited, names=names)
     kind = {ACTUATOR: "audio_out", SENSOR: "audio_in"}.get(category, "audio")
     return Claim(kind, category, "sound card", (evidence,), capabilities(directions), names)
 

@@ -4,7 +4,7 @@ The numbers are usage pages and usages of the USB-IF's HID Usage Tables, which e
 them as `page/usage`. Vendors' own pages (ff00 and above) say nothing.
 """
 
-from octoform.builtin.identify.evidence import Device
+from octoform.builtin.identify.evidence import Device, Fact
 from octoform.builtin.identify.verdict import ACTUATOR, INFRASTRUCTURE, SENSOR, Claim, Evidence
 
 # The functions that are no input device, in the order in which they decide.
@@ -17,6 +17,9 @@ _FUNCTIONS = {
     "0020": ("sensor_hub", SENSOR, "sensor hub"),
     "008e": ("card_reader", SENSOR, "magnetic stripe reader"),
 }
+_LAMPS, _SENSORS = "0059", "0020"
+# Lamps below keys are those of a keyboard or a mouse.
+_TYPED = ("0001/0006", "0001/0002")
 _INPUTS = {
     "000d/0001": ("tablet", "pen tablet"),
     "000d/0002": ("tablet", "pen tablet"),
@@ -31,17 +34,25 @@ _INPUTS = {
 
 def claim(device: Device) -> Claim | None:
     """A HID device whose usages name a function that is not input; nothing otherwise."""
-    for fact in device.of("hid", "usages"):
+    facts = _usages(device)
+    typed = any(usage in fact.text.split(",") for fact in facts for usage in _TYPED)
+    for fact in facts:
         pages = [usage.partition("/")[0] for usage in fact.text.split(",")]
         for page, entry in _FUNCTIONS.items():
-            if page in pages:
+            if page in pages and not (typed and page == _LAMPS) and not (page == _SENSORS and "iio" in device.classes):
                 return Claim(*entry, evidence=(Evidence(fact.line, "HID usage page of that function"),))
     return None
 
 
+def _usages(device: Device) -> list[Fact]:
+    """The lines with usages: those of the unit's HID devices, or its own where it is one."""
+    own = device.fact("usages") if device.bus == "hid" else None
+    return [*device.of("hid", "usages"), *([own] if own else [])]
+
+
 def claim_input(device: Device) -> Claim | None:
     """A HID device without a kernel input device whose usages name an input function; nothing otherwise."""
-    facts = device.of("hid", "usages")
+    facts = _usages(device)
     for usage, (kind, noun) in _INPUTS.items():
         for fact in facts:
             if usage in fact.text.split(","):
@@ -52,5 +63,5 @@ def claim_input(device: Device) -> Claim | None:
 
 def is_private(device: Device) -> bool:
     """True when the device declares usages and all of them are its vendor's own: they say nothing."""
-    usages = [usage for fact in device.of("hid", "usages") for usage in fact.text.split(",")]
+    usages = [usage for fact in _usages(device) for usage in fact.text.split(",")]
     return bool(usages) and all(usage.startswith("ff") for usage in usages)

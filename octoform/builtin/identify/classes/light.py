@@ -25,7 +25,8 @@ def claim_backlight(device: Device) -> Claim | None:
         Capability("set_brightness", "Set the brightness of the display's backlight.", _BACKLIGHT, ACTUATE, parameters),
     )  # fmt: skip
     evidence = (device.cite("backlight", "the kernel's backlight class"),)
-    return Claim("light", ACTUATOR, "display backlight", evidence, capabilities)
+    names = tuple((f"display backlight {name}", line) for name, line in device.names("backlight", "name"))
+    return Claim("light", ACTUATOR, "display backlight", evidence, capabilities, names)
 
 
 def claim_leds(device: Device) -> Claim | None:

@@ -93,6 +93,8 @@ def claim(device: Device) -> Claim | None:
     if "net" in device.classes:
         wireless = "ieee80211" in device.classes or any(fact.text == "wlan" for fact in device.of("net", "kind"))
         kind, noun = ("wifi", "wireless network adapter") if wireless else ("network", "network adapter")
+        if any(fact.text == "ethernet" for fact in device.of("net", "kind")):
+            noun = "Ethernet network adapter"
         if any(fact.text == "can" for fact in device.of("net", "kind")):
             return Claim("can", "bidirectional", "CAN bus adapter", (_evidence(device, "net"),), readable)
         return Claim(kind, INFRASTRUCTURE, noun, (_evidence(device, "net"),), readable)
@@ -103,7 +105,10 @@ def claim(device: Device) -> Claim | None:
         return Claim(kind, INFRASTRUCTURE, noun, (device.cite_key("class_code", f"PCI {noun}"),))
     if interface := device.usb(*_USB_ETHERNET):
         return Claim(
-            "network", INFRASTRUCTURE, "USB network adapter", (Evidence(interface.line, "USB Ethernet interface"),)
+            "network",
+            INFRASTRUCTURE,
+            "USB Ethernet network adapter",
+            (Evidence(interface.line, "USB Ethernet interface"),),
         )
     return None
 

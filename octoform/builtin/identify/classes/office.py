@@ -6,7 +6,14 @@ as commands of its language is not told by any interface of the system, and pape
 
 from octoform.builtin.identify import naming
 from octoform.builtin.identify.evidence import Device
-from octoform.builtin.identify.verdict import ACTUATOR, INFRASTRUCTURE, SENSOR, Capability, Claim, Evidence
+from octoform.builtin.identify.verdict import (
+    ACTUATOR,
+    INFRASTRUCTURE,
+    SENSOR,
+    Capability,
+    Claim,
+    Evidence,
+)
 
 _USB_PRINTER = "07"
 _USB_STILL_IMAGE = "06"
@@ -24,7 +31,7 @@ def claim(device: Device) -> Claim | None:
         spoken = naming.words(f"{device.strings} {device.database.product}")
         if device.udev_text("ID_GPHOTO2") or not _CAMERA_WORDS.isdisjoint(spoken):
             return Claim("still_camera", SENSOR, "still camera", (evidence,))
-        return Claim("phone", INFRASTRUCTURE, "media transfer device", (evidence,))
+        return Claim("phone", INFRASTRUCTURE, "still image and media transfer device", (evidence,))
     return None
 
 

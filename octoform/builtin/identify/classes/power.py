@@ -25,7 +25,14 @@ def claim(device: Device) -> Claim | None:
                        parameters={"supplies": others})
         )  # fmt: skip
     named = [[group[key] for key in ("manufacturer", "model_name") if key in group] for group in supplies]
-    names = tuple((" ".join(fact.text for fact in facts), *(fact.line for fact in facts)) for facts in named if facts)
+    names = tuple(
+        (" ".join(fact.text for fact in facts), *(fact.line for fact in facts))
+        for facts in named
+        if any(fact.key == "model_name" for fact in facts)
+    )
+    # Who made a supply is no name of it; what the board calls it is.
+    own = device.fact("name") if device.bus in ("platform", "i2c") else None
+    names = (*names, *(((own.text, own.line),) if own else ()))
     evidence = (device.cite("power_supply", "the kernel's power supply class"),)
     kind, noun = ("battery", "battery") if batteries else ("power_supply", "power supply")
     return Claim(kind, SENSOR, noun, evidence, tuple(capabilities), names)

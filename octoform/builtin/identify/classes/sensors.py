@@ -12,7 +12,15 @@ from collections.abc import Iterable
 from typing import Any
 
 from octoform.builtin.identify.evidence import Device, Fact
-from octoform.builtin.identify.verdict import ACTUATE, SENSOR, Capability, Claim
+from octoform.builtin.identify.verdict import (
+    ACTUATE,
+    ACTUATOR,
+    BIDIRECTIONAL,
+    INFRASTRUCTURE,
+    SENSOR,
+    Capability,
+    Claim,
+)
 
 _HWMON = {
     "temp": ("read_temperature", "degC", "Read the temperature of each channel."),
@@ -32,14 +40,74 @@ _IIO = {
     "proximity": ("read_proximity", ""),
     "temp": ("read_temperature", "degC"),
     "humidityrelative": ("read_humidity", "%"),
+    "angl": ("read_angle", "rad"),
+    "rot": ("read_orientation", ""),
+    "incli": ("read_inclination", "deg"),
+    "gravity": ("read_gravity", "m/s^2"),
+    "distance": ("read_distance", "m"),
+    "velocity": ("read_velocity", "m/s"),
+    "steps": ("read_steps", ""),
+    "intensity": ("read_light_intensity", ""),
+    "uvindex": ("read_uv_index", ""),
+    "concentration": ("read_gas", "%"),
+    "massconcentration": ("read_mass_concentration", "ug/m^3"),
+    "ph": ("read_ph", ""),
+    "electricalconductivity": ("read_conductivity", "S/m"),
+    "voltage": ("read_voltage", "V"),
+    "current": ("read_current", "A"),
+    "power": ("read_power", "W"),
+    "energy": ("read_energy", "J"),
+    "resistance": ("read_resistance", "ohm"),
+    "capacitance": ("read_capacitance", "nF"),
 }
-_IIO_UNITS = {"voltage": "V", "current": "A", "power": "W", "resistance": "ohm", "intensity": "", "angl": "rad"}
+# 1-Wire families (the first byte of each chip's number), as the kernel's w1 drivers know them.
+_ONE_WIRE = {
+    **dict.fromkeys(("10", "22", "28", "3b", "42"), ("temperature", SENSOR, "1-Wire temperature sensor")),
+    **dict.fromkeys(("26", "30", "32", "35", "51"), ("battery", SENSOR, "1-Wire battery monitor")),
+    "20": ("adc", SENSOR, "1-Wire analog-to-digital converter"),
+    "1d": ("counter", SENSOR, "1-Wire counter"),
+    **dict.fromkeys(("05", "12", "1f", "29", "3a"), ("gpio", BIDIRECTIONAL, "1-Wire switch")),
+    **dict.fromkeys(("09", "0b", "0f", "14", "23", "2d", "43"), ("memory", INFRASTRUCTURE, "1-Wire memory chip")),
+    "01": ("security", INFRASTRUCTURE, "1-Wire identification chip"),
+}
+MAX_NAME = 110
+# What an industrial I/O device is called by what it measures; the first that it measures.
+_IIO_NOUNS = (
+    ("read_acceleration", "accelerometer", "accelerometer"),
+    ("read_gravity", "accelerometer", "accelerometer"),
+    ("read_angular_velocity", "gyroscope", "gyroscope"),
+    ("read_magnetic_field", "magnetometer", "magnetometer"),
+    ("read_orientation", "orientation", "orientation sensor"),
+    ("read_inclination", "inclinometer", "inclinometer"),
+    ("read_angle", "angle", "angle sensor"),
+    ("read_gas", "gas", "gas sensor"),
+    ("read_mass_concentration", "dust", "particle sensor"),
+    ("read_ph", "ph", "pH sensor"),
+    ("read_conductivity", "conductivity", "conductivity sensor"),
+    ("read_distance", "distance", "distance sensor"),
+    ("read_illuminance", "light_sensor", "light sensor"),
+    ("read_uv_index", "light_sensor", "ultraviolet light sensor"),
+    ("read_proximity", "proximity", "proximity sensor"),
+    ("read_pressure", "pressure", "pressure sensor"),
+    ("read_humidity", "humidity", "humidity sensor"),
+    ("read_light_intensity", "light_sensor", "light sensor"),
+    ("read_steps", "steps", "step counter"),
+)
+_IIO_LAST = (
+    ("read_temperature", "temperature", "temperature sensor"),
+    ("read_capacitance", "capacitance", "capacitance sensor"),
+    ("read_resistance", "resistance", "resistance sensor"),
+    ("read_power", "power", "power monitor"),
+    ("read_energy", "power", "energy meter"),
+    ("read_velocity", "velocity", "velocity sensor"),
+)
+_ELECTRIC = frozenset(("read_voltage", "read_current", "read_temperature"))
 _DRIVERS = {"smo8800": ("accelerometer", "free-fall sensor"), "hp_accel": ("accelerometer", "free-fall sensor")}
 _HWMON_KEY = re.compile(r"^([a-z]+)\d+$")
 # Pairs of in-phase and quadrature channels, or a synthesiser: what only radios have.
-_RADIO_KEY = re.compile(r"^out_altvoltage|^(?:in|out)_voltage\d+_[iq]$")
+_RADIO_KEY = re.compile(r"^out_altvoltage\d*_(?:TX|RX|\w*LO)|^(?:in|out)_voltage\d+_[iq]$")
 _IIO_KEY = re.compile(r"^in_([a-z]+)")
-_OUTPUT_KEY = re.compile(r"^out_(?:voltage|current)\d+$")
+_OUTPUT_KEY = re.compile(r"^out_(?:voltage|current|resistance)\d+$")
 _LABEL = re.compile(r"\blabel=(.*)$")
 # Families of kernel drivers by what they sit in; the words are what the kernel's documentation calls them.
 _FAMILIES = (
@@ -83,7 +151,7 @@ def claim_iio(device: Device) -> Claim | None:
         name = group["name"].text if "name" in group else ""
         for fact in group.values():
             if found := _IIO_KEY.match(fact.key):
-                capability, unit = _IIO.get(found[1], ("", _IIO_UNITS.get(found[1], "")))
+                capability, unit = _IIO.get(found[1], ("", ""))
                 channel = _channel(fact, unit, "iio", name)
                 everything.append(channel)
                 if capability:
@@ -109,42 +177,54 @@ def claim_driver(device: Device) -> Claim | None:
     return None
 
 
+def claim_one_wire(device: Device) -> Claim | None:
+    """A chip on a 1-Wire bus by its family; nothing otherwise."""
+    if device.bus != "w1" or device.text("family") not in _ONE_WIRE:
+        return None
+    kind, category, noun = _ONE_WIRE[device.text("family")]
+    return Claim(kind, category, noun, (device.cite_key("family", f"the 1-Wire family of a {noun}"),), settled=False)
+
+
 def _iio_claim(device: Device, kinds: set[str], capabilities: tuple[Capability, ...]) -> Claim:
-    evidence = (device.cite("iio", "industrial I/O device"),)
     kind, noun, category = _iio_kind(device, kinds, bool(capabilities))
-    names = device.names("iio", "label", "name")
-    if kind not in (_ANY_SENSOR, "adc"):  # channels of voltage are found in much that is no converter
+    evidence = (device.cite("iio", f"industrial I/O device: {noun}"),)
+    names: tuple[tuple[str, ...], ...] = device.names("iio", "label", "name")
+    several = list(dict.fromkeys(fact.text for fact in device.of("iio", "name")))
+    if len(several) > 1 and kind != "sdr":
+        lines = {fact.text: fact.line for fact in device.of("iio", "name")}
+        kind, noun = ("sensor_hub", "sensor hub") if category == SENSOR else (kind, noun)
+        names = ((", ".join(several)[:MAX_NAME], *lines.values()), *names)
+    elif kind not in (_ANY_SENSOR, "adc", "converter"):  # voltages are found in much that is no converter
         names = tuple((f"{noun} ({name})", line) for name, line in names)
-    if kind == "dac":
-        capabilities = _outputs(device)
+    if kind == "sdr":  # what a radio's channels are for, its own program knows
+        capabilities = tuple(one for one in capabilities if one.name == "read_sensor_channels")
+    if kind in ("dac", "converter"):
+        capabilities = (*(capabilities if kind == "converter" else ()), *_outputs(device))
     return Claim(kind, category, noun, evidence, capabilities, names, settled=kind != _ANY_SENSOR)
 
 
 def _iio_kind(device: Device, kinds: set[str], readable: bool) -> tuple[str, str, str]:
     keys = [fact.key for fact in device.of("iio")]
+    gives = [key for key in keys if key.startswith("out_")]
     if any(_RADIO_KEY.search(key) for key in keys):
-        return "sdr", "radio transceiver", "bidirectional"
-    if not readable and any(key.startswith("out_") for key in keys):
-        return "dac", "digital-to-analog converter", "actuator"
+        return "sdr", "radio transceiver", BIDIRECTIONAL
+    if gives and not readable and all(key.startswith("out_altvoltage") for key in gives):
+        return "generator", "frequency synthesiser", ACTUATOR
+    if gives and not readable and all(key.startswith("out_resistance") for key in gives):
+        return "dac", "digital potentiometer", ACTUATOR
+    if gives and not readable:
+        return "dac", "digital-to-analog converter", ACTUATOR
     if {"read_acceleration", "read_angular_velocity"} <= kinds:
         return "imu", "inertial measurement unit", SENSOR
-    for name, kind, noun in (
-        ("read_acceleration", "accelerometer", "accelerometer"),
-        ("read_angular_velocity", "gyroscope", "gyroscope"),
-        ("read_magnetic_field", "magnetometer", "magnetometer"),
-        ("read_illuminance", "light_sensor", "light sensor"),
-        ("read_proximity", "proximity", "proximity sensor"),
-        ("read_pressure", "pressure", "pressure sensor"),
-        ("read_humidity", "humidity", "humidity sensor"),
-    ):
+    for name, kind, noun in _IIO_NOUNS:
         if name in kinds:
             return kind, noun, SENSOR
-    if any("voltage" in key or "current" in key for key in keys):
+    if any(key.startswith(("out_voltage", "out_current")) for key in gives) and kinds <= _ELECTRIC:
+        return "converter", "analog converter", BIDIRECTIONAL
+    if kinds & {"read_voltage", "read_current"}:
         return "adc", "analog-to-digital converter", SENSOR
-    return (
-        ("temperature", "temperature sensor", SENSOR)
-        if "read_temperature" in kinds
-        else (_ANY_SENSOR, "sensor", SENSOR)
+    return next(
+        ((kind, noun, SENSOR) for name, kind, noun in _IIO_LAST if name in kinds), (_ANY_SENSOR, "sensor", SENSOR)
     )
 
 

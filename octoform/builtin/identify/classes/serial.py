@@ -24,6 +24,9 @@ def claim(device: Device) -> Claim | None:
     )
     if _names_a_product(device):
         return Claim("serial", BIDIRECTIONAL, "serial device", (evidence,))
+    if not device.product and _is_registered(device):
+        registered = Evidence(device.database.line, f"{device.database.source}: {device.database.product}")
+        return Claim("serial", BIDIRECTIONAL, "serial device", (registered, evidence), settled=False)
     name = device.product or device.fact("manufacturer")
     quotes = (Evidence(name.line, "names the adapter, not what is connected to it"),) if name else (evidence,)
     noun = "USB serial port" if port else "USB serial adapter"
@@ -40,3 +43,9 @@ def _names_a_product(device: Device) -> bool:
     product = device.product_text
     named = naming.names_a_product(product) and naming.adds_to(device.text("manufacturer"), product)
     return named and not names_its_chip(device)
+
+
+def _is_registered(device: Device) -> bool:
+    """True when the numbers of a device without strings were given to a product, and not to a chip or its wire."""
+    told = device.database.product
+    return naming.names_a_product(told) and naming.adds_to(device.database.vendor, told)

@@ -38,6 +38,9 @@ def claim(device: Device) -> Claim | None:
 def _own_names(device: Device) -> tuple[tuple[str, ...], ...]:
     if device.bus not in ("scsi", "mmc"):
         return ()
+    card, name = device.fact("type"), device.fact("name")
+    if device.bus == "mmc" and card and name and card.text == "SD":
+        return ((f"{name.text} SD card", name.line, card.line),)
     return _joined(device.fact("vendor"), device.fact("model", "name"))
 
 

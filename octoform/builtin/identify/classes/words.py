@@ -8,7 +8,7 @@ is weaker and says so.
 import re
 from collections.abc import Iterable, Iterator
 
-from octoform.builtin.identify import naming
+from octoform.builtin.identify import glossary, naming
 from octoform.builtin.identify.evidence import Device
 from octoform.builtin.identify.verdict import (
     ACTUATOR,
@@ -33,15 +33,26 @@ _WORDS: tuple[Entry, ...] = (
     (("logic analyzer", "logic analyser"), "logic", SENSOR, "logic analyser"),
     (("spectrum analyzer", "spectrum analyser", "signal analyzer", "network analyzer", "vna"), "analyzer", SENSOR,
      "signal analyser"),
-    (("multimeter", "dmm", "power meter", "energy meter"), "meter", SENSOR, "measuring instrument"),
+    (("multimeter", "dmm", "power meter", "energy meter", "lux meter", "light meter", "sound level meter", "ph meter",
+      "tachometer", "force gauge", "load cell", "inclinometer", "altimeter", "caliper", "datalogger", "data logger",
+      "lcr meter", "watt meter", "power analyzer"), "meter", SENSOR, "measuring instrument"),
     (("signal generator", "function generator", "waveform generator"), "generator", ACTUATOR, "signal generator"),
+    (("power supply", "electronic load", "source meter", "sourcemeter", "smu"), "power_source", BIDIRECTIONAL,
+     "laboratory power supply"),
+    (("daq", "data acquisition"), "daq", BIDIRECTIONAL, "data acquisition device"),
+    (("gpib", "ieee 488", "hpib"), "instrument", BIDIRECTIONAL, "instrument bus interface"),
     (("colorimeter", "spectrophotometer", "spectrometer"), "color", SENSOR, "colour meter"),
-    (("thermometer", "hygrometer", "humidity", "barometer", "temperature", "weather station"), "temperature", SENSOR,
-     "environment sensor"),
-    (("eeg", "ecg", "oximeter", "pulse oximeter"), "biosensor", SENSOR, "biosensor"),
-    (("lidar", "rangefinder", "range finder", "radar"), "range", SENSOR, "range sensor"),
+    (("thermometer", "hygrometer", "humidity", "barometer", "temperature", "temp", "weather station", "co2",
+      "carbon dioxide", "air quality", "particulate", "gas sensor", "geiger", "radiation", "dosimeter", "anemometer",
+      "thermocouple", "soil moisture"), "temperature", SENSOR, "environment sensor"),
+    (("eeg", "ecg", "emg", "brain waves", "oximeter", "pulse oximeter", "heart rate", "spirometer", "glucose meter",
+      "glucometer",
+      "blood pressure"), "biosensor", SENSOR, "biosensor"),
+    (("lidar", "rangefinder", "range finder", "radar", "time of flight"), "range", SENSOR, "range sensor"),
+    (("eye tracker", "eyetracker", "motion tracker", "head tracker"), "tracker", SENSOR, "tracker"),
     (("gnss", "gps", "glonass", "rtk"), "gnss", SENSOR, "satellite positioning receiver"),
     (("zigbee", "z-wave", "zwave", "802.15.4", "matter thread"), "zigbee", BIDIRECTIONAL, "home radio stick"),
+    (("lora", "lorawan"), "radio", BIDIRECTIONAL, "radio"),
     (("sdr", "dvb", "tuner"), "sdr", BIDIRECTIONAL, "radio receiver"),
     (("wimax", "wlan", "wi-fi", "wifi", "802.11", "802.11n", "802.11ac"), "wifi", INFRASTRUCTURE,
      "wireless network adapter"),
@@ -49,15 +60,25 @@ _WORDS: tuple[Entry, ...] = (
     (("ethernet", "lan", "nic"), "network", INFRASTRUCTURE, "network adapter"),
     (("infrared", "ircu", "remote control receiver"), "ir", BIDIRECTIONAL, "infrared transceiver"),
     (("radio", "transceiver"), "radio", BIDIRECTIONAL, "radio"),
-    (("led", "leds", "light", "lamp", "lighting", "glow"), "light", ACTUATOR, "light"),
+    (("dmx", "dmx512", "ilda", "laser dac"), "light", ACTUATOR, "stage light interface"),
+    (("led", "leds", "light", "lamp", "lighting", "glow", "blink", "busylight", "beacon", "strobe"), "light", ACTUATOR,
+     "light"),
     (("dock", "docking"), "dock", INFRASTRUCTURE, "dock"),
     (("kvm", "remote console"), "kvm", INFRASTRUCTURE, "KVM switch"),
-    (("barcode", "bar code"), "barcode", SENSOR, "barcode scanner"),
+    (("barcode", "bar code", "qr code"), "barcode", SENSOR, "barcode scanner"),
+    (("magstripe", "magnetic stripe", "swipe reader", "card swipe"), "card_reader", SENSOR, "magnetic stripe reader"),
+    (("postal scale", "weighing scale", "weight scale", "scale"), "scale", SENSOR, "weighing scale"),
+    (("braille",), "braille", BIDIRECTIONAL, "braille display"),
     (("scanner", "scan"), "scanner", SENSOR, "scanner"),
-    (("3d printer", "cnc", "engraver", "plotter"), "machine", ACTUATOR, "computer-controlled machine"),
+    (("3d printer", "cnc", "engraver", "plotter", "laser cutter", "vinyl cutter"), "machine", ACTUATOR,
+     "computer-controlled machine"),
     (("printer",), "printer", ACTUATOR, "printer"),
+    (("id card", "identity card"), "reader", SENSOR, "identity card reader"),
     (("card reader", "crw", "cardreader"), "storage", INFRASTRUCTURE, "card reader"),
-    (("relay", "stepper", "servo"), "actuator", ACTUATOR, "actuator"),
+    (("relay", "stepper", "servo", "motor controller", "motor driver", "gimbal", "gripper", "robot"), "actuator",
+     ACTUATOR, "actuator"),
+    (("fan controller", "liquid cooler", "water cooling", "pump controller"), "cooling", BIDIRECTIONAL,
+     "cooling controller"),
 )  # fmt: skip
 # Words with a second meaning: only where the device shows interfaces of its vendor and is nothing for a person's hand.
 _INSTRUMENTS: tuple[Entry, ...] = ((("logic",), "logic", SENSOR, "logic analyser"),)
@@ -73,7 +94,7 @@ _BOOT = ("03/01/01", "03/01/02")
 _HID = "03"
 _PLAIN: tuple[Entry, ...] = (
     (("storage", "flash drive", "flash disk", "ssd", "card reader"), "storage", INFRASTRUCTURE, "storage device"),
-    (("webcam", "camera", "thermal imager"), "camera", SENSOR, "USB camera"),
+    (("webcam", "camera", "thermal imager", "microscope", "endoscope", "borescope"), "camera", SENSOR, "USB camera"),
     (("video capture", "capture card", "frame grabber", "grabber", "capture"), "capture", SENSOR,
      "video capture device"),
     (("hub",), "hub", INFRASTRUCTURE, "USB hub"),
@@ -87,10 +108,13 @@ _PLAIN: tuple[Entry, ...] = (
     ),
     (("touchscreen", "touch screen", "touchpad", "touch panel", "digitizer", "digitiser"), "touchscreen", SENSOR,
      "touch surface"),
-    (("trackball", "presenter", "gamepad", "joystick", "game controller", "foot pedal", "footswitch"), "input",
-     SENSOR, "input device"),
-    (("rfid", "nfc", "magstripe", "magnetic stripe"), "reader", SENSOR, "card reader"),
+    (("trackball", "presenter", "gamepad", "joystick", "game controller", "foot pedal", "footswitch", "foot switch",
+      "macropad", "macro pad", "keypad", "touchpen", "pen tablet", "drawing tablet", "graphics tablet", "stylus"),
+     "input", SENSOR, "input device"),
+    (("rfid", "nfc", "contactless", "magstripe", "magnetic stripe"), "reader", SENSOR, "card reader"),
     (("phone", "smartphone"), "phone", BIDIRECTIONAL, "phone"),
+    (("oled", "lcd", "epaper", "e paper", "projector", "customer display", "pole display", "usb display"), "display",
+     ACTUATOR, "display"),
 )  # fmt: skip
 _UDEV = (
     ("ID_SIGNAL_ANALYZER", "logic", SENSOR, "signal analyser"),
@@ -124,7 +148,8 @@ def claim(device: Device) -> Claim | None:
     table = _WORDS if device.usb(_HID) else (*_WORDS, *_INSTRUMENTS)
     for line, text, says in _spoken(device):
         entry = kind_of(text, table)
-        if entry and not (naming.is_converter(text) and entry[1] in (SENSOR, ACTUATOR)):
+        wired = naming.is_converter(text) or (naming.describes_a_part(text) and naming.describes_wires(text))
+        if entry and not (wired and entry[1] in (SENSOR, ACTUATOR)):
             # A number alone names nothing that senses or acts.
             return Claim(*entry, evidence=(Evidence(line, says),), settled=line != device.database.line)
     maker = device.fact("manufacturer")
@@ -158,7 +183,8 @@ def claim_plain(device: Device) -> Claim | None:
 def _spoken(device: Device) -> Iterator[tuple[str, str, str]]:
     """(line, words, what they are) of the device's own strings, then of the database."""
     if device.product:
-        yield device.product.line, device.product_text, "the device's own words"
+        text = f"{device.product_text} {glossary.english(device.product_text)}"
+        yield device.product.line, text, "the device's own words"
     for interface in device.interfaces:
         if interface.label:
             yield interface.line, interface.label, "the interface's own words"

@@ -46,7 +46,7 @@ KINDS = (
     ),
     Kind(
         "play_rumble",
-        "Let the game controller rumble for a bounded time.",
+        "Let the game controller or the vibration motor rumble for a bounded time.",
         RUMBLED,
         60,
         "actuate",

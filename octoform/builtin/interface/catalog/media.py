@@ -8,6 +8,7 @@ FORMATS = record("Formats", device=TEXT, formats=listing(FORMAT))
 CODEC = record("Codec", name=TEXT, takes=listing(TEXT), gives=listing(TEXT))
 CODECS = record("Codecs", device=TEXT, codecs=listing(CODEC))
 PICTURE = record("Picture", width=WHOLE, height=WHOLE, format=TEXT, size_bytes=WHOLE, mean=NUMBER, variance=NUMBER)
+FOCUS = record("Focus", device=TEXT, percent=NUMBER, position=WHOLE, minimum=WHOLE, maximum=WHOLE)
 PLAYED = record("Played", device=TEXT, seconds=NUMBER, frequency_hz=NUMBER, volume=NUMBER)
 RECORDING = record("Recording", seconds=NUMBER, rate_hz=WHOLE, channels=WHOLE, peak=NUMBER, rms=NUMBER)
 
@@ -37,6 +38,10 @@ def _tone(_: Facts) -> dict[str, Schema]:
     }
 
 
+def _focus(_: Facts) -> dict[str, Schema]:
+    return {"percent": number("where on its way, in percent", 0, 100)}
+
+
 KINDS = (
     Kind(
         "capture_image",
@@ -52,6 +57,16 @@ KINDS = (
         "List what each part of a video processor takes and gives; one that takes H.264 or the like decodes it.",
         CODECS,
         30,
+    ),
+    Kind("read_focus", "Read where the camera's lens stands; 0 percent is one end of its way.", FOCUS, 45),
+    Kind(
+        "set_focus",
+        "Move the camera's lens to a part of its way, and read it back. It stays there until it is moved again.",
+        FOCUS,
+        60,
+        "actuate",
+        _focus,
+        units={"percent": "%"},
     ),
     Kind(
         "record_audio",

@@ -1,4 +1,4 @@
-"""Digital-to-analog converters of industrial I/O: outputs in volts and amperes."""
+"""Converters and digital potentiometers of industrial I/O: outputs in volts, amperes and ohms."""
 
 from octoform.builtin.interface.kinds import Facts, Kind
 from octoform.builtin.interface.schemas import FLAG, NUMBER, TEXT, Schema, listing, maybe, number, one_of, record
@@ -13,8 +13,9 @@ OUTPUT = record(
     powered_down=maybe(FLAG),
 )
 OUTPUTS = record("Outputs", device=TEXT, outputs=listing(OUTPUT))
-MOST = 50
-"""No converter gives more, in volts or amperes; what one of them can give it says itself."""
+_VALUE = "in V, out_current in A, out_resistance in ohm"
+MOST, MOST_OHMS = 50, 1_000_000
+"""No converter gives more, in volts or amperes, and no potentiometer; what one of them can give it says itself."""
 
 
 def _output(facts: Facts) -> dict[str, Schema]:
@@ -23,7 +24,7 @@ def _output(facts: Facts) -> dict[str, Schema]:
     )
     return {
         "channel": one_of("which output", names or ["out_voltage0"]),
-        "value": number("in volts, for out_current in amperes", -MOST, MOST),
+        "value": number(_VALUE, -MOST, MOST_OHMS if any("resistance" in name for name in names) else MOST),
     }
 
 
@@ -36,12 +37,12 @@ KINDS = (
     ),
     Kind(
         "set_output_channel",
-        "Set one output of the converter in volts or amperes, and read it back. What is wired to it acts at once; the "
-        "output stays so, also when this server ends. A value outside the output's own range is refused.",
+        "Set one output of the converter in volts, amperes or ohms, and read it back. What is wired to it acts at "
+        "once; it stays so, also when this server ends. A value outside the output's own range is refused.",
         OUTPUTS,
         88,
         "actuate",
         _output,
-        units={"value": "V or A"},
+        units={"value": "V, A or ohm"},
     ),
 )
