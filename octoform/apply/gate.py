@@ -4,6 +4,7 @@ exit status, then the file itself (there, no link, bounded), then parse, schema 
 an environment of its own declared packages, DEPLOY is started and called. Nothing is taken from the agent's word.
 """
 
+import shutil
 import stat
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -132,6 +133,22 @@ def shown(path: Path) -> str:
     return str(Path(*parts[parts.index(".octoform") :])) if ".octoform" in parts else str(path)
 
 
+def fresh(folder: Path) -> Path:
+    """An empty folder of octoform's own, whatever the agent has left in its place: a link would lead out of it."""
+    cleared(folder)
+    folder.mkdir(mode=0o700)
+    return folder
+
+
+def cleared(path: Path) -> Path:
+    """Nothing is there any more."""
+    if path.is_dir() and not path.is_symlink():
+        shutil.rmtree(path)
+    else:
+        path.unlink(missing_ok=True)
+    return path
+
+
 def read_output(task: Task) -> tuple[bytes, list[Diagnostic]]:
     """The declared output's bytes; a missing, linked, special or huge file is refused unread."""
     path = shown(task.output)
@@ -146,7 +163,8 @@ def read_output(task: Task) -> tuple[bytes, list[Diagnostic]]:
     if facts.st_size > most:
         text = f"the output of {task.stage} has {facts.st_size} bytes; at most {most} are read"
         return b"", [error("ARTIFACT-TOO-LARGE", text, path=path)]
-    return files.read(task.output, most), []
+    # Its agent may still be at work, and may put a link to what only octoform reads in its place meanwhile.
+    return files.read(task.output, most, follow=False), []
 
 
 def judge(context: Context, task: Task, data: bytes) -> tuple[Any, list[Diagnostic]]:

@@ -13,6 +13,7 @@ from typing import Any
 
 from octoform import events
 from octoform.apply.context import Context
+from octoform.apply.gate import fresh
 from octoform.apply.reading import accepted
 from octoform.apply.service import doubts_of, service_of, without_library
 from octoform.apply.settling import counted, runtime_files
@@ -225,7 +226,7 @@ def _time(context: Context, most: float) -> float:
 
 
 def _import(context: Context, environment: Environment, task: Task, source: str) -> ImportReport:
-    folder = task.workdir / "import"
+    folder = fresh(task.workdir / "import")
     for name, data in {"server.py": source.encode(), **runtime_files()}.items():
         path = folder / name
         path.parent.mkdir(parents=True, exist_ok=True)

@@ -14,7 +14,7 @@ from octoform.apply.assignment import UNMEASURED, Assignment, of_stage, unafford
 from octoform.apply.attempt import Failed, Prepared, SoFar, prepare, run
 from octoform.apply.attempt_record import interrupted, record
 from octoform.apply.context import Context
-from octoform.apply.gate import Verdict, ended_well, read_output
+from octoform.apply.gate import Verdict, cleared, ended_well, read_output
 from octoform.apply.leaks import leaked, masked, without_secrets
 from octoform.apply.result import Finished
 from octoform.apply.returning import is_servers_fault, remembered
@@ -176,18 +176,18 @@ def _attempt(
     edit, so_far = None, SoFar(context.clock.monotonic())
     try:
         outcome = run(context, assignment, harness, task, so_far)
-        touched = guard.end(task.workdir / guarded.UNDONE)
+        touched = guard.end(cleared(task.workdir / guarded.UNDONE))
         verdict = _gate(context, assignment, task, outcome, touched)
         edit = _note_edit(context, prepared)
     except OSError as problem:  # a full disk, or an agent that has made away with its own folder
         outcome = Outcome(ExitReason.CRASHED, None, 0.0)
-        told = guard.end(task.workdir / guarded.UNDONE) if touched is None else touched
+        told = guard.end(cleared(task.workdir / guarded.UNDONE)) if touched is None else touched
         verdict = Verdict((*told, refused(problem, task.workdir)))
     except BaseException:
         # What the agent did to others' files is undone also when nobody waits for its output any more; later
         # differences are of a repair that is being tried, which its own way back takes away.
         if touched is None:
-            guard.end(task.workdir / guarded.UNDONE)
+            guard.end(cleared(task.workdir / guarded.UNDONE))
         interrupted(context, assignment, prepared, so_far)
         raise
     verdict = replace(verdict, diagnostics=without_secrets(task, verdict.diagnostics))

@@ -4,10 +4,8 @@ Cheap judgement comes first: schema and rules, then the rewritten server as text
 Only what passes all of that may move anything.
 """
 
-import shutil
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
-from pathlib import Path
 from typing import Any
 
 from octoform import events
@@ -15,7 +13,7 @@ from octoform.apply import adopting
 from octoform.apply.assignment import Judge, Prove
 from octoform.apply.confining import beyond, others, own_tools
 from octoform.apply.context import Context
-from octoform.apply.gate import Verdict, digest_of, read_value, shown
+from octoform.apply.gate import Verdict, digest_of, fresh, read_value, shown
 from octoform.apply.hand import Hand, LiveHand
 from octoform.apply.leaks import leaked
 from octoform.apply.settling import counted, text_of
@@ -71,7 +69,7 @@ def prove_of(step: Step, known: Artifacts, hand: Callable[[Context], Hand] | Non
             return Verdict((*found, *adopting.put_back(context)))
         tools = {tool["name"]: tool for tool in (known.interface or {"tools": []})["tools"]}
         means = hand(context) if hand is not None else LiveHand(context.layout)
-        bench = Bench(step.proof, means, tools, context.clock, _fresh(task.workdir / PICTURES))
+        bench = Bench(step.proof, means, tools, context.clock, fresh(task.workdir / PICTURES))
         tried = list(carried_out(context, step, bench, proposal.value))
         problem = write_atomic(task.workdir / TRIALS, text_of({"format": 1, "trials": [one.told() for one in tried]}))
         found = [*found, *([problem] if problem is not None else []), *(item for one in tried for item in one.found)]
@@ -80,16 +78,6 @@ def prove_of(step: Step, known: Artifacts, hand: Callable[[Context], Hand] | Non
         return _accepted(context, step, proposal, tried, found)
 
     return prove
-
-
-def _fresh(folder: Path) -> Path:
-    """An empty folder of octoform's own, whatever the agent has left in its place."""
-    if folder.is_symlink() or folder.is_file():
-        folder.unlink()
-    elif folder.is_dir():
-        shutil.rmtree(folder)
-    folder.mkdir(mode=0o700)
-    return folder
 
 
 def carried_out(context: Context, step: Step, bench: Bench, value: Mapping[str, Any]) -> Iterator[Tried]:

@@ -278,3 +278,33 @@ def test_a_commit_that_was_made_meanwhile_is_told_and_nobody_loses_it(attacked: 
     assert told["severity"] == "warning"
     log = subprocess.run(["git", "-C", str(project.folder), "log", "--format=%s"], capture_output=True, text=True)
     assert log.stdout == "theirs\n"
+
+
+LINKED = {
+    "import": ("serve", "ln -s {home}/theirs import", {}),
+    "import/runtime": ("serve", "mkdir import; ln -s {home}/theirs import/runtime", {}),
+    "undone": (
+        "probe",
+        "ln -s {home}/theirs undone; mkdir -p {project}/protocol; echo planted > {project}/protocol/serve.md",
+        {"undone": "protocol/serve.md"},
+    ),
+    "undone/protocol": (
+        "probe",
+        "mkdir undone; ln -s {home}/theirs undone/protocol; mkdir -p {project}/protocol; "
+        "echo planted > {project}/protocol/serve.md",
+        {"undone": "protocol/serve.md"},
+    ),
+}
+"""Where octoform itself writes in an attempt's folder afterwards: the stage, what its agent does, what is kept."""
+
+
+@pytest.mark.parametrize("place", LINKED)
+def test_a_link_in_the_attempts_folder_leads_octoform_nowhere(attacked: Attacked, place: str) -> None:
+    stage, act, kept = LINKED[place]
+    project, theirs = attacked.project, attacked.home / "theirs"
+    theirs.mkdir()
+    project.script = {stage: [{"shell": attacked.words(act)}, "good"]}
+    project.apply("-target", stage, status=0)
+    assert list(theirs.iterdir()) == []
+    for folder, name in kept.items():
+        assert (project.attempts(stage)[0] / folder / name).read_text() == "planted\n"
