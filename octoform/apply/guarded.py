@@ -12,6 +12,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+import octoform
 from octoform.apply import audit, instructions
 from octoform.apply.context import Context
 from octoform.diagnostics import Diagnostic, warning
@@ -27,12 +28,17 @@ UNDONE = "undone"
 
 @dataclass(frozen=True, slots=True)
 class Guard:
-    """What lay there when the agent began. ``daemon`` tells which daemon was there last; None while one lives."""
+    """What lay there when the agent began. ``daemon`` tells which daemon was there last; None while one lives.
+
+    ``specs`` are those that come with octoform, ``installation`` is what tells one installation of it from another.
+    """
 
     watch: audit.Watch
     layout: Layout
     daemon: bytes | None
     revision: str | None
+    specs: frozenset[Path]
+    installation: object
 
     def end(self, undone: Path) -> list[Diagnostic]:
         """Put back what was changed and say so; an empty list when the attempt kept to its folder.
@@ -44,6 +50,9 @@ class Guard:
             # A daemon that came meanwhile wrote its own files, and goes on from what it finds.
             memory = self.layout.memory()
             watch = replace(watch, guarded={path: it for path, it in watch.guarded.items() if path not in memory})
+        if _installation() == self.installation:
+            # Nobody has brought it up to date meanwhile, so a difference is the agent's.
+            watch = replace(watch, installed=watch.installed - self.specs)
         return [*audit.end(watch, undone), *self._moved()]
 
     def _moved(self) -> list[Diagnostic]:
@@ -69,7 +78,7 @@ def begin(context: Context, task: Task) -> Guard:
     folders = [*read.folders, layout.committed, *instructions.records(layout)]
     sign = _daemon(layout)
     watch = _begun(context, [*files, *layout.memory()], folders, read.rooms)
-    return Guard(watch, layout, sign, head_revision(layout.project))
+    return Guard(watch, layout, sign, head_revision(layout.project), _installed(context), _installation())
 
 
 def of_sources(context: Context) -> audit.Watch:
@@ -102,9 +111,20 @@ def _at_work(project: Path, own: str) -> tuple[Path, ...]:
 
 
 def _installed(context: Context) -> frozenset[Path]:
-    """The specs that come with octoform: other projects read them as well."""
-    paths = (spec.path for spec in context.specs.values())
+    """The specs and schemas that come with octoform: other projects read them as well."""
+    paths = (path for spec in context.specs.values() for path in (spec.path, spec.schema) if path is not None)
     return frozenset(path for path in paths if not path.is_relative_to(context.layout.project))
+
+
+def _installation() -> object:
+    """What another version of octoform would change: its package's own files, the record of its install, the commit."""
+    own = Path(octoform.__file__)
+    files = (own, *sorted(own.parents[1].glob("octoform-*.dist-info/RECORD")))
+    try:
+        facts = [(path.name, path.stat().st_mtime_ns, path.stat().st_size) for path in files]
+    except OSError:
+        return object()  # it is being changed right now: like no other
+    return facts, head_revision(own.parents[1])
 
 
 def _daemon(layout: Layout) -> bytes | None:

@@ -93,6 +93,7 @@ def sources(context: Context) -> Places:
     layout, manifest = context.layout, context.manifest
     project = layout.project
     written = [manifest.path, *manifest.profile_files, *(spec.path for spec in context.specs.values())]
+    written += [spec.schema for spec in context.specs.values() if spec.schema is not None]
     files = [*written, project / ".octoform" / ".gitignore", *_around(layout), *_personal(layout, context.environ)]
     folders = [project / "protocol", project / "profiles", project / "state", *_units(layout, context.environ)]
     folders += [home(context.environ) / name for name in _FOLDERS_OF_A_LOGIN]

@@ -15,6 +15,8 @@ import pytest
 from ordinary import OPEN_PYTHON, POSSIBLE, User, ordinary_user
 from projects import AGENT, Project
 
+import octoform
+
 PLANTS = {
     "protocol/serve.md": "mkdir -p {project}/protocol; echo planted > {project}/protocol/serve.md",
     "protocol/steps/new.md": "mkdir -p {project}/protocol/steps; echo planted > {project}/protocol/steps/new.md",
@@ -308,3 +310,23 @@ def test_a_link_in_the_attempts_folder_leads_octoform_nowhere(attacked: Attacked
     assert list(theirs.iterdir()) == []
     for folder, name in kept.items():
         assert (project.attempts(stage)[0] / folder / name).read_text() == "planted\n"
+
+
+@pytest.mark.parametrize("upgraded", [False, True], ids=["by its agent alone", "while it is brought up to date"])
+def test_a_changed_spec_of_the_installation_is_put_back_unless_octoform_itself_has_changed(
+    attacked: Attacked, tmp_path: Path, upgraded: bool
+) -> None:
+    """The installation is a copy of this one: package and specs, found before the real one."""
+    installed, source = tmp_path / "installed", Path(octoform.__file__).parents[1]
+    shutil.copytree(source / "octoform", installed / "octoform", ignore=shutil.ignore_patterns("__pycache__"))
+    shutil.copytree(source / "protocol", installed / "protocol")
+    project = attacked.project
+    project.environ["PYTHONPATH"], project.prefix = str(installed), ["env"]
+    spec, schema = installed / "protocol" / "identify.md", next((installed / "protocol/schemas").glob("identify.*"))
+    before = spec.read_bytes(), schema.read_bytes()
+    shell = f"echo planted >> {spec}; echo '{{}}' > {schema}"
+    shell += f"; echo >> {installed}/octoform/__init__.py" if upgraded else ""
+    project.script = {"probe": [{"shell": shell}, "good"]}
+    done = project.apply("-target", "probe")
+    assert {str(spec), str(schema)} <= refused_paths(attacked, 0), done.text
+    assert ((spec.read_bytes(), schema.read_bytes()) == before) is not upgraded
