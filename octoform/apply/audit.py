@@ -279,9 +279,22 @@ def _names(room: Path, counts: Callable[[str], bool] = _is_entry) -> frozenset[s
         return frozenset()
 
 
+def _own_streams() -> set[tuple[int, int]]:
+    """Where octoform itself prints: a person may have sent that into a file of the project."""
+    found = set()
+    for number in (1, 2):
+        try:
+            facts = os.fstat(number)
+        except OSError:
+            continue  # closed
+        found.add((facts.st_dev, facts.st_ino))
+    return found
+
+
 def _listing(project: Path) -> dict[Path, tuple[int, int]]:
     """Size and time of the project's visible files, bounded; hidden folders (git, environments) are left out."""
     found: dict[Path, tuple[int, int]] = {}
+    own = _own_streams()
     for root, folders, names in os.walk(project):
         folders[:] = sorted(name for name in folders if not name.startswith(".") and name not in _SKIPPED)
         for name in names:
@@ -292,5 +305,6 @@ def _listing(project: Path) -> dict[Path, tuple[int, int]]:
                 facts = path.lstat()
             except FileNotFoundError:  # gone since the folder was read: nothing to compare
                 continue
-            found[path] = (facts.st_size, facts.st_mtime_ns)
+            if (facts.st_dev, facts.st_ino) not in own:
+                found[path] = (facts.st_size, facts.st_mtime_ns)
     return found

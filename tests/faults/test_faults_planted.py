@@ -13,7 +13,7 @@ from pathlib import Path
 
 import pytest
 from ordinary import OPEN_PYTHON, POSSIBLE, User, ordinary_user
-from projects import AGENT, Project
+from projects import AGENT, OCTOFORM, Project
 
 import octoform
 
@@ -330,3 +330,16 @@ def test_a_changed_spec_of_the_installation_is_put_back_unless_octoform_itself_h
     done = project.apply("-target", "probe")
     assert {str(spec), str(schema)} <= refused_paths(attacked, 0), done.text
     assert ((spec.read_bytes(), schema.read_bytes()) == before) is not upgraded
+
+
+def test_what_octoform_prints_into_a_file_of_the_project_is_whole_and_nobodys_fault(project: Project) -> None:
+    project.script = {"probe": ["good"]}
+    project.write()
+    log = project.folder / "apply.log"
+    with log.open("w") as stream:
+        command = [str(OCTOFORM), "apply", "-auto-approve", "-target", "probe"]
+        subprocess.run(command, cwd=project.folder, env=project.environment(), stdout=stream, stderr=stream, check=True)
+    record = json.loads((project.attempts("probe")[0] / "attempt.json").read_text())
+    assert record["accepted"] and record["diagnostics"] == []
+    text = log.read_text()
+    assert "Apply complete" in text and "APPLY-OUTSIDE-WRITE" not in text

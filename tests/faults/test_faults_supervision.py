@@ -146,23 +146,39 @@ def test_without_a_sandbox_the_attempt_ends_with_its_supervisor_and_says_so(host
     assert "without a sandbox it can hide a process from octoform, which may run on" in detail
 
 
-@pytest.mark.parametrize("disguise", DISGUISES)
-def test_what_shows_nothing_of_its_attempt_ends_with_its_supervisor_too(host: Host, disguise: str) -> None:
-    """Without a sandbox; octoform becomes the parent of what an agent's supervisor leaves behind."""
-    forth = DISGUISES[disguise] if "all the time" in disguise else "pass"
-    act = "pass" if "all the time" in disguise else DISGUISES[disguise]
+def disguised(disguise: str, ending: str) -> list[str]:
+    """An agent that leaves such a process behind, waits until it is there, and ends that way."""
+    act, forth = (DISGUISES[disguise], "pass")[:: -1 if "all the time" in disguise else 1]
     hidden = DISGUISED.replace("DISGUISE", act).replace("FORTH", forth)
     code = f"import os, signal, sys, time\nhidden = {hidden!r}\n"
     code += "if os.fork() == 0: os.execve(sys.executable, [sys.executable, '-I', '-S', '-c', hidden], {})\n"
     code += "while not (os.path.exists('hidden') and os.path.getsize('hidden') > 60): time.sleep(0.01)\n"
-    code += "os.kill(os.getppid(), signal.SIGKILL); time.sleep(60)"
-    done = host.run(["/usr/bin/python3", "-I", "-S", "-c", code], None, seconds=30)
-    assert "its supervisor was killed, so it was ended" in done["outcome"]["detail"], done
+    return ["/usr/bin/python3", "-I", "-S", "-c", code + ending]
+
+
+def nothing_hidden(host: Host) -> None:
     left = [pid for pid in {int(line) for line in (host.workdir / "hidden").read_text().split()} if is_alive(pid)]
     for pid in left:
         os.kill(pid, 9)
     assert left == []
     assert stands(host.workdir / "hidden")
+
+
+@pytest.mark.parametrize("disguise", DISGUISES)
+def test_what_shows_nothing_of_its_attempt_ends_with_its_supervisor_too(host: Host, disguise: str) -> None:
+    """Without a sandbox; octoform becomes the parent of what an agent's supervisor leaves behind."""
+    ending = "os.kill(os.getppid(), signal.SIGKILL); time.sleep(60)"
+    done = host.run(disguised(disguise, ending), None, seconds=30)
+    assert "its supervisor was killed, so it was ended" in done["outcome"]["detail"], done
+    nothing_hidden(host)
+
+
+@pytest.mark.parametrize("disguise", ["another process all the time", "many", "another user"])
+def test_what_an_agent_leaves_behind_cannot_outrun_its_supervisor(host: Host, disguise: str) -> None:
+    done = host.run(disguised(disguise, ""), None, seconds=30)
+    assert done["outcome"]["reason"] == "finished", done
+    assert "had left running were ended" in done["outcome"]["detail"]
+    nothing_hidden(host)
 
 
 @pytest.mark.parametrize("attack", ATTACKS)
