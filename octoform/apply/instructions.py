@@ -54,7 +54,7 @@ _FOLDERS_OF_A_LOGIN = (
     *(".config/autostart", ".config/fish/conf.d", ".config/fish/functions", ".config/systemd/user"),
     *(f".claude/{name}" for name in ("agents", "commands", "hooks", "skills")),
 )
-_PROGRAMS = ("git", "uv", "bwrap", "node", "npm", "npx", "systemctl", "loginctl", "ssh", "sh", "true", "python3")
+_PROGRAMS = ("uv", "bwrap", "git", "node", "npm", "npx", "systemctl", "loginctl", "ssh", "sh", "true", "python3")
 """What octoform calls by name."""
 _MINORS = range(8, 20)
 """Of the Pythons that a person may have."""

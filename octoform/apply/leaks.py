@@ -52,15 +52,16 @@ def masked(task: Task, data: bytes) -> tuple[bytes, list[Diagnostic]]:
         )
         for place in places[:MOST_PLACES]
     ]
-    return json.dumps(_blanked(value), ensure_ascii=False).encode("utf-8", "surrogatepass"), told
+    return json.dumps(blanked(value), ensure_ascii=False).encode("utf-8", "surrogatepass"), told
 
 
-def _blanked(value: Any) -> Any:
+def blanked(value: Any) -> Any:
+    """A value with everything blanked out that looks like a secret, as `masked` does it."""
     if isinstance(value, str):
         return redacted(value) if _shows_one(value) else value
     if isinstance(value, dict):
-        return {key: _blanked(item) for key, item in value.items()}
-    return [_blanked(item) for item in value] if isinstance(value, list) else value
+        return {key: blanked(item) for key, item in value.items()}
+    return [blanked(item) for item in value] if isinstance(value, list) else value
 
 
 def without_secrets(task: Task, items: Iterable[Diagnostic]) -> tuple[Diagnostic, ...]:

@@ -11,6 +11,7 @@ from typing import Any
 
 from octoform.apply.context import Context
 from octoform.apply.gate import BYTES_QUOTED, artifacts, read_output, read_value, shown
+from octoform.apply.leaks import blanked
 from octoform.base.files import parse, replace
 from octoform.contracts.checking import check, has_shape
 from octoform.contracts.model import HostScan
@@ -60,7 +61,8 @@ def _scanned(context: Context, folder: Path, probe: Any) -> tuple[HostScan | Non
     if outcome.reason is not ExitReason.FINISHED or found:
         return None, [_not_held(_reason(task, outcome))]
     value = parse(data, any_text=True)
-    return HostScan(value["probe"], tuple(value["unsaid"]), tuple(value["untrue"])), []
+    # What is held to it has no secrets of devices any more.
+    return HostScan(blanked(value["probe"]), tuple(value["unsaid"]), tuple(value["untrue"])), []
 
 
 def _task(context: Context, folder: Path) -> Task:

@@ -5,6 +5,7 @@ A user without rights is this one without the two capabilities that let root pas
 
 import json
 import os
+import runpy
 import signal
 import time
 import urllib.error
@@ -15,7 +16,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
-from projects import Project
+from ordinary import OPEN_PYTHON, POSSIBLE, ordinary_user
+from projects import AGENT, Project
 from replugged import ANSWERS, BOARD, CAMERA, Host, script
 
 pytestmark = [pytest.mark.dear, pytest.mark.skipif(os.geteuid() != 0, reason="only root gives up rights")]
@@ -227,3 +229,43 @@ def test_a_user_without_rights_is_told_by_apply_doctor_and_coverage(bench: Bench
         assert (after["usable"], after["of"]) == (before["usable"] - 1, before["of"])
     assert project.run("doctor").status == 0
     assert BOARD in project.run("coverage", status=0).out
+
+
+@pytest.mark.skipif(not POSSIBLE or not OPEN_PYTHON.exists(), reason="only root can become another user")
+def test_a_first_apply_by_another_user_ends_as_incomplete_where_a_node_is_closed_to_it() -> None:
+    """From nothing on everything is that user's: no root has applied before, and none has built anything for it."""
+    with ordinary_user() as user:
+        host = Host(user.place / "root")
+        plug_in(host)
+        scout = Project(user.place / "scout", user.place / "scripts", harness="builtin")
+        scout.environ["OCTOFORM_SYSROOT"] = str(host.tree.root)
+        scout.apply("-target", "probe", status=0)
+        [seen] = scout.attempts("probe")
+        project = Project(user.place / "project", user.place / "outside", prefix=user.prefix)
+        # The interpreter of these tests may be closed to that user, so what the embedded agent wrote is handed in.
+        project.script = {"probe": [{"write": (seen / "output.json").read_text()}], **script()}
+        project.script["deploy"] = [{"write": runpy.run_path(str(AGENT))["good"]("deploy")}]
+        command = json.dumps([str(OPEN_PYTHON), str(AGENT), str(project.outside / "script.json")])
+        project.harness = f"{{name: command, command: {command}, sandbox: false}}"
+        project.manifest["answers"] = ANSWERS
+        project.environ |= {"OCTOFORM_SYSROOT": str(host.tree.root), "HOME": str(user.place / "home")}
+        (user.place / "home").mkdir()
+        project.write()
+        user.owns_all()
+        for name in ("ttyUSB0", "ttyUSB1"):
+            os.chown((host.tree.root / "dev" / name).resolve(), 65534, -1)
+        camera = host.tree.root / "dev/video0"
+        os.chown(camera, 0, 44)
+        camera.chmod(0o600)
+        try:
+            done = project.run("apply", "-auto-approve")
+            assert done.status == CODES["degraded"], done.text
+            words = " ".join(done.text.split())
+            for piece in ("Apply incomplete", CAMERA, "/dev/video0", "mode 0600"):
+                assert piece in words, (piece, words)
+            assert "Apply complete" not in words
+            told = " ".join(project.run("doctor").text.split())
+            assert "/dev/video0" in told and "mode 0600" in told, told
+        finally:
+            project.run("stop")
+            host.clear()
