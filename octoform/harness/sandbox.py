@@ -36,6 +36,7 @@ PARTS = ("octopus.yaml", "protocol", "profiles", "state")
 """What of a project is shown where the project is a home itself."""
 PLACES = ("/home", "/root", "/tmp", "/var/tmp", "/run/user")
 DOORS = (
+    "/dev/mqueue",
     *("/run/docker.sock", "/run/podman", "/run/containerd", "/run/libvirt", "/run/snapd.socket", "/run/lxd"),
     *("/run/crio", "/run/buildkit", "/run/incus", "/run/lxc", "/run/k3s", "/var/lib/lxd", "/var/lib/incus"),
     *("/var/snap/lxd/common/lxd", "/run/screen", "/run/screens", "/run/tmux", "/nix/var/nix/daemon-socket"),
