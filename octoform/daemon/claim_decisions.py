@@ -10,7 +10,7 @@ from octoform.claims.ledger import Ledger
 from octoform.claims.model import Claim
 from octoform.daemon.observe.clock import SystemClock
 from octoform.diagnostics import Diagnostic, error
-from octoform.engine.serving import layout_of
+from octoform.engine.tools import layout_of
 from octoform.escaping import escaped
 from octoform.manifest.loader import load
 from octoform.manifest.model import FILE_NAME, Daemon

@@ -37,8 +37,8 @@ from octoform.diagnostics import Diagnostic
 from octoform.endpoint import stopmark
 from octoform.endpoint.estop import is_latched
 from octoform.endpoint.running import running
-from octoform.engine import onboarding
-from octoform.engine.serving import layout_of
+from octoform.engine.apply import approval
+from octoform.engine.tools import layout_of
 from octoform.manifest.model import FILE_NAME
 from octoform.state.files import read_regular
 from octoform.state.layout import Layout
@@ -263,7 +263,7 @@ def _todo(layout: Layout, health: Health, watched: Record | None, paused: str | 
     for name in health.pending:
         why = next((each.why for each in health.parts if each.why.startswith(f"{name} ")), "it waits for a person")
         yield f"octoform confirm {name}", why.removeprefix(f"{name} ")
-    question = onboarding.read(layout)
+    question = approval.read(layout)
     if question is not None:
         yield "octoform apply", f"takes up the hardware that changed; not done by itself: {'; '.join(question.why)}"
     if watched is None:

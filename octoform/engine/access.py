@@ -10,8 +10,8 @@ from octoform.endpoint import tokens
 from octoform.endpoint.tokens import Made
 from octoform.endpoint.tunnel import Revocation
 from octoform.endpoint.tunnel import revoke as end_tunnel
-from octoform.engine.guarding import person
-from octoform.engine.serving import layout_of
+from octoform.engine.safety import person
+from octoform.engine.tools import layout_of
 
 Environ = Mapping[str, str]
 

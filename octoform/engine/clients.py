@@ -18,8 +18,8 @@ from octoform.endpoint.clients.installing import Outcome, Reach, Server, Sight
 from octoform.endpoint.clients.places import Surroundings
 from octoform.endpoint.publishing import client_command, lasting_client_command
 from octoform.endpoint.running import running
-from octoform.engine import memo
-from octoform.engine.compiling import compile_project
+from octoform.engine.plan import cache
+from octoform.engine.plan.configuration import compile_project
 from octoform.state.file_owner import foreign
 from octoform.state.layout import Layout
 
@@ -173,7 +173,7 @@ def _layout(
     if host is not None:
         layout: Layout | None = Layout(project, host)
         found: list[Diagnostic] = []
-    elif (plan := memo.recall(project, environ)) is not None:
+    elif (plan := cache.recall(project, environ)) is not None:
         layout, found = Layout(project, plan.host), []
     else:
         compiled, found = compile_project(project, environ)

@@ -12,8 +12,8 @@ from pathlib import Path
 
 from octoform.diagnostics import Diagnostic
 from octoform.endpoint.rights import served
-from octoform.engine.compiling import MANIFEST
-from octoform.engine.rights import lacking
+from octoform.engine.inspect.rights import lacking
+from octoform.engine.plan.configuration import MANIFEST
 from octoform.harness import logins, port, registry
 from octoform.harness.access import access
 from octoform.harness.adapters.command import CommandHarness

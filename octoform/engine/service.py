@@ -12,7 +12,7 @@ from octoform.endpoint import starter, stopmark, supervising, systemd
 from octoform.endpoint.files import LAUNCHER, of_another
 from octoform.endpoint.running import Running
 from octoform.endpoint.watch_unit import watch_name, watch_path, watch_text, watches
-from octoform.engine.serving import layout_of
+from octoform.engine.tools import layout_of
 from octoform.state.files import write_atomic
 from octoform.state.layout import Layout
 

@@ -8,8 +8,8 @@ import signal
 import sys
 from pathlib import Path
 
-from octoform.engine.applying import Options, apply
-from octoform.engine.planning import Request
+from octoform.engine.apply.apply import Options, apply
+from octoform.engine.plan.plan import Request
 from octoform.state.store.store import Ports
 from octoform.views.format.console import Console
 from octoform.views.run.apply import RunHuman

@@ -19,8 +19,8 @@ from projects import AGENT, Project
 
 from octoform.daemon.store import instance_lock
 from octoform.endpoint.running import running
-from octoform.engine.diagnosing import diagnose
-from octoform.engine.healing import heal, roll_back, settle
+from octoform.engine.unattended.heal import heal, roll_back, settle
+from octoform.engine.unattended.watch import diagnose
 from octoform.perception.capture import Taken
 from octoform.perception.frame_store import keep
 from octoform.perception.image_quality import THUMB_BYTES, Picture
@@ -317,7 +317,7 @@ def test_a_repair_waits_for_a_change_that_a_person_has_begun(bench: Bench) -> No
 KILLED = """
 import os, signal, sys
 from pathlib import Path
-from octoform.engine.healing import roll_back
+from octoform.engine.unattended.heal import roll_back
 from octoform.state.store.store import Ports
 
 def checkpoint(name):
@@ -333,7 +333,7 @@ import os, signal, sys
 from pathlib import Path
 from octoform.apply import adopting
 from octoform.daemon.repair import worker
-from octoform.engine.healing import heal
+from octoform.engine.unattended.heal import heal
 import json
 
 offer = adopting.offer

@@ -27,8 +27,8 @@ from octoform.daemon.evidence import Evidence
 from octoform.daemon.observe.clock import SystemClock
 from octoform.diagnostics import Diagnostic
 from octoform.endpoint.client import CallResult, Wanted, call
-from octoform.engine.diagnosing import diagnose
-from octoform.engine.healing import heal
+from octoform.engine.unattended.heal import heal
+from octoform.engine.unattended.watch import diagnose
 from octoform.state.layout import Layout
 
 pytestmark = pytest.mark.dear

@@ -19,11 +19,11 @@ from octoform.endpoint import supervising
 from octoform.endpoint.environment import at, intact, packages_of
 from octoform.endpoint.files import read_manifest
 from octoform.endpoint.running import running
-from octoform.engine import onboarding
-from octoform.engine.healing import settle
-from octoform.engine.rediscovering import rediscover
-from octoform.engine.repairing import rebuild, republish, restore
-from octoform.engine.undoing import go_back, remember
+from octoform.engine.apply import approval
+from octoform.engine.apply.rollback import go_back, remember
+from octoform.engine.unattended.heal import settle
+from octoform.engine.unattended.rediscover import rediscover
+from octoform.engine.unattended.repairs import rebuild, republish, restore
 from octoform.state.layout import Layout, is_left
 from octoform.state.store.store import StateStore
 
@@ -207,7 +207,7 @@ import os, signal, sys
 from functools import partial
 from pathlib import Path
 from octoform.daemon.repair import worker
-from octoform.engine import rediscovering
+from octoform.engine.unattended import rediscover
 from octoform.state.store.store import Ports
 from octoform.state.layout import Layout as Paths
 
@@ -221,8 +221,8 @@ def checkpoint(name):
             os.kill(os.getpid(), number)
 
 signal.signal(signal.SIGTERM, worker._end)
-rediscovering.Options = partial(rediscovering.Options, ports=Ports(checkpoint=checkpoint))
-done = rediscovering.rediscover(Paths(Path(sys.argv[1]), "bench"), os.environ, apply="auto")
+rediscover.Options = partial(rediscover.Options, ports=Ports(checkpoint=checkpoint))
+done = rediscover.rediscover(Paths(Path(sys.argv[1]), "bench"), os.environ, apply="auto")
 print(len(passed), done)
 """
 """A re-discovery whose process gets a signal when so many nodes were accepted."""
@@ -279,10 +279,10 @@ def test_what_a_person_has_not_applied_yet_is_asked_about_once_and_an_apply_answ
         (applied.folder / "octopus.yaml").write_text(text)
         third = rediscover(layout, applied.environment(), apply="ask")
         assert (third["asked"], changed_nothing(applied, layout)) == (True, before)
-        question = onboarding.read(layout)
+        question = approval.read(layout)
         assert question is not None and any("046D" in entry.upper() or "usb" in entry for entry in question.hardware)
         done = rediscover(layout, applied.environment(), apply="auto")
         assert done["ok"], done
-        assert onboarding.read(layout) is None
+        assert approval.read(layout) is None
         # The kinds came out the same, so the endpoint was not touched.
         assert running(layout) == before[0]

@@ -19,7 +19,7 @@ from octoform.claims.ledger import Ledger
 from octoform.claims.model import Channel, Claim, Condition, Restriction, Signal
 from octoform.claims.proposal import Proposal
 from octoform.daemon.observe.clock import SystemClock
-from octoform.engine.healing import heal
+from octoform.engine.unattended.heal import heal
 from octoform.simulation.descriptions import load
 from octoform.simulation.rig import Rig
 from octoform.state.layout import Layout

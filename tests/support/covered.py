@@ -8,10 +8,10 @@ from octoform.base.id_databases import IdDatabases
 from octoform.builtin.identify.stage import identify
 from octoform.builtin.interface.stage import declare
 from octoform.builtin.probe.stage import probe_root
-from octoform.engine.coverage import Ground, coverage
-from octoform.engine.covering import Report, Stage
-from octoform.engine.passes import Pass
-from octoform.engine.stability import Run, compare, run_of
+from octoform.engine.coverage.collect import Report, Stage
+from octoform.engine.coverage.report import Ground, coverage
+from octoform.engine.coverage.run_comparison import Run, compare, run_of
+from octoform.engine.coverage.runs import Pass
 
 STAMP = "2026-01-02T03:04:05Z"
 

@@ -23,8 +23,8 @@ from octoform.endpoint.environment import MARKER, Environment, locate, packages_
 from octoform.endpoint.files import CHECK
 from octoform.endpoint.publishing import write_endpoint
 from octoform.endpoint.service import Service
-from octoform.engine.compiling import Compiled, compile_project
-from octoform.engine.observing import contract_digest
+from octoform.engine.plan.configuration import Compiled, compile_project
+from octoform.engine.plan.refresh import contract_digest
 from octoform.graph.model import Node, NodeKind, key_of, key_parts
 from octoform.state.artifacts.accepted import accept, file_digest
 from octoform.state.artifacts.instances import write_instances

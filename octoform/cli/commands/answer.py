@@ -6,7 +6,7 @@ from pathlib import Path
 
 from octoform.cli.options import UsageError
 from octoform.diagnostics import error
-from octoform.engine import answering
+from octoform.engine import questions
 from octoform.views.format import problems
 from octoform.views.format.console import Console
 from octoform.views.run import questions as views
@@ -21,19 +21,19 @@ def run(arguments: Namespace, project: Path, screen: Console) -> int:
     if arguments.device is None:
         return _list(arguments, project, screen)
     if arguments.remove:
-        told, found = answering.take_back(project, os.environ, arguments.device)
+        told, found = questions.take_back(project, os.environ, arguments.device)
     else:
         sentence = arguments.sentence
         if sentence is None:
             return _ask(arguments, project, screen)
-        told, found = answering.answer(project, os.environ, arguments.device, sentence)
+        told, found = questions.answer(project, os.environ, arguments.device, sentence)
     if told is None:
         return problems.show(screen, found, as_json=arguments.json)
     return views.changed(screen, told, as_json=arguments.json)
 
 
 def _list(arguments: Namespace, project: Path, screen: Console) -> int:
-    known, found = answering.asked(project, os.environ)
+    known, found = questions.asked(project, os.environ)
     if known is None:
         return problems.show(screen, found, as_json=arguments.json)
     return views.listed(screen, known, as_json=arguments.json)
@@ -45,7 +45,7 @@ def _ask(arguments: Namespace, project: Path, screen: Console) -> int:
         hint = f'give it as an argument: octoform answer {arguments.device} "..."'
         missing = error("ANSWER-NO-SENTENCE", "there is no sentence, and no terminal to ask for one", hint=hint)
         return problems.show(screen, [missing], as_json=arguments.json)
-    known, found = answering.asked(project, os.environ)
+    known, found = questions.asked(project, os.environ)
     if known is None:
         return problems.show(screen, found)
     sentence = ""
@@ -53,5 +53,5 @@ def _ask(arguments: Namespace, project: Path, screen: Console) -> int:
         sentence = views.ask(screen, known.about(arguments.device), arguments.device)
         if not sentence:
             return views.passed_over(screen)
-    told, found = answering.answer(project, os.environ, arguments.device, sentence)
+    told, found = questions.answer(project, os.environ, arguments.device, sentence)
     return problems.show(screen, found) if told is None else views.changed(screen, told, as_json=False)

@@ -8,9 +8,9 @@ from octoform.cli.options import UsageError
 from octoform.cli.parser import seconds
 from octoform.daemon.model import Status
 from octoform.diagnostics import error
-from octoform.engine.applying import Options
-from octoform.engine.applying import apply as carry_out
-from octoform.engine.planning import Request
+from octoform.engine.apply.apply import Options
+from octoform.engine.apply.apply import apply as carry_out
+from octoform.engine.plan.plan import Request
 from octoform.engine.results import RunResult
 from octoform.views.daemon.event_log import EXIT
 from octoform.views.format import problems
@@ -42,7 +42,7 @@ def run(arguments: Namespace, project: Path, screen: Console) -> int:
 
 def _ask(arguments: Namespace, screen: Console, request: Request) -> int:
     """Apply, ask about what is still unknown, apply what the answers change."""
-    from octoform.engine.answering import apply_asking
+    from octoform.engine.questions import apply_asking
     from octoform.views.run.questions import AskingHuman
 
     return status_of(apply_asking(request, _options(arguments), AskingHuman(screen)))

@@ -6,8 +6,8 @@ from pathlib import Path
 
 from octoform.cli.options import UsageError
 from octoform.diagnostics import did_you_mean, has_errors
-from octoform.engine import attempts as engine
-from octoform.engine.recording import record
+from octoform.engine.inspect import attempts as engine
+from octoform.engine.recordings.recording import record
 from octoform.protocol.model import DUTIES
 from octoform.state.layout import STAGES, STEP
 from octoform.views.format import problems

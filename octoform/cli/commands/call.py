@@ -10,7 +10,7 @@ from octoform.cli.options import UsageError
 from octoform.cli.parser import seconds
 from octoform.cli.stopping import Stopped
 from octoform.diagnostics import error
-from octoform.engine.serving import Request, answered, call, example, tools
+from octoform.engine.tools import Request, answered, call, example, tools
 from octoform.views.endpoint import tools as tools_view
 from octoform.views.endpoint.call_prompt import attended, starting
 from octoform.views.format import problems

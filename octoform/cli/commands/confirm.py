@@ -10,7 +10,7 @@ from octoform.claims.ledger import Ledger
 from octoform.claims.model import Claim
 from octoform.daemon.claim_decisions import open_ledger, person, undecidable
 from octoform.diagnostics import Diagnostic, error
-from octoform.engine.healing import decide_rewrite, waiting_rewrite, waiting_rewrites
+from octoform.engine.unattended.heal import decide_rewrite, waiting_rewrite, waiting_rewrites
 from octoform.views.daemon import claims as view
 from octoform.views.endpoint.service import approves
 from octoform.views.format import problems

@@ -5,7 +5,7 @@ from argparse import Namespace
 from pathlib import Path
 
 from octoform.cli.commands.apply import execute
-from octoform.engine.planning import Request
+from octoform.engine.plan.plan import Request
 from octoform.views.format.console import Console
 
 

@@ -4,7 +4,7 @@ import os
 from argparse import Namespace
 from pathlib import Path
 
-from octoform.engine.devices import listing
+from octoform.engine.inspect.devices import listing
 from octoform.views.format import problems
 from octoform.views.format.console import Console
 from octoform.views.inspect import devices

@@ -3,7 +3,7 @@
 from argparse import Namespace
 from pathlib import Path
 
-from octoform.engine.guarding import clear, stop
+from octoform.engine.safety import clear, stop
 from octoform.views.endpoint import safety
 from octoform.views.format import problems
 from octoform.views.format.console import Console

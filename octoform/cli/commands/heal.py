@@ -6,7 +6,7 @@ from pathlib import Path
 
 from octoform.cli.keeping_watch import watched
 from octoform.daemon.requests import daemon_of, given_up, retry
-from octoform.engine.serving import layout_of
+from octoform.engine.tools import layout_of
 from octoform.views.daemon import control
 from octoform.views.daemon.event_log import Lines, Silence
 from octoform.views.format import problems

@@ -3,7 +3,7 @@
 from argparse import Namespace
 from pathlib import Path
 
-from octoform.engine.starting import start_project
+from octoform.engine.init import start_project
 from octoform.views.format import output, problems
 from octoform.views.format.console import Console
 

@@ -4,7 +4,7 @@ import os
 from argparse import Namespace
 from pathlib import Path
 
-from octoform.engine.installing import install
+from octoform.engine.installation import install
 from octoform.views.format.console import Console
 from octoform.views.run import installation
 

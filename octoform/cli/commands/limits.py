@@ -4,7 +4,7 @@ import os
 from argparse import Namespace
 from pathlib import Path
 
-from octoform.engine.guarding import limits, reset_limits
+from octoform.engine.safety import limits, reset_limits
 from octoform.views.endpoint import safety
 from octoform.views.format import problems
 from octoform.views.format.console import Console

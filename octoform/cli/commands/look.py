@@ -11,7 +11,7 @@ from octoform.cli.parser import seconds
 from octoform.cli.stopping import Stopped
 from octoform.diagnostics import error
 from octoform.endpoint.client import Person
-from octoform.engine.looking import Eye, Look, heartbeat, look, open_eye, save
+from octoform.engine.snapshot import Eye, Look, heartbeat, look, open_eye, save
 from octoform.perception.capture import Taken
 from octoform.views.endpoint import snapshot as view
 from octoform.views.endpoint.call_prompt import attended

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from octoform.daemon.observe.clock import SystemClock
 from octoform.daemon.store import instance_lock
-from octoform.engine.serving import layout_of
+from octoform.engine.tools import layout_of
 from octoform.views.daemon import control
 from octoform.views.format import problems
 from octoform.views.format.console import Console

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from octoform.diagnostics import Diagnostic
-from octoform.engine import memo
+from octoform.engine.plan import cache
 from octoform.plan.model import Plan
 from octoform.views.format import problems
 from octoform.views.format.console import Console
@@ -18,12 +18,12 @@ def run(arguments: Namespace, project: Path, screen: Console) -> int:
     """Show what would change, and change nothing."""
     more = ("target", "replace", "out", "destroy", "no_reuse", "tier1")
     usual = not any(getattr(arguments, name) for name in more)
-    remembered = memo.recall(project, os.environ) if usual else None
+    remembered = cache.recall(project, os.environ) if usual else None
     return _show(arguments, screen, remembered) if remembered is not None else _compile(arguments, project, screen)
 
 
 def _compile(arguments: Namespace, project: Path, screen: Console) -> int:
-    from octoform.engine.planning import Request, make_plan  # the one heavy import that the memo saves
+    from octoform.engine.plan.plan import Request, make_plan  # the one heavy import that the memo saves
 
     targets, replace = tuple(arguments.target), tuple(arguments.replace)
     how = {"destroy": arguments.destroy, "reuse": not arguments.no_reuse, "tier1": arguments.tier1}

@@ -4,7 +4,7 @@ import os
 from argparse import Namespace
 from pathlib import Path
 
-from octoform.engine.supervising import restart
+from octoform.engine.endpoint_process import restart
 from octoform.views.endpoint import process
 from octoform.views.format import problems
 from octoform.views.format.console import Console

@@ -4,7 +4,7 @@ import os
 from argparse import Namespace
 from pathlib import Path
 
-from octoform.engine.inspecting import open_project, saved_plan
+from octoform.engine.inspect.state import open_project, saved_plan
 from octoform.views.format import problems
 from octoform.views.format.console import Console
 from octoform.views.format.stream import JsonStream

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from octoform.diagnostics import Diagnostic, has_errors
-from octoform.engine import spec_editing
+from octoform.engine import spec_edits
 from octoform.views.format import problems
 from octoform.views.format.console import Console
 from octoform.views.inspect import spec
@@ -16,12 +16,12 @@ def run(arguments: Namespace, project: Path, screen: Console) -> int:
     """One of the three verbs."""
     stage, as_json = arguments.stage, arguments.json
     if arguments.verb == "promote":
-        found = spec_editing.promote(project, os.environ, stage)
+        found = spec_edits.promote(project, os.environ, stage)
         return _refused(screen, found, as_json=as_json) or spec.promoted(screen, stage, as_json=as_json)
     if arguments.verb == "reset":
-        dropped, found = spec_editing.reset(project, os.environ, stage)
+        dropped, found = spec_edits.reset(project, os.environ, stage)
         return _refused(screen, found, as_json=as_json) or spec.dropped(screen, dropped, as_json=as_json)
-    edits, found = spec_editing.waiting(project, os.environ, stage)
+    edits, found = spec_edits.waiting(project, os.environ, stage)
     if edits is None or has_errors(found):
         return problems.show(screen, found, as_json=as_json)
     problems.show(screen, found)

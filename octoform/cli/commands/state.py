@@ -4,7 +4,7 @@ import os
 from argparse import Namespace
 from pathlib import Path
 
-from octoform.engine.inspecting import forget, node_of, open_project
+from octoform.engine.inspect.state import forget, node_of, open_project
 from octoform.views.format import problems
 from octoform.views.format.console import Console
 from octoform.views.inspect import state

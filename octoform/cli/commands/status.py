@@ -5,7 +5,7 @@ from argparse import Namespace
 from pathlib import Path
 
 from octoform.daemon.status import survey
-from octoform.engine.health import status
+from octoform.engine.status import status
 from octoform.views.daemon import status as status_view
 from octoform.views.format import problems
 from octoform.views.format.console import Console

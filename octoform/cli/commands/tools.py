@@ -5,7 +5,7 @@ from argparse import Namespace
 from functools import partial
 from pathlib import Path
 
-from octoform.engine.serving import tools
+from octoform.engine.tools import tools
 from octoform.views.endpoint import tools as tools_view
 from octoform.views.endpoint.call_prompt import starting
 from octoform.views.format import problems

@@ -5,8 +5,8 @@ from argparse import Namespace
 from pathlib import Path
 
 from octoform.diagnostics import as_warning
-from octoform.engine.compiling import compile_project
-from octoform.engine.prices import unpriced
+from octoform.engine.plan.configuration import compile_project
+from octoform.engine.plan.prices import unpriced
 from octoform.harness import logins
 from octoform.views.format import output
 from octoform.views.format.console import Console

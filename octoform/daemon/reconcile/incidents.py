@@ -10,7 +10,7 @@ from octoform.daemon.model import Alert, Cause, Facts, Finding, Kind, Outcome, S
 from octoform.daemon.ports import Notify
 from octoform.daemon.store.incidents import Episode
 from octoform.daemon.store.state import Memory
-from octoform.engine import onboarding
+from octoform.engine.apply import approval
 
 RETURNED = frozenset({Kind.DEVICE_MOVED, Kind.DEVICE_BACK})
 """A device that is in another place: its tools find it at their next call, so a person hears only that it is done."""
@@ -195,7 +195,7 @@ class Troubles:
             self.memory.breakers.away(key, facts.uptime, repaired=repaired)
         self.memory.episodes.end(episode, outcome, facts.stamp, facts.uptime)
         if episode.kind is Kind.HARDWARE_CHANGED:
-            onboarding.withdraw(self.memory.shelf.layout)  # the hardware is as it was, or an apply has taken it up
+            approval.withdraw(self.memory.shelf.layout)  # the hardware is as it was, or an apply has taken it up
         self.ended.append(episode)
         if episode.status is not Status.HEALTHY:
             self.tell(outcome.value, episode.target, episode.summary, facts)

@@ -20,7 +20,7 @@ Job = Callable[[str, Brief], dict[str, Any]]
 def _settings(project: str, _: Brief) -> dict[str, Any]:
     """How the manifest wants the deployment kept alive: ``host``, ``scope``, ``daemon``, ``perception``, and ``bounds``
     that the profiles set (`octoform.claims.context.bounds_told`)."""
-    from octoform.engine.bounding import bounds
+    from octoform.engine.unattended.claim_bounds import bounds
     from octoform.manifest.loader import load
     from octoform.manifest.model import FILE_NAME
 
@@ -41,35 +41,35 @@ def _restart(project: str, brief: Brief) -> dict[str, Any]:
 
 
 def _restore(project: str, brief: Brief) -> dict[str, Any]:
-    from octoform.engine.repairing import restore
+    from octoform.engine.unattended.repairs import restore
 
     return asdict(restore(_layout(project, brief)))
 
 
 def _republish(project: str, brief: Brief) -> dict[str, Any]:
-    from octoform.engine.healing import settle
-    from octoform.engine.repairing import republish
+    from octoform.engine.unattended.heal import settle
+    from octoform.engine.unattended.repairs import republish
 
     layout = _layout(project, brief)
     return settle(layout, os.environ) or asdict(republish(layout))
 
 
 def _settle(project: str, brief: Brief) -> dict[str, Any]:
-    from octoform.engine.healing import settle
+    from octoform.engine.unattended.heal import settle
 
     nothing = _plain(True, "nothing was left unfinished")
     return settle(_layout(project, brief), os.environ) or nothing
 
 
 def _rebuild(project: str, brief: Brief) -> dict[str, Any]:
-    from octoform.engine.repairing import rebuild
+    from octoform.engine.unattended.repairs import rebuild
 
     return asdict(rebuild(_layout(project, brief)))
 
 
 def _rediscover(project: str, brief: Brief) -> dict[str, Any]:
-    from octoform.engine.affording import Left
-    from octoform.engine.rediscovering import rediscover
+    from octoform.engine.unattended.cost_estimate import Left
+    from octoform.engine.unattended.rediscover import rediscover
 
     apply = str(brief.get("apply") or "ask")
     return rediscover(_layout(project, brief), os.environ, apply=apply, left=Left.of(brief))
@@ -94,19 +94,19 @@ def _free(project: str, brief: Brief) -> dict[str, Any]:
 
 
 def _watch(project: str, brief: Brief) -> dict[str, Any]:
-    from octoform.engine.diagnosing import diagnose
+    from octoform.engine.unattended.watch import diagnose
 
     return diagnose(Path(project), os.environ, brief)
 
 
 def _heal(project: str, brief: Brief) -> dict[str, Any]:
-    from octoform.engine.healing import heal
+    from octoform.engine.unattended.heal import heal
 
     return heal(Path(project), os.environ, brief)
 
 
 def _roll_back(project: str, brief: Brief) -> dict[str, Any]:
-    from octoform.engine.healing import roll_back
+    from octoform.engine.unattended.heal import roll_back
 
     return roll_back(Path(project), os.environ, brief)
 

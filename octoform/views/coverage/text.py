@@ -3,9 +3,9 @@
 from collections.abc import Sequence
 
 from octoform.contracts import tier
-from octoform.engine.coverage import OFFERED, Group, Share
-from octoform.engine.covering import Report, Stage
-from octoform.engine.passes import Pass, known_sum
+from octoform.engine.coverage.collect import Report, Stage
+from octoform.engine.coverage.report import OFFERED, Group, Share
+from octoform.engine.coverage.runs import Pass, known_sum
 from octoform.views.format.table import Column
 from octoform.views.format.values import money, tokens
 from octoform.views.plan.text import counted

@@ -7,7 +7,7 @@ from typing import Any
 
 from octoform.daemon.status import Survey
 from octoform.daemon.store.instance_lock import Record
-from octoform.engine.health import Process, Status
+from octoform.engine.status import Process, Status
 from octoform.escaping import escaped_json
 from octoform.views.daemon.event_log import EXIT, STYLES, named
 from octoform.views.format.console import Console

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping
 from typing import Any
 
 from octoform.endpoint.logs import SERVER, Line, moment
-from octoform.engine.logs import Entry
+from octoform.engine.inspect.logs import Entry
 from octoform.escaping import escaped, escaped_json
 from octoform.views.format.console import Console
 

@@ -3,7 +3,7 @@
 import json
 from dataclasses import asdict
 
-from octoform.engine.supervising import Started, Stopped
+from octoform.engine.endpoint_process import Started, Stopped
 from octoform.views.format.console import Console
 
 _STAYS = "  it stays stopped until octoform start or apply; other clients are refused"

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from octoform.diagnostics import Diagnostic, to_json
-from octoform.engine.looking import Look
+from octoform.engine.snapshot import Look
 from octoform.escaping import escaped_json
 from octoform.perception.frames import words
 from octoform.views.format import problems

@@ -3,7 +3,7 @@
 import json
 from typing import Any
 
-from octoform.engine.serving import Answer
+from octoform.engine.tools import Answer
 from octoform.escaping import escaped_json
 from octoform.views.format.console import Console
 from octoform.views.format.values import escape, one_line

@@ -7,7 +7,7 @@ import json
 from dataclasses import asdict
 from typing import Any
 
-from octoform.engine.devices import LeftOut, Listing, Row
+from octoform.engine.inspect.devices import LeftOut, Listing, Row
 from octoform.escaping import escaped_json
 from octoform.views.format.console import Console
 from octoform.views.format.values import one_line

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import asdict
 
-from octoform.engine.spec_editing import Shown
+from octoform.engine.spec_edits import Shown
 from octoform.views.format.console import Console
 from octoform.views.format.output import document
 from octoform.views.format.values import escape

@@ -5,8 +5,8 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from octoform.engine.attempts import ACCEPTED, INTERRUPTED, REUSE, RUNNING, Attempt, Detail
-from octoform.engine.recording import Recorded
+from octoform.engine.inspect.attempts import ACCEPTED, INTERRUPTED, REUSE, RUNNING, Attempt, Detail
+from octoform.engine.recordings.recording import Recorded
 from octoform.harness.port import Closed
 from octoform.views.format.console import Console
 from octoform.views.format.diagnostics import render

@@ -5,7 +5,7 @@ from collections.abc import Callable
 from dataclasses import asdict
 
 from octoform.diagnostics import to_json
-from octoform.engine.installing import Installed, InstallResult
+from octoform.engine.installation import Installed, InstallResult
 from octoform.escaping import escaped_json
 from octoform.views.format import problems
 from octoform.views.format.console import Console

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from dataclasses import asdict
 
 from octoform.diagnostics import Diagnostic
-from octoform.engine.answering import Answered, Asked
+from octoform.engine.questions import Answered, Asked
 from octoform.engine.results import RunResult
 from octoform.plan.model import OpenQuestion
 from octoform.views.format import problems

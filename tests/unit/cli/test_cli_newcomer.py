@@ -11,7 +11,7 @@ import pytest
 import octoform
 from octoform.cli.completion import script
 from octoform.cli.main import main
-from octoform.engine.serving import example
+from octoform.engine.tools import example
 from octoform.views.endpoint import audit, tools
 from octoform.views.format.console import Console
 

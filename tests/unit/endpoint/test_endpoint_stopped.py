@@ -21,7 +21,7 @@ from octoform.endpoint.client import Wanted, call, list_tools
 from octoform.endpoint.reaching import started
 from octoform.endpoint.returning import Returning
 from octoform.endpoint.running import running
-from octoform.engine import supervising as engine
+from octoform.engine import endpoint_process as engine
 from octoform.state.layout import Layout
 
 ASKED = request("tools/list")

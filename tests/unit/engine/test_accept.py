@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 from settled import Settled, sysroot
 
-from octoform.engine.inspecting import accept, forget
+from octoform.engine.inspect.state import accept, forget
 
 
 @pytest.fixture

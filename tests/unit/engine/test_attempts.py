@@ -10,7 +10,7 @@ from attempt_folders import Folders
 
 from octoform.base import marks
 from octoform.diagnostics import error, to_json, warning
-from octoform.engine import attempts as engine
+from octoform.engine.inspect import attempts as engine
 from octoform.harness import orphans, processes
 from octoform.harness.port import Closed, ExitReason, Said, ToolCalled, ToolReturned, Trouble, Turn, Usage
 from octoform.state.artifacts.attempts import SpecEdit

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from octoform.engine.serving import Request, call
+from octoform.engine.tools import Request, call
 
 
 @pytest.mark.parametrize(

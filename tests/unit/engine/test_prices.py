@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from octoform.cli.main import main
-from octoform.engine.prices import unpriced
+from octoform.engine.plan.prices import unpriced
 from octoform.harness import pricing
 from octoform.manifest.loader import load
 

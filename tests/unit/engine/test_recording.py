@@ -12,8 +12,8 @@ from attempt_folders import Folders
 from octoform.apply.settling import pseudonym_key, text_of
 from octoform.contracts.instance import instances, pseudonymise
 from octoform.diagnostics import Diagnostic, error, to_json
-from octoform.engine.attempts import of_host
-from octoform.engine.recording import Recorded, record, runs
+from octoform.engine.inspect.attempts import of_host
+from octoform.engine.recordings.recording import Recorded, record, runs
 from octoform.harness import transcript
 from octoform.harness.port import Said, ToolCalled
 from octoform.harness.recording import Recording, load

@@ -5,8 +5,7 @@ from pathlib import Path
 import pytest
 
 from octoform.diagnostics import Diagnostic
-from octoform.engine.compiling import Compiled, compile_project
-from octoform.engine.sources import source_files
+from octoform.engine.plan.configuration import Compiled, compile_project, source_files
 
 PROFILE = "---\nname: bench-lamp\nabout: a lamp\nevidence: {text: [Bench Lamp]}\n---\n\nIt dims.\n"
 STEP = """---

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from octoform.engine.planning import Request, prepare
+from octoform.engine.plan.plan import Request, prepare
 
 
 @pytest.mark.parametrize(

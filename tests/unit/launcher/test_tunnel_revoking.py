@@ -17,7 +17,7 @@ from web_doors import until
 
 from octoform.cli.main import main
 from octoform.endpoint import tunnel
-from octoform.engine.guarding import person
+from octoform.engine.safety import person
 from octoform.launcher import revoking
 from octoform.launcher.owner import boot, start_of
 

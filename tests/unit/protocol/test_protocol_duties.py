@@ -5,9 +5,9 @@ from pathlib import Path
 
 import pytest
 
-from octoform.engine import spec_editing
-from octoform.engine.compiling import compile_project
-from octoform.engine.observing import contract_digest
+from octoform.engine import spec_edits
+from octoform.engine.plan.configuration import compile_project
+from octoform.engine.plan.refresh import contract_digest
 from octoform.protocol import DUTIES, Prompt, render_prompt
 from octoform.protocol.loading import load
 from octoform.protocol.paths import own_path, shipped
@@ -70,8 +70,8 @@ def test_a_projects_schemas_hold_theirs_too(tmp_path: Path) -> None:
 
 def test_edits_of_them_are_asked_for_by_their_names(project: Path) -> None:
     for duty in DUTIES:
-        assert spec_editing.waiting(project, {}, duty) == ((), [])
-    _, found = spec_editing.waiting(project, {}, "heel")
+        assert spec_edits.waiting(project, {}, duty) == ((), [])
+    _, found = spec_edits.waiting(project, {}, "heel")
     assert [(item.code, item.hint) for item in found] == [("SPEC-NO-STAGE", "did you mean heal?")]
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from octoform.engine import memo
+from octoform.engine.plan import cache
 from octoform.state.git import command
 from octoform.state.git.command import RepositoryRefused, call
 from octoform.state.git.repository import commit, kept, repository_facts, versions
@@ -47,7 +47,7 @@ class Planted:
         repository_facts(self.root, paths)
         kept(self.root, paths)
         list(versions(self.root, self.root / "state"))
-        memo._dirty(self.root, {"sources": ["octopus.yaml", "state/a"]})
+        cache._dirty(self.root, {"sources": ["octopus.yaml", "state/a"]})
         (self.root / "state" / "a").write_text("another\n")
         (self.root / "state" / "b").write_text("new\n")
         revision, found = commit(self.root, [self.root / "state"], "m", {})
@@ -225,7 +225,7 @@ def test_what_the_environment_says_of_another_repository_and_of_programs_is_not_
     for name, value in {"COUNT": "1", "KEY_0": "core.fsmonitor", "VALUE_0": str(planted.program)}.items():
         monkeypatch.setenv(f"GIT_CONFIG_{name}", value)
     (planted.root / "octopus.yaml").write_text("version: 2\n")
-    assert memo._dirty(planted.root, {"sources": ["octopus.yaml", "state/a"]}) == ("octopus.yaml",)
+    assert cache._dirty(planted.root, {"sources": ["octopus.yaml", "state/a"]}) == ("octopus.yaml",)
     assert planted.all_of_octoform() is not None
     assert not planted.mark.exists()
 

@@ -4,7 +4,7 @@ import io
 import json
 from typing import Any
 
-from octoform.engine.devices import Attached, LeftOut, Listing, Row
+from octoform.engine.inspect.devices import Attached, LeftOut, Listing, Row
 from octoform.views.format.console import Console
 from octoform.views.inspect import devices
 

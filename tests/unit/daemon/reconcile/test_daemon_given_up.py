@@ -7,8 +7,8 @@ import pytest
 from daemon_world import DaemonWorld
 
 from octoform.daemon.model import Cause, Done, Facts, Finding, Repair
-from octoform.engine import onboarding
-from octoform.engine.onboarding import Question
+from octoform.engine.apply import approval
+from octoform.engine.apply.approval import Question
 
 
 @pytest.fixture
@@ -40,7 +40,7 @@ def test_a_start_still_waits_for_a_file_that_is_being_put_back(world: DaemonWorl
 
 def test_a_question_is_told_once_and_taken_back_when_the_hardware_is_as_it_was(world: DaemonWorld) -> None:
     def asks(world: DaemonWorld, finding: Finding) -> Done:
-        fresh, problem = onboarding.ask(world.layout, Question(("create class:hwmon",), ("probe",), ("it moves",)))
+        fresh, problem = approval.ask(world.layout, Question(("create class:hwmon",), ("probe",), ("it moves",)))
         assert problem is None
         return Done(False, "shall it be onboarded?", again=False, asked=fresh)
 
@@ -49,13 +49,13 @@ def test_a_question_is_told_once_and_taken_back_when_the_hardware_is_as_it_was(w
     world.truth.appeared = ("usb:1f00:00a1",)
     world.happens(Cause.HARDWARE)
     world.advance(120)
-    assert onboarding.read(world.layout) is not None
+    assert approval.read(world.layout) is not None
     assert [(each.summary, each.hint) for each in world.alerts if each.event == "asks"] == [
         ("shall it be onboarded?", "octoform apply")
     ]
     world.truth.appeared = ()
     world.happens(Cause.HARDWARE)
-    assert onboarding.read(world.layout) is None
+    assert approval.read(world.layout) is None
 
 
 OTHER = "server.py is not the one that the endpoint was made for"

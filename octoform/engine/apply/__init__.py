@@ -1,0 +1,1 @@
+"""Apply: under the lock, with the person's word, and with what is told at the end."""

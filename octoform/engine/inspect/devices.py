@@ -1,0 +1,166 @@
+"""The annotated devices of a host, where each is attached now, and what was left out. (Heavy.)
+
+State and ledger say what was found; the generated server's own way to find a device says where it is now, in a process
+of its own, since nothing here has access to hardware.
+"""
+
+import json
+import subprocess
+import sys
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from octoform.base import files
+from octoform.contracts.parsing import parse
+from octoform.diagnostics import Diagnostic, error
+from octoform.engine.plan import device_knowledge
+from octoform.engine.plan.configuration import compile_project
+from octoform.host.fingerprint import SYSROOT_VARIABLE
+from octoform.state.artifacts.instances import classes_of, read_instances
+from octoform.state.files import read_regular, shown
+from octoform.state.layout import Layout
+
+WHERE_SECONDS = 30.0
+
+
+@dataclass(frozen=True, slots=True)
+class Attached:
+    """Where a device is now: ``port`` and ``nodes``; ``doubt`` is why it is absent, or why nothing is moved with it.
+
+    ``refused`` are the nodes that this user may not use, as `octoform.runtime.rights.refused` tells them.
+    """
+
+    attached: bool
+    port: str
+    strength: str
+    nodes: tuple[str, ...]
+    doubt: str
+    refused: tuple[Mapping[str, str], ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Row:
+    """One annotated device. ``now`` is None when that could not be found out.
+
+    ``serial`` is real and of this machine; ``pseudonym`` stands for it in what is committed. ``evidence`` are quotes.
+    """
+
+    id: str
+    identified_as: str
+    category: str
+    tools: tuple[str, ...]
+    now: Attached | None
+    serial: str
+    pseudonym: str
+    evidence: tuple[str, ...]
+    missing: str
+
+
+@dataclass(frozen=True, slots=True)
+class LeftOut:
+    """A device that PROBE listed and IDENTIFY left out."""
+
+    id: str
+    reason: str
+    detail: str
+
+
+@dataclass(frozen=True, slots=True)
+class Listing:
+    """All devices of one host; ``ledger`` is false when this machine does not know its specimens.
+
+    ``offers`` are profiles that come with octoform and match a device, which the manifest does not name.
+    """
+
+    host: str
+    devices: tuple[Row, ...]
+    left_out: tuple[LeftOut, ...]
+    ledger: bool
+    offers: tuple[device_knowledge.Offer, ...] = ()
+
+
+def listing(project: Path, environ: Mapping[str, str]) -> tuple[Listing | None, list[Diagnostic]]:
+    """What `devices` shows; None where PROBE or IDENTIFY was never accepted. Changes nothing."""
+    compiled, found = compile_project(project, environ)
+    if compiled is None:
+        return None, found
+    layout = compiled.layout
+    artifacts = {stage: _artifact(layout, stage) for stage in ("probe", "identify", "interface")}
+    absent = next((stage for stage in ("probe", "identify") if not artifacts[stage]), None)
+    if absent is not None:
+        hint = "run `octoform apply`; `-target identify` is enough to see the devices"
+        path = shown(layout.output(absent))
+        return None, [error("ARTIFACT-MISSING", f"{absent} has no accepted output yet", path=path, hint=hint)]
+    ledger, told = read_instances(layout)
+    listed = replace(_listed(layout, artifacts, ledger, environ), offers=device_knowledge.offered(artifacts, compiled))
+    return listed, [*found, *told, *device_knowledge.offers(artifacts, compiled)]
+
+
+def _listed(
+    layout: Layout,
+    artifacts: Mapping[str, Mapping[str, Any]],
+    ledger: Mapping[str, object] | None,
+    environ: Mapping[str, str],
+) -> Listing:
+    annotated = artifacts["identify"]["devices"]
+    known = {name: item for name, item in (ledger or {}).items() if isinstance(item, dict)}
+    committed = {device["id"]: device.get("instance") or {} for device in artifacts["probe"]["devices"]}
+    tools: dict[str, list[str]] = {}
+    for tool in artifacts["interface"].get("tools", ()):
+        for name in tool.get("devices", ()):
+            tools.setdefault(name, []).append(tool["name"])
+    # Only Linux shows in files where a device is now.
+    followed = annotated if str(artifacts["probe"]["platform"]["os"]).casefold() == "linux" else ()
+    now = attached(layout, environ, {device["id"]: classes_of(known.get(device["id"])) for device in followed})
+    rows = tuple(
+        Row(
+            id=device["id"],
+            identified_as=device["identified_as"],
+            category=device["category"],
+            tools=tuple(tools.get(device["id"], ())),
+            now=now.get(device["id"]),
+            serial=str(known.get(device["id"], {}).get("serial") or ""),
+            pseudonym=str(committed.get(device["id"], {}).get("serial") or ""),
+            evidence=tuple(item["quote"] for item in device["evidence"]),
+            missing=str(device.get("missing") or ""),
+        )
+        for device in annotated
+    )
+    left = artifacts["identify"]["left_out"]
+    out = tuple(LeftOut(item["id"], item["reason"], str(item.get("detail") or "")) for item in left)
+    return Listing(layout.host, rows, out, ledger is not None)
+
+
+def _artifact(layout: Layout, stage: str) -> Mapping[str, Any]:
+    data, _ = read_regular(layout.output(stage))
+    value = parse(stage, data, str(layout.output(stage)))[0] if data is not None else None
+    return value if isinstance(value, dict) else {}
+
+
+def attached(layout: Layout, environ: Mapping[str, str], asked: Mapping[str, list[str]]) -> dict[str, Attached]:
+    """Where each device is; empty when the looking itself fails or hangs."""
+    environment = {"PATH": environ.get("PATH", ""), "OCTOFORM_INSTANCES": str(layout.instances)}
+    if environ.get(SYSROOT_VARIABLE):
+        environment[SYSROOT_VARIABLE] = environ[SYSROOT_VARIABLE]
+    command = [sys.executable, "-I", "-m", "octoform.runtime.where"]
+    try:
+        ended = subprocess.run(
+            command,
+            input=json.dumps(asked),
+            env=environment,
+            capture_output=True,
+            text=True,
+            timeout=WHERE_SECONDS,
+            check=True,
+        )
+        answers = files.parse(ended.stdout)
+    except (OSError, ValueError, subprocess.SubprocessError):
+        return {}  # the rows say that it is not known
+    return {name: _told(answer) for name, answer in answers.items()}
+
+
+def _told(answer: Mapping[str, Any]) -> Attached:
+    told = {field: answer[field] for field in ("attached", "port", "strength", "doubt")}
+    return Attached(**told, nodes=tuple(answer["nodes"]), refused=tuple(answer["refused"]))

@@ -1,0 +1,1 @@
+"""Plan: what is desired, what is there, and what differs."""

@@ -1,0 +1,139 @@
+"""What is known of the devices of a host, and how much a person had to say for it: tiers, profiles, open questions."""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from octoform.contracts.tier import tier, wanted
+from octoform.diagnostics import Diagnostic, did_you_mean, warning
+from octoform.engine.plan.configuration import Compiled
+from octoform.graph.model import ANSWER
+from octoform.manifest.rules.profile_paths import shipped
+from octoform.plan.diff import Prior
+from octoform.plan.model import Action, NearProfile, OpenQuestion, ProfileUse, ToldDevice
+from octoform.profiles import Profile, contributions, load, near
+
+Artifacts = Mapping[str, Any]
+STRAY = "PLAN-ANSWER-WITHOUT-DEVICE"
+OFFERED = "PROFILE-OFFERED"
+
+
+@dataclass(frozen=True, slots=True)
+class Offer:
+    """A profile that comes with octoform and matches ``devices``; ``line`` says what the manifest needs to use it."""
+
+    profile: str
+    product: str
+    devices: tuple[str, ...]
+    line: str
+
+    @property
+    def summary(self) -> str:
+        """What is offered for which devices, as one sentence."""
+        return f"octoform comes with a profile that matches {', '.join(self.devices)}: {self.product}"
+
+
+def questions(artifacts: Artifacts, answers: Mapping[str, str]) -> tuple[OpenQuestion, ...]:
+    """One for each device whose meaning is missing and that nobody has spoken of."""
+    return tuple(
+        OpenQuestion(device["id"], device["identified_as"], device["missing"], asked)
+        for device in _annotated(artifacts)
+        if device["id"] not in answers and device.get("missing") and (asked := wanted(device)) is not None
+    )
+
+
+def devices(artifacts: Artifacts, profiles: tuple[Profile, ...], prior: Mapping[str, Prior]) -> tuple[ToldDevice, ...]:
+    """The devices that IDENTIFY could name, each with its tier, as of what was said when it was accepted."""
+    answers = accepted_answers(prior)
+    descriptions = {profile.name for profile in profiles if profile.describes}
+    return tuple(
+        ToldDevice(
+            device=device["id"],
+            name=device["identified_as"],
+            tier=tier(device, answers, descriptions),
+            answer=answers.get(device["id"]),
+            profile=device.get("profile"),
+        )
+        for device in _annotated(artifacts)
+        if wanted(device) is None
+    )
+
+
+def profile_uses(
+    artifacts: Artifacts, profiles: tuple[Profile, ...], answers: Mapping[str, str], prior: Mapping[str, Prior]
+) -> tuple[ProfileUse, ...]:
+    """For which device each profile holds, would then hold, or would hold no longer; as far as PROBE is known."""
+    probe = artifacts.get("probe")
+    if probe is None:
+        return ()
+    parts = prior["identify"].key_parts if "identify" in prior else {}
+    same = [profile for profile in profiles if parts.get(f"profile.{profile.name}") == profile.digest]
+    before = set(contributions(same, probe, accepted_answers(prior)))
+    now = set(contributions(profiles, probe, answers))
+    return tuple(
+        ProfileUse(profile, device, _action((device, profile) in before, (device, profile) in now))
+        for device, profile in sorted(before | now)
+    )
+
+
+def near_profiles(
+    artifacts: Artifacts, profiles: tuple[Profile, ...], answers: Mapping[str, str]
+) -> tuple[NearProfile, ...]:
+    """Which profiles a sentence about a device would make hold; nothing before PROBE is known."""
+    found = near(profiles, artifacts.get("probe"), answers)
+    return tuple(NearProfile(profile, device, word) for device, profile, word in found)
+
+
+def _action(before: bool, now: bool) -> Action:
+    if before and now:
+        return Action.NOOP
+    return Action.CREATE if now else Action.DESTROY
+
+
+def accepted_answers(prior: Mapping[str, Prior]) -> dict[str, str]:
+    """What had been said when IDENTIFY was accepted."""
+    parts = prior["identify"].key_parts if "identify" in prior else {}
+    return {part.removeprefix(ANSWER): text for part, text in parts.items() if part.startswith(ANSWER)}
+
+
+def offered(artifacts: Artifacts, compiled: Compiled) -> tuple[Offer, ...]:
+    """Profiles that come with octoform, match a device of this host and are not in the manifest."""
+    probe, answers = artifacts.get("probe"), compiled.manifest.answers
+    if probe is None:
+        return ()
+    known = {profile.name for profile in compiled.profiles}
+    settled = {device for device, _ in contributions(compiled.profiles, probe, answers)}
+    found = []
+    for profile in load(sorted(shipped().glob("*.md")))[0]:
+        matched = [device for device, _ in contributions([profile], probe, answers) if device not in settled]
+        if matched and profile.name not in known:
+            name = profile.name
+            line = f"add `{name}` to `profiles`" if compiled.manifest.profiles else f"write `profiles: [{name}]`"
+            line += " in octopus.yaml to use it"
+            found.append(Offer(name, profile.product or name, tuple(matched), line))
+    return tuple(found)
+
+
+def offers(artifacts: Artifacts, compiled: Compiled) -> list[Diagnostic]:
+    """One warning for each profile that is `offered`."""
+    return [warning(OFFERED, each.summary, hint=each.line) for each in offered(artifacts, compiled)]
+
+
+def stray(artifacts: Artifacts, answers: Mapping[str, str]) -> list[Diagnostic]:
+    """Answers about devices that PROBE does not list: misspelt, or unplugged for good."""
+    probe = artifacts.get("probe")
+    return [] if probe is None else list(_stray([device["id"] for device in probe["devices"]], answers))
+
+
+def _stray(known: list[str], answers: Mapping[str, str]) -> Iterator[Diagnostic]:
+    for device in answers:
+        if device not in known:
+            near = did_you_mean(device, known)
+            hint = f"did you mean {near}? " if near else ""
+            summary = f"the answer about {device} has no effect: PROBE lists no such device"
+            yield warning(STRAY, summary, hint=f"{hint}`octoform answer -remove {device}` takes it back")
+
+
+def _annotated(artifacts: Artifacts) -> list[dict[str, Any]]:
+    identify = artifacts.get("identify")
+    return identify["devices"] if identify is not None else []

@@ -1,0 +1,287 @@
+"""Plan: compile, look, compare; nothing is written and nothing is started. (Heavy.)
+
+What an apply would change of the endpoint's tools, where that is known: INTERFACE was accepted and is not served.
+"""
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import octoform
+from octoform.diagnostics import Diagnostic, as_warning, did_you_mean, error, has_errors, warning
+from octoform.endpoint.neighbours import running_beside
+from octoform.endpoint.policy_check import doubts
+from octoform.endpoint.promise import published
+from octoform.engine.plan import device_knowledge, step_outlook
+from octoform.engine.plan.configuration import Compiled, compile_project, source_files
+from octoform.engine.plan.confinement import without_sandbox
+from octoform.engine.plan.prices import calling, unpriced
+from octoform.engine.plan.refresh import Situation, look
+from octoform.engine.results import PlanResult
+from octoform.graph.model import Graph
+from octoform.harness import logins
+from octoform.plan import encode, planfile
+from octoform.plan.diff import Wishes, diff
+from octoform.plan.model import Action, Cause, Change, Plan, PlannedAction, Reason, StepOutlook
+from octoform.plan.reuse import Offer, Offers, with_loans
+from octoform.plan.tools import Tool, changes
+from octoform.profiles.selection import holds
+from octoform.state.artifacts import reusable
+from octoform.state.files import write_atomic
+from octoform.state.git.repository import repository_facts
+from octoform.state.layout import Layout
+from octoform.state.lock_holder import Liveness, liveness, myself
+from octoform.state.model import Snapshot
+from octoform.state.store.lock import Holder, read_holder
+from octoform.state.store.store import StateStore
+
+
+def tool_changes(layout: Layout, artifacts: Mapping[str, Any]) -> tuple[Change, ...]:
+    """Tools that are renamed, come or go; none where there is no endpoint or no accepted INTERFACE to compare."""
+    offered = published(layout)
+    if not offered or "interface" not in artifacts:
+        return ()
+    before = [Tool(name, frozenset(tool["buses"]), tool["effect"]) for name, tool in offered.items()]
+    wanted = artifacts["interface"]["tools"]
+    return changes(before, [Tool(tool["name"], frozenset(tool["devices"]), tool["effect"]) for tool in wanted])
+
+
+@dataclass(frozen=True, slots=True)
+class Request:
+    """What a person asked of plan or apply; ``project`` is absolute, ``reuse`` lets other hosts' outputs stand in.
+
+    ``tier1``: as if no person had said anything of the hardware, without profiles and answers.
+    """
+
+    project: Path
+    environ: Mapping[str, str]
+    targets: tuple[str, ...] = ()
+    replace: tuple[str, ...] = ()
+    destroy: bool = False
+    reuse: bool = True
+    tier1: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Outlook:
+    """A plan together with all that it was made from; apply goes on from here."""
+
+    compiled: Compiled
+    snapshot: Snapshot
+    situation: Situation
+    plan: Plan
+    diagnostics: tuple[Diagnostic, ...] = field(default=())
+
+
+def make_plan(request: Request, out: Path | None = None) -> PlanResult:
+    """The plan of a project folder; saved to ``out`` when that is given."""
+    outlook, found = prepare(request)
+    if outlook is None:
+        return PlanResult(None, tuple(found))
+    if not request.destroy:
+        manifest, plan = outlook.compiled.manifest, outlook.plan
+        found += [*unpriced(manifest, request.environ, plan), *_doubts(outlook)]
+        found += map(as_warning, logins.problems(manifest, request.environ, calling(plan)))
+    if has_errors(found):
+        return PlanResult(None, tuple(found))
+    if out is None:
+        return PlanResult(outlook.plan, tuple(found))
+    problem = write_atomic(out, save(request, outlook), 0o600)
+    return PlanResult(outlook.plan, (*found, *([problem] if problem else [])), None if problem else str(out))
+
+
+def _doubts(outlook: Outlook) -> list[Diagnostic]:
+    """What the policy says of tools that are not there, as far as the tools are known and stay as they are."""
+    artifacts = outlook.situation.artifacts
+    if "interface" not in artifacts or "probe" not in artifacts or any(item.calls_agent for item in outlook.plan.work):
+        return []
+    answers = outlook.compiled.manifest.answers
+    held = [(profile, holds(profile, artifacts["probe"], answers)) for profile in outlook.compiled.profiles]
+    holding = [(profile, ids) for profile, ids in held if ids]
+    return doubts(outlook.compiled.manifest.policy, artifacts["interface"]["tools"], holding)
+
+
+def prepare(request: Request, store: StateStore | None = None) -> tuple[Outlook | None, list[Diagnostic]]:
+    """Compile, open the state, look, compare. ``store`` is given by apply, which holds the lock."""
+    compiled, found = compile_project(request.project, request.environ, told=not request.tier1)
+    if compiled is None:
+        return None, found
+    found += _unknown_nodes(compiled.graph, (*request.targets, *request.replace))
+    found += [] if has_errors(found) else _outside_of_targets(compiled.graph, request)
+    found += _prevented(compiled) if request.destroy else []
+    if store is None:
+        store, more = StateStore.open(compiled.layout)
+        found += [*more, *_under_way(compiled.layout), *_beside(compiled.layout)]
+    if store is None or has_errors(found):
+        return None, found
+    situation = look(compiled, store.snapshot, request.environ)
+    if not request.destroy:
+        found += device_knowledge.stray(situation.artifacts, compiled.manifest.answers)
+        found += [] if request.tier1 else device_knowledge.offers(situation.artifacts, compiled)
+    plan = _plan(request, compiled, store.snapshot, situation)
+    found += without_sandbox(compiled.manifest, plan, request.environ)
+    return Outlook(compiled, store.snapshot, situation, plan, tuple(found)), found
+
+
+def _under_way(layout: Layout) -> list[Diagnostic]:
+    """A plan takes no lock; it says when somebody is changing what it looks at."""
+    holder = read_holder(layout)
+    if not isinstance(holder, Holder) or liveness(holder.process, myself()) is Liveness.DEAD:
+        return []
+    summary = f"{holder.operation} is under way since {holder.created} (process {holder.process.pid})"
+    hint = "what it is working on looks interrupted until it ends; plan again then"
+    return [warning("PLAN-RUN-UNDER-WAY", summary, hint=hint)]
+
+
+def _beside(layout: Layout) -> list[Diagnostic]:
+    """Endpoints that are open, and that nothing in this plan concerns."""
+    summary = "the endpoint of host {} runs, and octopus.yaml does not name that host"
+    return [
+        warning("PLAN-OTHER-ENDPOINT", summary.format(host), hint=f"octoform stop {host} ends it")
+        for host in running_beside(layout)
+    ]
+
+
+def _unknown_nodes(graph: Graph, names: Iterable[str]) -> list[Diagnostic]:
+    found = []
+    for name in names:
+        if name not in graph.names():
+            near = did_you_mean(name, graph.names())
+            hint = f"did you mean {near}?" if near else f"the nodes are {', '.join(graph.names())}"
+            found.append(error("PLAN-UNKNOWN-NODE", f"there is no node {name!r}", hint=hint))
+    return found
+
+
+def _outside_of_targets(graph: Graph, request: Request) -> list[Diagnostic]:
+    """What should be replaced and is kept out by the targets: one of the two is a mistake."""
+    kept_out = [name for name in request.replace if request.targets and name not in graph.upstream(request.targets)]
+    summary = "-replace {} has no effect: -target {} keeps it out of this run"
+    hint = "leave out -target, or make it reach as far as the node that should be replaced"
+    return [
+        error("PLAN-REPLACE-OUTSIDE", summary.format(name, ", ".join(request.targets)), hint=hint) for name in kept_out
+    ]
+
+
+def _prevented(compiled: Compiled) -> list[Diagnostic]:
+    if not compiled.manifest.lifecycle.prevent_destroy:
+        return []
+    summary = f"host {compiled.layout.host} cannot be destroyed: lifecycle.prevent_destroy is true"
+    hint = "set it to false in the manifest first, if this host really is to go"
+    return [error("PLAN-PREVENT-DESTROY", summary, path=str(compiled.manifest.path), hint=hint)]
+
+
+def _plan(request: Request, compiled: Compiled, snapshot: Snapshot, situation: Situation) -> Plan:
+    steps: tuple[StepOutlook, ...] = ()
+    if request.destroy:
+        actions = _destruction(compiled.graph, snapshot)
+    else:
+        actions = _construction(request, compiled, situation)
+        steps = _steps(compiled, situation, actions)
+        actions = _without_idle_agents(actions, steps)
+    facts, _ = repository_facts(compiled.layout.project, source_files(compiled))
+    targets = compiled.graph.upstream(request.targets) if request.targets else frozenset()
+    known = {} if request.destroy else _known(compiled, situation)
+    return Plan(
+        host=compiled.layout.host,
+        operation="destroy" if request.destroy else "apply",
+        actions=actions,
+        lineage=snapshot.lineage,
+        serial=snapshot.serial,
+        revision=facts.revision if facts else None,
+        dirty=facts.dirty if facts else (),
+        changes=() if request.destroy else (*_changes(situation), *tool_changes(compiled.layout, situation.artifacts)),
+        tier1=request.tier1,
+        steps=steps,
+        targets=tuple(name for name in compiled.graph.names() if name in targets),
+        **known,
+    )
+
+
+def _construction(request: Request, compiled: Compiled, situation: Situation) -> tuple[PlannedAction, ...]:
+    wishes = Wishes(
+        replace=frozenset(request.replace),
+        targets=compiled.graph.upstream(request.targets) if request.targets else None,
+        ignore=frozenset(compiled.manifest.lifecycle.ignore),
+    )
+    actions = diff(compiled.graph, situation.prior, situation.observed, wishes)
+    if not request.reuse or not any(action.calls_agent for action in actions):
+        return actions
+    return with_loans(compiled.graph, actions, situation.prior, offers(compiled.layout))
+
+
+def _steps(compiled: Compiled, situation: Situation, actions: tuple[PlannedAction, ...]) -> tuple[StepOutlook, ...]:
+    manifest = compiled.manifest
+    known = step_outlook.Known(
+        layout=compiled.layout,
+        artifacts=situation.artifacts,
+        profiles=compiled.profiles,
+        answers=manifest.answers,
+        camera=manifest.camera_hint().get("perception.camera"),
+    )
+    return step_outlook.outlooks(compiled.steps.values(), known, actions)
+
+
+def _without_idle_agents(
+    actions: tuple[PlannedAction, ...], steps: tuple[StepOutlook, ...]
+) -> tuple[PlannedAction, ...]:
+    """A step that is skipped asks no agent."""
+    idle = {item.node for item in steps if item.skipped}
+    return tuple(replace(item, calls_agent=False, calls_model=False) if item.node in idle else item for item in actions)
+
+
+def offers(layout: Layout) -> Offers:
+    """What other hosts of the repository have accepted, as the plan compares it."""
+    return {
+        stage: tuple(
+            Offer(one.host, one.state.key_parts, one.state.output_digest) for equal in by_key.values() for one in equal
+        )
+        for stage, by_key in reusable.find(layout).items()
+    }
+
+
+def _destruction(graph: Graph, snapshot: Snapshot) -> tuple[PlannedAction, ...]:
+    """What stands is taken down from its end: nothing is left over that rests on something gone."""
+    reason = Reason(Cause.REQUESTED, text="destroy")
+    order = [*(name for name in snapshot.nodes if name not in graph.names()), *reversed(graph.names())]
+    names = [name for name in order if name in snapshot.nodes]
+    return tuple(PlannedAction(name, Action.DESTROY, certain=True, reasons=(reason,)) for name in names)
+
+
+def _changes(situation: Situation) -> tuple[Change, ...]:
+    """Hardware that came or went, as the kernel announces it: all that is known before PROBE runs."""
+    words = {"appeared": Action.CREATE, "gone": Action.DESTROY}
+    out = []
+    for text in situation.observed.hardware:
+        word, _, entry = text.partition(" ")
+        if word in words:
+            out.append(Change("hardware", entry, words[word]))
+    return tuple(out)
+
+
+def _known(compiled: Compiled, situation: Situation) -> dict[str, Any]:
+    """What the plan tells of the devices themselves, by its fields."""
+    answers, profiles, artifacts = compiled.manifest.answers, compiled.profiles, situation.artifacts
+    return {
+        "questions": device_knowledge.questions(artifacts, answers),
+        "devices": device_knowledge.devices(artifacts, profiles, situation.prior),
+        "profiles": device_knowledge.profile_uses(artifacts, profiles, answers, situation.prior),
+        "near": device_knowledge.near_profiles(artifacts, profiles, answers),
+    }
+
+
+def save(request: Request, outlook: Outlook) -> bytes:
+    """The plan file of an outlook."""
+    situation, plan = outlook.situation, outlook.plan
+    document = planfile.PlanFile(
+        octoform=octoform.__version__,
+        host=plan.host,
+        lineage=plan.lineage if outlook.snapshot.nodes else None,
+        targets=list(request.targets) or None,
+        replace=list(request.replace),
+        reuse=request.reuse,
+        tier1=request.tier1,
+        units=planfile.units(outlook.compiled.graph, plan, situation.prior, situation.observed),
+        plan=encode.to_json(plan),
+    )
+    return document.model_dump_json(indent=1).encode() + b"\n"

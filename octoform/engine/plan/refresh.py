@@ -1,0 +1,160 @@
+"""Observe: state, artifacts, hardware and the live side as the plain values that the plan compares. (Heavy.)"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import octoform
+from octoform import digest, host
+from octoform.apply.step_facts import facts_of
+from octoform.base import files
+from octoform.base.shape import fits
+from octoform.contracts.canon import schema_path
+from octoform.contracts.checking import check, has_shape
+from octoform.contracts.model import Artifacts, ProfileFacts
+from octoform.contracts.parsing import parse
+from octoform.diagnostics import Diagnostic, Severity
+from octoform.endpoint.observing import observe as observe_endpoint
+from octoform.engine.plan.configuration import Compiled
+from octoform.perception.camera_selection import Camera, cameras
+from octoform.plan.diff import Observed, Prior
+from octoform.profiles import commands, holds
+from octoform.protocol import DUTIES
+from octoform.state.artifacts.accepted import observe as observe_files
+from octoform.state.artifacts.instances import read_instances
+from octoform.state.layout import STAGES, Layout
+from octoform.state.model import NodeState, Snapshot
+
+MOST_NAMED = 40  # a device has a line for each of its parts; the view makes one of them
+
+
+@dataclass(frozen=True, slots=True)
+class Situation:
+    """The prior and the observed side of one host."""
+
+    prior: Mapping[str, Prior]
+    observed: Observed
+    fingerprint: host.Fingerprint
+    contract: str
+    artifacts: Mapping[str, Any]
+
+
+def look(compiled: Compiled, snapshot: Snapshot, environ: Mapping[str, str]) -> Situation:
+    """Everything that a plan compares; reads only."""
+    layout = compiled.layout
+    files = observe_files(layout)
+    fingerprint = host.fingerprint(host.root_from_environment(environ))
+    contract = contract_digest(compiled.schemas)
+    found = {stage: facts.digest for stage, facts in files.items()}
+    artifacts = read_artifacts(compiled, snapshot, found)
+    observed = Observed(
+        fingerprint=fingerprint.digest,
+        files=found,
+        links=frozenset(stage for stage, facts in files.items() if facts.is_link),
+        contract=_complaints(compiled, snapshot, artifacts, contract),
+        endpoint=tuple(observe_endpoint(layout).reasons) if "endpoint" in snapshot.nodes else (),
+        hardware=_hardware(layout, fingerprint),
+        instances_gone=not layout.instances.is_file(),
+    )
+    prior = {name: _prior(state) for name, state in snapshot.nodes.items()}
+    return Situation(prior, observed, fingerprint, contract, artifacts)
+
+
+def contract_digest(schemas: Path) -> str:
+    """What accepted artifacts are held to: the schemas' bytes and the version that holds the rules."""
+    duties = {schema_path(name, schemas) for name in DUTIES}  # no artifact is held to these
+    texts = {path.name: digest.of_file(path) for path in sorted(schemas.glob("*.json")) if path not in duties}
+    return digest.of_value({"octoform": octoform.__version__, **texts})
+
+
+def _prior(state: NodeState) -> Prior:
+    usage = state.usage.model_dump(exclude_none=True)
+    last = {"seconds": state.seconds, "attempts": state.attempts, **usage}
+    return Prior(
+        state.status.value,
+        state.key_parts,
+        state.output_digest,
+        state.file_digest,
+        state.tainted,
+        last,
+        state.accepted_at or "",
+    )
+
+
+def read_artifacts(compiled: Compiled, snapshot: Snapshot, digests: Mapping[str, str | None]) -> dict[str, Any]:
+    """The artifacts that can be read as values; one that cannot is told by its digest or its absence.
+
+    ``digests`` are those of the files as they lie there. What is not as it was accepted must have its stage's shape
+    to be read at all: whoever uses the values relies on it.
+    """
+    found = {}
+    for stage in (*STAGES, *compiled.steps):
+        path = compiled.layout.output(stage)
+        if digests.get(stage) is None or not path.is_file() or path.is_symlink():
+            continue
+        value, _ = parse(stage, files.read(path), str(path))
+        state = snapshot.nodes.get(stage)
+        as_accepted = state is not None and state.file_digest == digests[stage]
+        if value is not None and (as_accepted or has_shape(stage, value, compiled.schemas)):
+            found[stage] = value
+    return found
+
+
+def _complaints(compiled: Compiled, snapshot: Snapshot, artifacts: Mapping[str, Any], contract: str) -> dict[str, str]:
+    """Accepted artifacts verified again where the contract has moved since; cheap, and no agent runs for it."""
+    out = {}
+    for stage in (*STAGES, *compiled.steps):
+        state = snapshot.nodes.get(stage)
+        if state is None or stage not in artifacts or state.detail.get("contract") == contract:
+            continue
+        errors = [item for item in verify(compiled, stage, artifacts) if item.severity is Severity.ERROR]
+        if errors:
+            out[stage] = f"{errors[0].code}: {errors[0].summary}"
+    return out
+
+
+def verify(compiled: Compiled, stage: str, artifacts: Mapping[str, Any]) -> list[Diagnostic]:
+    """The contract's word on an artifact that is there; an artifact that cannot be read says nothing here."""
+    if stage not in artifacts:
+        return []
+    needed = STAGES[: STAGES.index(stage)] if stage in STAGES else STAGES
+    before = {name: artifacts[name] for name in needed if name in artifacts}
+    if len(before) < len(needed):
+        return []  # a predecessor is gone; that is a reason of its own
+    probe = artifacts.get("probe")
+    manifest = compiled.manifest
+    held = {item.name: holds(item, probe, manifest.answers) for item in compiled.profiles}
+    facts = {
+        item.name: ProfileFacts(item.name, held[item.name], item.limits, commands(item)) for item in compiled.profiles
+    }
+    budget = manifest.budget_for("interface").tools
+    known = Artifacts(**before, profiles=facts, answers=manifest.answers, tools_budget=budget)
+    step = compiled.steps.get(stage)
+    if step is not None:
+        known = replace(known, step=facts_of(step, known, compiled.profiles, _cameras(compiled, before)))
+    return check(stage, artifacts[stage], known, compiled.schemas)
+
+
+def _cameras(compiled: Compiled, artifacts: Mapping[str, Any]) -> tuple[Camera, ...]:
+    hint = compiled.manifest.camera_hint().get("perception.camera")
+    ledger, _ = read_instances(compiled.layout)
+    return cameras(artifacts["probe"], artifacts["identify"], artifacts["interface"], hint, ledger)
+
+
+def _hardware(layout: Layout, now: host.Fingerprint) -> tuple[str, ...]:
+    """What came and what went since PROBE was accepted, as far as this machine remembers."""
+    try:
+        kept = files.read_json(layout.fingerprint)
+    except (OSError, ValueError):
+        kept = None
+    if not fits(kept, {"entries": [str]}):
+        return ()  # nothing is remembered; the digests alone say that it moved
+    appeared, gone = host.difference(kept["entries"], now.entries)
+    return (*_named("appeared", appeared), *_named("gone", gone))
+
+
+def _named(word: str, entries: tuple[str, ...]) -> tuple[str, ...]:
+    shown = [f"{word} {entry}" for entry in entries[:MOST_NAMED]]
+    more = len(entries) - len(shown)
+    return (*shown, f"{more} more {word}") if more > 0 else tuple(shown)

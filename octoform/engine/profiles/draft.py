@@ -1,0 +1,168 @@
+"""``profile new``: the draft of a profile, written from what PROBE recorded of one device of this host.
+
+The draft knows what the device says of itself. What it does not know is left open in places that the reader of
+profiles refuses, so that a draft is never taken for knowledge. (Heavy.)
+"""
+
+import json
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from octoform.contracts.naming import is_chip_name
+from octoform.diagnostics import Diagnostic, did_you_mean, error
+from octoform.engine.profiles.check import MANIFEST, probes
+from octoform.manifest.loader import load as load_manifest
+from octoform.state.files import write_atomic
+
+FOLDER = "profiles"
+# A hidden serial number, where a value was cut, a character that cannot be shown, a pseudonym.
+_MARKS = re.compile(
+    r"<serial>|\[cut]|\\x1b(?:\[[0-9;]*[A-Za-z])?|\\x[0-9a-f]{2}|\\u[0-9a-f]{4}|\\U[0-9a-f]{8}|\bredacted-[0-9]{10}\b"
+)
+# Words before the name of a product in a sentence about it, and words that begin to tell where it is.
+_BEFORE = re.compile(r"^(?:(?:it's|that's|this|that|it|there|here|is|are|a|an|the|my|our|one)\b[ ,]*)+", re.IGNORECASE)
+_BEHIND = re.compile(
+    r"\s(?:on|of|at|in|under|over|behind|beside|near|for|which|that|with|and)\s|[,;()]|\.\s", re.IGNORECASE
+)
+_DRAFT = """\
+---
+name: {name}
+# One line: what this product is. The check refuses the profile until it stands here.
+about: ""
+# What a person calls it: maker and model.
+product: {product}
+# When this profile may be used; octoform evaluates it on what PROBE saw, an agent never does. Words count when they
+# stand in the device's own text, or in your answer about it:
+#   octoform answer {device} "..."
+# Keep only words that no other product has: the numbers of a chip sit on thousands of boards.
+evidence:
+  all:
+{evidence}
+# What every call has to keep to; the endpoint enforces it. For example:
+# limits:
+#   - {{tool: lamp_dim, parameter: percent, minimum: 0, maximum: 80, unit: "%"}}
+{grammar}# What is true of your own copy alone:
+# rig:
+#   facts: [The left bulb is broken.]
+---
+"""
+_LINES = """\
+# If it is driven by lines of text over its serial line, its commands are enough to make tools of. Leave out `ok` where
+# it acknowledges nothing, and `send` where it speaks by itself. For example:
+# grammar:
+#   line: {class: tty, baud: 115200, ok: "OK", error: "ERR {message}", timeout: 5s}
+#   commands:
+#     - tool: lamp_dim
+#       send: "DIM {percent}"
+#       about: dim the lamp
+#       effect: actuate
+#       parameters: {percent: {type: integer, minimum: 0, maximum: 80, unit: "%"}}
+"""
+_REGISTERS = """\
+# If it is a bus of units behind a public library (servos, drives), their registers are enough. For example:
+# grammar:
+#   registers:
+#     class: tty
+#     baud: 57600
+#     library: {distribution: name-on-pypi, module: imported_as, protocol: 1}
+#     units: {left: 1, right: 2}
+#     fields:
+#       torque: {address: 24, bytes: 1}
+#       goal: {address: 30, bytes: 2}
+#       position: {address: 36, bytes: 2, unit: raw}
+#     motion:
+#       goal: goal
+#       present: position
+#       minimum: 0
+#       maximum: 1023
+#       before: [{torque: 1}]
+#       moved: 10
+#       within: 5s
+#       release: {torque: 0}
+#   commands:
+#     - {tool: pump_status, do: read_units, about: where the pumps are, fields: [position]}
+#     - {tool: pump_move, do: move_unit, about: move one pump}
+#     - {tool: pump_stop, do: stop, about: stop both pumps where they are}
+# docs/profiles.md has every field of both kinds.
+"""
+
+
+@dataclass(frozen=True, slots=True)
+class Draft:
+    """A file that was written: its path in the project, the device, and whether the manifest lists profiles already."""
+
+    path: str
+    device: str
+    listed: bool
+
+
+def draft(project: Path, environ: Mapping[str, str], device: str) -> tuple[Draft | None, list[Diagnostic]]:
+    """Write the draft; nothing is written over a file that is there."""
+    manifest, found = load_manifest(project / MANIFEST, environ)
+    if manifest is None:
+        return None, found
+    devices = {item["id"]: item for item in probes(project).get(manifest.host, [])}
+    if not devices:
+        hint = "octoform apply -target probe lists the devices"
+        return None, [error("PROFILE-NO-DEVICE", f"nothing is known of the devices of {manifest.host} yet", hint=hint)]
+    if device not in devices:
+        near = did_you_mean(device, list(devices)[:2000])
+        hint = f"did you mean {near}?" if near else "octoform coverage lists the devices"
+        return None, [error("PROFILE-NO-DEVICE", f"{device!r} is no device of {manifest.host}", hint=hint)]
+    text, name = _text(devices[device], manifest.answers.get(device, ""))
+    path = project / FOLDER / f"{name}.md"
+    if path.exists() or path.is_symlink():
+        summary = f"{FOLDER}/{name}.md is there already"
+        hint = "look at it with octoform profile check, or move it away"
+        return None, [error("PROFILE-EXISTS", summary, path=str(path), hint=hint)]
+    path.parent.mkdir(exist_ok=True)
+    problem = write_atomic(path, text.encode("utf-8"))
+    if problem is not None:
+        return None, [problem]
+    return Draft(f"{FOLDER}/{name}.md", device, bool(manifest.profiles)), []
+
+
+def _text(device: Mapping[str, Any], answer: str) -> tuple[str, str]:
+    """The draft and the name of the profile in it; what the owner answered goes before what the device says."""
+    product, maker = _named_in(answer), ""
+    if not product and not is_chip_name(_said(device, "product"), str(device.get("raw_descriptor", ""))):
+        product, maker = _said(device, "product"), _said(device, "manufacturer")
+    called = product if maker.casefold() in product.casefold() else f"{maker} {product}".strip()
+    name = _slug(called) or _slug(device["id"]) or "device"
+    tests = []
+    if device.get("vid") and device.get("pid"):
+        tests.append(f'    - vid_pid: "{device["vid"]}:{device["pid"]}"')
+    words = json.dumps([product]) if product else "[]  # it says no word of itself: which words name it?"
+    tests.append(f"    - text: {words}")
+    for kind, listed in (("class", device.get("classes")), ("driver", device.get("drivers"))):
+        if isinstance(listed, list) and listed:
+            tests.append(f"    - {kind}: {json.dumps(listed[:8])}")
+            break
+    text = _DRAFT.format(
+        name=name,
+        product=json.dumps(called),
+        device=device["id"],
+        evidence="\n".join(tests),
+        grammar=_LINES + _REGISTERS if "tty" in (device.get("classes") or ()) else "",
+    )
+    return text, name
+
+
+def _named_in(answer: str) -> str:
+    """What an answer calls the device, letter by letter: without the words before the name and the place behind it."""
+    said = _BEFORE.sub("", " ".join(answer.split()))
+    return _BEHIND.split(said, maxsplit=1)[0].strip(" .,;:!")[:120]
+
+
+def _said(device: Mapping[str, Any], key: str) -> str:
+    """The device's own string under a key of its PROBE text: of what stands between PROBE's marks the longest part."""
+    found = re.search(rf"^{key}: (.{{1,120}})$", str(device.get("raw_descriptor", "")), re.MULTILINE)
+    parts = _MARKS.split(found[1]) if found else [""]
+    return max((" ".join(part.split()) for part in parts), key=len)
+
+
+def _slug(text: str) -> str:
+    return re.sub(r"[^a-z0-9]+", "-", text.casefold()).strip("-")[:60].strip("-")

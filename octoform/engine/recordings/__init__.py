@@ -1,0 +1,1 @@
+"""Recordings of runs: what they may say, and the folder that they are written to."""

@@ -1,0 +1,103 @@
+"""Emergency stop, audit log and limits for a person in a project folder."""
+
+import os
+import pwd
+from collections.abc import Callable, Mapping
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from typing import Any
+
+from octoform.diagnostics import Diagnostic, error
+from octoform.endpoint import auditing, estop, limiting
+from octoform.endpoint.auditing import Checked, Wanted
+from octoform.endpoint.estop import Estop
+from octoform.endpoint.limiting import Limits
+from octoform.state.file_owner import foreign_among
+from octoform.state.layout import Layout
+
+Environ = Mapping[str, str]
+
+
+def stop(project: Path, reason: str) -> tuple[list[Estop], list[Diagnostic]]:
+    """Stop every endpoint of this folder: whose manifest cannot be read has devices that move all the same.
+
+    From a folder inside of a project that is the project; nobody has the time to look for its top.
+    """
+    return _each(_nearest(project), lambda layout: estop.stop(layout, person(), reason))
+
+
+def clear(project: Path) -> tuple[list[Estop], list[Diagnostic]]:
+    """Let the actuators of every endpoint of exactly this folder be called again."""
+    return _each(project, lambda layout: estop.clear(layout, person()))
+
+
+def records(
+    project: Path, environ: Environ, count: int, wanted: Wanted
+) -> tuple[list[dict[str, Any]] | None, list[Diagnostic]]:
+    """The latest records of the audit log that are wanted."""
+    layout, found = _layout(project, environ)
+    if layout is None:
+        return None, found
+    latest, found = auditing.latest(layout, count, wanted)
+    return (None, found) if found else (latest, [])
+
+
+def check_records(project: Path, environ: Environ) -> tuple[Checked | None, list[Diagnostic]]:
+    """Whether the audit log is as it was written."""
+    layout, found = _layout(project, environ)
+    return (None, found) if layout is None else auditing.verify(layout)
+
+
+def limits(project: Path, environ: Environ) -> tuple[Limits | None, list[Diagnostic]]:
+    """The limits and what is used of them."""
+    layout, found = _layout(project, environ)
+    return (None, found) if layout is None else limiting.show(layout)
+
+
+def reset_limits(project: Path, environ: Environ, tool: str) -> list[Diagnostic]:
+    """Forget what was counted for a tool, or for ``all``."""
+    layout, found = _layout(project, environ)
+    return found if layout is None else limiting.reset(layout, tool, person())
+
+
+def person() -> str:
+    """Who is at the terminal, for the audit log."""
+    try:
+        return f"{pwd.getpwuid(os.getuid()).pw_name} at the terminal"
+    except KeyError:  # a user id without a name, as in containers
+        return f"user {os.getuid()} at the terminal"
+
+
+def _each(project: Path, do: Callable[[Layout], Estop]) -> tuple[list[Estop], list[Diagnostic]]:
+    """What came of it for each endpoint; a problem where there is none, or one that this user may not see."""
+    layouts = _layouts(project)
+    shut = foreign_among(project)
+    found = [shut] if shut else []
+    if not layouts:
+        return [], found or [_nothing(project)]
+    with ThreadPoolExecutor(len(layouts)) as pool:
+        return list(pool.map(do, layouts)), found
+
+
+def _layouts(project: Path) -> list[Layout]:
+    return [Layout(project, path.parent.name) for path in sorted((project / ".octoform").glob("*/endpoint"))]
+
+
+def _nearest(folder: Path) -> Path:
+    """The folder, or the nearest one above it, that has an endpoint; the folder itself where none has."""
+    above = (place for place in (folder, *folder.parents) if _layouts(place) or foreign_among(place))
+    return next(above, folder)
+
+
+def _nothing(project: Path) -> Diagnostic:
+    hint = "go to the folder of octopus.yaml, or name it with -chdir"
+    place = _nearest(project)
+    if place != project:
+        hint = f"the project is {place}: octoform -chdir={place} estop -clear"
+    return error("ENDPOINT-NOT-APPLIED", "there is no endpoint in this folder", path=str(project), hint=hint)
+
+
+def _layout(project: Path, environ: Environ) -> tuple[Layout | None, list[Diagnostic]]:
+    from octoform.engine.tools import layout_of  # an emergency stop does not wait for what this imports
+
+    return layout_of(project, environ)

@@ -1,0 +1,119 @@
+"""In sync or not, and what the process that serves the endpoint says of itself. (Heavy.)
+
+How the deployment is, no word is said of here: that verdict is one for all (`octoform.daemon.status`).
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from octoform.base import files
+from octoform.diagnostics import Diagnostic
+from octoform.endpoint import control, tokens
+from octoform.endpoint.client import list_tools
+from octoform.endpoint.estop import LATCH
+from octoform.endpoint.neighbours import running_beside
+from octoform.endpoint.observing import observe
+from octoform.endpoint.promise import hidden, promised
+from octoform.endpoint.public import no_tunnel, tunnel_now
+from octoform.endpoint.running import Running, running
+from octoform.engine.plan import cache
+from octoform.engine.plan.plan import Request, prepare
+from octoform.plan.model import Plan
+from octoform.state.layout import Layout
+
+NOT_RUNNING = "the endpoint is not running"
+
+
+@dataclass(frozen=True, slots=True)
+class Process:
+    """What serves the endpoint now, if anything does.
+
+    ``told`` is the process's own answer, whose members grow with the endpoint: ``clients``, ``stuck``, ``estop``,
+    ``tunnel``. None when nothing runs, or when what runs did not answer. ``estop`` is what latched the emergency stop,
+    which outlives the process; ``tokens`` how many open the endpoint over the network.
+    """
+
+    running: Running | None = None
+    told: Mapping[str, Any] | None = None
+    estop: Mapping[str, Any] | None = None
+    tokens: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class Status:
+    """In sync or not, and what was seen of the endpoint: ``reasons`` are what is not as apply left it.
+
+    ``others`` are hosts of the same folder whose endpoints run, and which the manifest no longer names.
+    """
+
+    host: str
+    sync: bool | None
+    reasons: tuple[str, ...] = ()
+    plan: Plan | None = None
+    tools: tuple[str, ...] = ()
+    process: Process = field(default_factory=Process)
+    diagnostics: tuple[Diagnostic, ...] = ()
+    others: tuple[str, ...] = ()
+
+
+def status(project: Path, environ: Mapping[str, str]) -> Status:
+    """Compare with the manifest, and ask the endpoint; starts nothing."""
+    plan = cache.recall(project, environ)
+    if plan is None:
+        outlook, found = prepare(Request(project, environ))
+        if outlook is None:
+            return Status("", None, diagnostics=tuple(found))
+        plan = outlook.plan
+    layout = Layout(project, plan.host)
+    facts = observe(layout)
+    others = running_beside(layout)
+    if not facts.present:
+        return Status(plan.host, plan.empty, ("there is no endpoint yet",), plan, others=others)
+    process = _process(layout)
+    if process.running is None:
+        reasons = (NOT_RUNNING, *(reason for reason in facts.reasons if reason != NOT_RUNNING))
+        return Status(plan.host, plan.empty, reasons, plan, process=process, others=others)
+    listed, problems = list_tools(layout, start=False)
+    names = tuple(str(tool["name"]) for tool in listed)
+    reasons = (*facts.reasons, *_trouble(process, problems), *_tunnel(layout, process))
+    if not problems and set(names) != set(promised(layout)) - hidden(layout):
+        reasons = (*reasons, "the endpoint's tools are not those of INTERFACE")
+    return Status(plan.host, plan.empty, reasons, plan, names, process, problems, others)
+
+
+def _process(layout: Layout) -> Process:
+    found = running(layout)
+    told = control.ask(layout, {"op": "status"}) if found else None
+    count = sum(1 for token in tokens.listed(layout)[0] if not token.ended)
+    return Process(found, told, _latched(layout), count)
+
+
+def _latched(layout: Layout) -> Mapping[str, Any] | None:
+    """What latched the emergency stop; whatever stands in the latch's place holds it, readable or not."""
+    try:
+        words = files.read_json(layout.run / LATCH, any_text=True)
+        return {name: str(words[name]) for name in ("by", "reason", "since")}
+    except FileNotFoundError:
+        return None
+    except (OSError, ValueError, LookupError, TypeError):
+        return {"by": "unknown", "reason": "its latch cannot be read", "since": ""}
+
+
+def _trouble(process: Process, problems: Sequence[Diagnostic]) -> tuple[str, ...]:
+    reasons = [_told(item) for item in problems]
+    if process.told is None or "error" in process.told:
+        reasons.append("the endpoint's process does not answer octoform's own questions")
+    return tuple(reasons)
+
+
+def _tunnel(layout: Layout, process: Process) -> list[str]:
+    """What is promised to the internet and cannot be reached from there; a process that is silent is told already."""
+    if process.told is None or "error" in process.told or (problem := no_tunnel(tunnel_now(layout))) is None:
+        return []
+    return [problem.summary]  # why is told with what the process says of its tunnel
+
+
+def _told(item: Diagnostic) -> str:
+    return f"{item.summary}: {item.detail.splitlines()[0]}" if item.detail else item.summary

@@ -1,0 +1,137 @@
+"""The live endpoint for a person: its tools, one call. Light where apply's memo knows the host."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from octoform.base.files import parse
+from octoform.diagnostics import Diagnostic, error, has_errors
+from octoform.endpoint.client import CallResult, Person, Wanted, list_tools, save_media
+from octoform.endpoint.client import call as call_tool
+from octoform.endpoint.files import CHECK
+from octoform.endpoint.promise import promised
+from octoform.engine.plan import cache
+from octoform.state.file_owner import foreign
+from octoform.state.files import read_regular
+from octoform.state.layout import Layout
+
+
+@dataclass(frozen=True, slots=True)
+class Request:
+    """A call as a command line has it: ``name=value`` pairs and one JSON object; ``seconds`` for its answer.
+
+    ``revive``: an endpoint that a person stopped is started.
+    """
+
+    tool: str
+    pairs: Sequence[str] = ()
+    document: str | None = None
+    seconds: float = 60.0
+    dry_run: bool = False
+    approved: bool = False
+    revive: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Answer:
+    """A tool's answer and the files that its pictures and sounds were written to."""
+
+    result: CallResult
+    files: tuple[Path, ...]
+
+
+def tools(
+    project: Path, environ: Mapping[str, str], waiting: Callable[[], None] | None = None, *, revive: bool = False
+) -> tuple[list[dict[str, Any]] | None, list[Diagnostic]]:
+    """The tools that the endpoint lists, with effect and devices from the INTERFACE artifact.
+
+    The endpoint is started when nothing runs, and with ``revive`` also when a person stopped it; ``waiting`` is called
+    when that takes more than a second.
+    """
+    layout, found = layout_of(project, environ)
+    if layout is None:
+        return None, found
+    listed, problems = list_tools(layout, waiting, revive=revive)
+    if has_errors(problems):
+        return None, list(problems)
+    known = promised(layout)
+    extra = ("effect", "devices")
+    return [{**tool, **{key: known.get(tool["name"], {}).get(key) for key in extra}} for tool in listed], []
+
+
+def call(
+    project: Path, environ: Mapping[str, str], request: Request, person: Person | None = None
+) -> tuple[Answer | None, list[Diagnostic]]:
+    """Call a tool; media go to files in the working folder's .octoform."""
+    given, texts, found = _arguments(request.pairs, request.document)
+    layout, more = layout_of(project, environ)
+    if layout is None or found:
+        return None, [*found, *more]
+    wanted = Wanted(request.tool, given, texts, request.seconds, request.dry_run, request.approved, request.revive)
+    result, problems = call_tool(layout, wanted, person)
+    if result is None:
+        return None, list(problems)
+    saved, more = save_media(result.content, layout.local / "results", request.tool)
+    return Answer(result, tuple(saved)), more
+
+
+def answered(project: Path, environ: Mapping[str, str]) -> frozenset[str]:
+    """The reading tools that answered well when DEPLOY tried them; empty where that is not known."""
+    layout, _ = layout_of(project, environ)
+    data = read_regular(layout.endpoint / CHECK)[0] if layout is not None else None
+    try:
+        calls = parse(data or b"{}").get("calls", ())
+        return frozenset(each["tool"] for each in calls if each.get("ok"))
+    except (ValueError, LookupError, TypeError, AttributeError):  # it only chooses an example
+        return frozenset()
+
+
+def example(listed: Sequence[Mapping[str, Any]], good: frozenset[str]) -> tuple[str, list[str]] | None:
+    """Name and arguments (``NAME=VALUE``) of a call that only reads; None where each needs what nobody can guess.
+
+    One of the ``good`` tools goes first. A required argument that is a choice gets its first value.
+    """
+    for tool in sorted(listed, key=lambda each: each["name"] not in good):
+        properties = tool["input_schema"].get("properties", {})
+        required = tool["input_schema"].get("required", ())
+        if tool.get("effect") == "read" and all(properties.get(name, {}).get("enum") for name in required):
+            return tool["name"], [f"{name}={properties[name]['enum'][0]}" for name in required]
+    return None
+
+
+def layout_of(project: Path, environ: Mapping[str, str]) -> tuple[Layout | None, list[Diagnostic]]:
+    """The paths of the project's host, from the memo where it holds; the diagnostics where there is none.
+
+    What another user keeps to himself is such a problem: nothing that is in there can be told from what is not there.
+    """
+    host = cache.host_of(project)
+    if host is not None:
+        return _open(Layout(project, host))
+    from octoform.engine.plan.configuration import compile_project  # the one heavy import that the memo saves
+
+    compiled, found = compile_project(project, environ)
+    return (None, found) if compiled is None else _open(compiled.layout, found)
+
+
+def _open(layout: Layout, found: Sequence[Diagnostic] = ()) -> tuple[Layout | None, list[Diagnostic]]:
+    closed = foreign(layout)
+    return (layout, list(found)) if closed is None else (None, [*found, closed])
+
+
+def _arguments(pairs: Sequence[str], document: str | None) -> tuple[dict[str, Any], dict[str, str], list[Diagnostic]]:
+    hint = "write -arg name=value, or -json '{\"name\": value}'"
+    names = [pair.partition("=")[0] for pair in pairs]
+    bad = [pair for pair in pairs if not pair.partition("=")[0] or "=" not in pair]
+    if bad:
+        return {}, {}, [error("CALL-BAD-ARGUMENT", f"{bad[0]!r} is not name=value", hint=hint)]
+    try:
+        given = parse(document or "{}")
+    except ValueError as problem:
+        return {}, {}, [error("CALL-BAD-ARGUMENT", f"the arguments are not JSON: {problem}", hint=hint)]
+    if not isinstance(given, dict):
+        return {}, {}, [error("CALL-BAD-ARGUMENT", "the arguments must be one JSON object", hint=hint)]
+    twice = [name for name in names if names.count(name) > 1 or name in given]
+    if twice:
+        return {}, {}, [error("CALL-BAD-ARGUMENT", f"{twice[0]!r} is given twice", hint="give each argument once")]
+    return given, dict(pair.split("=", 1) for pair in pairs), []

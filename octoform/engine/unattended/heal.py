@@ -1,0 +1,163 @@
+"""HEAL on a host: a repair that was tried takes its place, and is taken back where it made things worse. (Heavy.)
+
+A rewrite is tried and adopted while the agent's work is judged. Any other action is octoform's own, and is carried out
+once the agent has ended: the same repairs that triage has, and the packages decided anew.
+"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from octoform.apply import adopting, healing, pending_rewrite
+from octoform.apply.context import Context
+from octoform.apply.duty import Answer, refusal
+from octoform.diagnostics import Diagnostic, error, has_errors
+from octoform.endpoint import estop, supervising
+from octoform.endpoint.stopmark import is_marked
+from octoform.engine.tools import layout_of
+from octoform.engine.unattended.cost_estimate import Left
+from octoform.engine.unattended.redeploy import redeploy
+from octoform.engine.unattended.rediscover import rediscover
+from octoform.engine.unattended.repairs import restore
+from octoform.engine.unattended.session import on_duty, ready
+from octoform.harness.port import Usage
+from octoform.harness.watching import added
+from octoform.manifest.loader import load
+from octoform.manifest.model import FILE_NAME
+from octoform.state.layout import Layout, is_left
+from octoform.state.store.store import Ports
+
+ROLL_BACK, SETTLE, CONFIRM = "roll_back", "settle", "confirm"
+ASK = "ask"
+
+
+def heal(
+    project: Path, environ: Mapping[str, str], brief: Mapping[str, Any], ports: Ports | None = None
+) -> dict[str, Any]:
+    """Ask the agent of HEAL for a repair of one error, and carry out what it proposes where that holds.
+
+    ``brief`` is ``{error, readings, failures, target, episode, since}``, ``error`` one of a report of WATCH. The result
+    is as that of `diagnose`: ``action`` is what was done, ``changed`` is True where another server or another set of
+    packages is in service, ``again`` False where only a person can help.
+    """
+    answer = on_duty(project, environ, healing.HEAL, lambda context: _done(context, healing.heal, brief), ports)
+    act = ACTIONS.get(answer.action or "")
+    layout, _ = layout_of(project, environ)
+    if not answer.ok or act is None or layout is None:
+        return answer.told()
+    if estop.is_latched(layout):
+        held = Answer(ok=False, detail="an emergency stop was given meanwhile, so nothing is carried out")
+        return _joined(answer, held).told()
+    return _joined(answer, act(layout, environ, Left.of(brief, answer.calls, answer.usage.cost_usd))).told()
+
+
+def roll_back(
+    project: Path, environ: Mapping[str, str], brief: Mapping[str, Any], ports: Ports | None = None
+) -> dict[str, Any]:
+    """Put the server back that an episode's repair has replaced; ``brief`` is ``{episode, reason}``."""
+    return on_duty(project, environ, ROLL_BACK, lambda context: _done(context, healing.roll_back, brief), ports).told()
+
+
+def waiting_rewrite(project: Path, environ: Mapping[str, str], identity: str) -> pending_rewrite.Rewrite | None:
+    """The rewrite of what moves a device that waits for a person under this id; None where none does."""
+    layout, _ = layout_of(project, environ)
+    return pending_rewrite.read(layout, identity) if layout is not None else None
+
+
+def waiting_rewrites(project: Path, environ: Mapping[str, str]) -> list[pending_rewrite.Rewrite]:
+    """All rewrites that wait for a person, the oldest first."""
+    layout, _ = layout_of(project, environ)
+    return pending_rewrite.waiting(layout) if layout is not None else []
+
+
+def decide_rewrite(
+    project: Path, environ: Mapping[str, str], rewrite: pending_rewrite.Rewrite, *, yes: bool
+) -> Diagnostic | None:
+    """Put it in service, or drop it; None when that is done."""
+    layout, found = layout_of(project, environ)
+    if layout is None:
+        return found[0]
+    if not yes:
+        return pending_rewrite.forget(layout, rewrite.id)
+    answer = on_duty(
+        project, environ, CONFIRM, lambda context: _done(context, lambda here, _: healing.confirm(here, rewrite), {})
+    )
+    if answer.ok:
+        return None
+    hint = "octoform plan tells how the endpoint is; the rewrite still waits"
+    return error("HEAL-NOT-CONFIRMED", f"{rewrite.id} is not in service: {answer.detail}", hint=hint)
+
+
+def settle(layout: Layout, environ: Mapping[str, str]) -> dict[str, Any] | None:
+    """Finish or take back what a killed repair or step has left in service; None when it has left nothing."""
+    if not is_left(layout) or is_marked(layout):
+        return None
+    return on_duty(layout.project, environ, SETTLE, _settled).told()
+
+
+def _settled(context: Context) -> Answer:
+    found = adopting.put_back(context, smoke=False)
+    if has_errors(found):
+        return refusal(found)
+    return Answer(ok=True, detail="what a killed repair had left in service is settled: the accepted server is served")
+
+
+def _done(context: Context, duty: Callable[[Context, Mapping[str, Any]], Answer], brief: Mapping[str, Any]) -> Answer:
+    found = ready(context)
+    return refusal(found) if has_errors(found) else duty(context, brief)
+
+
+def _joined(asked: Answer, done: Answer) -> Answer:
+    """What came of the action, with what the agent said and cost before it."""
+    return replace(
+        done,
+        detail=f"{done.detail} ({asked.detail})",
+        report=asked.report,
+        action=asked.action,
+        calls=asked.calls + done.calls,
+        usage=added(asked.usage, done.usage),
+    )
+
+
+def _restored(layout: Layout, _: Mapping[str, str], _left: Left) -> Answer:
+    done = restore(layout)
+    return Answer(ok=done.ok, detail=done.detail, again=done.again)
+
+
+def _restarted(layout: Layout, _: Mapping[str, str], _left: Left) -> Answer:
+    if is_marked(layout):
+        return Answer(ok=False, detail="a person has stopped the endpoint; it stays so")
+    problem = supervising.obstacle(layout)
+    if problem is not None:
+        return refusal([problem])
+    supervising.stop(layout)
+    process, problem = supervising.start(layout)
+    if process is None:
+        return refusal([problem] if problem is not None else [])
+    return Answer(ok=True, detail="the endpoint was started anew")
+
+
+def _redeployed(layout: Layout, environ: Mapping[str, str], _left: Left) -> Answer:
+    return redeploy(layout, environ)
+
+
+def _rediscovered(layout: Layout, environ: Mapping[str, str], left: Left) -> Answer:
+    manifest, _ = load(layout.project / FILE_NAME, environ)
+    told = rediscover(layout, environ, apply=manifest.daemon.apply if manifest is not None else ASK, left=left)
+    spent = told.get("spent") or {}
+    return Answer(
+        ok=bool(told["ok"]),
+        detail=str(told["detail"]),
+        again=bool(told["again"]),
+        calls=int(spent.get("calls") or 0),
+        usage=Usage(spent.get("input_tokens"), None, spent.get("output_tokens"), spent.get("usd", 0.0)),
+    )
+
+
+ACTIONS: Mapping[str, Callable[[Layout, Mapping[str, str], Left], Answer]] = {
+    "restore": _restored,
+    "redeploy": _redeployed,
+    "restart": _restarted,
+    "rediscover": _rediscovered,
+}

@@ -1,0 +1,123 @@
+"""What the daemon's agents do on a host: through the same door as an apply, and only on what was applied. (Heavy.)
+
+Who diagnoses or mends stands on the accepted artifacts, and a repair on the endpoint that was published from them.
+Where files are not as they were accepted, or a person has begun to change the project, a repair is put off: it would
+carry half of that change into service.
+"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from pathlib import Path
+
+from octoform.apply import adopting
+from octoform.apply.context import Clock, Context
+from octoform.apply.duty import Answer, refusal
+from octoform.apply.service import service_of
+from octoform.diagnostics import Diagnostic, error, has_errors
+from octoform.endpoint.publishing import is_published
+from octoform.endpoint.stopmark import is_marked
+from octoform.engine.apply.commit import commit_run
+from octoform.engine.apply.execution_log import logging_to
+from octoform.engine.apply.session import Locked, Means, Opened, Refused, context_of, locked, opened
+from octoform.engine.plan import cache
+from octoform.engine.plan.refresh import look
+from octoform.events import Event, Notice
+from octoform.harness.orphans import sweep
+from octoform.state.artifacts.accepted import observe
+from octoform.state.layout import STAGES
+from octoform.state.model import Status
+from octoform.state.store.store import Ports
+
+LOCK_SECONDS = 30.0
+"""How long a duty waits for somebody else who works on the host: longer than a plan, shorter than an apply."""
+
+Work = Callable[[Context], Answer]
+
+
+def on_duty(
+    project: Path, environ: Mapping[str, str], operation: str, work: Work, ports: Ports | None = None
+) -> Answer:
+    """Do the work under the lock of the host's state; what stands in the way is an answer too.
+
+    ``operation`` is what the lock says meanwhile. The state file is written anew, and committed where the manifest says
+    so, when another server is the accepted one afterwards.
+    """
+    with locked(project, environ, operation, LOCK_SECONDS) as held:
+        if isinstance(held, Refused):
+            return refusal(held.diagnostics)
+        there = opened(held.compiled, ports)
+        if isinstance(there, Refused):
+            return refusal(there.diagnostics)
+        with logging_to(held.compiled.layout.call_log, Clock(), _nobody) as emit:
+            sweep(held.compiled.layout.attempts)
+            for text in (*held.notices, *there.undone, *there.finished):
+                emit(Notice(operation, text))
+            means = Means(environ, emit, checkpoint=(ports or Ports()).checkpoint)
+            return _worked(held, there, means, operation, work)
+
+
+def _worked(held: Locked, there: Opened, means: Means, operation: str, work: Work) -> Answer:
+    compiled, store = held.compiled, there.store
+    unready = _unready(held, there)
+    if unready is not None:
+        return refusal([unready])
+    context = context_of(compiled, look(compiled, store.snapshot, means.environ), store, means)
+    if there.finished and not is_marked(compiled.layout):
+        # What a killed run had begun is carried through; the endpoint is published from it, as the next plan expects.
+        found = adopting.published(context, smoke=False)
+        if has_errors(found):
+            return refusal(found)
+    try:
+        answer = work(context)
+    except BaseException:
+        # An orderly stop closes the journal. Where that fails, the journal stays, and the next run folds it in.
+        store.commit_snapshot()
+        raise
+    return _recorded(held, there, operation, answer)
+
+
+def _recorded(held: Locked, there: Opened, operation: str, answer: Answer) -> Answer:
+    """The state file and the commit; a repair that is in service and not recorded is said, and still one."""
+    layout, unsettled = held.compiled.layout, there.store.unsettled
+    found = there.store.commit_snapshot()
+    if not unsettled:
+        return answer
+    cache.path_of(layout.project).unlink(missing_ok=True)
+    if held.compiled.manifest.git.commit and not has_errors(found):
+        _, more = commit_run(layout, there.store.snapshot, operation)
+        found += more
+    if not has_errors(found):
+        return answer
+    return replace(answer, detail=f"{answer.detail} ({refusal(found).detail})")
+
+
+def _unready(held: Locked, there: Opened) -> Diagnostic | None:
+    """Why nothing can be done on what is there: not all of it is accepted, or some of it is not as it was accepted."""
+    nodes, files = there.store.snapshot.nodes, observe(held.compiled.layout)
+    for stage in STAGES:
+        known = nodes.get(stage)
+        if known is None or known.status is not Status.ACCEPTED:
+            summary = f"{stage} has no accepted output: there is nothing that an agent could keep working"
+            return error("DUTY-NOT-APPLIED", summary, hint="octoform apply")
+        if files[stage].digest != known.file_digest:
+            summary = f"the files of {stage} are not as they were accepted"
+            return error("DUTY-CHANGED", summary, hint="octoform plan shows it, octoform apply puts it in order")
+    return None
+
+
+def ready(context: Context) -> list[Diagnostic]:
+    """Why no other server may be put in service now: errors, and none where the endpoint is what it was applied as."""
+    if is_marked(context.layout):
+        summary = "a person has stopped the endpoint, and a repair would start it"
+        return [error("DUTY-STOPPED", summary, hint="octoform start brings it back")]
+    # A killed run may have left another server in service than the accepted one.
+    found = adopting.put_back(context, smoke=False)
+    if has_errors(found) or is_published(context.layout, service_of(context), context.environ):
+        return found
+    summary = "the endpoint is not what the manifest and the accepted artifacts make of it now"
+    hint = "octoform apply brings what was changed into service; until then no agent works on it"
+    return [*found, error("DUTY-CHANGED", summary, hint=hint)]
+
+
+def _nobody(_: Event) -> None:
+    """Nobody watches a duty; the execution log has it."""

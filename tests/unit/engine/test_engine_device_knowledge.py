@@ -1,0 +1,117 @@
+"""Tiers, profiles and questions as the plan tells them: a device is asked about once, and what was said counts."""
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from octoform.engine.plan import device_knowledge
+from octoform.engine.plan.configuration import compile_project
+from octoform.plan.diff import Prior
+from octoform.plan.model import Action, OpenQuestion, ProfileUse
+from octoform.profiles import Profile, load_text
+
+BOARD, LAMP = "usb-0a0a-0001", "usb-0a0a-0002"
+PROFILE = "---\nname: pump\nabout: a pump\nevidence: {text: [Heron pump]}\n---\nIt pumps.\n"
+ARTIFACTS: dict[str, Any] = {
+    "probe": {
+        "devices": [
+            {"id": BOARD, "name": "USB Serial", "interface": "usb", "raw_descriptor": "product: USB Serial"},
+            {"id": LAMP, "name": "Heron lamp", "interface": "usb", "raw_descriptor": "product: Heron lamp"},
+        ]
+    },
+    "identify": {
+        "devices": [
+            {
+                "id": BOARD,
+                "identified_as": "serial adapter",
+                "category": "unknown",
+                "method": "none",
+                "missing": "What?",
+            },
+            {"id": LAMP, "identified_as": "Heron lamp", "category": "actuator", "method": "descriptor_strings"},
+        ]
+    },
+}
+
+
+@pytest.fixture
+def pump() -> Profile:
+    profile, found = load_text(PROFILE, "octopus.yaml")
+    assert profile is not None, found
+    return profile
+
+
+def test_a_question_is_open_until_somebody_answers() -> None:
+    assert device_knowledge.questions(ARTIFACTS, {}) == (OpenQuestion(BOARD, "serial adapter", "What?", 2),)
+    assert device_knowledge.questions(ARTIFACTS, {BOARD: "a pump"}) == ()
+    assert device_knowledge.questions({}, {}) == ()
+
+
+def test_the_tier_is_of_what_was_said_when_identify_was_accepted(pump: Profile) -> None:
+    assert [(item.device, item.tier) for item in device_knowledge.devices(ARTIFACTS, (pump,), {})] == [(LAMP, 1)]
+    parts = {f"answer.{LAMP}": "above the bench"}
+    (device,) = device_knowledge.devices(ARTIFACTS, (pump,), {"identify": Prior("accepted", parts, "d", "f")})
+    assert (device.tier, device.answer) == (2, "above the bench")
+
+
+def test_a_plan_says_for_whom_a_profile_would_hold(pump: Profile) -> None:
+    answers = {BOARD: "the Heron pump on the left"}
+    accepted = {"profile.pump": pump.digest}
+    said = {**accepted, f"answer.{BOARD}": "the Heron pump"}
+
+    def uses(parts: dict[str, str], now: dict[str, str]) -> list[Action]:
+        found = device_knowledge.profile_uses(ARTIFACTS, (pump,), now, {"identify": Prior("accepted", parts, "d", "f")})
+        assert {(item.profile, item.device) for item in found} <= {("pump", BOARD)}
+        return [item.action for item in found]
+
+    assert uses(accepted, {}) == []
+    assert uses(accepted, answers) == [Action.CREATE]
+    assert uses(said, answers) == [Action.NOOP]
+    assert uses(said, {}) == [Action.DESTROY]
+    assert uses({f"answer.{BOARD}": "the Heron pump"}, answers) == [Action.CREATE], "the profile itself is new"
+    assert device_knowledge.profile_uses(ARTIFACTS, (pump,), answers, {}) == (ProfileUse("pump", BOARD, Action.CREATE),)
+
+
+def test_an_answer_without_its_device_names_the_one_that_it_is_a_slip_of() -> None:
+    (found,) = device_knowledge.stray(ARTIFACTS, {"usb-0a0-0001": "a pump", LAMP: "it shines"})
+    assert found.code == "PLAN-ANSWER-WITHOUT-DEVICE"
+    assert "did you mean usb-0a0a-000" in (found.hint or "")
+    (found,) = device_knowledge.stray(ARTIFACTS, {"usb-0a0a-0003": "a pump"})
+    assert "did you mean" not in (found.hint or ""), "another number is another device"
+    assert device_knowledge.stray({}, {"usb-0a0a-0003": "a pump"}) == []
+
+
+ARM: dict[str, Any] = {
+    "id": BOARD,
+    "name": "USB Single Serial",
+    "interface": "usb",
+    "vid": "1a86",
+    "pid": "55d3",
+    "classes": ["tty"],
+    "raw_descriptor": "product: LeRobot arm bus",
+}
+
+
+def offers(folder: Path, manifest: str = "", **device: Any) -> list[tuple[str, str | None]]:
+    (folder / "octopus.yaml").write_text(f"version: 1\nhost: bench\n{manifest}")
+    compiled, found = compile_project(folder, {})
+    assert compiled is not None, found
+    told = device_knowledge.offers({"probe": {"devices": [{**ARM, **device}]}}, compiled)
+    return [(item.code, item.hint) for item in told]
+
+
+def test_a_shipped_profile_that_matches_is_offered_with_its_line(tmp_path: Path) -> None:
+    assert offers(tmp_path) == [("PROFILE-OFFERED", "write `profiles: [so-arm101]` in octopus.yaml to use it")]
+    other = "profiles: [camera-rail]\n"
+    assert offers(tmp_path, other) == [("PROFILE-OFFERED", "add `so-arm101` to `profiles` in octopus.yaml to use it")]
+
+
+def test_what_is_named_or_does_not_match_is_not_offered(tmp_path: Path) -> None:
+    assert offers(tmp_path, "profiles: [so-arm101]\n") == []
+    assert offers(tmp_path, raw_descriptor="product: USB Serial") == []
+
+
+def test_the_owners_answer_makes_a_shipped_profile_match(tmp_path: Path) -> None:
+    silent = {"raw_descriptor": "product: USB Serial"}
+    assert offers(tmp_path, f"answers: {{{BOARD}: the SO-ARM101 on the bench}}\n", **silent) != []
