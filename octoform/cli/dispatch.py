@@ -13,7 +13,7 @@ from pathlib import Path
 
 from octoform.cli.options import UsageError
 from octoform.cli.parser import parse
-from octoform.cli.stopping import Stopped, orderly
+from octoform.cli.signals import Stopped, orderly
 from octoform.diagnostics import Severity
 from octoform.views.format import console, problems
 
@@ -29,6 +29,15 @@ _READING = frozenset(
 _HERE = frozenset(("init", "simulate", "schema", "explain", "help", "version", "completion", "connect", "estop"))
 """Commands that need no project, make one, or find theirs by a rule of their own."""
 MANIFEST = "octopus.yaml"
+ROOMS = {
+    "project": "init validate schema explain graph doctor install profile spec simulate",
+    "run": "plan apply destroy answer attempts",
+    "state": "show state devices coverage accept force_unlock",
+    "endpoint": "start stop restart logs service tools call look connect clients token revoke estop audit limits",
+    "daemon": "watch status health heal claims confirm pause resume episodes",
+    "about": "help version completion",
+}
+"""The folders below `octoform.cli.commands`, each with its modules, which have the names of their commands."""
 
 
 def dispatch(argv: Sequence[str]) -> int:
@@ -54,13 +63,19 @@ def dispatch(argv: Sequence[str]) -> int:
         return 1
 
 
+def room_of(name: str) -> str:
+    """The folder of a command's module."""
+    return next(room for room, names in ROOMS.items() if name in names.split())
+
+
 def _run(arguments: Namespace, screen: console.Console) -> int:
     """The command itself; where the operating system refuses it something, it ends with that as a problem."""
     try:
         project = _project(arguments, screen)
         if arguments.command not in _READING:
             _hide(project, screen)
-        command = import_module(f"octoform.cli.commands.{arguments.command.replace('-', '_')}")
+        name = arguments.command.replace("-", "_")
+        command = import_module(f"octoform.cli.commands.{room_of(name)}.{name}")
         status: int = command.run(arguments, project, screen)
     except BrokenPipeError:
         raise

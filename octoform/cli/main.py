@@ -8,7 +8,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     """Run the command line; the exit codes are those of ``octoform --help``."""
     words = sys.argv[1:] if argv is None else list(argv)
     if words[-2:-1] == ["connect"]:
-        from octoform.cli.shortcut import connected
+        from octoform.cli.connect_fast_path import connected
 
         status = connected(words)
         if status is not None:

@@ -8,7 +8,7 @@ import argparse
 from collections.abc import Sequence
 
 from octoform import durations
-from octoform.cli import keeping, live
+from octoform.cli import daemon_commands, endpoint_commands
 from octoform.cli.options import JSON_HELP, Commands, Parser, UsageError, add, flag, value, verbs_of
 
 EXIT_CODES = """\
@@ -41,8 +41,8 @@ def build() -> Parser:
     _reading(commands)
     _working(commands)
     _state(commands)
-    live.commands_of(commands)
-    keeping.commands_of(commands)
+    endpoint_commands.commands_of(commands)
+    daemon_commands.commands_of(commands)
     _agents(commands)
     _about(commands)
     return parser

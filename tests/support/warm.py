@@ -97,8 +97,8 @@ def keep(orders: socket.socket) -> int:
     """The loaded process: fork for each order, tell the exit of each fork; 0 when there is nobody left to order."""
     from octoform.cli import commands
 
-    for module in pkgutil.iter_modules(commands.__path__):
-        importlib.import_module(f"{commands.__name__}.{module.name}")
+    for module in pkgutil.walk_packages(commands.__path__, f"{commands.__name__}."):
+        importlib.import_module(module.name)
     gc.freeze()  # a collection in a fork would copy all that is loaded
     selector = selectors.DefaultSelector()
     selector.register(orders, selectors.EVENT_READ)

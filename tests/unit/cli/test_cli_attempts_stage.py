@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from octoform.cli.commands import attempts
+from octoform.cli.commands.run import attempts
 from octoform.cli.options import UsageError
 from octoform.views.format.console import Console
 

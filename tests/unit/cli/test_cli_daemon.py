@@ -12,7 +12,7 @@ from daemon_world import DaemonWorld
 import octoform
 from octoform.claims.ledger import Ledger
 from octoform.claims.model import State
-from octoform.cli.commands import confirm as command
+from octoform.cli.commands.daemon import confirm as command
 from octoform.cli.dispatch import dispatch
 from octoform.cli.parser import parse
 from octoform.daemon.model import Cause, Done, Repair

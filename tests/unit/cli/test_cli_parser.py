@@ -1,10 +1,14 @@
 """What can be typed: Terraform's single dashes and the usual double ones, durations, and errors with status 1."""
 
+from pathlib import Path
+
 import pytest
 
+from octoform.cli import commands
+from octoform.cli.dispatch import ROOMS
 from octoform.cli.main import main
 from octoform.cli.options import UsageError
-from octoform.cli.parser import parse, seconds
+from octoform.cli.parser import build, parse, seconds
 
 
 @pytest.mark.parametrize("dashes", ["-", "--"])
@@ -60,3 +64,11 @@ def test_json_of_call_is_an_object_or_only_the_form_of_the_answer() -> None:
     assert parse(["call", "t"]).json_arguments is None
     assert parse(["call", "t", "-json"]).json_arguments == ""
     assert parse(["call", "t", "-json", '{"a": 1}']).json_arguments == '{"a": 1}'
+
+
+def test_each_command_has_its_module_in_a_room_and_each_module_is_a_command() -> None:
+    folder = Path(commands.__file__).parent
+    modules = {path.relative_to(folder).as_posix() for path in folder.rglob("*.py") if path.stem != "__init__"}
+    assert modules == {f"{room}/{name}.py" for room, names in ROOMS.items() for name in names.split()}
+    known = next(action for action in build()._actions if action.dest == "command").choices or ()
+    assert {name.replace("-", "_") for name in known} == {Path(path).stem for path in modules}

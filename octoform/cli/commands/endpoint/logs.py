@@ -5,7 +5,7 @@ from argparse import Namespace
 from pathlib import Path
 
 from octoform.cli.options import UsageError
-from octoform.cli.stopping import Stopped
+from octoform.cli.signals import Stopped
 from octoform.endpoint.logs import Logs
 from octoform.engine.inspect.logs import entries, following, lines, open_logs
 from octoform.views.endpoint import logs as view

@@ -3,7 +3,7 @@
 from argparse import Namespace
 from pathlib import Path
 
-from octoform.cli.keeping_watch import watched
+from octoform.cli.watch_command import watched
 from octoform.views.daemon.event_log import Lines, Objects
 from octoform.views.format.console import Console
 

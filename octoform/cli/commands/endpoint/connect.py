@@ -11,7 +11,7 @@ from octoform.views.format.console import Console
 def run(arguments: Namespace, project: Path, screen: Console) -> int:
     """Exit code 0 when the client closed the connection, 1 when the endpoint did or never came up."""
     if arguments.print is not None:
-        from octoform.cli.commands.clients import printed
+        from octoform.cli.commands.endpoint.clients import printed
 
         return printed(arguments, project, screen)
     problem = connect(project, arguments.host, revive=arguments.start)

@@ -4,7 +4,7 @@ import os
 from argparse import Namespace
 from pathlib import Path
 
-from octoform.cli.keeping_watch import watched
+from octoform.cli.watch_command import watched
 from octoform.daemon.requests import daemon_of, given_up, retry
 from octoform.engine.tools import layout_of
 from octoform.views.daemon import control

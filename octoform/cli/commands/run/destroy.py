@@ -4,7 +4,7 @@ import os
 from argparse import Namespace
 from pathlib import Path
 
-from octoform.cli.commands.apply import execute
+from octoform.cli.commands.run.apply import execute
 from octoform.engine.plan.plan import Request
 from octoform.views.format.console import Console
 

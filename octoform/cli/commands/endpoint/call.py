@@ -8,7 +8,7 @@ from pathlib import Path
 
 from octoform.cli.options import UsageError
 from octoform.cli.parser import seconds
-from octoform.cli.stopping import Stopped
+from octoform.cli.signals import Stopped
 from octoform.diagnostics import error
 from octoform.engine.tools import Request, answered, call, example, tools
 from octoform.views.endpoint import tools as tools_view

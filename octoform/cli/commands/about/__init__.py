@@ -1,0 +1,1 @@
+"""Commands on octoform itself: help, version, completion."""

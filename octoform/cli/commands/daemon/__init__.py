@@ -1,0 +1,1 @@
+"""Commands on the daemon: watch, status, health, repairs, claims, incidents."""

@@ -1,0 +1,1 @@
+"""Commands that plan and change: plan, apply, destroy, answers, attempts."""

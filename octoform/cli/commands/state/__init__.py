@@ -1,0 +1,1 @@
+"""Commands on what was accepted: show, devices, coverage, nodes, the lock."""
