@@ -20,9 +20,9 @@ from octoform.apply.serving import STARTING, Judge, prove_import, publish
 from octoform.apply.settling import runtime_files, text_of
 from octoform.base import files
 from octoform.diagnostics import Diagnostic, error, has_errors
-from octoform.endpoint.building import build
-from octoform.endpoint.check import judge_check
-from octoform.endpoint.environment import Environment
+from octoform.endpoint.client.check import judge_check
+from octoform.endpoint.environment.build import build
+from octoform.endpoint.environment.model import Environment
 from octoform.endpoint.files import CHECK
 from octoform.graph.model import Graph, Node, NodeKind, key_of
 from octoform.harness.port import Task

@@ -6,9 +6,9 @@ from octoform import events
 from octoform.apply.context import Context
 from octoform.apply.tally import Tally
 from octoform.diagnostics import Diagnostic, has_errors, warning
-from octoform.endpoint.estop import is_latched
-from octoform.endpoint.removing import remove, stopped_devices
-from octoform.endpoint.systemd import is_ours, unit_path
+from octoform.endpoint.process.estop import is_latched
+from octoform.endpoint.process.systemd import is_ours, unit_path
+from octoform.endpoint.publish.removal import remove, stopped_devices
 from octoform.plan.model import Action, Plan
 from octoform.state.artifacts.cache import INSTANCES, forget
 from octoform.state.files import refused

@@ -12,9 +12,9 @@ from octoform.apply.serving import STARTING, calls_said, publish
 from octoform.apply.settling import counted
 from octoform.base import files
 from octoform.diagnostics import Diagnostic, error, has_errors
-from octoform.endpoint.building import build
-from octoform.endpoint.observing import observe
-from octoform.endpoint.publishing import is_published
+from octoform.endpoint.environment.build import build
+from octoform.endpoint.observe.drift import observe
+from octoform.endpoint.publish.publication import is_published
 from octoform.harness.port import Usage
 
 CANDIDATE = "candidate"

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from typing import Any, Protocol
 
 from octoform.diagnostics import Diagnostic
-from octoform.endpoint.client import Nobody, Wanted, call
+from octoform.endpoint.client.terminal import Nobody, Wanted, call
 from octoform.perception.capture import take
 from octoform.perception.image_quality import Picture
 from octoform.state.layout import Layout

@@ -30,10 +30,10 @@ from octoform.contracts.duties import told_devices, told_tools
 from octoform.contracts.model import Artifacts
 from octoform.contracts.parsing import MAX_SOURCE_BYTES, parse
 from octoform.diagnostics import Diagnostic, error, has_errors
-from octoform.endpoint import estop
-from octoform.endpoint.check import CheckReport
-from octoform.endpoint.check import check as check_endpoint
-from octoform.endpoint.promise import shown as promised
+from octoform.endpoint.client.check import CheckReport
+from octoform.endpoint.client.check import check as check_endpoint
+from octoform.endpoint.process import estop
+from octoform.endpoint.publish.expected_tools import shown as promised
 from octoform.harness.plainfile import read_plain
 from octoform.harness.port import Task
 

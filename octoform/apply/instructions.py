@@ -16,7 +16,7 @@ from octoform.apply.context import Context
 from octoform.apply.endpoint_node import CANDIDATE
 from octoform.apply.healing_record import FOLDER as HEALED
 from octoform.base.files import read
-from octoform.endpoint.environment import MARKER, packages_of
+from octoform.endpoint.environment.model import MARKER, packages_of
 from octoform.endpoint.files import (
     CLIENTS,
     CONNECTION,
@@ -27,8 +27,8 @@ from octoform.endpoint.files import (
     SERVE_SCRIPT,
     read_manifest,
 )
-from octoform.endpoint.systemd import unit_path
-from octoform.endpoint.watch_unit import watch_path
+from octoform.endpoint.process.systemd import unit_path
+from octoform.endpoint.process.systemd_watch import watch_path
 from octoform.state.git.head import on_branch, repository
 from octoform.state.git.repository import configuration_files
 from octoform.state.layout import Layout

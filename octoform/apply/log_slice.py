@@ -11,7 +11,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 from octoform.diagnostics import Diagnostic
-from octoform.endpoint.logs import CALLS, Line, Logs, logs_of
+from octoform.endpoint.observe.logs import CALLS, Line, Logs, logs_of
 from octoform.escaping import escaped
 from octoform.harness.completion import Completion
 from octoform.harness.port import Usage

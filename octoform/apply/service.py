@@ -8,9 +8,9 @@ from octoform.apply.context import Context
 from octoform.apply.reading import accepted
 from octoform.contracts.serve_tool_rules import tools_importing
 from octoform.diagnostics import Diagnostic
-from octoform.endpoint.policy import Holding, resolve
-from octoform.endpoint.policy_check import doubts
-from octoform.endpoint.service import Service
+from octoform.endpoint.publish.policy import Holding, resolve
+from octoform.endpoint.publish.policy_check import doubts
+from octoform.endpoint.publish.spec import Service
 from octoform.profiles.selection import holds
 
 

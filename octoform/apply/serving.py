@@ -26,18 +26,18 @@ from octoform.contracts.source import imported_modules, needed_source
 from octoform.contracts.text import listed
 from octoform.contracts.text import shown as shown_text
 from octoform.diagnostics import Diagnostic, has_errors, warning
-from octoform.endpoint.building import build
-from octoform.endpoint.check import CheckReport, check, judge_check
-from octoform.endpoint.distributions import providers, requirements
-from octoform.endpoint.environment import Environment, packages_of
-from octoform.endpoint.errand import Client
-from octoform.endpoint.importcheck import ImportReport, check_import, judge_import
-from octoform.endpoint.prewarming import await_bytecode
-from octoform.endpoint.promise import shown
-from octoform.endpoint.publishing import write_endpoint
-from octoform.endpoint.resolving import OFFLINE, resolve
-from octoform.endpoint.supervising import PUBLISHED_BYTES, obstacle, stop
-from octoform.endpoint.tokens import ensure_default
+from octoform.endpoint.access.tokens import ensure_default
+from octoform.endpoint.client.check import CheckReport, check, judge_check
+from octoform.endpoint.client.sdk_client import Client
+from octoform.endpoint.environment.build import build
+from octoform.endpoint.environment.early_build import await_bytecode
+from octoform.endpoint.environment.import_check import ImportReport, check_import, judge_import
+from octoform.endpoint.environment.lockfile import OFFLINE, resolve
+from octoform.endpoint.environment.model import Environment, packages_of
+from octoform.endpoint.environment.wheel_records import providers, requirements
+from octoform.endpoint.process.lifecycle import PUBLISHED_BYTES, obstacle, stop
+from octoform.endpoint.publish.expected_tools import shown
+from octoform.endpoint.publish.publication import write_endpoint
 from octoform.harness.port import Task
 
 IMPORT_SECONDS = 30.0

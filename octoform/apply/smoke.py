@@ -11,7 +11,7 @@ from typing import Any
 from octoform.apply.serving import Judge
 from octoform.contracts.text import shown
 from octoform.diagnostics import Diagnostic, error
-from octoform.endpoint.check import CheckReport, TrialCall, judge_check
+from octoform.endpoint.client.check import CheckReport, TrialCall, judge_check
 
 HINT = "the accepted server stays in service; octoform attempts -stage heal shows what was tried"
 

@@ -13,7 +13,7 @@ from octoform.base.files import read_json
 from octoform.claims.settings import Bound, Settings, ToolFacts
 from octoform.conditions import is_number
 from octoform.endpoint.files import POLICY, read_policy
-from octoform.endpoint.promise import promised
+from octoform.endpoint.publish.expected_tools import promised
 from octoform.state.layout import Layout
 
 

@@ -12,7 +12,7 @@ from octoform.claims.conditions import holds
 from octoform.claims.model import Claim, Reading, Signal, State
 from octoform.daemon.model import Facts, Kind, Outcome, Status
 from octoform.daemon.signals.reporting import Silence, answered, newest, reporting, silent
-from octoform.endpoint.observing import OTHER_TOOLS
+from octoform.endpoint.observe.drift import OTHER_TOOLS
 
 FORMAT = 1
 ORDER = (Status.HEALTHY, Status.UNKNOWN, Status.DEGRADED, Status.ERROR, Status.DOWN)

@@ -11,8 +11,8 @@ from enum import StrEnum
 from typing import Any
 
 from octoform.digest import of_value, short
-from octoform.endpoint.calllog import LoggedCall
-from octoform.endpoint.running import Running
+from octoform.endpoint.observe.call_log import LoggedCall
+from octoform.endpoint.process.record import Running
 
 
 class Cause(StrEnum):
@@ -150,9 +150,9 @@ class Facts:
 
     ``uptime`` is in seconds of CLOCK_BOOTTIME, ``stamp`` RFC 3339. ``busy`` names the operation of a live holder of the
     state's lock (``apply``), while which nothing is judged. ``stopped_by`` is set when a person stopped the endpoint.
-    ``endpoint`` are the reasons of `octoform.endpoint.observing`, ``damaged`` are paths below the project with
+    ``endpoint`` are the reasons of `octoform.endpoint.observe.drift`, ``damaged`` are paths below the project with
     ``missing``, ``changed``, ``link`` or ``foreign``. ``environment`` are the reasons of
-    `octoform.endpoint.environment.intact`.
+    `octoform.endpoint.environment.model.intact`.
     ``appeared`` and ``gone`` are fingerprint entries against the last accepted PROBE. ``failures`` and ``worked`` are
     calls since the last look, ``printed`` new lines of the process's own log that are no access lines (bounded).
     ``start_failed`` is what the last start of ours said when it failed. Sizes are in bytes. ``put_off`` are causes

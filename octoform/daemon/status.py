@@ -34,9 +34,9 @@ from octoform.daemon.triage import judge, remember
 from octoform.daemon.triage.failure_history import Recall
 from octoform.daemon.triage.failure_history import from_json as recall_from
 from octoform.diagnostics import Diagnostic
-from octoform.endpoint import stopmark
-from octoform.endpoint.estop import is_latched
-from octoform.endpoint.running import running
+from octoform.endpoint.process import desired_state
+from octoform.endpoint.process.estop import is_latched
+from octoform.endpoint.process.record import running
 from octoform.engine.apply import approval
 from octoform.engine.tools import layout_of
 from octoform.manifest.model import FILE_NAME
@@ -153,7 +153,7 @@ def _bulletin(layout: Layout, environ: Mapping[str, str]) -> tuple[Health, float
 
 def _is_past(document: Mapping[str, Any], layout: Layout) -> bool:
     """True when the process, a person's stop or the emergency stop is not as the record of health has it."""
-    stop = stopmark.read(layout)
+    stop = desired_state.read(layout)
     by, latched = None if stop is None else stop.by, is_latched(layout)
     now = basis(Facts(0.0, "", layout.host, process=running(layout), stopped_by=by, latched=latched))
     return bool(document.get("basis", now) != now)
@@ -254,7 +254,7 @@ def _todo(layout: Layout, health: Health, watched: Record | None, paused: str | 
     if not layout.endpoint.is_dir():
         yield "octoform apply", "nothing is applied yet"
         return
-    if stopmark.is_marked(layout):
+    if desired_state.is_marked(layout):
         yield "octoform start", "a person stopped the endpoint"
     if is_latched(layout):
         yield "octoform estop -clear", "the emergency stop is latched"

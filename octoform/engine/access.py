@@ -6,10 +6,10 @@ from pathlib import Path
 
 from octoform.base.tokens import Token
 from octoform.diagnostics import Diagnostic
-from octoform.endpoint import tokens
-from octoform.endpoint.tokens import Made
-from octoform.endpoint.tunnel import Revocation
-from octoform.endpoint.tunnel import revoke as end_tunnel
+from octoform.endpoint.access import tokens
+from octoform.endpoint.access.tokens import Made
+from octoform.endpoint.access.tunnel import Revocation
+from octoform.endpoint.access.tunnel import revoke as end_tunnel
 from octoform.engine.safety import person
 from octoform.engine.tools import layout_of
 

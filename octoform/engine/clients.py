@@ -11,13 +11,14 @@ from pathlib import Path
 
 from octoform.base import files
 from octoform.diagnostics import Diagnostic, did_you_mean, error, warning
-from octoform.endpoint import public, tokens
-from octoform.endpoint.clients import formats, installing, merging
-from octoform.endpoint.clients.formats import CLIENTS, Client
-from octoform.endpoint.clients.installing import Outcome, Reach, Server, Sight
-from octoform.endpoint.clients.places import Surroundings
-from octoform.endpoint.publishing import client_command, lasting_client_command
-from octoform.endpoint.running import running
+from octoform.endpoint.access import external_address, tokens
+from octoform.endpoint.mcp_clients import formats, merge
+from octoform.endpoint.mcp_clients import install as client_install
+from octoform.endpoint.mcp_clients.formats import CLIENTS, Client
+from octoform.endpoint.mcp_clients.install import Outcome, Reach, Server, Sight
+from octoform.endpoint.mcp_clients.paths import Surroundings
+from octoform.endpoint.process.record import running
+from octoform.endpoint.publish.publication import client_command, lasting_client_command
 from octoform.engine.plan import cache
 from octoform.engine.plan.configuration import compile_project
 from octoform.state.file_owner import foreign
@@ -59,11 +60,11 @@ def printed(
     server, told = _outward(layout, replace(server, bearer=None))
     entry = formats.form(chosen, server.name, server.command, server.url)
     assert entry is not None
-    wish = merging.Wish(chosen.table, server.name, entry, prompted=server.url is not None)
+    wish = merge.Wish(chosen.table, server.name, entry, prompted=server.url is not None)
     notes = () if server.url is None else (*told, *_token_notes(chosen))
-    file = installing.file_of(chosen, _around(environ))
+    file = client_install.file_of(chosen, _around(environ))
     kind = STDIO if server.url is None else HTTP
-    return Printed(chosen, file, merging.written(chosen, wish), kind, notes), found
+    return Printed(chosen, file, merge.written(chosen, wish), kind, notes), found
 
 
 def listed(project: Path, environ: Mapping[str, str]) -> tuple[Listing | None, list[Diagnostic]]:
@@ -89,13 +90,15 @@ def left_behind(layout: Layout, environ: Mapping[str, str]) -> list[Diagnostic]:
 
 
 def _sights(layout: Layout, environ: Mapping[str, str]) -> tuple[Sight, ...]:
-    url, tunnel = _url(layout), public.tunnel_now(layout)
+    url, tunnel = _url(layout), external_address.tunnel_now(layout)
     urls = [url] if url else []
-    urls += [public.through(tunnel, url)] if url and tunnel and tunnel.running else []
+    urls += [external_address.through(tunnel, url)] if url and tunnel and tunnel.running else []
     server = Server(_name(layout), tuple(client_command(layout)), url)
-    reach = Reach(public.networked(layout), tuple(urls), tuple(_tokens(layout).values()))
+    reach = Reach(external_address.networked(layout), tuple(urls), tuple(_tokens(layout).values()))
     around = _around(environ)
-    return tuple(installing.look(formats.of(client, server.name), around, server, reach) for client in CLIENTS.values())
+    return tuple(
+        client_install.look(formats.of(client, server.name), around, server, reach) for client in CLIENTS.values()
+    )
 
 
 def install(
@@ -108,7 +111,7 @@ def install(
     server, more = _server(layout, chosen, transport)
     if server is None:
         return None, [*found, *more]
-    done = installing.install(chosen, _around(environ), server)
+    done = client_install.install(chosen, _around(environ), server)
     if isinstance(done, Diagnostic):
         return None, [*found, done]
     return done, [*found, *([_written(done)] if server.url and server.bearer else [])]
@@ -120,7 +123,7 @@ def remove(project: Path, environ: Mapping[str, str], client: str) -> tuple[Outc
     if chosen is None or layout is None:
         return None, found
     server = Server(_name(layout), tuple(client_command(layout)), _url(layout))
-    done = installing.remove(chosen, _around(environ), server)
+    done = client_install.remove(chosen, _around(environ), server)
     return (None, [*found, done]) if isinstance(done, Diagnostic) else (done, found)
 
 
@@ -236,14 +239,14 @@ def _tokens(layout: Layout) -> dict[str, str]:
 
 def _outward(layout: Layout, server: Server) -> tuple[Server, tuple[str, ...]]:
     """The server at its public address where it has one, and what to know of that: what is printed may go anywhere."""
-    tunnel = public.tunnel_now(layout) if server.url is not None else None
+    tunnel = external_address.tunnel_now(layout) if server.url is not None else None
     if server.url is None or tunnel is None:
         return server, ()
     if not tunnel.running:
         reason = f" ({tunnel.reason})" if tunnel.reason else ""
         return server, (f"the tunnel does not run{reason}, so this is the address for this machine and its network",)
     told = "this is the address of the tunnel: it is another one after each start, unless its provider keeps it"
-    return replace(server, url=public.through(tunnel, server.url)), (told,)
+    return replace(server, url=external_address.through(tunnel, server.url)), (told,)
 
 
 def _url(layout: Layout) -> str | None:

@@ -11,7 +11,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 from octoform.diagnostics import Diagnostic
-from octoform.endpoint.rights import served
+from octoform.endpoint.access.rights import served
 from octoform.engine.inspect.rights import lacking
 from octoform.engine.plan.configuration import MANIFEST
 from octoform.harness import logins, port, registry

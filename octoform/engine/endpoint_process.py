@@ -5,9 +5,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from octoform.diagnostics import Diagnostic, did_you_mean, error
-from octoform.endpoint import stopmark, supervising, tunnel
+from octoform.endpoint.access import tunnel
 from octoform.endpoint.files import of_another
-from octoform.endpoint.running import Running, running
+from octoform.endpoint.process import desired_state, lifecycle
+from octoform.endpoint.process.record import Running, running
 from octoform.engine.tools import layout_of
 from octoform.state.layout import Layout
 
@@ -44,13 +45,13 @@ def restart(project: Path, environ: Mapping[str, str]) -> tuple[Started | None, 
     layout, found = layout_of(project, environ)
     if layout is None:
         return None, found
-    refused = stopmark.refusal(layout)
+    refused = desired_state.refusal(layout)
     if refused is not None:
         return None, [refused]
-    problem = supervising.obstacle(layout)
+    problem = lifecycle.obstacle(layout)
     if problem is not None:
         return None, [problem]
-    before = running(layout) if of_another(layout) else supervising.stop(layout).process
+    before = running(layout) if of_another(layout) else lifecycle.stop(layout).process
     return _start(layout, environ, before, anew=True)
 
 
@@ -67,10 +68,10 @@ def _start(
             problem = take_over(layout, environ, foreign)
             if problem is not None:
                 return None, [problem]
-        process, problem = supervising.start(layout)
+        process, problem = lifecycle.start(layout)
     finally:
         # Last: a daemon that finds neither a process nor the mark takes it for a death, and starts one as well.
-        stopmark.unmark(layout)
+        desired_state.unmark(layout)
     if process is None:
         return None, [problem] if problem else []
     return Started(layout.host, process, before), []
@@ -82,8 +83,8 @@ def stop(project: Path, environ: Mapping[str, str], host: str | None) -> tuple[S
     if layout is None:
         return None, found
     # First the mark: whoever sees the process end finds that a person wanted it.
-    problem = stopmark.mark(layout)
-    done = supervising.stop(layout)
+    problem = desired_state.mark(layout)
+    done = lifecycle.stop(layout)
     if problem is not None and done.process is None:
         return None, [problem]
     return Stopped(layout.host, done.process, done.firmly), [problem] if problem else []

@@ -16,7 +16,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 from octoform.diagnostics import Diagnostic, error
-from octoform.endpoint.packages import packages, reason
+from octoform.endpoint.environment.packages import packages, reason
 from octoform.harness import installed, installing, registry
 from octoform.harness.adapters.program import ProgramHarness
 from octoform.harness.slots import Setup

@@ -8,10 +8,12 @@ from pathlib import Path
 from typing import Any
 
 from octoform.diagnostics import Diagnostic, error
-from octoform.endpoint import auditing, estop, limiting
-from octoform.endpoint.auditing import Checked, Wanted
-from octoform.endpoint.estop import Estop
-from octoform.endpoint.limiting import Limits
+from octoform.endpoint.access import audit_log
+from octoform.endpoint.access import limits as endpoint_limits
+from octoform.endpoint.access.audit_log import Checked, Wanted
+from octoform.endpoint.access.limits import Limits
+from octoform.endpoint.process import estop
+from octoform.endpoint.process.estop import Estop
 from octoform.state.file_owner import foreign_among
 from octoform.state.layout import Layout
 
@@ -38,26 +40,26 @@ def records(
     layout, found = _layout(project, environ)
     if layout is None:
         return None, found
-    latest, found = auditing.latest(layout, count, wanted)
+    latest, found = audit_log.latest(layout, count, wanted)
     return (None, found) if found else (latest, [])
 
 
 def check_records(project: Path, environ: Environ) -> tuple[Checked | None, list[Diagnostic]]:
     """Whether the audit log is as it was written."""
     layout, found = _layout(project, environ)
-    return (None, found) if layout is None else auditing.verify(layout)
+    return (None, found) if layout is None else audit_log.verify(layout)
 
 
 def limits(project: Path, environ: Environ) -> tuple[Limits | None, list[Diagnostic]]:
     """The limits and what is used of them."""
     layout, found = _layout(project, environ)
-    return (None, found) if layout is None else limiting.show(layout)
+    return (None, found) if layout is None else endpoint_limits.show(layout)
 
 
 def reset_limits(project: Path, environ: Environ, tool: str) -> list[Diagnostic]:
     """Forget what was counted for a tool, or for ``all``."""
     layout, found = _layout(project, environ)
-    return found if layout is None else limiting.reset(layout, tool, person())
+    return found if layout is None else endpoint_limits.reset(layout, tool, person())
 
 
 def person() -> str:

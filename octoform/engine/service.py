@@ -8,10 +8,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from octoform.diagnostics import Diagnostic, error
-from octoform.endpoint import starter, stopmark, supervising, systemd
 from octoform.endpoint.files import LAUNCHER, of_another
-from octoform.endpoint.running import Running
-from octoform.endpoint.watch_unit import watch_name, watch_path, watch_text, watches
+from octoform.endpoint.process import desired_state, lifecycle, start_command, systemd
+from octoform.endpoint.process.record import Running
+from octoform.endpoint.process.systemd_watch import watch_name, watch_path, watch_text, watches
 from octoform.engine.tools import layout_of
 from octoform.state.files import write_atomic
 from octoform.state.layout import Layout
@@ -67,7 +67,7 @@ def missing(unit: Unit) -> Diagnostic | None:
 
 def _temporary() -> Diagnostic | None:
     """That the daemon's unit would name a program which is gone as soon as a cache is cleaned."""
-    if starter.stays(os.environ):
+    if start_command.stays(os.environ):
         return None
     hint = (
         "install it where it stays (uv tool install octoform, pipx install octoform), then run this again with that one"
@@ -96,17 +96,17 @@ def obstacle(unit: Unit) -> Diagnostic | None:
 
 def install(unit: Unit) -> tuple[Running | None, list[Diagnostic]]:
     """Write the units, hand the endpoint over to systemd and wait until it serves; then its daemon."""
-    stopmark.mark(unit.layout)  # or a daemon that runs already would start it again at once
-    supervising.stop(unit.layout)
+    desired_state.mark(unit.layout)  # or a daemon that runs already would start it again at once
+    lifecycle.stop(unit.layout)
     unit.path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
     for path, text in ((unit.path, unit.text), (unit.watch.path, unit.watch.text)):
         if problem := write_atomic(path, text.encode(), 0o600):
             return None, [problem]
-    stopmark.unmark(unit.layout)
+    desired_state.unmark(unit.layout)
     for words in (("daemon-reload",), ("enable", "--now", unit.name)):
         if problem := _told(*words):
             return None, [problem]
-    process, problem = supervising.start(unit.layout)
+    process, problem = lifecycle.start(unit.layout)
     if process is not None:
         problem = _told("enable", "--now", unit.watch.name)
     return (None if problem else process), [problem] if problem else []
@@ -122,9 +122,9 @@ def uninstall(unit: Unit) -> tuple[bool, list[Diagnostic]]:
     problems = [_told("disable", "--now", unit.watch.name)] if unit.watch.path.exists() else []
     unit.watch.path.unlink(missing_ok=True)
     if unit.path.exists():
-        problems.append(stopmark.mark(unit.layout))
+        problems.append(desired_state.mark(unit.layout))
         problems.append(_told("disable", "--now", unit.name))
-        supervising.stop(unit.layout)
+        lifecycle.stop(unit.layout)
         unit.path.unlink(missing_ok=True)
     problems.append(_told("daemon-reload"))
     return True, [item for item in problems if item]

@@ -14,7 +14,7 @@ from pydantic import ValidationError
 from octoform.apply.context import Clock
 from octoform.contracts.parsing import parse
 from octoform.diagnostics import Diagnostic, did_you_mean, error, has_errors, warning
-from octoform.endpoint.client import Person
+from octoform.endpoint.client.terminal import Person
 from octoform.engine.plan.configuration import Compiled, compile_project
 from octoform.manifest.model import Perception
 from octoform.perception import camera_selection

@@ -10,14 +10,15 @@ from typing import Any
 
 from octoform.base import files
 from octoform.diagnostics import Diagnostic
-from octoform.endpoint import control, tokens
-from octoform.endpoint.client import list_tools
-from octoform.endpoint.estop import LATCH
-from octoform.endpoint.neighbours import running_beside
-from octoform.endpoint.observing import observe
-from octoform.endpoint.promise import hidden, promised
-from octoform.endpoint.public import no_tunnel, tunnel_now
-from octoform.endpoint.running import Running, running
+from octoform.endpoint.access import tokens
+from octoform.endpoint.access.external_address import no_tunnel, tunnel_now
+from octoform.endpoint.client.terminal import list_tools
+from octoform.endpoint.observe.drift import observe
+from octoform.endpoint.process import control
+from octoform.endpoint.process.estop import LATCH
+from octoform.endpoint.process.other_hosts import running_beside
+from octoform.endpoint.process.record import Running, running
+from octoform.endpoint.publish.expected_tools import hidden, promised
 from octoform.engine.plan import cache
 from octoform.engine.plan.plan import Request, prepare
 from octoform.plan.model import Plan

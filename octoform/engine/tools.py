@@ -7,10 +7,10 @@ from typing import Any
 
 from octoform.base.files import parse
 from octoform.diagnostics import Diagnostic, error, has_errors
-from octoform.endpoint.client import CallResult, Person, Wanted, list_tools, save_media
-from octoform.endpoint.client import call as call_tool
+from octoform.endpoint.client.terminal import CallResult, Person, Wanted, list_tools, save_media
+from octoform.endpoint.client.terminal import call as call_tool
 from octoform.endpoint.files import CHECK
-from octoform.endpoint.promise import promised
+from octoform.endpoint.publish.expected_tools import promised
 from octoform.engine.plan import cache
 from octoform.state.file_owner import foreign
 from octoform.state.files import read_regular

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from octoform.diagnostics import Diagnostic, error
-from octoform.endpoint.client import CallResult, Person, Wanted, call
+from octoform.endpoint.client.terminal import CallResult, Person, Wanted, call
 from octoform.perception.decoder import Decoded, decode
 from octoform.perception.image_quality import Picture
 from octoform.state.layout import Layout

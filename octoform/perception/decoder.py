@@ -14,8 +14,8 @@ from typing import Any
 import octoform.endpoint
 from octoform.base.files import parse
 from octoform.diagnostics import Diagnostic, error
-from octoform.endpoint.errand import recorded_environment
-from octoform.endpoint.process import base_environment, run
+from octoform.endpoint.bounded_program import base_environment, run
+from octoform.endpoint.client.sdk_client import recorded_environment
 from octoform.perception.image_quality import THUMB_BYTES, Picture
 from octoform.state.layout import Layout
 

@@ -13,7 +13,7 @@ from pydantic import BaseModel, ConfigDict
 
 from octoform.diagnostics import Diagnostic
 from octoform.digest import of_bytes
-from octoform.endpoint.media import ending_of
+from octoform.endpoint.client.media import ending_of
 from octoform.escaping import escaped
 from octoform.perception.capture import Taken
 from octoform.perception.image_quality import (

@@ -9,7 +9,7 @@ from itertools import compress
 from operator import mul
 from typing import Literal
 
-from octoform.endpoint.judging import UNIFORM_SPREAD
+from octoform.endpoint.client.check_verdict import UNIFORM_SPREAD
 
 Complaint = Literal["black", "uniform"]
 WIDTH, HEIGHT = 64, 48

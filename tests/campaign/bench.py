@@ -18,10 +18,10 @@ from projects import OCTOFORM, Project
 from replugged import Host
 
 from octoform.digest import of_bytes
-from octoform.endpoint import control
-from octoform.endpoint.client import Wanted, call
-from octoform.endpoint.environment import packages_of
-from octoform.endpoint.running import Running, running
+from octoform.endpoint.client.terminal import Wanted, call
+from octoform.endpoint.environment.model import packages_of
+from octoform.endpoint.process import control
+from octoform.endpoint.process.record import Running, running
 from octoform.endpoint.sockets import greeted
 from octoform.state.layout import Layout
 

@@ -9,7 +9,7 @@ from campaign.cases_process import end
 from campaign.model import SURFACED, Case
 
 from octoform.daemon.model import Kind, Repair
-from octoform.endpoint.environment import at, intact
+from octoform.endpoint.environment.model import at, intact
 
 FILE, STATE = frozenset({Kind.FILE_DAMAGED}), frozenset({Kind.STATE_DAMAGED})
 PACKAGE = frozenset({Kind.PACKAGE_DAMAGED, Kind.PACKAGE_CONFLICT})

@@ -18,7 +18,7 @@ import pytest
 from projects import AGENT, Project
 
 from octoform.daemon.store import instance_lock
-from octoform.endpoint.running import running
+from octoform.endpoint.process.record import running
 from octoform.engine.unattended.heal import heal, roll_back, settle
 from octoform.engine.unattended.watch import diagnose
 from octoform.perception.capture import Taken

@@ -13,7 +13,7 @@ import pytest
 from launched import Launched, launched, tool
 from raw_mcp import RawClient, call, connected, request
 
-from octoform.endpoint import control
+from octoform.endpoint.process import control
 
 SOURCE = '''
 import asyncio, time

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from projects import Project
 
-from octoform.endpoint.running import running
+from octoform.endpoint.process.record import running
 from octoform.launcher.owner import RECORD, Owner, command_line, start_of
 from octoform.state.layout import Layout
 

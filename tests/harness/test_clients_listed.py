@@ -11,7 +11,7 @@ from agent_runs import program
 from launched import LOOPBACK, Launched, launched, tool
 from projects import OCTOFORM
 
-from octoform.endpoint.clients.json_edit import read
+from octoform.endpoint.mcp_clients.json_edit import read
 
 SOURCE = '''
 from fastmcp import FastMCP

@@ -10,7 +10,7 @@ from launched import LOOPBACK, Launched, launched, tool
 from offered import ERAS, heard_all, hearing
 from plugged import CAMERA, SENSOR, Host
 
-from octoform.endpoint.tokens import create
+from octoform.endpoint.access.tokens import create
 
 FRAME = "octoform://frames/capture_image"
 DEVICES = [

@@ -14,7 +14,7 @@ from hosts.plant import plant
 from projects import Project
 from rig.rail import DEVICE, HOST
 
-from octoform.endpoint.client import Wanted, call
+from octoform.endpoint.client.terminal import Wanted, call
 from octoform.simulation.ports import Port
 from octoform.state.layout import Layout
 

@@ -26,7 +26,7 @@ from octoform.claims.readings import to_json
 from octoform.daemon.evidence import Evidence
 from octoform.daemon.observe.clock import SystemClock
 from octoform.diagnostics import Diagnostic
-from octoform.endpoint.client import CallResult, Wanted, call
+from octoform.endpoint.client.terminal import CallResult, Wanted, call
 from octoform.engine.unattended.heal import heal
 from octoform.engine.unattended.watch import diagnose
 from octoform.state.layout import Layout

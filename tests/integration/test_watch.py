@@ -12,7 +12,7 @@ from launched import Launched, launched, tool
 from projects import OCTOFORM
 
 from octoform.daemon.store import instance_lock
-from octoform.endpoint.running import running
+from octoform.endpoint.process.record import running
 
 SOURCE = """
 from fastmcp import FastMCP

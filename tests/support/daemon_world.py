@@ -19,8 +19,8 @@ from octoform.daemon.ports import Ports
 from octoform.daemon.reconcile.lanes import AtOnce, Bench
 from octoform.daemon.reconcile.supervisor import Round, Supervisor
 from octoform.daemon.store.state import Memory
-from octoform.endpoint.calllog import LoggedCall
-from octoform.endpoint.running import Running
+from octoform.endpoint.observe.call_log import LoggedCall
+from octoform.endpoint.process.record import Running
 from octoform.manifest.model import Daemon
 from octoform.state.layout import Layout
 

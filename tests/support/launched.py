@@ -14,11 +14,11 @@ from typing import Any
 from fastmcp import Client
 from fastmcp.client.transports import StdioTransport, StreamableHttpTransport
 
-from octoform.endpoint import control, supervising
-from octoform.endpoint.environment import Environment
-from octoform.endpoint.publishing import client_command, write_endpoint
-from octoform.endpoint.running import Running, running
-from octoform.endpoint.service import Service
+from octoform.endpoint.environment.model import Environment
+from octoform.endpoint.process import control, lifecycle
+from octoform.endpoint.process.record import Running, running
+from octoform.endpoint.publish.publication import client_command, write_endpoint
+from octoform.endpoint.publish.spec import Service
 from octoform.state.layout import Layout
 
 RUNTIME = Path(__file__).parents[2] / "octoform" / "runtime"
@@ -104,11 +104,11 @@ class Launched:
 
     def stop(self) -> None:
         """End the process; it can be started again."""
-        supervising.stop(self.layout)
+        lifecycle.stop(self.layout)
 
     def start(self) -> None:
         """Start it (again)."""
-        process, problem = supervising.start(self.layout)
+        process, problem = lifecycle.start(self.layout)
         assert process is not None, problem
 
 
@@ -142,7 +142,7 @@ def launched(
     service = Service(tools, policy_of(tools, policy), devices, scope, network, tunnel)
     endpoint = Launched(write(folder, source, service, environ))
     if network is not None:
-        from octoform.endpoint.tokens import ensure_default
+        from octoform.endpoint.access.tokens import ensure_default
 
         ensure_default(endpoint.layout)
     endpoint.start()

@@ -23,7 +23,7 @@ from octoform.builtin.identify.stage import identify
 from octoform.builtin.interface.stage import declare
 from octoform.builtin.probe.stage import probe_root
 from octoform.builtin.serve.stage import render
-from octoform.endpoint.policy import resolve
+from octoform.endpoint.publish.policy import resolve
 from octoform.manifest.policy_model import Policy
 from octoform.profiles import Profile, for_task, holds
 from octoform.profiles.parser import load

@@ -12,8 +12,8 @@ from pathlib import Path
 from typing import Any
 
 from octoform.base.files import read
-from octoform.endpoint import control
-from octoform.endpoint.running import Running
+from octoform.endpoint.process import control
+from octoform.endpoint.process.record import Running
 from octoform.endpoint.sockets import GREETING, connect
 from octoform.state.layout import Layout
 

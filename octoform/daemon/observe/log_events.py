@@ -9,8 +9,8 @@ from dataclasses import dataclass
 from typing import Any
 
 from octoform.daemon.observe.log_tail import Tail, objects
-from octoform.endpoint.calllog import LoggedCall
 from octoform.endpoint.files import read_policy
+from octoform.endpoint.observe.call_log import LoggedCall
 from octoform.escaping import escaped
 from octoform.state.layout import Layout
 

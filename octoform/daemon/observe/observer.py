@@ -17,11 +17,11 @@ from octoform.daemon.observe.liveness_probe import Answering
 from octoform.daemon.observe.log_events import Hearing
 from octoform.daemon.observe.presence import Presence
 from octoform.daemon.ports import Clock
-from octoform.endpoint import stopmark
-from octoform.endpoint.estop import is_latched
 from octoform.endpoint.files import read_manifest
-from octoform.endpoint.promise import published
-from octoform.endpoint.running import Running, running
+from octoform.endpoint.process import desired_state
+from octoform.endpoint.process.estop import is_latched
+from octoform.endpoint.process.record import Running, running
+from octoform.endpoint.publish.expected_tools import published
 from octoform.escaping import escaped
 from octoform.manifest.model import FILE_NAME
 from octoform.state.files import read_regular, write_atomic
@@ -83,7 +83,7 @@ class Looker:
             applied=applied,
             destroyed=not applied and _destroyed(layout),
             busy=holder,
-            stopped_by=stop.by if (stop := stopmark.read(layout)) is not None else None,
+            stopped_by=stop.by if (stop := desired_state.read(layout)) is not None else None,
             process=process,
             latched=is_latched(layout),
             unproved=_unproved(layout) if causes & STANDING else before.unproved,

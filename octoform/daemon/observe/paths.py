@@ -10,10 +10,10 @@ from pathlib import Path
 
 from octoform.daemon.model import Cause
 from octoform.daemon.observe.inotify import Watch
-from octoform.endpoint.environment import packages_of
-from octoform.endpoint.estop import LATCH
+from octoform.endpoint.environment.model import packages_of
 from octoform.endpoint.files import read_manifest
-from octoform.endpoint.running import RECORD
+from octoform.endpoint.process.estop import LATCH
+from octoform.endpoint.process.record import RECORD
 from octoform.state.layout import Layout
 
 MANIFEST = "octopus.yaml"

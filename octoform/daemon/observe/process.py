@@ -7,7 +7,7 @@ import os
 from contextlib import suppress
 
 from octoform.daemon.model import Cause
-from octoform.endpoint.running import Running, is_it
+from octoform.endpoint.process.record import Running, is_it
 
 _ENDED = frozenset((Cause.PROCESS,))
 

@@ -13,10 +13,10 @@ from typing import Any
 
 from octoform.claims.model import Channel, Reading, Signal, Value
 from octoform.diagnostics import Diagnostic
-from octoform.endpoint.promise import hidden, promised
-from octoform.endpoint.reaching import knock
-from octoform.endpoint.running import running
-from octoform.endpoint.wire import Wire, WireError, sender
+from octoform.endpoint.client.jsonrpc import Wire, WireError, sender
+from octoform.endpoint.process.record import running
+from octoform.endpoint.proxy.dial import knock
+from octoform.endpoint.publish.expected_tools import hidden, promised
 from octoform.escaping import escaped
 from octoform.state.layout import Layout
 

@@ -4,7 +4,8 @@ In this order, and only until there is room: environments that no endpoint names
 logs (their errors stay), the environment before the present one. Never an artifact, a log that is written, what a
 person has put there, results that tools gave to somebody, or evidence of an edit.
 
-ROTATE: set a log aside that has grown large. Light; `octoform.endpoint.archiving` says how nothing of it is lost.
+ROTATE: set a log aside that has grown large. Light; `octoform.endpoint.process.log_rotation` says how nothing
+of it is lost.
 """
 
 import os
@@ -15,9 +16,9 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from octoform.daemon.model import Done
-from octoform.endpoint.archiving import archives, drop, set_aside
-from octoform.endpoint.building import prune
+from octoform.endpoint.environment.build import prune
 from octoform.endpoint.files import read_manifest
+from octoform.endpoint.process.log_rotation import archives, drop, set_aside
 from octoform.state.files import mount_point
 from octoform.state.layout import Layout
 

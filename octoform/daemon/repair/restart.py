@@ -17,10 +17,10 @@ from typing import Any
 from octoform.base.files import parse
 from octoform.daemon.model import Done
 from octoform.diagnostics import Diagnostic
-from octoform.endpoint import supervising
-from octoform.endpoint.control import ask
-from octoform.endpoint.running import Running, is_it, running
-from octoform.endpoint.stopmark import is_marked
+from octoform.endpoint.process import lifecycle
+from octoform.endpoint.process.control import ask
+from octoform.endpoint.process.desired_state import is_marked
+from octoform.endpoint.process.record import Running, is_it, running
 from octoform.state.files import read_regular, refused, write_atomic
 from octoform.state.layout import Layout
 
@@ -65,8 +65,8 @@ class World:
     uptime: Callable[[], float] = lambda: time.clock_gettime(time.CLOCK_BOOTTIME)
     boot: Callable[[], str] = lambda: _boot()
     sleep: Callable[[float], None] = time.sleep
-    start: Callable[[Layout, float], tuple[Running | None, Diagnostic | None]] = supervising.start
-    stop: Callable[[Layout], object] = supervising.stop
+    start: Callable[[Layout, float], tuple[Running | None, Diagnostic | None]] = lifecycle.start
+    stop: Callable[[Layout], object] = lifecycle.stop
     lives: Callable[[Running], bool] = is_it
 
 
@@ -79,7 +79,7 @@ def restart(layout: Layout, world: World | None = None, *, hung: bool = False) -
     if is_marked(layout):
         return Done(False, "a person has stopped the endpoint; octoform start starts it", again=False)
     there = running(layout)
-    if there is not None and not hung and supervising.accepts(layout):
+    if there is not None and not hung and lifecycle.accepts(layout):
         return Done(True, f"it runs already (process {there.pid})")
     if there is not None and hung and _well(layout):
         return Done(True, f"it answers again by itself (process {there.pid})")
@@ -116,7 +116,7 @@ def _started(layout: Layout, world: World, starts: list[Start]) -> Done:
 
 def _brought_up(layout: Layout, world: World) -> tuple[Running | None, Diagnostic | None]:
     try:
-        return world.start(layout, supervising.START_SECONDS)
+        return world.start(layout, lifecycle.START_SECONDS)
     except OSError as problem:  # a full disk or one that is read-only: no start, and told as every other failed one
         return None, refused(problem, Path(problem.filename or layout.run))
 
@@ -129,7 +129,7 @@ def _well(layout: Layout) -> bool:
     told = ask(layout, {"op": "status"}, ANSWER_SECONDS)
     gate = told.get("gate") if told is not None else None
     stuck = gate.get("stuck") if isinstance(gate, dict) else None
-    return told is not None and not stuck and supervising.accepts(layout)
+    return told is not None and not stuck and lifecycle.accepts(layout)
 
 
 def _stays(process: Running, world: World) -> bool:

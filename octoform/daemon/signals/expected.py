@@ -17,7 +17,7 @@ from typing import Any
 from octoform.claims.model import Channel, Reading, Signal
 from octoform.daemon.observe.samples import tool_of
 from octoform.daemon.signals.reporting import Silence
-from octoform.endpoint.promise import hidden, promised
+from octoform.endpoint.publish.expected_tools import hidden, promised
 from octoform.state.layout import Layout
 
 

@@ -1,7 +1,7 @@
 """What the endpoint stands on: accepted artifacts, its published files, its environment, and what only a person mends.
 
-The reasons of `octoform.endpoint.observing` and `octoform.endpoint.environment` are sentences for people; this is the
-one place where they are sorted, and what is in no known sentence counts as a damage of the published files.
+The reasons of `octoform.endpoint.observe.drift` and `octoform.endpoint.environment.model` are sentences for people;
+this is the one place where they are sorted, and what is in no known sentence counts as a damage of the published files.
 """
 
 import re

@@ -8,7 +8,7 @@ from collections.abc import Iterable, Iterator
 
 from octoform.daemon.model import Facts, FaultClass, Finding, Kind, Repair
 from octoform.daemon.triage.failure_history import ABSENT, AMBIGUOUS, OVERDUE, Failing, Recall
-from octoform.endpoint.judging import DEFECTS
+from octoform.endpoint.client.check_verdict import DEFECTS
 
 AGAIN = 2
 """Failures in a row after which one that may be the room's is taken for the tool's."""

@@ -12,8 +12,8 @@ from octoform.apply.destroying import destroy
 from octoform.apply.runner import execute
 from octoform.apply.tally import Tally
 from octoform.diagnostics import Diagnostic, Severity, error, has_errors
-from octoform.endpoint import stopmark
-from octoform.endpoint.prewarming import prewarmed
+from octoform.endpoint.environment.early_build import prewarmed
+from octoform.endpoint.process import desired_state
 from octoform.engine.apply import approval, summary
 from octoform.engine.apply.commit import commit_run
 from octoform.engine.apply.execution_log import logging_to
@@ -114,7 +114,7 @@ def _planned(request: Request, options: Options, view: RunView, held: Locked) ->
         declined = error("APPLY-NOT-APPROVED", f"{blank.operation} was not approved; nothing was done", hint=hint)
         return replace(blank, failed="approval", diagnostics=(declined,))
     if not request.destroy and any(item.node in _SERVING or item.node.startswith(STEP) for item in shown.work):
-        stopmark.unmark(compiled.layout)
+        desired_state.unmark(compiled.layout)
     run = _Run(request, options, view, outlook, store)
     try:
         tally = run.carry_out(shown, saved, notices)

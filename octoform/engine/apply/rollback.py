@@ -21,10 +21,10 @@ from octoform.apply import adopting
 from octoform.apply.endpoint_node import CANDIDATE
 from octoform.base.files import parse
 from octoform.diagnostics import Diagnostic, error, has_errors
-from octoform.endpoint import supervising
 from octoform.endpoint.files import CHECK, LAUNCHER, MANIFEST, read_manifest
-from octoform.endpoint.running import running
-from octoform.endpoint.stopmark import is_marked
+from octoform.endpoint.process import lifecycle
+from octoform.endpoint.process.desired_state import is_marked
+from octoform.endpoint.process.record import running
 from octoform.state.artifacts.accepted import accept, contents, file_digest
 from octoform.state.disk_reserve import spending
 from octoform.state.files import read_regular, write_atomic
@@ -180,7 +180,7 @@ def _served_again(former: Former) -> list[Diagnostic]:
     layout = former.layout
     same = all(read_regular(layout.endpoint / name)[0] == data for name, data in former.endpoint.items())
     if not same:
-        supervising.stop(layout)
+        lifecycle.stop(layout)
         for name, data in former.endpoint.items():
             problem = write_atomic(layout.endpoint / name, data, 0o700 if name == LAUNCHER else 0o600)
             if problem is not None:
@@ -188,7 +188,7 @@ def _served_again(former: Former) -> list[Diagnostic]:
     shutil.rmtree(layout.local / CANDIDATE, ignore_errors=True)  # nothing is published from there any more
     if not former.ran or is_marked(layout):
         return []
-    process, problem = supervising.start(layout)
+    process, problem = lifecycle.start(layout)
     if process is not None:
         return []
     return [problem or error("ENDPOINT-START-FAILED", "the endpoint is not started again")]

@@ -6,11 +6,11 @@ from typing import Any
 
 from octoform.base import files
 from octoform.base.shape import fits
-from octoform.endpoint.judging import NOTHING_ANSWERS
-from octoform.endpoint.observing import observe
-from octoform.endpoint.promise import shown
-from octoform.endpoint.public import no_tunnel, through, tunnel_opened
-from octoform.endpoint.tokens import listed
+from octoform.endpoint.access.external_address import no_tunnel, through, tunnel_opened
+from octoform.endpoint.access.tokens import listed
+from octoform.endpoint.client.check_verdict import NOTHING_ANSWERS
+from octoform.endpoint.observe.drift import observe
+from octoform.endpoint.publish.expected_tools import shown
 from octoform.engine.inspect.rights import diagnostics, lacking
 from octoform.engine.results import EndpointSummary, Funnel, RunResult
 from octoform.state.layout import Layout

@@ -16,8 +16,8 @@ from octoform.contracts.checking import has_shape
 from octoform.contracts.parsing import parse
 from octoform.contracts.tier import tier, wanted
 from octoform.diagnostics import Diagnostic, error
-from octoform.endpoint.observing import observe as observe_endpoint
-from octoform.endpoint.promise import hidden
+from octoform.endpoint.observe.drift import observe as observe_endpoint
+from octoform.endpoint.publish.expected_tools import hidden
 from octoform.engine.coverage.report import Coverage, Ground, coverage
 from octoform.engine.coverage.run_comparison import Run, Stability, compare
 from octoform.engine.coverage.run_comparison import run_of as stable_run

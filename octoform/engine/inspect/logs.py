@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from octoform.diagnostics import Diagnostic
-from octoform.endpoint.logs import CALLS, Line, Logs, logs_of
+from octoform.endpoint.observe.logs import CALLS, Line, Logs, logs_of
 from octoform.engine.tools import layout_of
 
 PATIENCE_SECONDS = 2.0

@@ -16,8 +16,8 @@ from typing import Any
 import octoform
 from octoform import digest, host
 from octoform.base import files
-from octoform.endpoint.neighbours import running_beside
-from octoform.endpoint.observing import observe
+from octoform.endpoint.observe.drift import observe
+from octoform.endpoint.process.other_hosts import running_beside
 from octoform.plan.encode import from_json, to_json
 from octoform.plan.model import Plan
 from octoform.state.git.head import head_revision, repository

@@ -10,9 +10,9 @@ from typing import Any
 
 import octoform
 from octoform.diagnostics import Diagnostic, as_warning, did_you_mean, error, has_errors, warning
-from octoform.endpoint.neighbours import running_beside
-from octoform.endpoint.policy_check import doubts
-from octoform.endpoint.promise import published
+from octoform.endpoint.process.other_hosts import running_beside
+from octoform.endpoint.publish.expected_tools import published
+from octoform.endpoint.publish.policy_check import doubts
 from octoform.engine.plan import device_knowledge, step_outlook
 from octoform.engine.plan.configuration import Compiled, compile_project, source_files
 from octoform.engine.plan.confinement import without_sandbox

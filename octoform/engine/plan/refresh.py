@@ -15,7 +15,7 @@ from octoform.contracts.checking import check, has_shape
 from octoform.contracts.model import Artifacts, ProfileFacts
 from octoform.contracts.parsing import parse
 from octoform.diagnostics import Diagnostic, Severity
-from octoform.endpoint.observing import observe as observe_endpoint
+from octoform.endpoint.observe.drift import observe as observe_endpoint
 from octoform.engine.plan.configuration import Compiled
 from octoform.perception.camera_selection import Camera, cameras
 from octoform.plan.diff import Observed, Prior

@@ -13,8 +13,8 @@ from octoform.apply import adopting, healing, pending_rewrite
 from octoform.apply.context import Context
 from octoform.apply.duty import Answer, refusal
 from octoform.diagnostics import Diagnostic, error, has_errors
-from octoform.endpoint import estop, supervising
-from octoform.endpoint.stopmark import is_marked
+from octoform.endpoint.process import estop, lifecycle
+from octoform.endpoint.process.desired_state import is_marked
 from octoform.engine.tools import layout_of
 from octoform.engine.unattended.cost_estimate import Left
 from octoform.engine.unattended.redeploy import redeploy
@@ -128,11 +128,11 @@ def _restored(layout: Layout, _: Mapping[str, str], _left: Left) -> Answer:
 def _restarted(layout: Layout, _: Mapping[str, str], _left: Left) -> Answer:
     if is_marked(layout):
         return Answer(ok=False, detail="a person has stopped the endpoint; it stays so")
-    problem = supervising.obstacle(layout)
+    problem = lifecycle.obstacle(layout)
     if problem is not None:
         return refusal([problem])
-    supervising.stop(layout)
-    process, problem = supervising.start(layout)
+    lifecycle.stop(layout)
+    process, problem = lifecycle.start(layout)
     if process is None:
         return refusal([problem] if problem is not None else [])
     return Answer(ok=True, detail="the endpoint was started anew")

@@ -9,7 +9,7 @@ from collections.abc import Mapping
 
 from octoform.apply.duty import Answer
 from octoform.diagnostics import Severity, has_errors
-from octoform.endpoint.stopmark import is_marked
+from octoform.endpoint.process.desired_state import is_marked
 from octoform.engine.apply.apply import Options, apply
 from octoform.engine.apply.rollback import Former, forget, go_back, keep, remember, taken_back
 from octoform.engine.plan.plan import Outlook, Request

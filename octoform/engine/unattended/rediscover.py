@@ -18,7 +18,7 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from octoform.diagnostics import Diagnostic, has_errors
-from octoform.endpoint.stopmark import is_marked
+from octoform.endpoint.process.desired_state import is_marked
 from octoform.engine.apply import approval
 from octoform.engine.apply.apply import Options, apply
 from octoform.engine.apply.rollback import Former, forget, go_back, keep, remember, taken_back

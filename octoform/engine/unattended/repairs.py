@@ -10,15 +10,15 @@ from dataclasses import dataclass
 
 from octoform.contracts.parsing import parse
 from octoform.diagnostics import Diagnostic
-from octoform.endpoint import supervising
-from octoform.endpoint.building import build
-from octoform.endpoint.check import check, judge_check
-from octoform.endpoint.distributions import altered
-from octoform.endpoint.environment import Environment, at, locate, packages_of
-from octoform.endpoint.packages import packages
-from octoform.endpoint.promise import shown as shown_tools
-from octoform.endpoint.running import running
-from octoform.endpoint.stopmark import is_marked
+from octoform.endpoint.client.check import check, judge_check
+from octoform.endpoint.environment.build import build
+from octoform.endpoint.environment.model import Environment, at, locate, packages_of
+from octoform.endpoint.environment.packages import packages
+from octoform.endpoint.environment.wheel_records import altered
+from octoform.endpoint.process import lifecycle
+from octoform.endpoint.process.desired_state import is_marked
+from octoform.endpoint.process.record import running
+from octoform.endpoint.publish.expected_tools import shown as shown_tools
 from octoform.engine.unattended.restore_files import Mended, mend_artifacts, mend_endpoint
 from octoform.state.files import read_regular
 from octoform.state.layout import Layout
@@ -133,10 +133,10 @@ def _restarted(layout: Layout, detail: str) -> Repaired:
     if is_marked(layout):
         return Repaired(True, f"{detail}; a person has stopped the endpoint, so it is not started")
     if running(layout) is not None:
-        if problem := supervising.obstacle(layout):
+        if problem := lifecycle.obstacle(layout):
             return Repaired(False, f"{detail}; {_words([problem])}")
-        supervising.stop(layout)
-    process, problem = supervising.start(layout)
+        lifecycle.stop(layout)
+    process, problem = lifecycle.start(layout)
     if process is None:
         return Repaired(False, f"{detail}; {_words([problem] if problem else [])}")
     return Repaired(True, f"{detail}; the endpoint runs from it")

@@ -20,8 +20,8 @@ from pathlib import Path
 
 from octoform.diagnostics import Diagnostic, has_errors
 from octoform.endpoint.files import CLIENTS, LAUNCHER
-from octoform.endpoint.running import running
-from octoform.endpoint.stopmark import is_marked
+from octoform.endpoint.process.desired_state import is_marked
+from octoform.endpoint.process.record import running
 from octoform.state.artifacts import cache
 from octoform.state.artifacts.accepted import observe
 from octoform.state.artifacts.damage import Damage, damage_of, set_aside

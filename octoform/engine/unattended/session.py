@@ -14,8 +14,8 @@ from octoform.apply.context import Clock, Context
 from octoform.apply.duty import Answer, refusal
 from octoform.apply.service import service_of
 from octoform.diagnostics import Diagnostic, error, has_errors
-from octoform.endpoint.publishing import is_published
-from octoform.endpoint.stopmark import is_marked
+from octoform.endpoint.process.desired_state import is_marked
+from octoform.endpoint.publish.publication import is_published
 from octoform.engine.apply.commit import commit_run
 from octoform.engine.apply.execution_log import logging_to
 from octoform.engine.apply.session import Locked, Means, Opened, Refused, context_of, locked, opened

@@ -12,7 +12,7 @@ from octoform.apply.context import Context
 from octoform.apply.duty import Answer, refusal
 from octoform.apply.service import service_of
 from octoform.diagnostics import Diagnostic, has_errors
-from octoform.endpoint.publishing import tells_of
+from octoform.endpoint.publish.publication import tells_of
 from octoform.engine.unattended.session import on_duty
 from octoform.state.layout import Layout
 

@@ -3,8 +3,8 @@
 from collections.abc import Sequence
 
 from octoform.base.tokens import Token
-from octoform.endpoint.tokens import Made
-from octoform.endpoint.tunnel import Revocation
+from octoform.endpoint.access.tokens import Made
+from octoform.endpoint.access.tunnel import Revocation
 from octoform.engine.access import Shown
 from octoform.views.format.console import Console
 from octoform.views.format.output import document

@@ -8,7 +8,7 @@ import json
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
-from octoform.endpoint.client import BEFOREHAND
+from octoform.endpoint.client.terminal import BEFOREHAND
 from octoform.views.format.console import Console
 from octoform.views.format.output import document
 from octoform.views.format.values import one_line

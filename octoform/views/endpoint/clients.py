@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from octoform.diagnostics import Diagnostic, to_json
-from octoform.endpoint.clients.installing import Outcome, Sight
+from octoform.endpoint.mcp_clients.install import Outcome, Sight
 from octoform.engine.clients import Listing, Printed, notes
 from octoform.escaping import escaped_json
 from octoform.views.format import problems

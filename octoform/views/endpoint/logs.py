@@ -6,7 +6,7 @@ import select
 from collections.abc import Iterable, Mapping
 from typing import Any
 
-from octoform.endpoint.logs import SERVER, Line, moment
+from octoform.endpoint.observe.logs import SERVER, Line, moment
 from octoform.engine.inspect.logs import Entry
 from octoform.escaping import escaped, escaped_json
 from octoform.views.format.console import Console

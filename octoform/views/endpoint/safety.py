@@ -5,9 +5,9 @@ from dataclasses import asdict
 from typing import Any
 
 from octoform.diagnostics import Diagnostic, to_json
-from octoform.endpoint.auditing import Checked
-from octoform.endpoint.estop import Estop
-from octoform.endpoint.limiting import Limited, Limits
+from octoform.endpoint.access.audit_log import Checked
+from octoform.endpoint.access.limits import Limited, Limits
+from octoform.endpoint.process.estop import Estop
 from octoform.views.format import problems
 from octoform.views.format.console import Console
 from octoform.views.format.output import document

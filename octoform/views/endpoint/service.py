@@ -3,7 +3,7 @@
 import sys
 
 from octoform.diagnostics import Diagnostic, error
-from octoform.endpoint.running import Running
+from octoform.endpoint.process.record import Running
 from octoform.engine.service import Unit
 from octoform.views.format.console import Console
 from octoform.views.format.values import escape

@@ -16,7 +16,7 @@ from octoform.apply.healing_record import Healed
 from octoform.apply.smoke import no_worse
 from octoform.diagnostics import error
 from octoform.digest import of_bytes
-from octoform.endpoint.check import CheckReport, TrialCall
+from octoform.endpoint.client.check import CheckReport, TrialCall
 from octoform.harness.port import Usage
 from octoform.manifest.model import Perception
 from octoform.perception.frame_store import RECORD

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from octoform.apply.log_slice import ERROR_BYTES, LOG_BYTES, is_trouble, slice_of, sliced
 from octoform.diagnostics import Diagnostic, warning
-from octoform.endpoint.logs import CALLS, SERVER, Line
+from octoform.endpoint.observe.logs import CALLS, SERVER, Line
 from octoform.escaping import is_hidden
 from octoform.harness.completion import Condensed
 from octoform.harness.port import Usage

@@ -16,7 +16,7 @@ from octoform.apply.result import Finished
 from octoform.apply.steps import run_step
 from octoform.contracts.checking import has_shape
 from octoform.diagnostics import Diagnostic, error
-from octoform.endpoint.client import CallResult, Wanted
+from octoform.endpoint.client.terminal import CallResult, Wanted
 from octoform.graph.model import Graph, Node, NodeKind
 from octoform.profiles import load
 from octoform.protocol import schema_dir, step_paths

@@ -10,7 +10,7 @@ import pytest
 from launched import Launched, launched, tool
 
 from octoform.cli.dispatch import dispatch
-from octoform.endpoint.environment import MARKER
+from octoform.endpoint.environment.model import MARKER
 from octoform.engine import snapshot
 from octoform.perception import image_quality
 from octoform.state.layout import Layout

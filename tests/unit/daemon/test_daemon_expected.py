@@ -16,7 +16,7 @@ from octoform.daemon.model import Facts, Status
 from octoform.daemon.notify.status_file import Bulletin
 from octoform.daemon.signals.expected import current, measured
 from octoform.daemon.store.state import Memory
-from octoform.endpoint.running import Running
+from octoform.endpoint.process.record import Running
 from octoform.manifest.model import Daemon
 from octoform.state.layout import Layout
 

@@ -10,7 +10,7 @@ from octoform.claims.model import Channel, Claim, Condition, Reading, Signal, St
 from octoform.daemon import health
 from octoform.daemon.health import Stand, compose, stand, worse
 from octoform.daemon.model import Facts, Kind, Outcome, Sighting, Status
-from octoform.endpoint.running import Running
+from octoform.endpoint.process.record import Running
 
 PROCESS = Running(10, 20, ("launch",), "one", "2026-01-01T00:00:00Z", "local", None)
 WELL = Facts(100.0, "2026-01-01T00:01:40Z", "bench", process=PROCESS, answers=True, devices={"usb-1": Sighting(True)})

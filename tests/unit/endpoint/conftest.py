@@ -5,9 +5,9 @@ from pathlib import Path
 import pytest
 from endpoint_servers import Wheelhouse
 
-from octoform.endpoint.building import build
-from octoform.endpoint.environment import Environment
-from octoform.endpoint.resolving import resolve
+from octoform.endpoint.environment.build import build
+from octoform.endpoint.environment.lockfile import resolve
+from octoform.endpoint.environment.model import Environment
 from octoform.state.layout import Layout
 
 

@@ -11,9 +11,9 @@ from typing import Any
 
 from launched import policy_of
 
-from octoform.endpoint.environment import Environment
-from octoform.endpoint.publishing import write_endpoint
-from octoform.endpoint.service import Service
+from octoform.endpoint.environment.model import Environment
+from octoform.endpoint.publish.publication import write_endpoint
+from octoform.endpoint.publish.spec import Service
 from octoform.state.layout import Layout
 
 RUNTIME = Path(__file__).parents[3] / "octoform" / "runtime"

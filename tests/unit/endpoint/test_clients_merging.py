@@ -10,11 +10,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from ruamel.yaml import YAML
 
-from octoform.endpoint.clients import json_edit, json_text, merging, toml_text, yaml_text
-from octoform.endpoint.clients.formats import CLIENTS, Client, form
-from octoform.endpoint.clients.json_text import Node
-from octoform.endpoint.clients.merging import Edited, Taken, Wish
-from octoform.endpoint.clients.text import Unreadable, at
+from octoform.endpoint.mcp_clients import json_edit, json_text, merge, toml_text, yaml_text
+from octoform.endpoint.mcp_clients.formats import CLIENTS, Client, form
+from octoform.endpoint.mcp_clients.json_text import Node
+from octoform.endpoint.mcp_clients.merge import Edited, Taken, Wish
+from octoform.endpoint.mcp_clients.text_edit import Unreadable, at
 
 NAME = "octoform-bench"
 COMMAND = ("/opt/with blank/python", "-I", "-m", "octoform.cli", '-chdir=/home/a"b', "connect", "bench")
@@ -29,7 +29,7 @@ def wish(key: str, url: str | None = None, table: tuple[str, ...] | None = None)
 
 
 def merged(key: str, text: str, url: str | None = None, table: tuple[str, ...] | None = None) -> str:
-    done = merging.merge(CLIENTS[key], text, wish(key, url, table), lambda _: True)
+    done = merge.merge(CLIENTS[key], text, wish(key, url, table), lambda _: True)
     assert isinstance(done, Edited), done
     assert done.text is not None
     return done.text
@@ -37,7 +37,7 @@ def merged(key: str, text: str, url: str | None = None, table: tuple[str, ...] |
 
 def taken_out(key: str, text: str, *former: str, table: tuple[str, ...] | None = None) -> str | None:
     client = CLIENTS[key]
-    done = merging.take_out(client, text, (*(table or client.table), NAME), lambda _: True, former)
+    done = merge.take_out(client, text, (*(table or client.table), NAME), lambda _: True, former)
     assert isinstance(done, Edited), done
     return done.text
 
@@ -159,7 +159,7 @@ def test_the_new_text_has_the_form_of_the_old(text: str, after: str) -> None:
     ],
 )
 def test_what_cannot_be_read_is_told_with_its_place(text: str, line: int, column: int) -> None:
-    found = merging.merge(CLIENTS["cursor"], text, wish("cursor"), lambda _: True)
+    found = merge.merge(CLIENTS["cursor"], text, wish("cursor"), lambda _: True)
     assert isinstance(found, Unreadable)
     assert found.offset is not None
     before = text[: found.offset]
@@ -199,7 +199,7 @@ b\x41\u00fc\ud83d\ude00\q\0',}"""
 
 def test_a_name_that_stands_twice_on_the_way_is_not_guessed_at() -> None:
     text = '{"mcpServers": {}, "mcpServers": {}}'
-    found = merging.merge(CLIENTS["cursor"], text, wish("cursor"), lambda _: True)
+    found = merge.merge(CLIENTS["cursor"], text, wish("cursor"), lambda _: True)
     assert isinstance(found, Unreadable)
     assert (found.offset, "second time" in found.reason) == (19, True)
 
@@ -207,7 +207,7 @@ def test_a_name_that_stands_twice_on_the_way_is_not_guessed_at() -> None:
 @pytest.mark.parametrize("value", ["[]", '"x"', "1", "null"])
 def test_a_place_of_another_kind_is_taken(value: str) -> None:
     text = '{"mcpServers": ' + value + "}"
-    found = merging.merge(CLIENTS["cursor"], text, wish("cursor"), lambda _: True)
+    found = merge.merge(CLIENTS["cursor"], text, wish("cursor"), lambda _: True)
     assert isinstance(found, Taken)
     assert (found.path, found.offset, found.entry) == (("mcpServers",), 1, None)
 
@@ -215,8 +215,8 @@ def test_a_place_of_another_kind_is_taken(value: str) -> None:
 def test_an_entry_of_somebody_else_is_taken_too() -> None:
     text = '{"mcpServers": {"octoform-bench": {"command": "mine"}}}'
     for done in (
-        merging.merge(CLIENTS["cursor"], text, wish("cursor"), lambda _: False),
-        merging.take_out(CLIENTS["cursor"], text, ("mcpServers", NAME), lambda _: False, []),
+        merge.merge(CLIENTS["cursor"], text, wish("cursor"), lambda _: False),
+        merge.take_out(CLIENTS["cursor"], text, ("mcpServers", NAME), lambda _: False, []),
     ):
         assert isinstance(done, Taken)
         assert done.entry == {"command": "mine"}
@@ -232,7 +232,7 @@ def test_an_older_entry_keeps_the_fields_of_its_person() -> None:
         "mcpServers": {NAME: {"command": COMMAND[0], "args": list(COMMAND[1:]), "env": {"A": "1"}, "trust": True}}
     }
     assert after == text.replace("/old/python", COMMAND[0])
-    there = merging.merge(
+    there = merge.merge(
         CLIENTS["gemini-cli"],
         text,
         Wish(("mcpServers",), NAME, wish("gemini-cli", URL).entry, dropped=frozenset({"command", "args"})),
@@ -263,11 +263,11 @@ def test_what_is_shown_holds_no_secret_of_another_server() -> None:
         '"inputs":[{"id":"k","d":"s3cret"}],"z":"s3cret"}'
     )
     for key, url in (("claude-code", None), ("vscode", URL)):
-        done = merging.merge(CLIENTS[key], text, wish(key, url), lambda _: True)
+        done = merge.merge(CLIENTS[key], text, wish(key, url), lambda _: True)
         assert isinstance(done, Edited)
         assert done.hunks and "s3cret" not in str(done.hunks)
         assert NAME in str(done.hunks)
-        back = merging.take_out(CLIENTS[key], done.text or "", (*CLIENTS[key].table, NAME), lambda _: True, [text])
+        back = merge.take_out(CLIENTS[key], done.text or "", (*CLIENTS[key].table, NAME), lambda _: True, [text])
         assert isinstance(back, Edited)
         assert back.hunks and "s3cret" not in str(back.hunks)
 
@@ -353,7 +353,7 @@ def test_an_older_codex_table_is_brought_up_to_date_with_its_comments() -> None:
 
 
 def test_a_toml_fault_has_its_place() -> None:
-    found = merging.merge(CLIENTS["codex"], "a = 1\r\nb = = 2\r\n", wish("codex"), lambda _: True)
+    found = merge.merge(CLIENTS["codex"], "a = 1\r\nb = = 2\r\n", wish("codex"), lambda _: True)
     assert isinstance(found, Unreadable)
     assert found.offset == 11
     assert isinstance(toml_text.read("a = "), Unreadable)
@@ -412,7 +412,7 @@ def test_goose_writes_its_file_anew_and_the_entry_is_still_found_and_removed() -
 
 @pytest.mark.parametrize("text", ["a: [", "- a\n", "a: 1\na: 2\n", "a: 1\n---\nb: 2\n", "\tb: 1\n"])
 def test_yaml_that_is_not_one_mapping_is_refused(text: str) -> None:
-    assert isinstance(merging.merge(CLIENTS["goose"], text, wish("goose"), lambda _: True), Unreadable)
+    assert isinstance(merge.merge(CLIENTS["goose"], text, wish("goose"), lambda _: True), Unreadable)
 
 
 @pytest.mark.parametrize("client", CLIENTS.values(), ids=list(CLIENTS))

@@ -11,12 +11,12 @@ from endpoint_servers import CLOCK, GOOD, HEADER, VOLTAGE, processes_of, publish
 from endpoint_zoo import PLAIN, SOURCE, TOOLS
 
 from octoform.diagnostics import Diagnostic, Severity
-from octoform.endpoint.calllog import LoggedCall, calls_after, mark
-from octoform.endpoint.check import CheckReport, TrialCall, check, judge_check
-from octoform.endpoint.environment import Environment
+from octoform.endpoint.client.check import CheckReport, TrialCall, check, judge_check
+from octoform.endpoint.client.check_verdict import NOTHING_ANSWERS
+from octoform.endpoint.environment.model import Environment
 from octoform.endpoint.files import CHECK
-from octoform.endpoint.judging import NOTHING_ANSWERS
-from octoform.endpoint.supervising import stop
+from octoform.endpoint.observe.call_log import LoggedCall, calls_after, mark
+from octoform.endpoint.process.lifecycle import stop
 from octoform.state.layout import Layout
 
 Seen = tuple[CheckReport, list[Diagnostic]]

@@ -2,7 +2,7 @@
 
 import pytest
 
-from octoform.endpoint.judging import DEFECTS
+from octoform.endpoint.client.check_verdict import DEFECTS
 
 
 @pytest.mark.parametrize("kind", [AttributeError, KeyError, RecursionError, TypeError, ZeroDivisionError, SyntaxError])

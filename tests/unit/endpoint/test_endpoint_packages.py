@@ -8,12 +8,12 @@ import pytest
 from endpoint_servers import Wheelhouse
 
 from octoform.diagnostics import Diagnostic
-from octoform.endpoint import packages
-from octoform.endpoint.building import build, prune
-from octoform.endpoint.environment import MARKER, Environment, at, installed, intact, locate, pins
-from octoform.endpoint.prewarming import GUESS, await_bytecode, prepare, prewarmed
-from octoform.endpoint.process import run
-from octoform.endpoint.resolving import normalise, resolve
+from octoform.endpoint.bounded_program import run
+from octoform.endpoint.environment import packages
+from octoform.endpoint.environment.build import build, prune
+from octoform.endpoint.environment.early_build import GUESS, await_bytecode, prepare, prewarmed
+from octoform.endpoint.environment.lockfile import normalise, resolve
+from octoform.endpoint.environment.model import MARKER, Environment, at, installed, intact, locate, pins
 from octoform.state.layout import Layout
 
 
@@ -226,7 +226,7 @@ def test_prewarming_builds_beside_other_work_and_only_once(
     with prewarmed(layout, ["alpha==1.0"]):
         pass
     assert intact(locate(layout, lock)) == []
-    monkeypatch.setattr("octoform.endpoint.prewarming.prepare", None)
+    monkeypatch.setattr("octoform.endpoint.environment.early_build.prepare", None)
     with prewarmed(layout, ["alpha==1.0"]):
         pass
 
@@ -257,7 +257,7 @@ def test_who_would_compile_the_same_waits_for_it(
         early.append(not waits.is_alive())
         return SimpleNamespace(status=0)
 
-    monkeypatch.setattr("octoform.endpoint.prewarming.run", compiling)
+    monkeypatch.setattr("octoform.endpoint.environment.early_build.run", compiling)
     assert prepare(layout, ["alpha==1.0"])
     waits.join(10)
     assert (early, waits.is_alive()) == ([False], False)

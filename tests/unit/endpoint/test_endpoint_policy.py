@@ -9,8 +9,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from octoform.endpoint.policy import resolve
-from octoform.endpoint.policy_check import doubts
+from octoform.endpoint.publish.policy import resolve
+from octoform.endpoint.publish.policy_check import doubts
 from octoform.launcher import policy as launcher
 from octoform.launcher.limits import Ledger
 from octoform.manifest.policy_model import Limit, Policy, Rule
@@ -281,7 +281,7 @@ def test_limits_that_leave_nothing_are_told() -> None:
 
 def test_resolving_is_light() -> None:
     code = (
-        "import sys, octoform.endpoint.policy_check; "
+        "import sys, octoform.endpoint.publish.policy_check; "
         "print([name for name in ('pydantic', 'ruamel.yaml', 'fastmcp', 'jsonschema') if name in sys.modules])"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)

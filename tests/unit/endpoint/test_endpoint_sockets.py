@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from octoform.endpoint.piping import pipe
+from octoform.endpoint.proxy.stdio import pipe
 from octoform.endpoint.sockets import GREETING, greeted
 from octoform.launcher import unix
 from octoform.launcher.socketfile import listen

@@ -16,11 +16,11 @@ from launched import Launched, launched, tool
 from raw_mcp import request
 
 from octoform.cli.main import main
-from octoform.endpoint import stopmark, supervising
-from octoform.endpoint.client import Wanted, call, list_tools
-from octoform.endpoint.reaching import started
-from octoform.endpoint.returning import Returning
-from octoform.endpoint.running import running
+from octoform.endpoint.client.terminal import Wanted, call, list_tools
+from octoform.endpoint.process import desired_state, lifecycle
+from octoform.endpoint.process.record import running
+from octoform.endpoint.proxy.dial import started
+from octoform.endpoint.proxy.reconnect import Returning
 from octoform.engine import endpoint_process as engine
 from octoform.state.layout import Layout
 
@@ -32,7 +32,7 @@ SOURCE = HEADER + code("return 1.0")
 def stopped(tmp_path: Path) -> Iterator[Launched]:
     """An endpoint that a person stopped."""
     with launched(tmp_path / "bench", SOURCE, [tool("read_clock"), tool("read_voltage")]) as endpoint:
-        assert stopmark.mark(endpoint.layout) is None
+        assert desired_state.mark(endpoint.layout) is None
         endpoint.stop()
         yield endpoint
 
@@ -51,7 +51,7 @@ def test_no_list_and_no_call_undoes_a_stop(stopped: Launched) -> None:
         assert problem.code == "ENDPOINT-STOPPED"
         assert by in problem.summary and "octoform start" in (problem.hint or "")
     assert running(stopped.layout) is None
-    assert stopmark.is_marked(stopped.layout)
+    assert desired_state.is_marked(stopped.layout)
 
 
 def test_a_client_that_comes_is_told_in_its_own_protocol(stopped: Launched) -> None:
@@ -78,26 +78,26 @@ def test_a_client_that_the_owner_allows_starts_it(stopped: Launched) -> None:
             return sorted(each.name for each in await client.list_tools())
 
     assert asyncio.run(names()) == ["read_clock", "read_voltage"]
-    assert not stopmark.is_marked(stopped.layout)
+    assert not desired_state.is_marked(stopped.layout)
 
 
 def test_the_allowed_list_starts_it_and_ends_the_stop(stopped: Launched) -> None:
     tools, problems = list_tools(stopped.layout, revive=True)
     assert (len(tools), problems) == (2, ())
-    assert not stopmark.is_marked(stopped.layout)
+    assert not desired_state.is_marked(stopped.layout)
 
 
 def test_a_stop_that_comes_during_a_start_holds(stopped: Launched, monkeypatch: pytest.MonkeyPatch) -> None:
     """A person who stops while a client starts finds no process to end: the start itself must see the stop."""
-    stopmark.unmark(stopped.layout)
-    begin = supervising.start
+    desired_state.unmark(stopped.layout)
+    begin = lifecycle.start
 
     def meanwhile(layout: Layout) -> object:
         found = begin(layout)
-        assert stopmark.mark(layout) is None
+        assert desired_state.mark(layout) is None
         return found
 
-    monkeypatch.setattr("octoform.endpoint.reaching.start", meanwhile)
+    monkeypatch.setattr("octoform.endpoint.proxy.dial.start", meanwhile)
     problem = started(stopped.layout)
     assert problem is not None and problem.code == "ENDPOINT-STOPPED"
     assert running(stopped.layout) is None
@@ -114,7 +114,7 @@ def test_a_restart_is_no_start(stopped: Launched, monkeypatch: pytest.MonkeyPatc
     assert (done, problem.code) == (None, "ENDPOINT-STOPPED")
     assert running(stopped.layout) is None
     done, _ = engine.start(stopped.layout.project, {})
-    assert done is not None and not stopmark.is_marked(stopped.layout)
+    assert done is not None and not desired_state.is_marked(stopped.layout)
 
 
 def test_a_mark_that_cannot_be_read_still_stops(stopped: Launched) -> None:

@@ -13,7 +13,7 @@ import pytest
 
 from octoform.cli.main import main
 from octoform.diagnostics import Severity
-from octoform.endpoint import tokens
+from octoform.endpoint.access import tokens
 from octoform.engine.safety import person
 from octoform.launcher.tokens import Tokens
 from octoform.state.layout import Layout

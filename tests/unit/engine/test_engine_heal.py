@@ -7,8 +7,8 @@ from typing import Any, cast
 import pytest
 
 from octoform.apply.duty import Answer
-from octoform.endpoint import stopmark
-from octoform.endpoint.estop import LATCH
+from octoform.endpoint.process import desired_state
+from octoform.endpoint.process.estop import LATCH
 from octoform.engine.plan.plan import Outlook
 from octoform.engine.unattended import heal, redeploy
 from octoform.harness.port import Usage
@@ -105,5 +105,5 @@ def test_what_a_killed_repair_has_left_is_settled_and_nothing_is_done_otherwise(
     monkeypatch.setattr(heal, "on_duty", lambda *_: asked(None))
     told = heal.settle(layout, {})
     assert told == (asked(None).told() if left else None)
-    assert stopmark.mark(layout) is None
+    assert desired_state.mark(layout) is None
     assert heal.settle(layout, {}) is None, "it would start what a person has stopped"

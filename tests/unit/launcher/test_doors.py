@@ -17,9 +17,9 @@ from fastmcp import FastMCP
 from launched import launched, policy_of, tool, write
 from raw_mcp import RawClient, call, connected
 
-from octoform.endpoint.auditing import latest
-from octoform.endpoint.running import is_it
-from octoform.endpoint.service import Service
+from octoform.endpoint.access.audit_log import latest
+from octoform.endpoint.process.record import is_it
+from octoform.endpoint.publish.spec import Service
 from octoform.launcher import control as module
 from octoform.launcher import unix
 from octoform.launcher.control import Control

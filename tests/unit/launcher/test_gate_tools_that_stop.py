@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 from gated import Gated, gated
 
-from octoform.endpoint.policy import resolve
+from octoform.endpoint.publish.policy import resolve
 from octoform.launcher import policy
 from octoform.manifest.policy_model import Limit, Policy, Rule
 

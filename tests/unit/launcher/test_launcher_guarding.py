@@ -220,17 +220,17 @@ def test_the_audit_log_at_the_terminal(bench: Launched) -> None:
 
 
 def test_the_latest_records_come_from_logs_set_aside_too(tmp_path: Path) -> None:
-    from octoform.endpoint import auditing
+    from octoform.endpoint.access import audit_log
     from octoform.launcher.audit import Audit
     from octoform.state.layout import Layout
 
     layout = Layout(tmp_path, "bench")
-    assert auditing.latest(layout, 5) == ([], [])
+    assert audit_log.latest(layout, 5) == ([], [])
     audit = Audit.open(layout.logs, rotate_bytes=2000)
     for number in range(60):
         audit.write("call", number=number)
     for count in (0, 1, 7, 45, 1000):
-        found, _ = auditing.latest(layout, count)
+        found, _ = audit_log.latest(layout, count)
         sequence = [record["seq"] for record in found]
         assert sequence == list(range(audit.head[0] + 1))[1:][-count:] if count else sequence == []
     assert len(list(layout.logs.glob("audit-*.jsonl"))) > 4

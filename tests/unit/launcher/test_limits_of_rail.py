@@ -13,7 +13,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from rig.rail import DEVICE, FARTHEST, HOT, MOST, Rail
 
-from octoform.endpoint.policy import resolve
+from octoform.endpoint.publish.policy import resolve
 from octoform.launcher import policy
 from octoform.launcher.limits import Ledger
 from octoform.manifest.policy_model import Limit, Policy

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from octoform.endpoint.policy import resolve
+from octoform.endpoint.publish.policy import resolve
 from octoform.launcher import policy
 from octoform.launcher.limits import Ledger, exact
 from octoform.manifest.policy_model import Limit, Policy

@@ -11,7 +11,7 @@ from mcp.shared.exceptions import MCPError
 from mcp_types import PromptReference
 from offered import DEVICES, ERAS, TOOLS, policy_of, server_of_tools
 
-from octoform.endpoint import estop
+from octoform.endpoint.process import estop
 from octoform.launcher.offering import offer
 
 SOURCE = '''

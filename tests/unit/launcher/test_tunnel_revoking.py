@@ -16,7 +16,7 @@ from launched import LOOPBACK, Launched, launched, tool
 from web_doors import until
 
 from octoform.cli.main import main
-from octoform.endpoint import tunnel
+from octoform.endpoint.access import tunnel
 from octoform.engine.safety import person
 from octoform.launcher import revoking
 from octoform.launcher.owner import boot, start_of

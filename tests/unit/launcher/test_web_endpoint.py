@@ -11,7 +11,7 @@ import pytest
 from launched import LOOPBACK, Launched, launched, tool
 from web_doors import INITIALIZE, bearer, listeners
 
-from octoform.endpoint import tokens
+from octoform.endpoint.access import tokens
 
 SOURCE = '''
 from fastmcp import FastMCP

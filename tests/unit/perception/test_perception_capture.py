@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from octoform.diagnostics import Diagnostic
-from octoform.endpoint.client import CallResult
+from octoform.endpoint.client.terminal import CallResult
 from octoform.perception.capture import Taken, judged, picture_of, take
 from octoform.perception.decoder import Decoded, decode, decode_with
 from octoform.state.layout import Layout

@@ -12,7 +12,7 @@ from octoform.daemon.health import Health, Part
 from octoform.daemon.model import Status as Verdict
 from octoform.daemon.status import Survey
 from octoform.daemon.store.instance_lock import Record
-from octoform.endpoint.running import Running
+from octoform.endpoint.process.record import Running
 from octoform.engine.status import Process, Status
 from octoform.state.lock_holder import myself
 from octoform.views.daemon import status as status_view

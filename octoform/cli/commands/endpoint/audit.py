@@ -7,7 +7,7 @@ from pathlib import Path
 
 from octoform import durations
 from octoform.cli.options import UsageError
-from octoform.endpoint.auditing import Wanted
+from octoform.endpoint.access.audit_log import Wanted
 from octoform.engine.safety import check_records, records
 from octoform.views.endpoint import audit, safety
 from octoform.views.format import problems

@@ -4,7 +4,7 @@ import sys
 from argparse import Namespace
 from pathlib import Path
 
-from octoform.endpoint.connecting import connect
+from octoform.endpoint.proxy.connect import connect
 from octoform.views.format.console import Console
 
 

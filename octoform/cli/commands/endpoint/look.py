@@ -10,7 +10,7 @@ from octoform.cli.options import UsageError
 from octoform.cli.parser import seconds
 from octoform.cli.signals import Stopped
 from octoform.diagnostics import error
-from octoform.endpoint.client import Person
+from octoform.endpoint.client.terminal import Person
 from octoform.engine.snapshot import Eye, Look, heartbeat, look, open_eye, save
 from octoform.perception.capture import Taken
 from octoform.views.endpoint import snapshot as view

@@ -17,7 +17,7 @@ from octoform.daemon.observe import paths as daemon_paths
 from octoform.daemon.observe.clock import Moments, SystemClock
 from octoform.daemon.observe.event_queue import EventSources, Timing, open_sources, wait_readable
 from octoform.daemon.observe.process import ProcessEar
-from octoform.endpoint.running import Running
+from octoform.endpoint.process.record import Running
 from octoform.state.files import write_atomic
 from octoform.state.layout import Layout
 from octoform.state.lock_holder import start_time

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from octoform.daemon.observe.liveness_probe import Answering, wants_to_run
-from octoform.endpoint.running import Running
+from octoform.endpoint.process.record import Running
 from octoform.state.layout import Layout
 
 PROCESS = Running(1, 1, (), "one", "now", "local", None)

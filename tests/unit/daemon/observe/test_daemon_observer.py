@@ -58,8 +58,8 @@ def look(endpoint: Launched) -> Looker:
 
 
 def call(endpoint: Launched, name: str) -> None:
-    from octoform.endpoint.client import Wanted
-    from octoform.endpoint.client import call as call_tool
+    from octoform.endpoint.client.terminal import Wanted
+    from octoform.endpoint.client.terminal import call as call_tool
 
     call_tool(endpoint.layout, Wanted(name))
 

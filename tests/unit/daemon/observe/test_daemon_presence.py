@@ -12,7 +12,7 @@ from plugged import CAMERA, SENSOR, Host
 from octoform import host
 from octoform.daemon.model import Sighting
 from octoform.daemon.observe.presence import Presence, served
-from octoform.endpoint.running import Running
+from octoform.endpoint.process.record import Running
 from octoform.state.artifacts.instances import write_instances
 from octoform.state.layout import Layout
 

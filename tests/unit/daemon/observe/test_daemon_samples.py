@@ -21,7 +21,7 @@ from octoform.daemon.observe.samples import (
     is_sensor,
     tool_of,
 )
-from octoform.endpoint.running import running
+from octoform.endpoint.process.record import running
 from octoform.state.layout import Layout
 
 SERVER = '''

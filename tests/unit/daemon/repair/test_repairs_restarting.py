@@ -10,8 +10,8 @@ import pytest
 from octoform.daemon.repair import restart as daemon_restart
 from octoform.daemon.repair.restart import LONGEST_PAUSE, MOST_SHORT, SHORT_SECONDS, World, read, restart
 from octoform.diagnostics import Diagnostic, error
-from octoform.endpoint import stopmark
-from octoform.endpoint.running import Running
+from octoform.endpoint.process import desired_state
+from octoform.endpoint.process.record import Running
 from octoform.state.layout import Layout
 
 
@@ -44,7 +44,7 @@ class Machine:
     def _start(self, layout: Layout, _: float) -> tuple[Running | None, Diagnostic | None]:
         self.started += 1
         if self.person:
-            stopmark.mark(layout)
+            desired_state.mark(layout)
         if self.life is None:
             return None, error("ENDPOINT-START-FAILED", "the endpoint did not start", detail="ImportError: nothing")
         return Running(self.started, 1, (), str(self.started), "", "intranet", "http://192.0.2.1:7778/mcp"), None
@@ -121,7 +121,7 @@ def test_a_stop_by_a_person_holds_before_a_start_and_during_one(machine: Machine
     assert (machine.started, machine.stopped) == (1, 1)
     ok, again, _ = machine.restart()
     assert (ok, again, machine.started) == (False, False, 1)
-    stopmark.unmark(machine.layout)
+    desired_state.unmark(machine.layout)
     machine.person = False
     assert machine.restart()[0]
 

@@ -10,8 +10,8 @@ from octoform.claims.model import Channel, Reading, Signal
 from octoform.daemon.model import Facts, FaultClass, Kind, Repair, Sighting
 from octoform.daemon.triage import Recall, failure_history, judge, remember
 from octoform.daemon.triage.agent_report import findings_of
-from octoform.endpoint.calllog import LoggedCall
-from octoform.endpoint.running import Running
+from octoform.endpoint.observe.call_log import LoggedCall
+from octoform.endpoint.process.record import Running
 
 PROCESS = Running(10, 20, ("launch",), "one", "2026-01-01T00:00:00Z", "local", None)
 WELL = Facts(100.0, "2026-01-01T00:01:40Z", "bench", process=PROCESS, answers=True)

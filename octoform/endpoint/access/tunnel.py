@@ -1,0 +1,81 @@
+"""End the tunnel of scope internet from outside of the process that serves, with proof.
+
+The process is asked first, so that it starts no other. The proof does not rest on its word: a program of its own looks
+for what is left, ends it, and asks the public address. That also works when nothing serves any more. Light.
+"""
+
+import subprocess
+import sys
+from dataclasses import dataclass
+
+from octoform.base.files import parse
+from octoform.diagnostics import Diagnostic, error
+from octoform.endpoint.process import offline_commands
+from octoform.endpoint.process.control import ask
+from octoform.state.layout import Layout
+
+REVOKED = "tunnel-revoked.json"
+ASK_SECONDS = 30.0
+PROOF_SECONDS = 60.0
+
+
+@dataclass(frozen=True, slots=True)
+class Revocation:
+    """What was found. ``answered_before`` tells whether the address answered just before (None: there was no address);
+    ``asked`` whether a process that serves took part."""
+
+    pid: int | None
+    url: str | None
+    was_running: bool
+    answered_before: bool | None
+    asked: bool
+    seconds: float
+
+
+def allow(layout: Layout) -> None:
+    """Let the tunnel open again: what a person says with `octoform start`."""
+    (layout.run / REVOKED).unlink(missing_ok=True)
+
+
+def revoke(layout: Layout, by: str) -> tuple[Revocation | None, list[Diagnostic]]:
+    """End the tunnel for good, as ``by`` wants; a Revocation only when it is proved to be gone."""
+    layout.run.mkdir(mode=0o700, parents=True, exist_ok=True)
+    told = ask(layout, {"op": "revoke_tunnel", "by": by}, ASK_SECONDS)
+    # In isolated mode, by the module's name: the launcher is no part of the core, and its word is read as text.
+    command = [sys.executable, "-I", "-m", "octoform.launcher.revoking", str(layout.run)]
+    try:
+        done = subprocess.run(command, capture_output=True, text=True, timeout=PROOF_SECONDS, check=False)
+        found = parse(done.stdout)
+        proved = done.returncode == 0 and found["proved"] is True
+    except (OSError, subprocess.TimeoutExpired, ValueError, LookupError, TypeError) as problem:
+        return None, [_not_proved(f"the proof could not be made: {problem}")]
+    if (told is None or "proved" not in told) and found["pid"] is not None:
+        # No process has written it. The tunnel is gone either way, so a log that cannot be written changes nothing.
+        offline_commands.ask(layout, "note", {"event": "tunnel_revoked", "by": by, **found})
+    if not proved:
+        return None, [_not_proved(_left(found))]
+    first = told if told is not None and "proved" in told else found
+    return Revocation(
+        pid=found["pid"],
+        url=found["url"],
+        was_running=bool(first["was_running"] or found["was_running"]),
+        answered_before=first["answered_before"],
+        asked=told is not None,
+        seconds=found["seconds"],
+    ), []
+
+
+def _left(found: dict[str, object]) -> str:
+    if not found["process_gone"]:
+        return f"a process of it (pid {found['pid']}, or one that it started) could not be ended"
+    if found["answers"]:
+        return f"{found['url']} still answers as this endpoint"
+    return (
+        f"no process of it lives, but {found['url']} was never heard to answer as this endpoint from here, "
+        "so its silence proves nothing"
+    )
+
+
+def _not_proved(detail: str) -> Diagnostic:
+    hint = "end the tunnel at its provider; octoform token revoke and octoform stop close the endpoint itself"
+    return error("TUNNEL-NOT-REVOKED", "the tunnel is not proved to be gone", detail=detail, hint=hint)

@@ -1,0 +1,192 @@
+"""Prove that the endpoint lives: a real client connects, lists its tools and calls every read tool for each device.
+
+A server can satisfy every schema and still be dead: a library without the function that a tool needs shows only when
+the tool is called, and a call that is not in the injected log is invisible to whoever watches the server.
+"""
+
+import json
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, replace
+from datetime import UTC, datetime
+from typing import Any
+
+from octoform.diagnostics import Diagnostic
+from octoform.endpoint.client.check_report import CheckReport, TrialCall
+from octoform.endpoint.client.check_verdict import judge_check
+from octoform.endpoint.client.sample_arguments import Trial, trials
+from octoform.endpoint.client.sdk_client import Call, Client, Report, recorded_environment
+from octoform.endpoint.files import CHECK
+from octoform.endpoint.observe.call_log import LoggedCall, calls_after, mark
+from octoform.endpoint.process.lifecycle import clear_left, start
+from octoform.state.files import write_atomic
+from octoform.state.layout import Layout
+
+CALL_SECONDS = 20.0
+REPEATED = 2
+"""How often a quick reading is made again: whether it moves shows in three."""
+
+__all__ = ["CheckReport", "TrialCall", "check", "judge_check"]
+
+
+def check(
+    layout: Layout,
+    interface: Mapping[str, Any],
+    *,
+    smoke: bool = True,
+    mode: str = "auto",
+    call_seconds: float = CALL_SECONDS,
+    client: Client | None = None,
+) -> CheckReport:
+    """Check the applied endpoint against the INTERFACE artifact and record the result beside the launcher.
+
+    With ``smoke`` every tool of effect ``read`` is called for each of its devices, one call after the other, and then
+    again what answered at once with numbers; ``client`` is one that is being loaded already, and ends here. Never
+    raises for what the server does. Takes two seconds of wall time, nearly all of it in other processes.
+    """
+    environment = recorded_environment(layout)
+    if environment is None:
+        return CheckReport(False, "the endpoint was not applied", None, None, (), (), 0.0)
+    readers = [tool for tool in interface["tools"] if smoke and tool["effect"] == "read"]
+    wanted = [trial for tool in readers for trial in trials(tool)]
+    calls = [
+        Call(trial.tool, trial.arguments, call_seconds, REPEATED) for trial in wanted if trial.arguments is not None
+    ]
+    with client or Client(layout, environment) as sent:
+        process, problem = start(layout)
+        if process is None:
+            report = CheckReport(False, told(problem) if problem else None, None, None, (), (), 0.0)
+            return replace(report, unrecorded=write_atomic(layout.endpoint / CHECK, _record(report), 0o600))
+        position = mark(layout.call_log)
+        seen = sent.send(calls, mode=mode)
+    report = _report(seen, wanted, calls_after(layout.call_log, position))
+    report = replace(report, survivors=clear_left(process, spare=True))
+    return replace(report, unrecorded=write_atomic(layout.endpoint / CHECK, _record(report), 0o600))
+
+
+def told(problem: Diagnostic) -> str:
+    """A diagnostic in one text."""
+    return f"{problem.summary}\n{problem.detail}" if problem.detail else problem.summary
+
+
+def _report(seen: Report, wanted: Sequence[Trial], logged: Sequence[LoggedCall]) -> CheckReport:
+    answers, log = iter(seen.calls), _Log(logged)
+    taken = [(trial, next(answers, None) if trial.arguments is not None else None) for trial in wanted]
+    firsts = [(trial, answer, log.of(answer) if answer else None) for trial, answer in taken]
+    again = _repeated(taken, log)
+    calls = [_trial(*first, again.get(index, ()), seen.answered) for index, first in enumerate(firsts)]
+    error = seen.error
+    if error and not seen.answered and seen.log.strip():
+        error = f"{error}\n{seen.log.strip()[-1500:]}"
+    return CheckReport(
+        seen.answered,
+        error,
+        seen.protocol,
+        seen.server,
+        tuple(seen.tools),
+        tuple(calls),
+        round(seen.seconds, 3),
+        seen.survivors,
+        seen.log,
+    )
+
+
+class _Log:
+    """The calls of the log, handed out in the order in which they were made."""
+
+    def __init__(self, logged: Sequence[LoggedCall]) -> None:
+        self._left = list(logged)
+
+    def of(self, answer: Mapping[str, Any]) -> LoggedCall | None:
+        """The next call of the tool, None where it did not come to one. The log names the function, whose name cannot
+        hold every character of a tool's name.
+        """
+        if answer["problem"] in ("unknown_tool", "bad_argument") or answer["refused"] is not None:
+            return None
+        names = (answer["tool"], re.sub(r"\W", "_", answer["tool"]))
+        for index, entry in enumerate(self._left):
+            if entry.tool in names:
+                return self._left.pop(index)
+        return None
+
+
+def _repeated(
+    taken: Sequence[tuple[Trial, Mapping[str, Any] | None]], log: _Log
+) -> dict[int, list[tuple[Any, LoggedCall | None]]]:
+    """By the place of a call, what its repetitions gave; turn by turn, as they were made."""
+    found: dict[int, list[tuple[Any, LoggedCall | None]]] = {}
+    for turn in range(REPEATED):
+        for index, (_, answer) in enumerate(taken):
+            if answer is not None and len(answer["again"]) > turn:
+                found.setdefault(index, []).append((answer["again"][turn], log.of(answer)))
+    return found
+
+
+def _trial(
+    trial: Trial,
+    answer: Mapping[str, Any] | None,
+    entry: LoggedCall | None,
+    again: Sequence[tuple[Any, LoggedCall | None]],
+    answered: bool,
+) -> TrialCall:
+    name, device = trial.tool, trial.device
+    if answer is None:
+        reason = "no harmless arguments are known" if answered else "the server did not answer"
+        return TrialCall(name, ok=False, skipped=reason, device=device)
+    if answer["problem"] == "unknown_tool":
+        return TrialCall(name, ok=False, skipped="the server has no such tool", device=device)
+    if answer["refused"] is not None:
+        return TrialCall(name, ok=False, skipped=answer["message"], device=device)
+    made = [(answer["structured"], entry), *again]
+    failed = answer["is_error"] or answer["problem"] is not None
+    error_class = _error_class(answer, entry) if failed else None
+    message = (entry.message if entry else None) or answer["message"]
+    return TrialCall(
+        tool=name,
+        ok=not failed,
+        error_class=error_class,
+        message=message if failed else None,
+        ms=answer["ms"],
+        logged=entry is not None and entry.ended,
+        ended_well=entry.ok if entry is not None and entry.ended else None,
+        pictures=tuple(answer["pictures"]),
+        device=device,
+        results=tuple(result for result, _ in made if result is not None),
+        raw=tuple(one.raw for _, one in made if one is not None),
+    )
+
+
+def _error_class(answer: Mapping[str, Any], entry: LoggedCall | None) -> str:
+    if answer["problem"] in _PROBLEMS:
+        return _PROBLEMS[answer["problem"]]
+    if entry is not None and entry.ended:
+        # The tool itself was content: what it gave was refused on its way to the client.
+        return "ResultRefused" if entry.ok else entry.error or "ToolError"
+    return "ToolError"
+
+
+_PROBLEMS = {
+    "timeout": "Timeout",
+    "output_schema": "OutputSchema",
+    "protocol": "Protocol",
+    "bad_argument": "BadArgument",
+}
+
+
+def _record(report: CheckReport) -> bytes:
+    document = {
+        "format": 1,
+        "at": datetime.now(UTC).isoformat(timespec="seconds"),
+        "answered": report.answered,
+        "error": report.error,
+        "protocol": report.protocol,
+        "server": report.server,
+        "tools": sorted(tool["name"] for tool in report.tools),
+        # What the devices said is theirs and the clients' business.
+        "calls": [
+            {name: value for name, value in asdict(call).items() if name not in ("results", "raw")}
+            for call in report.calls
+        ],
+        "seconds": report.seconds,
+    }
+    return (json.dumps(document, indent=2) + "\n").encode()

@@ -1,0 +1,173 @@
+"""What a check of the endpoint means: faults of the server are errors, faults of the room are warnings.
+
+A tool that raises AttributeError is wrong on every host; a tool that finds its device unplugged, busy or not
+permitted is right, and refusing it would keep a host from ever being onboarded.
+"""
+
+import re
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from octoform.diagnostics import Diagnostic, error, has_errors, warning
+from octoform.endpoint.client.check_report import CheckReport, TrialCall
+from octoform.endpoint.client.plausibility import of_another, out_of_bounds, unmoved
+
+_CODE: tuple[type[BaseException], ...] = (
+    *(ArithmeticError, ZeroDivisionError, AssertionError, AttributeError, LookupError, IndexError, KeyError),
+    *(ImportError, ModuleNotFoundError, NameError, UnboundLocalError, SyntaxError, IndentationError, TypeError),
+    # What Python itself derives from RuntimeError: missing code, and recursion without an end.
+    *(kind for kind in RuntimeError.__subclasses__() if kind.__module__ == "builtins"),
+)
+DEFECTS = frozenset(kind.__name__ for kind in _CODE)
+"""Exceptions that say something of the code and nothing of the device."""
+
+UNIFORM_SPREAD = 2.0
+"""Standard deviation of brightness (0..255) below which a picture shows nothing; sensor noise alone gives more."""
+
+
+def judge_check(
+    report: CheckReport, interface: Mapping[str, Any], seen: frozenset[str] = frozenset()
+) -> list[Diagnostic]:
+    """Errors and warnings of a check; no errors means that the endpoint is alive and every tried tool is sound.
+
+    ``seen`` are the devices that PROBE saw a moment ago: one that a tool does not find is no fault of the room.
+    """
+    found = [report.unrecorded] if report.unrecorded else []
+    if not report.answered:
+        reason = report.error or "no reason was given"
+        hint = "start the launcher below .octoform/<host>/endpoint by hand to see what it says"
+        return [*found, error("ENDPOINT-NO-ANSWER", "the endpoint does not answer", detail=reason, hint=hint)]
+    found += _tools(report, {tool["name"] for tool in interface["tools"]})
+    tools = {tool["name"]: tool for tool in interface["tools"]}
+    devices = frozenset(device for tool in tools.values() for device in tool.get("devices", ()))
+    for call in report.calls:
+        here = seen & ({call.device} if call.device else set(tools.get(call.tool, {}).get("devices", ())))
+        found += _call(call, bool(here))
+        found += _untrue(call, tools.get(call.tool, {}).get("output_schema", {}), devices)
+    found += _silence(report.calls, bool(seen), has_errors(found))
+    if report.survivors:
+        summary = f"processes of the server still running after the check, ended: {report.survivors}"
+        found.append(warning("ENDPOINT-LEFT-RUNNING", summary, hint="a tool must end what it starts before it returns"))
+    return found
+
+
+def _tools(report: CheckReport, wanted: set[str]) -> list[Diagnostic]:
+    served = {tool["name"] for tool in report.tools}
+    if served == wanted:
+        return []
+    lines = [f"missing: {name}" for name in sorted(wanted - served)]
+    lines += [f"extra: {name}" for name in sorted(served - wanted)]
+    return [error("ENDPOINT-TOOLS-DIFFER", "the served tools are not those of the interface", detail="\n".join(lines))]
+
+
+NOTHING_ANSWERS = "ENDPOINT-NOTHING-ANSWERS"
+_ROOM = frozenset({"PermissionError", "BusBusy", "AmbiguousDevice", "Timeout"})
+"""Failures that another user, another moment or another room would not have."""
+
+
+def _silence(calls: Sequence[TrialCall], seen: bool, told: bool) -> list[Diagnostic]:
+    """Not one read tool answered: a server that does nothing, unless the room alone can be why."""
+    tried = [call for call in calls if call.skipped is None]
+    tools = {call.tool for call in tried}
+    if not tried or told or any(call.ok for call in tried):
+        return []
+    summary = f"0 of {len(tools)} read tools answered" if len(tools) > 1 else f"{tried[0].tool} did not answer"
+    lines = [f"{call.tool}: {call.error_class}: {call.message}" for call in tried[:10]]
+    wrong = seen and len(tools) > 1 and not any(call.error_class in _ROOM for call in tried)
+    hint = "each read tool has to read its device now; see why each of them failed"
+    return [(error if wrong else warning)(NOTHING_ANSWERS, summary, detail="\n".join(lines), hint=hint)]
+
+
+def _call(call: TrialCall, seen: bool) -> list[Diagnostic]:
+    if call.skipped is not None:
+        return [warning("ENDPOINT-TOOL-NOT-TRIED", f"{call.tool} was not tried: {call.skipped}", hint=_SMOKE)]
+    found = []
+    if not call.logged and call.error_class != "Timeout":
+        summary = f"the trial call of {call.tool} is not in the call log"
+        hint = "wrap every tool in runtime.logged, outermost below the tool decorator"
+        found.append(error("ENDPOINT-CALL-NOT-LOGGED", summary, detail=call.message, hint=hint))
+    if not call.ok:
+        found += _failure(call, known=not found, seen=seen)
+    return found + [_uniform(call, picture) for picture in call.pictures if _is_uniform(picture)]
+
+
+_SMOKE = "give the tool harmless arguments under smoke in the INTERFACE artifact"
+
+
+def _failure(call: TrialCall, *, known: bool, seen: bool) -> list[Diagnostic]:
+    kind, text = call.error_class or "ToolError", call.message or "no message"
+    if kind in ("OutputSchema", "ResultRefused"):
+        summary = f"{call.tool} gives a result that its own output schema refuses"
+        return [error("ENDPOINT-OUTPUT-INVALID", summary, detail=text)]
+    if kind in DEFECTS or kind in ("Protocol", "BadArgument"):
+        hint = "another set of packages may mend it; to have the server written again: octoform apply -replace serve"
+        return [error("ENDPOINT-TOOL-BROKEN", f"{call.tool} fails in its own code: {kind}: {text}", hint=hint)]
+    if not known:  # an error that the log does not hold was told already
+        return []
+    told = error if seen else warning
+    if kind == "DeviceAbsent":
+        summary = f"{call.tool} does not find {call.device or 'its device'}: {text}"
+        return [told("ENDPOINT-DEVICE-ABSENT", summary, hint=_ABSENT[seen])]
+    if program := _program(kind, text):
+        summary = f"{call.tool} needs the program {program}, which is not installed here"
+        return [told("ENDPOINT-PROGRAM-MISSING", summary, hint=_PROGRAM)]
+    if kind in _NETWORK or _NETWORK_SAID.search(text):
+        summary = f"{call.tool} got no answer over the network: {kind}: {text}"
+        return [told("ENDPOINT-NETWORK-FAILED", summary, hint=_REACHED)]
+    summary = f"{call.tool} could not reach its device: {kind}: {text}"
+    return [warning("ENDPOINT-TOOL-FAILED", summary, hint="see whether the device is connected, free and permitted")]
+
+
+_ABSENT = {
+    True: "PROBE saw it a moment ago: ask for it by its id, and for a class of the kernel that it has; or it was "
+    "unplugged meanwhile: plug it in and apply again",
+    False: "plug it in, or run octoform apply -replace probe where it is gone for good",
+}
+_PROGRAM = "read what the kernel says without it, leave the tool out, or install it: the tool works from then on"
+_REACHED = "a device that the kernel shows needs no network; one that is reached by it must answer from this host"
+_NETWORK = frozenset(
+    {"ConnectionError", "ConnectionRefusedError", "ConnectionResetError", "ConnectionAbortedError", "gaierror"}
+    | {"URLError", "HTTPError", "ConnectError", "ConnectTimeout", "ReadTimeout", "NewConnectionError", "herror"}
+)
+_NETWORK_SAID = re.compile(
+    r"connection (?:refused|reset)|name or service not known|network is unreachable|no route to host"
+    r"|temporary failure in name resolution|getaddrinfo",
+    re.IGNORECASE,
+)
+_MISSING = re.compile(r"\[Errno 2\] No such file or directory: '([^'/]+)'")
+
+
+def _program(kind: str, text: str) -> str | None:
+    """The program that was not found: a name without a folder, as only a program is looked for."""
+    found = _MISSING.search(text) if kind == "FileNotFoundError" else None
+    return found[1] if found else None
+
+
+def _untrue(call: TrialCall, schema: Mapping[str, Any], devices: frozenset[str]) -> list[Diagnostic]:
+    """What of the results of a call cannot be true."""
+    found = []
+    for_device = f"{call.tool} for {call.device}" if call.device else call.tool
+    lines = [line for result in call.results[:1] for line in out_of_bounds(result, schema)]
+    if lines:
+        hint = "see the scale and the unit of what is read; raise an error for what the device cannot have measured"
+        summary = f"{for_device} gives what cannot be measured"
+        found.append(error("ENDPOINT-RESULT-IMPLAUSIBLE", summary, detail="\n".join(lines[:10]), hint=hint))
+    if other := of_another(call, devices):
+        hint = "ask for the device that the caller names, and tell its id"
+        found.append(error("ENDPOINT-RESULT-OTHER-DEVICE", f"{for_device} answers for {other}", hint=hint))
+    if moved := unmoved(call):
+        values = ", ".join(f"{table[moved]:g}" for table in call.raw)
+        hint = "return what was read in this call; nothing remembered, no constant"
+        summary = f"{for_device} gave the same numbers in {len(call.raw)} calls, while {moved} was {values}"
+        found.append(error("ENDPOINT-RESULT-CONSTANT", summary, hint=hint))
+    return found
+
+
+def _is_uniform(picture: Mapping[str, Any]) -> bool:
+    return picture["spread"] is not None and picture["spread"] < UNIFORM_SPREAD
+
+
+def _uniform(call: TrialCall, picture: Mapping[str, Any]) -> Diagnostic:
+    figures = f"brightness {picture['mean']} of 255 on average, spread {picture['spread']}, {picture['bytes']} bytes"
+    hint = "see whether the lens is covered, the room dark or the first pictures not flushed"
+    return warning("ENDPOINT-PICTURE-UNIFORM", f"{call.tool} gave a picture of one colour", detail=figures, hint=hint)

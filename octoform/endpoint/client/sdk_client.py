@@ -1,0 +1,120 @@
+"""Send the serving environment's own MCP client on one errand to the running endpoint; read what it brings back."""
+
+import json
+import math
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from octoform.base.files import parse
+from octoform.endpoint.bounded_program import Begun, Finished, base_environment
+from octoform.endpoint.environment.model import Environment, at
+from octoform.endpoint.files import read_manifest
+from octoform.endpoint.publish.publication import client_command
+from octoform.state.layout import Layout
+
+SCRIPT = Path(__file__).parents[1] / "scripts" / "mcp_client.py"
+START_SECONDS = 120.0
+"""For a server's start on a small board; a second or two elsewhere."""
+_MARGIN = 10.0
+REFUSAL = "octoform: refused:"
+
+
+@dataclass(frozen=True, slots=True)
+class Call:
+    """A call to make, with ``seconds`` for its answer.
+
+    It is made ``again`` so often, after all others, where it was answered at once with numbers and without a picture.
+    """
+
+    tool: str
+    arguments: Mapping[str, Any] = field(default_factory=dict)
+    seconds: float = 15.0
+    again: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class Report:
+    """What the client saw; ``tools`` and ``calls`` in the form that scripts/mcp_client.py describes."""
+
+    answered: bool
+    error: str | None
+    protocol: str | None
+    server: dict[str, Any] | None
+    tools: list[dict[str, Any]]
+    calls: list[dict[str, Any]]
+    seconds: float
+    survivors: int
+    log: str
+
+
+def recorded_environment(layout: Layout) -> Environment | None:
+    """The environment that the applied endpoint names, or None when nothing (whole) is applied."""
+    manifest = read_manifest(layout)
+    return at(Path(str(manifest["environment"]))) if manifest and "environment" in manifest else None
+
+
+class Client:
+    """A client that loads while the endpoint is being started, which takes as long as its loading.
+
+    ``seconds`` from now it is ended, whatever it has been sent for.
+    """
+
+    def __init__(self, layout: Layout, environment: Environment, seconds: float = math.inf) -> None:
+        self._layout = layout
+        self._until = time.monotonic() + seconds
+        self._begun = Begun(
+            [str(environment.python), "-I", str(SCRIPT)],
+            cwd=layout.project,
+            environment={**base_environment(), "FASTMCP_CHECK_FOR_UPDATES": "off", "FASTMCP_ENV_FILE": "/dev/null"},
+        )
+
+    def __enter__(self) -> "Client":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """End it where it was not sent."""
+        self._begun.drop()
+
+    def send(self, calls: Sequence[Call] = (), *, mode: str = "auto") -> Report:
+        """Connect as any client does, list the tools, make the calls; blocks until the client is gone again. Once.
+
+        ``mode`` is ``auto`` (the newest protocol first) or ``legacy`` (the handshake). Costs about a CPU second of
+        other processes.
+        """
+        task = {
+            "command": client_command(self._layout),
+            "mode": mode,
+            "start_seconds": START_SECONDS,
+            "calls": [
+                {"tool": call.tool, "arguments": dict(call.arguments), "seconds": call.seconds, "again": call.again}
+                for call in calls
+            ],
+        }
+        timeout = START_SECONDS + _MARGIN + sum(call.seconds * (1 + call.again) for call in calls)
+        return _told(self._begun.finish(json.dumps(task), min(timeout, max(0.0, self._until - time.monotonic()))))
+
+
+def _told(finished: Finished) -> Report:
+    log = finished.stderr[-4000:]
+    try:
+        value = parse(finished.stdout)
+    except ValueError:
+        reason = "the client gave up" if finished.timed_out else _last_line(log) or f"exit status {finished.status}"
+        value = {"answered": False, "error": reason, "protocol": None, "server": None, "tools": [], "calls": []}
+    if not value["answered"]:
+        value["error"] = _refusal(log) or value["error"]
+    return Report(**value, seconds=finished.seconds, survivors=finished.survivors, log=log)
+
+
+def _refusal(log: str) -> str | None:
+    """The launcher's own sentence, when it refused to serve."""
+    said = [line.removeprefix(REFUSAL).strip() for line in log.splitlines() if line.startswith(REFUSAL)]
+    return said[0] if said else None
+
+
+def _last_line(text: str) -> str:
+    lines = text.strip().splitlines()
+    return lines[-1][:500] if lines else ""

@@ -1,0 +1,298 @@
+"""The endpoint for a person at a terminal: list its tools, call one of them. Light.
+
+A call is judged by the tool's own schemas before it reaches a device, so that a wrong name or value is answered with
+a hint and not with a fault. Where the policy wants a call confirmed, the endpoint asks back and the person answers.
+"""
+
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from functools import partial
+from socket import socket
+from typing import Any, Protocol
+
+from octoform.diagnostics import Diagnostic, did_you_mean, error
+from octoform.endpoint.client.jsonrpc import Wire, WireError, sender
+from octoform.endpoint.client.media import save_media
+from octoform.endpoint.observe.last_seen import Sight, published, record_sight, seen_of
+from octoform.endpoint.proxy.dial import down, knock, reach
+from octoform.endpoint.publish.expected_tools import hidden
+from octoform.endpoint.scripts.toolschema import as_tool, converted, first_fault, said
+from octoform.state.layout import Layout
+
+__all__ = ["CallResult", "Nobody", "Person", "Wanted", "call", "list_tools", "save_media"]
+
+LIST_SECONDS = 15.0
+"""What the list of tools may take: the endpoint answers it by itself, whatever its devices do."""
+DRY_RUN = "octoform/dry_run"
+"""Asks for a dry run in a call's _meta, and marks what was none but that in its result's."""
+REFUSED = "octoform/refused"
+"""In the _meta of an error: why the endpoint itself did not make the call."""
+BEFOREHAND = "octoform -auto-approve"
+"""How this client calls itself when nobody will read what it is asked."""
+MOST_QUESTIONS = 10
+
+
+@dataclass(frozen=True, slots=True)
+class Wanted:
+    """A call to make; at most ``seconds`` for each of its answers.
+
+    ``texts`` are arguments as a command line has them (``channel=2``); they are converted by the tool's own input
+    schema. With ``dry_run`` the endpoint tells what it would do, and does nothing. ``approved``: a person said yes
+    before they knew what would be asked, which the audit log must not take for an answer. ``revive``: an endpoint that
+    a person stopped is started.
+    """
+
+    tool: str
+    arguments: Mapping[str, Any] = field(default_factory=dict)
+    texts: Mapping[str, str] = field(default_factory=dict)
+    seconds: float = 60.0
+    dry_run: bool = False
+    approved: bool = False
+    revive: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class CallResult:
+    """A tool's answer: content blocks as MCP has them (media as base64), structured content, duration in ms.
+
+    ``is_error`` is the tool's own word; ``message`` is then what it said. ``refused`` is the endpoint's code where it
+    did not let the call through (``denied``, ``estop``, ...), else None. ``dry``: nothing was done, it was only told.
+    """
+
+    content: tuple[dict[str, Any], ...]
+    structured: dict[str, Any] | None
+    is_error: bool
+    message: str
+    ms: float
+    refused: str | None = None
+    dry: bool = False
+
+
+class Person(Protocol):
+    """Whoever waits for a call, as far as they are told and asked before its result is there."""
+
+    def waiting(self) -> None:
+        """The endpoint is being started, and that takes more than a second."""
+
+    def progress(self, done: float, total: float | None, message: str) -> None:
+        """How far the tool is, in its own words."""
+
+    def approves(self, tool: str, arguments: Mapping[str, Any], message: str) -> bool | None:
+        """Whether the call may be made, as ``message`` asks; None when nobody can be asked."""
+
+
+class Nobody:
+    """Nobody waits, nobody can be asked."""
+
+    def waiting(self) -> None:
+        """Nobody is told."""
+
+    def progress(self, done: float, total: float | None, message: str) -> None:
+        """Nobody is told."""
+
+    def approves(self, tool: str, arguments: Mapping[str, Any], message: str) -> bool | None:
+        """Nobody answers: None."""
+
+
+class _NobodyAsked(Exception):
+    """A question came, and there is nobody to ask: no answer is sent, since every one would be a person's word."""
+
+
+Tools = tuple[tuple[dict[str, Any], ...], tuple[Diagnostic, ...]]
+Called = tuple[CallResult | None, tuple[Diagnostic, ...]]
+
+
+def list_tools(
+    layout: Layout, waiting: Callable[[], None] | None = None, *, start: bool = True, revive: bool = False
+) -> Tools:
+    """The tools of the live endpoint (name, description, input_schema, output_schema, annotations), by name.
+
+    With ``start`` it is started when nothing runs; ``waiting`` is called when that takes more than a second. With
+    ``revive`` it is started although a person stopped it.
+    """
+    connect = partial(reach, layout, waiting, revive=revive) if start else partial(knock, layout)
+    found = _opened(layout, connect)
+    if isinstance(found, Diagnostic):
+        return (), (found,)
+    wire, tools = found
+    wire.close()
+    return tools, ()
+
+
+def call(layout: Layout, wanted: Wanted, person: Person | None = None) -> Called:
+    """Call a tool of the live endpoint, which is started when nothing runs.
+
+    What the tool says of itself is in the result; a wrong name, a wrong argument, a call that is not approved or a
+    dead endpoint are diagnostics.
+    """
+    somebody = person or Nobody()
+    found = _opened(layout, partial(reach, layout, somebody.waiting, revive=wanted.revive))
+    if isinstance(found, Diagnostic):
+        return None, (found,)
+    wire, tools = found
+    try:
+        known = next((tool for tool in tools if tool["name"] == wanted.tool), None)
+        if known is None and wanted.tool in hidden(layout):
+            # No client is shown it. The endpoint says why, and its log has that somebody tried.
+            known = {"name": wanted.tool, "input_schema": {}}
+        if known is None:
+            return None, (_unknown(wanted.tool, [str(tool["name"]) for tool in tools]),)
+        return _Call(wire, wanted, somebody).made(known)
+    except _NobodyAsked:
+        words = "nobody could be asked: there is no terminal; -auto-approve approves"
+        return None, (error("ENDPOINT-CALL-NOT-APPROVED", f"{wanted.tool} wants an approval", detail=words),)
+    except WireError as problem:
+        return None, (_broken(wanted, problem),)
+    finally:
+        wire.close()
+
+
+def _opened(
+    layout: Layout, connect: Callable[[], socket | Diagnostic]
+) -> tuple[Wire, tuple[dict[str, Any], ...]] | Diagnostic:
+    """A connection to the endpoint and its tools by name; what was seen of it is kept for the next plan."""
+    asked = published(layout)
+    found = _answered(connect)
+    if isinstance(found, WireError) and found.kind == "closed":
+        # It may just have been ending: a list may be asked for twice, and what is started answers.
+        found = _answered(connect)
+    if isinstance(found, WireError):
+        found = down(str(found))
+    if not isinstance(found, Diagnostic):
+        record_sight(layout, asked, seen_of(tool["name"] for tool in found[1]))
+    elif found.code not in ("ENDPOINT-NOT-APPLIED", "ENDPOINT-STOPPED"):
+        record_sight(layout, asked, Sight(False, found.detail or found.summary))
+    return found
+
+
+def _answered(
+    connect: Callable[[], socket | Diagnostic],
+) -> tuple[Wire, tuple[dict[str, Any], ...]] | Diagnostic | WireError:
+    connection = connect()
+    if isinstance(connection, Diagnostic):
+        return connection
+    wire = Wire(connection)
+    try:
+        return wire, _listed(wire)
+    except WireError as fault:
+        wire.close()
+        return fault
+    except BaseException:
+        wire.close()
+        raise
+
+
+def _listed(wire: Wire) -> tuple[dict[str, Any], ...]:
+    found: list[dict[str, Any]] = []
+    params: dict[str, Any] = {}
+    while True:
+        result = wire.ask("tools/list", params, LIST_SECONDS)
+        try:
+            found += [as_tool(tool) for tool in result["tools"]]
+        except (LookupError, TypeError) as problem:
+            raise WireError("refused", f"its list of tools is none ({problem!r})") from problem
+        if not result.get("nextCursor"):
+            return tuple(sorted(found, key=lambda tool: str(tool["name"])))
+        params = {"cursor": result["nextCursor"]}
+
+
+class _Call:
+    """One call with the questions that the endpoint has before it makes it."""
+
+    def __init__(self, wire: Wire, wanted: Wanted, person: Person) -> None:
+        self._wire = wire
+        self._wanted = wanted
+        self._person = person
+        self._answer = True
+        """The person's last answer; True while nothing was asked."""
+
+    def made(self, tool: Mapping[str, Any]) -> Called:
+        """The result, or what is wrong with the call or with the answer."""
+        wanted = self._wanted
+        schema = tool["input_schema"]
+        arguments = {**wanted.arguments, **converted(wanted.texts, schema)}
+        if fault := first_fault(arguments, schema):
+            return None, (_bad_argument(wanted.tool, schema, fault["field"], fault["message"]),)
+        began = time.monotonic()
+        result = self._asked(arguments)
+        ms = round((time.monotonic() - began) * 1000, 1)
+        if not self._answer:
+            summary = f"{wanted.tool} was not approved"
+            return None, (error("ENDPOINT-CALL-NOT-APPROVED", summary, detail=said(result) or None),)
+        # A tool whose schema has no room for it can only tell of a dry run as an error.
+        dry = (result.get("_meta") or {}).get(DRY_RUN) is True
+        content, structured = tuple(result.get("content", ())), result.get("structuredContent")
+        is_error = bool(result.get("isError")) and not (dry and wanted.dry_run)
+        refused = (result.get("_meta") or {}).get(REFUSED)
+        return CallResult(content, structured, is_error, said(result), ms, refused if is_error else None, dry), ()
+
+    def _asked(self, arguments: Mapping[str, Any]) -> dict[str, Any]:
+        """The final result, after every question was answered."""
+        params: dict[str, Any] = {"name": self._wanted.tool, "arguments": dict(arguments)}
+        meta: dict[str, Any] = {DRY_RUN: True} if self._wanted.dry_run else {}
+        if self._wanted.approved:
+            meta |= sender(BEFOREHAND)
+        more: dict[str, Any] = {}
+        for _ in range(MOST_QUESTIONS):
+            seconds, progress = self._wanted.seconds, self._person.progress
+            result = self._wire.ask("tools/call", params | more, seconds, progress=progress, meta=meta)
+            if result.get("resultType") != "input_required":
+                return result
+            questions = result.get("inputRequests") or {}
+            more = {"inputResponses": {key: self._response(asked, arguments) for key, asked in questions.items()}}
+            if "requestState" in result:
+                more["requestState"] = result["requestState"]
+        raise WireError("refused", f"it asked more than {MOST_QUESTIONS} times")
+
+    def _response(self, request: Mapping[str, Any], arguments: Mapping[str, Any]) -> dict[str, Any]:
+        """The person's answer to a question that can be answered with yes or no."""
+        params = request.get("params", {})
+        fields = params.get("requestedSchema", {}).get("properties", {})
+        simple = all(given.get("type") == "boolean" for given in fields.values())
+        if request.get("method") != "elicitation/create" or not simple:
+            raise WireError("refused", "it asked for what cannot be answered with yes or no")
+        answer = self._person.approves(self._wanted.tool, arguments, str(params.get("message", "")))
+        if answer is None:
+            raise _NobodyAsked
+        self._answer = answer
+        if not answer:
+            return {"action": "decline"}
+        return {"action": "accept", "content": dict.fromkeys(fields, True)}
+
+
+def _unknown(tool: str, known: list[str]) -> Diagnostic:
+    meant = did_you_mean(tool, known)
+    hint = f"did you mean {meant!r}?" if meant else "octoform tools lists them"
+    return error("ENDPOINT-UNKNOWN-TOOL", f"the endpoint has no tool {tool!r}", hint=hint)
+
+
+def _bad_argument(tool: str, schema: Mapping[str, Any], field: str | None, message: str) -> Diagnostic:
+    known = schema.get("properties", {})
+    where = f"argument {field!r}" if field else "the arguments"
+    hint = f"{tool} takes {', '.join(known)}" if known else f"{tool} takes no arguments"
+    if field and field not in known and (meant := did_you_mean(field, list(known))):
+        hint = f"did you mean {meant!r}?"
+    elif field and isinstance(known.get(field), dict):
+        hint = _about(field, known[field]) or hint
+    return error("ENDPOINT-BAD-ARGUMENT", f"{where} of {tool}: {message}", hint=hint)
+
+
+def _about(name: str, given: Mapping[str, Any]) -> str:
+    """What a parameter is, and the values that it may have where they can be counted."""
+    told = [str(given["description"])] if given.get("description") else []
+    ways = given.get("anyOf", [given])
+    values = [value for way in ways for value in way.get("enum", [way["const"]] if "const" in way else [])]
+    return "; ".join([*told, f"{name} is one of {', '.join(map(str, values))}"] if values else told)
+
+
+def _broken(wanted: Wanted, problem: WireError) -> Diagnostic:
+    tool = wanted.tool
+    if problem.kind == "timeout":
+        summary = f"{tool} gave no answer within {wanted.seconds:g} s"
+        hint = "the device may be busy or gone; octoform status tells more"
+        return error("ENDPOINT-CALL-TIMEOUT", summary, hint=hint)
+    if problem.kind == "refused":
+        return error("ENDPOINT-CALL-REFUSED", f"the endpoint refused the call of {tool}", detail=str(problem))
+    hint = "octoform logs shows what the endpoint printed last"
+    return error("ENDPOINT-DOWN", f"the endpoint broke off during {tool}", detail=str(problem), hint=hint)

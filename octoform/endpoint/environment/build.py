@@ -1,0 +1,146 @@
+"""Build the serving environment of a lock, once, and drop those that no one needs.
+
+An environment is bound to its path, so it is built in place: a marker is written last, and a folder without it is
+a build that was cut off and is made anew. Only the lock's hashes are installed.
+"""
+
+import json
+import os
+import shutil
+import sys
+from collections.abc import Collection
+from pathlib import Path
+
+from octoform.base.files import replace
+from octoform.base.locks import held
+from octoform.diagnostics import Diagnostic, error
+from octoform.endpoint.environment.lockfile import tool_missing
+from octoform.endpoint.environment.model import (
+    FOLDER_NAME,
+    MARKER,
+    Environment,
+    at,
+    installed,
+    intact,
+    locate,
+    modules,
+    normal,
+    packages_of,
+    pins,
+)
+from octoform.endpoint.environment.packages import packages, reason
+from octoform.endpoint.files import private_folder
+from octoform.state.files import write_atomic
+from octoform.state.layout import Layout
+
+Built = tuple[Environment | None, tuple[Diagnostic, ...]]
+
+
+def build(layout: Layout, lock_text: str, timeout: float = 600.0, *, anew: bool = False) -> Built:
+    """The environment of this lock, built unless a complete and intact one is there; errors as diagnostics.
+
+    ``anew`` trusts none that is there: what its names do not show may be broken inside. ``timeout`` is in seconds
+    for the installation. Two builds of one lock wait for each other.
+    """
+    environment = locate(layout, lock_text)
+    private_folder(layout.environments)
+    with held(layout.environments / f".{environment.path.name}.lock"):
+        if not anew and not intact(environment):
+            return environment, ()
+        problem = _make(environment, lock_text, timeout) or _seal(environment, lock_text)
+        if problem is None:
+            _share_bytecode(layout, environment)
+    if problem is not None:
+        shutil.rmtree(environment.path, ignore_errors=True)
+        return None, (problem,)
+    return environment, ()
+
+
+def prune(layout: Layout, keep: Collection[Path]) -> list[Path]:
+    """Drop half-built environments and all complete ones but those to keep; gives what was dropped.
+
+    An environment that someone builds at this moment stays.
+    """
+    if not layout.environments.is_dir():
+        return []
+    found = [path for path in sorted(layout.environments.iterdir()) if FOLDER_NAME.fullmatch(path.name)]
+    return [path for path in found if path.is_dir() and path not in keep and _drop(path)]
+
+
+def _drop(path: Path) -> bool:
+    """Remove an environment unless someone builds in it right now."""
+    lock = path.parent / f".{path.name}.lock"
+    with held(lock, wait=False) as mine:
+        if not mine:
+            return False
+        shutil.rmtree(path, ignore_errors=True)
+    return not path.exists()
+
+
+def _make(environment: Environment, lock_text: str, timeout: float) -> Diagnostic | None:
+    """Build from nothing; the reason when it did not work."""
+    path = environment.path
+    shutil.rmtree(path, ignore_errors=True)
+    arguments = ["--quiet", "--no-project", "--no-python-downloads", "--python", sys.executable, str(path)]
+    try:
+        made = packages(["venv", *arguments], path.parent, 60.0)
+        if made.status != 0:
+            return _failed("the serving environment could not be made", reason(made))
+        lock = path / "requirements.txt"
+        replace(lock, lock_text.encode(), 0o644, synced=False)
+        install = ["pip", "install", "--quiet", "--python", str(environment.python), "--require-hashes", "--no-deps"]
+        # From the cache first: with all packages there, no index is asked at all.
+        done = packages([*install, "--offline", "-r", str(lock)], path.parent, timeout)
+        if done.status != 0:
+            done = packages([*install, "-r", str(lock)], path.parent, timeout)
+    except FileNotFoundError as problem:
+        return tool_missing(problem)
+    return None if done.status == 0 else _failed("the locked packages could not be installed", reason(done))
+
+
+def _share_bytecode(layout: Layout, environment: Environment) -> None:
+    """Link the bytecode of another environment's equal files, which saves two CPU seconds of compiling.
+
+    Bytecode names the time and size of its source, so what does not fit is compiled anew; and Python replaces such
+    files, never rewrites them, so a link is safe.
+    """
+    others = [at(path) for path in sorted(layout.environments.iterdir()) if FOLDER_NAME.fullmatch(path.name)]
+    donor = next((item for item in others if item and item.path != environment.path and not intact(item)), None)
+    if donor is None:
+        return
+    source, target = packages_of(donor.path), packages_of(environment.path)
+    for cache in source.rglob("__pycache__"):
+        folder = target / cache.relative_to(source)
+        if folder.parent.is_dir() and not folder.exists():
+            folder.mkdir()
+            for path in cache.iterdir():
+                try:
+                    os.link(path, folder / path.name)
+                except OSError:  # a file system without links: the packages are compiled when they are imported
+                    return
+
+
+def _seal(environment: Environment, lock_text: str) -> Diagnostic | None:
+    """Compare what is there with the lock and write the marker, the last step of a build."""
+    present = installed(environment.path)
+    names = {normal(item.partition("-")[0]) for item in present}
+    missing = sorted(set(pins(lock_text)) - names)
+    if missing:
+        return _failed("the installation does not hold what the lock says", "missing: " + ", ".join(missing[:10]))
+    document = {
+        "format": 1,
+        "digest": environment.digest,
+        "lock": environment.lock,
+        "distributions": present,
+        "modules": modules(environment.path),
+    }
+    return write_atomic(environment.path / MARKER, json.dumps(document, indent=1).encode(), 0o600)
+
+
+def _failed(summary: str, detail: str) -> Diagnostic:
+    return error(
+        "ENDPOINT-BUILD-FAILED",
+        summary,
+        detail=detail or None,
+        hint="the lock stands in state/<host>/deploy/requirements.txt; nothing of the old environment was changed",
+    )

@@ -1,0 +1,113 @@
+"""From direct requirements to a lock: every distribution of the closure with its exact version and its hashes.
+
+The lock is pip's requirements format in one normal form (sorted, no comments, no addresses), so that two hosts with
+the same interpreter and the same answer of the index write the same bytes. A lock that stands already is kept as far
+as it satisfies the requirements: a new release somewhere in the closure is no reason to change a working server.
+"""
+
+import re
+import sys
+import tempfile
+from collections.abc import Sequence
+from pathlib import Path
+
+from octoform.base.files import read, replace
+from octoform.diagnostics import Diagnostic, error
+from octoform.endpoint.environment.packages import is_network_failure, packages, reason
+
+Locked = tuple[str | None, tuple[Diagnostic, ...]]
+
+_NAME = r"[A-Za-z0-9](?:[A-Za-z0-9._-]*[A-Za-z0-9])?"
+_CLAUSE = r"(?:===?|!=|~=|<=?|>=?)\s*[A-Za-z0-9.*+!_-]+"
+_REQUIREMENT = re.compile(
+    rf"^\s*{_NAME}(?:\s*\[\s*{_NAME}(?:\s*,\s*{_NAME})*\s*\])?\s*(?:{_CLAUSE}(?:\s*,\s*{_CLAUSE})*)?\s*(?:;[^@\r\n]*)?$"
+)
+_PINNED = re.compile(rf"^({_NAME})==(\S+?)\s*(;[^\\]*?)?\s*\\?$")
+_HASH = re.compile(r"--hash=(\S+)")
+
+
+OFFLINE = "connect the host, or fill the package cache on it once"
+
+
+def resolve(requirements: Sequence[str], project: Path, previous: str | None = None, timeout: float = 120.0) -> Locked:
+    """The lock for ``requirements`` (``name==version`` or ranges, no addresses), or errors.
+
+    The package cache answers first (about 0.15 s of wall time when it is warm) and the index only when the cache
+    cannot: a host without a network still applies. ``project`` is where uv looks for the user's own configuration;
+    ``previous`` is a lock whose versions are preferred. ``timeout`` is in seconds and bounds the whole.
+    """
+    refused = [item for item in requirements if not _REQUIREMENT.match(item)]
+    if refused:
+        return None, tuple(_refuse(item) for item in refused)
+    with tempfile.TemporaryDirectory(prefix="octoform-lock-") as name:
+        lock = Path(name, "requirements.txt")
+        arguments = [*_ARGUMENTS, "-o", str(lock)]
+        text = "\n".join(sorted(requirements)) + "\n"
+        try:
+            for extra in (["--offline"], []):
+                replace(lock, (previous or "").encode(), synced=False)
+                finished = packages([*arguments, *extra, "-"], project, timeout, text)
+                if finished.status == 0:
+                    return normalise(read(lock).decode()), ()
+        except FileNotFoundError as problem:
+            return None, (tool_missing(problem),)
+    hint = OFFLINE if is_network_failure(finished) else None
+    return None, (
+        error(
+            "ENDPOINT-RESOLVE-FAILED",
+            "no set of packages satisfies the server's requirements",
+            detail=reason(finished),
+            hint=hint or "change the requirements in DEPLOY's artifact or in the header of server.py",
+        ),
+    )
+
+
+_ARGUMENTS = (
+    "pip",
+    "compile",
+    "--quiet",
+    "--generate-hashes",
+    "--no-header",
+    "--no-annotate",
+    "--no-emit-index-url",
+    "--no-emit-find-links",
+    "--python",
+    sys.executable,
+)
+
+
+def normalise(text: str) -> str:
+    """The lock's one form: a line for each distribution, sorted by name, its hashes below it, sorted."""
+    entries: dict[str, tuple[str, list[str]]] = {}
+    current: list[str] = []
+    for line in text.splitlines():
+        pinned = _PINNED.match(line)
+        if pinned:
+            name = re.sub(r"[-_.]+", "-", pinned[1]).lower()
+            current = []
+            entries[name] = (f"{name}=={pinned[2]}" + (f" {pinned[3].strip()}" if pinned[3] else ""), current)
+        else:
+            current.extend(_HASH.findall(line))
+    blocks = []
+    for name in sorted(entries):
+        head, hashes = entries[name]
+        blocks.append(" \\\n".join([head, *(f"    --hash={item}" for item in sorted(set(hashes)))]))
+    return "\n".join(blocks) + "\n" if blocks else ""
+
+
+def tool_missing(problem: OSError) -> Diagnostic:
+    """The error for a package tool that is not installed."""
+    return error(
+        "ENDPOINT-UV-MISSING",
+        "the package tool uv is not installed beside octoform",
+        detail=str(problem).splitlines()[0] if str(problem) else None,
+        hint="install octoform with its dependencies again",
+    )
+
+
+def _refuse(requirement: str) -> Diagnostic:
+    return error(
+        "ENDPOINT-REQUIREMENT-REFUSED",
+        f"{requirement[:120]!r} is not a plain requirement",
+        hint="write a name and a version; addresses, paths and options would leave the allowed index",
+    )

@@ -1,0 +1,268 @@
+"""Put this host's endpoint into a client's own file, look for it there, and take it out again.
+
+Nothing else of the file is touched. What stands there under our name counts as ours only when it starts our command
+or refers to a token of octoform's; anything else was put there by a person and is refused.
+"""
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from octoform.diagnostics import Diagnostic, Span, error
+from octoform.endpoint.access.tokens import PREFIX
+from octoform.endpoint.mcp_clients import config_file, formats, merge
+from octoform.endpoint.mcp_clients.config_file import ConfigFile
+from octoform.endpoint.mcp_clients.formats import Client
+from octoform.endpoint.mcp_clients.merge import Edited, Hunk, Taken, Wish
+from octoform.endpoint.mcp_clients.paths import Surroundings
+from octoform.endpoint.mcp_clients.text_edit import Path as Way
+from octoform.endpoint.mcp_clients.text_edit import Unreadable, at, place
+
+TRIES = 3
+"""How often a file is read anew that its client changed meanwhile."""
+PRIVATE = 0o600
+
+
+@dataclass(frozen=True, slots=True)
+class Server:
+    """What is to be reached: its name for clients, the command of stdio, the URL of HTTP, the value of a token.
+
+    ``url`` None means stdio; ``bearer`` is only given for a client that cannot refer to a variable.
+    """
+
+    name: str
+    command: tuple[str, ...]
+    url: str | None = None
+    bearer: str | None = None
+
+    def owns(self, entry: Mapping[str, Any]) -> bool:
+        """True for an entry that octoform wrote for this host, whatever its interpreter, port or form."""
+        said = formats.words(entry)
+        if said and said[1:] == self.command[1:]:
+            return True
+        address = formats.address(entry)
+        marks = (formats.VARIABLE, formats.INPUT, f"Bearer {PREFIX}")
+        return address is not None and (address == self.url or any(mark in json.dumps(entry) for mark in marks))
+
+
+@dataclass(frozen=True, slots=True)
+class Reach:
+    """What an entry may say and still lead to the endpoint: whether it answers over HTTP when it runs, at which
+    addresses it does now (none: it does not run), the values of its tokens."""
+
+    http: bool
+    urls: tuple[str, ...] = ()
+    tokens: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Outcome:
+    """What was done to a file: ``state`` is added, updated, present, removed or absent."""
+
+    client: Client
+    file: Path
+    state: str
+    transport: str | None = None
+    backup: Path | None = None
+    hunks: tuple[Hunk, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Sight:
+    """What is seen of a client: ``state`` is installed, absent, foreign or unreadable; ``there`` tells of the file.
+
+    ``current``: what is installed is what would be written now, so it leads to the endpoint.
+    """
+
+    client: Client
+    file: Path
+    there: bool
+    state: str
+    transport: str | None = None
+    problem: Diagnostic | None = None
+    current: bool = True
+
+
+def file_of(client: Client, around: Surroundings, server: Server | None = None) -> Path:
+    """The file that the client would read: the one with the server, else the first there is, else the preferred one."""
+    places = client.places(around)
+    there = [path for path in places if path.exists()]
+    if server is not None and len(there) > 1:
+        there.sort(key=lambda path: not _holds(client, path, server))
+    return there[0] if there else places[0]
+
+
+def _holds(client: Client, path: Path, server: Server) -> bool:
+    found = config_file.find(path)
+    if isinstance(found, Diagnostic):
+        return False
+    content = merge.NOTATIONS[client.notation].read(found.text)
+    return not isinstance(content, Unreadable) and _standing(client, content, server) is not None
+
+
+def look(client: Client, around: Surroundings, server: Server, reach: Reach) -> Sight:
+    """Whether the endpoint is in the client's file; nothing is written."""
+    path = file_of(client, around, server)
+    found = config_file.find(path)
+    if isinstance(found, Diagnostic):
+        return Sight(client, path, True, "unreadable", problem=found)
+    content = merge.NOTATIONS[client.notation].read(found.text)
+    if isinstance(content, Unreadable):
+        return Sight(client, path, True, "unreadable", problem=config_file.unreadable(path, found.text, content))
+    there = found.data is not None
+    way = _standing(client, content, server)
+    if way is None:
+        return Sight(client, path, there, "absent")
+    entry = at(content, way)
+    if not isinstance(entry, dict) or not server.owns(entry):
+        return Sight(client, path, there, "foreign")
+    current = _current(client, found.text, entry, server, reach)
+    return Sight(client, path, there, "installed", _transport(entry), current=current)
+
+
+def _current(client: Client, text: str, entry: Mapping[str, Any], server: Server, reach: Reach) -> bool:
+    """Whether bringing in an entry of the same transport would change nothing."""
+    address = formats.address(entry)
+    if address is None:
+        wanted = replace(server, url=None, bearer=None)
+    elif not reach.http or (reach.urls and address not in reach.urls):
+        return False
+    else:
+        held = next((value for value in reach.tokens if value in json.dumps(entry)), None)
+        wanted = replace(server, url=address, bearer=held if client.reference is None else None)
+    done = merge.merge(client, text, _wish(client, text, wanted), server.owns)
+    return isinstance(done, Edited) and done.state == "present"
+
+
+def install(client: Client, around: Surroundings, server: Server) -> Outcome | Diagnostic:
+    """Bring the endpoint in; the file is as it was when that cannot be done."""
+    path = file_of(client, around, server)
+    for _ in range(TRIES):
+        found = config_file.find(path)
+        if isinstance(found, Diagnostic):
+            return found
+        wish = _wish(client, found.text, server)
+        done = merge.merge(client, found.text, wish, server.owns)
+        if not isinstance(done, Edited):
+            return _refused(found, done, wish.entry)
+        outcome = Outcome(client, path, done.state, _transport(wish.entry), hunks=_masked(done.hunks, server.bearer))
+        if done.state == "present":
+            return outcome
+        mode = PRIVATE if server.bearer and server.url else found.mode
+        result = _put(found, done.text, mode, (*wish.table, wish.name), outcome)
+        if result is not None:
+            return result
+    return _moving(path)
+
+
+def remove(client: Client, around: Surroundings, server: Server) -> Outcome | Diagnostic:
+    """Take the endpoint out; what was there before stands there again, byte for byte when nothing else changed."""
+    path = file_of(client, around, server)
+    for _ in range(TRIES):
+        found = config_file.find(path)
+        if isinstance(found, Diagnostic):
+            return found
+        content = merge.NOTATIONS[client.notation].read(found.text)
+        if isinstance(content, Unreadable):
+            return config_file.unreadable(path, found.text, content)
+        way = _standing(client, content, server)
+        if way is None:
+            return Outcome(client, path, "absent")
+        former = config_file.former_texts(path)
+        done = merge.take_out(client, found.text, way, server.owns, list(former.values()))
+        if not isinstance(done, Edited):
+            assert done is not None
+            return _refused(found, done, None)
+        outcome = Outcome(client, path, "removed", _transport(at(content, way)), hunks=done.hunks)
+        spent = next((item for item, text in former.items() if text == done.text), None)
+        result = _put(found, done.text, found.mode, way, outcome)
+        if result is not None:
+            if isinstance(result, Outcome) and spent is not None and result.backup is None:
+                # It would hold what the file holds again.
+                spent.unlink(missing_ok=True)
+            return result
+    return _moving(path)
+
+
+def _put(found: ConfigFile, text: str | None, mode: int, way: Way, outcome: Outcome) -> Outcome | Diagnostic | None:
+    """Keep what is there unless it is known to come of what was kept, then write; None when the file moved."""
+    client = outcome.client
+    former = list(config_file.former_texts(found.path).values())
+    made = text is None or merge.origin(client, found.text, way, former) is not None
+    backup = None
+    if found.data is not None and not made:
+        kept = config_file.keep(found)
+        if isinstance(kept, Diagnostic):
+            return kept
+        backup = kept
+    done = config_file.replace(found, None if text is None else found.encoded(text), mode)
+    if isinstance(done, Diagnostic):
+        return done
+    if not done:
+        if backup is not None:
+            backup.unlink(missing_ok=True)
+        return None
+    return replace(outcome, backup=backup)
+
+
+def _wish(client: Client, text: str, server: Server) -> Wish:
+    """The entry and its place; a URL is only given for a client that knows HTTP."""
+    entry = formats.form(client, server.name, server.command, server.url, server.bearer)
+    assert entry is not None
+    content = merge.NOTATIONS[client.notation].read(text)
+    content = {} if isinstance(content, Unreadable) else content
+    standing = _standing(client, content, server)
+    table = standing[:-1] if standing else formats.table_of(client, content)
+    forms = (formats.form(client, "", server.command, url) or {} for url in (None, server.url or "-"))
+    fields = frozenset(key for form in forms for key in form)
+    return Wish(table, server.name, entry, prompted=server.url is not None, dropped=fields - entry.keys())
+
+
+def _standing(client: Client, content: Mapping[str, Any], server: Server) -> Way | None:
+    """Where an entry of the server's name stands, in whichever notation of the client."""
+    for table in (client.table, client.older):
+        above = at(content, table) if table else None
+        if table and isinstance(above, dict) and server.name in above:
+            return (*table, server.name)
+    return None
+
+
+def _transport(entry: Any) -> str:
+    return "http" if isinstance(entry, Mapping) and formats.address(entry) is not None else "stdio"
+
+
+def _masked(hunks: tuple[Hunk, ...], secret: str | None) -> tuple[Hunk, ...]:
+    """What may be shown: a token's value stands in the file alone."""
+    if secret is None:
+        return hunks
+    return tuple(Hunk(h.line, h.removed.replace(secret, "[token]"), h.added.replace(secret, "[token]")) for h in hunks)
+
+
+def _moving(path: Path) -> Diagnostic:
+    return config_file.unwritable(path, "its client is writing it over and over")
+
+
+def _refused(found: ConfigFile, reason: Taken | Unreadable, entry: Mapping[str, Any] | None) -> Diagnostic:
+    if isinstance(reason, Unreadable):
+        return config_file.unreadable(found.path, found.text, reason)
+    where: dict[str, object] = {"path": str(found.path)}
+    if reason.offset is not None:
+        line, column, _ = place(found.text, reason.offset)
+        where["span"] = Span(line, column)
+    dotted = ".".join(reason.path)
+    if not isinstance(reason.entry, dict):
+        hint = "nothing was changed; make it a table of servers, or add the entry yourself: octoform connect -print"
+        return error("CLIENT-PLACE-TAKEN", f"{dotted} holds something that is no table", hint=hint, **where)
+    lines = [f"in the file: {_said(reason.entry)}"] + ([f"octoform's:  {_said(entry)}"] if entry else [])
+    hint = f"nothing was changed; give that entry another name or remove it from {found.path.name}, then try again"
+    summary = f"{dotted} is there already and is not octoform's"
+    return error("CLIENT-ENTRY-FOREIGN", summary, detail="\n".join(lines), hint=hint, **where)
+
+
+def _said(entry: Mapping[str, Any]) -> str:
+    """What an entry starts or calls; not its variables and headers, which may be secrets."""
+    text = formats.address(entry) or " ".join(formats.words(entry)) or "neither a command nor a URL"
+    others = sorted(set(entry) - {"command", "cmd", "args", "url", "uri", "type"})
+    return text + (f"  (also: {', '.join(others)})" if others else "")

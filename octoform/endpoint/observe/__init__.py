@@ -1,0 +1,1 @@
+"""What the endpoint is and did, seen from outside: its drift, its logs, when it was last seen."""

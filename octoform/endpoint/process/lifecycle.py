@@ -1,0 +1,268 @@
+"""Start and stop the process that serves a host's endpoint. Light until something is really started.
+
+It is started detached, from the launcher that apply wrote, or by systemd where a person had that installed. Only what
+is proved to be that process is ever signalled, through a pidfd that was opened before the proof, so that a recycled
+pid is never hit.
+"""
+
+import fcntl
+import os
+import signal
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Protocol
+
+from octoform.base import marks
+from octoform.diagnostics import Diagnostic, error
+from octoform.endpoint.files import LAUNCHER, not_ours, of_another
+from octoform.endpoint.process import systemd
+from octoform.endpoint.process.record import MARK, Running, is_it, last_running, running
+from octoform.endpoint.sockets import greeted
+from octoform.state.layout import Layout
+
+START_SECONDS = 120.0
+"""For a start on a small board; a second or two elsewhere. One that has ended is seen at once."""
+STOP_SECONDS = 8.0
+"""What a graceful end may take before a firm one, and how long a start waits for the end of the process before it."""
+TAKEN = 75
+"""Exit status of a process that found the endpoint owned by another one (EX_TEMPFAIL)."""
+LARGE_LOG = 10_000_000
+"""Bytes of the process's own log above which a start begins a new one."""
+PASSED = ("HOME", "PATH", "LANG", "LC_ALL", "TMPDIR", "TZ", "USER", "LOGNAME", "XDG_RUNTIME_DIR")
+"""Variables that the process gets of whoever starts it: no secrets, and the same from every place."""
+MALLOC = {"MALLOC_TRIM_THRESHOLD_": "16777216", "MALLOC_MMAP_THRESHOLD_": "16777216"}
+"""Bytes (mallopt(3)): memory of a picture is used again for the next one, instead of being mapped anew each time."""
+ROOM_BYTES = 256 * 1024
+"""What a start writes at most before it serves: records, the first lines of its logs, and some to spare."""
+PUBLISHED_BYTES = 4 * 1024 * 1024
+"""What publishing an endpoint takes, copies included."""
+_STEP = 0.02
+
+
+@dataclass(frozen=True, slots=True)
+class Stopped:
+    """How the process ended: ``firmly`` when it had to be killed. ``process`` is None when none ran."""
+
+    process: Running | None
+    firmly: bool = False
+
+
+def start(layout: Layout, seconds: float = START_SECONDS) -> tuple[Running | None, Diagnostic | None]:
+    """The running process, started unless it runs; the reason when it does not come up within ``seconds``.
+
+    Several starts at once make one process.
+    """
+    if not (layout.endpoint / LAUNCHER).is_file():
+        hint = "run octoform apply, which builds it"
+        return None, error("ENDPOINT-NOT-APPLIED", f"{layout.host} has no endpoint yet", hint=hint)
+    if copied := of_another(layout):
+        found = running(layout)  # a renamed folder keeps what was started from it
+        return (found, None) if found is not None and accepts(layout) else (None, copied)
+    for folder in (layout.run, layout.logs):
+        if foreign := not_ours(folder):
+            return None, error("ENDPOINT-START-FAILED", "the endpoint is not started", detail=foreign)
+    with _turn(layout):
+        end = time.monotonic() + seconds
+        found = running(layout)
+        if found is not None:
+            if accepts(layout):
+                return found, None
+            _gone(found, min(end, time.monotonic() + STOP_SECONDS))  # what takes nobody is ending
+        return _start(layout, end)
+
+
+def obstacle(layout: Layout, size: int = ROOM_BYTES) -> Diagnostic | None:
+    """Why a start could not write what it has to; asked before an endpoint that is well is ended for another start."""
+    from octoform.base.files import require_room  # here, so that a client's pipe does not load them
+    from octoform.state.files import refused
+
+    for folder in (layout.endpoint, layout.run, layout.logs):
+        try:
+            folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+            require_room(folder, size)
+        except OSError as problem:
+            found = refused(problem, folder)
+            return replace(found, detail="; ".join(filter(None, (found.detail, "the endpoint was left as it is"))))
+    return None
+
+
+def accepts(layout: Layout) -> bool:
+    """True when something takes clients at the endpoint's socket, be it slowly."""
+    try:
+        greeted(layout.socket, 1.0).close()
+    except BlockingIOError:  # so many wait there already
+        return True
+    except OSError:
+        return False
+    return True
+
+
+def stop(layout: Layout, seconds: float = STOP_SECONDS) -> Stopped:
+    """End the process: asked first, killed when it has not gone after ``seconds``; nothing else is ever touched.
+
+    One that a signal or a debugger has stopped is killed at once: it hears nothing, and were it woken, calls that stood
+    still for who knows how long would go on first. (Systemd has its own way, and starts again what somebody else ends.)
+    """
+    found = running(layout)
+    if found is None:
+        if (former := last_running(layout)) is not None:
+            clear_left(former)
+        return Stopped(None)
+    try:
+        handle = os.pidfd_open(found.pid)
+    except ProcessLookupError:
+        return Stopped(None)
+    try:
+        if not is_it(found):
+            return Stopped(None)
+        if not systemd.stopped(layout):
+            _signal(handle, signal.SIGTERM)
+        firmly = is_stopped(found.pid) or not _gone(found, time.monotonic() + seconds)
+        if firmly:
+            _signal(handle, signal.SIGKILL)
+            _gone(found, time.monotonic() + seconds)
+    finally:
+        os.close(handle)
+    clear_left(found)
+    return Stopped(found, firmly)
+
+
+def clear_left(process: Running, *, spare: bool = False) -> int:
+    """End what the tools of an endpoint left running, and with ``spare`` not the endpoint; how many there were."""
+    from octoform.endpoint.bounded_program import clear  # here, so that a client's pipe does not load it
+
+    return clear(process.mark, MARK, spared=process.pid if spare else None) if process.mark else 0
+
+
+def is_stopped(pid: int) -> bool:
+    """True while a process stands still because it was told to (proc(5): state T or t)."""
+    try:
+        text = Path(f"/proc/{pid}/stat").read_text(errors="replace")
+    except OSError:
+        return False
+    return text.rpartition(")")[2].split()[:1] in (["T"], ["t"])
+
+
+def _signal(handle: int, number: int) -> None:
+    try:
+        signal.pidfd_send_signal(handle, number)
+    except ProcessLookupError:
+        return
+
+
+def _gone(process: Running, end: float) -> bool:
+    while is_it(process):
+        if time.monotonic() > end:
+            return False
+        time.sleep(_STEP)
+    return True
+
+
+@contextmanager
+def _turn(layout: Layout) -> Iterator[None]:
+    """One start at a time; the kernel gives the lock back when its holder dies."""
+    layout.run.mkdir(mode=0o700, parents=True, exist_ok=True)
+    with os.fdopen(_private(layout.run / "start.lock"), "ab") as file:
+        fcntl.flock(file, fcntl.LOCK_EX)
+        yield
+
+
+class _Begun(Protocol):
+    """A start that was asked for."""
+
+    taken: bool
+    """True once it ended because another process owns the endpoint."""
+
+    def ended(self) -> str | None:
+        """How it ended before it served; None while it may still come."""
+
+    def give_up(self) -> None:
+        """End what does not come."""
+
+
+class _Detached:
+    """A process that was started here and belongs to nobody."""
+
+    def __init__(self, layout: Layout) -> None:
+        import subprocess  # here, so that a client's pipe to a running endpoint does not load it
+
+        self.taken = False
+        with os.fdopen(_private(layout.server_log), "ab") as log:
+            self._process = subprocess.Popen(
+                [str(layout.endpoint / LAUNCHER)],
+                cwd=layout.run,
+                env={
+                    **{name: os.environ[name] for name in PASSED if name in os.environ},
+                    MARK: marks.new(16),
+                    **MALLOC,
+                },
+                stdin=subprocess.DEVNULL,
+                stdout=log,
+                stderr=log,
+                start_new_session=True,
+            )
+
+    def ended(self) -> str | None:
+        status = self._process.poll()
+        self.taken = status == TAKEN
+        return None if status is None else f"its process ended with status {status}"
+
+    def give_up(self) -> None:
+        self._process.kill()
+        self._process.wait()
+
+
+def _start(layout: Layout, end: float) -> tuple[Running | None, Diagnostic | None]:
+    layout.logs.mkdir(mode=0o700, parents=True, exist_ok=True)
+    _set_aside(layout.server_log)
+    with os.fdopen(_private(layout.server_log), "ab") as log:
+        mark = log.tell()
+    begun: _Begun = systemd.started(layout) or _Detached(layout)
+    patience = time.monotonic() + STOP_SECONDS
+    while time.monotonic() < end:
+        # In this order: whoever greets owns the endpoint, and then the record tells of no process before it.
+        if accepts(layout) and (found := running(layout)) is not None:
+            return found, None
+        why = begun.ended()
+        if why is not None:
+            if not begun.taken or time.monotonic() > patience:
+                return None, _failed(layout, mark, why)
+            begun = _Detached(layout)  # the owner may be one that was killed and is not wholly gone
+        time.sleep(_STEP)
+    begun.give_up()
+    return None, _failed(layout, mark, "it takes no clients")
+
+
+def _set_aside(log: Path) -> None:
+    """A log that has grown large makes room for a new one."""
+    try:
+        if log.lstat().st_size <= LARGE_LOG:
+            return
+    except FileNotFoundError:
+        return
+    from octoform.endpoint.process.log_rotation import set_aside  # here, so that a client's pipe does not load it
+
+    set_aside(log, held_open=False)
+
+
+def _private(path: Path) -> int:
+    """A file of ours to add to, made where there is none."""
+    from octoform.base.files import make_way
+
+    make_way(path)
+    return os.open(path, os.O_WRONLY | os.O_APPEND | os.O_CREAT | os.O_CLOEXEC | os.O_NOFOLLOW | os.O_NONBLOCK, 0o600)
+
+
+def _failed(layout: Layout, mark: int, why: str) -> Diagnostic:
+    from octoform.base.files import stream
+
+    with stream(layout.server_log) as log:
+        log.seek(mark)
+        said = log.read(1 << 20).decode("utf-8", "replace").strip()
+    refusals = [line.partition("refused:")[2].strip() for line in said.splitlines() if "octoform: refused:" in line]
+    detail = refusals[-1] if refusals else said[-1500:] or None
+    hint = "octoform plan tells what differs from what was applied; octoform apply repairs it"
+    return error("ENDPOINT-START-FAILED", f"the endpoint did not start: {why}", detail=detail, hint=hint)
