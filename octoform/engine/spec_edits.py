@@ -18,8 +18,8 @@ from octoform.engine.plan.configuration import Compiled
 from octoform.escaping import is_hidden
 from octoform.graph.model import key_of
 from octoform.protocol import DUTIES, STAGES, STEP, Spec, own_path, step_paths
-from octoform.protocol.loading import load_one
-from octoform.protocol.step_loading import load_step
+from octoform.protocol.loader import load_one
+from octoform.protocol.step_loader import load_step
 from octoform.state.artifacts import attempts, spec_edits
 from octoform.state.artifacts.spec_edits import PendingEdit
 from octoform.state.files import write_atomic

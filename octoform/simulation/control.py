@@ -3,8 +3,8 @@
 from collections.abc import Mapping
 from typing import Any
 
-from octoform.simulation import camera, line, servo, servos
-from octoform.simulation.line import LineDevice
+from octoform.simulation import camera, rail_firmware, servo, servos
+from octoform.simulation.rail_firmware import LineDevice
 from octoform.simulation.rig import Rig
 from octoform.simulation.servos import ServoBus
 
@@ -85,7 +85,7 @@ def _broken(rig: Rig, target: str, fault: str | None) -> dict[str, Any]:
         if fault:
             device.drop()
     elif isinstance(device, LineDevice):
-        _known(fault, line.FAULTS)
+        _known(fault, rail_firmware.FAULTS)
         device.fault = fault
     elif rig.camera is not None:
         _known(fault, camera.FAULTS)

@@ -13,8 +13,8 @@ from typing import Any
 
 from octoform.simulation.camera import Camera
 from octoform.simulation.clock import Clock
-from octoform.simulation.line import LineDevice
 from octoform.simulation.ports import Port
+from octoform.simulation.rail_firmware import LineDevice
 from octoform.simulation.scene import Scene
 from octoform.simulation.servos import ServoBus
 from octoform.simulation.tree import Planter

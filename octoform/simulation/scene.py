@@ -12,7 +12,7 @@ from functools import lru_cache
 from itertools import pairwise
 
 from octoform.simulation.clock import Clock
-from octoform.simulation.line import LineDevice
+from octoform.simulation.rail_firmware import LineDevice
 from octoform.simulation.servos import ServoBus
 
 Planes = tuple[bytes, bytes, bytes]

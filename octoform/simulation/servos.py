@@ -11,8 +11,8 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from octoform.simulation import packets
+from octoform.simulation.arm_kinematics import Linkage
 from octoform.simulation.clock import Clock, sped_up
-from octoform.simulation.linkage import Linkage
 from octoform.simulation.packets import Packet, Reader, packet
 from octoform.simulation.servo import Servo
 

@@ -1,1 +1,1 @@
-"""Views: the only place that prints. One module per command, each with a human and a JSON form."""
+"""Views: the only place that prints. One module for each noun, with a human and a JSON form."""

@@ -7,8 +7,8 @@ said.
 
 from pathlib import Path
 
-from octoform.simulation.line import LineDevice
 from octoform.simulation.ports import Port
+from octoform.simulation.rail_firmware import LineDevice
 
 HOST = "../rig/rail"
 """The board's text for ``plant``."""

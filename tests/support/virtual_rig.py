@@ -27,7 +27,7 @@ from octoform.endpoint.publish.policy import resolve
 from octoform.manifest.policy_model import Policy
 from octoform.profiles import Profile, for_task, holds
 from octoform.profiles.parser import load
-from octoform.simulation.line import LineDevice
+from octoform.simulation.rail_firmware import LineDevice
 from octoform.simulation.rig import Rig
 from octoform.simulation.servos import ServoBus
 

@@ -13,7 +13,7 @@ from vm.devices.serial import NAMED_CHIP, SHARED_CHIP, CdcAcm, Ch340, Cp2102
 from vm.guest import Guest
 from vm.rig import identity, rail_firmware
 
-from octoform.simulation.line import LineDevice
+from octoform.simulation.rail_firmware import LineDevice
 
 _USB = ("uvcvideo", "snd-usb-audio", "cdc-acm", "ch341", "cp210x", "usb-storage", "hid-mcp2221", "hid-sensor-als")
 EXPECTED: Mapping[str, tuple[str, ...]] = {

@@ -13,7 +13,7 @@ from vm.devices.serial import CdcAcm
 from vm.guest import Guest
 
 from octoform.simulation.descriptions import load
-from octoform.simulation.line import LineDevice
+from octoform.simulation.rail_firmware import LineDevice
 from octoform.simulation.scene import Scene
 from octoform.simulation.servos import ServoBus
 

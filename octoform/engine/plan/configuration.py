@@ -19,9 +19,9 @@ from octoform.manifest.loader import named_profiles
 from octoform.manifest.model import Manifest, NamedStep, ProfileSource, TypedProfile
 from octoform.profiles import Profile
 from octoform.protocol import Spec, Step, step_paths
-from octoform.protocol.loading import load as load_specs
-from octoform.protocol.loading import schema_dir
-from octoform.protocol.step_loading import load_step
+from octoform.protocol.loader import load as load_specs
+from octoform.protocol.loader import schema_dir
+from octoform.protocol.step_loader import load_step
 from octoform.state.layout import Layout
 
 

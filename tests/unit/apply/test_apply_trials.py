@@ -19,10 +19,10 @@ from octoform.endpoint.scripts.picture import digest, grain_of
 from octoform.perception.image_quality import Picture
 from octoform.protocol.steps import Proof
 from octoform.simulation import packets
+from octoform.simulation.camera import Sensor
 from octoform.simulation.descriptions import load
-from octoform.simulation.line import LineDevice
+from octoform.simulation.rail_firmware import LineDevice
 from octoform.simulation.scene import Scene
-from octoform.simulation.sensor import Sensor
 from octoform.simulation.servos import ServoBus
 
 JOINTS = {"shoulder_pan": 1, "shoulder_lift": 2, "elbow_flex": 3, "wrist_flex": 4, "wrist_roll": 5, "gripper": 6}

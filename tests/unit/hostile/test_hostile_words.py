@@ -18,12 +18,12 @@ from octoform.apply.attempt_record import attempts
 from octoform.diagnostics import Diagnostic, Span, error, to_json
 from octoform.engine.results import RunResult
 from octoform.escaping import is_hidden
-from octoform.graph.drawing import to_dot, to_mermaid
+from octoform.graph.dot import to_dot, to_mermaid
 from octoform.graph.model import Graph, Node, NodeKind
 from octoform.harness.port import TaskLimits
 from octoform.harness.watching import Watcher
 from octoform.protocol import MOST_PROMPT_BYTES, STAGES, Prompt, render_prompt
-from octoform.protocol.loading import load
+from octoform.protocol.loader import load
 from octoform.runtime import calllog
 from octoform.state.artifacts.attempts import AttemptRecord
 from octoform.views.format.console import Console

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from octoform.diagnostics import Span, error
 from octoform.protocol import MOST_PROMPT_BYTES, STAGES, Prompt, PromptTooLarge, Spec, render_prompt
 from octoform.protocol.fence import fenced, tail
-from octoform.protocol.loading import load
+from octoform.protocol.loader import load
 
 SPECS: dict[str, Spec] = load(None)[0]
 

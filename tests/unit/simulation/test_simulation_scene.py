@@ -8,7 +8,7 @@ import pytest
 
 from octoform.simulation.camera import Camera
 from octoform.simulation.descriptions import load
-from octoform.simulation.line import LineDevice
+from octoform.simulation.rail_firmware import LineDevice
 from octoform.simulation.scene import Scene
 from octoform.simulation.servos import ServoBus
 

@@ -5,7 +5,7 @@ from typing import Any
 import pytest
 
 from octoform.simulation.descriptions import load
-from octoform.simulation.line import LineDevice, Unplugged
+from octoform.simulation.rail_firmware import LineDevice, Unplugged
 
 RAIL: dict[str, Any] = load("reference")["devices"]["rail"]
 STEP = 2 * RAIL["half_period"]
