@@ -25,6 +25,7 @@ MOST_FOLDERS, MOST_FILES = 400, 4000
 _LINES = "raw_descriptor"
 _TEXTS = ("name", "interface")
 _WORD = re.compile(r"[^\W_]+")
+_COUNTED = re.compile(r"\b([a-z]{2,})(?=\d+\b)")
 _HEX = re.compile(r"(?:0x)?0*([0-9a-f]{1,8})h?")
 _AMOUNT = re.compile(r"([0-9]+)(?:x|v|w|ma|mw|hz|khz|mhz|ghz|kb|mb|gb|kib|mib|gib|m|g|mbps|gbps|bit|bits)")
 # How the parts of a device are called whatever it is: no word of these tells what it does.
@@ -100,7 +101,10 @@ class _Host:
 
     def missing(self, words: set[str], device: Mapping[str, Any], others: set[str]) -> set[str]:
         """Those of ``words`` that the system does not say of a device; ``others`` are the folders of all others."""
-        left = _without(words, _of_values({name: item for name, item in device.items() if name != "instance"}))
+        own = _of_values({name: item for name, item in device.items() if name != "instance"})
+        nodes = " ".join(node["name"] for node in device["instance"].get("nodes", ()))
+        # `loop` is what loop0 to loop7 are, and `pcm` what pcm0 is.
+        left = _without(words, f"{own} {' '.join(_COUNTED.findall(f'{own} {nodes}'.casefold()))}")
         if left:
             bus = str(device["interface"])
             left = _without(left, " ".join(self._databases.lookup(bus, device.get("vid", ""), device.get("pid", ""))))

@@ -13,6 +13,7 @@ from octoform.contracts.text import pointer, shown
 from octoform.diagnostics import Diagnostic, error, warning
 
 METHOD = "user_answer"
+MAX_QUOTE = 500
 # Question marks, also those of Armenian, Greek, Arabic and full-width writing.
 _ASKS = re.compile("[?\u055e\u037e\u061f\u2047\u2048\u2049\uff1f]")
 
@@ -27,6 +28,16 @@ def stands_in(quote: str, device: JsonObject, artifacts: Artifacts) -> bool:
     """True for a piece, letter by letter, of what PROBE recorded of a device or of what a person said of it."""
     sources = (device["name"], device["raw_descriptor"], *texts(device["id"], artifacts))
     return any(quote in text for text in sources) and len(re.findall(r"\w", quote)) >= 2
+
+
+def stands_whole(quote: str, device: JsonObject, artifacts: Artifacts) -> bool:
+    """True for a quote that neither begins nor ends inside of a word of Latin letters; the longest may be cut."""
+    if len(quote) >= MAX_QUOTE:
+        return True
+    sources = (device["name"], device["raw_descriptor"], *texts(device["id"], artifacts))
+    before = "(?<![A-Za-z0-9])" if quote[0].isascii() and quote[0].isalnum() else ""
+    behind = "(?![A-Za-z0-9])" if quote[-1].isascii() and quote[-1].isalnum() else ""
+    return any(re.search(before + re.escape(quote) + behind, text) for text in sources)
 
 
 def answer_invented(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:

@@ -5,30 +5,17 @@ picture comes out of a temperature sensor), a verb that destroys is no `read`, a
 it is called. A person who answered, or a profile that holds, may know of a way that no class shows.
 """
 
-import re
 from collections.abc import Iterator
 
+from octoform.contracts.kinds import MEASURED, WAYS, measures, speaks_bytes
+from octoform.contracts.kinds import shown as ways_of
 from octoform.contracts.model import Artifacts, JsonObject, Rule
-from octoform.contracts.naming import changes, is_passthrough, offers_a_pipe, raw_facts, tokens
+from octoform.contracts.naming import changes, is_passthrough, is_reading, offers_a_pipe, raw_facts, tokens
 from octoform.contracts.raw_line_rules import RAW, known_by_a_person
 from octoform.contracts.text import listed, pointer, shown
 from octoform.diagnostics import Diagnostic, error
 
-_USB_CLASS = re.compile(r"\bclass ([0-9a-f]{2})/[0-9a-f]{2}/[0-9a-f]{2}|^interface_class: ([0-9a-f]{2})", re.MULTILINE)
-# USB-IF, Defined Class Codes: audio, communications, HID, still image, printer, storage, smart card, video, medical,
-# radio, test and measurement; what is vendor specific (ff) or left to each interface (00) shows no way.
-_USB_WAYS = frozenset(("01", "02", "03", "06", "07", "08", "0b", "0e", "0f", "e0", "fe"))
-_PICTURE = ("video4linux", "usb-0e", "usb-06", "media", "dvb", "drm", "graphics")
-_SOUND = ("sound", "usb-01", "bluetooth", "dvb")
-_DISK = ("block", "nvme", "usb-08", "mtd", "ubi", "mmc_host", "scsi_device", "scsi_generic", "bsg", "ata_device")
-_WAYS = {
-    **dict.fromkeys(("image", "picture", "photo", "snapshot", "frame", "video", "webcam"), _PICTURE),
-    **dict.fromkeys(("audio", "sound", "microphone", "speaker", "song", "speech"), _SOUND),
-    **dict.fromkeys(("disk", "partition", "filesystem", "smart", "storage"), _DISK),
-    **dict.fromkeys(("backlight",), ("backlight", "leds", "drm")),
-    **dict.fromkeys(("wifi", "wlan"), ("net", "ieee80211", "rfkill")),
-}
-"""What a capability's name speaks of, and the classes of the kernel (or of USB) of which one leads there."""
+_CLASSES = RAW | {way for ways in (*WAYS.values(), *MEASURED.values()) for way in ways if "-" not in way}
 
 
 def without_class(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
@@ -41,12 +28,17 @@ def without_class(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
         entry = probed.get(device["id"])
         if entry is None or entry.get("context") or known_by_a_person(device, artifacts):
             continue
-        shows = _shown(entry)
-        if capability["effect"] != "read" and shows <= RAW:
+        shows = ways_of(entry)
+        if is_pipe(capability) or (capability["effect"] != "read" and speaks_bytes(entry)):
             continue  # another rule's finding: what acts through a raw line needs a profile
-        wanted = [_WAYS[word] for word in tokens(capability["name"]) if word in _WAYS]
-        if shows and (shows <= RAW or not wanted or any(shows.intersection(ways) for ways in wanted)):
+        spoken = tokens(capability["name"])
+        wanted = [WAYS[word] for word in spoken if word in WAYS]
+        measured = [word for word in spoken if word in MEASURED] if not (wanted or shows & RAW) else []
+        right = any(shows.intersection(ways) for ways in wanted) or any(measures(entry, word) for word in measured)
+        reached = _reached(capability)
+        if shows and (right or not (wanted or measured)) and reached <= shows:
             continue
+        wanted += [MEASURED[word] for word in measured]
         name = shown(capability["name"])
         has = f"it has {listed(sorted(shows))}" if shows else "it has none"
         summary = f"no class that PROBE shows of {shown(device['id'])} leads to {name}; {has}"
@@ -60,19 +52,22 @@ def without_class(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
     return out
 
 
-def effect_understated(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
-    """What changes or destroys something is no read."""
+def effect_understated(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
+    """What changes or destroys something is no read, and the name of a read begins with what it reads by."""
+    probed = {device["id"]: device for device in (artifacts.probe or {}).get("devices", ())}
     return [
         error(
             "IDENTIFY-EFFECT-UNDERSTATED",
-            f"{shown(capability['name'])} is declared read, and {shown(verb)} changes something",
+            f"{shown(capability['name'])} is declared read, and {shown(verb)} is no reading",
             pointer=pointer("devices", index, "capabilities", at, "effect"),
-            hint="write irreversible where nothing brings back what was there, else actuate; or name what it reads",
+            hint="write irreversible where nothing brings back what was there, else actuate; or name what it reads, "
+            "with a verb such as read, get, list, measure",
         )
-        for index, at, _, capability in capabilities(value)
+        for index, at, device, capability in capabilities(value)
         if capability["effect"] == "read"
-        and not is_passthrough(capability["name"])
-        and (verb := changes(capability["name"], capability["description"]))
+        and not is_pipe(capability)
+        and not _is_command(device, capability, artifacts)
+        and (verb := _deed(device, capability, probed.get(device["id"])))
     ]
 
 
@@ -80,16 +75,42 @@ def passthrough(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
     """No capability is a raw pipe to the device, by its name, by its description or by what it takes."""
     out = []
     for index, at, _device, capability in capabilities(value):
-        member = "name"
-        if not is_passthrough(capability["name"]):
-            taken = raw_facts(capability.get("parameters", {}))
-            member = "description" if offers_a_pipe(capability["description"]) else "parameters" if taken else ""
-        if member:
-            summary = f"the capability {shown(capability['name'])} is a raw pipe to the device"
+        if member := is_pipe(capability):
+            summary = f"the {member} of the capability {shown(capability['name'])} offers a raw pipe to the device"
             where = pointer("devices", index, "capabilities", at, member)
             hint = "name what the device does, with typed parameters; a device with no such thing is unknown"
             out.append(error("IDENTIFY-PASSTHROUGH", summary, pointer=where, hint=hint))
     return out
+
+
+def _deed(device: JsonObject, capability: JsonObject, entry: JsonObject | None) -> str | None:
+    """The word by which a capability changes something, or does not read; a raw line has a rule of its own."""
+    if verb := changes(capability["name"], capability["description"]):
+        return verb
+    named = is_reading(capability["name"]) or device["method"] == "profile" or entry is None or speaks_bytes(entry)
+    return None if named else tokens(capability["name"])[0]
+
+
+def _is_command(device: JsonObject, capability: JsonObject, artifacts: Artifacts) -> bool:
+    """Whether a profile that holds says what a capability is: its effect stands there."""
+    facts = artifacts.profiles.get(device.get("profile", ""))
+    return facts is not None and any(command["tool"] == capability["name"] for command in facts.commands)
+
+
+def _reached(capability: JsonObject) -> frozenset[str]:
+    """The classes by which a capability says that its device is reached."""
+    parameters = capability.get("parameters", {})
+    named = (parameters.get(name) for name in ("class", "kernel_class", "subsystem"))
+    return frozenset(name for name in named if isinstance(name, str) and name in _CLASSES)
+
+
+def is_pipe(capability: JsonObject) -> str:
+    """The member by which a capability is a raw pipe; "" for what is none."""
+    if is_passthrough(capability["name"]):
+        return "name"
+    if offers_a_pipe(capability["description"]):
+        return "description"
+    return "parameters" if raw_facts(capability.get("parameters", {}), capability["effect"]) else ""
 
 
 def capabilities(value: JsonObject) -> Iterator[tuple[int, int, JsonObject, JsonObject]]:
@@ -97,12 +118,6 @@ def capabilities(value: JsonObject) -> Iterator[tuple[int, int, JsonObject, Json
     for index, device in enumerate(value["devices"]):
         for at, capability in enumerate(device["capabilities"]):
             yield index, at, device, capability
-
-
-def _shown(entry: JsonObject) -> frozenset[str]:
-    """The kernel's classes of a device, and the classes of its USB interfaces that have a standard way."""
-    found = {"".join(pair) for pair in _USB_CLASS.findall(str(entry.get("raw_descriptor", "")))}
-    return frozenset(entry.get("classes", ())) | {f"usb-{code}" for code in found & _USB_WAYS}
 
 
 RULES = (

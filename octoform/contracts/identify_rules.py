@@ -4,14 +4,25 @@ A wrong name costs more than a missing one: somebody will move an arm that is a 
 unknown, visibly, with the sentence that would settle it.
 """
 
-from octoform.contracts import answer_rules, capability_rules, raw_line_rules, stop_rules
+import re
+
+from octoform.contracts import (
+    annotation_rules,
+    answer_rules,
+    capability_rules,
+    name_rules,
+    prose_rules,
+    raw_line_rules,
+    stop_rules,
+)
 from octoform.contracts.capability_rules import capabilities
+from octoform.contracts.kinds import speaks_bytes
 from octoform.contracts.model import Artifacts, JsonObject, Rule
-from octoform.contracts.name_rules import name_without_evidence
-from octoform.contracts.naming import is_chip_name
+from octoform.contracts.naming import is_chip_name, same_action, says_nothing
 from octoform.contracts.raw_line_rules import RAW
 from octoform.contracts.text import listed, pointer, shown
 from octoform.contracts.text_rules import in_values
+from octoform.contracts.wording import has_digit, said, words
 from octoform.diagnostics import Diagnostic, did_you_mean, error, warning
 
 MANY_DEVICES = 40
@@ -19,6 +30,7 @@ MANY_CAPABILITIES = 5
 _EMPTY_WORDS = frozenset(
     {"", "none", "n/a", "na", "unknown", "tbd", "todo", "null", "-", "?", "some library", "library"}
 )
+_STRINGS = re.compile(r"(?m)^(product|manufacturer|model|name|hid\[\d+\]\.name): (.*)$")
 _ACTING = ("sensor", "actuator", "bidirectional")
 
 
@@ -72,9 +84,13 @@ def quote_not_verbatim(value: JsonObject, artifacts: Artifacts) -> list[Diagnost
         for at, evidence in enumerate(device["evidence"] if source else ()):
             quote = evidence["quote"]
             if source is None or answer_rules.stands_in(quote, source, artifacts):
-                continue
-            summary = f"the quote {shown(quote)} does not stand in PROBE's text of {shown(device['id'])}"
-            hint = "copy it letter by letter from that device's name or raw_descriptor; say what follows in `says`"
+                if source is None or answer_rules.stands_whole(quote, source, artifacts):
+                    continue
+                summary = f"the quote {shown(quote)} begins or ends inside of a word of {shown(device['id'])}"
+                hint = "quote whole words: a piece of a word names something else"
+            else:
+                summary = f"the quote {shown(quote)} does not stand in PROBE's text of {shown(device['id'])}"
+                hint = "copy it letter by letter from that device's name or raw_descriptor; say what follows in `says`"
             where = pointer("devices", index, "evidence", at, "quote")
             out.append(error("IDENTIFY-QUOTE-NOT-VERBATIM", summary, pointer=where, hint=hint))
     return out
@@ -89,7 +105,10 @@ def chip_not_product(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic
         # What only carries others may be read where a class of the kernel speaks of it, and never through its line.
         through = bool(device["capabilities"]) and RAW.issuperset(entry.get("classes", ()))
         acts = device["category"] in _ACTING or (device["category"] == "infrastructure" and through)
-        if acts and is_chip_name(device["identified_as"], entry.get("raw_descriptor", "")):
+        chip = is_chip_name(device["identified_as"], entry.get("raw_descriptor", ""))
+        if acts and (
+            chip or (not raw_line_rules.known_by_a_person(device, artifacts) and _named_by_its_chip(device, entry))
+        ):
             summary = f"{shown(device['identified_as'])} names a bridge, not the product behind it"
             hint = "name the product if the evidence shows it; otherwise the category is unknown, without capabilities"
             where = pointer("devices", index, "identified_as")
@@ -183,7 +202,8 @@ def profile_evidence(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic
         if facts is None:
             summary = f"there is no profile {shown(name)}"
             guess = did_you_mean(name, list(artifacts.profiles))
-            hint = f"did you mean {guess}?" if guess else "name a profile of the manifest, or none"
+            known = f"the manifest has {listed(sorted(artifacts.profiles))}" if artifacts.profiles else "it has none"
+            hint = f"did you mean {guess}?" if guess else f"name a profile of the manifest, or none; {known}"
         elif device["id"] not in facts.holds:
             summary = f"the evidence rule of {shown(name)} does not hold for {shown(device['id'])}"
             hint = "identify the device without the profile, or leave it unknown"
@@ -208,16 +228,20 @@ def infrastructure_actuates(value: JsonObject, _: Artifacts) -> list[Diagnostic]
 
 
 def duplicate_capability(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
-    """A device has a capability once."""
+    """A device has a capability once, under one name; what a profile calls twice is its owner's matter."""
     out = []
-    seen: set[tuple[int, str]] = set()
+    seen: dict[tuple[int, frozenset[str]], str] = {}
     for index, at, device, capability in capabilities(value):
-        if (index, capability["name"]) in seen:
-            summary = f"{shown(device['id'])} has the capability {shown(capability['name'])} twice"
+        name = capability["name"]
+        key = frozenset({name}) if "profile" in device else same_action(name)
+        before = seen.setdefault((index, key), "")
+        if before:
+            summary = f"{shown(device['id'])} has the capability {shown(name)} twice"
+            summary += f", as {shown(before)}" if before != name else ""
             where = pointer("devices", index, "capabilities", at, "name")
             hint = "merge the two, or name them apart"
             out.append(error("IDENTIFY-DUPLICATE-CAPABILITY", summary, pointer=where, hint=hint))
-        seen.add((index, capability["name"]))
+        seen[index, key] = name
     return out
 
 
@@ -263,7 +287,7 @@ RULES = (
     Rule("IDENTIFY-DUPLICATE-DEVICE", duplicate_device),
     Rule("IDENTIFY-DEVICE-UNACCOUNTED", device_unaccounted),
     Rule("IDENTIFY-QUOTE-NOT-VERBATIM", quote_not_verbatim),
-    Rule("IDENTIFY-NAME-WITHOUT-EVIDENCE", name_without_evidence),
+    *name_rules.RULES,
     Rule("IDENTIFY-CHIP-NOT-PRODUCT", chip_not_product),
     Rule("IDENTIFY-UNKNOWN-CAPABILITY", unknown_capability),
     Rule("IDENTIFY-UNKNOWN-CONFIDENCE", unknown_confidence),
@@ -280,8 +304,22 @@ RULES = (
     *stop_rules.IDENTIFY_RULES,
     *capability_rules.RULES,
     *raw_line_rules.RULES,
+    *annotation_rules.RULES,
+    *prose_rules.RULES,
     Rule("IDENTIFY-UNESCAPED-TEXT", in_values("IDENTIFY-UNESCAPED-TEXT")),
 )
+
+
+def _named_by_its_chip(device: JsonObject, entry: JsonObject) -> bool:
+    """Whether a name at a raw line is that of its driver, or of a string that itself names a bridge."""
+    if not speaks_bytes(entry) or "tty" not in entry.get("classes", ()):
+        return False
+    raw = str(entry.get("raw_descriptor", ""))
+    wires = [text for key, text in _STRINGS.findall(raw) if key != "manufacturer" and is_chip_name(text, raw)]
+    others = [text for _, text in _STRINGS.findall(raw) if text not in wires]
+    chips = said([*entry.get("drivers", ()), *wires]) - said(others)
+    named = [word.casefold() for word in words(device["identified_as"])]
+    return any(has_digit(word) and word in chips and not says_nothing(word) for word in named)
 
 
 def _probed(artifacts: Artifacts) -> dict[str, JsonObject]:

@@ -11,7 +11,8 @@ from octoform.contracts.model import Artifacts, HostScan, JsonObject, Rule
 from octoform.contracts.text import pointer, shown
 from octoform.diagnostics import Diagnostic, error
 
-MOST_LISTED = 200
+LISTED_AT_ONCE, SHOWN_AT_ONCE = 12, 3
+"""How many ids of missing devices one finding names, and how many of them with their names and folders."""
 FEW = 3
 """So many devices may be left out of a small host; of a large one a quarter."""
 _NUMBERS = ("vid", "pid")
@@ -82,13 +83,20 @@ def missing_device(value: JsonObject, known: Artifacts) -> list[Diagnostic]:
     missing = [each for each in _by_id(known.scan).values() if _stands_alone(each) and each["id"] not in there]
     if not missing:
         return []
-    lines = [f"{each['id']}: {shown(each['name'])}, {each['instance']['sysfs']}" for each in missing[:MOST_LISTED]]
-    if len(missing) > MOST_LISTED:
-        lines.append(f"and {len(missing) - MOST_LISTED} more")
     count = f"{len(missing)} devices" if len(missing) > 1 else "1 device"
-    hint = "list each with what the system says of it; what you mean to leave out stands in left_out, with a reason"
-    summary = f"the host shows {count} that PROBE does not list"
-    return [error("PROBE-DEVICE-MISSING", summary, pointer="/devices", detail="\n".join(lines), hint=hint)]
+    hint = "list each with what the system says of it; what cannot be listed stands in left_out, with a reason"
+    out = []
+    # A prompt cuts a long finding, so that each names as many as it can show.
+    for first in range(0, len(missing), LISTED_AT_ONCE):
+        part = missing[first : first + LISTED_AT_ONCE]
+        also = "" if first == 0 else "further "
+        summary = (
+            f"the host shows {count} that PROBE does not list; {also}ids: {', '.join(each['id'] for each in part)}"
+        )
+        lines = [f"{each['id']}: {shown(each['name'])}, {each['instance']['sysfs']}" for each in part[:SHOWN_AT_ONCE]]
+        detail = "\n".join(lines)
+        out.append(error("PROBE-DEVICE-MISSING", summary, pointer="/devices", detail=detail, hint=hint))
+    return out
 
 
 def left_out(value: JsonObject, known: Artifacts) -> list[Diagnostic]:

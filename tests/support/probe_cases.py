@@ -167,7 +167,7 @@ LONG = "a servo arm of six joints, as used for teaching; it is driven over the s
 
 WRONG: dict[str, tuple[str, Change, str, str]] = {
     # Devices that are not there, or that are missing.
-    "an empty list": ("laptop", top(devices=[]), MISSING, "Kestrel HD Camera"),
+    "an empty list": ("laptop", top(devices=[]), MISSING, KESTREL),
     "an invented arm": ("bench", add("usb-1a86-55d3", "Robot arm", "usb", vid="1a86", pid="55d3"), UNKNOWN, "take the"),
     "an invented camera": ("raspberry", add("usb-046d-085e", "BRIO", "usb", vid="046d", pid="085e"), UNKNOWN, "no dev"),
     "an invented part of the computer": ("server", add("tpm-tpm0", "TPM 2.0", "platform"), UNKNOWN, "no device"),

@@ -29,13 +29,16 @@ def with_device(name: str, **changes: Any) -> dict[str, Any]:
 
 def named() -> dict[str, Any]:
     changes = {"identified_as": "pump board", "category": "actuator", "confidence": 0.9, "method": "user_answer"}
-    return with_device(BOARD, **changes)
+    return with_device(BOARD, **changes, evidence=[{"quote": "the pump board"}, {"quote": "USB Serial"}])
 
 
 def test_a_device_is_named_by_its_answer_alone() -> None:
     assert codes(named(), {BOARD: SENTENCE}) == []
-    assert codes(named(), {}) == ["IDENTIFY-ANSWER-INVENTED"]
-    assert codes(named(), {LAMP: SENTENCE}) == ["IDENTIFY-ANSWER-INVENTED"]
+    of_nobody = named()
+    next(item for item in of_nobody["devices"] if item["id"] == BOARD)["evidence"] = [{"quote": "USB Serial"}]
+    assert codes(of_nobody, {}) == ["IDENTIFY-ANSWER-INVENTED"]
+    assert codes(of_nobody, {LAMP: SENTENCE}) == ["IDENTIFY-ANSWER-INVENTED"]
+    assert codes(of_nobody, {BOARD: SENTENCE}) == ["IDENTIFY-METHOD-FALSE"]
 
 
 def test_an_answer_is_not_passed_over() -> None:

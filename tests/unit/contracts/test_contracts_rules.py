@@ -6,7 +6,14 @@ from typing import Any
 import pytest
 from contract_samples import ACT, READ, SCHEMAS, artifacts, good
 
-from octoform.contracts import answer_rules, probe_host_rules, probe_text_rules
+from octoform.contracts import (
+    annotation_rules,
+    answer_rules,
+    name_rules,
+    probe_host_rules,
+    probe_text_rules,
+    prose_rules,
+)
 from octoform.contracts.checking import MAX_PER_RULE, RULES, check
 from octoform.diagnostics import Severity
 
@@ -143,17 +150,25 @@ IDENTIFY_CASES: list[tuple[str, Change]] = [
     ("IDENTIFY-UNESCAPED-TEXT", _put("devices.0.capabilities.0.description", "see \x1b[2J")),
     (
         "IDENTIFY-EFFECT-CONFLICT",
-        _add(
-            "devices.0.capabilities",
-            {"name": "set_fan_speed", "description": "x", "via": "x86 port", "effect": "irreversible"},
+        _all(
+            _put("devices.0.category", "bidirectional"),
+            _put("devices.1.capabilities.1.name", "set_level"),
+            _add(
+                "devices.0.capabilities",
+                {"name": "set_level", "description": "x", "via": "x86 port", "effect": "irreversible"},
+            ),
         ),
     ),
     ("IDENTIFY-STOPS", _put("devices.0.capabilities.0.stops", True)),
     (
         "IDENTIFY-STOPS",
-        _add(
-            "devices.0.capabilities",
-            {"name": "set_fan_speed", "description": "x", "via": "x86 port", "effect": "actuate", "stops": True},
+        _all(
+            _put("devices.0.category", "bidirectional"),
+            _put("devices.1.capabilities.1.name", "set_level"),
+            _add(
+                "devices.0.capabilities",
+                {"name": "set_level", "description": "x", "via": "x86 port", "effect": "actuate", "stops": True},
+            ),
         ),
     ),
 ]
@@ -413,7 +428,8 @@ def test_a_missing_predecessor_is_a_bug_of_the_caller() -> None:
 
 def test_every_rule_has_a_code_of_its_stage_and_a_case_here() -> None:
     cases = {code for table in (PROBE_CASES, IDENTIFY_CASES, INTERFACE_CASES, DEPLOY_CASES) for code, _ in table}
-    own_tests = {rule.code for rule in (*answer_rules.RULES, *probe_host_rules.RULES, *probe_text_rules.RULES)}
+    elsewhere = (answer_rules, probe_host_rules, probe_text_rules, annotation_rules, name_rules, prose_rules)
+    own_tests = {rule.code for rules in elsewhere for rule in rules.RULES}
     own_tests |= {
         "IDENTIFY-ACTUATE-WITHOUT-PROFILE",
         "IDENTIFY-NEIGHBOUR-PROMOTED",

@@ -1,0 +1,222 @@
+"""Rules for what IDENTIFY says of a device beside its name: how it was found out, what kind it is, why it is left out.
+
+Each of these statements can be held against what PROBE shows of the device, and is refused only where that shows the
+opposite: a driver that did not bind decided nothing, and a camera of the kernel is neither unknown nor without a use.
+"""
+
+import re
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+from octoform.contracts import answer_rules
+from octoform.contracts.kinds import shown as ways_of
+from octoform.contracts.kinds import speaks_bytes
+from octoform.contracts.model import Artifacts, JsonObject, Rule
+from octoform.contracts.name_rules import CLAIMED
+from octoform.contracts.naming import is_chip_name
+from octoform.contracts.raw_line_rules import known_by_a_person
+from octoform.contracts.text import listed, pointer, shown
+from octoform.diagnostics import Diagnostic, error
+
+# Classes of the kernel with one meaning and a standard interface, by what they have in common.
+_FAMILIES = (
+    frozenset({"video4linux"}),
+    frozenset({"sound"}),
+    frozenset({"power_supply"}),
+    frozenset({"hwmon", "thermal"}),
+    frozenset({"backlight"}),
+    frozenset({"nvme", "block"}),
+)
+_EVIDENT = frozenset().union(*_FAMILIES)
+# What a person would name although it is built in, and what a hand works on.
+_WANTED = frozenset({"video4linux", "sound"})
+_INPUT_KINDS = re.compile(r"(?m)^input\[\d+\]\.kinds: .*\b(?:keyboard|mouse|touchpad|touchscreen)\b")
+_PRODUCT = re.compile(r"(?m)^(?:product|name): (.*)$")
+_ATTACHED = re.compile(r"^/sys/devices/(?!virtual/)(?!.*/bluetooth/)")
+_GENERAL_DRIVERS = frozenset({"usb", "usb-generic", "hub", "pcieport"})
+_UNREAL = re.compile(r"(?i)\b(?:qemu|virtual\w*|virtio|vmware|hyper-?v|vbox|gadget|dummy|emulated|simulated|xen|kvm)\b")
+# Reasons that the class of a device can contradict; the others are judgements.
+_DENYING = frozenset({"no_function", "no_standard_interface", "bus_infrastructure", "duplicate_path"})
+
+
+def method_false(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
+    """The method that decided is one that the device has: a driver that bound, a class, an answer that is quoted."""
+    probed = _probed(artifacts)
+    out = []
+    for index, device in enumerate(value["devices"]):
+        entry = probed.get(device["id"])
+        if entry is not None and device["method"] in ("kernel_class", "descriptor_driver") and not _is_linux(artifacts):
+            continue  # other systems have other words for drivers and classes
+        why = _without_method(device, entry, artifacts) if entry is not None else None
+        if why is not None:
+            summary = f"{shown(device['id'])} was identified by {device['method']}, and {why[0]}"
+            where = pointer("devices", index, "method")
+            out.append(error("IDENTIFY-METHOD-FALSE", summary, pointer=where, hint=why[1]))
+    return out
+
+
+def known_called_unknown(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
+    """A device of which the kernel made something with one meaning is known, at least by its kind."""
+    probed = _probed(artifacts)
+    return [
+        error(
+            "IDENTIFY-KNOWN-CALLED-UNKNOWN",
+            f"{shown(device['id'])} is unknown, and PROBE shows {listed(evident)} of it",
+            pointer=pointer("devices", index, "category"),
+            hint="name the kind of thing that this class shows, with method kernel_class, or leave it out",
+        )
+        for index, device in enumerate(value["devices"])
+        if device["category"] == "unknown" and (evident := _evident(probed.get(device["id"], {}), artifacts))
+        # What calls itself by its wires alone may be anything behind them, whatever it measures.
+        if not _is_wires(probed[device["id"]])
+    ]
+
+
+def reason_false(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
+    """The reason for which a device is left out is true of it, as far as PROBE shows."""
+    probed = _probed(artifacts)
+    kept = [probed[device["id"]] for device in value["devices"] if device["id"] in probed]
+    out = []
+    for index, item in enumerate(value["left_out"]):
+        entry = probed.get(item["id"], {})
+        if not entry or entry in kept:
+            continue  # another rule's finding
+        why = _contradicted(item["reason"], entry, kept, artifacts)
+        if why is not None:
+            summary = f"{shown(item['id'])} is left out as {item['reason']}, and PROBE shows {why[0]}"
+            where = pointer("left_out", index, "reason")
+            out.append(error("IDENTIFY-REASON-FALSE", summary, pointer=where, hint=why[1]))
+    return out
+
+
+def capability_on_a_guess(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
+    """Below one half nothing is done through a raw line: a class of the kernel is a way whoever makes the device."""
+    probed = _probed(artifacts)
+    return [
+        error(
+            "IDENTIFY-CAPABILITY-ON-A-GUESS",
+            f"{shown(device['id'])} has capabilities through a raw line at a confidence of {device['confidence']}",
+            pointer=pointer("devices", index, "capabilities"),
+            hint=f"leave them out below 0.5; `octoform profile new {device['id']}` drafts what a person knows of it",
+        )
+        for index, device in enumerate(value["devices"])
+        if 0 < device["confidence"] < CLAIMED and device["category"] != "unknown"
+        if not known_by_a_person(device, artifacts) and speaks_bytes(probed.get(device["id"], {}))
+        if any(capability["effect"] == "read" for capability in device["capabilities"])
+    ]
+
+
+def grammar_differs(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
+    """Where a profile has a grammar, each capability is one of its commands, with its effect."""
+    out = []
+    for index, at, profile, capability, commands in _commanded(value, artifacts):
+        command = commands.get(capability["name"])
+        if command is None:
+            summary = f"{shown(capability['name'])} is no command of the profile {shown(profile)}"
+            where, hint = "name", f"its commands are {listed(list(commands), 12)}"
+        elif command["effect"] != capability["effect"]:
+            summary = (
+                f"{shown(capability['name'])} is {capability['effect']}, and the profile {shown(profile)} says else"
+            )
+            where, hint = "effect", f"write {command['effect']}"
+        else:
+            continue
+        out.append(
+            error("IDENTIFY-GRAMMAR", summary, pointer=pointer("devices", index, "capabilities", at, where), hint=hint)
+        )
+    return out
+
+
+RULES = (
+    Rule("IDENTIFY-METHOD-FALSE", method_false),
+    Rule("IDENTIFY-KNOWN-CALLED-UNKNOWN", known_called_unknown),
+    Rule("IDENTIFY-REASON-FALSE", reason_false),
+    Rule("IDENTIFY-CAPABILITY-ON-A-GUESS", capability_on_a_guess),
+    Rule("IDENTIFY-GRAMMAR", grammar_differs),
+)
+
+
+def _probed(artifacts: Artifacts) -> dict[str, JsonObject]:
+    return {device["id"]: device for device in (artifacts.probe or {}).get("devices", ())}
+
+
+def _is_wires(entry: JsonObject) -> bool:
+    raw = str(entry["raw_descriptor"])
+    if entry["interface"] == "usb" and {*entry["classes"]} <= {"hwmon", "thermal"}:
+        return True  # a chip's own sensor beside a function that no class shows
+    return any(is_chip_name(text, raw) for text in (entry["name"], *_PRODUCT.findall(raw)))
+
+
+def _is_linux(artifacts: Artifacts) -> bool:
+    return bool((artifacts.probe or {}).get("platform", {}).get("os") == "linux")
+
+
+def _evident(entry: JsonObject, artifacts: Artifacts) -> list[str]:
+    """The classes of a device that say what it is for; none on systems whose classes are not the kernel's of Linux."""
+    if not _is_linux(artifacts) or entry.get("context"):
+        return []
+    alone = "sysfs" in entry.get("instance", {}) and "/virtual/" not in str(entry["instance"]["sysfs"])
+    return sorted(_EVIDENT.intersection(entry.get("classes", ()))) if alone else []
+
+
+def _without_method(device: JsonObject, entry: JsonObject, artifacts: Artifacts) -> tuple[str, str] | None:
+    """What speaks against a method, and what to write; None where nothing does."""
+    method, known = device["method"], device["confidence"] >= CLAIMED
+    strings = "write descriptor_strings where its own strings decided, or the method that did"
+    if method == "none" and known and device["category"] != "unknown":
+        return f"its confidence is {device['confidence']}", strings
+    if method == "descriptor_driver" and known and not {*entry.get("drivers", ())} - _GENERAL_DRIVERS:
+        return "no driver of its own has bound", strings
+    if method == "kernel_class" and known and not ways_of(entry) and "class_code" not in entry["raw_descriptor"]:
+        return "the kernel made no class of it", strings
+    if method == answer_rules.METHOD and device["id"] in artifacts.answers:
+        said = answer_rules.texts(device["id"], artifacts)
+        spoken = len(re.findall(r"\w", said[0])) >= 2
+        verbatim = all(answer_rules.stands_in(item["quote"], entry, artifacts) for item in device["evidence"])
+        if spoken and verbatim and not any(item["quote"] in text for item in device["evidence"] for text in said):
+            return "no evidence is of that answer", "quote what the owner said beside what PROBE shows"
+    return None
+
+
+def _contradicted(
+    reason: str, entry: JsonObject, kept: list[JsonObject], artifacts: Artifacts
+) -> tuple[str, str] | None:
+    """What PROBE shows against a reason, and what to write; None where nothing does."""
+    evident = _evident(entry, artifacts)
+    annotate = "annotate it: what is left out has nothing to offer, or is another entry's"
+    place = str(entry.get("instance", {}).get("sysfs", ""))
+    if reason == "network_neighbour" and not entry.get("context") and _ATTACHED.search(place):
+        return f"it on {entry['interface']}, without context", annotate
+    text = f"{entry['name']}\n{entry['raw_descriptor']}"
+    if reason == "virtual" and entry["interface"] == "usb" and not _UNREAL.search(text):
+        return "it plugged into usb", annotate
+    evident += ["input"] if _INPUT_KINDS.search(text) else []
+    if not evident or (reason not in _DENYING and not (reason == "out_of_scope" and _WANTED.intersection(evident))):
+        return None
+    if reason == "duplicate_path":
+        family = next((each for each in _FAMILIES if each & set(evident)), frozenset(evident))
+        if any(family.intersection(other.get("classes", ())) or _together(entry, other) for other in kept):
+            return None
+    return f"{listed(evident)} of it", annotate
+
+
+def _together(entry: JsonObject, other: JsonObject) -> bool:
+    """Whether two entries are one piece of hardware: the same numbers, or one below the other."""
+    one, two = (str(each.get("instance", {}).get("sysfs", "")) for each in (entry, other))
+    below = bool(one and two) and (one.startswith(f"{two}/") or two.startswith(f"{one}/"))
+    return below or (
+        bool(entry.get("vid")) and (entry.get("vid"), entry.get("pid")) == (other.get("vid"), other.get("pid"))
+    )
+
+
+def _commanded(
+    value: JsonObject, artifacts: Artifacts
+) -> Iterator[tuple[int, int, str, JsonObject, Mapping[str, Mapping[str, Any]]]]:
+    """(device, capability, profile, the capability, commands by name) of devices whose profile has a grammar."""
+    for index, device in enumerate(value["devices"]):
+        facts = artifacts.profiles.get(device.get("profile", ""))
+        if facts is None or not facts.commands or device["id"] not in facts.holds:
+            continue
+        commands = {str(command["tool"]): command for command in facts.commands}
+        for at, capability in enumerate(device["capabilities"]):
+            yield index, at, facts.name, capability, commands

@@ -1,0 +1,122 @@
+"""Which classes of the kernel, or of USB, lead to what: one table for names ("a camera") and for capabilities.
+
+A class of the kernel is how Linux itself says what a device is for. A word of these tables therefore follows from a
+class, or somebody has to say it: the device in its own strings, or its owner. No product is named here.
+"""
+
+import re
+
+from octoform.contracts.model import JsonObject
+from octoform.contracts.raw_line_rules import RAW
+
+_USB_RAW = frozenset({"usb-02", "usb-03"})
+_USB_CLASS = re.compile(r"\bclass ([0-9a-f]{2})/[0-9a-f]{2}/[0-9a-f]{2}|^interface_class: ([0-9a-f]{2})", re.MULTILINE)
+# USB-IF, Defined Class Codes: audio, communications, HID, still image, printer, storage, smart card, video, medical,
+# radio, test and measurement; what is vendor specific (ff) or left to each interface (00) shows no way.
+_USB_WAYS = frozenset(("01", "02", "03", "06", "07", "08", "0b", "0e", "0f", "e0", "fe"))
+
+_PICTURE = ("video4linux", "usb-0e", "usb-06", "media", "dvb", "drm", "graphics")
+_SOUND = ("sound", "usb-01", "bluetooth", "dvb", "hdaudio", "soundwire")
+_DISK = (
+    *("block", "nvme", "usb-08", "mtd", "ubi", "mmc_host", "scsi_device", "scsi_generic", "bsg", "ata_device"),
+    *("scsi_host", "scsi_disk", "mmc"),
+)
+_HEAT = ("hwmon", "iio", "thermal", "power_supply", "nvme", "block", "drm", "w1", "mmc_host", "net", "scsi_generic")
+_AIR = ("iio", "hwmon", "input", "w1")
+_CHARGE = ("power_supply", "bluetooth")
+_KEYS = ("input", "usb-03", "hid", "hidraw")
+_PLACE = ("gnss", "wwan", "net", "ptp")
+
+WAYS: dict[str, tuple[str, ...]] = {
+    **dict.fromkeys(("image", "picture", "photo", "snapshot", "frame", "video", "webcam"), _PICTURE),
+    **dict.fromkeys(("audio", "sound", "microphone", "speaker", "song", "speech"), _SOUND),
+    **dict.fromkeys(("disk", "partition", "partitions", "filesystem", "smart", "storage"), _DISK),
+    **dict.fromkeys(("backlight",), ("backlight", "leds", "drm")),
+    **dict.fromkeys(("wifi", "wlan"), ("net", "ieee80211", "rfkill")),
+}
+"""What a capability's name speaks of, and the classes of which one leads there; no raw line does."""
+MEASURED: dict[str, tuple[str, ...]] = {
+    **dict.fromkeys(("temperature", "temperatures"), _HEAT),
+    **dict.fromkeys(("humidity", "pressure", "illuminance", "acceleration"), _AIR),
+    **dict.fromkeys(("battery", "charge"), _CHARGE),
+    **dict.fromkeys(("fan", "fans"), ("hwmon", "thermal", "drm", "cooling")),
+    **dict.fromkeys(("gps", "gnss", "location"), _PLACE),
+    **dict.fromkeys(("key", "keys", "keyboard"), _KEYS),
+    **dict.fromkeys(("motor", "motors", "servo", "servos", "stepper"), ("pwm", "gpio", "hwmon")),
+    **dict.fromkeys(("joint", "joints", "arm", "gripper", "robot", "rail", "gantry", "valve"), ()),
+}
+"""The same for what a device behind a raw line may measure as well."""
+_MOVED = frozenset(
+    {"motor", "motors", "servo", "servos", "stepper", "joint", "joints", "arm", "gripper", "robot", "rail"}
+)
+_MOVED |= {"gantry", "valve"}
+_CHANNELS = {"temperature": "temp", "temperatures": "temp", "humidity": "humidity", "pressure": "pressure"}
+_CHANNELS |= {"fan": "fan|pwm", "fans": "fan|pwm", "illuminance": "illuminance|intensity", "acceleration": "accel"}
+_CHANNEL = re.compile(r"(?m)^(?:hwmon|iio)\[\d+\]\.(?:in_)?([a-z_]+)\d*: ")
+
+_POINTER = ("mouse", "touchpad", "trackpad", "trackball", "joystick", "gamepad", "touchscreen", "keyboard", "keypad")
+KINDS: dict[str, tuple[str, ...]] = {
+    **dict.fromkeys(("camera", "webcam", "cam"), _PICTURE),
+    **dict.fromkeys(("microphone", "speaker", "headphone", "headset", "soundcard"), _SOUND),
+    **dict.fromkeys(("disk", "disc", "ssd", "hdd"), _DISK),
+    **dict.fromkeys(_POINTER, _KEYS),
+    "numpad": _KEYS,
+    "thermometer": _HEAT,
+    **dict.fromkeys(("hygrometer", "barometer", "accelerometer", "gyroscope", "compass"), _AIR),
+    "battery": ("power_supply", "usb-03", "hid", "hidraw", "hiddev"),
+    "lamp": ("leds", "backlight"),
+    "pump": ("hwmon",),
+    "fan": ("hwmon", "thermal", "cooling"),
+    "printer": ("usb-07", "printer", "lp"),
+    "scanner": ("usb-06", "usb-03", "scsi_generic", "input"),
+    "backlight": ("backlight", "leds", "drm"),
+    "led": ("leds", "backlight", "gpio"),
+    **dict.fromkeys(("gps", "gnss"), _PLACE),
+    "modem": ("wwan", "net"),
+    **dict.fromkeys(
+        (
+            *(
+                "robot",
+                "arm",
+                "gripper",
+                "rail",
+                "gantry",
+                "servo",
+                "stepper",
+                "motor",
+                "manipulator",
+                "rover",
+            ),
+            *("drone", "plotter", "turntable", "gimbal", "conveyor", "slider", "engraver", "cnc", "lathe", "valve"),
+            *("relay", "heater"),
+        ),
+        (),
+    ),
+}
+"""Words of a name that say what kind of thing a device is, and the classes from which they follow.
+
+No class of the kernel leads to what moves, switches or weighs: such a word has to be said by the device or its owner.
+"""
+
+
+def shown(entry: JsonObject) -> frozenset[str]:
+    """The kernel's classes of a PROBE device, and the classes of its USB interfaces that have a standard way."""
+    found = {"".join(pair) for pair in _USB_CLASS.findall(str(entry.get("raw_descriptor", "")))}
+    return frozenset(entry.get("classes", ())) | {f"usb-{code}" for code in found & _USB_WAYS}
+
+
+def measures(entry: JsonObject, word: str) -> bool:
+    """Whether a device may measure what a word names, by its class and the channels that PROBE shows of it."""
+    text = str(entry.get("raw_descriptor", ""))
+    if word in _MOVED and _MOVED.intersection(re.findall("[a-z]{3,}", text.casefold())):
+        return True  # it calls itself what moves
+    ways = shown(entry).intersection(MEASURED[word])
+    channels = set(_CHANNEL.findall(text)) - {"name", "label"}
+    if not ways or word not in _CHANNELS or not channels or ways - {"hwmon", "iio"}:
+        return bool(ways)
+    return any(re.match(_CHANNELS[word], channel) for channel in channels)
+
+
+def speaks_bytes(entry: JsonObject) -> bool:
+    """Whether nothing but a raw line leads to a device, or nothing at all."""
+    return shown(entry) <= RAW | _USB_RAW

@@ -1,0 +1,75 @@
+"""Words of names and of what is cited for them: split, folded and compared as a person would read them.
+
+Letter case, plurals, marks and the joints of compounds do not matter ("QuickCam-Pro", "quick cams pro"); digits do.
+"""
+
+import re
+import unicodedata
+from collections.abc import Iterable, Sequence
+
+_ESCAPE = re.compile(r"\\x[0-9a-f]{2}|\\u[0-9a-f]{4}|\\U[0-9a-f]{8}")
+_SPREAD = re.compile(r"(?<=[a-z0-9])(?=[A-Z])")
+_WORD = re.compile(r"[^\W_]+")
+# Spellings in which a digit belongs to the word before or behind it, and tells no model.
+_JOINED: tuple[tuple[re.Pattern[str], str], ...] = (
+    (re.compile(r"(?i)\bps/2\b"), "ps2"),
+    (re.compile(r"\b([23])-?[Dd]\b"), r"\1d"),
+)
+_JOINED += ((re.compile(r"\bSoC\b"), "SOC"), (re.compile(r"\beMMC\b"), "EMMC"), (re.compile(r"\bm\.2\b", re.I), "m2"))
+_PARTS = re.compile(r"[a-z]{3,}")
+_LONGEST_RUN = 3
+
+
+def words(text: str) -> list[str]:
+    """The words of a name as they are spelt, compounds in camel case taken apart."""
+    plain = unicodedata.normalize("NFKC", text)
+    for spelling, joined in _JOINED:
+        plain = spelling.sub(joined, plain)
+    return _WORD.findall(_SPREAD.sub(" ", plain))
+
+
+def said(texts: Iterable[str]) -> frozenset[str]:
+    """Every word of the texts, also run together with its neighbours, plurals folded."""
+    found = set()
+    for text in texts:
+        plain = unicodedata.normalize("NFKC", _ESCAPE.sub(" ", text))
+        for spread in (plain, _SPREAD.sub(" ", plain)):
+            spoken = [word.casefold() for word in _WORD.findall(spread)]
+            for length in range(1, _LONGEST_RUN + 1):
+                found |= {"".join(spoken[at : at + length]) for at in range(len(spoken) - length + 1)}
+    return frozenset(found | {_folded(word) for word in found})
+
+
+def parts(of: Iterable[str]) -> frozenset[str]:
+    """The runs of letters in words: of ``arm101`` it is ``arm``."""
+    return frozenset(part for word in of for part in _PARTS.findall(word))
+
+
+def missing(of: Sequence[str], in_these: frozenset[str]) -> list[str]:
+    """The words that are not said, plurals folded; several in a row may be one word there ('Quick Cam', 'QuickCam')."""
+    folded = [word.casefold() for word in of]
+    borne: set[int] = set()
+    for length in range(1, _LONGEST_RUN + 1):
+        for start in range(len(folded) - length + 1):
+            run = folded[start : start + length]
+            if _folded("".join(run)) in in_these or "".join(run) in in_these:
+                borne.update(range(start, start + length))
+    return [word for at, word in enumerate(of) if at not in borne]
+
+
+def has_digit(word: str) -> bool:
+    """True for what tells one model from another."""
+    return any(sign.isdigit() for sign in word)
+
+
+def is_proper(word: str, name: str) -> bool:
+    """A maker's or a model's word: a number, or one with a capital that does not only begin a sentence."""
+    if word.isdigit() or word[1:] != word[1:].lower():
+        return True
+    begins = name.strip().startswith(word) and not any(each[0].isupper() for each in words(name)[1:])
+    return word[0].isupper() and not begins
+
+
+def _folded(word: str) -> str:
+    """A word without the ending of a plural; what ends in double s is none."""
+    return word[:-1] if len(word) > 3 and word.endswith("s") and not word.endswith("ss") else word
