@@ -208,6 +208,7 @@ def _without(words: Iterable[str], text: str) -> set[str]:
     """The words that stand neither in a text nor, for a number, in another spelling of it."""
     said = set(_WORD.findall(text.casefold())) | _STRUCTURE
     numbers = {number for word in said for number in _numbers(word)}
+    said |= {word.removesuffix("s") for word in said} | {f"{word}s" for word in _STRUCTURE}
     return {word for word in words if word not in said and not numbers & _numbers(word)}
 
 

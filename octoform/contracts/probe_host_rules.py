@@ -23,7 +23,8 @@ _ALIASES |= {"macosx": "macos", "darwin": "macos", "i386": "i686"}
 _WHOLE_TREE = re.compile(r"/sys/(?:bus|devices)(?:/\*|/?(?=[\s,;:)]|$))|\ball (?:buses|folders|of sysfs)\b")
 _FILTER = re.compile(
     r"(?i)\b(?:not? (?:of )?(?:interest\w*|relevan\w*|useful|needed|controllable|important|use)|irrelevant|dull|boring"
-    r"|uninteresting|useless|unimportant|nothing to control|out of scope|only (?:infrastructure|a hub|a bridge)"
+    r"|uninteresting|useless|unimportant|nothing to control|out of scope"
+    r"|(?:only|just) (?:infrastructure|an? (?:\w+ )?(?:hub|bridge|bus|controller))"
     r"|no(?:body|t)? (?:one )?(?:would )?(?:asks?|needs?|wants?))\b"
 )
 

@@ -30,6 +30,7 @@ _TOUCHED = re.compile(
 _INSTALLED = re.compile(
     r"\b(?:apt(?:-get)?|dnf|yum|apk|brew|pip[0-9.]*|npm|snap|zypper|pacman)\b[^.;,\n]*\b(?:install|add|-S)\b"
     r"|\b(?:installed|installing|downloaded|compiled|built)\b[^.;,\n]*\b(?:first|for this|to (?:scan|list|read|look))\b"
+    r"|\binstall(?:ed|ing)?\b[^.;,\n]*\b(?:apt|dnf|yum|apk|brew|pip|npm|snap|zypper|pacman)\b"
     r"|\b(?:modprobe|insmod|rmmod)\b|\bloaded (?:the )?(?:module|driver)\b"
     r"|(?:>|\btee)\s*/(?:sys|proc)/|\b(?:unbound|rescanned|re-?scan of|power-cycled)\b"
     r"|\budevadm (?:trigger|control)\b",
@@ -40,12 +41,14 @@ _PORT_SCAN = re.compile(
     r"|\bscan\w* (?:the )?(?:open )?(?:ports|subnet|network)\b"
     r"|\bbluetoothctl (?:--timeout \d+ )?scan\b|\bhcitool (?:le)?scan\b|\biw(?:list)? (?:dev )?\S+ scan\b(?! dump)"
     r"|\b(?:ssh|telnet|snmp\w*|arping) (?:to|into|-\w|\d|the)|\bping(?:ed)? (?:-\w|\d|each|all|every|the)"
-    r"|\blogged in(?:to)?\b",
+    r"|\blogged in(?:to)?\b|\bwifi rescan\b|--rescan yes|\bws-?discovery\b|\bm-search\b"
+    r"|\bsent\b[^.;,\n]*\b(?:network|subnet|broadcast|multicast)\b",
     re.I,
 )
 _RIGHTS = re.compile(r"\b(?:sudo|doas|pkexec|setcap|su -|as root by)\b", re.I)
 # Nodes that are opened to take something from them, and buses on which something is sent to find out who answers.
 _OPENED = re.compile(
+    r"\b(?:sent|wrote|queried|pinged)\b[^.;,\n]*\b(?:bus|servos?|motors?|boards?|ids?|device)\b|"
     r"\b(?:captured|grabbed|recorded|streamed|took|played|displayed|printed)\b[^.;,\n]*\b(?:frame|picture|image|photo"
     r"|sample|sound|audio|clip|video|page|tone)s?\b|\bi2cdetect\b(?=[^.;\n]*\s-(?!l\b|V\b|F\b)\w)|\bevtest\b"
     r"|\bi2c(?:get|set|dump|transfer)\b|\bdd if=/dev|\bopened\b[^.;,\n]*/dev/(?!tty|cu\.|serial)|\bspidev_test\b"

@@ -19,7 +19,8 @@ _COPY = (
 _ALONE = "it stands in `instance` alone, so that two hosts of the same kind say the same; take it out of the text"
 _WORD = re.compile(r"[^\W_]+")
 _ESCAPE = re.compile(r"\\x[0-9a-f]{2}|\\u[0-9a-f]{4}|\\U[0-9a-f]{8}|<\w+>")
-_NUMBERED = re.compile(r"[a-z][a-z0-9]*?\d+(?:[a-z]\d+)*")
+_NUMBERED = re.compile(r"[A-Za-z][A-Za-z0-9]*?\d+(?:[a-z]\d+)*")
+_ON_THE_BUS = re.compile(r"(?i)\bbus \d{3} device \d{3}\b")
 _PCI_PLACE = re.compile(r"[0-9a-f]{4}:[0-9a-f]{2}:[0-9a-f]{2}\.[0-7]")
 _PLACE_KEY = re.compile(r"(?i)^\W*(?:\w+[._ ])*(?:port|slot|bus ?num|dev ?num|dev ?path|place|location|path)\b\W*:")
 # Folders of these classes are numbered as they come up; other names in a node's list may be a kind's own.
@@ -70,6 +71,8 @@ def instance_in_text(value: JsonObject, known: Artifacts) -> list[Diagnostic]:
         for member in ("name", "raw_descriptor"):
             for line in str(device[member]).splitlines():
                 mark = next((mark for mark in marks if re.search(_whole(mark), line)), None)
+                if mark is None and (found := _ON_THE_BUS.search(line)):
+                    mark = found[0]
                 if mark is None and len(port) > 2 and _PLACE_KEY.match(line) and re.search(_whole(port), line):
                     mark = port
                 if mark is not None:

@@ -414,3 +414,210 @@ RIGHT: dict[str, tuple[str, Change]] = {
     ),
     "a time with fractions": ("laptop", lambda probe: probe.update(timestamp=probe["timestamp"].replace("Z", ".125Z"))),
 }
+
+# Seen later than the rules were written.
+WRONG |= {
+    "later: gpu invented": (
+        "bench",
+        add("pci-10de-2684", "NVIDIA GPU", "pci", vid="10de", pid="2684", classes=["drm"]),
+        UNKNOWN,
+        "take the entry out",
+    ),
+    "later: bt speaker as device": (
+        "laptop",
+        add("bluetooth-speaker", "speaker", "bluetooth"),
+        UNKNOWN,
+        "take the entry out",
+    ),
+    "later: twin swapped numbers": ("server", put(TWIN, pid="0991"), CONTRADICTED, "write"),
+    "later: drop both": ("server", drop(TWIN, HEAT), MISSING, "list each with wha"),
+    "later: merge": (
+        "raspberry",
+        every(drop("platform-leds"), put("platform-gpio", classes=["gpio", "leds"])),
+        CONTRADICTED,
+        "write",
+    ),
+    "later: class guess": ("rig", put(RAIL, classes=["tty", "hidraw"]), CONTRADICTED, "write"),
+    "later: driver guess": ("rig", put(RAIL, drivers=["cdc_acm", "ch341"]), CONTRADICTED, "write"),
+    "later: name translated": ("laptop", put(KEYS, name="Tastatur"), TEXT, "copy what the syst"),
+    "later: desc french": ("laptop", line(KESTREL, "type: caméra de surveillance"), TEXT, "copy what the syst"),
+    "later: res": ("laptop", line(KESTREL, "max_resolution: 1920x1080"), TEXT, "copy what the syst"),
+    "later: fps": ("laptop", line(KESTREL, "frame rate: 30 fps"), TEXT, "copy what the syst"),
+    "later: usb speed": ("bench", line(STEPPER, "baud: 115200"), TEXT, "copy what the syst"),
+    "later: voltage": ("rig", line(ARM, "supply: 7.4V battery pack"), TEXT, "copy what the syst"),
+    "later: reading 2": ("laptop", line("thermal-x86-pkg-temp", "temp: 47"), TEXT, "copy what the syst"),
+    "later: reading 3": ("laptop", line(BATTERY, "charge level: 81 %"), TEXT, "copy what the syst"),
+    "later: reading 4": ("laptop", line(BATTERY, "voltage_now: 11800000"), TEXT, "copy what the syst"),
+    "later: reading 5": ("server", line(MONITOR, "hwmon[0].fan1: 812 RPM"), TEXT, "copy what the syst"),
+    "later: reading 6": ("raspberry", line("i2c-envsense2", "temperature = 21.5"), TEXT, "copy what the syst"),
+    "later: serial tail": ("laptop", line(DISK, "nvme[0].firmware: 0001733"), TEXT, "copy what the syst"),
+    "later: ip": ("laptop", line(WIFI, "inet 192.168.1.23"), TEXT, "copy what the syst"),
+    "later: devpath": ("bench", line(MOUSE, "handlers: mouse0 event3"), INSTANCE, "it stands in `inst"),
+    "later: busnum": ("rig", line(ARM, "Bus 001 Device 004"), INSTANCE, "it stands in `inst"),
+    "later: node name": ("bench", line(LINE, "DEVNAME=ttyUSB0"), INSTANCE, "it stands in `inst"),
+    "later: sysfs": (
+        "rig",
+        line(CAMERA, "looking at device '/devices/pci0000:00/0000:00:14.0/usb1'"),
+        TEXT,
+        "copy what the syst",
+    ),
+    "later: scan root": ("server", scan("smartctl -a (as root)", "ok"), TOOL, "write not_found, o"),
+    "later: scan apt": (
+        "server",
+        scan("sensors", "ok", "after installing lm-sensors with apt"),
+        INSTALLED,
+        "use what is here a",
+    ),
+    "later: scan write": ("laptop", scan("wifi", "ok", "nmcli device wifi rescan"), NETWORK, "take neighbours fr"),
+    "later: scan net": ("laptop", scan("lan", "ok", "pinged 192.168.1.0/24"), NETWORK, "take neighbours fr"),
+    "later: scan onvif": (
+        "laptop",
+        scan("onvif", "ok", "sent WS-Discovery probes to the network"),
+        NETWORK,
+        "take neighbours fr",
+    ),
+    "later: scan capture": (
+        "rig",
+        scan("ffmpeg", "ok", "grabbed one frame to see what the camera shows"),
+        TOUCHED,
+        "read what the kern",
+    ),
+    "later: scan servo": (
+        "rig",
+        scan("servo ping", "ok", "sent PING to ids 1-6 on the bus at 1 Mbaud"),
+        TOUCHED,
+        "read what the kern",
+    ),
+    "later: left reason dull": ("laptop", left((ROOT, "just a hub, no one needs it")), LEFT, "list it"),
+    "later: left reason infra": ("laptop", left(("pci-1d00-0a2f", "it is only a bus controller")), LEFT, "list it"),
+    "later: host name": ("laptop", top(hostname="localhost"), CONTRADICTED, "write"),
+    "later: kernel": ("laptop", platform(kernel="5.15.0-generic"), CONTRADICTED, "write"),
+    "later: time local": ("laptop", top(timestamp="26.11.2026 14:00"), "PROBE-TIMESTAMP", "write the time at"),
+    "later: context on all": ("bench", put(LINE, context=True), CONTRADICTED, "write false; where"),
+    "later: interface empty": ("bench", put(LINE, interface=""), CONTRADICTED, "write"),
+    "later: product with guess": (
+        "bench",
+        spelt(LINE, "product: USB Serial", "product: USB Serial (CH340)"),
+        TEXT,
+        "copy what the syst",
+    ),
+    "later: raw empty": ("bench", put(MOUSE, raw_descriptor="", name="mouse"), LOST, "copy"),
+}
+RIGHT |= {
+    "in other words: names only": (
+        "bench",
+        put(MOUSE, raw_descriptor="HID_NAME=Otter Wireless Mouse\nHID_ID=0003:00001DEE:00004055\nDRIVER=otter-hidpp"),
+    ),
+    "in other words: lsusb style": (
+        "rig",
+        put(
+            ARM,
+            raw_descriptor="\n".join(
+                (
+                    "idVendor 0x1a86",
+                    "idProduct 0x55d3",
+                    "iManufacturer 1 Feetech",
+                    "iProduct 2 SO-ARM101 servo bus",
+                    "bDeviceClass 2",
+                    "Interface 0: class 2/2/1, driver cdc_acm",
+                )
+            ),
+            name="Feetech SO-ARM101 servo bus",
+        ),
+    ),
+    "in other words: udev": (
+        "rig",
+        put(
+            CAMERA,
+            raw_descriptor="\n".join(
+                (
+                    "ID_V4L_PRODUCT=Microsoft® LifeCam Studio(TM)",
+                    "ID_V4L_CAPABILITIES=:capture:",
+                    "driver: uvcvideo",
+                )
+            ),
+        ),
+    ),
+    "in other words: modalias pci": (
+        "laptop",
+        put(
+            DISK,
+            raw_descriptor="\n".join(
+                (
+                    "modalias: pci:v00002EE1d00000980sv00002EE1sd00000001bc01sc08i02",
+                    "model: Reed NV 512",
+                    "driver: nvme",
+                    "class: 0x010802",
+                )
+            ),
+        ),
+    ),
+    "in other words: hwmon labels": (
+        "laptop",
+        put(CHIP, raw_descriptor="name: coretemp\ntemp1_label: Package id 0\ntemp2_label: Core 0\ntemp1_max: 100000"),
+    ),
+    "in other words: iio": (
+        "raspberry",
+        put(
+            "i2c-envsense2",
+            raw_descriptor="\n".join(
+                (
+                    "name: envsense2",
+                    "channels: in_humidityrelative_raw, in_pressure_input, in_temp_input",
+                    "driver: envsense",
+                )
+            ),
+        ),
+    ),
+    "in other words: sound": (
+        "laptop",
+        put(
+            SOUND,
+            raw_descriptor="\n".join(
+                (
+                    "card: HDA-Intel - HDA Marsh PCH",
+                    "pcm: MR245 Analog playback 1 capture 1",
+                    "pcm: HDMI 0 playback",
+                    "codec: Marsh MR245",
+                    "driver: snd_hda_intel",
+                )
+            ),
+            name="HDA Marsh PCH",
+        ),
+    ),
+    "in other words: keyboard": (
+        "laptop",
+        put(KEYS, raw_descriptor="description: i8042 KBD port\nname: Plain Keyboard\ndriver: atkbd\nLED: capslock"),
+    ),
+    "in other words: net": (
+        "laptop",
+        put(WIFI, raw_descriptor="vendor: 0x1d00\ndevice: 0x0a95\nDEVTYPE=wlan\ndriver=marshwifi"),
+    ),
+    "in other words: virtual": ("laptop", put("virtual-block", raw_descriptor="loop devices: 8", name="virtual block")),
+    "in other words: led": (
+        "raspberry",
+        put("platform-leds", raw_descriptor="compatible: gpio-leds\nled: ACT\nmax_brightness: 255"),
+    ),
+    "in other words: disk": (
+        "server",
+        put(
+            "scsi-ata-granary-hd8000",
+            raw_descriptor="vendor: ATA\nmodel: Granary HD8000\ntype: 0 (disk)\nrotational: 1",
+        ),
+    ),
+    "in other words: scan by class": (
+        "laptop",
+        scans(
+            "ls /sys/bus/usb/devices",
+            "ls /sys/bus/pci/devices",
+            "/sys/bus/i2c, /sys/bus/platform, /sys/bus/serio, /sys/bus/pnp, /sys/bus/acpi",
+            "/sys/class/backlight",
+            "/sys/class/thermal and /sys/class/dmi",
+            "/proc/net/arp",
+        ),
+    ),
+    "in other words: python": ("bench", scans("python walk of /sys/devices")),
+    "in other words: dev listing": ("laptop", scan("ls -l /dev", "ok", "names only, nothing opened")),
+    "in other words: dmesg denied": ("laptop", scan("dmesg", "denied", "wants CAP_SYSLOG")),
+    "in other words: timeout": ("laptop", scan("avahi-browse", "timeout", "no answer in 10 s")),
+}
