@@ -67,7 +67,7 @@ _PROGRAMS = frozenset(
     (
         *("lsusb", "lspci", "lshw", "dmidecode", "hwinfo", "inxi", "i2cdetect", "v4l2-ctl", "arecord", "aplay"),
         *("udevadm", "upower", "nmcli", "bluetoothctl", "avahi-browse", "lsblk", "lscpu", "usb-devices", "lsscsi"),
-        *("gpiodetect", "gpioinfo", "smartctl", "evtest", "fwupdmgr", "boltctl", "rfkill", "iw", "hciconfig"),
+        *("gpiodetect", "gpioinfo", "smartctl", "evtest", "fwupdmgr", "boltctl", "iw", "hciconfig"),
         *("system_profiler", "ioreg", "xinput", "edid-decode", "hdparm", "cyme", "lsdev", "lsiio", "iio_info"),
     )
 )
@@ -178,7 +178,8 @@ def _untrue(given: Mapping[str, Any], reader: Reader) -> Iterator[dict[str, obje
     """The scans that are said to have worked with a program that this host does not have."""
     recorded = reader.names_or_none(RECORDED) if reader.root else None
     for index, scan in enumerate(given.get("scan_methods", ())):
-        named = [word for word in _PROGRAM.findall(scan["name"].casefold()) if word in _PROGRAMS]
+        spoken = " ".join(word for word in scan["name"].casefold().split() if "/" not in word)  # a path is no program
+        named = [word for word in _PROGRAM.findall(spoken) if word in _PROGRAMS]
         if scan["status"] == "ok" and named and not _is_here(named[0], recorded):
             yield {"scan": index, "program": named[0], "recorded": recorded is not None}
 

@@ -13,7 +13,7 @@ from octoform.contracts.kinds import shown as ways_of
 from octoform.contracts.kinds import speaks_bytes
 from octoform.contracts.model import Artifacts, JsonObject, Rule
 from octoform.contracts.name_rules import CLAIMED
-from octoform.contracts.naming import is_chip_name
+from octoform.contracts.naming import is_chip_name, is_passthrough
 from octoform.contracts.raw_line_rules import known_by_a_person
 from octoform.contracts.text import listed, pointer, shown
 from octoform.diagnostics import Diagnostic, error
@@ -101,8 +101,10 @@ def capability_on_a_guess(value: JsonObject, artifacts: Artifacts) -> list[Diagn
         )
         for index, device in enumerate(value["devices"])
         if 0 < device["confidence"] < CLAIMED and device["category"] != "unknown"
-        if not known_by_a_person(device, artifacts) and speaks_bytes(probed.get(device["id"], {}))
-        if any(capability["effect"] == "read" for capability in device["capabilities"])
+        # What has no class at all, and what is a pipe, is another rule's finding.
+        if (entry := probed.get(device["id"])) and ways_of(entry) and speaks_bytes(entry)
+        if not known_by_a_person(device, artifacts)
+        if any(each["effect"] == "read" and not is_passthrough(each["name"]) for each in device["capabilities"])
     ]
 
 

@@ -28,6 +28,8 @@ def without_class(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
         entry = probed.get(device["id"])
         if entry is None or entry.get("context") or known_by_a_person(device, artifacts):
             continue
+        if device["category"] == "unknown":
+            continue  # another rule's finding: what is unknown can do nothing
         shows = ways_of(entry)
         if is_pipe(capability) or (capability["effect"] != "read" and speaks_bytes(entry)):
             continue  # another rule's finding: what acts through a raw line needs a profile

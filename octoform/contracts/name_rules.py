@@ -114,7 +114,7 @@ def guess(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
             continue
         if is_foreign(device["identified_as"], device["id"], artifacts):
             continue
-        if unsaid := _guessed(device, known):
+        if unsaid := _guessed(device, known, _entry(device, artifacts) or ""):
             summary = f"{shown(device['id'])} says nowhere of itself {', '.join(map(shown, unsaid))}: that is a guess"
             hint = "write category unknown, confidence 0.0, no capabilities, and ask in `missing` what would settle it"
             where = pointer("devices", index, "identified_as")
@@ -122,9 +122,9 @@ def guess(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
     return out
 
 
-def _guessed(device: JsonObject, probed: JsonObject) -> list[str]:
+def _guessed(device: JsonObject, probed: JsonObject, entry: str) -> list[str]:
     """The words of a name that neither the device says nor a class bears out; of a line nothing follows, either."""
-    own = said(_texts(probed))
+    own = said([*_texts(probed), entry])
     own |= parts(own) | {_SYNONYMS[word] for word in own if word in _SYNONYMS}
     follows = own if "tty" in probed.get("classes", ()) else own | said(e.get("says", "") for e in device["evidence"])
     ways, spelt = ways_of(probed), words(device["identified_as"])

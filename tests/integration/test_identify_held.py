@@ -80,6 +80,8 @@ def invented(value: Output) -> None:
 
 NAME, WAY, PIPE = "IDENTIFY-NAME-WITHOUT-EVIDENCE", "IDENTIFY-CAPABILITY-WITHOUT-CLASS", "IDENTIFY-PASSTHROUGH"
 MOVES, CHIP = "IDENTIFY-ACTUATE-WITHOUT-PROFILE", "IDENTIFY-CHIP-NOT-PRODUCT"
+MOST_FINDINGS = 2
+"""A guess that moves something is told as both, since both have to go."""
 CAM = "product: Bench Cam <serial>"
 WRONG: dict[str, tuple[Change, str, str]] = {
     # Names: the word that nothing says stands in the finding, and beside it what the device says of itself.
@@ -308,4 +310,5 @@ def test_what_the_evidence_does_not_bear_out_is_refused_with_the_cure(
     refused: dict[str, dict[str, str]], case: str
 ) -> None:
     _, code, said = WRONG[case]
-    assert list(refused[case]) == [code] and said in refused[case][code], refused[case]
+    found = refused[case]
+    assert code in found and len(found) <= MOST_FINDINGS and said in found[code], found
