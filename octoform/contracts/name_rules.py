@@ -112,6 +112,8 @@ def guess(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
             continue
         if device["id"] in artifacts.answers or "profile" in device or not speaks_bytes(known):
             continue
+        if known["interface"] != "usb":
+            continue  # what is soldered in is on a bus that says more of it
         if is_foreign(device["identified_as"], device["id"], artifacts):
             continue
         if unsaid := _guessed(device, known, _entry(device, artifacts) or ""):
