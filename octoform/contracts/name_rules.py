@@ -135,7 +135,8 @@ def _guessed(device: JsonObject, probed: JsonObject, entry: str) -> list[str]:
     others = [word for word in kinds if word not in moving and ways.isdisjoint(KINDS[kind_of(word.casefold()) or ""])]
     telling = [word for word in spelt if _tells(word.casefold())]
     proper = [word for word in telling if is_proper(word, device["identified_as"])]
-    unsaid = {*missing(moving + proper, own), *missing(others + telling, follows)}
+    foreign = not all(text.isascii() for text in _texts(probed))  # its words may say the same in another language
+    unsaid = {*missing(moving + proper, own), *([] if foreign else missing(others + telling, follows))}
     return [word for word in dict.fromkeys(spelt) if word in unsaid]
 
 
