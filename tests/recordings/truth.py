@@ -85,7 +85,8 @@ class Units:
         if usb := _USB.match(match):
             return self._by_usb(*usb.groups())
         if serial := _SERIAL.match(match):
-            return self._by_usb(serial.group(1), serial.group(2), None)
+            found = self._by_usb(serial.group(1), serial.group(2), None)
+            return [d for d in found if _is_called(d, match)] or found
         if sysfs := _SYSFS.match(match):
             return self._by_path(f"/sys{sysfs.group(1)}")
         if hid := _HID.search(match):
@@ -142,3 +143,9 @@ def _paths(device: Device) -> list[str]:
 
 def _inside(path: str, holder: str) -> bool:
     return path == holder or path.startswith(holder.rstrip("/") + "/")
+
+
+def _is_called(device: Device, match: str) -> bool:
+    """Whether udev's name of the device stands in a match by /dev/serial/by-id."""
+    told = re.search(r"(?m)^(?:\w+\[\d+\]\.)?udev\.ID_SERIAL\.name: (.+)$", str(device.get("raw_descriptor", "")))
+    return told is not None and told.group(1) in match

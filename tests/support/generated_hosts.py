@@ -8,11 +8,12 @@ order plugs the same devices into other places.
 
 import random
 import shutil
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from generated_kinds import CONTROLLER, KINDS, NATIVE, Kind
 from sysfs_tree import Tree
 
 from octoform.base.id_databases import IdDatabases
@@ -26,14 +27,17 @@ from octoform.contracts.serve_rules import serve_static
 from octoform.diagnostics import Severity
 
 BUDGET = 100
+TWINS = 0.1
 SCHEMAS = Path(__file__).parents[2] / "protocol" / "schemas"
 
 MAKERS = ("Heron", "Quantal", "Brightwater", "Osmo Labs", "Nordwind", "Tessera", "Karoo", "Vireo Works")
 MODELS = ("X200", "LX-7", "Pico4", "M310", "Delta9", "QV22", "T-880", "Aria3")
 DEFAULT_SERIALS = ("0001", "0123456789", "000000", "111111111111")
 SCRIPTS = ("ヘロン", "Журавль", "苍鹭之家", "Ölprüfer", "بلشون")
-MISLEADING = ("USB Serial", "USB UART Bridge", "Generic USB Device", "USB2.0-Serial", "Android Bootloader")
-CONTROLLER = "pci0000:00/0000:00:14.0/usb1"
+MISLEADING = (
+    *("USB Serial", "USB UART Bridge", "Generic USB Device", "USB2.0-Serial", "Android Bootloader"),
+    *("USB to Serial", "I2CFT232R", "USB2.0 MISC", "VendorCo ProductCode"),
+)
 
 
 @dataclass(frozen=True)
@@ -53,203 +57,15 @@ class Made:
     product: str = ""
 
 
-@dataclass(frozen=True)
-class _Kind:
-    """``bus`` is where it hangs; ``noun`` is the word of class in its strings; ``build`` adds the kernel's classes."""
-
-    bus: str
-    noun: str
-    categories: tuple[str, ...]
-    tools: tuple[str, ...]
-    build: Callable[[Tree, str, int], None]
-    triple: str = "ff0000"
-    driver: str = ""
-    chip: bool = False
-    """What shows is the chip that wires it, so that without strings nothing tells the product."""
-
-
-def _member(kind: str, name: str, attributes: dict[str, str], node: bool = False) -> Callable[[Tree, str, int], None]:
-    def build(tree: Tree, path: str, number: int) -> None:
-        told = {"DEVNAME": f"{name}{number}"} if node else {}
-        tree.member(f"{path}/{kind}/{name}{number}", kind, attributes, **told)
-
-    return build
-
-
-def _nothing(_tree: Tree, _path: str, _number: int) -> None:
-    """A device to which no driver is bound."""
-
-
-def _disk(tree: Tree, path: str, number: int) -> None:
-    scsi = f"{path}/host{number}/target{number}:0:0/{number}:0:0:0"
-    tree.bus(scsi, "scsi", {"vendor": "Bench", "model": "Disk"}, DRIVER="sd")
-    name = f"sd{chr(97 + number % 26)}{chr(97 + number // 26 % 26)}"
-    tree.member(f"{scsi}/block/{name}", "block", {"size": "2048", "removable": "1", "ro": "0"}, DEVNAME=name)
-
-
-def _panel(tree: Tree, path: str, _number: int) -> None:
-    # Named after its place in the board's description, as the kernel does where firmware tells one.
-    name = f"panel-{path.rpartition('/')[2].partition('.')[0]}"
-    given = {"max_brightness": "100", "brightness": "7", "type": "raw"}
-    tree.member(f"{path}/backlight/{name}", "backlight", given)
-
-
-def _card(tree: Tree, path: str, number: int) -> None:
-    tree.member(f"{path}/sound/card{number}", "sound", {"id": "USB", "number": str(number)})
-    for end in "pc":
-        name = f"pcmC{number}D0{end}"
-        tree.member(f"{path}/sound/card{number}/{name}", "sound", {"pcm_class": "generic"}, DEVNAME=f"snd/{name}")
-
-
-def _input(keys: str) -> Callable[[Tree, str, int], None]:
-    def build(tree: Tree, path: str, number: int) -> None:
-        hid = f"{path}/0003:1F00:0001.{number:04X}"
-        tree.bus(hid, "hid", HID_ID="0003:00001F00:00000001", HID_NAME="input", DRIVER="hid-generic")
-        bits = {"name": "input", "capabilities/ev": "100003", "capabilities/key": keys}
-        tree.member(f"{hid}/input/input{number}", "input", bits)
-        tree.member(f"{hid}/input/input{number}/event{number}", "input", {}, DEVNAME=f"input/event{number}")
-
-    return build
-
-
-def _iio(channels: dict[str, str]) -> Callable[[Tree, str, int], None]:
-    def build(tree: Tree, path: str, number: int) -> None:
-        tree.bus(f"{path}/iio:device{number}", "iio", {"name": "sensor", **channels}, DEVNAME=f"iio:device{number}")
-
-    return build
-
-
-KINDS: dict[str, _Kind] = {
-    "camera": _Kind(
-        *("usb", "Camera", ("sensor",), ("capture_image",)),
-        _member("video4linux", "video", {"name": "UVC", "index": "0"}, node=True),
-        *("0e0100", "uvcvideo"),
-    ),
-    "board with a line": _Kind(
-        *("usb", "Controller", ("unknown", "sensor", "actuator", "bidirectional"), ()),
-        _member("tty", "ttyUSB", {}, node=True),
-        *("ff0000", "ch341", True),
-    ),
-    "disk": _Kind("usb", "Flash Disk", ("infrastructure",), ("read_storage",), _disk, "080650", "usb-storage"),
-    "keyboard": _Kind(
-        "usb",
-        "Keyboard",
-        ("sensor",),
-        ("describe_input",),
-        _input("1000000000007 ff9f207ac14057ff"),
-        "030101",
-        "usbhid",
-    ),
-    "sound": _Kind(
-        *("usb", "Audio Interface", ("sensor", "actuator", "bidirectional"), ("record_audio", "play_audio")),
-        _card,
-        *("010100", "snd-usb-audio"),
-    ),
-    "network": _Kind(
-        *("usb", "Ethernet Adapter", ("infrastructure", "bidirectional"), ("read_network_interfaces",)),
-        _member("net", "eth", {"address": "02:00:00:00:00:01", "operstate": "up", "type": "1"}),
-        *("020d00", "cdc_ncm"),
-    ),
-    "printer": _Kind(
-        *("usb", "Label Printer", ("actuator", "bidirectional"), ()),
-        _member("usbmisc", "lp", {}, node=True),
-        *("070102", "usblp"),
-    ),
-    "thermometer": _Kind(
-        *("platform", "", ("sensor",), ("read_temperature",)),
-        _member("hwmon", "hwmon", {"name": "bench", "temp1_input": "21500", "temp1_label": "board"}),
-        driver="bench-temp",
-    ),
-    "fan controller": _Kind(
-        *("i2c", "", ("sensor", "bidirectional"), ("read_fan_speed",)),
-        _member("hwmon", "hwmon", {"name": "fanboard", "fan1_input": "900", "pwm1": "120", "pwm1_enable": "1"}),
-        driver="emc2305",
-    ),
-    "climate sensor": _Kind(
-        *("i2c", "", ("sensor",), ("read_humidity", "read_temperature", "read_sensor_channels")),
-        _iio({"in_temp_input": "21000", "in_humidityrelative_input": "45000", "in_pressure_input": "100.3"}),
-        driver="bme280",
-    ),
-    "accelerometer": _Kind(
-        *("acpi", "", ("sensor",), ("read_acceleration",)),
-        _iio({"in_accel_x_raw": "10", "in_accel_y_raw": "-4", "in_accel_z_raw": "981", "in_accel_scale": "0.01"}),
-        driver="kxcjk1013",
-    ),
-    "light sensor": _Kind(
-        *("acpi", "", ("sensor",), ("read_illuminance",)),
-        _iio({"in_illuminance_input": "120"}),
-        driver="acpi-als",
-    ),
-    "converter": _Kind(
-        *("spi", "", ("sensor",), ("read_sensor_channels",)),
-        _iio({"in_voltage0_raw": "100", "in_voltage1_raw": "200", "in_voltage_scale": "0.8"}),
-        driver="mcp3008",
-    ),
-    "capacitance": _Kind(
-        *("i2c", "", ("sensor",), ("read_sensor_channels",)),
-        _iio({"in_capacitance0_raw": "77"}),
-        driver="ad7746",
-    ),
-    "outputs": _Kind(
-        *("spi", "", ("actuator", "bidirectional"), ("set_output_channel", "read_output_channels")),
-        _iio({"out_voltage0_raw": "100", "out_voltage1_raw": "200", "out_voltage_scale": "0.8"}),
-        driver="ad5064",
-    ),
-    "lamp": _Kind(
-        *("platform", "", ("actuator", "bidirectional"), ("set_led", "read_led")),
-        _member("leds", "bench:led", {"max_brightness": "255", "brightness": "0"}),
-        driver="leds-gpio",
-    ),
-    "panel": _Kind(
-        *("platform", "", ("actuator", "bidirectional"), ("set_brightness",)),
-        _panel,
-        driver="pwm-backlight",
-    ),
-    "battery": _Kind(
-        *("acpi", "", ("sensor",), ("read_battery",)),
-        _member("power_supply", "BAT", {"type": "Battery", "capacity": "80", "status": "Full", "present": "1"}),
-        driver="battery",
-    ),
-    "clock": _Kind(
-        *("i2c", "", ("infrastructure",), ("read_clock",)),
-        _member("rtc", "rtc", {"name": "rtc-ds1307", "time": "10:00:00", "date": "2026-01-01"}, node=True),
-        driver="rtc-ds1307",
-    ),
-    "solid state disk": _Kind(
-        *("pci", "", ("infrastructure",), ("read_storage",)),
-        lambda tree, path, number: (
-            _member("nvme", "nvme", {"model": "Bench SSD 500"}, node=True)(tree, path, number),
-            tree.member(
-                f"{path}/nvme/nvme{number}/nvme{number}n1", "block", {"size": "4096"}, DEVNAME=f"nvme{number}n1"
-            ),
-        )[0],
-        *("010802", "nvme"),
-    ),
-    "bluetooth": _Kind(
-        "usb",
-        "Bluetooth Adapter",
-        ("infrastructure", "bidirectional"),
-        (),
-        _member("bluetooth", "hci", {"type": "primary"}),
-        "e00101",
-        "btusb",
-    ),
-    "reader without a driver": _Kind("usb", "Smart Card Reader", ("infrastructure",), (), _nothing, "0b0000"),
-    "capture device without a driver": _Kind("usb", "Video Capture", ("sensor",), (), _nothing, "ff0000"),
-    "thermal camera without a driver": _Kind("usb", "Thermal Camera", ("sensor",), (), _nothing, "ff0000"),
-    "keys without a driver": _Kind("usb", "Trackball", ("sensor",), (), _nothing, "030102"),
-    "sound without a driver": _Kind(
-        "usb", "MIDI Interface", ("sensor", "actuator", "bidirectional"), (), _nothing, "010300"
-    ),
-}
-
-
 def generate(root: Path, seed: int, count: int, order: int = 0) -> list[Made]:
     """Build a host of ``count`` devices below ``root``; what was made, in the order of ``seed`` whatever ``order``."""
     if root.exists():
         shutil.rmtree(root)
     chance = random.Random(seed)
-    wanted = [(chance.choice(sorted(KINDS)), chance.random(), index) for index in range(count)]
+    wanted = [(chance.choice(sorted(KINDS)), index) for index in range(count)]
+    for index in range(1, count):  # a twin: the same numbers, strings and serial number in another place
+        if chance.random() < TWINS and KINDS[wanted[index - 1][0]].bus == "usb":
+            wanted[index] = wanted[index - 1]
     tree = Tree(root)
     (root / "etc").mkdir()
     (root / "etc/os-release").write_text('ID=debian\nVERSION_ID="12"\n')
@@ -257,7 +73,10 @@ def generate(root: Path, seed: int, count: int, order: int = 0) -> list[Made]:
     tree.bus(CONTROLLER, "usb", {"idVendor": "1d6b", "idProduct": "0003", "bDeviceClass": "09"})
     slots = list(range(1, count + 1))
     random.Random(order).shuffle(slots) if order else None
-    return [_make(tree, kind, random.Random(hash_of(seed, index)), index, slots[index]) for kind, _, index in wanted]
+    return [
+        _make(tree, kind, random.Random(hash_of(seed, index)), index, slots[at])
+        for at, (kind, index) in enumerate(wanted)
+    ]
 
 
 def hash_of(seed: int, index: int) -> int:
@@ -267,7 +86,8 @@ def hash_of(seed: int, index: int) -> int:
 
 def _make(tree: Tree, name: str, chance: random.Random, index: int, slot: int) -> Made:
     kind = KINDS[name]
-    strings = chance.choice(("tell", "tell", "nothing", "mislead", "script"))
+    native = ("native",) if kind.noun in NATIVE else ()
+    strings = chance.choice(("tell", "tell", "nothing", "mislead", "script", *native))
     maker, model = chance.choice(MAKERS), f"{chance.choice(MODELS)}{chance.choice('abcdef')}{index}"
     serial = chance.choice(("", "", f"SN{chance.randrange(10**8):08d}", *DEFAULT_SERIALS)) if kind.bus == "usb" else ""
     texts = {
@@ -275,6 +95,7 @@ def _make(tree: Tree, name: str, chance: random.Random, index: int, slot: int) -
         "nothing": ("", ""),
         "mislead": ("", chance.choice(MISLEADING)),
         "script": ("", chance.choice(SCRIPTS)),
+        "native": ("", NATIVE.get(kind.noun, "")),
     }[strings]
     place = {"usb": _usb, "pci": _pci}.get(kind.bus, _other)(tree, kind, index, slot)
     if kind.bus == "usb":
@@ -284,26 +105,28 @@ def _make(tree: Tree, name: str, chance: random.Random, index: int, slot: int) -
                 (tree.root / "sys/devices" / place / attribute).write_text(f"{text}\n")
     kind.build(tree, place if kind.bus != "usb" else f"{place}/{place.rpartition('/')[2]}:1.0", slot)
     told = kind.bus == "usb" and strings == "tell"
-    mute = kind.build is _nothing and kind.triple.startswith("ff") and not told
-    silent = strings in ("nothing", "mislead")
     return Made(
         kind=name,
         place=place,
         strings=strings if kind.bus == "usb" else "nothing",
         default_serial=serial in DEFAULT_SERIALS,
-        categories=frozenset(
-            {"unknown", "bidirectional"}
-            if mute and strings == "script"
-            else {"unknown"}
-            if mute or (kind.chip and silent)
-            else kind.categories
-        ),
+        categories=frozenset(_categories(kind, strings)),
         tools=frozenset(kind.tools),
         product=model if told else "",
     )
 
 
-def _usb(tree: Tree, kind: _Kind, index: int, slot: int) -> str:
+def _categories(kind: Kind, strings: str) -> tuple[str, ...]:
+    """What is right of a device whose strings do this: its kind, as far as anything shows it."""
+    if strings in ("tell", "native") or kind.bus != "usb" or kind.shown:
+        return ("unknown",) if kind.chip and strings in ("nothing", "mislead") else kind.categories
+    if kind.triple.startswith("ff"):
+        # A name of which nothing tells the kind; without one nothing is known.
+        return ("unknown", "bidirectional") if strings == "script" else ("unknown",)
+    return (*kind.categories, "sensor", "bidirectional", "unknown")
+
+
+def _usb(tree: Tree, kind: Kind, index: int, slot: int) -> str:
     path = f"{CONTROLLER}/1-{slot}"
     folder = tree.usb(path, f"{0x1F00 + index // 65536:04x}", f"{index % 65536:04x}")
     (folder / "bDeviceClass").write_text("00\n")
@@ -314,14 +137,22 @@ def _usb(tree: Tree, kind: _Kind, index: int, slot: int) -> str:
     return path
 
 
-def _pci(tree: Tree, kind: _Kind, index: int, slot: int) -> str:
+def _pci(tree: Tree, kind: Kind, index: int, slot: int) -> str:
     path = f"pci0000:00/0000:{slot:02x}:00.0"
     ids = {"vendor": "0x1f00", "device": f"0x{index:04x}", "class": f"0x{kind.triple}"}
     tree.bus(path, "pci", ids, DRIVER=kind.driver)
     return path
 
 
-def _other(tree: Tree, kind: _Kind, index: int, slot: int) -> str:
+def _other(tree: Tree, kind: Kind, index: int, slot: int) -> str:
+    if kind.bus == "mmc":
+        path = f"platform/mmc_host/mmc{slot}/mmc{slot}:0001"
+        tree.bus(path, "mmc", {"type": "MMC", "name": f"DEMO{index:02d}G"}, DRIVER=kind.driver)
+        return path
+    if kind.bus == "w1":
+        path = f"w1_bus_master1/28-{index:012x}"
+        tree.bus(path, "w1", DRIVER=kind.driver)
+        return path
     names = {
         "i2c": (f"platform/i2c-{slot}/{slot}-{0x40 + index % 16:04x}", f"i2c:{kind.driver}"),
         "spi": (f"platform/spi{slot}/spi{slot}.0", f"spi:{kind.driver}"),
@@ -380,6 +211,9 @@ def _untrue(
     if categories.isdisjoint(device.categories):
         called = " | ".join(each["identified_as"] for each in named)
         yield f"category {sorted(categories)}, not one of {sorted(device.categories)}; it is called {called}"
+    cameras = [each["id"] for each in named if each.get("class") == "camera" and each["category"] == "sensor"]
+    if len(cameras) > 1:
+        yield f"{len(cameras)} cameras of one"
     has = {tool for each in own for name, tool in tools if name == each["id"]}
     if device.tools and has.isdisjoint(device.tools) and cut.isdisjoint(each["id"] for each in own):
         yield f"tools {sorted(has)}, none of {sorted(device.tools)}"

@@ -62,7 +62,13 @@ def claim_named(device: Device) -> Claim | None:
         and naming.adds_to(maker, product)
         and not names_its_chip(device)
     )
-    if not named or naming.describes_chip(product) or naming.makes_chips(maker) or naming.speaks_of_a_part(product):
+    if (
+        not named
+        or naming.describes_wires(product)
+        or naming.describes_chip(product)
+        or naming.makes_chips(maker)
+        or naming.speaks_of_a_part(product)
+    ):
         return None
     evidence = Evidence(device.interfaces[0].line, "an interface of its own, for a program of its own")
     return Claim("vendor", BIDIRECTIONAL, "USB device", (evidence,), settled=False)

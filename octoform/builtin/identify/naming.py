@@ -40,7 +40,7 @@ _PART_NUMBER = re.compile(r"[a-z]{2,}\d{2}")
 _INITIALS = re.compile(r"([a-z]{2,4})\d\d[a-z0-9]*")
 # A whole family of parts: the last digits are left open.
 _FAMILY = re.compile(r"[a-z]+\d+[a-z]?\d*xx")
-_WIRES = frozenset(("i2c", "smbus", "spi", "uart", "jtag", "gpio"))
+_WIRES = ("i2c", "smbus", "spi", "uart", "jtag", "gpio")
 _NO_DISKS = frozenset(("webcam", "keyboard", "mouse", "headset", "microphone", "gamepad", "joystick", "oscilloscope"))
 _FEW, _LONG = 8, 32
 _OPEN = frozenset(("misc", "composite", "unknown", "undefined", "reserved", "oem"))
@@ -75,8 +75,8 @@ def model_words(text: str) -> list[str]:
     if found and max(map(len, found)) > _INITIAL:
         return found
     # A coined word of mixed case ('RAMBo', 'uDMX') falls into parts of which none tells anything.
-    whole = [word.lower() for word in _COINED.findall(plain)]
-    return found + [word for word in whole if not _says_nothing(word)]
+    whole = [word for word in _COINED.findall(plain) if not GENERIC.issuperset(words(word))]
+    return found + [word.lower() for word in whole if not _says_nothing(word.lower())]
 
 
 def _says_nothing(word: str) -> bool:
@@ -154,7 +154,7 @@ def describes_a_part(text: str) -> bool:
 
 def describes_wires(text: str) -> bool:
     """True where a string names a bus for chips or a serial line."""
-    return describes_transport(text) or not _WIRES.isdisjoint(words(text))
+    return describes_transport(text) or any(word.startswith(_WIRES) for word in words(text))
 
 
 def is_short(text: str) -> bool:

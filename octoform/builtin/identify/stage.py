@@ -52,7 +52,7 @@ from octoform.builtin.task import Task
 MAX_CAPABILITIES = 40
 MAX_EVIDENCE = 6
 MAX_NAME = 120
-_BOARD = frozenset(("platform", "acpi", "wmi", "i2c", "spi", "amba", "auxiliary"))
+_BOARD = frozenset(("platform", "acpi", "wmi", "i2c", "spi", "amba", "auxiliary", "hid"))
 RULES: tuple[Callable[[Device], Claim | None], ...] = (
     buses.claim_hub,
     cameras.claim,

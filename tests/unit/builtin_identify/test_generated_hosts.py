@@ -20,10 +20,10 @@ def test_what_is_true_of_a_generated_host_is_told_of_it(seed: int, tmp_path: Pat
 
 
 def test_each_kind_and_each_form_of_strings_is_among_them(tmp_path: Path) -> None:
-    made = [each for seed in range(4) for each in generate(tmp_path / "host", seed, 30)]
+    made = [each for seed in range(20) for each in generate(tmp_path / "host", seed, 30)]
     assert {each.kind for each in made} == set(KINDS)
     forms = Counter(each.strings for each in made)
-    assert forms.keys() == {"tell", "nothing", "mislead", "script"} and min(forms.values()) >= 5
+    assert forms.keys() == {"tell", "nothing", "mislead", "script", "native"} and min(forms.values()) >= 5
     assert sum(each.default_serial for each in made) >= 5 and DEFAULT_SERIALS
 
 

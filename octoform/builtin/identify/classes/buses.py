@@ -30,6 +30,12 @@ _PARTS = (
     ("fpga_region", "fpga", "FPGA"),
 )
 """Classes of the kernel that are parts of the machine: (class, kind, noun)."""
+_FUNCTIONS = (
+    ("nfc", "nfc", BIDIRECTIONAL, "NFC controller"),
+    ("cec", "cec", BIDIRECTIONAL, "HDMI CEC adapter"),
+    ("pps", "pps", SENSOR, "pulse-per-second input"),
+)
+"""Classes of the kernel that sense or speak, and that no tool of this agent serves."""
 _BUSES = {"typec": ("typec", "USB-C port"), "thunderbolt": ("thunderbolt", "Thunderbolt device")}
 # Names that the device tree's specification recommends for a part, of which the kernel makes no class.
 _TREE = {
@@ -94,9 +100,10 @@ def claim_part(device: Device) -> Claim | None:
     if any(_MEMORY_DRIVERS.match(driver) for driver in device.drivers):
         evidence, names = device.cite_self("a memory chip"), _own_name(device, " memory chip")
         return Claim("memory", INFRASTRUCTURE, "memory chip", (evidence,), names=names)
-    if "nfc" in device.classes:
-        evidence, names = device.cite("nfc", "the kernel's NFC class"), _own_name(device)
-        return Claim("nfc", BIDIRECTIONAL, "NFC controller", (evidence,), names=names)
+    for kernel_class, kind, category, noun in _FUNCTIONS:
+        if kernel_class in device.classes and device.bus != "virtual":
+            evidence, names = device.cite(kernel_class, f"the kernel's class of a {noun}"), _own_name(device)
+            return Claim(kind, category, noun, (evidence,), names=names)
     for kernel_class, kind, noun in _PARTS:
         if kernel_class in device.classes and not (device.bus == "virtual" and kernel_class not in _PHYSICAL):
             names = device.names(kernel_class, "identity", "hca_type", "name", "clock_name")
@@ -114,6 +121,10 @@ def _by_bus(device: Device) -> Claim | None:
         text = naming.join(maker.text if maker else "", model.text if model else "")
         evidence = device.cite_key("bus", f"a {noun}") if not lines else Evidence(lines[0], f"a {noun}")
         return Claim(kind, INFRASTRUCTURE, noun, (evidence,), names=((text, *lines),) if text else ())
+    if device.bus == "firewire" and (model := device.fact("model_name")):
+        shown = words.spoken_of(model.text) or ("firewire", BIDIRECTIONAL, "FireWire device")
+        name = naming.join(maker.text if maker else "", model.text)
+        return Claim(*shown, evidence=(Evidence(model.line, "what it calls itself"),), names=((name, model.line),))
     if device.bus == "virtio" and (noun := _VIRTIO.get(device.text("device")[-4:], "")):
         return Claim("virtual", INFRASTRUCTURE, noun, (device.cite_key("device", f"a {noun}"),))
     if device.text("of_name") in _TREE and device.fact("driver"):

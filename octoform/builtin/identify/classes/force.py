@@ -19,4 +19,8 @@ def claim(device: Device) -> Claim | None:
             capability = Capability("play_rumble", "Let the motor vibrate for a bounded time.", _VIA, ACTUATE)
             names = ((group["name"].text.strip('"'), group["name"].line),)
             return Claim("haptic", ACTUATOR, "vibration motor", (evidence,), (capability,), names)
+        if events == ["sound"] and "name" in group:
+            evidence = Evidence(group["events"].line, "takes tones and sends nothing: a beeper")
+            names = ((group["name"].text.strip('"'), group["name"].line),)
+            return Claim("buzzer", ACTUATOR, "beeper", (evidence,), names=names)
     return None

@@ -7,6 +7,8 @@ from octoform.builtin.identify.evidence import Device, Fact
 from octoform.builtin.identify.verdict import ACTUATE, ACTUATOR, Capability, Claim
 
 _BACKLIGHT = "Linux backlight class (/sys/class/backlight)"
+# The lock lights of a keyboard: input3::capslock.
+_LOCKS = "input::"
 _LEDS = "Linux LED class (/sys/class/leds)"
 
 
@@ -34,7 +36,7 @@ def claim_leds(device: Device) -> Claim | None:
     leds = [
         {"name": group["name"].text, "max_brightness": _number(group, "max_brightness")}
         for group in device.groups("leds")
-        if "name" in group and not group["name"].text.startswith("input")
+        if "name" in group and not group["name"].text.startswith(_LOCKS)
     ]
     if not leds:
         return None

@@ -131,7 +131,7 @@ def claim_instrument(device: Device) -> Claim | None:
     """An instrument, a radio or a debugger by its own product string, whatever else it shows (a disk, a network)."""
     if device.bus != "usb" or not device.product or device.usb(*_BOOT):
         return None
-    entry = kind_of(device.product_text, _DEFINING)
+    entry = kind_of(f"{device.product_text} {glossary.english(device.product_text)}", _DEFINING)
     says = Evidence(device.product.line, "the device's own words")
     if entry:
         return Claim(*entry, evidence=(says,))
