@@ -46,6 +46,20 @@ def test_an_item_is_onboardable_or_a_reason_says_why_not(
     assert onboardable.why_not(item(**changes), seen) == wanted
 
 
+@pytest.mark.parametrize(
+    ("node", "asked", "wanted"),
+    [
+        ("v4l-subdev0", "capture_image", onboardable.PART_OF_A_CAMERA),
+        ("v4l-subdev0", "set_focus", ""),
+        ("video0", "capture_image", ""),
+    ],
+)
+def test_a_part_of_a_camera_gives_no_picture(node: str, asked: str, wanted: str) -> None:
+    seen = unit(["video4linux"])
+    seen["instance"]["nodes"] = [{"class": "video4linux", "name": node}]
+    assert onboardable.why_not(item(capabilities=(asked,)), seen) == wanted
+
+
 def marks(result: str, usable: bool | None = None, count: int = 1, **changes: Any) -> list[score.Mark]:
     return [score.Mark(item(**changes), result, "", usable)] * count
 
