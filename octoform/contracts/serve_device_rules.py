@@ -37,7 +37,7 @@ _FILE_METHODS = frozenset({"open", "read_text", "read_bytes", "write_text", "wri
 # Finding a device reads the system, and fails the whole import when the device is away.
 _RUNTIME_READS = frozenset(f"runtime.{name}" for name in ("device", "files", "read_text", "read_bytes", "read_number"))
 _PROGRAMS = re.compile(r"subprocess\.(?:run|Popen|call|check_call|check_output)")
-_CONTAINERS = frozenset({"append", "add", "setdefault", "insert", "put", "push", "appendleft"})
+_CONTAINERS = frozenset({"append", "add", "setdefault", "insert", "put", "push", "appendleft", "update"})
 _CACHES = frozenset({"functools.cache", "functools.lru_cache", "functools.cached_property", "cache", "lru_cache"})
 
 
@@ -299,7 +299,8 @@ def _stores(call: ast.Call) -> bool:
 def _hands_on(node: ast.AST, names: set[str], shared: set[str]) -> bool:
     """Whether a statement puts what one of the names stands for into something that outlives the call."""
     if isinstance(node, ast.Call) and _stores(node):
-        return any(isinstance(item, ast.Name) and item.id in names for item in node.args)
+        given = [*node.args, *(item.value for item in node.keywords)]
+        return any(isinstance(item, ast.Name) and item.id in names for each in given for item in ast.walk(each))
     if not isinstance(node, ast.Assign) or not isinstance(node.value, ast.Name) or node.value.id not in names:
         return False
     return any(not isinstance(item, ast.Name) or item.id in shared for item in node.targets)

@@ -20,6 +20,9 @@ _ASKS = frozenset({"write", "writelines", "sendall", "send", "send_feature_repor
 _HEARS = frozenset({"read", "readline", "readlines", "read_until", "readexactly", "read_all", "readinto", "recv"})
 _GRABS = frozenset({"read", "grab"})
 _LOOPS = (ast.For, ast.AsyncFor, ast.While, ast.ListComp, ast.GeneratorExp, ast.SetComp, ast.DictComp)
+_UNPACKED = re.compile(
+    r"(?:bytes|bytearray)\.fromhex|binascii\.(?:unhexlify|a2b_\w+)|base64\.\w*decode\w*|codecs\.decode"
+)
 _SPEED = re.compile(r"\b(\d{3,7})[ -]?(?:baud|bd|bit/s|bps)\b", re.IGNORECASE)
 
 
@@ -109,8 +112,11 @@ def _calls_of(tree: ast.AST, methods: frozenset[str]) -> Iterator[ast.Call]:
 
 
 def _opens_line(source: Source, function: Function) -> bool:
-    calls = (item for item in ast.walk(function) if isinstance(item, ast.Call))
-    return any(source.dotted(call.func).rpartition(".")[2] in _LINES for call in calls)
+    calls = [item for item in ast.walk(function) if isinstance(item, ast.Call)]
+    if any(source.dotted(call.func).rpartition(".")[2] in _LINES for call in calls):
+        return True
+    nodes = [call for call in calls if isinstance(call.func, ast.Attribute) and call.func.attr in ("node", "nodes")]
+    return any(isinstance(item, ast.Constant) and item.value == "tty" for call in nodes for item in call.args[:1])
 
 
 def _talk(source: Source, block: ast.AST) -> set[str]:
@@ -149,20 +155,52 @@ def _is_frame(source: Source, node: ast.expr, scope: Function, depth: int) -> bo
     if isinstance(node, ast.BinOp):
         return _is_frame(source, node.left, scope, depth + 1) or _is_frame(source, node.right, scope, depth + 1)
     if isinstance(node, ast.Name):
-        bound = [item for item in ast.walk(scope) if isinstance(item, ast.Assign | ast.AugAssign)]
-        return any(node.id in _stored(item) and _is_frame(source, item.value, scope, depth + 1) for item in bound)
+        return _is_bound_to_frame(source, node.id, scope, depth)
     if not isinstance(node, ast.Call):
         return False
     name = source.dotted(node.func)
     if name in ("bytes", "bytearray"):
-        numbers = (ast.List, ast.Tuple, ast.ListComp, ast.GeneratorExp)
         given = node.args[0] if len(node.args) == 1 else None
-        return isinstance(given, numbers) or (given is not None and _is_frame(source, given, scope, depth + 1))
-    if name.startswith("struct.pack") or name.endswith(".to_bytes"):
+        return given is not None and (_is_list(given, scope, depth) or _is_frame(source, given, scope, depth + 1))
+    method = node.func.attr if isinstance(node.func, ast.Attribute) else ""
+    if method == "join" and len(node.args) == 1 and isinstance(node.args[0], ast.List | ast.Tuple):
+        return any(_is_frame(source, item, scope, depth + 1) for item in node.args[0].elts)
+    if method == "encode" and isinstance(node.func, ast.Attribute):
+        parts = list(ast.walk(node.func.value))
+        signs = (item.value for item in parts if isinstance(item, ast.Constant) and isinstance(item.value, str))
+        drawn = any(isinstance(item, ast.Call) and source.dotted(item.func) == "chr" for item in parts)
+        return drawn or any(ord(sign) > 126 or ord(sign) < 9 for text in signs for sign in text)
+    if name.startswith("struct.pack") or name.endswith(".to_bytes") or _UNPACKED.fullmatch(name):
         return True
     made = [item for item in source.functions if item.name == name]
     returned = [(item, each) for item in made for each in ast.walk(item) if isinstance(each, ast.Return) and each.value]
     return any(_is_frame(source, each.value, item, depth + 1) for item, each in returned if each.value is not None)
+
+
+def _is_bound_to_frame(source: Source, name: str, scope: Function, depth: int) -> bool:
+    """Whether a name of a function stands for a frame, at once or number by number."""
+    filled = (item for item in _calls_of(scope, frozenset({"append", "extend"})) if _last_name(item) == name)
+    if any(isinstance(part, ast.Constant) and type(part.value) is int for item in filled for part in item.args):
+        return True
+    bound = [item for item in ast.walk(scope) if isinstance(item, ast.Assign | ast.AugAssign)]
+    return any(name in _stored(item) and _is_frame(source, item.value, scope, depth + 1) for item in bound)
+
+
+def _is_list(node: ast.expr, scope: Function, depth: int) -> bool:
+    """Whether an expression is a list of numbers."""
+    if isinstance(node, ast.List | ast.Tuple | ast.ListComp | ast.GeneratorExp):
+        return True
+    if isinstance(node, ast.BinOp) and depth < 5:
+        return _is_list(node.left, scope, depth + 1) or _is_list(node.right, scope, depth + 1)
+    if isinstance(node, ast.Name) and depth < 5:
+        bound = [item for item in ast.walk(scope) if isinstance(item, ast.Assign | ast.AugAssign)]
+        return any(node.id in _stored(item) and _is_list(item.value, scope, depth + 1) for item in bound)
+    return False
+
+
+def _last_name(call: ast.Call) -> str:
+    value = call.func.value if isinstance(call.func, ast.Attribute) else None
+    return value.id if isinstance(value, ast.Name) else ""
 
 
 def _stored(statement: ast.Assign | ast.AugAssign) -> set[str]:

@@ -1,4 +1,4 @@
-"""The whole SERVE contract over one source text: it compiles, and then every rule of the eight families."""
+"""The whole SERVE contract over one source text: it compiles, and then every rule of the nine families."""
 
 from dataclasses import replace
 
@@ -10,6 +10,7 @@ from octoform.contracts import (
     serve_loop_rules,
     serve_reading_rules,
     serve_tool_rules,
+    serve_value_rules,
     serve_write_rules,
 )
 from octoform.contracts.model import Artifacts, JsonObject, Rule
@@ -32,6 +33,7 @@ RULES = (
     *serve_tool_rules.RULES,
     *serve_actuate_rules.RULES,
     *serve_reading_rules.RULES,
+    *serve_value_rules.RULES,
     *serve_write_rules.RULES,
     *serve_exchange_rules.RULES,
 )

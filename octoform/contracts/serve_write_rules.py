@@ -5,7 +5,11 @@ import re
 from functools import lru_cache
 
 from octoform.contracts.model import Artifacts, Rule
+from octoform.contracts.naming import tokens
 from octoform.contracts.serve_device_rules import RUNTIME_TOUCHES, is_node_path
+from octoform.contracts.serve_flow import Flow, Origin
+from octoform.contracts.serve_places import folded
+from octoform.contracts.serve_reading_rules import flow_of_tools
 from octoform.contracts.serve_tool_rules import served_tools, tool_functions
 from octoform.contracts.source import Function, Source, needed_source
 from octoform.contracts.text import shown
@@ -15,8 +19,45 @@ CODE = "SERVE-READ-WRITES"
 _ALWAYS_WRITES = re.compile(
     r"os\.(?:remove|unlink|rmdir|removedirs|rename|renames|replace|mkdir|makedirs|chmod|chown|truncate|symlink|link"
     r"|mknod|mkfifo|setxattr|utime)|shutil\.(?:rmtree|move|copy|copy2|copyfile|copytree|chown)"
-    r"|runtime\.gpio\.(?:drive|hold)|runtime\.evdev\.rumble"
+    r"|runtime\.gpio\.(?:drive|hold)|runtime\.evdev\.(?:rumble|beep)"
+    r"|runtime\.movement\.(?:carried_out|energised|planned)|runtime\.units\..*\.(?:move|move_percent|move_many|pose|torque)"
 )
+_PROGRAMS = re.compile(
+    r"(?:.*/)?(?:tee|dd|cp|mv|rm|rmdir|mkdir|touch|chmod|chown|ln|truncate|mkfs(?:\..*)?|i2cset|gpioset|setserial|install"
+    r"|setpci|hdparm|wipefs|parted|fdisk|eject|reboot|shutdown|poweroff|rfkill|modprobe|rmmod|insmod|usbreset)"
+)
+"""Programs that are there to change something (the manual pages' first lines)."""
+_SETS = re.compile(
+    r"-{0,2}(?:set|sset|cset|write|enable|disable|reset|erase|update|flash)(?!-fmt|-parm|-sel)(?:-\w+)*(?:=.*)?"
+)
+_SAYS = frozenset({"write", "writelines", "send", "sendall", "sendto", "query", "ask", "command", "send_command"})
+_ORDER = re.compile(
+    r"\W*(?:SET|MOVE|GOTO|TORQUE|JOG|HOME|WRITE|ENABLE|DISABLE|ROTATE|OPEN|CLOSE|ERASE|G0*[0123]|G28|M17|M3)(?:[\W_\d]|$)",
+    re.IGNORECASE,
+)
+_MOVES = frozenset({"move", "goto", "jog", "home", "torque", "rotate", "actuate", "drive", "fire", "dispense"})
+_STARTS = frozenset({"set", "write", "enable", "disable", "send", "start", "sync", "put"})
+_MOVED = frozenset(
+    {
+        "goal",
+        "goals",
+        "position",
+        "positions",
+        "torque",
+        "angle",
+        "angles",
+        "velocity",
+        "pwm",
+        "relay",
+        "target",
+        "pose",
+    }
+    | {"joint", "joints", "servo", "servos", "motor", "motors", "coil", "coils", "gripper", "setpoint", "pos", "ex"}
+)
+_WRITTEN = re.compile(
+    r"write\d?(?:1|2|4)?Byte\w*|Write(?:Pos|Spec|Timer|Dir)\w*|(?:sync|reg|bulk)_?[wW]rite\w*|unlockEprom"
+)
+"""Methods that write registers, as the libraries of servo buses call them."""
 _WRITING_METHODS = frozenset(
     {"write_text", "write_bytes", "unlink", "rmdir", "touch", "mkdir", "chmod", "symlink_to", "hardlink_to"}
 )
@@ -25,6 +66,7 @@ _WRITING_METHODS = frozenset(
 def read_writes(value: str, artifacts: Artifacts) -> list[Diagnostic]:
     """A tool of effect ``read`` writes to nothing but temporary files."""
     source = needed_source(value)
+    flow = flow_of_tools(source, artifacts)
     hint = "leave the write out; a tool that sets something has the effect actuate in INTERFACE"
     out: dict[ast.Call, Diagnostic] = {}
     for site, tool in served_tools(source, artifacts):
@@ -32,7 +74,7 @@ def read_writes(value: str, artifacts: Artifacts) -> list[Diagnostic]:
             continue
         used = source.entered_from(tool_functions(source, site))
         for call, name in source.calls:
-            if source.owner(call) not in used or call in out or not _writes(source, call, name):
+            if source.owner(call) not in used or call in out or not _writes(source, flow, call, name):
                 continue
             if not _switched_off(source, call, used):
                 summary = f"{shown(name)} writes, and the tool {shown(site.name or '')} has the effect read"
@@ -43,7 +85,7 @@ def read_writes(value: str, artifacts: Artifacts) -> list[Diagnostic]:
 RULES = (Rule(CODE, read_writes),)
 
 
-def _writes(source: Source, call: ast.Call, name: str) -> bool:
+def _writes(source: Source, flow: Flow, call: ast.Call, name: str) -> bool:
     method = call.func.attr if isinstance(call.func, ast.Attribute) else ""
     target = call.func.value if isinstance(call.func, ast.Attribute) else None
     if _ALWAYS_WRITES.fullmatch(name):
@@ -51,15 +93,35 @@ def _writes(source: Source, call: ast.Call, name: str) -> bool:
     if method in _WRITING_METHODS and target is not None:
         return not is_temporary(source, target, call)
     if name in ("open", "io.open", "os.fdopen"):
-        return _opens_to_write(source, call, call.args[0] if call.args else None, call.args[1:2])
+        return _opens_to_write(source, flow, call, call.args[0] if call.args else None, call.args[1:2])
     if name == "os.open":
         flags = {source.dotted(item).rpartition(".")[2] for arg in call.args[1:2] for item in ast.walk(arg)}
         # Who asks a device through its node writes the question.
         writing = flags & {"O_WRONLY", "O_CREAT", "O_TRUNC", "O_APPEND"}
         return bool(writing) or ("O_RDWR" in flags and not is_node_path(source, call.args[0], call))
     if method == "open" and name not in RUNTIME_TOUCHES:
-        return _opens_to_write(source, call, target, call.args[:1])
-    return False
+        return _opens_to_write(source, flow, call, target, call.args[:1])
+    return _orders(source, flow, call, name, method)
+
+
+def _orders(source: Source, flow: Flow, call: ast.Call, name: str, method: str) -> bool:
+    """Whether a call tells something else to change: a program, a library's method, a line of text."""
+    if name.startswith("subprocess."):
+        words = [str(item.value) for arg in call.args[:1] for item in ast.walk(arg) if isinstance(item, ast.Constant)]
+        return bool(words) and (_PROGRAMS.fullmatch(words[0]) is not None or any(map(_SETS.fullmatch, words[1:])))
+    if isinstance(call.func, ast.Call) and source.dotted(call.func.func) == "getattr":
+        return not isinstance(call.func.args[1] if len(call.func.args) > 1 else None, ast.Constant)
+    if not method or any(item.name == method for item in source.functions):
+        return False
+    reached = flow.of(call) & (Origin.READ | Origin.FOUND)
+    if method in ("rename", "replace") and len(call.args) == 1:
+        return bool(flow.of(call.func.value) & Origin.FOUND) if isinstance(call.func, ast.Attribute) else False
+    if method in _SAYS and reached:
+        texts = (folded(source, flow, item) for item in call.args)
+        return any(_ORDER.match(text) and "?" not in text for text in texts if text is not None)
+    words = tokens(method)
+    moves = words[0] in _MOVES or (words[0] in _STARTS and bool(_MOVED & set(words)))
+    return bool(reached) and (moves or _WRITTEN.fullmatch(method) is not None)
 
 
 def _switched_off(source: Source, call: ast.Call, used: list[Function]) -> bool:
@@ -96,13 +158,16 @@ def _gives(call: ast.Call, name: str, index: int) -> bool:
     return starred or len(call.args) > index or any(item.arg in (name, None) for item in call.keywords)
 
 
-def _opens_to_write(source: Source, call: ast.Call, path: ast.expr | None, positional: list[ast.expr]) -> bool:
+def _opens_to_write(
+    source: Source, flow: Flow, call: ast.Call, path: ast.expr | None, positional: list[ast.expr]
+) -> bool:
     mode = next((item.value for item in call.keywords if item.arg == "mode"), positional[0] if positional else None)
-    if path is None or not isinstance(mode, ast.Constant) or not isinstance(mode.value, str):
+    said = folded(source, flow, mode) if mode is not None else None
+    if path is None or said is None:
         return False
-    if not set(mode.value) <= set("rwxabt+U") or is_temporary(source, path, call):
+    if not set(said) <= set("rwxabt+U") or is_temporary(source, path, call):
         return False
-    return bool(set(mode.value) & set("wxa")) or ("+" in mode.value and not is_node_path(source, path, call))
+    return bool(set(said) & set("wxa")) or ("+" in said and not is_node_path(source, path, call))
 
 
 def is_temporary(source: Source, path: ast.expr, call: ast.Call) -> bool:

@@ -10,7 +10,8 @@ from typing import Any
 import pytest
 from held import Change, Output, both, refusals
 from projects import Project
-from test_serve_held import all_of, body, swap, written
+from server_edits import all_of, body, swap
+from test_serve_held import written
 
 GOOD = Path(__file__).parents[1] / "agent" / "good"
 

@@ -1,12 +1,10 @@
 """INTERFACE of an agent that gets it wrong: each attempt is refused, with a finding that says what would be right."""
 
-from pathlib import Path
 from typing import Any
 
 import pytest
-from bench_host import lab
+from bench_host import desk
 from held import Change, Output, both, refusals
-from sysfs_tree import Tree
 
 from octoform.base.id_databases import IdDatabases
 from octoform.builtin.identify.stage import identify
@@ -15,17 +13,6 @@ from octoform.builtin.probe.stage import probe_root
 
 PANELS = ["backlight-panel", "backlight-panel2"]
 CAMERA, KEYS, TOUCH = "usb-1f00-00c1", "platform-keys", "hid-1f00-0077"
-
-
-def desk(root: Path) -> Path:
-    """The lab, a lamp, two backlights and a row of keys."""
-    tree = Tree(lab(root))
-    tree.member("platform/leds/leds/bench:green", "leds", {"max_brightness": "255", "brightness": "0"})
-    for panel in ("panel", "panel2"):
-        tree.member(f"platform/{panel}/backlight/{panel}", "backlight", {"max_brightness": "100", "brightness": "7"})
-    tree.bus("platform/keys.0", "platform", {"modalias": "platform:keys"}, DRIVER="gpio-keys")
-    tree.member("platform/keys.0/input/input9", "input", {"name": "gpio-keys", "capabilities/key": "1"})
-    return root
 
 
 def tool(value: Output, name: str) -> Output:

@@ -9,8 +9,9 @@ import textwrap
 from pathlib import Path
 
 import pytest
+from bench_host import desk
 from held import Edit, Output, refusals
-from test_interface_held import desk
+from server_edits import ASK, ASKED, CAMERA, FILE, FLUSHED, WHOLE, adds, all_of, body, line, read_by, swap, uses, warm
 
 from octoform.base.id_databases import IdDatabases
 from octoform.builtin.identify.stage import identify
@@ -18,94 +19,6 @@ from octoform.builtin.interface.stage import declare
 from octoform.builtin.probe.stage import probe_root
 from octoform.builtin.serve.stage import render
 from octoform.contracts.serve_rules import serve_static
-
-MAIN = '\n\nif __name__ == "__main__":'
-ASKED = 'runtime.device("hwmon-benchtemp")'
-FILE = f'{ASKED}.path("hwmon") / "temp1_input"'
-
-
-def body(name: str, text: str) -> Edit:
-    """The function of this name with other statements below its docstring."""
-
-    def edit(source: str) -> str:
-        [function] = [
-            item for item in ast.walk(ast.parse(source)) if isinstance(item, ast.FunctionDef) and item.name == name
-        ]
-        kept = source.splitlines()
-        first = function.body[1] if ast.get_docstring(function) else function.body[0]
-        lines = textwrap.indent(textwrap.dedent(text).strip("\n"), "    ").splitlines()
-        return "\n".join([*kept[: first.lineno - 1], *lines, *kept[function.end_lineno :]]) + "\n"
-
-    return edit
-
-
-def swap(old: str, new: str) -> Edit:
-    def edit(source: str) -> str:
-        assert source.count(old) == 1, (old, source.count(old))
-        return source.replace(old, new)
-
-    return edit
-
-
-def all_of(*edits: Edit) -> Edit:
-    def edit(source: str) -> str:
-        for each in edits:
-            source = each(source)
-        return source
-
-    return edit
-
-
-def adds(text: str) -> Edit:
-    """More definitions before the file's end."""
-    return swap(MAIN, f"\n\n{textwrap.dedent(text).strip()}{MAIN}")
-
-
-def uses(*names: str) -> Edit:
-    """More imports, and their packages in the header."""
-    packages = {"serial": "pyserial"}
-    wanted = [packages[name] for name in names if name in packages]
-    declared = "".join(f', "{name}"' for name in wanted)
-    lines = "".join(f"import {name}\n" for name in names)
-    return all_of(
-        swap('"opencv-python-headless>=4.10"', f'"opencv-python-headless>=4.10"{declared}'),
-        swap("import re\n", f"{lines}import re\n"),
-    )
-
-
-def warm(expression: str) -> str:
-    """The end of `read_temperature`: its result from the expression for degrees Celsius."""
-    made = f"Reading(sensor='benchtemp', channel='temp1', label='board', value={expression}, unit='degC')"
-    return f"return Readings(device=device, readings=[{made}], unreadable=[])"
-
-
-def read_by(text: str, expression: str = "value / 1000") -> Edit:
-    """`read_temperature` with a way of its own to the value."""
-    return body("read_temperature", f"{textwrap.dedent(text).strip()}\n{warm(expression)}")
-
-
-def line(opened: str, talk: str) -> Edit:
-    """`read_temperature` over a serial line."""
-    text = f"node = {ASKED}.node('tty')\nwith runtime.bus(device), serial.{opened} as port:\n"
-    return all_of(uses("serial", "struct"), read_by(text + textwrap.indent(textwrap.dedent(talk).strip(), "    ")))
-
-
-ASK = "port.write(b'T?\\n')\nvalue = float(port.readline())"
-WHOLE = "Serial(node, 9600, timeout=1)"
-CAMERA = """
-import cv2
-with runtime.bus(device):
-    camera = cv2.VideoCapture(runtime.device(device).node("video4linux"))
-    {}
-    try:
-        {}
-    finally:
-        camera.release()
-data = cv2.imencode(".png", frame)[1].tobytes()
-facts = {{"width": 1, "height": 1, "format": "png", "size_bytes": len(data), "mean": 1.0, "variance": 1.0}}
-return ToolResult(content=[Image(data=data, format="png")], structured_content=facts)
-"""
-FLUSHED = "frame = [camera.read()[1] for _ in range(5)][-1]"
 
 # what is wrong -> (edit, code, words of the finding)
 WRONG: dict[str, tuple[Edit, str, str]] = {

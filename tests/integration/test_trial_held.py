@@ -8,9 +8,10 @@ from pathlib import Path
 
 import pytest
 from bench_host import SENSOR
-from held import Edit, Output
+from held import Output
 from projects import Done, Project
-from test_serve_held import FILE, all_of, body, read_by, uses, warm, written
+from server_edits import FILE, Edit, adds, all_of, body, read_by, uses, warm
+from test_serve_held import written
 
 PANEL = """
 folder = runtime.device(device).path("backlight")
@@ -23,25 +24,31 @@ LIED = all_of(
     uses("subprocess", "socket"),
     body("read_temperature", f"value = runtime.read_number({FILE})\n{warm('value')}"),
     body("read_brightness", PANEL),
-    body("read_led", 'runtime.device(device).path("hwmon")\nreturn Lights(device=device, lights=[])'),
+    body(
+        "read_led", "runtime.read_text(runtime.device(device).path('hwmon') / 'name')\nreturn lights(device, 'hwmon')"
+    ),
     body(
         "read_storage",
         """
-        runtime.device(device).path("block")
-        subprocess.run(["no-such-disk-program", "-j"], timeout=5, check=True)
-        return Storage(device=device, disks=[])
+        folder = runtime.device(device).path("block")
+        done = subprocess.run(["no-such-disk-program", folder.name], timeout=5, check=True, capture_output=True)
+        return Storage(device=device, disks=[done.stdout])
         """,
     ),
     body(
         "list_camera_formats",
         """
         runtime.device(device).path("video4linux")
-        socket.create_connection(("127.0.0.1", 9), timeout=2)
-        return Formats(device=device, formats=[])
+        with socket.create_connection(("127.0.0.1", 9), timeout=2) as line:
+            return Formats(device=device, formats=[line.recv(9)])
         """,
     ),
 )
-FROZEN = read_by(f"time.sleep(0.05)\nruntime.read_number({FILE})\nvalue = 21.5", "value")
+# What was read first is kept, and told from then on.
+FROZEN = all_of(
+    adds("KEPT = {}"),
+    read_by(f"time.sleep(0.05)\nvalue = KEPT.setdefault(device, runtime.read_number({FILE}))", "21.5 + 0 * value"),
+)
 MUTE_TOOLS = (
     *("read_temperature", "read_brightness", "read_led", "read_storage", "list_camera_formats", "describe_input"),
     *("read_input_events", "capture_image"),
@@ -49,8 +56,9 @@ MUTE_TOOLS = (
 
 
 def muted(name: str) -> Edit:
-    """The tool asks for its device, and then gives up whatever that says."""
-    return body(name, 'if runtime.device(device).folder:\n    raise ToolError("not yet")\nreturn None')
+    """The tool reads its device, and then gives up whatever that says."""
+    text = 'said = runtime.read_text(runtime.device(device).folder / "uevent")\nif said != "later":\n'
+    return body(name, f'{text}    raise ToolError("not yet")\nreturn said')
 
 
 MUTE = all_of(*(muted(name) for name in MUTE_TOOLS))

@@ -85,3 +85,14 @@ def shop(root: Path) -> Path:
     )
     (ids / "usb.ids").write_text("1f00  Bench Electronics\n\t00e1  Relay Board\n")
     return root
+
+
+def desk(root: Path) -> Path:
+    """The lab, a lamp, two backlights and a row of keys."""
+    tree = Tree(lab(root))
+    tree.member("platform/leds/leds/bench:green", "leds", {"max_brightness": "255", "brightness": "0"})
+    for panel in ("panel", "panel2"):
+        tree.member(f"platform/{panel}/backlight/{panel}", "backlight", {"max_brightness": "100", "brightness": "7"})
+    tree.bus("platform/keys.0", "platform", {"modalias": "platform:keys"}, DRIVER="gpio-keys")
+    tree.member("platform/keys.0/input/input9", "input", {"name": "gpio-keys", "capabilities/key": "1"})
+    return root

@@ -1,0 +1,302 @@
+"""Rules for SERVE about the numbers of a result: each was read, none is written in the file and none stands in.
+
+A number that the file's author made up looks like a reading to whoever receives it, and is believed.
+"""
+
+import ast
+import re
+from collections.abc import Iterator
+from typing import Any
+
+from octoform.contracts.model import Artifacts, Rule
+from octoform.contracts.serve_flow import Flow, Origin
+from octoform.contracts.serve_reading_rules import flow_of_tools
+from octoform.contracts.serve_tool_rules import served_tools, tool_functions
+from octoform.contracts.source import Source, needed_source
+from octoform.contracts.text import shown
+from octoform.diagnostics import Diagnostic
+
+_OPTIONAL = ("offset", "scale", "count", "errors", "errno", "retries", "index", "timeout", "multiplier")
+_STATIC = re.compile(
+    r"(?:^|_)(?:max|maximum|min|minimum|limit|limits|range|width|height|resolution|fps|rate|baud|version|index|channel"
+    r"|channels|id|number|count|samples|bits|depth|scale|step|steps|precision|accuracy|interval|timeout|size|format"
+    r"|port|address|capacity|rated|nominal|full|length|total|failed|errors|retries|attempts|threshold|critical)(?:$|_)"
+)
+"""Members that may be known beforehand, or are no readings."""
+_TIMES = re.compile(r"(?:^|_)(?:time|timestamp|seconds|s|ms|us|ns|at|elapsed|duration|waited|age|date)(?:$|_)")
+
+
+def default_reading(value: str, artifacts: Artifacts) -> list[Diagnostic]:
+    """A reading that failed is an error or null, never a number that looks like a reading."""
+    source = needed_source(value)
+    flow = flow_of_tools(source, artifacts)
+    hint = "let the error pass, raise ToolError with what failed, or return None where output_schema allows null"
+    used = {
+        function
+        for site, _ in served_tools(source, artifacts)
+        for function in source.entered_from(tool_functions(source, site))
+    }
+    out = []
+    for node in source.nodes:
+        if source.owner(node) in used:
+            out += [
+                source.problem("SERVE-DEFAULT-READING", place, f"a made-up value stands in for {why}", hint)
+                for place, why in _Substitutes(source, flow).at(node)
+            ]
+    return out
+
+
+def constant_reading(value: str, artifacts: Artifacts) -> list[Diagnostic]:
+    """No number that INTERFACE declares as read is written in the file, computed of such, or drawn."""
+    source = needed_source(value)
+    flow = flow_of_tools(source, artifacts)
+    hint = "read it, or leave the member out of INTERFACE's output_schema; where it is null there, None says unknown"
+    out: dict[ast.AST, Diagnostic] = {}
+    for site, tool in served_tools(source, artifacts):
+        roots = tool_functions(source, site)
+        numbers = set(_numbers(tool.get("output_schema") or {}))
+        told = Origin.NONE
+        for function in roots:
+            told |= flow.returned(function)
+        if tool["effect"] != "read" or not told & (Origin.READ | Origin.SYSTEM):
+            continue
+        used = source.entered_from(roots)
+        for node in source.nodes:
+            for name, given in _members(node) if numbers and source.owner(node) in used else ():
+                if name in numbers and _is_invented(source, flow, name, given):
+                    summary = f"the result's {shown(name)} is a number of this file, and not one that the device gave"
+                    out.setdefault(given, source.problem("SERVE-CONSTANT-READING", given, summary, hint))
+    return list(out.values())
+
+
+RULES = (Rule("SERVE-DEFAULT-READING", default_reading), Rule("SERVE-CONSTANT-READING", constant_reading))
+
+
+def _numbers(schema: Any) -> Iterator[str]:
+    """The members of a result that are numbers and no facts known beforehand."""
+    if isinstance(schema, list):
+        for item in schema:
+            yield from _numbers(item)
+    elif isinstance(schema, dict):
+        members = schema.get("properties")
+        for name, member in members.items() if isinstance(members, dict) else ():
+            if isinstance(member, dict) and not {"const", "enum"} & member.keys():
+                forms = [member, *(each for each in member.get("anyOf", ()) if isinstance(each, dict))]
+                kinds = {str(form.get("type")) for form in forms}
+                if kinds & {"number", "integer"} and not _STATIC.search(name.casefold()):
+                    yield name
+        for item in schema.values():
+            yield from _numbers(item)
+
+
+def _members(node: ast.AST) -> Iterator[tuple[str, ast.expr]]:
+    """(member, value) of what a record is made with, or has stored into it."""
+    if isinstance(node, ast.Call):
+        called = node.func.attr if isinstance(node.func, ast.Attribute) else getattr(node.func, "id", "")
+        if called[:1].isupper() or called in ("dict", "update"):
+            yield from ((item.arg, item.value) for item in node.keywords if item.arg is not None)
+    elif isinstance(node, ast.Dict):
+        for key, each in zip(node.keys, node.values, strict=True):
+            if isinstance(key, ast.Constant) and isinstance(key.value, str):
+                yield key.value, each
+    elif isinstance(node, ast.Assign):
+        for target in node.targets:
+            key = target.slice if isinstance(target, ast.Subscript) else None
+            if isinstance(key, ast.Constant) and isinstance(key.value, str):
+                yield key.value, node.value
+            elif isinstance(target, ast.Attribute):
+                yield target.attr, node.value
+
+
+def _is_invented(source: Source, flow: Flow, name: str, value: ast.expr) -> bool:
+    """Whether a number comes from nothing but the file, the clock or chance, whatever was read before."""
+    origin = flow.of(value)
+    if origin & ~Origin.CHANCE or (origin and _TIMES.search(name.casefold())):
+        return False
+    if not origin and not _has_number(flow, value):
+        return False
+    for above, below in source.above(value):
+        if isinstance(above, ast.ExceptHandler):
+            return False  # a default, which another rule tells of
+        if isinstance(above, ast.If | ast.While) and below is not above.test and flow.of(above.test) & ~Origin.DEVICE:
+            return False  # one of several things that were read decides which number it is
+        if isinstance(above, ast.Match):
+            return False
+    return True
+
+
+def _has_number(flow: Flow, node: ast.expr, depth: int = 5) -> bool:
+    if depth == 0:
+        return False
+    if isinstance(node, ast.Name):
+        values = flow.plain(node)
+        return bool(values) and all(
+            isinstance(each, ast.expr) and _has_number(flow, each, depth - 1) for each in values
+        )
+    if isinstance(node, ast.Constant):
+        return type(node.value) in (int, float)
+    if isinstance(node, ast.UnaryOp | ast.BinOp | ast.Call):
+        parts = [item for item in ast.iter_child_nodes(node) if isinstance(item, ast.expr)]
+        return any(_has_number(flow, item, depth - 1) for item in parts)
+    return False
+
+
+class _Substitutes:
+    """Where a number of the file is taken instead of a reading that failed or is not there."""
+
+    def __init__(self, source: Source, flow: Flow) -> None:
+        self._source, self._flow = source, flow
+
+    def at(self, node: ast.AST) -> Iterator[tuple[ast.AST, str]]:
+        """(where, for what) of the number at one node."""
+        if isinstance(node, ast.Try):
+            yield from self._after_failure(node)
+        elif isinstance(node, ast.With):
+            yield from self._suppressed(node)
+        elif isinstance(node, ast.BoolOp) and isinstance(node.op, ast.Or):
+            if self._is_read(node.values[0]) and self._is_number(node.values[-1]) and not _is_optional(node.values[0]):
+                yield node, "what could not be read"
+        elif isinstance(node, ast.IfExp):
+            yield from self._chosen(node)
+        elif isinstance(node, ast.If):
+            absent = _tests_none(node.test) and not _is_optional(node.test)
+            body = [item for item in node.body if self._gives_number(item)] if absent else []
+            body += [] if absent else [item for item in node.body if self._stands_in(node.test, item)]
+            yield from ((item, "a reading that is not there") for item in body)
+        elif isinstance(node, ast.match_case):
+            nothing = isinstance(node.pattern, ast.MatchSingleton) and node.pattern.value is None
+            yield from ((item, "a reading that is None") for item in node.body if nothing and self._gives_number(item))
+        elif isinstance(node, ast.Call):
+            yield from self._given(node)
+
+    def _is_read(self, node: ast.expr) -> bool:
+        return bool(self._flow.of(node) & (Origin.READ | Origin.SYSTEM)) and not isinstance(node, ast.Compare)
+
+    def _is_number(self, node: ast.AST | None, depth: int = 3) -> bool:
+        plain = node.operand if isinstance(node, ast.UnaryOp) else node
+        if isinstance(plain, ast.Name) and depth:
+            values = self._flow.plain(plain)
+            return bool(values) and all(self._is_number(each, depth - 1) for each in values)
+        if not isinstance(plain, ast.Constant):
+            return False
+        text = plain.value if isinstance(plain.value, str | bytes) else b""
+        return type(plain.value) in (int, float) or (bool(text) and text.strip().isdigit())
+
+    def _chosen(self, node: ast.IfExp) -> Iterator[tuple[ast.AST, str]]:
+        absent = _branch_of_none(node.test, node.body, node.orelse)
+        if absent is None and isinstance(node.test, ast.Name | ast.Call | ast.Subscript | ast.Attribute):
+            absent = node.orelse if self._is_read(node.test) and self._is_read(node.body) else None
+            divided = {ast.unparse(item.right) for item in ast.walk(node.body) if isinstance(item, ast.BinOp)}
+            absent = None if ast.unparse(node.test) in divided else absent
+        if absent is not None and self._is_number(absent) and not _is_optional(node.test):
+            other = node.orelse if absent is node.body else node.body
+            if not self._is_number(other):
+                yield node, "a reading that is not there"
+
+    def _given(self, node: ast.Call) -> Iterator[tuple[ast.AST, str]]:
+        """A default that a call takes: of a table, of an iterator, of an attribute, of a largest."""
+        name = self._source.dotted(node.func)
+        default: ast.expr | None = None
+        asked: ast.expr | None = node.args[0] if node.args else None
+        if name in ("max", "min"):
+            default = next((item.value for item in node.keywords if item.arg == "default"), None)
+        elif name in ("next", "getattr"):
+            default = node.args[-1] if len(node.args) == (2 if name == "next" else 3) else None
+        elif isinstance(node.func, ast.Attribute) and node.func.attr in ("get", "pop") and len(node.args) == 2:
+            default, asked = node.args[1], node.func.value
+        counted = isinstance(self._source.parents.get(node), ast.BinOp)  # how often something came about
+        if default is None or asked is None or (counted and isinstance(node.func, ast.Attribute)):
+            return
+        if self._is_read(asked) and self._is_number(default) and not _is_optional(node):
+            yield node, "what was not said"
+
+    def _after_failure(self, node: ast.Try) -> Iterator[tuple[ast.AST, str]]:
+        read = {target.id for item in node.body for target in _targets(item)}
+        for handler in node.handlers:
+            ends = any(
+                isinstance(item, ast.Raise | ast.Return | ast.Continue | ast.Break) for item in ast.walk(handler)
+            )
+            for item in ast.walk(handler):
+                returned = isinstance(item, ast.Return) and item.value is not None and self._of_numbers(item.value)
+                assigned = isinstance(item, ast.Assign) and self._is_number(item.value) and read & _names(item)
+                if returned or assigned:
+                    yield item, "a reading that failed"
+            if not ends and not any(read & _names(item) for item in ast.walk(handler)):
+                yield from self._preset(node, read)
+
+    def _suppressed(self, node: ast.With) -> Iterator[tuple[ast.AST, str]]:
+        calls = [item.context_expr for item in node.items if isinstance(item.context_expr, ast.Call)]
+        if any(self._source.dotted(call.func) == "contextlib.suppress" for call in calls):
+            yield from self._preset(node, {target.id for item in node.body for target in _targets(item)})
+
+    def _preset(self, node: ast.stmt, names: set[str]) -> Iterator[tuple[ast.AST, str]]:
+        """The numbers that were set before it was tried, once or in a loop."""
+        place: ast.AST | None = node
+        while place is not None:
+            above = self._source.parents.get(place)
+            for _, block in ast.iter_fields(above) if above is not None else ():
+                if isinstance(block, list) and place in block:
+                    for item in block[: block.index(place)]:
+                        if isinstance(item, ast.Assign) and self._is_number(item.value) and names & _names(item):
+                            yield item, "a reading that failed"
+            place = above if isinstance(above, ast.For | ast.While) else None
+
+    def _gives_number(self, statement: ast.stmt) -> bool:
+        return isinstance(statement, ast.Return | ast.Assign) and self._is_number(statement.value)
+
+    def _stands_in(self, test: ast.expr, statement: ast.stmt) -> bool:
+        """``if not value: value = 0``"""
+        if not isinstance(test, ast.UnaryOp) or not isinstance(test.op, ast.Not) or _is_optional(test):
+            return False
+        asked = {item.id for item in ast.walk(test) if isinstance(item, ast.Name)}
+        same = isinstance(statement, ast.Assign) and bool(asked & _names(statement))
+        return same and self._is_read(test.operand) and self._gives_number(statement)
+
+    def _of_numbers(self, node: ast.expr) -> bool:
+        """A number, or a record or list one of whose members is written as a number."""
+        if isinstance(node, ast.Call):
+            name = node.func.attr if isinstance(node.func, ast.Attribute) else getattr(node.func, "id", "")
+            record = name[:1].isupper() or name == "dict"
+            return record and any(map(self._of_numbers, (*node.args, *(each.value for each in node.keywords))))
+        if isinstance(node, ast.Dict):
+            return any(map(self._of_numbers, node.values))
+        if isinstance(node, ast.List | ast.Tuple):
+            return any(map(self._of_numbers, node.elts))
+        return self._is_number(node)
+
+
+def _is_optional(node: ast.expr) -> bool:
+    """Whether an offset, a scale or how often something came about is read: without one the kernel means 0 and 1
+    (ABI/testing/sysfs-bus-iio).
+    """
+    names = (item.id for item in ast.walk(node) if isinstance(item, ast.Name))
+    texts = (item.value for item in ast.walk(node) if isinstance(item, ast.Constant) and isinstance(item.value, str))
+    return any(word in text.casefold() for text in (*names, *texts) for word in _OPTIONAL)
+
+
+def _targets(statement: ast.stmt) -> Iterator[ast.Name]:
+    """What a statement sets; what is added to a sum was there before."""
+    added = {item.target for item in ast.walk(statement) if isinstance(item, ast.AugAssign)}
+    for item in ast.walk(statement):
+        if isinstance(item, ast.Name) and isinstance(item.ctx, ast.Store) and item not in added:
+            yield item
+
+
+def _names(node: ast.AST) -> set[str]:
+    return {item.id for item in ast.walk(node) if isinstance(item, ast.Name) and isinstance(item.ctx, ast.Store)}
+
+
+def _branch_of_none(test: ast.expr, body: ast.expr, otherwise: ast.expr) -> ast.expr | None:
+    if _tests_none(test):
+        return body
+    return otherwise if _compares_none(test, ast.IsNot) else None
+
+
+def _tests_none(test: ast.expr) -> bool:
+    return _compares_none(test, ast.Is)
+
+
+def _compares_none(test: ast.expr, kind: type[ast.cmpop]) -> bool:
+    if not isinstance(test, ast.Compare) or not isinstance(test.ops[0], kind):
+        return False
+    return isinstance(test.comparators[0], ast.Constant) and test.comparators[0].value is None
