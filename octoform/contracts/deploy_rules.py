@@ -4,14 +4,18 @@ What runs beside the hardware for months is decided here once, so nothing may be
 index happens to offer on the day of a repair. Light.
 """
 
-from octoform.contracts.header import declared_names, declared_requirements, normalised
+from octoform.contracts.header import declared_names, declared_requirements, normalised, required_python
 from octoform.contracts.model import Artifacts, JsonObject, Rule
 from octoform.contracts.serve_code_rules import is_standard
 from octoform.contracts.source import Source, imported_modules, read_source
 from octoform.contracts.text import pointer, shown
 from octoform.contracts.text_rules import in_values
-from octoform.diagnostics import Diagnostic, error
+from octoform.diagnostics import Diagnostic, error, warning
 from octoform.escaping import escaped
+
+_BUILDS = frozenset({"headless", "contrib", "gpu", "cpu", "full", "lite", "nogui"})
+"""Words by which builds of one library are told apart in its name."""
+_PYTHONS = tuple(f"3.{minor}.{patch}" for minor in range(8, 30) for patch in (0, 9))
 
 
 def status_error(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
@@ -79,7 +83,7 @@ def provider_twice(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
             where = pointer("imports", index, "provided_by")
             hint = "require the one whose build has what the server calls, and leave the other out"
             out.append(error("DEPLOY-PROVIDER-TWICE", summary, pointer=where, hint=hint))
-    return out
+    return out + _builds_twice(value)
 
 
 def version_outside(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
@@ -104,6 +108,72 @@ def version_outside(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]
             where = pointer("requirements", index, "version")
             out.append(error("DEPLOY-VERSION-OUTSIDE", summary, pointer=where, hint=hint))
     return out
+
+
+def version_local(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
+    """A version is one that an index offers to everybody, and of no build that one machine has."""
+    return [
+        error(
+            "DEPLOY-VERSION-LOCAL",
+            f"{shown(name)} {shown(text)} is a local build, which no index offers to others",
+            pointer=pointer("requirements", index, "version"),
+            hint=f"take the public version: {text.partition('+')[0]}",
+        )
+        for index, name, text in _versions(value)
+        if "+" in text
+    ]
+
+
+def version_early(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
+    """A version is a finished release."""
+    from packaging.version import InvalidVersion, Version
+
+    out = []
+    for index, name, text in _versions(value):
+        try:
+            early = Version(text).is_prerelease and "+" not in text
+        except InvalidVersion:
+            continue  # outside of every range
+        if early:
+            summary = f"{shown(name)} {shown(text)} is no finished release"
+            hint = "take a finished release unless only this one works, and say so in `why`"
+            where = pointer("requirements", index, "version")
+            out.append(warning("DEPLOY-VERSION-EARLY", summary, pointer=where, hint=hint))
+    return out
+
+
+def python_outside(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
+    """`python` is a range, and has a version in common with what the server's header asks for."""
+    from packaging.specifiers import InvalidSpecifier, SpecifierSet
+
+    if "python" not in value:
+        return []
+    hint = "write a version specifier that the server's header allows, such as >=3.11"
+    try:
+        wanted = SpecifierSet(value["python"])
+        given = SpecifierSet(required_python(artifacts.serve or ""))
+    except InvalidSpecifier:
+        summary = f"{shown(value['python'])} is no range of Python versions"
+        return [error("DEPLOY-PYTHON-OUTSIDE", summary, pointer="/python", hint=hint)]
+    if any(each in wanted and each in given for each in _PYTHONS):
+        return []
+    summary = f"no version of Python is both {shown(value['python'])} and {shown(str(given))}, as the server asks"
+    return [error("DEPLOY-PYTHON-OUTSIDE", summary, pointer="/python", hint=hint)]
+
+
+def failed_unknown(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
+    """What is reported as failed is something that the server asks for."""
+    known = declared_names(artifacts.serve or "") | {normalised(item["provided_by"]) for item in value["imports"]}
+    return [
+        warning(
+            "DEPLOY-FAILED-UNKNOWN",
+            f"{shown(item['name'])} is reported as failed, and the server asks for no such package",
+            pointer=pointer("deps_failed", index, "name"),
+            hint="name the package as the server's header does, or take it out",
+        )
+        for index, item in enumerate(value.get("deps_failed", ()))
+        if artifacts.serve is not None and normalised(item["name"]) not in known
+    ]
 
 
 def import_not_there(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
@@ -184,6 +254,10 @@ RULES = (
     Rule("DEPLOY-IMPORT-PROVIDER", import_provider),
     Rule("DEPLOY-PROVIDER-TWICE", provider_twice),
     Rule("DEPLOY-VERSION-OUTSIDE", version_outside),
+    Rule("DEPLOY-VERSION-LOCAL", version_local),
+    Rule("DEPLOY-VERSION-EARLY", version_early),
+    Rule("DEPLOY-PYTHON-OUTSIDE", python_outside),
+    Rule("DEPLOY-FAILED-UNKNOWN", failed_unknown),
     Rule("DEPLOY-IMPORT-NOT-THERE", import_not_there),
     Rule("DEPLOY-DUPLICATE-REQUIREMENT", duplicate_requirement),
     Rule("DEPLOY-FAILED-AND-REQUIRED", failed_and_required),
@@ -202,3 +276,22 @@ def _foreign_imports(artifacts: Artifacts) -> dict[str, bool]:
             if name not in ("runtime", ".") and not is_standard(name):
                 out[name] = out.get(name, True) and inside
     return out
+
+
+def _builds_twice(value: JsonObject) -> list[Diagnostic]:
+    """Two builds of one library have the same modules, and the one that is installed last wins."""
+    names = [(index, set(normalised(item["name"]).split("-"))) for index, item in enumerate(value["requirements"])]
+    out = []
+    for index, words in names:
+        for other, fewer in names:
+            if index != other and words > fewer and words - fewer <= _BUILDS:
+                one, two = (shown(value["requirements"][at]["name"]) for at in (index, other))
+                summary = f"{one} and {two} are two builds of one library and overwrite each other"
+                hint = "require the one whose build has what the server calls, and leave the other out"
+                where = pointer("requirements", index, "name")
+                out.append(error("DEPLOY-PROVIDER-TWICE", summary, pointer=where, hint=hint))
+    return out
+
+
+def _versions(value: JsonObject) -> list[tuple[int, str, str]]:
+    return [(index, item["name"], item["version"]) for index, item in enumerate(value["requirements"])]

@@ -54,6 +54,12 @@ def declared_requirements(source: str) -> tuple[str, ...]:
     return header.dependencies if header.problem is None else ()
 
 
+def required_python(source: str) -> str:
+    """The range of Python versions that the header asks for; empty without one."""
+    found = re.search(r'(?m)^# requires-python\s*=\s*"([^"]*)"', source)
+    return found[1] if found else ""
+
+
 def declared_names(source: str) -> frozenset[str]:
     """The normalised distribution names that the header declares."""
     return frozenset(normalised(_name(item) or "") for item in declared_requirements(source))

@@ -5,6 +5,7 @@ has both its bounds in the schema (the server's own signature enforces them), ea
 text goes to a device, a shell or a file system as it is.
 """
 
+import re
 from collections.abc import Iterator, Mapping
 from typing import Any
 
@@ -16,8 +17,8 @@ from octoform.diagnostics import Diagnostic, error
 LONGEST_WAIT = 60.0
 """Seconds; the bound of protocol/interface.md."""
 _SIDES = (("minimum", "exclusiveMinimum"), ("maximum", "exclusiveMaximum"))
-_WAITS = frozenset({"timeout", "wait", "waiting", "deadline"})
-_RECORDS = frozenset({"duration", "seconds", "secs", "record", "recording", "listen", "length"})
+_WAITS = frozenset({"timeout", "wait", "waiting", "deadline", "delay"})
+_RECORDS = frozenset({"duration", "seconds", "secs", "record", "recording", "listen", "length", "poll"})
 _SECONDS = {
     **dict.fromkeys(("ms", "msec", "millis", "milliseconds"), 0.001),
     **dict.fromkeys(("us", "microseconds"), 1e-6),
@@ -26,8 +27,16 @@ _SECONDS = {
 }
 _PLACES = frozenset(
     {"path", "paths", "file", "filename", "filepath", "folder", "directory", "dir", "url", "uri", "node"}
+    | {"host", "hostname", "port", "socket", "attribute", "args", "argv", "ip"}
 )
 _PLACES_TOGETHER = ({"output", "to"}, {"device", "node"}, {"save", "as"}, {"save", "to"}, {"dev", "node"})
+_NUMBERED = frozenset({"register", "reg", "address", "addr", "opcode", "endpoint"})
+_BYTES = frozenset({"hex", "bytes", "payload", "raw", "base64", "packet"})
+_LARGEST = 1e15
+"""A bound beyond this bounds nothing: doubles count no further in ones."""
+_ONE_CLASS = re.compile(r"\^?(\[[^\]]{1,80}\]|\.|\\[wWsSdD])(?:[*+]|\{\d*,\d*\})\$?")
+_SIGNS = "aZ09 /;$-.#"
+"""What lines, commands and paths are made of."""
 _TAKES_ALL = frozenset({".*", "^.*$", ".+", "^.+$", "[\\s\\S]*", "^[\\s\\S]*$", "(?s).*", ""})
 
 
@@ -36,7 +45,7 @@ def number_unbounded(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
     out = []
     for index, tool in enumerate(value["tools"]):
         for name, where, member in _parameters(index, tool) if tool["effect"] != "read" else ():
-            lacks = [first for first, other in _SIDES if not {first, other} & member.keys()]
+            lacks = [first for first, other in _SIDES if not any(_bounds(member.get(side)) for side in (first, other))]
             if _is_number(member) and lacks:
                 summary = (
                     f"{shown(name)} of {shown(tool['name'])} reaches what acts and has no {' and no '.join(lacks)}"
@@ -87,7 +96,7 @@ def passthrough(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
     """No tool is a raw pipe, by its name, its description or a parameter that takes anything."""
     out = []
     for index, tool in enumerate(value["tools"]):
-        raw = raw_parameter(tool["input_schema"]) or _place(tool)
+        raw = raw_parameter(tool["input_schema"]) or _place(tool) or _anything(tool)
         said = [
             name for name, _, member in _parameters(index, tool) if offers_a_pipe(str(member.get("description", "")))
         ]
@@ -96,6 +105,9 @@ def passthrough(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
         elif raw or said:
             summary = f"the parameter {shown(raw or said[0])} of {shown(tool['name'])} takes anything"
             where = pointer("tools", index, "input_schema", "properties", raw or said[0])
+        elif tool["input_schema"].get("additionalProperties") is True:
+            summary = f"{shown(tool['name'])} takes parameters of any name"
+            where = pointer("tools", index, "input_schema", "additionalProperties")
         elif offers_a_pipe(tool["description"].partition("Through:")[0]):
             summary = f"the tool {shown(tool['name'])} is a raw pipe by its description"
             where = pointer("tools", index, "description")
@@ -106,6 +118,35 @@ def passthrough(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
     return out
 
 
+def _bounds(value: object) -> bool:
+    return isinstance(value, int | float) and abs(value) < _LARGEST
+
+
+def _takes_all(pattern: object) -> bool:
+    """Whether a pattern lets any line pass. Only one that repeats a single class of signs is tried."""
+    if not isinstance(pattern, str) or pattern in _TAKES_ALL:
+        return pattern in _TAKES_ALL if isinstance(pattern, str) else False
+    found = _ONE_CLASS.fullmatch(pattern)
+    try:
+        return found is not None and all(re.fullmatch(found[1], sign) for sign in _SIGNS)
+    except re.error:
+        return False
+
+
+def _anything(tool: JsonObject) -> str | None:
+    """A parameter that is a register's number, bytes, or an object of whatever members; None where there is none."""
+    for name, _, member in _parameters(0, tool):
+        spoken, kinds = set(tokens(name)), _types(member)
+        chosen = {"enum", "const"} & member.keys()
+        if kinds & {"integer", "number"} and spoken & _NUMBERED and not chosen:
+            return name
+        if "string" in kinds and not chosen and (spoken <= _BYTES or member.get("contentEncoding") == "base64"):
+            return name
+        if "object" in kinds and not member.get("properties") and member.get("additionalProperties", True) is True:
+            return name
+    return None
+
+
 def _place(tool: JsonObject) -> str | None:
     """A parameter that takes a path, an address or a device node, or None: the server knows its own places."""
     for name, _, member in _parameters(0, tool):
@@ -114,9 +155,7 @@ def _place(tool: JsonObject) -> str | None:
             if _types(member) & {"string", "array"} and not {"enum", "const"} & member.keys():
                 return name
         elif (
-            "string" in _types(member)
-            and member.get("pattern") in _TAKES_ALL
-            and len(spoken & {"text", "message"}) == 0
+            "string" in _types(member) and _takes_all(member.get("pattern")) and len(spoken & {"text", "message"}) == 0
         ):
             return name
     return None
@@ -127,8 +166,20 @@ def _parameters(index: int, tool: JsonObject) -> Iterator[tuple[str, str, Mappin
     properties = tool["input_schema"].get("properties")
     for name, member in properties.items() if isinstance(properties, dict) else ():
         where = pointer("tools", index, "input_schema", "properties", name)
-        for form in _forms(member):
+        for form in _forms(_referred(member, tool["input_schema"])):
             yield name, where, form
+
+
+def _referred(member: Any, root: JsonObject) -> Any:
+    """A parameter as it reads where its definition stands elsewhere in the schema."""
+    reference = member.get("$ref") if isinstance(member, dict) else None
+    name = reference.removeprefix("#/$defs/") if isinstance(reference, str) else ""
+    target = root.get("$defs", {}).get(name)
+    return (
+        {**target, **{key: item for key, item in member.items() if key != "$ref"}}
+        if isinstance(target, dict)
+        else member
+    )
 
 
 def _forms(member: object) -> Iterator[Mapping[str, Any]]:
@@ -138,8 +189,14 @@ def _forms(member: object) -> Iterator[Mapping[str, Any]]:
     yield from ({**form} for part in parts for form in _forms(part))
     if not parts:
         yield member
-    if isinstance(member.get("items"), dict):
-        yield from _forms(member["items"])
+    inner = [member.get("items"), member.get("additionalProperties"), *_list(member.get("prefixItems"))]
+    inner += member["properties"].values() if isinstance(member.get("properties"), dict) else []
+    for each in inner:
+        yield from _forms(each)
+
+
+def _list(value: object) -> list[Any]:
+    return value if isinstance(value, list) else []
 
 
 def _types(member: Mapping[str, Any]) -> set[str]:

@@ -7,12 +7,12 @@ truth about each, and every device that no tool serves is named with a reason.
 import json
 from collections import defaultdict
 
-from octoform.contracts import interface_bound_rules, stop_rules
+from octoform.contracts import interface_bound_rules, interface_text_rules, raw_line_rules, stop_rules
 from octoform.contracts.model import Artifacts, JsonObject, Rule, effects_of
 from octoform.contracts.naming import same_action
 from octoform.contracts.text import listed, pointer, shown
 from octoform.contracts.text_rules import in_values
-from octoform.diagnostics import Diagnostic, did_you_mean, error
+from octoform.diagnostics import Diagnostic, did_you_mean, error, warning
 
 _BUDGET, _SIZE = "tool_budget", "server_size"
 SPARED = frozenset({_BUDGET, _SIZE})
@@ -128,6 +128,8 @@ def effect_differs(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
 def annotations_contradict(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
     """The hints that a client sees agree with the effect; where that is wrong, it is the cause."""
     effects = effects_of(artifacts)
+    probed = (artifacts.probe or {}).get("devices", ())
+    attached = {device["id"] for device in probed if device.get("interface") != "network"}
     out = []
     for index, tool in enumerate(value["tools"]):
         effect = tool["effect"]
@@ -138,6 +140,15 @@ def annotations_contradict(value: JsonObject, artifacts: Artifacts) -> list[Diag
                 summary = f"{shown(tool['name'])} has the effect {effect}, so {hint} must be {json.dumps(must)}"
                 where = pointer("tools", index, "annotations", hint)
                 out.append(error("INTERFACE-ANNOTATIONS", summary, pointer=where, hint=f"write {json.dumps(must)}"))
+        if effect == "actuate" and tool["annotations"]["destructiveHint"] is True:
+            summary = f"{shown(tool['name'])} has the effect actuate, and says that it destroys something"
+            where = pointer("tools", index, "annotations", "destructiveHint")
+            hint = "write false; what nothing brings back has the effect irreversible, in IDENTIFY first"
+            out.append(warning("INTERFACE-ANNOTATIONS", summary, pointer=where, hint=hint))
+        if tool["annotations"]["openWorldHint"] is True and attached.issuperset(tool["devices"]):
+            summary = f"{shown(tool['name'])} says that it reaches beyond this host, and its device is attached to it"
+            where = pointer("tools", index, "annotations", "openWorldHint")
+            out.append(warning("INTERFACE-ANNOTATIONS", summary, pointer=where, hint="write false"))
     return out
 
 
@@ -254,7 +265,9 @@ RULES = (
     Rule("INTERFACE-DUPLICATE-PATH", duplicate_path),
     Rule("INTERFACE-BUDGET-UNUSED", budget_unused),
     *interface_bound_rules.RULES,
+    *interface_text_rules.RULES,
     *stop_rules.INTERFACE_RULES,
+    *raw_line_rules.INTERFACE_RULES,
     Rule("INTERFACE-UNESCAPED-TEXT", in_values("INTERFACE-UNESCAPED-TEXT")),
 )
 

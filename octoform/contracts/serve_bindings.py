@@ -13,6 +13,8 @@ from octoform.contracts.source import Function, Source
 
 Place = tuple[int, int]
 _LOOPS = (ast.For, ast.AsyncFor, ast.While)
+_ASKS = frozenset({"get", "index", "count", "format", "join", "split", "startswith", "endswith", "encode", "replace"})
+"""Methods that leave what they belong to as it is."""
 _BLOCKS = ("body", "orelse", "finalbody", "handlers", "cases")
 
 
@@ -208,7 +210,8 @@ def _named(node: ast.AST, target: ast.expr, value: ast.expr, added: bool) -> Ite
 def _changed(call: ast.Call) -> Iterator[tuple[str, Binding]]:
     """What a call may change: what its method belongs to, and what it is given to fill."""
     root = base(call.func) if isinstance(call.func, ast.Attribute) else None
-    if root is not None and (call.args or call.keywords):
+    asks = isinstance(call.func, ast.Attribute) and call.func.attr in _ASKS
+    if root is not None and not asks and (call.args or call.keywords):
         yield root.id, Binding(call, call, whole=False)
     given = [*call.args, *(item.value for item in call.keywords)]
     rows = [each for item in given if isinstance(item, ast.Tuple | ast.List) for each in item.elts]

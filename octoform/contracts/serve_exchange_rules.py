@@ -33,7 +33,7 @@ def exchange_split(value: str, _: Artifacts) -> list[Diagnostic]:
     out: dict[ast.AST, Diagnostic] = {}
     for site in tool_sites(source):
         used = source.entered_from(tool_functions(source, site))
-        if not any(_opens_line(source, function) for function in used):
+        if not any(opens_line(source, function) for function in used):
             continue
         talks = [(block, _talk(source, block)) for block in lock_regions(source) if source.owner(block) in used]
         asking = [block for block, talk in talks if talk == {"asks"}]
@@ -86,7 +86,7 @@ def line_speed(value: str, artifacts: Artifacts) -> list[Diagnostic]:
 def frame_by_hand(value: str, _: Artifacts) -> list[Diagnostic]:
     """What is written to a serial line is text, or comes from the library that knows the frames."""
     source = needed_source(value)
-    if not any(_opens_line(source, function) for function in source.functions):
+    if not any(opens_line(source, function) for function in source.functions):
         return []
     hint = "use the protocol's library; for a profile with registers runtime.registers, with lines runtime.lines"
     return [
@@ -111,7 +111,8 @@ def _calls_of(tree: ast.AST, methods: frozenset[str]) -> Iterator[ast.Call]:
             yield item
 
 
-def _opens_line(source: Source, function: Function) -> bool:
+def opens_line(source: Source, function: Function) -> bool:
+    """Whether a function opens a serial line, or asks for the node of one."""
     calls = [item for item in ast.walk(function) if isinstance(item, ast.Call)]
     if any(source.dotted(call.func).rpartition(".")[2] in _LINES for call in calls):
         return True

@@ -1,4 +1,4 @@
-"""The whole SERVE contract over one source text: it compiles, and then every rule of the nine families."""
+"""The whole SERVE contract over one source text: it compiles, and then every rule of the ten families."""
 
 from dataclasses import replace
 
@@ -9,6 +9,7 @@ from octoform.contracts import (
     serve_exchange_rules,
     serve_loop_rules,
     serve_reading_rules,
+    serve_request_rules,
     serve_tool_rules,
     serve_value_rules,
     serve_write_rules,
@@ -36,6 +37,7 @@ RULES = (
     *serve_value_rules.RULES,
     *serve_write_rules.RULES,
     *serve_exchange_rules.RULES,
+    *serve_request_rules.RULES,
 )
 
 

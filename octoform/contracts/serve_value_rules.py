@@ -154,7 +154,10 @@ class _Substitutes:
         elif isinstance(node, ast.With):
             yield from self._suppressed(node)
         elif isinstance(node, ast.BoolOp) and isinstance(node.op, ast.Or):
-            if self._is_read(node.values[0]) and self._is_number(node.values[-1]) and not _is_optional(node.values[0]):
+            last = node.values[-1]
+            neutral = isinstance(last, ast.Constant) and last.value == 1  # nobody divides by nothing
+            stands_in = self._is_number(last) and not neutral and not _is_optional(node.values[0])
+            if stands_in and self._is_read(node.values[0]):
                 yield node, "what could not be read"
         elif isinstance(node, ast.IfExp):
             yield from self._chosen(node)

@@ -239,7 +239,10 @@ def test_a_passthrough_tool_is_refused_even_if_interface_let_it_in() -> None:
 
 
 def test_every_rule_of_serve_has_a_case() -> None:
-    assert {rule.code for rule in RULES["serve"]} == {code for code, _, _ in CASES} | {"SERVE-PASSTHROUGH"}
+    assert {rule.code for rule in RULES["serve"]} == {code for code, _, _ in CASES} | {
+        "SERVE-PASSTHROUGH",
+        "SERVE-REQUEST-NOT-FIXED",
+    }
 
 
 def test_a_diagnostic_has_line_column_and_source() -> None:

@@ -1,0 +1,102 @@
+"""The rule for SERVE about what a reading sends over a raw line of which nobody says how it is driven.
+
+A sensor on a serial line answers a question, and the question is the same each time. What is made of a caller's
+arguments may be a goal for a motor, and readings are called without asking anybody.
+"""
+
+import ast
+from collections.abc import Sequence
+
+from octoform.contracts.model import Artifacts, Rule
+from octoform.contracts.raw_line_rules import unknown_lines
+from octoform.contracts.serve_exchange_rules import opens_line
+from octoform.contracts.serve_flow import Flow, Origin
+from octoform.contracts.serve_reading_rules import flow_of_tools
+from octoform.contracts.serve_tool_rules import served_tools, tool_functions
+from octoform.contracts.source import needed_source
+from octoform.contracts.text import listed, shown
+from octoform.diagnostics import Diagnostic
+
+CODE = "SERVE-REQUEST-NOT-FIXED"
+_SENDS = frozenset(
+    {"write", "writelines", "writev", "send", "sendall", "sendto", "send_feature_report", "send_output_report", "xfer"}
+    | {"xfer2", "xfer3", "writebytes", "writebytes2", "ctrl_transfer", "write_bytes", "write_text", "i2c_rdwr", "ioctl"}
+    | {"write_byte", "write_byte_data", "write_word_data", "write_block_data", "write_i2c_block_data", "write_quick"}
+    | {"query", "ask", "exchange", "transfer", "pwrite", "bulkWrite", "controlWrite", "interruptWrite"}
+)
+_WRITES = frozenset({"write", "writelines", "writev", "send", "sendall", "pwrite"})
+_DEPTH = 8
+
+
+def request_not_fixed(value: str, artifacts: Artifacts) -> list[Diagnostic]:
+    """What a tool of effect ``read`` sends to such a device is written in the file."""
+    source = needed_source(value)
+    flow = flow_of_tools(source, artifacts)
+    unknown = unknown_lines(artifacts)
+    out: dict[ast.Call, Diagnostic] = {}
+    for site, tool in served_tools(source, artifacts):
+        concerned = sorted(unknown.intersection(tool["devices"]))
+        if tool["effect"] != "read" or not concerned:
+            continue
+        used = source.entered_from(tool_functions(source, site))
+        lined = any(opens_line(source, function) for function in used)
+        for call, name in source.calls:
+            own = any(item.name == name for item in source.functions)  # what it does with that is looked at by itself
+            if own or source.owner(call) not in used or name.rpartition(".")[2] not in _SENDS:
+                continue
+            given = [*call.args, *(each.value for each in call.keywords)]
+            hidden = lined and name.rpartition(".")[2] in _WRITES and not _is_text(flow, given[-1:], _DEPTH)
+            if hidden or any(_is_open(flow, item, _DEPTH) for item in given):
+                what = "is no text of this file" if hidden else "depends on the caller"
+                summary = f"what {shown(site.name or '')} sends to {listed(concerned)} {what}"
+                hint = "send a written request, or one of a table of them; what needs more needs a profile"
+                out[call] = source.problem(CODE, call, summary, hint)
+    return list(out.values())
+
+
+RULES = (Rule(CODE, request_not_fixed),)
+
+
+def _is_text(flow: Flow, nodes: Sequence[ast.AST | None], depth: int) -> bool:
+    """Whether all of these are certainly texts that stand in the file."""
+    return depth > 0 and all(node is not None and _is_one_text(flow, node, depth) for node in nodes)
+
+
+def _is_one_text(flow: Flow, node: ast.AST, depth: int) -> bool:
+    if isinstance(node, ast.Constant):
+        return isinstance(node.value, str | bytes | int)
+    if isinstance(node, ast.Subscript):
+        return _is_text(flow, [node.value], depth - 1)
+    if isinstance(node, ast.Name):
+        values = flow.plain(node) or flow.handed(node)
+        return bool(values) and _is_text(flow, values, depth - 1)
+    if isinstance(node, ast.Call) and isinstance(node.func, ast.Attribute) and node.func.attr in ("get", "encode"):
+        return _is_text(flow, [node.func.value], depth - 1)
+    if isinstance(node, ast.IfExp):
+        return _is_text(flow, [node.body, node.orelse], depth - 1)
+    if isinstance(node, ast.BinOp):
+        return _is_text(flow, [node.left, node.right], depth - 1)
+    if isinstance(node, ast.JoinedStr | ast.Dict | ast.List | ast.Tuple):
+        return _is_text(flow, node.elts if isinstance(node, ast.List | ast.Tuple) else node.values, depth - 1)
+    return isinstance(node, ast.FormattedValue) and _is_text(flow, [node.value], depth - 1)
+
+
+def _is_open(flow: Flow, node: ast.expr, depth: int) -> bool:
+    """Whether a text is made of what a caller gave; a choice among written ones is not."""
+    if not flow.of(node) & Origin.ARGUMENT:
+        return False
+    if depth == 0:
+        return True
+    if isinstance(node, ast.Subscript):
+        return _is_open(flow, node.value, depth - 1)
+    if isinstance(node, ast.IfExp):
+        return _is_open(flow, node.body, depth - 1) or _is_open(flow, node.orelse, depth - 1)
+    if isinstance(node, ast.Name):
+        values = flow.plain(node) or flow.handed(node)
+        return not values or any(isinstance(each, ast.expr) and _is_open(flow, each, depth - 1) for each in values)
+    if isinstance(node, ast.Call) and isinstance(node.func, ast.Attribute) and node.func.attr in ("get", "encode"):
+        return _is_open(flow, node.func.value, depth - 1)
+    if isinstance(node, ast.Attribute):
+        return _is_open(flow, node.value, depth - 1)
+    parts = [item for item in ast.iter_child_nodes(node) if isinstance(item, ast.expr)]
+    return any(_is_open(flow, item, depth - 1) for item in parts) if parts else True
