@@ -5,7 +5,7 @@ arguments may be a goal for a motor, and readings are called without asking anyb
 """
 
 import ast
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 from octoform.contracts.model import Artifacts, Rule
 from octoform.contracts.raw_line_rules import unknown_lines
@@ -13,7 +13,7 @@ from octoform.contracts.serve_exchange_rules import opens_line
 from octoform.contracts.serve_flow import Flow, Origin
 from octoform.contracts.serve_reading_rules import flow_of_tools
 from octoform.contracts.serve_tool_rules import served_tools, tool_functions
-from octoform.contracts.source import needed_source
+from octoform.contracts.source import Source, needed_source
 from octoform.contracts.text import listed, shown
 from octoform.diagnostics import Diagnostic
 
@@ -33,28 +33,53 @@ def request_not_fixed(value: str, artifacts: Artifacts) -> list[Diagnostic]:
     source = needed_source(value)
     flow = flow_of_tools(source, artifacts)
     unknown = unknown_lines(artifacts)
-    out: dict[ast.Call, Diagnostic] = {}
+    out: dict[ast.AST, Diagnostic] = {}
     for site, tool in served_tools(source, artifacts):
         concerned = sorted(unknown.intersection(tool["devices"]))
         if tool["effect"] != "read" or not concerned:
             continue
         used = source.entered_from(tool_functions(source, site))
         lined = any(opens_line(source, function) for function in used)
-        for call, name in source.calls:
-            own = any(item.name == name for item in source.functions)  # what it does with that is looked at by itself
-            if own or source.owner(call) not in used or name.rpartition(".")[2] not in _SENDS:
-                continue
-            given = [*call.args, *(each.value for each in call.keywords)]
-            hidden = lined and name.rpartition(".")[2] in _WRITES and not _is_text(flow, given[-1:], _DEPTH)
-            if hidden or any(_is_open(flow, item, _DEPTH) for item in given):
-                what = "is no text of this file" if hidden else "depends on the caller"
-                summary = f"what {shown(site.name or '')} sends to {listed(concerned)} {what}"
-                hint = "send a written request, or one of a table of them; what needs more needs a profile"
-                out[call] = source.problem(CODE, call, summary, hint)
+        found = (
+            (node, why)
+            for node in source.nodes
+            if source.owner(node) in used
+            for why in _why(source, flow, node, lined)
+        )
+        for node, why in found:
+            summary = f"what {shown(site.name or '')} sends to {listed(concerned)} {why}"
+            hint = "send a written request, or one of a table of them; what needs more needs a profile"
+            out.setdefault(node, source.problem(CODE, node, summary, hint))
     return list(out.values())
 
 
 RULES = (Rule(CODE, request_not_fixed),)
+
+
+def _why(source: Source, flow: Flow, node: ast.AST, lined: bool) -> Iterator[str]:
+    """Why what is sent at a node is not fixed; ``lined`` where a serial line is open."""
+    if lined and isinstance(node, ast.Attribute) and node.attr in _WRITES and isinstance(node.ctx, ast.Load):
+        above = source.parents.get(node)
+        if not (isinstance(above, ast.Call) and above.func is node):
+            yield "goes out under another name, and cannot be seen"
+    if not isinstance(node, ast.Call):
+        return
+    name = source.dotted(node.func)
+    method = name.rpartition(".")[2]
+    given = [*node.args, *(each.value for each in node.keywords)]
+    if lined and (method in ("copyfileobj", "methodcaller") or (name == "print" and _printed(source, node))):
+        yield "goes out by way of another function, and cannot be seen"
+    elif method not in _SENDS or any(item.name == name for item in source.functions):
+        return  # what a function of the file does with it is looked at by itself
+    elif lined and method in _WRITES and not _is_text(flow, given[-1:], _DEPTH):
+        yield "is no text of this file"
+    elif any(_is_open(flow, item, _DEPTH) for item in given):
+        yield "depends on the caller"
+
+
+def _printed(source: Source, call: ast.Call) -> bool:
+    target = next((item.value for item in call.keywords if item.arg == "file"), None)
+    return target is not None and source.dotted(target) != "sys.stderr"
 
 
 def _is_text(flow: Flow, nodes: Sequence[ast.AST | None], depth: int) -> bool:
