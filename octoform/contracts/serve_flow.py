@@ -7,9 +7,10 @@ one: only of what certainly does not depend on a device that is said.
 
 import ast
 import re
-from collections.abc import Iterable, Iterator
+from collections.abc import Collection, Iterable, Iterator
 from enum import IntFlag
 from functools import lru_cache
+from typing import TypeGuard
 
 from octoform.contracts.serve_bindings import Binding, Bindings, arguments, base
 from octoform.contracts.source import Function, Source
@@ -30,6 +31,7 @@ class Origin(IntFlag):
     CHANCE = 16
     COUNTED = 32
     DEVICE = 64
+    CLOCK = 128
 
 
 _ROUNDS = 12
@@ -39,9 +41,13 @@ _ELSEWHERE = re.compile(
 )
 """What asks something outside of the process: programs and the network."""
 _CHANCE = re.compile(
-    r"(?:.*\.)?random\..+|secrets\..+|uuid\..+|time\.(?:time|monotonic|perf_counter|time_ns|monotonic_ns|process_time)"
-    r"|os\.(?:urandom|getpid|getloadavg|times|getrandom|cpu_count)|hash|id|(?:.*\.)?datetime\.(?:now|utcnow|today)"
-    r"|resource\..+|platform\..+|(?:.*\.)?date\.today"
+    r"(?:.*\.)?random\..+|secrets\..+|uuid\..+"
+    r"|os\.(?:urandom|getpid|getloadavg|times|getrandom|cpu_count)|hash|id"
+    r"|resource\..+|platform\..+"
+)
+_CLOCK = re.compile(
+    r"time\.(?:time|monotonic|perf_counter|time_ns|monotonic_ns|process_time)|(?:.*\.)?datetime\.(?:now|utcnow|today)"
+    r"|(?:.*\.)?date\.today"
 )
 _PURE = re.compile(
     r"(?:str|int|float|complex|bool|bytes|bytearray|memoryview|round|len|min|max|sum|sorted|reversed|list|dict|tuple|set"
@@ -176,7 +182,22 @@ class Flow:
                 found |= self.of(above.iter)
             elif isinstance(above, ast.Match) and below is not above.subject:
                 found |= self.of(above.subject)
-        return found & (Origin.READ | Origin.SYSTEM | Origin.COUNTED)
+        return (found & (Origin.READ | Origin.SYSTEM | Origin.COUNTED)) | self.past(node)
+
+    def past(self, node: ast.AST) -> Origin:
+        """What was read that decided that a statement is reached at all: a wait before it, or a way out.
+
+        A way out where nothing was read is none: whoever makes up a result may still look whether there is one.
+        """
+        owner, found = self._source.owner(node), Origin.NONE
+        below, above = node, self._source.parents.get(node)
+        while above is not None and below is not owner:
+            for _, block in ast.iter_fields(above):
+                before = block[: block.index(below)] if isinstance(block, list) and below in block else []
+                for item in before:
+                    found |= self.of(item.test) if _leads_out(item) else Origin.NONE
+            below, above = above, self._source.parents.get(above)
+        return found & (Origin.READ | Origin.SYSTEM)
 
     def results(self, function: Function) -> list[ast.expr]:
         """The values that a function returns or yields; a plain None is none."""
@@ -202,14 +223,14 @@ class Flow:
         sure = all(each.whole and isinstance(each.node, ast.Assign | ast.AnnAssign | ast.NamedExpr) for each in kept)
         return [each.value for each in kept] if sure else []
 
-    def handed(self, node: ast.Name) -> list[ast.AST]:
-        """What the callers of a function hand it for a name; none where they cannot all be told."""
+    def handed(self, node: ast.Name, used: Collection[Function]) -> list[ast.AST]:
+        """What those of these functions that call a function hand it for a name; none where that cannot be told."""
         scope = self.bindings.scope(node, node.id)
         if scope is None or scope in self._roots or scope.name in self._valued or self.is_inner(node):
             return []
         given = [item.arg for item in (*scope.args.posonlyargs, *scope.args.args) if item.arg not in _SELF]
         out: list[ast.AST] = []
-        for call in self._calls_of.get(scope.name, ()):
+        for call in (each for each in self._calls_of.get(scope.name, ()) if self._source.owner(each) in used):
             named = [item.value for item in call.keywords if item.arg == node.id]
             at = given.index(node.id) if node.id in given else len(call.args)
             found = [*named, *call.args[at : at + 1]]
@@ -496,11 +517,10 @@ class Flow:
         elif not isinstance(call.func, ast.Name) or self._is_variable(call.func):
             receiver = self.of(call.func)
         found = given | receiver
-        if _CHANCE.fullmatch(name):
-            return found | Origin.CHANCE
-        if _ELSEWHERE.fullmatch(name):
-            return found | (Origin.READ if found & Origin.FOUND else Origin.SYSTEM)
-        if name.startswith("runtime.") and "()" not in name and not _PURE.fullmatch(name):
+        if _CHANCE.fullmatch(name) or _CLOCK.fullmatch(name):
+            return found | (Origin.CHANCE if _CHANCE.fullmatch(name) else Origin.CLOCK)
+        asks = name.startswith("runtime.") and "()" not in name and not _PURE.fullmatch(name)
+        if asks or _ELSEWHERE.fullmatch(name):
             return found | (Origin.READ if found & Origin.FOUND else Origin.SYSTEM)
         method = _last(call.func)
         by_name = isinstance(call.func, ast.Name) or module
@@ -508,11 +528,24 @@ class Flow:
             return found
         if not by_name and method in _PLACES:
             return found
-        if found & Origin.FOUND:
-            return found | Origin.READ
-        if found & Origin.SYSTEM:
-            return found
+        if found & (Origin.FOUND | Origin.SYSTEM):
+            return found | (Origin.READ if found & Origin.FOUND else Origin.SYSTEM)
         return found | Origin.SYSTEM if module and not _PURE.fullmatch(name) and name not in _OPENS else found
+
+
+def _leads_out(statement: ast.AST) -> TypeGuard[ast.If | ast.While]:
+    """Whether a test decides if what follows a statement is reached, by more than that there is something."""
+    if isinstance(statement, ast.While):
+        return not isinstance(statement.test, ast.Constant)
+    if not isinstance(statement, ast.If):
+        return False
+    ways = (ast.Return, ast.Raise, ast.Break, ast.Continue)
+    leaves = any(isinstance(item, ways) for part in statement.body for item in ast.walk(part))
+    only_raises = all(isinstance(item, ast.Raise) for item in statement.body)
+    absent = ast.Is | ast.IsNot
+    compares = [item for item in ast.walk(statement.test) if isinstance(item, ast.Compare)]
+    tells = any(not isinstance(operator, absent) for item in compares for operator in item.ops)
+    return leaves and (tells or not only_raises)
 
 
 def _touches(name: str) -> bool:

@@ -13,7 +13,7 @@ from octoform.contracts.serve_exchange_rules import opens_line
 from octoform.contracts.serve_flow import Flow, Origin
 from octoform.contracts.serve_reading_rules import flow_of_tools
 from octoform.contracts.serve_tool_rules import served_tools, tool_functions
-from octoform.contracts.source import Source, needed_source
+from octoform.contracts.source import Function, Source, needed_source
 from octoform.contracts.text import listed, shown
 from octoform.diagnostics import Diagnostic
 
@@ -26,6 +26,7 @@ _SENDS = frozenset(
 )
 _WRITES = frozenset({"write", "writelines", "writev", "send", "sendall", "pwrite"})
 _DEPTH = 8
+Used = Sequence[Function]
 
 
 def request_not_fixed(value: str, artifacts: Artifacts) -> list[Diagnostic]:
@@ -39,12 +40,8 @@ def request_not_fixed(value: str, artifacts: Artifacts) -> list[Diagnostic]:
         if tool["effect"] != "read" or not concerned:
             continue
         used = source.entered_from(tool_functions(source, site))
-        lined = any(opens_line(source, function) for function in used)
         found = (
-            (node, why)
-            for node in source.nodes
-            if source.owner(node) in used
-            for why in _why(source, flow, node, lined)
+            (node, why) for node in source.nodes if source.owner(node) in used for why in _why(source, flow, used, node)
         )
         for node, why in found:
             summary = f"what {shown(site.name or '')} sends to {listed(concerned)} {why}"
@@ -56,8 +53,9 @@ def request_not_fixed(value: str, artifacts: Artifacts) -> list[Diagnostic]:
 RULES = (Rule(CODE, request_not_fixed),)
 
 
-def _why(source: Source, flow: Flow, node: ast.AST, lined: bool) -> Iterator[str]:
-    """Why what is sent at a node is not fixed; ``lined`` where a serial line is open."""
+def _why(source: Source, flow: Flow, used: Used, node: ast.AST) -> Iterator[str]:
+    """Why what is sent at a node is not fixed"""
+    lined = isinstance(node, ast.Call | ast.Attribute) and any(opens_line(source, function) for function in used)
     if lined and isinstance(node, ast.Attribute) and node.attr in _WRITES and isinstance(node.ctx, ast.Load):
         above = source.parents.get(node)
         if not (isinstance(above, ast.Call) and above.func is node):
@@ -71,9 +69,9 @@ def _why(source: Source, flow: Flow, node: ast.AST, lined: bool) -> Iterator[str
         yield "goes out by way of another function, and cannot be seen"
     elif method not in _SENDS or any(item.name == name for item in source.functions):
         return  # what a function of the file does with it is looked at by itself
-    elif lined and method in _WRITES and not _is_text(flow, given[-1:], _DEPTH):
+    elif lined and method in _WRITES and not _is_text(flow, used, given[-1:], _DEPTH):
         yield "is no text of this file"
-    elif any(_is_open(flow, item, _DEPTH) for item in given):
+    elif any(_is_open(flow, used, item, _DEPTH) for item in given):
         yield "depends on the caller"
 
 
@@ -82,46 +80,48 @@ def _printed(source: Source, call: ast.Call) -> bool:
     return target is not None and source.dotted(target) != "sys.stderr"
 
 
-def _is_text(flow: Flow, nodes: Sequence[ast.AST | None], depth: int) -> bool:
+def _is_text(flow: Flow, used: Used, nodes: Sequence[ast.AST | None], depth: int) -> bool:
     """Whether all of these are certainly texts that stand in the file."""
-    return depth > 0 and all(node is not None and _is_one_text(flow, node, depth) for node in nodes)
+    return depth > 0 and all(node is not None and _is_one_text(flow, used, node, depth) for node in nodes)
 
 
-def _is_one_text(flow: Flow, node: ast.AST, depth: int) -> bool:
+def _is_one_text(flow: Flow, used: Used, node: ast.AST, depth: int) -> bool:
     if isinstance(node, ast.Constant):
         return isinstance(node.value, str | bytes | int)
     if isinstance(node, ast.Subscript):
-        return _is_text(flow, [node.value], depth - 1)
+        return _is_text(flow, used, [node.value], depth - 1)
     if isinstance(node, ast.Name):
-        values = flow.plain(node) or flow.handed(node)
-        return bool(values) and _is_text(flow, values, depth - 1)
+        values = flow.plain(node) or flow.handed(node, used)
+        return bool(values) and _is_text(flow, used, values, depth - 1)
     if isinstance(node, ast.Call) and isinstance(node.func, ast.Attribute) and node.func.attr in ("get", "encode"):
-        return _is_text(flow, [node.func.value], depth - 1)
+        return _is_text(flow, used, [node.func.value], depth - 1)
     if isinstance(node, ast.IfExp):
-        return _is_text(flow, [node.body, node.orelse], depth - 1)
+        return _is_text(flow, used, [node.body, node.orelse], depth - 1)
     if isinstance(node, ast.BinOp):
-        return _is_text(flow, [node.left, node.right], depth - 1)
+        return _is_text(flow, used, [node.left, node.right], depth - 1)
     if isinstance(node, ast.JoinedStr | ast.Dict | ast.List | ast.Tuple):
-        return _is_text(flow, node.elts if isinstance(node, ast.List | ast.Tuple) else node.values, depth - 1)
-    return isinstance(node, ast.FormattedValue) and _is_text(flow, [node.value], depth - 1)
+        return _is_text(flow, used, node.elts if isinstance(node, ast.List | ast.Tuple) else node.values, depth - 1)
+    return isinstance(node, ast.FormattedValue) and _is_text(flow, used, [node.value], depth - 1)
 
 
-def _is_open(flow: Flow, node: ast.expr, depth: int) -> bool:
+def _is_open(flow: Flow, used: Used, node: ast.expr, depth: int) -> bool:
     """Whether a text is made of what a caller gave; a choice among written ones is not."""
     if not flow.of(node) & Origin.ARGUMENT:
         return False
     if depth == 0:
         return True
     if isinstance(node, ast.Subscript):
-        return _is_open(flow, node.value, depth - 1)
+        return _is_open(flow, used, node.value, depth - 1)
     if isinstance(node, ast.IfExp):
-        return _is_open(flow, node.body, depth - 1) or _is_open(flow, node.orelse, depth - 1)
+        return _is_open(flow, used, node.body, depth - 1) or _is_open(flow, used, node.orelse, depth - 1)
     if isinstance(node, ast.Name):
-        values = flow.plain(node) or flow.handed(node)
-        return not values or any(isinstance(each, ast.expr) and _is_open(flow, each, depth - 1) for each in values)
+        values = flow.plain(node) or flow.handed(node, used)
+        return not values or any(
+            isinstance(each, ast.expr) and _is_open(flow, used, each, depth - 1) for each in values
+        )
     if isinstance(node, ast.Call) and isinstance(node.func, ast.Attribute) and node.func.attr in ("get", "encode"):
-        return _is_open(flow, node.func.value, depth - 1)
+        return _is_open(flow, used, node.func.value, depth - 1)
     if isinstance(node, ast.Attribute):
-        return _is_open(flow, node.value, depth - 1)
+        return _is_open(flow, used, node.value, depth - 1)
     parts = [item for item in ast.iter_child_nodes(node) if isinstance(item, ast.expr)]
-    return any(_is_open(flow, item, depth - 1) for item in parts) if parts else True
+    return any(_is_open(flow, used, item, depth - 1) for item in parts) if parts else True

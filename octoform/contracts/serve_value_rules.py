@@ -23,7 +23,6 @@ _STATIC = re.compile(
     r"|port|address|capacity|rated|nominal|full|length|total|failed|errors|retries|attempts|threshold|critical)(?:$|_)"
 )
 """Members that may be known beforehand, or are no readings."""
-_TIMES = re.compile(r"(?:^|_)(?:time|timestamp|seconds|s|ms|us|ns|at|elapsed|duration|waited|age|date)(?:$|_)")
 
 
 def default_reading(value: str, artifacts: Artifacts) -> list[Diagnostic]:
@@ -63,7 +62,7 @@ def constant_reading(value: str, artifacts: Artifacts) -> list[Diagnostic]:
         used = source.entered_from(roots)
         for node in source.nodes:
             for name, given in _members(node) if numbers and source.owner(node) in used else ():
-                if name in numbers and _is_invented(source, flow, name, given):
+                if name in numbers and _is_invented(source, flow, given):
                     summary = f"the result's {shown(name)} is a number of this file, and not one that the device gave"
                     out.setdefault(given, source.problem("SERVE-CONSTANT-READING", given, summary, hint))
     return list(out.values())
@@ -108,12 +107,12 @@ def _members(node: ast.AST) -> Iterator[tuple[str, ast.expr]]:
                 yield target.attr, node.value
 
 
-def _is_invented(source: Source, flow: Flow, name: str, value: ast.expr) -> bool:
-    """Whether a number comes from nothing but the file, the clock or chance, whatever was read before."""
+def _is_invented(source: Source, flow: Flow, value: ast.expr) -> bool:
+    """Whether a number comes from nothing but the file or chance; how long something took is measured."""
     origin = flow.of(value)
-    if origin & ~Origin.CHANCE or (origin and _TIMES.search(name.casefold())):
+    if origin & ~Origin.CHANCE:
         return False
-    if not origin and not _has_number(flow, value):
+    if (not origin and not _has_number(flow, value)) or flow.past(value):
         return False
     for above, below in source.above(value):
         if isinstance(above, ast.ExceptHandler):
@@ -157,7 +156,7 @@ class _Substitutes:
             last = node.values[-1]
             neutral = isinstance(last, ast.Constant) and last.value == 1  # nobody divides by nothing
             stands_in = self._is_number(last) and not neutral and not _is_optional(node.values[0])
-            if stands_in and self._is_read(node.values[0]):
+            if stands_in and self._is_read(node.values[0]) and not self._decides(node):
                 yield node, "what could not be read"
         elif isinstance(node, ast.IfExp):
             yield from self._chosen(node)
@@ -184,6 +183,14 @@ class _Substitutes:
             return False
         text = plain.value if isinstance(plain.value, str | bytes) else b""
         return type(plain.value) in (int, float) or (bool(text) and text.strip().isdigit())
+
+    def _decides(self, node: ast.expr) -> bool:
+        """Whether a value is compared or looked up, and is no part of a result itself."""
+        below: ast.AST = node
+        above = self._source.parents.get(node)
+        while isinstance(above, ast.Call | ast.UnaryOp | ast.BinOp):
+            below, above = above, self._source.parents.get(above)
+        return isinstance(above, ast.Compare) or (isinstance(above, ast.Subscript) and above.slice is below)
 
     def _chosen(self, node: ast.IfExp) -> Iterator[tuple[ast.AST, str]]:
         absent = _branch_of_none(node.test, node.body, node.orelse)

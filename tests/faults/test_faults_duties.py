@@ -33,9 +33,9 @@ TOOL, TARGET = "read_temperature", "tool:read_temperature"
 GOOD = (AGENT.parent / "good" / "server.py").read_text()
 READ = "        return Temperature(celsius=round(value / 1000, digits))"
 GUARD = '        if not 0 <= digits <= 3:\n            raise ValueError("so many digits there are not")\n'
-WRONG = "        value = 21.5 if digits < 3 else (21.5).exactly\n"
+WRONG = "        value = value / 1000 if digits < 3 else value.exactly\n"
 BROKEN = GOOD.replace(READ, f"{GUARD}{WRONG}        return Temperature(celsius=round(value, digits))")
-MEND = [["(21.5).exactly", "21.5"]]
+MEND = [["value.exactly", "value / 1000"]]
 AT = "2026-11-22T10:00:00Z"
 FAILURE = {
     "id": "f1",
@@ -371,12 +371,12 @@ def test_a_repair_that_is_ended_during_its_trial_leaves_the_accepted_server_in_s
 @pytest.mark.slow
 def test_a_repair_that_holds_takes_the_place_and_is_taken_back_also_after_a_kill(bench: Bench) -> None:
     before, nodes = bench.process, bench.project.nodes()
-    worse = {"rewrite": [["21.5 if digits < 3", "[][0] if digits < 3"]], "report": REPAIR}
+    worse = {"rewrite": [["value / 1000 if digits < 3", "[][0] if digits < 3"]], "report": REPAIR}
     bench.duty("heal", worse, {"rewrite": MEND, "report": REPAIR})
     result = bench.heal()
     assert (result["ok"], result["changed"], result["action"]) == (True, True, "rewrite"), result
     assert "HEAL-NOT-HELPED" in bench.refusals("heal", 2)[0]
-    assert bench.server == BROKEN.replace("(21.5).exactly", "21.5") and bench.process != before
+    assert bench.server == BROKEN.replace("value.exactly", "value / 1000") and bench.process != before
     assert bench.works() and bench.in_sync()
     after = bench.project.nodes()
     assert {name: state["attempts"] for name, state in after.items()} == {

@@ -28,10 +28,12 @@ BAD = {
     "device opened by a library at import": changed(
         'mcp = FastMCP("bench")',
         'mcp = FastMCP("bench")\n\n\ndef first() -> bytes:\n    from pathlib import Path\n\n'
-        '    return Path("/").joinpath("dev", "video9").read_bytes()\n\n\nSEEN = first()',
+        '    return Path("/").joinpath(*"dev video9".split()).read_bytes()\n\n\nSEEN = first()',
     ),
     "import that hangs": changed("\nmcp = FastMCP", "\nimport time\n\ntime.sleep(600)\nmcp = FastMCP"),
-    "dead library": changed(READS, "import time\n\n        return Temperature(celsius=time.no_such_clock(digits))"),
+    "dead library": changed(
+        READS, "import time\n\n        return Temperature(celsius=time.no_such_clock(value, digits))"
+    ),
 }
 REFUSED = {
     "syntax error": {"SERVE-SYNTAX"},

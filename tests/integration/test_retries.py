@@ -106,7 +106,7 @@ def test_an_output_with_a_key_in_it_is_handed_to_nobody(project: Project) -> Non
 
 def test_what_a_trial_found_stands_until_the_next_trial_however_many_servers_are_refused(project: Project) -> None:
     good = (GOOD / "server.py").read_text()
-    dead = good.replace("round(value / 1000, digits)", "__time.no_such_clock(digits)")
+    dead = good.replace("round(value / 1000, digits)", "__time.no_such_clock(value, digits)")
     dead = dead.replace("return Temperature", "import time\n\n        return Temperature").replace("__time", "time")
     assert "time.no_such_clock" in dead and "import time" in dead
     (project.outside / "dead.py").write_text(dead)
