@@ -7,7 +7,7 @@ truth about each, and every device that no tool serves is named with a reason.
 import json
 from collections import defaultdict
 
-from octoform.contracts import interface_bound_rules, interface_text_rules, raw_line_rules, stop_rules
+from octoform.contracts import interface_bound_rules, interface_text_rules, stop_rules
 from octoform.contracts.model import Artifacts, JsonObject, Rule, effects_of
 from octoform.contracts.naming import same_action
 from octoform.contracts.text import listed, pointer, shown
@@ -267,7 +267,6 @@ RULES = (
     *interface_bound_rules.RULES,
     *interface_text_rules.RULES,
     *stop_rules.INTERFACE_RULES,
-    *raw_line_rules.INTERFACE_RULES,
     Rule("INTERFACE-UNESCAPED-TEXT", in_values("INTERFACE-UNESCAPED-TEXT")),
 )
 

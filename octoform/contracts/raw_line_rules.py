@@ -6,7 +6,6 @@ something has moved. So what acts there comes from a profile, or from what the d
 """
 
 from octoform.contracts.model import Artifacts, JsonObject, Rule
-from octoform.contracts.naming import tokens
 from octoform.contracts.text import pointer, shown
 from octoform.diagnostics import Diagnostic, error
 
@@ -15,11 +14,6 @@ RAW = frozenset(
     {"tty", "hid", "hidraw", "hiddev", "i2c", "i2c-adapter", "i2c-dev", "spi", "spidev", "usb", "usb_device", "usbmisc"}
 )
 """Classes of the kernel whose nodes carry bytes and no meaning (Documentation/ABI, devices.txt)."""
-
-_GOALS = frozenset(
-    {"goal", "goals", "target", "position", "torque", "speed", "velocity", "setpoint", "angle", "steps", "pose", "duty"}
-    | {"force", "current", "acceleration", "pwm", "power", "value", "data", "payload", "level"}
-)
 
 
 def actuate_without_profile(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
@@ -51,29 +45,9 @@ def unknown_lines(artifacts: Artifacts) -> frozenset[str]:
     )
 
 
-def reading_steers(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
-    """A tool that reads a device behind such a line takes no goal: what it is given would go to what moves."""
-    unknown = unknown_lines(artifacts)
-    out = []
-    for index, tool in enumerate(value["tools"]):
-        concerned = sorted(unknown.intersection(tool["devices"]))
-        if tool["effect"] != "read" or not concerned:
-            continue
-        for name in tool["input_schema"].get("properties", {}):
-            if _GOALS & set(tokens(name)):
-                summary = (
-                    f"{shown(tool['name'])} reads {shown(concerned[0])} through a raw line and takes {shown(name)}"
-                )
-                where = pointer("tools", index, "input_schema", "properties", name)
-                hint = f"leave it out; what moves needs a profile: `octoform profile new {concerned[0]}` drafts one"
-                out.append(error("INTERFACE-READING-STEERS", summary, pointer=where, hint=hint))
-    return out
-
-
 def known_by_a_person(device: JsonObject, artifacts: Artifacts) -> bool:
     """Whether a person or a profile says how it is driven; a profile that does not hold is another rule's finding."""
     return device["id"] in artifacts.answers or "profile" in device or device["method"] == "profile"
 
 
 RULES = (Rule(CODE, actuate_without_profile),)
-INTERFACE_RULES = (Rule("INTERFACE-READING-STEERS", reading_steers),)
