@@ -30,7 +30,8 @@ _DOTTED_OPENERS = frozenset(
 RUNTIME_TOUCHES = frozenset(
     {f"runtime.gpio.{name}" for name in ("chips", "chip", "lines", "read", "drive", "hold")}
     | {f"runtime.evdev.{name}" for name in ("axis", "events", "rumble")}
-    | {"runtime.v4l2.formats", "runtime.v4l2.codes", "runtime.nmea.sentences"}
+    | {"runtime.v4l2.formats", "runtime.v4l2.codes", "runtime.v4l2.control", "runtime.v4l2.set_control"}
+    | {"runtime.nmea.sentences"}
 )
 _FILE_OPENERS = frozenset({"open", "io.open", "os.open"})
 _FILE_METHODS = frozenset({"open", "read_text", "read_bytes", "write_text", "write_bytes"})

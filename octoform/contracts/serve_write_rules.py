@@ -19,7 +19,7 @@ CODE = "SERVE-READ-WRITES"
 _ALWAYS_WRITES = re.compile(
     r"os\.(?:remove|unlink|rmdir|removedirs|rename|renames|replace|mkdir|makedirs|chmod|chown|truncate|symlink|link"
     r"|mknod|mkfifo|setxattr|utime)|shutil\.(?:rmtree|move|copy|copy2|copyfile|copytree|chown)"
-    r"|runtime\.gpio\.(?:drive|hold)|runtime\.evdev\.(?:rumble|beep)"
+    r"|runtime\.gpio\.(?:drive|hold)|runtime\.evdev\.(?:rumble|beep)|runtime\.v4l2\.set_control"
     r"|runtime\.movement\.(?:carried_out|energised|planned)|runtime\.units\..*\.(?:move|move_percent|move_many|pose|torque)"
 )
 _PROGRAMS = re.compile(
