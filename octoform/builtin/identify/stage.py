@@ -52,6 +52,7 @@ from octoform.builtin.task import Task
 MAX_CAPABILITIES = 40
 MAX_EVIDENCE = 6
 MAX_NAME = 120
+SAID = 0.6
 _BOARD = frozenset(("platform", "acpi", "wmi", "i2c", "spi", "amba", "auxiliary", "hid"))
 RULES: tuple[Callable[[Device], Claim | None], ...] = (
     buses.claim_hub,
@@ -148,9 +149,7 @@ def annotate(device: Device, claims: list[Claim]) -> dict[str, Any]:
         "identified_as": named.name[:300],
         "category": category,
         "class": first.kind,
-        "confidence": named.confidence
-        if refusable.is_borne_out(named, first.evidence)
-        else min(named.confidence, CLASS_ONLY),
+        "confidence": _confidence(device, named, claims),
         "method": named.method,
         "evidence": _evidence((*named.evidence, *first.evidence)),
         "capabilities": [],
@@ -160,6 +159,16 @@ def annotate(device: Device, claims: list[Claim]) -> dict[str, Any]:
     else:
         annotation["capabilities"] = [capability.as_json() for capability in _merged(claims)]
     return annotation
+
+
+def _confidence(device: Device, named: Identity, claims: list[Claim]) -> float:
+    """How sure the name is, once it is held against what is cited for it and against what the kernel shows."""
+    shown = bool(device.classes or device.pci_class or device.interfaces)
+    if named.method == "kernel_class" and not shown:
+        return min(named.confidence, CLASS_ONLY)  # no class of the kernel: its bus or its driver alone says so
+    if any(claim.kind == "gnss" and claim.capabilities for claim in claims) and named.method == "descriptor_strings":
+        return max(named.confidence, SAID)  # the strings say what it is, whichever model
+    return named.confidence if refusable.is_borne_out(named, claims[0].evidence) else min(named.confidence, CLASS_ONLY)
 
 
 def _with_drivers(device: Device, named: Identity) -> Identity:
