@@ -6,8 +6,8 @@ an environment of its own declared packages, DEPLOY is started and called. Nothi
 
 import shutil
 import stat
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +21,8 @@ from octoform.contracts.model import Artifacts, ProfileFacts
 from octoform.contracts.parsing import parse
 from octoform.diagnostics import Diagnostic, error, has_errors
 from octoform.harness.port import ExitReason, Outcome, Task
-from octoform.profiles import commands, holds
+from octoform.manifest.rules.profile_paths import shipped
+from octoform.profiles import Profile, commands, contributions, holds, load
 from octoform.protocol.fence import tail
 
 MOST_BYTES = {"serve": 256 * 1024}
@@ -193,7 +194,19 @@ def artifacts(context: Context, stage: str, value: object) -> Artifacts:
     }
     budget = manifest.budget_for("interface").tools
     registered = _registered(probe, context) if stage == "identify" and isinstance(probe, Mapping) else None
-    return Artifacts(**loaded, profiles=facts, answers=manifest.answers, tools_budget=budget, registered=registered)
+    known = Artifacts(**loaded, profiles=facts, answers=manifest.answers, tools_budget=budget, registered=registered)
+    return replace(known, offered=offered(context.profiles, probe, manifest.answers) if stage != "probe" else {})
+
+
+def offered(chosen: Sequence[Profile], probe: object, answers: Mapping[str, str]) -> dict[str, str]:
+    """By device the profile that comes with octoform, matches it, and that the manifest does not name."""
+    names = {profile.name for profile in chosen}
+    found: dict[str, str] = {}
+    settled = {device for device, _ in contributions(chosen, probe, answers)}
+    for profile in load(sorted(shipped().glob("*.md")))[0] if probe is not None else ():
+        if profile.name not in names:
+            found |= {device: profile.name for device in holds(profile, probe, answers) - settled}
+    return found
 
 
 def _registered(probe: Mapping[str, Any], context: Context) -> dict[str, str]:

@@ -6,6 +6,9 @@ from typing import Any
 
 from octoform.apply.context import Context
 from octoform.apply.reading import accepted
+from octoform.contracts.model import Artifacts, ProfileFacts
+from octoform.contracts.raw_line_rules import lines_beside, unknown_lines
+from octoform.contracts.serve_line_rules import listening, on_a_line
 from octoform.contracts.serve_tool_rules import tools_importing
 from octoform.diagnostics import Diagnostic
 from octoform.endpoint.publish.policy import Holding, resolve
@@ -18,7 +21,7 @@ def service_of(context: Context, deploy: Mapping[str, Any] | None = None) -> Ser
     """The endpoint as it is to be published; ``deploy`` is a DEPLOY artifact that is being proved."""
     manifest = context.manifest
     tools = accepted(context, "interface")["tools"]
-    policy = resolve(manifest.policy, tools, _holding(context))
+    policy = resolve(manifest.policy, tools, _holding(context), writing(context))
     for name, package in without_library(context, deploy or _deployed(context)).items():
         policy["tools"][name] |= {"decision": "deny", "source": f"{package}, which could not be installed here"}
     return Service(
@@ -29,6 +32,20 @@ def service_of(context: Context, deploy: Mapping[str, Any] | None = None) -> Ser
         network=asdict(manifest.network) if manifest.network is not None else None,
         tunnel={"command": list(manifest.tunnel.command)} if manifest.tunnel is not None else None,
     )
+
+
+def writing(context: Context) -> frozenset[str]:
+    """The tools of any effect whose code can write to a line that neither a profile nor an answer speaks of."""
+    held = {profile.name: ProfileFacts(profile.name, frozenset(ids)) for profile, ids in _holding(context)}
+    known = Artifacts(probe=accepted(context, "probe"), profiles=held, answers=context.manifest.answers)
+    tools = accepted(context, "interface")["tools"]
+    lines, beside = unknown_lines(known), lines_beside(known)
+    alone = {tool["name"] for tool in tools if lines.intersection(tool["devices"])}
+    mixed = {tool["name"] for tool in tools if beside.intersection(tool["devices"])} - alone
+    if not alone and not mixed:
+        return frozenset()
+    source = accepted(context, "serve")
+    return frozenset((alone | mixed & on_a_line(source)) - listening(source))
 
 
 def without_library(context: Context, deploy: Mapping[str, Any]) -> dict[str, str]:

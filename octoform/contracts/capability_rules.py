@@ -7,11 +7,11 @@ it is called. A person who answered, or a profile that holds, may know of a way 
 
 from collections.abc import Iterator
 
-from octoform.contracts.kinds import MEASURED, WAYS, measures, speaks_bytes
+from octoform.contracts.kinds import MEASURED, RAW, WAYS, measures, speaks_bytes
 from octoform.contracts.kinds import shown as ways_of
 from octoform.contracts.model import Artifacts, JsonObject, Rule
 from octoform.contracts.naming import changes, is_passthrough, is_reading, offers_a_pipe, raw_facts, tokens
-from octoform.contracts.raw_line_rules import RAW, known_by_a_person
+from octoform.contracts.raw_line_rules import known_by_a_person
 from octoform.contracts.text import listed, pointer, shown
 from octoform.diagnostics import Diagnostic, error
 

@@ -16,10 +16,9 @@ from octoform.contracts import (
     stop_rules,
 )
 from octoform.contracts.capability_rules import capabilities
-from octoform.contracts.kinds import speaks_bytes
+from octoform.contracts.kinds import RAW, speaks_bytes
 from octoform.contracts.model import Artifacts, JsonObject, Rule
 from octoform.contracts.naming import is_chip_name, same_action, says_nothing
-from octoform.contracts.raw_line_rules import RAW
 from octoform.contracts.text import listed, pointer, shown
 from octoform.contracts.text_rules import in_values
 from octoform.contracts.wording import has_digit, said, words

@@ -7,33 +7,33 @@ truth about each, and every device that no tool serves is named with a reason.
 import json
 from collections import defaultdict
 
-from octoform.contracts import interface_bound_rules, interface_text_rules, stop_rules
-from octoform.contracts.model import Artifacts, JsonObject, Rule, effects_of
+from octoform.contracts import interface_bound_rules, interface_text_rules, raw_line_rules, stop_rules
+from octoform.contracts.model import Artifacts, JsonObject, Rule, effects_of, is_graver
 from octoform.contracts.naming import same_action
 from octoform.contracts.text import listed, pointer, shown
 from octoform.contracts.text_rules import in_values
 from octoform.diagnostics import Diagnostic, did_you_mean, error, warning
 
-_BUDGET, _SIZE = "tool_budget", "server_size"
-SPARED = frozenset({_BUDGET, _SIZE})
+_BUDGET, _SIZE, _UNSAFE = "tool_budget", "server_size", "unsafe"
+SPARED = frozenset({_BUDGET, _SIZE, _UNSAFE})
 """Reasons for which one capability of a device has no tool, although others of it may have one."""
 _LONG_SERVER = 12
 """Fewer tools always fit into a server: they would have forty lines each."""
 
 
 def capability_without_tool(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
-    """Each capability has its tool, unless the tool budget left all of its devices out."""
+    """Each capability has its tool, unless all of its devices are left out for the budget, or as unsafe."""
     served = {tool["capability"] for tool in value["tools"]}
-    spared = _spared(value)
     return [
         error(
             "INTERFACE-CAPABILITY-WITHOUT-TOOL",
             f"no tool has the capability {shown(name)} of {listed(sorted(owners))}",
             pointer="/tools",
-            hint="add its tool; if the tool budget forbids it, leave its devices out with the reason tool_budget",
+            hint="add its tool; what is not safe to serve is left out with the reason unsafe, its `capability` named "
+            "and why in `detail`; where the tool budget forbids it, leave its devices out with the reason tool_budget",
         )
         for name, owners in _owners(artifacts).items()
-        if name not in served and not owners <= spared
+        if name not in served and not owners <= _spared(value, name)
     ]
 
 
@@ -68,12 +68,12 @@ def duplicate_capability(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
 def devices_differ(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
     """A tool serves exactly the devices that have its capability."""
     names = _owners(artifacts)
-    spared = _spared(value)
     out = []
     for index, tool in enumerate(value["tools"]):
         owners = names.get(tool["capability"])
         if owners is None:
             continue
+        spared = _spared(value, tool["capability"])
         listed_here = set(tool["devices"])
         absent, foreign = sorted(owners - listed_here - spared), sorted(listed_here - owners)
         words = [f"{listed(absent)} also has the capability"] if absent else []
@@ -109,12 +109,22 @@ _HINTS = {
 
 
 def effect_differs(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
-    """A tool has the effect that IDENTIFY gave its capability."""
-    effects = effects_of(artifacts)
+    """A tool has the effect that IDENTIFY gave its capability, or a graver one where somebody knows its limits."""
+    effects, lines = effects_of(artifacts), raw_line_rules.unknown_lines(artifacts)
     out = []
     for index, tool in enumerate(value["tools"]):
         wanted = effects.get(tool["capability"], tool["effect"])
-        if tool["effect"] != wanted:
+        if is_graver(tool["effect"], wanted):
+            for device in sorted(lines.intersection(tool["devices"]))[:1]:
+                summary = (
+                    f"{shown(tool['name'])} is declared {tool['effect']}, and nobody says how {shown(device)} stops"
+                )
+                hint = (
+                    f"leave {tool['capability']} out with the reason unsafe; {raw_line_rules.cure(device, artifacts)}"
+                )
+                where = pointer("tools", index, "effect")
+                out.append(error("INTERFACE-EFFECT-DIFFERS", summary, pointer=where, hint=hint))
+        elif tool["effect"] != wanted:
             summary = f"{shown(tool['name'])} is declared {tool['effect']}; its capability is {wanted}"
             hints = [f"{hint} {json.dumps(must)}" for hint, must in _HINTS[wanted].items()]
             where, hint = (
@@ -133,7 +143,7 @@ def annotations_contradict(value: JsonObject, artifacts: Artifacts) -> list[Diag
     out = []
     for index, tool in enumerate(value["tools"]):
         effect = tool["effect"]
-        if effects.get(tool["capability"], effect) != effect:
+        if is_graver(effects.get(tool["capability"], effect), effect):
             continue
         for hint, must in _HINTS[effect].items():
             if tool["annotations"][hint] is not must:
@@ -219,16 +229,18 @@ def device_unaccounted(value: JsonObject, artifacts: Artifacts) -> list[Diagnost
 def left_out_twice(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
     """A device is left out once, and not served as well, save for what the tool budget cut."""
     served = _served(value)
-    seen: set[str] = set()
+    seen: set[tuple[str, str]] = set()
     out = []
     for index, item in enumerate(value["left_out"]):
-        where = pointer("left_out", index, "id")
-        if item["id"] in seen:
+        where, entry = pointer("left_out", index, "id"), (item["id"], item.get("capability", ""))
+        whole = item["reason"] == _UNSAFE and "capability" not in item
+        if entry in seen or (item["id"], "") in seen or (not entry[1] and item["id"] in {name for name, _ in seen}):
             summary, hint = f"{shown(item['id'])} is left out twice", "keep one of the two"
-        elif item["id"] in served and item["reason"] not in SPARED:
+        elif item["id"] in served and (item["reason"] not in SPARED or whole):
             summary, hint = f"{shown(item['id'])} is left out and served by a tool", "choose one of the two"
+            hint += "; where one capability of it is unsafe, name that in `capability`" if whole else ""
         else:
-            seen.add(item["id"])
+            seen.add(entry)
             continue
         out.append(error("INTERFACE-LEFT-OUT-TWICE", summary, pointer=where, hint=hint))
     return out
@@ -266,6 +278,7 @@ RULES = (
     Rule("INTERFACE-BUDGET-UNUSED", budget_unused),
     *interface_bound_rules.RULES,
     *interface_text_rules.RULES,
+    *raw_line_rules.INTERFACE_RULES,
     *stop_rules.INTERFACE_RULES,
     Rule("INTERFACE-UNESCAPED-TEXT", in_values("INTERFACE-UNESCAPED-TEXT")),
 )
@@ -293,6 +306,10 @@ def _served(value: JsonObject) -> set[str]:
     return {name for tool in value["tools"] for name in tool["devices"]}
 
 
-def _spared(value: JsonObject) -> set[str]:
-    """The devices of which the tool budget cut at least one capability."""
-    return {item["id"] for item in value["left_out"] if item["reason"] in SPARED}
+def _spared(value: JsonObject, capability: str) -> set[str]:
+    """The devices of which this capability may have no tool: cut for the budget, or not safe to serve."""
+    return {
+        item["id"]
+        for item in value["left_out"]
+        if item["reason"] in SPARED and item.get("capability", capability) == capability
+    }

@@ -14,7 +14,7 @@ from jsonschema import Draft202012Validator
 from jsonschema.exceptions import SchemaError, best_match
 
 from octoform.base.files import parse
-from octoform.contracts.model import Artifacts, JsonObject, Rule, effects_of
+from octoform.contracts.model import Artifacts, JsonObject, Rule, effects_of, is_graver
 from octoform.contracts.shape import Problem, validator
 from octoform.contracts.text import pointer, shown
 from octoform.diagnostics import Diagnostic, error
@@ -130,7 +130,7 @@ def smoke_arguments(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]
     out = []
     for index, tool in enumerate(value["tools"]):
         where = pointer("tools", index, "smoke")
-        if effects.get(tool["capability"], tool["effect"]) != tool["effect"]:
+        if is_graver(effects.get(tool["capability"], tool["effect"]), tool["effect"]):
             continue  # another rule's finding, and the cause of this one
         if tool["effect"] != "read":
             if "smoke" in tool:

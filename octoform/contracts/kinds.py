@@ -7,7 +7,11 @@ class, or somebody has to say it: the device in its own strings, or its owner. N
 import re
 
 from octoform.contracts.model import JsonObject
-from octoform.contracts.raw_line_rules import RAW
+
+RAW = frozenset(
+    {"tty", "hid", "hidraw", "hiddev", "i2c", "i2c-adapter", "i2c-dev", "spi", "spidev", "usb", "usb_device", "usbmisc"}
+)
+"""Classes of the kernel whose nodes carry bytes and no meaning (Documentation/ABI, devices.txt)."""
 
 _USB_RAW = frozenset({"usb-02", "usb-03"})
 _USB_CLASS = re.compile(r"\bclass ([0-9a-f]{2})/[0-9a-f]{2}/[0-9a-f]{2}|^interface_class: ([0-9a-f]{2})", re.MULTILINE)

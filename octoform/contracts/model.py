@@ -54,6 +54,7 @@ class Artifacts:
     ``duty`` what the report of WATCH or HEAL is held to: what its agent was given. ``scan`` is what PROBE is held to,
     what the host itself shows; None where the embedded agent does PROBE or where nobody could look. ``registered`` is
     what the host's id databases say of a device's numbers (maker and product), by its id; None where nobody looked.
+    ``offered`` names, by the device's id, a profile that comes with octoform, would match and is not in the manifest.
     """
 
     probe: JsonObject | None = None
@@ -68,12 +69,19 @@ class Artifacts:
     duty: DutyFacts | None = None
     scan: HostScan | None = None
     registered: Mapping[str, str] | None = None
+    offered: Mapping[str, str] = field(default_factory=dict)
 
 
 def effects_of(artifacts: Artifacts) -> dict[str, str]:
     """The effect that IDENTIFY gives each capability, by its name."""
     devices = (artifacts.identify or {"devices": []})["devices"]
     return {capability["name"]: capability["effect"] for device in devices for capability in device["capabilities"]}
+
+
+def is_graver(effect: str, other: str) -> bool:
+    """Whether an effect is graver than another one."""
+    graveness = ("read", "actuate", "irreversible")
+    return graveness.index(effect) > graveness.index(other)
 
 
 RuleCheck = Callable[[Any, Artifacts], list[Diagnostic]]

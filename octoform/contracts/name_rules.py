@@ -12,12 +12,11 @@ from collections.abc import Iterable
 
 from octoform.contracts import answer_rules
 from octoform.contracts.answer_rules import stands_in
-from octoform.contracts.kinds import KINDS, speaks_bytes
+from octoform.contracts.kinds import KINDS, RAW, speaks_bytes
 from octoform.contracts.kinds import shown as ways_of
 from octoform.contracts.model import Artifacts, JsonObject, Rule
 from octoform.contracts.naming import is_class_word, kind_of, says_nothing
 from octoform.contracts.prose_rules import is_foreign
-from octoform.contracts.raw_line_rules import RAW
 from octoform.contracts.text import pointer, shown
 from octoform.contracts.wording import has_digit, is_proper, missing, parts, said, words
 from octoform.diagnostics import Diagnostic, error

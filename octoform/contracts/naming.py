@@ -60,7 +60,10 @@ _PAIRS = (
     ),
 )
 # `read_serial_number` and `list_serial_ports` ask about a line, they do not talk over it.
-_ABOUT = frozenset({"number", "numbers", "ports", "list", "info", "count", "status", "rate", "usage", "settings"})
+_ABOUT = frozenset(
+    {"number", "numbers", "ports", "list", "info", "count", "status", "rate", "usage", "settings"}
+    | {"presence", "availability"}
+)
 
 _PIPE = re.compile(
     r"\b(?:raw|arbitrary|verbatim|any|custom|free-form|user-supplied|caller-supplied)\s+(?:\w+\s+){0,2}?"

@@ -7,6 +7,7 @@ from octoform.contracts import (
     serve_code_rules,
     serve_device_rules,
     serve_exchange_rules,
+    serve_line_rules,
     serve_loop_rules,
     serve_reading_rules,
     serve_request_rules,
@@ -36,6 +37,7 @@ RULES = (
     *serve_reading_rules.RULES,
     *serve_value_rules.RULES,
     *serve_write_rules.RULES,
+    *serve_line_rules.RULES,
     *serve_exchange_rules.RULES,
     *serve_request_rules.RULES,
 )

@@ -15,7 +15,9 @@ from octoform.contracts.source import Function, Source, needed_source
 from octoform.contracts.text import shown
 from octoform.diagnostics import Diagnostic
 
-CODE = "SERVE-READ-WRITES"
+CODE, ACTS = "SERVE-READ-WRITES", "SERVE-READ-ACTS"
+_MOVING = frozenset({"move", "move_percent", "move_many", "pose", "torque"})
+"""Methods of ``runtime.units.Units`` that move a unit or switch its torque."""
 _ALWAYS_WRITES = re.compile(
     r"os\.(?:remove|unlink|rmdir|removedirs|rename|renames|replace|mkdir|makedirs|chmod|chown|truncate|symlink|link"
     r"|mknod|mkfifo|setxattr|utime)|shutil\.(?:rmtree|move|copy|copy2|copyfile|copytree|chown)"
@@ -82,7 +84,34 @@ def read_writes(value: str, artifacts: Artifacts) -> list[Diagnostic]:
     return list(out.values())
 
 
-RULES = (Rule(CODE, read_writes),)
+def read_acts(value: str, artifacts: Artifacts) -> list[Diagnostic]:
+    """A tool of effect ``read`` neither moves a unit of the runtime nor asks for its device as one that acts."""
+    source = needed_source(value)
+    has_units = any(source.dotted(node).startswith("runtime.units") for node in source.nodes)
+    hint = "leave it out; a tool that moves or switches something has the effect actuate in INTERFACE"
+    out: dict[ast.AST, Diagnostic] = {}
+    for site, tool in served_tools(source, artifacts):
+        used = source.entered_from(tool_functions(source, site)) if tool["effect"] == "read" else []
+        for node, what in ((node, _acts(node, has_units)) for node in source.nodes):
+            if not what or node in out or source.owner(node) not in used:
+                continue
+            if not isinstance(node, ast.Call) or not _switched_off(source, node, used):
+                summary = f"{what}, and the tool {shown(site.name or '')} has the effect read"
+                out[node] = source.problem(ACTS, node, summary, hint)
+    return list(out.values())
+
+
+RULES = (Rule(CODE, read_writes), Rule(ACTS, read_acts))
+
+
+def _acts(node: ast.AST, has_units: bool) -> str | None:
+    if has_units and isinstance(node, ast.Attribute) and isinstance(node.ctx, ast.Load) and node.attr in _MOVING:
+        return f"{shown(node.attr)} moves a unit or switches it"
+    if not isinstance(node, ast.Call) or not isinstance(node.func, ast.Attribute) or node.func.attr != "device":
+        return None
+    given = [item.value for item in node.keywords if item.arg == "actuate"] + node.args[1:2]
+    plain = any(isinstance(item, ast.Constant) and item.value is True for item in given)
+    return "it asks for its device as one that acts" if plain else None
 
 
 def _writes(source: Source, flow: Flow, call: ast.Call, name: str) -> bool:

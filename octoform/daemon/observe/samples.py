@@ -16,7 +16,7 @@ from octoform.diagnostics import Diagnostic
 from octoform.endpoint.client.jsonrpc import Wire, WireError, sender
 from octoform.endpoint.process.record import running
 from octoform.endpoint.proxy.dial import knock
-from octoform.endpoint.publish.expected_tools import hidden, promised
+from octoform.endpoint.publish.expected_tools import hidden, promised, untried
 from octoform.escaping import escaped
 from octoform.state.layout import Layout
 
@@ -84,7 +84,7 @@ class Sensors:
 
     def probes(self) -> list[Probe]:
         """The calls that are made, in order; tools whose result was a picture are called no more."""
-        unseen = hidden(self._layout) | self._pictures
+        unseen = hidden(self._layout) | untried(self._layout) | self._pictures
         known = promised(self._layout).items()
         tools = [(name, tool) for name, tool in known if name not in unseen and is_sensor(tool)]
         return sorted((Probe(name, device) for name, tool in tools for device in _devices(tool)), key=_order)

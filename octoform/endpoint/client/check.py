@@ -19,6 +19,8 @@ from octoform.endpoint.client.sdk_client import Call, Client, Report, recorded_e
 from octoform.endpoint.files import CHECK
 from octoform.endpoint.observe.call_log import LoggedCall, calls_after, mark
 from octoform.endpoint.process.lifecycle import clear_left, start
+from octoform.endpoint.publish.expected_tools import untried
+from octoform.endpoint.publish.policy import LINE
 from octoform.state.files import write_atomic
 from octoform.state.layout import Layout
 
@@ -41,14 +43,17 @@ def check(
     """Check the applied endpoint against the INTERFACE artifact and record the result beside the launcher.
 
     With ``smoke`` every tool of effect ``read`` is called for each of its devices, one call after the other, and then
-    again what answered at once with numbers; ``client`` is one that is being loaded already, and ends here. Never
-    raises for what the server does. Takes two seconds of wall time, nearly all of it in other processes.
+    again what answered at once with numbers, save for tools that write to a line which nobody knows; ``client`` is one
+    that is being loaded already, and ends here. Never raises for what the server does. Takes two seconds of wall
+    time, nearly all of it in other processes.
     """
     environment = recorded_environment(layout)
     if environment is None:
         return CheckReport(False, "the endpoint was not applied", None, None, (), (), 0.0)
     readers = [tool for tool in interface["tools"] if smoke and tool["effect"] == "read"]
-    wanted = [trial for tool in readers for trial in trials(tool)]
+    asked = untried(layout)
+    wanted = [trial for tool in readers if tool["name"] not in asked for trial in trials(tool)]
+    left = tuple(TrialCall(tool["name"], ok=False, skipped=LINE) for tool in readers if tool["name"] in asked)
     calls = [
         Call(trial.tool, trial.arguments, call_seconds, REPEATED) for trial in wanted if trial.arguments is not None
     ]
@@ -60,7 +65,7 @@ def check(
         position = mark(layout.call_log)
         seen = sent.send(calls, mode=mode)
     report = _report(seen, wanted, calls_after(layout.call_log, position))
-    report = replace(report, survivors=clear_left(process, spare=True))
+    report = replace(report, calls=(*report.calls, *left), survivors=clear_left(process, spare=True))
     return replace(report, unrecorded=write_atomic(layout.endpoint / CHECK, _record(report), 0o600))
 
 

@@ -11,6 +11,7 @@ from typing import Any
 from octoform.diagnostics import Diagnostic, error, has_errors, warning
 from octoform.endpoint.client.check_report import CheckReport, TrialCall
 from octoform.endpoint.client.plausibility import of_another, out_of_bounds, unmoved
+from octoform.endpoint.publish.policy import LINE
 
 _CODE: tuple[type[BaseException], ...] = (
     *(ArithmeticError, ZeroDivisionError, AssertionError, AttributeError, LookupError, IndexError, KeyError),
@@ -79,6 +80,9 @@ def _silence(calls: Sequence[TrialCall], seen: bool, told: bool) -> list[Diagnos
 
 
 def _call(call: TrialCall, seen: bool) -> list[Diagnostic]:
+    if call.skipped == LINE:
+        summary = f"{call.tool} was not tried: {LINE}"
+        return [warning("ENDPOINT-LINE-NOT-TRIED", summary, hint=_KNOWLEDGE)]
     if call.skipped is not None:
         return [warning("ENDPOINT-TOOL-NOT-TRIED", f"{call.tool} was not tried: {call.skipped}", hint=_SMOKE)]
     found = []
@@ -91,6 +95,10 @@ def _call(call: TrialCall, seen: bool) -> list[Diagnostic]:
     return found + [_uniform(call, picture) for picture in call.pictures if _is_uniform(picture)]
 
 
+_KNOWLEDGE = (
+    "add a profile that matches its device (octoform profile new DEVICE drafts one), say what it is (octoform answer), "
+    "or allow the tool by a rule of `policy` in octopus.yaml; until then a person is asked at each call"
+)
 _SMOKE = "give the tool harmless arguments under smoke in the INTERFACE artifact"
 
 

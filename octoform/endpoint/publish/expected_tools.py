@@ -6,6 +6,7 @@ from typing import Any
 from octoform.base.files import read_json
 from octoform.base.shape import fits
 from octoform.endpoint.files import read_policy
+from octoform.endpoint.publish.policy import LINE
 from octoform.state.layout import Layout
 
 
@@ -31,6 +32,12 @@ def hidden(layout: Layout) -> frozenset[str]:
     """
     policy = read_policy(layout)
     return frozenset() if policy is None else denied(policy)
+
+
+def untried(layout: Layout) -> frozenset[str]:
+    """The tools that nothing calls without a person: they write to a line of which nobody says what is at its end."""
+    tools = (read_policy(layout) or {"tools": {}})["tools"]
+    return frozenset(name for name, tool in tools.items() if tool.get("source") == LINE)
 
 
 def shown(layout: Layout, interface: Mapping[str, Any]) -> dict[str, Any]:

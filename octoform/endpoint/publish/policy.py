@@ -19,6 +19,8 @@ if TYPE_CHECKING:  # the package brings the YAML reader with it
 
 FORMAT = 1
 INTERFACE = "the interface of the tool"
+LINE = "it writes to a line without a profile"
+"""Whose decision it is that a person is asked, whatever the effect: nobody knows what such a device does."""
 Holding = Sequence["tuple[Profile, Collection[str]]"]
 """Profiles, each with the ids of the devices that it holds for."""
 Tool = Mapping[str, Any]
@@ -36,14 +38,19 @@ class Claim:
     """The tool whose call brings what is summed up back to where the sum began."""
 
 
-def resolve(policy: Policy, tools: Iterable[Tool], holding: Holding) -> dict[str, Any]:
-    """The content of the endpoint's policy file, JSON-able; ``tools`` are those of an accepted INTERFACE artifact."""
+def resolve(policy: Policy, tools: Iterable[Tool], holding: Holding, writing: Collection[str] = ()) -> dict[str, Any]:
+    """The content of the endpoint's policy file, JSON-able; ``tools`` are those of an accepted INTERFACE artifact.
+
+    ``writing`` are those whose code can write to a line of which neither a profile nor the owner says anything.
+    """
     listed = list(tools)
     places = places_of(policy, listed, holding)
     return {
         "format": FORMAT,
         "mode": policy.mode,
-        "tools": {tool["name"]: _tool(policy, tool, holding, places) for tool in listed},
+        "tools": {
+            tool["name"]: _tool(policy, tool, holding, places) | _asked(policy, tool, writing) for tool in listed
+        },
         "stop": [action for profile, ids in holding for action in _stop(profile, ids)],
     }
 
@@ -74,6 +81,13 @@ def _tool(policy: Policy, tool: Tool, holding: Holding, places: Places) -> dict[
         "limits": [*_limits(tool, list(claims(policy, tool, holding))), *unit_ranges.limits(tool, places)],
         **({"places": held} if (held := list(unit_ranges.reported(tool, places))) else {}),
     }
+
+
+def _asked(policy: Policy, tool: Tool, writing: Collection[str]) -> dict[str, str]:
+    """A person is asked about what writes to such a line; only a rule of the manifest that names the tool allows it."""
+    if tool["name"] not in writing or any(rule.matches(tool["name"]) for rule in policy.rules):
+        return {}
+    return {} if policy.decision_for(tool["effect"]) == "deny" else {"decision": "confirm", "source": LINE}
 
 
 def _decision(policy: Policy, tool: Tool) -> tuple[str, str]:

@@ -7,6 +7,7 @@ from typing import Any
 
 import octoform
 from octoform import digest, host
+from octoform.apply.gate import offered
 from octoform.apply.step_facts import facts_of
 from octoform.base import files
 from octoform.base.shape import fits
@@ -129,7 +130,8 @@ def verify(compiled: Compiled, stage: str, artifacts: Mapping[str, Any]) -> list
         item.name: ProfileFacts(item.name, held[item.name], item.limits, commands(item)) for item in compiled.profiles
     }
     budget = manifest.budget_for("interface").tools
-    known = Artifacts(**before, profiles=facts, answers=manifest.answers, tools_budget=budget)
+    matching = offered(compiled.profiles, probe, manifest.answers)
+    known = Artifacts(**before, profiles=facts, answers=manifest.answers, tools_budget=budget, offered=matching)
     step = compiled.steps.get(stage)
     if step is not None:
         known = replace(known, step=facts_of(step, known, compiled.profiles, _cameras(compiled, before)))

@@ -23,6 +23,7 @@ REASONS = {
     "not_permitted": "is not open to this user",
     "tool_budget": "gave way to other tools",
     "server_size": "found no room in a server that a person can read",
+    "unsafe": "could do harm when it is called",
     "out_of_scope": "is a part of the computer itself",
 }
 TIERS = tier.WORDS

@@ -4,7 +4,7 @@ from collections.abc import Callable
 from typing import Any
 
 import pytest
-from contract_samples import ACT, READ, SCHEMAS, artifacts, good
+from contract_samples import READ, SCHEMAS, artifacts, good
 
 from octoform.contracts import (
     annotation_rules,
@@ -182,7 +182,7 @@ INTERFACE_CASES: list[tuple[str, Change]] = [
     ("INTERFACE-DUPLICATE-CAPABILITY", _add("tools", _second_tool("fan_rpm", "read_fan_speed", "hwmon-fanboard"))),
     ("INTERFACE-DEVICES-DIFFER", _put("tools.1.devices", ["usb-1234-0002"])),
     ("INTERFACE-NAME-CLASH", _put("tools.2.name", "Capture-Image")),
-    ("INTERFACE-EFFECT-DIFFERS", _all(_put("tools.1.effect", "actuate"), _put("tools.1.annotations", ACT))),
+    ("INTERFACE-EFFECT-DIFFERS", _all(_put("tools.2.effect", "read"), _put("tools.2.annotations", READ))),
     ("INTERFACE-ANNOTATIONS", _put("tools.1.annotations", {**READ, "destructiveHint": True})),
     ("INTERFACE-ANNOTATIONS", _put("tools.2.annotations", READ)),
     ("INTERFACE-UNKNOWN-DEVICE", _add("left_out", {"id": "usb-arm", "reason": "no_function"})),
@@ -432,6 +432,10 @@ def test_every_rule_has_a_code_of_its_stage_and_a_case_here() -> None:
     own_tests = {rule.code for rules in elsewhere for rule in rules.RULES}
     own_tests |= {
         "IDENTIFY-ACTUATE-WITHOUT-PROFILE",
+        "IDENTIFY-PROFILE-NOT-CHOSEN",
+        "IDENTIFY-READ-MOVES",
+        "INTERFACE-READ-LIMITED",
+        "INTERFACE-READ-MOVES",
         "IDENTIFY-NEIGHBOUR-PROMOTED",
         "IDENTIFY-MANY-CAPABILITIES",
         "IDENTIFY-MANY-DEVICES",

@@ -158,6 +158,9 @@ CASES = [
     ("SERVE-READ-WRITES", FAN, "    open(path, 'w').write('255')\n    return int(path.read_text())"),
     ("SERVE-READ-WRITES", FAN, "    path.open(mode='a').close()\n    return int(path.read_text())"),
     ("SERVE-READ-WRITES", FAN, "    path.unlink()\n    return 1"),
+    ("SERVE-READ-ACTS", FAN, "    runtime.device('hwmon-fanboard', actuate=True)\n" + FAN),
+    ("SERVE-READ-ACTS", FAN, "    runtime.units.Units(path).torque('fan', True)\n" + FAN),
+    ("SERVE-READ-ACTS", FAN, "    move = runtime.units.Units(path).move\n    move('fan', 1)\n" + FAN),
     ("SERVE-DEFAULT-READING", FAN, _OTHERWISE.format("return 0")),
     ("SERVE-DEFAULT-READING", FAN, _OTHERWISE.format("return dict(rpm=0)")),
     ("SERVE-DEFAULT-READING", FAN, _OTHERWISE.format("value = -1") + "\n    return value"),
@@ -240,6 +243,7 @@ def test_a_passthrough_tool_is_refused_even_if_interface_let_it_in() -> None:
 
 def test_every_rule_of_serve_has_a_case() -> None:
     assert {rule.code for rule in RULES["serve"]} == {code for code, _, _ in CASES} | {
+        "SERVE-LINE-WRITTEN",
         "SERVE-PASSTHROUGH",
         "SERVE-REQUEST-NOT-FIXED",
         "SERVE-CONSTANT-READING",

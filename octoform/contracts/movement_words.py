@@ -1,0 +1,227 @@
+"""Whether a text speaks of changing or moving something, wherever in it, and whether a parameter carries a quantity.
+
+Judgements over words, for devices of which nobody knows more than that there is a line to them. They are blunt on
+purpose: what is refused can be said otherwise, or the device's owner says what it is.
+"""
+
+import re
+from collections.abc import Iterable, Iterator, Mapping
+from functools import cache
+from typing import Any
+
+_SURE = """
+    move rotate actuate nudge jog teleoperate telemanipulate replay mimic energize energise retract swivel grasp clamp
+    squeeze relax disengage toggle activate deactivate enable disable modify alter overwrite erase recalibrate
+    reconfigure dispense ignite inject teach unlock accelerate decelerate steer maneuver manoeuvre reposition bring
+    imitate drag unclamp ungrip loosen tighten extend unwind bewegen fahren drehen mover
+"""
+"""Verbs that say so in every form."""
+_UNSURE = """
+    drive set switch position command home open close hold stop lock park start track sync synchronize
+    synchronise press guide wave grip release go turn lift push pull tilt spin bend swing brake tare zero trigger reset
+    calibrate configure adjust change write store save program apply execute perform fire launch heat cool dim blink
+    flash beep play print feed pump spray cut step clear travel approach visit mirror demonstrate pose control
+    actuate halt lower raise shift slide power engage carry send wish demand
+"""
+"""Verbs that are nouns or adjectives as well: only where they stand as a verb does."""
+_GOALS = frozenset(
+    {"goal", "goals", "target", "targets", "setpoint", "setpoints", "wished", "desired", "commanded", "teleoperation"}
+    | {"teleop", "motionless", "wunsch", "ziel", "sollwert", "consigne", "objetivo"}
+)
+_NEGATING = frozenset({"nothing", "never", "not", "no", "without", "cannot", "neither", "nor", "nobody"})
+_TURNING = frozenset({"but", "only", "except", "until", "unless", "besides", "other", "just", "more"})
+_BEFORE_VERB = frozenset(
+    {"to", "and", "then", "or", "will", "can", "must", "shall", "should", "would", "may", "it", "also", "first", "lets"}
+    | {"let", "makes", "make", "that", "which", "who", "immediately", "slowly", "briefly", "please", "could", "they"}
+)
+_BEFORE_NOUN = frozenset(
+    {"the", "of", "a", "an", "all", "its", "their", "both", "each", "every", "in", "with", "these", "those", "between"}
+    | {"on", "at", "per", "from", "number", "for", "this", "any", "last", "present", "current", "by"}
+)
+_BEFORE_ING = frozenset(
+    {"by", "while", "after", "before", "when", "and", "for", "then", "is", "are", "starts", "keeps"}
+)
+_BEING = frozenset({"is", "are", "be", "being", "get", "gets", "becomes", "been", "was", "were", "comes"})
+_ASKING = frozenset({"whether", "if", "when", "since", "what", "which", "how", "where", "nobody", "that"})
+_NOW = frozenset({"whether", "if", "while", "as", "when", "since", "what", "which", "how"})
+_THINGS = frozenset({"the", "a", "an", "it", "its", "each", "one", "all", "to", "there", "every", "them", "him"})
+_PHRASES = re.compile(
+    r"\bgo(?:es|ing)?\s+(?:there|to|home|back|into)\b|\btorque\b[^.;]{0,24}\b(?:off|on|releas|enabl|disabl|switch|cut)"
+    r"|\b(?:releas|switch|turn|enabl|disabl|cut)\w*\b[^.;]{0,20}\btorque\b|\bmak\w+\s+(?:\w+\s+){0,3}(?:move|go|turn)\b"
+    r"|\bfollow(?:s|ing)?\s+(?:\w+\s+){0,3}(?:joint|arm|leader|hand|path|person|angle|trajectory|movement|motion)s?\b"
+    r"|\b(?:hand|limp|free)ed?\s+(?:guid|mov)\w+|\btakes?\s+(?:the|a|up)\s+(?:\w+\s+){0,2}(?:pose|place)\b"
+    r"|\b(?:joints?|axis|axes|arms?|grippers?|motors?|servos?|valves?|relays?|pumps?|wheels?)\s+"
+    r"(?:opens?|closes?|follows?|turns?|drives?|starts?|stops?|goes|go|travels?|lifts?|lowers?|swings?|spins?|homes?)\b"
+)
+_READING_VERBS_WORDS = """
+    read get list measure listen receive check query identify watch monitor count scan sense capture log report
+    show tell ask fetch detect decode poll observe sample record wait describe find look inspect view probe
+    examine acquire take hear collect grab estimate compute display dump discover locate weigh note summarize
+    summarise inquire obtain retrieve return stream snapshot gather is has lesen lese miss messen hole zeige leer
+    lire lecture mesurer medir read_only status info determine diagnose verify test parse
+"""
+_READING_VERBS = frozenset(_READING_VERBS_WORDS.split())
+"""With one of these a name begins that reads."""
+_QUANTITIES_WORDS = """
+    angle angles degree degrees deg radian radians rad speed velocity torque goal target setpoint position
+    positions pose place value values level percent power pwm duty amplitude acceleration force command cmd text
+    message bytes data payload string words word register address state output input frequency current voltage
+    brightness steps ticks distance offset move movement motion direction on off enable enabled
+    open closed raw
+"""
+_QUANTITIES = frozenset(_QUANTITIES_WORDS.split())
+_SELECTING_WORDS = """
+    id ids index channel channels count number samples sample repeat repeats limit lines line page unit units port
+    sensor joint axis motor servo slot bank max maximum most n timeout wait seconds second secs ms milliseconds
+    minutes duration period interval deadline time sentences size first last from include
+"""
+_SELECTING = frozenset(_SELECTING_WORDS.split())
+_TIMES = frozenset({"timeout", "wait", "seconds", "secs", "second", "ms", "milliseconds", "duration", "minutes"})
+_WORD = re.compile(r"[a-zà-ÿ0-9']+|[.!?;:,()\n\[\]]")
+_ORDER = re.compile(r"[gmGM]\d+")
+_ORDERS_WORDS = """
+    move mov goto go set on off out outp output home stop start rst reset open close step run jog torque goal turn
+    write wr enable disable volt curr appl apply switch relay pwm servo fwd rev forward backward left right up
+    down cls sav rcl save store load erase fire trig init zero tare cal calibrate lock unlock grip release abs
+    sour source arm abor
+"""
+_ORDERS = frozenset(_ORDERS_WORDS.split())
+
+
+def speaks_of_change(text: str) -> str | None:
+    """The words by which a text says that something is moved or changed, or None."""
+    plain = re.sub(r"[_\-]+", " ", text).casefold()
+    if found := next((each for each in _PHRASES.finditer(plain) if not _denied(plain[: each.start()])), None):
+        return found[0]
+    words = _WORD.findall(plain)
+    return next((word for at, word in enumerate(words) if _changes(words, at)), None)
+
+
+def name_moves(name: str) -> str | None:
+    """The word of a snake_case name that is no reading: its verb, or another that moves something; None for none."""
+    words = spoken(name)
+    if words and words[0] not in _READING_VERBS:
+        return words[0]
+    forms = _forms()
+    return next(
+        (word for word in words if word in _GOALS or (forms.get(word, ("", ""))[0] == "sure") or _gerund(word)), None
+    )
+
+
+def carries(name: str, schema: Mapping[str, Any], devices: Iterable[str]) -> str | None:
+    """Why a parameter does more than select what is read; None for an index, a count, a time or a plain choice."""
+    said, values = (
+        str(schema.get("description", "")),
+        schema.get("enum", [schema["const"]] if "const" in schema else None),
+    )
+    words = set(spoken(name))
+    if told := speaks_of_change(said) or next((word for word in words if word in _GOALS), None):
+        return f"{told} says that it carries what the device is to do"
+    times = words & _TIMES
+    if values is not None:
+        if set(map(str, values)) <= set(devices):
+            return None
+        ordered = next((str(each) for each in values if isinstance(each, str) and commands_something(each)), None)
+        amount = next(iter(sorted(words & _QUANTITIES)), None)
+        return f"{ordered!r} is an order" if ordered else f"{amount} is a quantity" if amount and not times else None
+    kinds = schema.get("type")
+    kinds = {kinds} if isinstance(kinds, str) else set(kinds or ())
+    if kinds & {"string", "object"}:
+        return "it takes any text"
+    if "boolean" in kinds or times:
+        return None if times or not words & _QUANTITIES else "it switches something"
+    if amount := next(iter(sorted(words & _QUANTITIES)), None):
+        return f"{amount} is a quantity"
+    return None if "integer" in kinds and words & _SELECTING else "it is a number for the device"
+
+
+def is_quantity(name: str) -> bool:
+    """Whether a parameter by its name is an amount or a goal that a device takes, and no length of time."""
+    words = set(spoken(name))
+    return bool(words & (_QUANTITIES | _GOALS)) and not words & _TIMES
+
+
+def commands_something(text: str) -> bool:
+    """Whether a line for a device, or a choice, orders something by its words."""
+    words = spoken(text)
+    first = {word for word in words[:3]}
+    return not text.rstrip().endswith("?") and bool(first & _ORDERS or any(_ORDER.fullmatch(word) for word in words))
+
+
+def spoken(text: str) -> list[str]:
+    """The words of a name, in small letters."""
+    spread = re.sub(r"(?<=[a-z0-9])(?=[A-Z])", "_", text)
+    return [word for word in re.split(r"[^0-9a-zà-ÿ]+", spread.casefold()) if word]
+
+
+def _gerund(word: str) -> bool:
+    return _forms().get(word, ("", ""))[1] == "ing"
+
+
+def _changes(words: list[str], at: int) -> bool:
+    word = words[at]
+    if word in _GOALS:
+        return not _is_denied(words, at)
+    kind, form = _forms().get(word, ("", ""))
+    if not kind or _is_denied(words, at):
+        return False
+    before = words[at - 1] if at else "."
+    after = words[at + 1] if at + 1 < len(words) else "."
+    clause = set(_clause(words, at))
+    if form == "ed":
+        return before in _BEING and not clause & _ASKING
+    if form == "ing":
+        if before in ("is", "are") and clause & _NOW:
+            return False
+        return (kind == "sure" and before not in _BEFORE_NOUN - {"by", "for"} and after not in ("average", "mean")) or (
+            before in _BEFORE_ING and not clause & {"whether", "if"}
+        )
+    if kind == "sure":
+        return before not in ("of", "a")
+    starts = not before.isalnum() or before in _BEFORE_VERB
+    if form == "s":
+        return starts and before not in _BEFORE_NOUN and (before not in ("and", "or") or after in _THINGS)
+    return starts and not clause & {"whether"} and not (before in ("and", "or") and not _begins(words, at))
+
+
+def _begins(words: list[str], at: int) -> bool:
+    """Whether the words before 'and' begin with a verb, so that one follows it: 'Open it and close it'."""
+    begin = at - 1
+    while begin > 0 and words[begin - 1] not in ".!?;\n":
+        begin -= 1
+    return words[begin] in _READING_VERBS or words[begin] in _forms()
+
+
+def _clause(words: list[str], at: int) -> Iterator[str]:
+    for word in reversed(words[:at]):
+        if word in ".!?;\n":
+            return
+        yield word
+
+
+def _is_denied(words: list[str], at: int) -> bool:
+    """``nothing moves``, ``moves nothing``, ``never changes``, ``without moving``."""
+    near = words[max(0, at - 3) : at]
+    after = words[at + 1 : at + 3]
+    clause = set(_clause(words, at)) | set(words[at + 1 : at + 6])
+    return bool(_NEGATING.intersection(near) or {"nothing", "no"} & set(after)) and not clause & _TURNING
+
+
+def _denied(before: str) -> bool:
+    words = _WORD.findall(before)[-4:]
+    return bool(_NEGATING.intersection(words)) and not _TURNING.intersection(words)
+
+
+@cache
+def _forms() -> dict[str, tuple[str, str]]:
+    """Each form of each verb, with how sure it is and which form it is."""
+    found: dict[str, tuple[str, str]] = {}
+    for kind, verbs in (("unsure", _UNSURE), ("sure", _SURE)):
+        for verb in verbs.split():
+            stem = verb.removesuffix("e")
+            twice = verb + verb[-1] if re.fullmatch(r"[a-z]*[^aeiou][aeiou][bdgnpt]", verb) else stem
+            found |= {verb: (kind, "base"), f"{verb}s": (kind, "s"), f"{verb}es": (kind, "s")}
+            found |= {f"{each}ing": (kind, "ing") for each in (stem, twice)}
+            found |= {f"{each}ed": (kind, "ed") for each in (stem, twice)}
+    more = {"driven": "ed", "held": "ed", "sent": "ed", "written": "ed", "brought": "ed", "taught": "ed", "spun": "ed"}
+    return {**found, **{word: ("unsure", form) for word, form in more.items()}}
