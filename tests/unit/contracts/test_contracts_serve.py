@@ -159,7 +159,6 @@ CASES = [
     ("SERVE-READ-WRITES", FAN, "    path.open(mode='a').close()\n    return int(path.read_text())"),
     ("SERVE-READ-WRITES", FAN, "    path.unlink()\n    return 1"),
     ("SERVE-READ-ACTS", FAN, "    runtime.device('hwmon-fanboard', actuate=True)\n" + FAN),
-    ("SERVE-READ-ACTS", FAN, "    runtime.units.Units(path).torque('fan', True)\n" + FAN),
     ("SERVE-READ-ACTS", FAN, "    move = runtime.units.Units(path).move\n    move('fan', 1)\n" + FAN),
     ("SERVE-DEFAULT-READING", FAN, _OTHERWISE.format("return 0")),
     ("SERVE-DEFAULT-READING", FAN, _OTHERWISE.format("return dict(rpm=0)")),
