@@ -154,6 +154,15 @@ def arguments(function: Function | ast.Lambda) -> list[ast.arg]:
     return [*given.posonlyargs, *given.args, *given.kwonlyargs, *stars]
 
 
+def defaults(function: Function, name: str) -> list[ast.expr]:
+    """The default of a parameter; empty where it has none."""
+    given = [*function.args.posonlyargs, *function.args.args]
+    values = function.args.defaults
+    pairs = [*zip(given[len(given) - len(values) :], values, strict=True)]
+    pairs += [(one, two) for one, two in zip(function.args.kwonlyargs, function.args.kw_defaults, strict=True) if two]
+    return [value for item, value in pairs if item.arg == name]
+
+
 def _pairs(node: ast.AST) -> Iterator[tuple[ast.expr, ast.expr]]:
     """(target, value) of each binding of a statement."""
     if isinstance(node, ast.Assign):

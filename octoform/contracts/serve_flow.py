@@ -6,121 +6,31 @@ one: only of what certainly does not depend on a device that is said.
 """
 
 import ast
-import re
 from collections.abc import Collection, Iterable, Iterator
-from enum import IntFlag
-from functools import lru_cache
-from typing import TypeGuard
+from functools import lru_cache, reduce
+from operator import or_
 
-from octoform.contracts.serve_bindings import Binding, Bindings, arguments, base
+from octoform.contracts.serve_bindings import Binding, Bindings, arguments, base, defaults
+from octoform.contracts.serve_origins import (
+    CHANCE,
+    CLOCK,
+    ELSEWHERE,
+    MADE,
+    OF_ITSELF,
+    OPENS,
+    PLACES,
+    PURE,
+    ROUNDS,
+    SELF,
+    Deciding,
+    Origin,
+    inherits,
+    is_called,
+    is_registered,
+    last,
+    touches,
+)
 from octoform.contracts.source import Function, Source
-
-
-class Origin(IntFlag):
-    """What a value depends on; none is a constant of the file.
-
-    ``SYSTEM``: a program, the network or a library said it without being told of a device. ``COUNTED``: how often
-    something came about.
-    """
-
-    NONE = 0
-    ARGUMENT = 1
-    FOUND = 2
-    READ = 4
-    SYSTEM = 8
-    CHANCE = 16
-    COUNTED = 32
-    DEVICE = 64
-    CLOCK = 128
-
-
-_ROUNDS = 12
-_ELSEWHERE = re.compile(
-    r"subprocess\.\w+|asyncio\.create_subprocess_exec|asyncio\.open_connection|socket\.\w+|urllib\.request\.\w+"
-    r"|http\.client\.\w+|(?:requests|httpx|aiohttp|paramiko|telnetlib|ftplib|smtplib|bleak|psutil)\..+"
-)
-"""What asks something outside of the process: programs and the network."""
-_CHANCE = re.compile(
-    r"(?:.*\.)?random\..+|secrets\..+|uuid\..+"
-    r"|os\.(?:urandom|getpid|getloadavg|times|getrandom|cpu_count)|hash|id"
-    r"|resource\..+|platform\..+"
-)
-_CLOCK = re.compile(
-    r"time\.(?:time|monotonic|perf_counter|time_ns|monotonic_ns|process_time)|(?:.*\.)?datetime\.(?:now|utcnow|today)"
-    r"|(?:.*\.)?date\.today"
-)
-_PURE = re.compile(
-    r"(?:str|int|float|complex|bool|bytes|bytearray|memoryview|round|len|min|max|sum|sorted|reversed|list|dict|tuple|set"
-    r"|frozenset|abs|repr|ascii|format|enumerate|zip|range|isinstance|issubclass|getattr|hasattr|setattr|next|iter|map"
-    r"|filter|any|all|type|divmod|pow|ord|chr|hex|bin|oct|slice|vars|super|print|callable|anext|aiter|cast|object"
-    r"|(?:pathlib\.)?(?:Pure)?(?:Posix)?Path"
-    r"|(?:os\.path|re|json|math|cmath|struct|statistics|decimal|fractions|collections|itertools|functools|operator"
-    r"|string|textwrap|base64|binascii|zlib|hashlib|copy|dataclasses|typing|typing_extensions|enum|types|array|io"
-    r"|datetime|calendar|logging|contextlib|numpy|np|PIL|pydantic|fastmcp|mcp|attrs|attr|cv2|fnmatch|shlex|bisect"
-    r"|heapq|numbers|unicodedata|warnings|asyncio|threading|queue|concurrent|time|random|inspect|weakref|locale|html"
-    r"|colorsys|difflib|pprint|reprlib|zoneinfo|runtime\.sentence|runtime\.bus|runtime\.sysroot)(?:\..+)?|.*Error|.*Fault)"
-)
-"""What only makes one value of another, unless it is given the place of a device."""
-_PLACES = frozenset(
-    {"node", "nodes", "path", "paths", "bus", "joinpath", "with_name", "with_suffix", "with_stem", "relative_to"}
-    | {
-        "resolve",
-        "absolute",
-        "expanduser",
-        "as_posix",
-        "format",
-        "join",
-        "strip",
-        "split",
-        "rsplit",
-        "replace",
-        "lower",
-    }
-    | {
-        "upper",
-        "partition",
-        "rpartition",
-        "removeprefix",
-        "removesuffix",
-        "startswith",
-        "endswith",
-        "encode",
-        "confirm",
-    }
-    | {
-        "is_relative_to",
-        "match",
-        "append",
-        "add",
-        "extend",
-        "insert",
-        "update",
-        "setdefault",
-        "items",
-        "values",
-        "keys",
-    }
-    | {
-        "copy",
-        "index",
-        "count",
-        "title",
-        "capitalize",
-        "casefold",
-        "lstrip",
-        "rstrip",
-        "zfill",
-        "push",
-        "enter_context",
-    }
-    | {"acquire", "release", "__enter__", "__exit__", "debug", "info", "warning", "error", "exception", "log"}
-)
-"""Methods that tell of a place, or make another one of it; whatever else is asked of it reads."""
-_OPENS = frozenset({"open", "io.open", "os.open", "os.fdopen", "io.FileIO"})
-_OF_ITSELF = frozenset({"id", "strength", "actuate"})
-"""What a device that was found knows without being asked."""
-_SELF = frozenset({"self", "cls"})
-_MADE = ("__init__", "__post_init__", "__new__")
 
 
 @lru_cache(maxsize=4)
@@ -129,7 +39,7 @@ def flow_of(source: Source, roots: frozenset[Function]) -> "Flow":
     return Flow(source, roots)
 
 
-class Flow:
+class Flow(Deciding):
     """The origins of all expressions of a file, found by going over it until nothing new comes to light."""
 
     def __init__(self, source: Source, roots: frozenset[Function]) -> None:
@@ -141,17 +51,17 @@ class Flow:
             self._named.setdefault(function.name, []).append(function)
         self._calls_of: dict[str, list[ast.Call]] = {}
         for call, _ in source.calls:
-            self._calls_of.setdefault(_last(call.func), []).append(call)
+            self._calls_of.setdefault(last(call.func), []).append(call)
         called = {call.func for call, _ in source.calls}
         decorators = {each for item in source.functions for each in item.decorator_list}
         self._valued = {
-            _last(item)
+            last(item)
             for item in source.nodes
             if isinstance(item, ast.Name | ast.Attribute)
             and isinstance(item.ctx, ast.Load)
             and item not in called
             and item not in decorators
-            and not _is_registered(source, item)
+            and not is_registered(source, item)
         }
         self._known: dict[ast.AST, Origin] = {}
         self._seen: dict[ast.AST, Origin] = {}
@@ -171,33 +81,6 @@ class Flow:
         self._going.discard(node)
         self._seen[node] = found
         return found
-
-    def control(self, node: ast.AST) -> Origin:
-        """What decides whether a statement runs, of what was read: not whom the caller named."""
-        found = Origin.NONE
-        for above, below in self._source.above(node):
-            if isinstance(above, ast.If | ast.While) and below is not above.test:
-                found |= self.of(above.test)
-            elif isinstance(above, ast.For | ast.AsyncFor) and below is not above.iter:
-                found |= self.of(above.iter)
-            elif isinstance(above, ast.Match) and below is not above.subject:
-                found |= self.of(above.subject)
-        return (found & (Origin.READ | Origin.SYSTEM | Origin.COUNTED)) | self.past(node)
-
-    def past(self, node: ast.AST) -> Origin:
-        """What was read that decided that a statement is reached at all: a wait before it, or a way out.
-
-        A way out where nothing was read is none: whoever makes up a result may still look whether there is one.
-        """
-        owner, found = self._source.owner(node), Origin.NONE
-        below, above = node, self._source.parents.get(node)
-        while above is not None and below is not owner:
-            for _, block in ast.iter_fields(above):
-                before = block[: block.index(below)] if isinstance(block, list) and below in block else []
-                for item in before:
-                    found |= self.of(item.test) if _leads_out(item) else Origin.NONE
-            below, above = above, self._source.parents.get(above)
-        return found & (Origin.READ | Origin.SYSTEM)
 
     def results(self, function: Function) -> list[ast.expr]:
         """The values that a function returns or yields; a plain None is none."""
@@ -228,7 +111,7 @@ class Flow:
         scope = self.bindings.scope(node, node.id)
         if scope is None or scope in self._roots or scope.name in self._valued or self.is_inner(node):
             return []
-        given = [item.arg for item in (*scope.args.posonlyargs, *scope.args.args) if item.arg not in _SELF]
+        given = [item.arg for item in (*scope.args.posonlyargs, *scope.args.args) if item.arg not in SELF]
         out: list[ast.AST] = []
         for call in (each for each in self._calls_of.get(scope.name, ()) if self._source.owner(each) in used):
             named = [item.value for item in call.keywords if item.arg == node.id]
@@ -251,7 +134,7 @@ class Flow:
 
     def _settle(self) -> None:
         values = [item for item in self._source.nodes if isinstance(item, ast.expr)]
-        for _ in range(_ROUNDS):
+        for _ in range(ROUNDS):
             for item in values:
                 self.of(item)
             changed = self._seen != self._known
@@ -278,10 +161,7 @@ class Flow:
         return self._any(item for item in ast.iter_child_nodes(node) if isinstance(item, ast.expr | ast.FormattedValue))
 
     def _any(self, nodes: Iterable[ast.AST | None]) -> Origin:
-        found = Origin.NONE
-        for item in nodes:
-            found |= self.of(item)
-        return found
+        return reduce(or_, (self.of(item) for item in nodes), Origin.NONE)
 
     def _name(self, node: ast.Name) -> Origin:
         inner = self._inner(node)
@@ -350,7 +230,7 @@ class Flow:
         for item in (*call.args, *(each.value for each in call.keywords)):
             functions += self._named.get(item.id, []) if isinstance(item, ast.Name) else []
         known = self._given(call) | (self.of(call.func) if isinstance(call.func, ast.Attribute) else Origin.NONE)
-        if name.startswith("runtime.") or (not functions and _PURE.fullmatch(name)):
+        if name.startswith("runtime.") or (not functions and PURE.fullmatch(name)):
             return Origin.NONE
         if known & Origin.FOUND:
             return Origin.READ
@@ -365,36 +245,26 @@ class Flow:
 
     def _parameter(self, function: Function, name: str) -> Origin:
         """What callers give for a parameter; what nobody here calls may be given anything."""
-        if name in _SELF:
-            return Origin.NONE
         found = Origin.NONE
+        if name in SELF:
+            return found
         if function in self._roots:
             found |= Origin.DEVICE if name == "device" else Origin.ARGUMENT
         above = self._source.parents.get(function)
         names = {function.name}
-        if isinstance(above, ast.ClassDef) and function.name in _MADE:
-            names = {above.name, *(each.name for each in self._classes.values() if _inherits(each, above.name))}
+        if isinstance(above, ast.ClassDef) and function.name in MADE:
+            names = {above.name, *(each.name for each in self._classes.values() if inherits(each, above.name))}
         calls = [call for each in names for call in self._calls_of.get(each, ())]
         for call in calls:
             found |= self._passed(function, call, name)
         if names & self._valued or (not calls and function not in self._roots):
             found |= Origin.FOUND | Origin.READ
-        return found | self._any(self._default(function, name))
-
-    def _default(self, function: Function, name: str) -> Iterator[ast.expr | None]:
-        given = [*function.args.posonlyargs, *function.args.args]
-        defaults = function.args.defaults
-        for item, value in zip(given[len(given) - len(defaults) :], defaults, strict=True):
-            if item.arg == name:
-                yield value
-        for item, default in zip(function.args.kwonlyargs, function.args.kw_defaults, strict=True):
-            if item.arg == name:
-                yield default
+        return found | self._any(defaults(function, name))
 
     def _passed(self, function: Function, call: ast.Call, name: str) -> Origin:
         """What one call gives for a parameter."""
         given = [*function.args.posonlyargs, *function.args.args]
-        if given and given[0].arg in _SELF:
+        if given and given[0].arg in SELF:
             given = given[1:]
         places = [item.arg for item in given]
         stars = [item.arg for item in (function.args.vararg, function.args.kwarg) if item is not None]
@@ -410,25 +280,21 @@ class Flow:
         name = self._source.dotted(node)
         root = base(node)
         if root is not None and root.id in self._source.names and not self._inner_name(root):
-            return Origin.NONE if not _CHANCE.fullmatch(name) else Origin.CHANCE
+            return Origin.NONE if not CHANCE.fullmatch(name) else Origin.CHANCE
         found = self.of(node.value)
-        if node.attr in _OF_ITSELF:
+        if node.attr in OF_ITSELF:
             found &= ~Origin.FOUND
         for each in self.bindings.attributes.get(node.attr, ()):
             found |= self.of(each.value) | self.control(each.node)
         for owner in self._classes.values():
             found |= self._field(owner, node.attr)
         for function in self._named.get(node.attr, ()):
-            if not self._is_called(node):
+            if not is_called(self._source, node):
                 found |= self.returned(function)
         return found
 
     def _inner_name(self, root: ast.Name) -> bool:
         return self.bindings.scope(root, root.id) is not None
-
-    def _is_called(self, node: ast.AST) -> bool:
-        above = self._source.parents.get(node)
-        return isinstance(above, ast.Call) and above.func is node
 
     def _field(self, owner: ast.ClassDef, name: str) -> Origin:
         """What is given for a field where a class without `__init__` of its own is made."""
@@ -482,7 +348,7 @@ class Flow:
         """What using an object of a class may give without naming a method."""
         found = Origin.NONE
         for item in owner.body:
-            if not isinstance(item, ast.FunctionDef | ast.AsyncFunctionDef) or item.name in _MADE:
+            if not isinstance(item, ast.FunctionDef | ast.AsyncFunctionDef) or item.name in MADE:
                 continue
             found |= self.returned(item) if item.name.startswith("__") else Origin.NONE
         return found
@@ -494,7 +360,7 @@ class Flow:
             return isinstance(value.func, ast.Name) and value.func.id in self._classes
         if not isinstance(value, ast.Name):
             return False
-        if value.id in _SELF or value.id in self._classes:
+        if value.id in SELF or value.id in self._classes:
             return True
         reaching, open_ = self.bindings.reaching(value)
         made = [each for each in reaching if each.whole]
@@ -517,54 +383,17 @@ class Flow:
         elif not isinstance(call.func, ast.Name) or self._is_variable(call.func):
             receiver = self.of(call.func)
         found = given | receiver
-        if _CHANCE.fullmatch(name) or _CLOCK.fullmatch(name):
-            return found | (Origin.CHANCE if _CHANCE.fullmatch(name) else Origin.CLOCK)
-        asks = name.startswith("runtime.") and "()" not in name and not _PURE.fullmatch(name)
-        if asks or _ELSEWHERE.fullmatch(name):
+        if CHANCE.fullmatch(name) or CLOCK.fullmatch(name):
+            return found | (Origin.CHANCE if CHANCE.fullmatch(name) else Origin.CLOCK)
+        asks = name.startswith("runtime.") and "()" not in name and not PURE.fullmatch(name)
+        if asks or ELSEWHERE.fullmatch(name):
             return found | (Origin.READ if found & Origin.FOUND else Origin.SYSTEM)
-        method = _last(call.func)
+        method = last(call.func)
         by_name = isinstance(call.func, ast.Name) or module
-        if by_name and name not in _OPENS and _PURE.fullmatch(name) and not _touches(name):
+        if by_name and name not in OPENS and PURE.fullmatch(name) and not touches(name):
             return found
-        if not by_name and method in _PLACES:
+        if not by_name and method in PLACES:
             return found
         if found & (Origin.FOUND | Origin.SYSTEM):
             return found | (Origin.READ if found & Origin.FOUND else Origin.SYSTEM)
-        return found | Origin.SYSTEM if module and not _PURE.fullmatch(name) and name not in _OPENS else found
-
-
-def _leads_out(statement: ast.AST) -> TypeGuard[ast.If | ast.While]:
-    """Whether a test decides if what follows a statement is reached, by more than that there is something."""
-    if isinstance(statement, ast.While):
-        return not isinstance(statement.test, ast.Constant)
-    if not isinstance(statement, ast.If):
-        return False
-    ways = (ast.Return, ast.Raise, ast.Break, ast.Continue)
-    leaves = any(isinstance(item, ways) for part in statement.body for item in ast.walk(part))
-    only_raises = all(isinstance(item, ast.Raise) for item in statement.body)
-    absent = ast.Is | ast.IsNot
-    compares = [item for item in ast.walk(statement.test) if isinstance(item, ast.Compare)]
-    tells = any(not isinstance(operator, absent) for item in compares for operator in item.ops)
-    return leaves and (tells or not only_raises)
-
-
-def _touches(name: str) -> bool:
-    """What of the modules that only make one value of another reaches a device all the same."""
-    return name.rpartition(".")[2] in ("VideoCapture", "to_thread", "run_in_executor", "FileIO", "fromfile", "imread")
-
-
-def _last(node: ast.AST) -> str:
-    return node.id if isinstance(node, ast.Name) else node.attr if isinstance(node, ast.Attribute) else ""
-
-
-def _inherits(owner: ast.ClassDef, name: str) -> bool:
-    return any(_last(item) == name for item in owner.bases)
-
-
-def _is_registered(source: Source, node: ast.AST) -> bool:
-    """Whether a function stands where a tool is registered or logged, and not as a value for another one."""
-    above = source.parents.get(node)
-    if not isinstance(above, ast.Call) or node not in above.args:
-        return False
-    name = source.dotted(above.func)
-    return name.endswith((".tool", ".add_tool")) or (name.startswith("runtime.") and name.endswith(".logged"))
+        return found | Origin.SYSTEM if module and not PURE.fullmatch(name) and name not in OPENS else found

@@ -4,7 +4,8 @@ import ast
 import re
 from collections.abc import Iterator, Sequence
 
-from octoform.contracts.serve_flow import Flow, Origin
+from octoform.contracts.serve_flow import Flow
+from octoform.contracts.serve_origins import Origin
 from octoform.contracts.source import Source
 from octoform.contracts.text import shown
 

@@ -9,7 +9,8 @@ import re
 from collections.abc import Iterator
 
 from octoform.contracts.model import Artifacts, JsonObject, Rule
-from octoform.contracts.serve_flow import Flow, Origin, flow_of
+from octoform.contracts.serve_flow import Flow, flow_of
+from octoform.contracts.serve_origins import Origin
 from octoform.contracts.serve_places import constants, literal_places
 from octoform.contracts.serve_tool_rules import served_tools, tool_functions
 from octoform.contracts.source import Function, Source, needed_source

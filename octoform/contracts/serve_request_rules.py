@@ -10,7 +10,8 @@ from collections.abc import Iterator, Sequence
 from octoform.contracts.model import Artifacts, Rule
 from octoform.contracts.raw_line_rules import unknown_lines
 from octoform.contracts.serve_exchange_rules import opens_line
-from octoform.contracts.serve_flow import Flow, Origin
+from octoform.contracts.serve_flow import Flow
+from octoform.contracts.serve_origins import Origin
 from octoform.contracts.serve_reading_rules import flow_of_tools
 from octoform.contracts.serve_tool_rules import served_tools, tool_functions
 from octoform.contracts.source import Function, Source, needed_source

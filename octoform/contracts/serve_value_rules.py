@@ -9,7 +9,8 @@ from collections.abc import Iterator
 from typing import Any
 
 from octoform.contracts.model import Artifacts, Rule
-from octoform.contracts.serve_flow import Flow, Origin
+from octoform.contracts.serve_flow import Flow
+from octoform.contracts.serve_origins import Origin
 from octoform.contracts.serve_reading_rules import flow_of_tools
 from octoform.contracts.serve_tool_rules import served_tools, tool_functions
 from octoform.contracts.source import Source, needed_source

@@ -7,7 +7,8 @@ from functools import lru_cache
 from octoform.contracts.model import Artifacts, Rule
 from octoform.contracts.naming import tokens
 from octoform.contracts.serve_device_rules import RUNTIME_TOUCHES, is_node_path
-from octoform.contracts.serve_flow import Flow, Origin
+from octoform.contracts.serve_flow import Flow
+from octoform.contracts.serve_origins import Origin
 from octoform.contracts.serve_places import folded
 from octoform.contracts.serve_reading_rules import flow_of_tools
 from octoform.contracts.serve_tool_rules import served_tools, tool_functions
