@@ -17,17 +17,14 @@ _SURE = """
 """
 """Verbs that say so in every form."""
 _UNSURE = """
-    drive set switch position command home open close hold stop lock park start track sync synchronize
+    drive set switch command home open close hold stop lock park start track sync synchronize
     synchronise press guide wave grip release go turn lift push pull tilt spin bend swing brake tare zero trigger reset
     calibrate configure adjust change write store save program apply execute perform fire launch heat cool dim blink
     flash beep play print feed pump spray cut step clear travel approach visit mirror demonstrate pose control
     actuate halt lower raise shift slide power engage carry send wish demand
 """
 """Verbs that are nouns or adjectives as well: only where they stand as a verb does."""
-_GOALS = frozenset(
-    {"goal", "goals", "target", "targets", "setpoint", "setpoints", "wished", "desired", "commanded", "teleoperation"}
-    | {"teleop", "motionless", "wunsch", "ziel", "sollwert", "consigne", "objetivo"}
-)
+_GOALS = frozenset({"wished", "desired", "commanded", "teleoperation", "teleop"})
 _NEGATING = frozenset({"nothing", "never", "not", "no", "without", "cannot", "neither", "nor", "nobody"})
 _TURNING = frozenset({"but", "only", "except", "until", "unless", "besides", "other", "just", "more"})
 _BEFORE_VERB = frozenset(
@@ -115,7 +112,8 @@ def carries(name: str, schema: Mapping[str, Any], devices: Iterable[str]) -> str
         schema.get("enum", [schema["const"]] if "const" in schema else None),
     )
     words = set(spoken(name))
-    if told := speaks_of_change(said) or next((word for word in words if word in _GOALS), None):
+    aims = _GOALS | {"goal", "goals", "target", "setpoint"}
+    if told := speaks_of_change(said) or next((word for word in (*words, *spoken(said)) if word in aims), None):
         return f"{told} says that it carries what the device is to do"
     times = words & _TIMES
     if values is not None:
@@ -209,7 +207,8 @@ def _is_denied(words: list[str], at: int) -> bool:
 
 def _denied(before: str) -> bool:
     words = _WORD.findall(before)[-4:]
-    return bool(_NEGATING.intersection(words)) and not _TURNING.intersection(words)
+    asks = {"whether", "if"}.intersection(_clause([*_WORD.findall(before), "."], len(_WORD.findall(before))))
+    return bool(asks or _NEGATING.intersection(words)) and not _TURNING.intersection(words)
 
 
 @cache

@@ -20,10 +20,10 @@ LINE = "usb-1234-0003"
 ANSWER = {LINE: "an Acme Arm"}
 
 _MOVING_NAMES = """
-follow_joint_target read_goal_position teach_pose open_gripper close_gripper grip_object park_arm position_joint
+follow_joint_target teach_pose open_gripper close_gripper grip_object park_arm position_joint
 command_joint bring_joint_to_angle stop_arm teleoperate_arm go_to_pose replay_pose nudge_joint relax_joints wave
 mirror_leader track_target read_after_moving sync_goal_positions home_arm calibrate_joints guide_arm hold_pose
-plan_and_read_path explore_joint visit_pose present_pose read_pose_at_target switch_torque
+plan_and_read_path explore_joint visit_pose present_pose switch_torque
 """
 _READING_NAMES = """
 read_position read_joint_positions ask_board read_servo_status read_serial_port_presence listen_nmea
@@ -37,7 +37,7 @@ Teach the arm a pose: release the joints so that a person can guide them.
 Follow a target angle with one joint and read how far it came.
 Read a pose that a person shows by guiding the arm by hand, with the torque released.
 Read the pose. The joint goes there.
-State a goal for one joint and read it back.
+State the wished angle of one joint and read it back.
 Returns where the joint is. The joint moves.
 Read a pose that a person shows by hand; the torque is released for that long.
 Close the gripper of the arm. Returns where the gripper is.
