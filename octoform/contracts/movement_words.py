@@ -83,6 +83,25 @@ _ORDERS_WORDS = """
     sour source arm abor
 """
 _ORDERS = frozenset(_ORDERS_WORDS.split())
+_PARTS = frozenset(
+    {
+        "out",
+        "output",
+        "source",
+        "left",
+        "right",
+        "up",
+        "down",
+        "forward",
+        "backward",
+        "rev",
+        "arm",
+        "torque",
+        "volt",
+        "curr",
+    }
+)
+"""Orders that are names of parts and quantities as well, where a parameter only selects one."""
 
 
 def speaks_of_change(text: str) -> str | None:
@@ -119,7 +138,9 @@ def carries(name: str, schema: Mapping[str, Any], devices: Iterable[str]) -> str
     if values is not None:
         if set(map(str, values)) <= set(devices):
             return None
-        ordered = next((str(each) for each in values if isinstance(each, str) and commands_something(each)), None)
+        named = _PARTS if words & _SELECTING else frozenset()
+        choices = [each for each in values if isinstance(each, str) and not named.issuperset(spoken(each))]
+        ordered = next(filter(commands_something, choices), None)
         amount = next(iter(sorted(words & _QUANTITIES)), None)
         return f"{ordered!r} is an order" if ordered else f"{amount} is a quantity" if amount and not times else None
     kinds = schema.get("type")

@@ -242,7 +242,7 @@ def _without(found: Coverage, width: int, paint: Paint) -> Iterator[str]:
 
 
 def _brief(item: Device, width: int, colour: Callable[[str], str]) -> Iterator[str]:
-    """Its id, what it is and how surely: on one line where that fits, else on two."""
+    """Its id, what it is and how surely: on one line where that fits, else on two or more."""
     name = one_line(item.id, 100)
     tier = f", tier {item.tier}" if item.tier is not None else ""
     sure = f", {item.confidence:.2g} by {_by(item)}" if item.confidence else ""
@@ -251,8 +251,10 @@ def _brief(item: Device, width: int, colour: Callable[[str], str]) -> Iterator[s
     if len(name) + len(called) + len(facts) + 7 <= width:
         yield f"  {colour(name)}  {called} ({facts})"
         return
-    yield f"  {colour(name)}  {one_line(called, max(20, width - 4 - len(name)))}"
-    yield from _wrapped(facts, width, "    ")
+    beside = len(name) + len(called) + 4 <= width
+    yield f"  {colour(name)}  {called}" if beside else f"  {colour(name)}"
+    for text in (facts,) if beside else (called, facts):
+        yield from _wrapped(text, width, "    ")
 
 
 def _why(item: Device) -> str:

@@ -95,7 +95,7 @@ def test_a_state_without_its_artifact_says_so(host: Host, laptop: Artifacts) -> 
 def test_probe_alone_gives_a_report_that_says_what_is_missing(host: Host, laptop: Artifacts) -> None:
     host.accept({"probe": laptop["probe"]})
     report = host.report()
-    assert (report.coverage.funnel.enumerated, report.coverage.funnel.annotated) == (24, None)
+    assert (report.coverage.funnel.enumerated, report.coverage.funnel.annotated) == (25, None)
     assert report.stability is None
     assert report.notes == ("not there yet: IDENTIFY, INTERFACE, SERVE, DEPLOY; octoform apply makes it",)
 
@@ -169,7 +169,7 @@ def test_three_runs_of_which_one_differs(host: Host, laptop: Artifacts) -> None:
         host.add("identify", value)
     stability = host.report().stability
     assert stability is not None
-    assert (stability.runs, stability.compared, stability.same) == (3, 24, 23)
+    assert (stability.runs, stability.compared, stability.same) == (3, 25, 24)
     (told,) = stability.disagreements
     assert told.device == "usb-1d9c-0c14"
     assert told.said == (("Kestrel HD Camera", 2), ("a lamp", 1))
@@ -222,7 +222,7 @@ def test_passes_have_the_papers_columns(host: Host, laptop: Artifacts) -> None:
     host.add("interface", laptop["interface"], seconds=1.0)
     host.add("identify", laptop["identify"])
     first, second = host.report().passes
-    counts = (24, len(laptop["identify"]["devices"]), len(laptop["interface"]["tools"]))
+    counts = (25, len(laptop["identify"]["devices"]), len(laptop["interface"]["tools"]))
     assert first.stages == ("probe", "identify", "interface")
     assert (first.attempts, first.retries, first.seconds) == (4, 1, 10.0)
     assert (first.enumerated, first.annotated, first.tools) == counts

@@ -198,7 +198,7 @@ def test_a_partial_report_says_what_is_not_known(laptop: dict[str, Any]) -> None
     made = report({"probe": laptop["probe"]}, runs=[run_of("builtin", laptop["identify"], None)])
     text = "\n".join(lines(made))
     assert "annotated   not known yet" in text
-    assert "seen, not identified yet (24)" in text
+    assert "seen, not identified yet (25)" in text
     assert "onboardable" not in text
     assert "Not known before INTERFACE has decided the tools." in page(made)
 
