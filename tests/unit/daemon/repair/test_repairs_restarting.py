@@ -148,7 +148,7 @@ def test_a_hung_process_is_ended_only_if_it_is_not_well_by_now(
     there = Running(7, 1, (), "seven", "", "local", None)
     monkeypatch.setattr(daemon_restart, "running", lambda _: there)
     monkeypatch.setattr(daemon_restart, "ask", lambda *_: told)
-    monkeypatch.setattr(daemon_restart.supervising, "accepts", lambda _: accepts)
+    monkeypatch.setattr(daemon_restart.lifecycle, "accepts", lambda _: accepts)
     world = World(lambda: 0.0, lambda: "one", machine._sleep, machine._start, machine._stop, lambda _: True)
     assert restart(machine.layout, world, hung=True).ok
     assert (machine.stopped, machine.started) == (int(restarted), int(restarted))
