@@ -13,13 +13,16 @@ RAW = frozenset(
 )
 """Classes of the kernel whose nodes carry bytes and no meaning (Documentation/ABI, devices.txt)."""
 
-_USB_RAW = frozenset({"usb-02", "usb-03"})
+_VISION = "usb-ef-05"  # USB3 Vision: a camera to those who speak its protocol, and bytes to the kernel
+_USB_RAW = frozenset({"usb-02", "usb-03", _VISION})
 _USB_CLASS = re.compile(r"\bclass ([0-9a-f]{2})/[0-9a-f]{2}/[0-9a-f]{2}|^interface_class: ([0-9a-f]{2})", re.MULTILINE)
 # USB-IF, Defined Class Codes: audio, communications, HID, still image, printer, storage, smart card, video, medical,
 # radio, test and measurement; what is vendor specific (ff) or left to each interface (00) shows no way.
 _USB_WAYS = frozenset(("01", "02", "03", "06", "07", "08", "0b", "0e", "0f", "e0", "fe"))
 
-_PICTURE = ("video4linux", "usb-0e", "usb-06", "media", "dvb", "drm", "graphics")
+_USB_VISION = re.compile(r"\bclass ef/05/")
+
+_PICTURE = ("video4linux", "usb-0e", "usb-06", _VISION, "media", "dvb", "drm", "graphics")
 _SOUND = ("sound", "usb-01", "bluetooth", "dvb", "hdaudio", "soundwire")
 _DISK = (
     *("block", "nvme", "usb-08", "mtd", "ubi", "mmc_host", "scsi_device", "scsi_generic", "bsg", "ata_device"),
@@ -105,8 +108,9 @@ No class of the kernel leads to what moves, switches or weighs: such a word has 
 
 def shown(entry: JsonObject) -> frozenset[str]:
     """The kernel's classes of a PROBE device, and the classes of its USB interfaces that have a standard way."""
-    found = {"".join(pair) for pair in _USB_CLASS.findall(str(entry.get("raw_descriptor", "")))}
-    return frozenset(entry.get("classes", ())) | {f"usb-{code}" for code in found & _USB_WAYS}
+    raw = str(entry.get("raw_descriptor", ""))
+    found = {f"usb-{code}" for code in {"".join(pair) for pair in _USB_CLASS.findall(raw)} & _USB_WAYS}
+    return frozenset(entry.get("classes", ())) | found | ({_VISION} if _USB_VISION.search(raw) else frozenset())
 
 
 def measures(entry: JsonObject, word: str) -> bool:

@@ -118,6 +118,7 @@ def guess(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
         if unsaid := _guessed(device, known, _entry(device, artifacts) or ""):
             summary = f"{shown(device['id'])} says nowhere of itself {', '.join(map(shown, unsaid))}: that is a guess"
             hint = "write category unknown, confidence 0.0, no capabilities, and ask in `missing` what would settle it"
+            hint += "; where the device says it in another language, `says` tells which"
             where = pointer("devices", index, "identified_as")
             out.append(error("IDENTIFY-GUESS", summary, pointer=where, detail=_own_words(known, None), hint=hint))
     return out
@@ -126,7 +127,7 @@ def guess(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
 def _guessed(device: JsonObject, probed: JsonObject, entry: str) -> list[str]:
     """The words of a name that neither the device says nor a class bears out; of a line nothing follows, either."""
     own = said([*_texts(probed), entry])
-    own |= parts(own) | {_SYNONYMS[word] for word in own if word in _SYNONYMS}
+    own |= parts(own) | _meanings(device) | {_SYNONYMS[word] for word in own if word in _SYNONYMS}
     follows = own if "tty" in probed.get("classes", ()) else own | said(e.get("says", "") for e in device["evidence"])
     ways, spelt = ways_of(probed), words(device["identified_as"])
     kinds = [word for word in spelt if kind_of(word.casefold())]
@@ -229,6 +230,13 @@ def _translated(device: JsonObject) -> frozenset[str]:
     """The words of what is said about a language or a meaning; a number is no translation."""
     told = [evidence.get("says", "") for evidence in device["evidence"]]
     return frozenset(word for word in said(text for text in told if _LANGUAGE.search(text)) if not has_digit(word))
+
+
+def _meanings(device: JsonObject) -> frozenset[str]:
+    """The translations of quotes that hold a word to translate: no word of wiring or class, no part's number."""
+    quotes = [(evidence, words(_KEY.sub("", evidence["quote"]))) for evidence in device["evidence"]]
+    kept = [each for each, spelt in quotes if any(_tells(word.casefold()) and not has_digit(word) for word in spelt)]
+    return _translated({"evidence": kept})
 
 
 def _codes(probed: JsonObject) -> frozenset[str]:

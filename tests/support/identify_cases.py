@@ -436,6 +436,12 @@ WRONG: dict[str, tuple[str, Change, str, str]] = {
         GUESSED,
         "unknown",
     ),
+    "a guess that is called a translation": (
+        "bench",
+        called(LINE, "robot arm", f"{USB_SERIAL} => means robot arm", category="actuator", confidence=0.3),
+        GUESSED,
+        "0.0",
+    ),
     "an unknown device with a confidence": ("bench", put(LINE, confidence=0.2), "IDENTIFY-UNKNOWN-CONFIDENCE", "0.0"),
     "an unknown device without a question": ("bench", unknown(LINE, "unclear"), "IDENTIFY-UNKNOWN-MISSING", "settle"),
     "two questions at once": (
@@ -949,6 +955,17 @@ RIGHT: dict[str, tuple[str, Change]] = {
             "udev.ID_MODEL_FROM_DATABASE: Heron Graphics",
             "drm[0].monitor: Reed Panel",
             method="kernel_class",
+        ),
+    ),
+    "a cautious name in German": (
+        "shop",
+        called(
+            METER,
+            "laser engraver",
+            "product: Bench Charmeter => Charmeter is German for laser engraver",
+            category="bidirectional",
+            confidence=0.4,
+            capabilities=[],
         ),
     ),
     "a mouse in German": (

@@ -59,9 +59,19 @@ def identity(device: Device, claim: Claim) -> Identity:
 
 
 def _translated(found: Identity) -> Identity:
-    """The name with what it says in English, where it is in another language."""
-    told = glossary.english(found.name) if found.method == "descriptor_strings" and found.confidence < STRING else ""
-    return Identity(f"{found.name} ({told})", found.confidence, found.method, found.evidence) if told else found
+    """The name with what it says in English, where it is in another language; what it rests on says so, too."""
+    if found.method != "descriptor_strings" or found.confidence >= STRING:
+        return found
+    evidence = tuple(_with_meaning(each) for each in found.evidence)
+    borne_out = {word for each in evidence for word in each.says.split()}
+    told = " ".join(word for word in glossary.english(found.name).split() if word in borne_out)
+    return Identity(f"{found.name} ({told})", found.confidence, found.method, evidence) if told else found
+
+
+def _with_meaning(cited: Evidence) -> Evidence:
+    """The evidence with what its quote means in English."""
+    told = glossary.english(cited.quote)
+    return Evidence(cited.quote, f"{cited.says}; in English: {told}") if told else cited
 
 
 def _is_cited(found: Identity, claim: Claim) -> bool:

@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from cases import for_each
 from hypothesis import example, given
 from hypothesis import strategies as st
 from probes import NO_DATABASES, device, probe, usb
@@ -66,6 +67,8 @@ SHAPES: dict[str, dict[str, Any]] = {
     "disk": {"nodes": [("block", "sdb")], "lines": ["interface 00: class 08/06/50 driver=usb-storage"]},
     "net": {"nodes": [("net", "eth1")], "lines": ["interface 00: class 02/06/00 driver=cdc_ether"]},
     "sensor": {"nodes": [("hwmon", "hwmon3")], "lines": ["hwmon[0].name: chip", "hwmon[0].temp1: input"]},
+    "vision": {"lines": ["interface 00: class ef/05/00"]},
+    "vendor": {"lines": ["interface 00: class ff/00/00"]},
     "light": {"nodes": [("leds", "led0")], "lines": ["leds[0].name: led", "leds[0].max_brightness: 255"]},
 }
 
@@ -97,6 +100,14 @@ def test_no_string_of_a_device_ends_in_a_refusal(shape: str, product: str, maker
         lines.append(f"name: {text.value(product) or 'part'}")
         entry = device(f"{bus}-part", bus, f"bus: {bus}", *lines, nodes=form.get("nodes", ()))
     assert refused(entry) == []
+
+
+@pytest.mark.parametrize("shape", ["bare", "vendor", "vision"])
+@for_each("product", ["", "Kamera", "Otter Drucker", "USB Kopfhörer", "робот", "Тепловая камера", "电机", "Waage 3"])
+def test_a_kind_of_thing_in_another_language_is_accepted(shape: str, product: str) -> None:
+    """No class of the kernel bears it out: what the quote means does, and USB3 Vision is a camera's class."""
+    said = [f"product: {text.value(product)}"] if product else []
+    assert refused(usb(*said, *SHAPES[shape].get("lines", []))) == []
 
 
 @given(SAID, SAID)
