@@ -115,7 +115,7 @@ def guess(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
             continue  # what is soldered in is on a bus that says more of it
         if is_foreign(device["identified_as"], device["id"], artifacts):
             continue
-        if unsaid := _guessed(device, known, _entry(device, artifacts) or ""):
+        if unsaid := _guessed(device, known, _entry(device, artifacts)):
             summary = f"{shown(device['id'])} says nowhere of itself {', '.join(map(shown, unsaid))}: that is a guess"
             hint = "write category unknown, confidence 0.0, no capabilities, and ask in `missing` what would settle it"
             hint += "; where the device says it in another language, `says` tells which"
@@ -124,9 +124,10 @@ def guess(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
     return out
 
 
-def _guessed(device: JsonObject, probed: JsonObject, entry: str) -> list[str]:
+def _guessed(device: JsonObject, probed: JsonObject, entry: str | None) -> list[str]:
     """The words of a name that neither the device says nor a class bears out; of a line nothing follows, either."""
-    own = said([*_texts(probed), entry])
+    told = [each.get("says", "") for each in device["evidence"] if entry is None]  # nobody looked
+    own = said([*_texts(probed), entry or "", *(text for text in told if _SOURCE.search(text))])
     own |= parts(own) | _meanings(device) | {_SYNONYMS[word] for word in own if word in _SYNONYMS}
     follows = own if "tty" in probed.get("classes", ()) else own | said(e.get("says", "") for e in device["evidence"])
     ways, spelt = ways_of(probed), words(device["identified_as"])

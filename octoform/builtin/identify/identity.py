@@ -103,11 +103,13 @@ def _of_usb(device: Device, claim: Claim) -> Identity:
         # Without strings, drivers take a name from a table of their own by the ids.
         confidence = CLASS_ONLY if claim.kind in _NAMELESS else spoken.confidence
         return Identity(spoken.name, confidence, spoken.method, spoken.evidence)
+    evidence, entry = _strings(device), device.database
     if not naming.is_vendor(maker) and _lends_its_vendor(device, claim):
-        maker = device.database.vendor
+        maker = entry.vendor
+        evidence += (Evidence(entry.maker or entry.line, f"{entry.source}: {maker}"),) if maker else ()
     joined = naming.join(maker, product)
     if product and naming.is_name(joined):
-        return Identity(joined, CLASS_ONLY, "descriptor_strings", _strings(device))
+        return Identity(joined, CLASS_ONLY, "descriptor_strings", evidence)
     return registered or spoken or Identity(claim.noun, NOTHING, "kernel_class")
 
 
