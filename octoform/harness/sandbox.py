@@ -46,7 +46,7 @@ SYSTEM = frozenset({"usr", "bin", "sbin", "lib", "lib64", "etc", "dev", "proc", 
 SHALLOW = frozenset({"run", "var", "opt", "srv", "mnt", "media", "tmp"})
 TASK_BYTES = 8 << 20
 ENTRY = Path(__file__).resolve().with_name("sandbox_entry.py")
-LENT = {"CAP_SETUID": 7, "CAP_SETGID": 6, "CAP_SYS_ADMIN": 21, "CAP_DAC_OVERRIDE": 1}
+LENT = {"CAP_SETUID": 7, "CAP_SETGID": 6, "CAP_SYS_ADMIN": 21}
 """What the first program inside is lent by root, each by its bit (linux/capability.h)."""
 UNREADABLE = """for path; do [ -r "$path" ] || { echo "its user cannot read $path" >&2; exit 1; }; done"""
 OF_PROCESSES = frozenset({"self", "thread-self", "mounts", "net"})
