@@ -11,7 +11,7 @@ from typing import Any
 from octoform.contracts import answer_rules
 from octoform.contracts.kinds import shown as ways_of
 from octoform.contracts.kinds import speaks_bytes
-from octoform.contracts.model import Artifacts, JsonObject, Rule
+from octoform.contracts.model import Artifacts, JsonObject, Rule, does_stop
 from octoform.contracts.name_rules import CLAIMED
 from octoform.contracts.naming import is_chip_name, is_passthrough
 from octoform.contracts.raw_line_rules import known_by_a_person
@@ -109,23 +109,28 @@ def capability_on_a_guess(value: JsonObject, artifacts: Artifacts) -> list[Diagn
 
 
 def grammar_differs(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
-    """Where a profile has a grammar, each capability is one of its commands, with its effect."""
+    """Where a profile has a grammar, each capability is one of its commands, with its effect and its way to stop."""
     out = []
     for index, at, profile, capability, commands in _commanded(value, artifacts):
-        command = commands.get(capability["name"])
+        command, stops = commands.get(capability["name"]), capability.get("stops", False)
+        where: tuple[str, ...]
         if command is None:
             summary = f"{shown(capability['name'])} is no command of the profile {shown(profile)}"
-            where, hint = "name", f"its commands are {listed(list(commands), 12)}"
+            where, hint = ("name",), f"its commands are {listed(list(commands), 12)}"
         elif command["effect"] != capability["effect"]:
             summary = (
                 f"{shown(capability['name'])} is {capability['effect']}, and the profile {shown(profile)} says else"
             )
-            where, hint = "effect", f"write {command['effect']}"
+            where, hint = ("effect",), f"write {command['effect']}"
+        elif stops is not does_stop(command):
+            end = "no end of a movement" if stops else "the end of a movement"
+            summary = f"{shown(capability['name'])} is {end} by the profile {shown(profile)}, and is marked otherwise"
+            where = ("stops",) if "stops" in capability else ()
+            hint = 'write "stops": false, or leave it out' if stops else 'write "stops": true'
         else:
             continue
-        out.append(
-            error("IDENTIFY-GRAMMAR", summary, pointer=pointer("devices", index, "capabilities", at, where), hint=hint)
-        )
+        place = pointer("devices", index, "capabilities", at, *where)
+        out.append(error("IDENTIFY-GRAMMAR", summary, pointer=place, hint=hint))
     return out
 
 

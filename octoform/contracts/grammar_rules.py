@@ -8,12 +8,11 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from octoform.contracts.interface_rules import SPARED
-from octoform.contracts.model import Artifacts, JsonObject, Rule
+from octoform.contracts.model import Artifacts, JsonObject, Rule, does_stop
 from octoform.contracts.text import listed, pointer, shown
 from octoform.diagnostics import Diagnostic, did_you_mean, error
 
 CODE = "INTERFACE-GRAMMAR-DIFFERS"
-_STOP = "stop"
 
 
 def grammar_differs(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
@@ -55,8 +54,8 @@ def _problem(name: str, tool: JsonObject, commands: Mapping[str, Mapping[str, An
         return "is no command in the grammar", hint
     if tool["effect"] != command["effect"]:
         return f"is {tool['effect']}, unlike the command", f"write {command['effect']}"
-    if (command.get("do") == _STOP) is not bool(tool.get("stops", False)):
-        word = "true" if command.get("do") == _STOP else "false"
+    if does_stop(command) is not bool(tool.get("stops", False)):
+        word = "true" if does_stop(command) else "false"
         return f"is {'no' if word == 'true' else 'a'} tool that stops, unlike the command", f'write "stops": {word}'
     return _parameters(tool["input_schema"], command.get("parameters", {}))
 

@@ -78,6 +78,11 @@ def effects_of(artifacts: Artifacts) -> dict[str, str]:
     return {capability["name"]: capability["effect"] for device in devices for capability in device["capabilities"]}
 
 
+def does_stop(command: Mapping[str, Any]) -> bool:
+    """Whether a command of a grammar ends a movement, also where nothing can be interrupted."""
+    return bool(command.get("do") == "stop")
+
+
 def is_graver(effect: str, other: str) -> bool:
     """Whether an effect is graver than another one."""
     graveness = ("read", "actuate", "irreversible")

@@ -67,6 +67,11 @@ def device(value: Output, name: str) -> Output:
     return entry
 
 
+def ability(value: Output, name: str, capability: str) -> Output:
+    """A capability of a device, by its name."""
+    return next(each for each in device(value, name)["capabilities"] if each["name"] == capability)
+
+
 def cited(*quotes: str) -> list[dict[str, str]]:
     """Evidence of quotes that may be followed by ' => ' and what they say."""
     pairs = (each.partition(" => ") for each in quotes)
@@ -706,6 +711,30 @@ WRONG: dict[str, tuple[str, Change, str, str]] = {
         GRAMMAR,
         "actuate",
     ),
+    "a rail's stop that is not marked": (
+        "rig",
+        lambda value: ability(value, RAIL, "rail_stop").pop("stops"),
+        GRAMMAR,
+        'write \\"stops\\": true',
+    ),
+    "an arm's stop that is said to be none": (
+        "rig",
+        lambda value: ability(value, ARM, "arm_stop").update(stops=False),
+        GRAMMAR,
+        'write \\"stops\\": true',
+    ),
+    "a movement that is marked as a stop": (
+        "rig",
+        lambda value: ability(value, ARM, "arm_home").update(stops=True),
+        GRAMMAR,
+        'write \\"stops\\": false',
+    ),
+    "a reading that is marked as a stop": (
+        "rig",
+        lambda value: ability(value, RAIL, "rail_position").update(stops=True),
+        GRAMMAR,
+        'write \\"stops\\": false',
+    ),
     "an answer that nobody gave": (
         "bench",
         called(LINE, "a robot arm", USB_SERIAL, method="user_answer"),
@@ -827,6 +856,12 @@ WRONG: dict[str, tuple[str, Change, str, str]] = {
 
 _RANGE: dict[str, Any] = {"range": [0, 1500], "unit": "raw", "channels": ["left", "right"]}
 RIGHT: dict[str, tuple[str, Change]] = {
+    "movements that are said to be no stop": (
+        "rig",
+        lambda value: [
+            each.setdefault("stops", False) for name in (ARM, RAIL) for each in device(value, name)["capabilities"]
+        ],
+    ),
     "the product string as it stands": (
         "rig",
         called(CAMERA, "Microsoft® LifeCam Studio(TM)", "product: Microsoft® LifeCam Studio(TM)"),
