@@ -4,11 +4,11 @@ A description is closed. A tool beside it would send something that nobody descr
 would let a caller say what the description does not allow; both come from an agent that guesses.
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from typing import Any
 
 from octoform.contracts.interface_rules import SPARED
-from octoform.contracts.model import Artifacts, JsonObject, Rule, does_stop
+from octoform.contracts.model import Artifacts, JsonObject, Rule, described, does_stop
 from octoform.contracts.text import listed, pointer, shown
 from octoform.diagnostics import Diagnostic, did_you_mean, error
 
@@ -19,7 +19,7 @@ def grammar_differs(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]
     """The tools of a device with a grammar mirror it exactly: names, effects, and what a caller may say."""
     spared = {item["id"] for item in value["left_out"] if item["reason"] in SPARED}
     out: list[Diagnostic] = []
-    for device, profile, commands in _described(artifacts):
+    for device, profile, commands in described(artifacts.identify, artifacts):
         tools = {tool["capability"]: (at, tool) for at, tool in enumerate(value["tools"]) if device in tool["devices"]}
         absent = [name for name in commands if name not in tools]
         if absent and device not in spared:
@@ -35,14 +35,6 @@ def grammar_differs(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]
 
 
 RULES = (Rule(CODE, grammar_differs),)
-
-
-def _described(artifacts: Artifacts) -> Iterator[tuple[str, str, Mapping[str, Mapping[str, Any]]]]:
-    """(device, profile, commands by tool) of each device that a profile with a grammar identified."""
-    for device in (artifacts.identify or {"devices": []})["devices"]:
-        facts = artifacts.profiles.get(device.get("profile", ""))
-        if facts is not None and facts.commands:
-            yield device["id"], facts.name, {command["tool"]: command for command in facts.commands}
 
 
 def _problem(name: str, tool: JsonObject, commands: Mapping[str, Mapping[str, Any]]) -> tuple[str, str] | None:

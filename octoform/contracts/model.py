@@ -3,7 +3,7 @@
 A rule sees values only. It opens nothing and asks nobody, so the same artifacts always give the same answer.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -73,9 +73,22 @@ class Artifacts:
 
 
 def effects_of(artifacts: Artifacts) -> dict[str, str]:
-    """The effect that IDENTIFY gives each capability, by its name."""
+    """The effect that IDENTIFY gives each capability, by its name; a grammar's command has that of the grammar."""
     devices = (artifacts.identify or {"devices": []})["devices"]
-    return {capability["name"]: capability["effect"] for device in devices for capability in device["capabilities"]}
+    found = {capability["name"]: capability["effect"] for device in devices for capability in device["capabilities"]}
+    for _, _, commands in described(artifacts.identify, artifacts):
+        found |= {name: command["effect"] for name, command in commands.items() if name in found}
+    return found
+
+
+def described(
+    identify: JsonObject | None, artifacts: Artifacts
+) -> Iterator[tuple[str, str, Mapping[str, Mapping[str, Any]]]]:
+    """(device, profile, commands by name) of each device that IDENTIFY names by a profile with a grammar."""
+    for device in (identify or {"devices": []})["devices"]:
+        facts = artifacts.profiles.get(device.get("profile", ""))
+        if facts is not None and facts.commands:
+            yield device["id"], facts.name, {command["tool"]: command for command in facts.commands}
 
 
 def does_stop(command: Mapping[str, Any]) -> bool:

@@ -1,22 +1,26 @@
 """Rules for what ends a movement: IDENTIFY says which capability does, INTERFACE repeats it, and neither says too much.
 
 A call of such a tool passes those that wait for the device, so the mark belongs to tools that do nothing but stop.
+Where a profile has a grammar, that alone says which command stops, and the rules of grammars tell who strays from it.
 """
 
-from octoform.contracts.model import Artifacts, JsonObject, Rule
+from octoform.contracts.model import Artifacts, JsonObject, Rule, described
 from octoform.contracts.text import pointer, shown
 from octoform.diagnostics import Diagnostic, error
 
 _ACTUATE = "actuate"
 
 
-def identify_stops(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
+def identify_stops(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
     """A capability that stops actuates, and does so on every device that has it."""
+    commanded = {device: commands for device, _, commands in described(value, artifacts)}
     first: dict[str, bool] = {}
     out = []
     for index, device in enumerate(value["devices"]):
         for at, capability in enumerate(device["capabilities"]):
             stops, name = capability.get("stops", False), capability["name"]
+            if name in commanded.get(device["id"], {}):
+                continue
             if stops and capability["effect"] != _ACTUATE:
                 summary, hint = f"{shown(name)} stops and is {capability['effect']}", "what ends a movement actuates"
             elif first.setdefault(name, stops) is not stops:
@@ -36,6 +40,9 @@ def interface_stops(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]
         for device in (artifacts.identify or {"devices": []})["devices"]
         for capability in device["capabilities"]
     }
+    for _, _, commands in described(artifacts.identify, artifacts):
+        for name in commands:
+            stopping.pop(name, None)
     out = []
     for index, tool in enumerate(value["tools"]):
         stops = tool.get("stops", False)

@@ -6,8 +6,10 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from cases import for_each
 
 from octoform.contracts.grammar_rules import grammar_differs
+from octoform.contracts.interface_rules import effect_differs
 from octoform.contracts.model import Artifacts, ProfileFacts
 from octoform.contracts.stop_rules import identify_stops, interface_stops
 from octoform.profiles import Profile, commands, load
@@ -42,17 +44,22 @@ def identified(profile: Profile) -> dict[str, Any]:
     return {"devices": [{"id": DEVICE, "profile": profile.name, "capabilities": stops}]}
 
 
-def judged(name: str, change: Callable[[Tools], Any] = lambda tools: None) -> list[str]:
+def judged(
+    name: str,
+    change: Callable[[Tools], Any] = lambda tools: None,
+    before: Callable[[dict[str, dict[str, Any]]], Any] = lambda capabilities: None,
+) -> list[str]:
+    """What is told of the changed tools of a profile, after an IDENTIFY whose capabilities are changed, too."""
     profile = PROFILES[name]
     tools = {item["tool"]: tool(item) for item in commands(profile)}
     change(tools)
     facts = {name: ProfileFacts(name, frozenset({DEVICE}), profile.limits, commands(profile))}
-    given = Artifacts(identify=identified(profile), profiles=facts)
+    known = identified(profile)
+    before({item["name"]: item for item in known["devices"][0]["capabilities"]})
+    given = Artifacts(identify=known, profiles=facts)
     interface = {"tools": list(tools.values()), "left_out": []}
-    return [
-        f"{item.summary} / {item.hint}"
-        for item in (*grammar_differs(interface, given), *interface_stops(interface, given))
-    ]
+    rules = (grammar_differs, interface_stops, effect_differs)
+    return [f"{item.summary} / {item.hint}" for rule in rules for item in rule(interface, given)]
 
 
 @pytest.mark.parametrize("name", sorted(PROFILES))
@@ -127,6 +134,37 @@ def test_what_differs_from_the_grammar_is_told(case: str) -> None:
     name, change, says = CASES[case]
     told = judged(name, change)
     assert any(says in item for item in told), told
+
+
+# An artifact from before a profile was changed, or from before IDENTIFY was held to it: what it says of a capability.
+OLD: dict[str, tuple[str, str, dict[str, Any]]] = {
+    "a stop of a rail that is none": ("camera-rail", "rail_stop", {"stops": False}),
+    "a stop of an arm that is none": ("so-arm101", "arm_stop", {"stops": False}),
+    "a movement that stops": ("so-arm101", "arm_home", {"stops": True}),
+    "a reading that acts": ("camera-rail", "rail_position", {"effect": "actuate"}),
+    "a movement that reads": ("so-arm101", "arm_move_joint", {"effect": "read"}),
+}
+
+
+@for_each("case", OLD)
+def test_where_identify_contradicts_the_grammar_the_grammar_holds(case: str) -> None:
+    name, capability, says = OLD[case]
+
+    def before(capabilities: dict[str, dict[str, Any]]) -> None:
+        capabilities[capability].update(says)
+
+    assert judged(name, before=before) == []
+    told = judged(name, lambda tools: tools[capability].update(says), before)
+    assert any("unlike the command" in item for item in told) and not any("capability says" in item for item in told)
+
+
+def test_of_the_commands_of_a_grammar_one_rule_tells_who_stops() -> None:
+    facts = ProfileFacts("camera-rail", frozenset({DEVICE, "usb-2"}), (), commands(PROFILES["camera-rail"]))
+    value = identified(PROFILES["camera-rail"])
+    value["devices"].append({**deepcopy(value["devices"][0]), "id": "usb-2"})
+    value["devices"][1]["capabilities"][-1]["stops"] ^= True
+    assert identify_stops(value, Artifacts(profiles={"camera-rail": facts})) == []
+    assert len(identify_stops(value, Artifacts())) == 1
 
 
 def test_words_may_be_fewer_and_one_may_be_fixed() -> None:
