@@ -24,13 +24,17 @@ _LONG_SERVER = 12
 def capability_without_tool(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
     """Each capability has its tool, unless all of its devices are left out for the budget, or as unsafe."""
     served = {tool["capability"] for tool in value["tools"]}
+    open_lines = raw_line_rules.lines_without_knowledge(artifacts)
+    unsafe = (
+        "what is not safe to serve is left out with the reason unsafe, its `capability` named and why in `detail`; "
+    )
     return [
         error(
             "INTERFACE-CAPABILITY-WITHOUT-TOOL",
             f"no tool has the capability {shown(name)} of {listed(sorted(owners))}",
             pointer="/tools",
-            hint="add its tool; what is not safe to serve is left out with the reason unsafe, its `capability` named "
-            "and why in `detail`; where the tool budget forbids it, leave its devices out with the reason tool_budget",
+            hint=f"add its tool; {unsafe if owners <= open_lines else ''}where the tool budget forbids it, leave its "
+            "devices out with the reason tool_budget",
         )
         for name, owners in _owners(artifacts).items()
         if name not in served and not owners <= _spared(value, name)

@@ -10,14 +10,14 @@ import re
 from collections.abc import Iterator
 
 from octoform.contracts.kinds import RAW
-from octoform.contracts.model import Artifacts, JsonObject, Rule, effects_of
+from octoform.contracts.model import Artifacts, JsonObject, Rule, described, effects_of
 from octoform.contracts.movement_words import carries, is_quantity, name_moves, speaks_of_change, spoken
 from octoform.contracts.naming import changes, is_passthrough, offers_a_pipe
 from octoform.contracts.text import pointer, shown
 from octoform.diagnostics import Diagnostic, error
 
 CODE, READ, OFFERED = "IDENTIFY-ACTUATE-WITHOUT-PROFILE", "IDENTIFY-READ-MOVES", "IDENTIFY-PROFILE-NOT-CHOSEN"
-TOOL, LIMITED = "INTERFACE-READ-MOVES", "INTERFACE-READ-LIMITED"
+TOOL, LIMITED, UNSAFE = "INTERFACE-READ-MOVES", "INTERFACE-READ-LIMITED", "INTERFACE-REASON-FALSE"
 _USB_CLASS = re.compile(r"\bclass (?:01|06|07|08|0b|0e)/[0-9a-f]{2}/[0-9a-f]{2}")
 # USB-IF, Defined Class Codes: audio, still image, printer, storage, smart card and video have commands of their own.
 _LISTENS = frozenset({"listen", "listens", "listening", "presence", "present", "attached", "connected"})
@@ -91,7 +91,7 @@ def tool_moves(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
 
 def read_limited(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
     """A tool that reads gives the device no quantity that could be too large: a limit of one belongs to what acts."""
-    effects = effects_of(artifacts)
+    effects, open_lines = effects_of(artifacts), lines_without_knowledge(artifacts)
     profiled = set().union(*(facts.holds for facts in artifacts.profiles.values()))
     out = []
     for index, tool in enumerate(value["tools"]):
@@ -102,14 +102,44 @@ def read_limited(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
                 summary = (
                     f"{shown(tool['name'])} is declared read, and {shown(name)}, which it limits, is for the device"
                 )
-                hint = "a tool that reads takes no such parameter; leave a capability that acts out as `unsafe`"
+                acts = "leave a capability that acts out as `unsafe`"
+                acts = acts if open_lines.intersection(tool["devices"]) else "a tool that acts says so in its `effect`"
+                hint = f"a tool that reads takes no such parameter; {acts}"
                 where = pointer("tools", index, "limits", at)
                 out.append(error(LIMITED, summary, pointer=where, hint=hint))
     return out
 
 
+def unsafe_known(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
+    """Unsafe is only what goes over a line without knowledge: elsewhere somebody says what may be done, and how far."""
+    if artifacts.probe is None:
+        return []
+    commanded = {device: name for device, name, _ in described(artifacts.identify, artifacts)}
+    held = {device: name for name, facts in sorted(artifacts.profiles.items()) for device in facts.holds} | commanded
+    open_lines = lines_without_knowledge(artifacts) - held.keys()
+    out = []
+    for index, item in enumerate(value["left_out"]):
+        name = item["id"]
+        if item["reason"] != "unsafe" or name in open_lines:
+            continue
+        if name in held:
+            why = f"the profile {shown(held[name])} says how it is driven"
+            hint = f"add {'a tool for each command of its grammar' if name in commanded else 'its tools'}"
+            hint += "; its limits bind every call, and what nobody is to call is denied in the `policy` of octopus.yaml"
+        elif name in artifacts.answers:
+            why = f"its owner says what it is: {shown(artifacts.answers[name])}"
+            hint = "add its tools, with limits; what nobody is to call is denied in the `policy` of octopus.yaml"
+        else:
+            why = "it is reached by an interface of the system and not by a raw line alone"
+            hint = "add its tools, each with the effect that it has, or give the reason that is true of it"
+        summary = f"{shown(item.get('capability', name))} is left out as unsafe"
+        summary += f" on {shown(name)}, and {why}" if "capability" in item else f", and {why}"
+        out.append(error(UNSAFE, summary, pointer=pointer("left_out", index, "reason"), hint=hint))
+    return out
+
+
 RULES = (Rule(CODE, actuate_without_profile), Rule(READ, read_moves), Rule(OFFERED, profile_not_chosen))
-INTERFACE_RULES = (Rule(TOOL, tool_moves), Rule(LIMITED, read_limited))
+INTERFACE_RULES = (Rule(TOOL, tool_moves), Rule(LIMITED, read_limited), Rule(UNSAFE, unsafe_known))
 
 
 def known_by_a_person(device: JsonObject, artifacts: Artifacts) -> bool:
@@ -133,6 +163,11 @@ def lines_beside(artifacts: Artifacts) -> frozenset[str]:
     probed = (artifacts.probe or {}).get("devices", ())
     found = {device["id"] for device in probed if not RAW.isdisjoint(device.get("classes", ()))}
     return frozenset(found - known - unknown_lines(artifacts))
+
+
+def lines_without_knowledge(artifacts: Artifacts) -> frozenset[str]:
+    """The devices whose raw line nobody knows, whether or not a class with a meaning is beside it."""
+    return unknown_lines(artifacts) | lines_beside(artifacts)
 
 
 def is_raw_line(device: JsonObject) -> bool:

@@ -436,6 +436,7 @@ def test_every_rule_has_a_code_of_its_stage_and_a_case_here() -> None:
         "IDENTIFY-READ-MOVES",
         "INTERFACE-READ-LIMITED",
         "INTERFACE-READ-MOVES",
+        "INTERFACE-REASON-FALSE",
         "IDENTIFY-NEIGHBOUR-PROMOTED",
         "IDENTIFY-MANY-CAPABILITIES",
         "IDENTIFY-MANY-DEVICES",

@@ -5,6 +5,7 @@ the honest ones that look alike.
 """
 
 import copy
+from dataclasses import replace
 from typing import Any
 
 from cases import for_each
@@ -179,6 +180,47 @@ def test_a_capability_is_left_out_as_unsafe_alone_or_with_its_device() -> None:
     served = interface({})
     served["left_out"].append(why)
     assert [each.code for each in problems("interface", served, known(artifacts))] == ["INTERFACE-LEFT-OUT-TWICE"]
+
+
+_ARM = {"tool": "read_angle", "effect": "read", "parameters": {}}
+# What is known of the line, and what the finding says; None where the reason is accepted.
+UNSAFE: dict[str, tuple[dict[str, Any], str | None]] = {
+    "a line that nobody knows": ({}, None),
+    "such a line beside a class": ({"classes": ["tty", "video4linux"]}, None),
+    "a class of the kernel": ({"classes": ["video4linux"], "raw_descriptor": "product: Acme Arm"}, "effect"),
+    "an answer": ({"answers": ANSWER}, "an Acme Arm"),
+    "a profile": ({"profiles": {"arm": ProfileFacts("arm", frozenset({LINE}))}}, "denied in the `policy`"),
+    "a grammar": ({"profiles": {"arm": ProfileFacts("arm", frozenset({LINE}), (), (_ARM,))}}, "each command"),
+}
+
+
+@for_each("case", UNSAFE)
+def test_only_what_nobody_knows_is_unsafe(case: str) -> None:
+    more, says = UNSAFE[case]
+    seen = probe(**{name: more[name] for name in ("classes", "raw_descriptor") if name in more})
+    before = identify("read_angle", "Read it.")
+    if "profiles" in more:
+        before["devices"][3] |= {"profile": "arm", "method": "profile"}
+    given = artifacts(probe=seen, identify=before, answers=more.get("answers", {}), profiles=more.get("profiles", {}))
+    why = {"id": LINE, "reason": "unsafe", "detail": "it may move what hangs on the line"}
+    for entry in (why, {**why, "capability": "read_angle"}):
+        value = interface({})
+        value["tools"].pop()
+        value["left_out"].append(entry)
+        found = problems("interface", value, given)
+        assert [item.code for item in found] == ([] if says is None else ["INTERFACE-REASON-FALSE"])
+        assert all(says is not None and says in f"{item.summary} {item.hint}" for item in found), found
+
+
+@for_each("case", UNSAFE)
+def test_who_leaves_a_tool_out_is_told_of_that_reason_only_where_it_counts(case: str) -> None:
+    more, says = UNSAFE[case]
+    seen = probe(**{name: more[name] for name in ("classes", "raw_descriptor") if name in more})
+    given = known(artifacts, answers=more.get("answers", {}), profiles=more.get("profiles", {}))
+    value = interface({})
+    value["tools"].pop()
+    told = [item for item in problems("interface", value, replace(given, probe=seen)) if "TOOL" in item.code]
+    assert [("unsafe" in str(item.hint)) for item in told] == [says is None]
 
 
 _HEAD = '''# /// script
