@@ -1,4 +1,4 @@
-"""Rules for INTERFACE about what clients read and give: words that name no unit, results with members, no goals.
+"""Rules for INTERFACE about what clients read and give: words that name no unit, and results with members.
 
 A description goes to every model that uses the endpoint and, as part of the artifact, into git.
 """
@@ -8,8 +8,6 @@ from collections.abc import Iterator
 from typing import Any
 
 from octoform.contracts.model import Artifacts, JsonObject, Rule
-from octoform.contracts.naming import tokens
-from octoform.contracts.raw_line_rules import unknown_lines
 from octoform.contracts.text import pointer, shown
 from octoform.diagnostics import Diagnostic, error, warning
 
@@ -28,31 +26,6 @@ _ORDERS = re.compile(
     re.IGNORECASE,
 )
 _DEMANDS = re.compile(r"\byou (?:must|have to) (?:always )?(?:call|use|run|execute)\b", re.IGNORECASE)
-
-
-_GOALS = frozenset(
-    {"goal", "goals", "target", "position", "torque", "speed", "velocity", "setpoint", "angle", "steps", "pose", "duty"}
-    | {"force", "current", "acceleration", "pwm", "power", "value", "data", "payload", "level"}
-)
-
-
-def reading_steers(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
-    """A tool that reads a device behind such a line takes no goal: what it is given would go to what moves."""
-    unknown = unknown_lines(artifacts)
-    out = []
-    for index, tool in enumerate(value["tools"]):
-        concerned = sorted(unknown.intersection(tool["devices"]))
-        if tool["effect"] != "read" or not concerned:
-            continue
-        for name in tool["input_schema"].get("properties", {}):
-            if _GOALS & set(tokens(name)):
-                summary = (
-                    f"{shown(tool['name'])} reads {shown(concerned[0])} through a raw line and takes {shown(name)}"
-                )
-                where = pointer("tools", index, "input_schema", "properties", name)
-                hint = f"leave it out; what moves needs a profile: `octoform profile new {concerned[0]}` drafts one"
-                out.append(error("INTERFACE-READING-STEERS", summary, pointer=where, hint=hint))
-    return out
 
 
 def description(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
@@ -100,7 +73,6 @@ def result_bare(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
 
 _BARE = frozenset({"result", "text", "output", "value", "response", "answer", "stdout", "reply"})
 RULES = (
-    Rule("INTERFACE-READING-STEERS", reading_steers),
     Rule("INTERFACE-DESCRIPTION", description),
     Rule("INTERFACE-RESULT-BARE", result_bare),
 )

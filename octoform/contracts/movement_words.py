@@ -74,6 +74,16 @@ _SELECTING_WORDS = """
 """
 _SELECTING = frozenset(_SELECTING_WORDS.split())
 _TIMES = frozenset({"timeout", "wait", "seconds", "secs", "second", "ms", "milliseconds", "duration", "minutes"})
+_WAITS = frozenset({"timeout", "wait", "duration"})
+_STEERING = frozenset(
+    {"position", "torque", "speed", "velocity", "angle", "steps", "pose", "duty", "force", "current", "acceleration"}
+    | {"pwm", "power", "value", "data", "payload", "level"}
+)
+"""Beside one of these a unit of time is part of another unit (``speed_ms``, ``angle_seconds``)."""
+_PLACES = frozenset(
+    {"in", "out", "output", "left", "right", "up", "down", "forward", "backward", "home", "arm", "source", "relay"}
+)
+"""Orders that name one of several channels, joints or sensors as well."""
 _WORD = re.compile(r"[a-zà-ÿ0-9']+|[.!?;:,()\n\[\]]")
 _ORDER = re.compile(r"[gmGM]\d+")
 _ORDERS_WORDS = """
@@ -83,25 +93,6 @@ _ORDERS_WORDS = """
     sour source arm abor
 """
 _ORDERS = frozenset(_ORDERS_WORDS.split())
-_PARTS = frozenset(
-    {
-        "out",
-        "output",
-        "source",
-        "left",
-        "right",
-        "up",
-        "down",
-        "forward",
-        "backward",
-        "rev",
-        "arm",
-        "torque",
-        "volt",
-        "curr",
-    }
-)
-"""Orders that are names of parts and quantities as well, where a parameter only selects one."""
 
 
 def speaks_of_change(text: str) -> str | None:
@@ -134,13 +125,12 @@ def carries(name: str, schema: Mapping[str, Any], devices: Iterable[str]) -> str
     aims = _GOALS | {"goal", "goals", "target", "setpoint"}
     if told := speaks_of_change(said) or next((word for word in (*words, *spoken(said)) if word in aims), None):
         return f"{told} says that it carries what the device is to do"
-    times = words & _TIMES
+    times = words & _WAITS or (words & _TIMES and not words & _STEERING)
     if values is not None:
         if set(map(str, values)) <= set(devices):
             return None
-        named = _PARTS if words & _SELECTING else frozenset()
-        choices = [each for each in values if isinstance(each, str) and not named.issuperset(spoken(each))]
-        ordered = next(filter(commands_something, choices), None)
+        orders = (each for each in values if isinstance(each, str) and commands_something(each))
+        ordered = next((each for each in orders if not (words & _SELECTING and each.casefold() in _PLACES)), None)
         amount = next(iter(sorted(words & _QUANTITIES)), None)
         return f"{ordered!r} is an order" if ordered else f"{amount} is a quantity" if amount and not times else None
     kinds = schema.get("type")

@@ -6,7 +6,7 @@ one: only of what certainly does not depend on a device that is said.
 """
 
 import ast
-from collections.abc import Collection, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 from functools import lru_cache, reduce
 from operator import or_
 
@@ -105,22 +105,6 @@ class Flow(Deciding):
             return []
         sure = all(each.whole and isinstance(each.node, ast.Assign | ast.AnnAssign | ast.NamedExpr) for each in kept)
         return [each.value for each in kept] if sure else []
-
-    def handed(self, node: ast.Name, used: Collection[Function]) -> list[ast.AST]:
-        """What those of these functions that call a function hand it for a name; none where that cannot be told."""
-        scope = self.bindings.scope(node, node.id)
-        if scope is None or scope in self._roots or scope.name in self._valued or self.is_inner(node):
-            return []
-        given = [item.arg for item in (*scope.args.posonlyargs, *scope.args.args) if item.arg not in SELF]
-        out: list[ast.AST] = []
-        for call in (each for each in self._calls_of.get(scope.name, ()) if self._source.owner(each) in used):
-            named = [item.value for item in call.keywords if item.arg == node.id]
-            at = given.index(node.id) if node.id in given else len(call.args)
-            found = [*named, *call.args[at : at + 1]]
-            if any(isinstance(item, ast.Starred) for item in call.args) or not found:
-                return []
-            out += found
-        return out
 
     def returned(self, function: Function) -> Origin:
         """What the results of a function depend on."""

@@ -23,7 +23,7 @@ _SENDS = re.compile(r"write|writelines|send|sendall|sendto|query|ask|request|pri
 _SETS = re.compile(
     r"\w*[wW]rite\w*|set(?:[A-Z_]\w*)?|(?:en|dis)able\w*|torque\w*|\w+_torque|goal\w*|goto\w*|go_?to\w*|go_home|move\w*"
     r"|home|homing|jog\w*|rotate\w*|turn_?\w*|drive\w*|send_\w+|transmit\w*|tx\w+|pose|release\w*|relax\w*|calibrate\w*"
-    r"|configure\w*|actuate\w*|step_?(?:to|by)?|action|reboot\w*|factory_?reset\w*|reset|i2c_rdwr|ctrl_transfer|transfer"
+    r"|configure\w*|actuate\w*|step_?(?:to|by)?|action|reboot\w*|factory_?reset\w*|reset|i2c_rdwr|ioctl|ctrl_transfer|transfer"
     r"|exchange|command|execute|apply\w*|sendBreak|send_break|tcsendbreak|(?:grip|open_grip|close_grip)\w*"
 )
 """Methods of libraries that set or move something, whatever they are given."""
@@ -37,6 +37,8 @@ _MOVED_MEMBERS = frozenset(
     | {"torque_enable", "duty_cycle", "fraction", "dtr", "rts", "break_condition", "state", "output", "goal_velocity"}
 )
 _HIDING = frozenset({"getattr", "setattr", "vars", "globals", "locals", "operator.methodcaller", "operator.attrgetter"})
+_HANDING_ON = frozenset({"copyfileobj", "methodcaller", "attrgetter"})
+"""Functions that send by way of another one, under whatever module's name."""
 _NO_DEVICES = frozenset(
     {"os", "time", "re", "json", "math", "struct", "datetime", "threading", "logging", "contextlib"}
 )
@@ -133,7 +135,7 @@ def _writing(source: Source, parts: list[ast.AST]) -> Iterator[tuple[ast.AST, st
     used = [part for part in parts if isinstance(part, ast.FunctionDef | ast.AsyncFunctionDef)]
     for node in (item for part in parts for item in ast.walk(part)):
         name = source.dotted(node) if isinstance(node, ast.Name | ast.Attribute) else ""
-        if isinstance(node, ast.Name) and name in _HIDING:
+        if name in _HIDING or name.rpartition(".")[2] in _HANDING_ON:
             yield node, f"{name} hides what is called"
         elif isinstance(node, ast.Attribute) and isinstance(node.ctx, ast.Store):
             if node.attr in _MOVED_MEMBERS and not _is_self(node.value):

@@ -10,7 +10,6 @@ from octoform.contracts import (
     serve_line_rules,
     serve_loop_rules,
     serve_reading_rules,
-    serve_request_rules,
     serve_tool_rules,
     serve_value_rules,
     serve_write_rules,
@@ -39,7 +38,6 @@ RULES = (
     *serve_write_rules.RULES,
     *serve_line_rules.RULES,
     *serve_exchange_rules.RULES,
-    *serve_request_rules.RULES,
 )
 
 

@@ -447,7 +447,6 @@ def test_every_rule_has_a_code_of_its_stage_and_a_case_here() -> None:
         "INTERFACE-UNITS-WRONG",
         # in test_outputs_held
         "INTERFACE-DESCRIPTION",
-        "INTERFACE-READING-STEERS",
         "INTERFACE-RESULT-BARE",
         "DEPLOY-FAILED-UNKNOWN",
         "DEPLOY-PYTHON-OUTSIDE",

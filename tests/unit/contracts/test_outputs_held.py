@@ -90,6 +90,10 @@ SENT = {
     "a coded frame": ("port.write(b85decode('s8N'))", False),
     "an answer sent back": ("port.write(port.read(4))", False),
     "a library's question": ("Meter(port).query(goal)", False),
+    "a control of a driver": ("Meter(port).ioctl(goal)", False),
+    "a stream that is copied": ("shutil.copyfileobj(io.BytesIO(b'T%d' % goal), port)", False),
+    "a method by its name": ("operator.methodcaller('write', b'T%d' % goal)(port)", False),
+    "a port's write, handed on": ("list(map(port.write, [b'T%d' % goal]))", False),
 }
 
 
@@ -114,8 +118,7 @@ def steered(known: Artifacts, talk: str) -> tuple[str, Artifacts]:
 def test_what_a_reading_sends_over_an_unknown_line_is_fixed(case: str, known: Artifacts) -> None:
     talk, fixed = SENT[case]
     text, behind = steered(known, talk)
-    found = severities("serve", text, behind).keys()
-    assert found - {"SERVE-LINE-WRITTEN"} == (set() if fixed else {"SERVE-REQUEST-NOT-FIXED"})
+    assert severities("serve", text, behind).keys() == (set() if fixed else {"SERVE-LINE-WRITTEN"})
 
 
 def test_who_knows_the_line_may_send_more(known: Artifacts) -> None:
@@ -136,6 +139,6 @@ def test_a_reading_over_an_unknown_line_takes_no_goal(known: Artifacts) -> None:
     taken["channel"] = {"type": "string", "enum": ["in", "out"], "default": "in"}
     assert severities("interface", value, behind) == {}
     taken["goal_position"] = {"type": "integer", "minimum": 0, "maximum": 4095, "default": 0}
-    assert severities("interface", value, behind) == {"INTERFACE-READING-STEERS": "error"}
+    assert severities("interface", value, behind) == {"INTERFACE-READ-MOVES": "error"}
     assert severities("interface", value, known) == {}
     assert json.dumps(value)

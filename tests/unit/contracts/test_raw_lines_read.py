@@ -126,6 +126,10 @@ QUANTITIES: list[dict[str, Any]] = [
     {"mode": {"type": "string", "enum": ["open", "closed"]}},
     {"pose": {"type": "string", "enum": ["rest", "flat"]}},
     {"name": {"type": "string", "maxLength": 40}},
+    {"speed_ms": {"type": "number", "minimum": 0, "maximum": 9}},
+    {"angle_seconds": {"type": "number", "minimum": 0, "maximum": 9}},
+    {"channel": {"type": "string", "enum": ["out 1", "in"]}},
+    {"direction": {"type": "string", "enum": ["left", "right"]}},
     {"values": {"type": "array", "items": {"type": "number"}, "maxItems": 6}},
 ]
 SELECTIONS: list[dict[str, Any]] = [
@@ -137,6 +141,9 @@ SELECTIONS: list[dict[str, Any]] = [
     {"quantity": {"type": "string", "enum": ["voltage", "current"]}},
     {"device": {"type": "string", "enum": [LINE]}},
     {"detailed": {"type": "boolean"}},
+    {"channel": {"type": "string", "enum": ["in", "out"]}},
+    {"sensor": {"type": "string", "enum": ["left", "right"]}},
+    {"level_timeout_seconds": {"type": "number", "minimum": 0, "maximum": 9}},
 ]
 
 
