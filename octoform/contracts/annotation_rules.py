@@ -109,7 +109,7 @@ def capability_on_a_guess(value: JsonObject, artifacts: Artifacts) -> list[Diagn
 
 
 def grammar_differs(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
-    """Where a profile has a grammar, each capability is one of its commands, with its effect and its way to stop."""
+    """Where a profile has a grammar, each command is one capability, with its effect and its way to stop."""
     out = []
     for index, at, profile, capability, commands in _commanded(value, artifacts):
         command, stops = commands.get(capability["name"]), capability.get("stops", False)
@@ -131,6 +131,15 @@ def grammar_differs(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]
             continue
         place = pointer("devices", index, "capabilities", at, *where)
         out.append(error("IDENTIFY-GRAMMAR", summary, pointer=place, hint=hint))
+    for index, device in enumerate(value["devices"]):
+        facts = artifacts.profiles.get(device.get("profile", ""))
+        has = {capability["name"] for capability in device["capabilities"]}
+        if facts is None or not has or device["id"] not in facts.holds:
+            continue
+        if absent := [str(command["tool"]) for command in facts.commands if command["tool"] not in has]:
+            summary = f"{shown(device['id'])} lacks {listed(absent)}, which the grammar of {shown(facts.name)} has"
+            place, hint = pointer("devices", index, "capabilities"), "make one capability of each command, in its name"
+            out.append(error("IDENTIFY-GRAMMAR", summary, pointer=place, hint=hint))
     return out
 
 

@@ -711,6 +711,12 @@ WRONG: dict[str, tuple[str, Change, str, str]] = {
         GRAMMAR,
         "actuate",
     ),
+    "a rail without its stop": (
+        "rig",
+        lambda value: device(value, RAIL)["capabilities"].remove(ability(value, RAIL, "rail_stop")),
+        GRAMMAR,
+        "lacks 'rail_stop'",
+    ),
     "a rail's stop that is not marked": (
         "rig",
         lambda value: ability(value, RAIL, "rail_stop").pop("stops"),
