@@ -14,7 +14,7 @@ from octoform.contracts.serve_reading_rules import flow_of_tools
 from octoform.contracts.serve_tool_rules import served_tools, tool_functions
 from octoform.contracts.source import Function, Source, needed_source
 from octoform.contracts.text import shown
-from octoform.diagnostics import Diagnostic
+from octoform.diagnostics import Diagnostic, as_warning
 
 CODE, ACTS = "SERVE-READ-WRITES", "SERVE-READ-ACTS"
 _MOVING = frozenset({"move", "move_percent", "move_many", "pose", "torque"})
@@ -98,7 +98,9 @@ def read_acts(value: str, artifacts: Artifacts) -> list[Diagnostic]:
                 continue
             if not isinstance(node, ast.Call) or not _switched_off(source, node, used):
                 summary = f"{what}, and the tool {shown(site.name or '')} has the effect read"
-                out[node] = source.problem(ACTS, node, summary, hint)
+                problem = source.problem(ACTS, node, summary, hint)
+                # Who asks so for a reading is refused a twin in doubt, and moves nothing by it.
+                out[node] = as_warning(problem) if isinstance(node, ast.Call) else problem
     return list(out.values())
 
 

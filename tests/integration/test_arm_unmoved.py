@@ -55,7 +55,7 @@ GOAL = framed(3, 3, 42, 184, 12)
 
 @mcp.tool(annotations=READ_ONLY)
 @runtime.logged
-def read_line() -> Answer:
+def listen_line() -> Answer:
     """Read what the line answers."""
     with runtime.device("usb-1a86-55d3").bus() as unit:
         with serial.Serial(unit.node("tty"), baudrate=1000000, timeout=0.2) as port:
@@ -86,14 +86,14 @@ def outputs(root: Path) -> dict[str, Any]:
     probe = probe_root(root)
     found = identify(probe, IdDatabases(root))
     device = next(each for each in found["devices"] if each["id"] == ARM)
-    capability = {"name": "read_line", "description": "What the line answers", "via": "pyserial", "effect": "read"}
+    capability = {"name": "listen_line", "description": "What the line answers", "via": "pyserial", "effect": "read"}
     device.update(capabilities=[capability], category="bidirectional", confidence=0.6)
     interface = declare(identify(probe, IdDatabases(root)), 30)
     interface["left_out"] = [each for each in interface["left_out"] if each["id"] != ARM]
     interface["tools"].append(
         {
-            "name": "read_line",
-            "capability": "read_line",
+            "name": "listen_line",
+            "capability": "listen_line",
             "devices": [ARM],
             "description": "Read what the line answers.\n\nThrough: serial, 1000000 baud.",
             "effect": "read",
