@@ -164,7 +164,7 @@ def _options(program: str, sandbox: Sandbox, user: AgentUser | None) -> list[str
 def _lent(program: str, user: AgentUser | None) -> Iterator[str]:
     """The powers that the first program inside needs, and gives up before the agent begins.
 
-    To become an ordinary user, to be read wherever it is installed and whoever owns that, and to make terminals.
+    To become an ordinary user, and to make terminals.
     """
     if user is None:
         # A bubblewrap with the set-user-ID bit hands out none to others.

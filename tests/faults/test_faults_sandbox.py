@@ -232,7 +232,6 @@ def test_an_interpreter_that_belongs_to_another_user_can_begin(host: Host) -> No
         subprocess.run([host.python, "-m", "venv", "--without-pip", str(theirs / "venv")], check=True)
         for path in (theirs, *theirs.rglob("*")):
             os.chown(path, 1000, 1000, follow_symlinks=False)
-        (theirs / "venv").chmod(0o700)
         host.python = str(theirs / "venv" / "bin" / "python")
         lines = attack(host, "import os; print(os.getuid() != 0)")
     finally:
