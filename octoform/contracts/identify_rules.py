@@ -30,6 +30,7 @@ _EMPTY_WORDS = frozenset(
     {"", "none", "n/a", "na", "unknown", "tbd", "todo", "null", "-", "?", "some library", "library"}
 )
 _STRINGS = re.compile(r"(?m)^(product|manufacturer|model|name|hid\[\d+\]\.name): (.*)$")
+_UNBROKEN = re.compile(r"[0-9A-Za-z]+")
 _ACTING = ("sensor", "actuator", "bidirectional")
 
 
@@ -317,8 +318,13 @@ def _named_by_its_chip(device: JsonObject, entry: JsonObject) -> bool:
     wires = [text for key, text in _STRINGS.findall(raw) if key != "manufacturer" and is_chip_name(text, raw)]
     others = [text for _, text in _STRINGS.findall(raw) if text not in wires]
     chips = said([*entry.get("drivers", ()), *wires]) - said(others)
-    named = [word.casefold() for word in words(device["identified_as"])]
-    return any(has_digit(word) and word in chips and not says_nothing(word) for word in named)
+    name = device["identified_as"]
+    named = {word.casefold() for word in words(name)}
+    # "I2C" is said in two words, of which neither is a chip.
+    wiring = {
+        part.casefold() for word in _UNBROKEN.findall(name) if says_nothing(word.casefold()) for part in words(word)
+    }
+    return any(has_digit(word) and word in chips and not says_nothing(word) for word in named - wiring)
 
 
 def _probed(artifacts: Artifacts) -> dict[str, JsonObject]:

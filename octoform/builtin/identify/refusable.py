@@ -42,7 +42,10 @@ _STANDARD = re.compile(r"(?i)\brs[- ]?(232|422|485)\b")
 
 def accepted(device: Device, annotation: dict[str, Any]) -> dict[str, Any]:
     """The annotation, or that of an unknown device with the reason where its name would be refused."""
-    if annotation["category"] not in _ACTING or not names_wires(annotation["identified_as"], device.raw):
+    name, makers = annotation["identified_as"], [line.strip() for line in _MAKER_LINE.findall(device.raw)]
+    # A maker's own words may hide that all behind them is wiring.
+    bare = next((name[len(maker) :] for maker in makers if maker and name.startswith(maker)), name)
+    if annotation["category"] not in _ACTING or not any(names_wires(text, device.raw) for text in (name, bare)):
         return annotation
     return unknown(annotation, _MISSING)
 
