@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 from vm.bench import Bench
+from vm.emulator import has_kvm
 from vm.guest import Guest
 from vm.places import ARCHITECTURES, places
 from vm.rig import RigBench
@@ -46,6 +47,9 @@ def arch(request: pytest.FixtureRequest) -> str:
     """The architecture of the guests; all tests of one come before those of the next."""
     name: str = request.param
     assert places(name).root.exists(), f"no guest in {places(name).folder}; `make vm` makes it"
+    request.config.stash[_SEEN].append(
+        (name, "processor", "this machine's, by KVM" if has_kvm(name) else "in software")
+    )
     return name
 
 

@@ -1,9 +1,13 @@
-"""The command line of QEMU for a guest of each architecture, in software emulation: no hardware support is needed."""
+"""The command line of QEMU for a guest of each architecture: with KVM for this machine's own, else in software."""
 
+import fcntl
+import os
+import platform
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 
-from vm.places import Places
+from vm.places import MACHINES, Places
 
 _MACHINE = {
     # What is left out would only be probed, at the pace of an emulated processor.
@@ -16,6 +20,33 @@ _KERNEL = (
     "no_timer_check tsc=reliable net.ifnames=0"
 )
 USB_PORTS = 12
+_SOFTWARE = "tcg,thread=multi,tb-size=256"
+# linux/kvm.h; version 12 is the only one that there ever was.
+_KVM_GET_API_VERSION, _KVM_CREATE_VM, _KVM_VERSION = 0xAE00, 0xAE01, 12
+
+
+@cache
+def has_kvm(arch: str) -> bool:
+    """Whether this machine runs a guest of this architecture itself: the kernel makes an empty one for us to see.
+
+    That the node is there is not enough: a container has it without the right to open it, and a virtual machine may
+    have it without nested virtualisation.
+    """
+    if MACHINES[arch] != platform.machine():
+        return False
+    try:
+        kvm = os.open("/dev/kvm", os.O_RDWR | os.O_CLOEXEC)
+    except OSError:
+        return False
+    try:
+        if fcntl.ioctl(kvm, _KVM_GET_API_VERSION, 0) != _KVM_VERSION:
+            return False
+        os.close(fcntl.ioctl(kvm, _KVM_CREATE_VM, 0))
+    except OSError:
+        return False
+    finally:
+        os.close(kvm)
+    return True
 
 
 @dataclass(frozen=True)
@@ -43,9 +74,10 @@ class Run:
 def command(places: Places, run: Run, memory: int = 2048, processors: int = 2) -> list[str]:
     """QEMU's arguments. The root file system's changes are thrown away at the end."""
     program, machine, processor, line = _MACHINE[places.arch]
+    processor, accelerator = ("host", "kvm") if has_kvm(places.arch) else (processor, _SOFTWARE)
     network = f"user,id=net,restrict=on,hostfwd=tcp:127.0.0.1:{run.port}-:22"
     return [
-        *(program, "-machine", machine, "-cpu", processor, "-accel", "tcg,thread=multi,tb-size=256"),
+        *(program, "-machine", machine, "-cpu", processor, "-accel", accelerator),
         *("-m", str(memory), "-smp", str(processors)),
         *("-nodefaults", "-no-user-config", "-display", "none"),
         *("-kernel", str(places.kernel), "-initrd", str(places.initrd), "-append", f"console={line} {_KERNEL}"),
