@@ -5,17 +5,60 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from pathlib import Path
+from typing import Any
 
-from octoform.apply.purse import Purse
+from octoform.base import files
+from octoform.contracts.parsing import parse
+from octoform.diagnostics import Diagnostic
 from octoform.events import EventSink
 from octoform.graph.model import Graph
+from octoform.harness.port import Usage
 from octoform.manifest.model import Manifest
 from octoform.profiles import Profile
 from octoform.protocol import Spec, Step
 from octoform.state.artifacts.reusable import Donors
 from octoform.state.files import Checkpoint, pass_by
-from octoform.state.layout import Layout
+from octoform.state.layout import STAGES, Layout
 from octoform.state.store.store import StateStore
+
+CANDIDATE = "candidate"
+"""Where the server lies that a privileged step has rewritten, while the endpoint is published with it for its proof."""
+HEALED = "healed"
+"""The folder of what repairs have replaced."""
+
+# Money and time: what a run and its stages have cost so far, and what is left of their budgets.
+
+LEAST_SECONDS = 0.1
+
+
+@dataclass(slots=True)
+class Purse:
+    """What was spent in this run: US dollars by stage, attempts and seconds by stage and role.
+
+    A stage that a later one sends back goes on with what its budget has left: it is one stage of one run. ``until`` is
+    when the stage at work has to be over, trials included, on the run's clock; None where nothing has.
+    """
+
+    spent: dict[str, float] = field(default_factory=dict)
+    used: dict[tuple[str, str], tuple[int, float]] = field(default_factory=dict)
+    until: float | None = None
+
+    def time(self, now: float, most: float) -> float:
+        """Seconds that something may take which takes ``most`` where no stage is at work; never none at all."""
+        return most if self.until is None else max(LEAST_SECONDS, min(most, self.until - now))
+
+    def pay(self, stage: str, usage: Usage) -> None:
+        """Add what an attempt has cost; an unknown cost adds nothing."""
+        self.spent[stage] = self.spent.get(stage, 0.0) + (usage.cost_usd or 0.0)
+
+    def left(self, stage: str, stage_usd: float | None, run_usd: float | None) -> float | None:
+        """What the next attempt of a stage may cost; None without a limit."""
+        limits = []
+        if stage_usd is not None:
+            limits.append(stage_usd - self.spent.get(stage, 0.0))
+        if run_usd is not None:
+            limits.append(run_usd - sum(self.spent.values()))
+        return min(limits) if limits else None
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,3 +101,48 @@ class Context:
     donors: Callable[[], Donors] = dict
     purse: Purse = field(default_factory=Purse)
     steps: Mapping[str, Step] = field(default_factory=dict)
+
+
+# What one run has done so far, for its closing lines and its record.
+
+
+@dataclass(slots=True)
+class Tally:
+    """Counts of nodes and of agent runs, what those used, the node that failed, and what was found.
+
+    ``alike`` counts nodes that were made again and came out the same: they are not among ``changed``.
+    """
+
+    added: int = 0
+    changed: int = 0
+    alike: int = 0
+    destroyed: int = 0
+    agent_runs: int = 0
+    usage: Usage = field(default_factory=Usage)
+    failed: str | None = None
+    diagnostics: list[Diagnostic] = field(default_factory=list)
+
+
+# Accepted artifacts as values again, for the rules and the proofs of later stages.
+
+
+def accepted(context: Context, stage: str) -> Any:
+    """The value of an accepted artifact; ValueError when it is not there, which the order of the run prevents."""
+    path = context.layout.output(stage)
+    value, found = parse(stage, files.read(path), str(path))
+    if value is None:
+        raise ValueError(f"{path} cannot be read any more: {found}")
+    return value
+
+
+def predecessor(context: Context, stage: str) -> Path | None:
+    """The accepted artifact that the stage may read; None for the first."""
+    consumes = context.graph.node(stage).consumes
+    return context.layout.output(consumes[0]) if consumes else None
+
+
+def accepted_before(context: Context, stage: str) -> dict[str, Any]:
+    """The values of all accepted artifacts of the stages before ``stage`` (or before a step), by stage."""
+    names = context.graph.names()
+    before = [name for name in names[: names.index(stage)] if name in STAGES]
+    return {name: accepted(context, name) for name in before if context.layout.output(name).is_file()}

@@ -4,21 +4,16 @@ import shutil
 from collections.abc import Mapping
 
 from octoform import digest, events
-from octoform.apply.context import Context
-from octoform.apply.gate import Verdict
-from octoform.apply.result import Finished
-from octoform.apply.service import service_of
-from octoform.apply.serving import STARTING, calls_said, publish
-from octoform.apply.settling import counted
+from octoform.apply.context import CANDIDATE, Context
+from octoform.apply.stage.artifact_writer import counted
+from octoform.apply.stage.gate import Finished, Verdict
+from octoform.apply.stage.serve_proof import STARTING, calls_said, publish, service_of
 from octoform.base import files
 from octoform.diagnostics import Diagnostic, error, has_errors
 from octoform.endpoint.environment.build import build
 from octoform.endpoint.observe.drift import observe
 from octoform.endpoint.publish.publication import is_published
 from octoform.harness.port import Usage
-
-CANDIDATE = "candidate"
-"""Where the server lies that a privileged step has rewritten, while the endpoint is published with it for its proof."""
 
 
 def run_endpoint(context: Context, *, anew: bool = False) -> Finished:

@@ -10,7 +10,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 from octoform import digest
-from octoform.apply.spec_copy import unified
+from octoform.apply.stage.spec_copy import unified
 from octoform.base import files
 from octoform.diagnostics import Diagnostic, did_you_mean, error, has_errors
 from octoform.engine.inspect.state import Found, change, open_project

@@ -15,7 +15,7 @@ from campaign.cases_tools import BROKEN, FAILING, HEALING, MOST_CALLS, broken, h
 from campaign.model import WAITS, Case
 from campaign.rig import SENSOR, report
 
-from octoform.apply.endpoint_node import CANDIDATE
+from octoform.apply.context import CANDIDATE
 from octoform.daemon.model import Kind, Repair
 from octoform.state.store.lock import Holder, read_holder
 

@@ -13,7 +13,7 @@ import embedded
 import pytest
 from projects import Project
 
-from octoform.apply import settling
+from octoform.apply.stage import artifact_writer
 from octoform.contracts import instance
 
 sys.path[:0] = [str(Path(__file__).resolve().parents[1] / name) for name in ("", "recordings")]
@@ -113,7 +113,7 @@ def test_a_fresh_clone_goes_on_with_the_same_pseudonyms(recorded: tuple[Project,
     (project.local / "instances.json").unlink()
     project.apply("-target", "probe", "-replace", "probe", status=0)
     # A machine without an id of its own, as some containers are, has nothing to make the same key of.
-    same = bool(settling.machine_id())
+    same = bool(artifact_writer.machine_id())
     assert (key.read_bytes() == before) is same
     assert (pseudonyms((project.state / "probe" / "output.json").read_bytes()) == pseudonyms(first)) is same
 

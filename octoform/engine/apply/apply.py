@@ -7,10 +7,9 @@ from functools import cache, partial
 from pathlib import Path
 from typing import Any
 
-from octoform.apply.context import Clock, Context
-from octoform.apply.destroying import destroy
-from octoform.apply.runner import execute
-from octoform.apply.tally import Tally
+from octoform.apply.context import Clock, Context, Tally
+from octoform.apply.destroy import destroy
+from octoform.apply.executor import execute
 from octoform.diagnostics import Diagnostic, Severity, error, has_errors
 from octoform.endpoint.environment.early_build import prewarmed
 from octoform.endpoint.process import desired_state

@@ -17,8 +17,8 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any
 
-from octoform.apply import adopting
-from octoform.apply.endpoint_node import CANDIDATE
+from octoform.apply.context import CANDIDATE
+from octoform.apply.rewrite import promotion
 from octoform.base.files import parse
 from octoform.diagnostics import Diagnostic, error, has_errors
 from octoform.endpoint.files import CHECK, LAUNCHER, MANIFEST, read_manifest
@@ -143,7 +143,7 @@ def _gone_back(former: Former) -> list[Diagnostic]:
 
 def _state_back(former: Former) -> list[Diagnostic]:
     """Nodes, artifacts and the files of the machine; what of a rewritten server was on its way is over with it."""
-    for name in (adopting.RECORD, adopting.FORMER):
+    for name in (promotion.RECORD, promotion.FORMER):
         (former.layout.local / name).unlink(missing_ok=True)
     store, found = StateStore.open(former.layout)
     if store is None or has_errors(found):

@@ -8,8 +8,8 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from octoform.apply.adopting import resume
 from octoform.apply.context import Clock, Context
+from octoform.apply.rewrite.promotion import resume
 from octoform.diagnostics import Diagnostic, has_errors
 from octoform.engine.apply.rollback import settle
 from octoform.engine.plan.configuration import Compiled, compile_project

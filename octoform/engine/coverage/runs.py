@@ -8,8 +8,8 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, TypeVar
 
-from octoform.apply.escalating import merged
-from octoform.apply.returning import JUDGE, MAKER
+from octoform.apply.stage.escalation import merged
+from octoform.apply.stage.serve_feedback import JUDGE, MAKER
 from octoform.engine.coverage.run_comparison import Run, run_of
 from octoform.engine.inspect.attempts import ACCEPTED, REUSE, Attempt
 from octoform.state.layout import STAGES

@@ -10,9 +10,9 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-from octoform.apply.attempt_record import state_usage
-from octoform.apply.spec_copy import FILE_NAME as SPEC_COPY
-from octoform.apply.spec_copy import MOST_SPEC_BYTES, unified
+from octoform.apply.stage.attempt_record import state_usage
+from octoform.apply.stage.spec_copy import FILE_NAME as SPEC_COPY
+from octoform.apply.stage.spec_copy import MOST_SPEC_BYTES, unified
 from octoform.diagnostics import Diagnostic, Severity, error, from_json
 from octoform.harness import orphans, processes, transcript
 from octoform.harness.dialect import field, json_object

@@ -6,7 +6,7 @@ A limit that cannot be measured is no limit. Whoever validates or plans must hea
 from collections.abc import Iterator, Mapping
 from datetime import UTC, datetime
 
-from octoform.apply.assignment import UNMEASURED
+from octoform.apply.stage.assignment import UNMEASURED
 from octoform.diagnostics import Diagnostic, error, warning
 from octoform.harness.port import Price
 from octoform.harness.pricing import OLD_DAYS, OWNERS, age_days, price_of

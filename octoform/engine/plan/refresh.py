@@ -1,31 +1,52 @@
 """Observe: state, artifacts, hardware and the live side as the plain values that the plan compares. (Heavy.)"""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import octoform
 from octoform import digest, host
-from octoform.apply.gate import offered
-from octoform.apply.step_facts import facts_of
+from octoform.apply.stage.gate import offered
 from octoform.base import files
 from octoform.base.shape import fits
 from octoform.contracts.canon import schema_path
 from octoform.contracts.checking import check, has_shape
 from octoform.contracts.model import Artifacts, ProfileFacts
 from octoform.contracts.parsing import parse
+from octoform.contracts.stepping import StepFacts, corroborated
 from octoform.diagnostics import Diagnostic, Severity
 from octoform.endpoint.observe.drift import observe as observe_endpoint
 from octoform.engine.plan.configuration import Compiled
-from octoform.perception.camera_selection import Camera, cameras
+from octoform.perception.camera_selection import Camera, best, cameras
 from octoform.plan.diff import Observed, Prior
-from octoform.profiles import commands, holds
-from octoform.protocol import DUTIES
+from octoform.profiles import Profile, commands, holds
+from octoform.protocol import DUTIES, Step
 from octoform.state.artifacts.accepted import observe as observe_files
 from octoform.state.artifacts.instances import read_instances
 from octoform.state.layout import STAGES, Layout
 from octoform.state.model import NodeState, Snapshot
+
+# What the contract of a privileged step is held to, from the step, the accepted artifacts and the profiles. Pure.
+
+
+def facts_of(
+    step: Step, artifacts: Artifacts, profiles: Iterable[Profile], cameras: tuple[Camera, ...] = ()
+) -> StepFacts:
+    """``artifacts`` has IDENTIFY and the facts of the profiles; ``cameras`` are those of the host."""
+    profile = next((item for item in profiles if item.name == step.profile), None)
+    chosen = best(cameras)
+    return StepFacts(
+        name=step.name,
+        kind=step.proof.kind,
+        minimum=step.proof.minimum,
+        devices=corroborated(step.profile, artifacts) if step.profile is not None else (),
+        needs_profile=step.profile is not None,
+        disabled=dict(profile.rig.disabled) if profile is not None else {},
+        cameras=tuple(item.to_json() for item in cameras),
+        best=chosen.device if chosen is not None else None,
+    )
+
 
 MOST_NAMED = 40  # a device has a line for each of its parts; the view makes one of them
 

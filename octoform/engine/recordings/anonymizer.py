@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
-from octoform.apply.settling import pseudonym_key
+from octoform.apply.stage.artifact_writer import pseudonym_key
 from octoform.base import files
 from octoform.contracts.instance import hidden, hider, secrets_in_text, spelt
 from octoform.contracts.parsing import parse

@@ -10,9 +10,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from octoform import __version__
-from octoform.apply.gate import MOST_BYTES, MOST_JSON_BYTES
-from octoform.apply.spec_copy import FILE_NAME as SPEC_COPY
-from octoform.apply.spec_copy import MOST_SPEC_BYTES
+from octoform.apply.stage.gate import MOST_BYTES, MOST_JSON_BYTES
+from octoform.apply.stage.spec_copy import FILE_NAME as SPEC_COPY
+from octoform.apply.stage.spec_copy import MOST_SPEC_BYTES
 from octoform.diagnostics import Diagnostic, error, has_errors, warning
 from octoform.engine.inspect.attempts import Attempt, of_host, run_of
 from octoform.engine.recordings import anonymizer

@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from octoform.apply.adopting import MAKER
+from octoform.apply.rewrite.promotion import MAKER
 from octoform.engine.plan.plan import Outlook
 from octoform.manifest.model import MODEL_FREE, Manifest
 from octoform.plan.model import PlannedAction

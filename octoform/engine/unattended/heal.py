@@ -9,9 +9,10 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from octoform.apply import adopting, healing, pending_rewrite
 from octoform.apply.context import Context
-from octoform.apply.duty import Answer, refusal
+from octoform.apply.duties import heal as healing
+from octoform.apply.duties.outcome import Answer, refusal
+from octoform.apply.rewrite import pending_rewrite, promotion
 from octoform.diagnostics import Diagnostic, error, has_errors
 from octoform.endpoint.process import estop, lifecycle
 from octoform.endpoint.process.desired_state import is_marked
@@ -97,7 +98,7 @@ def settle(layout: Layout, environ: Mapping[str, str]) -> dict[str, Any] | None:
 
 
 def _settled(context: Context) -> Answer:
-    found = adopting.put_back(context, smoke=False)
+    found = promotion.put_back(context, smoke=False)
     if has_errors(found):
         return refusal(found)
     return Answer(ok=True, detail="what a killed repair had left in service is settled: the accepted server is served")

@@ -7,7 +7,7 @@ applied, hardware that changed, a step that would move something) is a person's.
 
 from collections.abc import Mapping
 
-from octoform.apply.duty import Answer
+from octoform.apply.duties.outcome import Answer
 from octoform.diagnostics import Severity, has_errors
 from octoform.endpoint.process.desired_state import is_marked
 from octoform.engine.apply.apply import Options, apply

@@ -9,10 +9,10 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path
 
-from octoform.apply import adopting
 from octoform.apply.context import Clock, Context
-from octoform.apply.duty import Answer, refusal
-from octoform.apply.service import service_of
+from octoform.apply.duties.outcome import Answer, refusal
+from octoform.apply.rewrite import promotion
+from octoform.apply.stage.serve_proof import service_of
 from octoform.diagnostics import Diagnostic, error, has_errors
 from octoform.endpoint.process.desired_state import is_marked
 from octoform.endpoint.publish.publication import is_published
@@ -64,7 +64,7 @@ def _worked(held: Locked, there: Opened, means: Means, operation: str, work: Wor
     context = context_of(compiled, look(compiled, store.snapshot, means.environ), store, means)
     if there.finished and not is_marked(compiled.layout):
         # What a killed run had begun is carried through; the endpoint is published from it, as the next plan expects.
-        found = adopting.published(context, smoke=False)
+        found = promotion.published(context, smoke=False)
         if has_errors(found):
             return refusal(found)
     try:
@@ -111,7 +111,7 @@ def ready(context: Context) -> list[Diagnostic]:
         summary = "a person has stopped the endpoint, and a repair would start it"
         return [error("DUTY-STOPPED", summary, hint="octoform start brings it back")]
     # A killed run may have left another server in service than the accepted one.
-    found = adopting.put_back(context, smoke=False)
+    found = promotion.put_back(context, smoke=False)
     if has_errors(found) or is_published(context.layout, service_of(context), context.environ):
         return found
     summary = "the endpoint is not what the manifest and the accepted artifacts make of it now"

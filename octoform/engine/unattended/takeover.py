@@ -7,10 +7,10 @@ into service by the way. The original keeps its process, its sockets and its uni
 from collections.abc import Mapping
 from dataclasses import replace
 
-from octoform.apply import adopting
 from octoform.apply.context import Context
-from octoform.apply.duty import Answer, refusal
-from octoform.apply.service import service_of
+from octoform.apply.duties.outcome import Answer, refusal
+from octoform.apply.rewrite import promotion
+from octoform.apply.stage.serve_proof import service_of
 from octoform.diagnostics import Diagnostic, has_errors
 from octoform.endpoint.publish.publication import tells_of
 from octoform.engine.unattended.session import on_duty
@@ -26,5 +26,5 @@ def take_over(layout: Layout, environ: Mapping[str, str], foreign: Diagnostic) -
 def _published(context: Context) -> Answer:
     if not tells_of(context.layout, service_of(context), context.environ):
         return Answer(ok=False, detail="the manifest was edited since it was applied, or the endpoint's files were")
-    found = adopting.published(context, smoke=False)
+    found = promotion.published(context, smoke=False)
     return refusal(found) if has_errors(found) else Answer(ok=True, detail="the endpoint is this folder's own")

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from octoform.apply.diagnosing import WATCH, watch
+from octoform.apply.duties.watch import WATCH, watch
 from octoform.engine.unattended.session import on_duty
 
 

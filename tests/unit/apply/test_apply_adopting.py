@@ -10,9 +10,8 @@ from typing import Any, cast
 import pytest
 from adopted import BEFORE, GRAPH, NEW, OLD, RUNTIME, Crash, Killed, host, is_whole, opened
 
-from octoform.apply import adopting
-from octoform.apply.context import Context
-from octoform.apply.endpoint_node import CANDIDATE
+from octoform.apply.context import CANDIDATE, Context
+from octoform.apply.rewrite import promotion
 from octoform.diagnostics import error
 from octoform.state.layout import Layout
 from octoform.state.store.store import Ports
@@ -21,9 +20,9 @@ from octoform.state.store.store import Ports
 @pytest.fixture(autouse=True)
 def few_files(monkeypatch: pytest.MonkeyPatch) -> None:
     """One module beside the server in place of some thirty, and no environment, which costs seconds to build."""
-    monkeypatch.setattr(adopting, "runtime_files", lambda: RUNTIME)
+    monkeypatch.setattr(promotion, "runtime_files", lambda: RUNTIME)
     unbuilt = error("ENDPOINT-BUILD-FAILED", "there is nothing here to publish an endpoint with")
-    monkeypatch.setattr(adopting, "build", lambda layout, text: (None, (unbuilt,)))
+    monkeypatch.setattr(promotion, "build", lambda layout, text: (None, (unbuilt,)))
 
 
 @pytest.fixture
@@ -39,7 +38,7 @@ def adopt(layout: Layout, crash: Any) -> None:
     context = SimpleNamespace(
         layout=layout, store=opened(layout, Ports(checkpoint=crash)), graph=GRAPH, checkpoint=crash
     )
-    found = adopting.adopt(cast(Context, context), "step.arm", NEW)
+    found = promotion.adopt(cast(Context, context), "step.arm", NEW)
     assert [item.code for item in found] == ["ENDPOINT-BUILD-FAILED"]
 
 
@@ -50,8 +49,8 @@ def test_the_server_is_adopted_with_all_that_rests_on_it(folder: Path) -> None:
     serve = opened(layout).snapshot.nodes["serve"]
     assert serve.detail == {"tools": 2, "lines": 2, "rewritten": {"by": "step.arm", "former": BEFORE}}
     assert serve.key_parts["spec"] == "serve"
-    assert (layout.local / adopting.FORMER).read_text() == OLD
-    assert not (layout.local / adopting.RECORD).exists()
+    assert (layout.local / promotion.FORMER).read_text() == OLD
+    assert not (layout.local / promotion.RECORD).exists()
 
 
 def test_a_run_that_is_killed_at_any_moment_is_finished_by_the_next(folder: Path) -> None:
@@ -61,7 +60,7 @@ def test_a_run_that_is_killed_at_any_moment_is_finished_by_the_next(folder: Path
         try:
             adopt(layout, Crash(moments))
         except Killed:
-            told, found = adopting.resume(layout, opened(layout), GRAPH)
+            told, found = promotion.resume(layout, opened(layout), GRAPH)
             assert found == []
         else:
             break
@@ -72,8 +71,8 @@ def test_a_run_that_is_killed_at_any_moment_is_finished_by_the_next(folder: Path
             assert not (layout.endpoint / "check.json").exists()
         else:
             assert is_whole(layout, layout.output("serve").read_text())
-        assert not (layout.local / adopting.RECORD).exists()
-        assert adopting.resume(layout, opened(layout), GRAPH) == ((), [])
+        assert not (layout.local / promotion.RECORD).exists()
+        assert promotion.resume(layout, opened(layout), GRAPH) == ((), [])
     else:
         raise AssertionError("it never came to its end")
     assert finished > 10
@@ -83,25 +82,25 @@ def test_what_was_recorded_for_another_server_is_dropped(folder: Path) -> None:
     layout = host(folder)
     with pytest.raises(Killed):
         adopt(layout, Crash(0))
-    assert (layout.local / adopting.RECORD).exists()
+    assert (layout.local / promotion.RECORD).exists()
     store = opened(layout)
     serve = store.snapshot.nodes["serve"].model_copy(update={"output_digest": "sha256:other"})
     assert store.success("serve", serve) == []
-    assert adopting.resume(layout, store, GRAPH) == ((), [])
+    assert promotion.resume(layout, store, GRAPH) == ((), [])
     assert layout.output("serve").read_text() == OLD
-    assert not (layout.local / adopting.RECORD).exists()
+    assert not (layout.local / promotion.RECORD).exists()
 
 
 def test_half_a_record_is_none(folder: Path) -> None:
     layout = host(folder)
     for text in ("", "{}", '{"node": 1}', '{"node":"a","base":"b","digest":"c","source":"d"}'):
-        (layout.local / adopting.RECORD).write_text(text)
-        assert adopting.resume(layout, opened(layout), GRAPH) == ((), [])
+        (layout.local / promotion.RECORD).write_text(text)
+        assert promotion.resume(layout, opened(layout), GRAPH) == ((), [])
     assert is_whole(layout, OLD)
 
 
 def test_the_server_that_is_tried_lies_outside_of_the_accepted_artifacts(folder: Path) -> None:
-    layout, trial = Layout(folder, "bench"), adopting.Candidate(folder, "bench")
+    layout, trial = Layout(folder, "bench"), promotion.Candidate(folder, "bench")
     assert trial.output("serve") == layout.local / CANDIDATE / "server.py"
     assert trial.runtime == trial.output("serve").parent / "runtime"
     assert trial.output("interface") == layout.output("interface") and trial.socket == layout.socket

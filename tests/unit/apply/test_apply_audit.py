@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from octoform.apply import audit, instructions
+from octoform.apply.protect import file_integrity, paths
 
 
 @pytest.fixture
@@ -18,12 +18,14 @@ def project(tmp_path: Path) -> Path:
     return tmp_path
 
 
-def watch(project: Path) -> audit.Watch:
-    return audit.begin(project, audit.Guarded([project / "octopus.yaml", project / "absent.md"], [project / "state"]))
+def watch(project: Path) -> file_integrity.Watch:
+    return file_integrity.begin(
+        project, file_integrity.Guarded([project / "octopus.yaml", project / "absent.md"], [project / "state"])
+    )
 
 
 def test_nothing_touched_is_nothing_told(project: Path) -> None:
-    assert audit.end(watch(project), project / ".octoform") == []
+    assert file_integrity.end(watch(project), project / ".octoform") == []
 
 
 def test_guarded_files_are_put_back(project: Path) -> None:
@@ -32,7 +34,7 @@ def test_guarded_files_are_put_back(project: Path) -> None:
     (project / "absent.md").write_text("new\n")
     (project / "state" / "bench" / "probe" / "output.json").unlink()
     (project / "state" / "stranger.json").write_text("{}")
-    found = audit.end(seen, project / ".octoform")
+    found = file_integrity.end(seen, project / ".octoform")
     assert sorted(item.path or "" for item in found) == [
         "absent.md",
         "octopus.yaml",
@@ -51,7 +53,7 @@ def test_a_link_in_the_place_of_a_guarded_file_is_taken_away_and_never_written_t
     foreign = project / "notes.md"
     (project / "octopus.yaml").unlink()
     (project / "octopus.yaml").symlink_to(foreign)
-    assert [item.path for item in audit.end(seen, project / ".octoform")] == ["octopus.yaml"]
+    assert [item.path for item in file_integrity.end(seen, project / ".octoform")] == ["octopus.yaml"]
     assert not (project / "octopus.yaml").is_symlink()
     assert (project / "octopus.yaml").read_text() == "octopus.yaml\n"
     assert foreign.read_text() == "notes.md\n"
@@ -71,7 +73,7 @@ def test_a_folder_or_file_of_the_other_kind_is_put_back_too(project: Path, how: 
         output.unlink()
         output.parent.rmdir()
         output.parent.write_text("in the way\n")
-    assert audit.end(seen, project / ".octoform")
+    assert file_integrity.end(seen, project / ".octoform")
     assert (project / "octopus.yaml").read_text() == "octopus.yaml\n"
     assert (project / "state" / "bench" / "probe" / "output.json").read_text() == "state/bench/probe/output.json\n"
 
@@ -79,7 +81,7 @@ def test_a_folder_or_file_of_the_other_kind_is_put_back_too(project: Path, how: 
 def test_other_files_are_told_as_warnings_and_left(project: Path) -> None:
     seen = watch(project)
     (project / "notes.md").write_text("a person writes\n")
-    found = audit.end(seen, project / ".octoform")
+    found = file_integrity.end(seen, project / ".octoform")
     assert [(item.severity.value, item.path) for item in found] == [("warning", "notes.md")]
     assert (project / "notes.md").read_text() == "a person writes\n"
 
@@ -91,7 +93,7 @@ def test_a_link_that_a_person_uses_is_put_back_as_a_link(project: Path) -> None:
     seen = watch(project)
     manifest.unlink()
     manifest.write_text("other\n")
-    assert audit.end(seen, project / ".octoform")
+    assert file_integrity.end(seen, project / ".octoform")
     assert manifest.is_symlink()
     assert manifest.read_text() == "notes.md\n"
 
@@ -105,7 +107,7 @@ def test_a_folder_of_the_state_that_became_a_link_is_not_written_through(project
     (folder / "output.json").unlink()
     folder.rmdir()
     folder.symlink_to(foreign)
-    assert audit.end(seen, project / ".octoform")
+    assert file_integrity.end(seen, project / ".octoform")
     assert not folder.is_symlink()
     assert (folder / "output.json").read_text() == "state/bench/probe/output.json\n"
     assert (foreign / "output.json").read_text() == "mine\n"
@@ -117,7 +119,7 @@ def test_a_state_folder_that_a_person_keeps_elsewhere_stays_a_link(project: Path
     (project / "state").symlink_to(elsewhere)
     seen = watch(project)
     (elsewhere / "bench" / "probe" / "output.json").write_text("{}")
-    assert audit.end(seen, project / ".octoform")
+    assert file_integrity.end(seen, project / ".octoform")
     assert (project / "state").is_symlink()
     assert (elsewhere / "bench" / "probe" / "output.json").read_text() == "state/bench/probe/output.json\n"
 
@@ -126,14 +128,17 @@ def test_what_is_undone_is_kept_for_whoever_wrote_it(project: Path, tmp_path_fac
     """A person may have saved a file while an agent ran; nobody can tell who it was, so nothing is lost."""
     outside = tmp_path_factory.mktemp("installed") / "identify.md"
     outside.write_text("the spec\n")
-    seen = audit.begin(
-        project, audit.Guarded([project / "octopus.yaml", outside], [project / "state"], installed=frozenset({outside}))
+    seen = file_integrity.begin(
+        project,
+        file_integrity.Guarded(
+            [project / "octopus.yaml", outside], [project / "state"], installed=frozenset({outside})
+        ),
     )
     (project / "octopus.yaml").write_text("an hour of work\n")
     outside.write_text("another\n")
     (project / "state" / "stranger.json").write_text("{}")
     kept = project / ".octoform" / "undone"
-    found = audit.end(seen, kept)
+    found = file_integrity.end(seen, kept)
     assert (kept / "octopus.yaml").read_text() == "an hour of work\n"
     assert (kept / "state" / "stranger.json").read_text() == "{}"
     assert outside.read_text() == "another\n", "an installation is shared: it is told and not put back"
@@ -145,19 +150,19 @@ def test_what_came_to_a_room_is_taken_away_and_in_the_installation_only_told(
     project: Path, tmp_path_factory: pytest.TempPathFactory
 ) -> None:
     own, theirs = tmp_path_factory.mktemp("own"), tmp_path_factory.mktemp("theirs")
-    wanted = audit.Guarded([], [], [own, theirs], installed=frozenset({theirs}))
-    watch = audit.begin(project, wanted)
+    wanted = file_integrity.Guarded([], [], [own, theirs], installed=frozenset({theirs}))
+    watch = file_integrity.begin(project, wanted)
     for room in (own, theirs):
         (room / "planted.pth").write_text("import os\n")
         (room / "__pycache__").mkdir()
-    found = audit.end(watch, project / ".undone")
+    found = file_integrity.end(watch, project / ".undone")
     assert [(item.severity, Path(item.path or "").parent) for item in found] == [("error", own), ("error", theirs)]
     assert not (own / "planted.pth").exists() and (theirs / "planted.pth").exists()
     assert (own / "__pycache__").is_dir(), "whoever imports leaves bytecode"
 
 
 def test_octoform_knows_what_its_own_interpreter_starts_with() -> None:
-    started = instructions.of_octoform()
+    started = paths.of_octoform()
     [room] = started.rooms
     assert (room / "pytest").is_dir()
     assert Path(sys.prefix) / "pyvenv.cfg" in started.files
@@ -170,10 +175,10 @@ def test_what_is_new_in_the_home_folder_is_told_and_left(
     home = tmp_path_factory.mktemp("home")
     for name in (".viminfo", ".profile"):
         (home / name).write_text("old\n")
-    watch = audit.begin(project, audit.Guarded([home / ".profile"], [], home=home))
+    watch = file_integrity.begin(project, file_integrity.Guarded([home / ".profile"], [], home=home))
     (home / "notes.txt").write_text("new\n")
     (home / ".viminfo").write_text("what programs of the person write all the time\n")
     (home / ".profile").write_text("planted\n")
-    told = [(item.severity.value, item.path) for item in audit.end(watch, project / ".undone")]
+    told = [(item.severity.value, item.path) for item in file_integrity.end(watch, project / ".undone")]
     assert told == [("error", str(home / ".profile")), ("warning", str(home / "notes.txt"))]
     assert (home / "notes.txt").exists() and (home / ".profile").read_text() == "old\n"

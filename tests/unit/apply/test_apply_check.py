@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from octoform.apply import check
-from octoform.apply.check import ASKED, PROGRAM, SAID, Checks
+from octoform.apply.stage import attempt
+from octoform.apply.stage.attempt import PROGRAM, REQUEST, SAID, Checks
 
 
 def asked(folder: Path) -> tuple[int, str]:
@@ -19,7 +19,7 @@ def asked(folder: Path) -> tuple[int, str]:
 def test_it_says_what_the_judge_finds_and_how_often_it_may_still_ask(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(check, "MOST", 2)
+    monkeypatch.setattr(attempt, "MOST", 2)
     found = ["- CODE at /devices/0: it is wrong", ""]
     with Checks(tmp_path, lambda: found.pop(0)) as checks:
         status, text = asked(tmp_path)
@@ -33,7 +33,7 @@ def test_it_says_what_the_judge_finds_and_how_often_it_may_still_ask(
 def test_whatever_stands_in_the_place_of_a_question_holds_nobody_up(tmp_path: Path, trap: str) -> None:
     elsewhere = tmp_path / "elsewhere"
     elsewhere.write_text("theirs")
-    place = tmp_path / ASKED
+    place = tmp_path / REQUEST
     with Checks(tmp_path, lambda: "") as checks:
         if trap == "pipe":
             os.mkfifo(place)

@@ -2,7 +2,7 @@
 
 import pytest
 
-from octoform.apply.confining import CODE, beyond, others, own_tools
+from octoform.apply.rewrite.scope import CODE, beyond, others, own_tools
 
 INTERFACE = {
     "tools": [

@@ -8,12 +8,10 @@ from typing import Any
 import pytest
 
 from octoform import digest
-from octoform.apply import healing_record
-from octoform.apply.beheld import beheld
-from octoform.apply.duty import Answer, refusal
-from octoform.apply.evidence import claims_of, failures_of, readings_of, since_of, summary_of
-from octoform.apply.healing_record import Healed
-from octoform.apply.smoke import no_worse
+from octoform.apply.duties import heal
+from octoform.apply.duties.agent_input import beheld, claims_of, failures_of, readings_of, since_of, summary_of
+from octoform.apply.duties.heal import Healed, no_worse
+from octoform.apply.duties.outcome import Answer, refusal
 from octoform.diagnostics import error
 from octoform.digest import of_bytes
 from octoform.endpoint.client.check import CheckReport, TrialCall
@@ -101,37 +99,37 @@ def healed(episode: str, base: str, after: str) -> Healed:
 
 def test_the_way_back_of_an_episode_is_to_where_it_began(tmp_path: Path) -> None:
     layout = Layout(tmp_path, "bench")
-    assert healing_record.read(layout, "e/../1") is None
-    assert healing_record.keep(layout, healed("e/../1", "one", "two")) is None
-    assert healing_record.keep(layout, healed("e/../1", "two", "three")) is None
-    found = healing_record.read(layout, "e/../1")
+    assert heal.read(layout, "e/../1") is None
+    assert heal.keep(layout, healed("e/../1", "one", "two")) is None
+    assert heal.keep(layout, healed("e/../1", "two", "three")) is None
+    found = heal.read(layout, "e/../1")
     assert found is not None and (found.source, found.digest) == ("one", of_bytes(b"three"))
-    assert healing_record.keep(layout, healed("e/../1", "four", "five")) is None
-    found = healing_record.read(layout, "e/../1")
+    assert heal.keep(layout, healed("e/../1", "four", "five")) is None
+    found = heal.read(layout, "e/../1")
     assert found is not None and found.source == "four", "the server was made again between the two"
     for number in range(20):
-        assert healing_record.keep(layout, healed(f"n{number}", "a", "b")) is None
-    folder = layout.local / healing_record.FOLDER
-    assert len(list(folder.iterdir())) == healing_record.KEEP
+        assert heal.keep(layout, healed(f"n{number}", "a", "b")) is None
+    folder = layout.local / heal.HEALED
+    assert len(list(folder.iterdir())) == heal.KEEP
     assert {path.stat().st_mode & 0o777 for path in folder.iterdir()} == {0o600}
 
 
 @pytest.mark.parametrize("damage", [b"", b"{}", b'{"format": 2}', b"[1", b"\xff"])
 def test_a_damaged_way_back_is_set_aside_and_never_used(tmp_path: Path, damage: bytes) -> None:
     layout = Layout(tmp_path, "bench")
-    healing_record.keep(layout, healed("e1", "one", "two"))
-    (path,) = (layout.local / healing_record.FOLDER).iterdir()
+    heal.keep(layout, healed("e1", "one", "two"))
+    (path,) = (layout.local / heal.HEALED).iterdir()
     path.write_bytes(damage)
-    assert healing_record.read(layout, "e1") is None
+    assert heal.read(layout, "e1") is None
     assert [item.suffix for item in path.parent.iterdir()] == [".damaged"]
 
 
 def test_a_way_back_whose_text_is_not_that_of_its_digest_is_none(tmp_path: Path) -> None:
     layout = Layout(tmp_path, "bench")
-    healing_record.keep(layout, healed("e1", "one", "two"))
-    (path,) = (layout.local / healing_record.FOLDER).iterdir()
+    heal.keep(layout, healed("e1", "one", "two"))
+    (path,) = (layout.local / heal.HEALED).iterdir()
     path.write_text(path.read_text().replace('"source": "one"', '"source": "evil"'))
-    assert healing_record.read(layout, "e1") is None
+    assert heal.read(layout, "e1") is None
 
 
 def frame(layout: Layout, name: str, data: bytes, **more: object) -> dict[str, object]:

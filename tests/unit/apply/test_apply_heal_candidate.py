@@ -2,8 +2,7 @@
 
 import pytest
 
-from octoform.apply.heal_candidate import Reach, objections, reach_of
-from octoform.apply.unweakened import lost
+from octoform.apply.rewrite.review import Reach, lost, objections, reach_of
 from octoform.contracts.source import needed_source
 
 SERVER = '''\

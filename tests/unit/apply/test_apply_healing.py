@@ -10,12 +10,13 @@ from typing import Any, cast
 import pytest
 from adopted import AFTER, BEFORE, GRAPH, NEW, OLD, RUNTIME, Crash, Killed, host, is_whole, opened
 
-from octoform.apply import adopting, healing, healing_record
 from octoform.apply.context import Clock, Context
-from octoform.apply.duty import Answer
-from octoform.apply.heal_candidate import Reach
-from octoform.apply.healing import Case, roll_back
-from octoform.apply.log_slice import LogSlice
+from octoform.apply.duties import heal
+from octoform.apply.duties.agent_input import LogSlice
+from octoform.apply.duties.heal import Case, roll_back
+from octoform.apply.duties.outcome import Answer
+from octoform.apply.rewrite import promotion
+from octoform.apply.rewrite.review import Reach
 from octoform.contracts.model import Artifacts
 from octoform.diagnostics import Diagnostic, error
 from octoform.state.files import pass_by
@@ -28,8 +29,8 @@ EPISODE = {"episode": "e1", "reason": "worse"}
 @pytest.fixture(autouse=True)
 def few_files(monkeypatch: pytest.MonkeyPatch) -> None:
     """One module beside the server, and an endpoint that is published at once."""
-    monkeypatch.setattr(adopting, "runtime_files", lambda: RUNTIME)
-    monkeypatch.setattr(adopting, "published", lambda context, smoke=True: [])
+    monkeypatch.setattr(promotion, "runtime_files", lambda: RUNTIME)
+    monkeypatch.setattr(promotion, "published", lambda context, smoke=True: [])
 
 
 @pytest.fixture
@@ -42,7 +43,7 @@ def folder() -> Iterator[Path]:
 def context(layout: Layout, crash: Any = pass_by) -> Context:
     """What a run after the former one works with: the state as it lies there, nothing left half done."""
     store = opened(layout, Ports(checkpoint=crash))
-    _, found = adopting.resume(layout, store, GRAPH)
+    _, found = promotion.resume(layout, store, GRAPH)
     assert found == []
     told: Mapping[str, Any] = {"layout": layout, "store": store, "graph": GRAPH, "checkpoint": crash, "clock": Clock()}
     return cast(Context, SimpleNamespace(**told, emit=lambda event: None))
@@ -50,7 +51,7 @@ def context(layout: Layout, crash: Any = pass_by) -> Context:
 
 def mend(layout: Layout, crash: Any = pass_by) -> list[Diagnostic]:
     case = Case("e1", "tool:t", {"tool": "t"}, Reach(frozenset(), ()), Artifacts(serve=OLD))
-    return healing._adopted(context(layout, crash), case, NEW)
+    return heal._adopted(context(layout, crash), case, NEW)
 
 
 def back(layout: Layout, crash: Any = pass_by) -> Answer:
@@ -117,7 +118,7 @@ def test_a_server_that_does_not_come_up_after_all_is_taken_back_at_once(
 ) -> None:
     layout = host(folder)
     served = iter([[error("ENDPOINT-NO-ANSWER", "it is silent")], []])
-    monkeypatch.setattr(adopting, "published", lambda context, smoke=True: next(served))
+    monkeypatch.setattr(promotion, "published", lambda context, smoke=True: next(served))
     assert [item.code for item in mend(layout)] == ["ENDPOINT-NO-ANSWER"]
     assert is_whole(layout, OLD) and layout.output("serve").read_text() == OLD
 
@@ -125,7 +126,7 @@ def test_a_server_that_does_not_come_up_after_all_is_taken_back_at_once(
 def test_without_a_copy_nothing_is_replaced(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     layout = host(folder)
     full = error("STATE-DISK-FULL", "no space left")
-    monkeypatch.setattr(healing_record, "write_atomic", lambda *_: full)
+    monkeypatch.setattr(heal, "write_atomic", lambda *_: full)
     assert mend(layout) == [full]
     assert is_whole(layout, OLD) and opened(layout).snapshot.nodes["serve"].output_digest == BEFORE
 
@@ -133,7 +134,7 @@ def test_without_a_copy_nothing_is_replaced(folder: Path, monkeypatch: pytest.Mo
 def test_the_agent_is_told_which_packages_serve_and_which_must_not_meet(
     folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(healing, "told_log", lambda context, brief: LogSlice("TypeError: no such method"))
+    monkeypatch.setattr(heal, "told_log", lambda context, brief: LogSlice("TypeError: no such method"))
     deploy = {
         "requirements": [{"name": "pyserial", "version": "3.5", "why": "the arm"}],
         "conflicts": ["two packages \x1b[31m provide one module"],
@@ -141,9 +142,9 @@ def test_the_agent_is_told_which_packages_serve_and_which_must_not_meet(
     case = Case("e1", "tool:t", {"tool": "t"}, Reach(frozenset(), ()), Artifacts(serve=OLD, deploy=deploy))
     failed = {"id": "r7", "tool": "t", "error": "TypeError", "message": "no such method", "count": 3}
     brief = {"failures": [failed], "since": "2026-01-01T00:00:00Z"}
-    given = healing._given(context(host(folder)), case, brief).document
+    given = heal._given(context(host(folder)), case, brief).document
     assert given["packages"] == [{"name": "pyserial", "version": "3.5"}]
     assert given["conflicts"] == ["two packages \\x1b[31m provide one module"]
     assert [(each["id"], each["count"]) for each in given["failures"]] == [("r7", 3)]
     nothing = Case("e1", "tool:t", {"tool": "t"}, Reach(frozenset(), ()), Artifacts(serve=OLD))
-    assert healing._given(context(host(folder / "other")), nothing, brief).document["packages"] == []
+    assert heal._given(context(host(folder / "other")), nothing, brief).document["packages"] == []

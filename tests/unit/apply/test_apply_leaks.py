@@ -7,7 +7,7 @@ from urllib.parse import quote
 
 import pytest
 
-from octoform.apply.leaks import leaked, masked, without_secrets
+from octoform.apply.stage.secret_scan import leaked, masked, without_secrets
 from octoform.diagnostics import error, to_json
 from octoform.harness.port import Task, TaskLimits
 

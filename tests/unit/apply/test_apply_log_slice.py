@@ -6,7 +6,7 @@ from pathlib import Path
 from hypothesis import given
 from hypothesis import strategies as st
 
-from octoform.apply.log_slice import ERROR_BYTES, LOG_BYTES, is_trouble, slice_of, sliced
+from octoform.apply.duties.agent_input import ERROR_BYTES, LOG_BYTES, is_trouble, slice_of, sliced
 from octoform.diagnostics import Diagnostic, warning
 from octoform.endpoint.observe.logs import CALLS, SERVER, Line
 from octoform.escaping import is_hidden

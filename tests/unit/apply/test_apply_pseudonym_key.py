@@ -4,8 +4,8 @@ from pathlib import Path
 
 import pytest
 
-from octoform.apply import settling
-from octoform.apply.settling import pseudonym_key
+from octoform.apply.stage import artifact_writer
+from octoform.apply.stage.artifact_writer import pseudonym_key
 from octoform.state.layout import Layout
 
 
@@ -14,7 +14,7 @@ def machine(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """The file with the id of an invented machine."""
     path = tmp_path / "machine-id"
     path.write_text("0123456789abcdef0123456789abcdef\n")
-    monkeypatch.setattr(settling, "MACHINE_ID", path)
+    monkeypatch.setattr(artifact_writer, "MACHINE_ID", path)
     return path
 
 

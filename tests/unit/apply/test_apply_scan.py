@@ -5,7 +5,7 @@ from typing import Any
 
 import pytest
 
-from octoform.apply import scan
+from octoform.apply.stage import assignment
 from octoform.harness.port import ExitReason, Outcome, Task
 
 CONTEXT: Any = SimpleNamespace(environ={}, manifest=SimpleNamespace(variables=()))
@@ -33,8 +33,8 @@ class Failing:
     ],
 )
 def test_a_scan_that_comes_to_nothing_is_a_warning(agent: Failing, told: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(scan, "resolve", lambda *_: agent)
-    found, (warning,) = scan.scan_beside(CONTEXT, {"devices": []})
+    monkeypatch.setattr(assignment, "resolve_harness", lambda *_: agent)
+    found, (warning,) = assignment.scan_beside(CONTEXT, {"devices": []})
     assert found is None
     assert (warning.code, warning.severity.value) == ("PROBE-NOT-HELD", "warning")
     assert told in warning.summary

@@ -7,13 +7,12 @@ from typing import Any, cast
 
 import pytest
 
-from octoform.apply import hand as hands
-from octoform.apply.assignment import Assignment
 from octoform.apply.context import Clock, Context
-from octoform.apply.gate import Verdict
-from octoform.apply.hand import LiveHand
-from octoform.apply.result import Finished
-from octoform.apply.steps import run_step
+from octoform.apply.privileged_step import run_step
+from octoform.apply.stage.assignment import Assignment
+from octoform.apply.stage.gate import Finished, Verdict
+from octoform.apply.trials import tool_client as hands
+from octoform.apply.trials.tool_client import LiveHand
 from octoform.contracts.checking import has_shape
 from octoform.diagnostics import Diagnostic, error
 from octoform.endpoint.client.terminal import CallResult, Wanted
@@ -110,8 +109,8 @@ def test_one_device_with_evidence_and_tools_is_tried(tmp_path: Path, monkeypatch
         asked.append(json.loads(assignment.given))
         return cast(Finished, SimpleNamespace(verdict=Verdict(())))
 
-    monkeypatch.setattr("octoform.apply.steps.fulfil", fulfil)
-    monkeypatch.setattr("octoform.apply.steps.of_stage", lambda context, node: an_assignment(node))
+    monkeypatch.setattr("octoform.apply.privileged_step.fulfil", fulfil)
+    monkeypatch.setattr("octoform.apply.privileged_step.of_stage", lambda context, node: an_assignment(node))
     outcome(tmp_path, [probed(FIRST)], [annotated(FIRST)], [moving(FIRST), {**moving("other"), "name": "x"}])
     (given,) = asked
     assert given["device"]["id"] == FIRST and [tool["name"] for tool in given["tools"]] == ["arm_move_joint"]

@@ -3,7 +3,7 @@
 import json
 from pathlib import Path
 
-from octoform.apply.story import readable_log
+from octoform.apply.stage.attempt_loop import readable_log
 from octoform.harness.port import ExitReason, Outcome, Task, TaskLimits
 
 

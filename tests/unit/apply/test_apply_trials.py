@@ -10,11 +10,9 @@ from typing import Any
 import pytest
 
 from octoform.apply.context import Clock
-from octoform.apply.hand import Answer, Seen
-from octoform.apply.pointing import at
-from octoform.apply.restoring import Value, fitting
-from octoform.apply.sights import by_frame, by_view
-from octoform.apply.trials import Bench, Tried, by_reading
+from octoform.apply.trials.by_camera import by_frame, by_view
+from octoform.apply.trials.by_reading import Bench, Tried, by_reading
+from octoform.apply.trials.tool_client import Answer, Seen, Value, at, fitting
 from octoform.endpoint.scripts.picture import digest, grain_of
 from octoform.perception.image_quality import Picture
 from octoform.protocol.steps import Proof

@@ -12,7 +12,7 @@ import pytest
 from endings import record_running
 from endpoint_servers import publish
 
-from octoform.apply.destroying import left_behind
+from octoform.apply.destroy import left_behind
 from octoform.diagnostics import Severity
 from octoform.endpoint.environment.model import MARKER, Environment, packages_of
 from octoform.endpoint.files import CHECK

@@ -6,7 +6,7 @@ from typing import Any, cast
 
 import pytest
 
-from octoform.apply.duty import Answer
+from octoform.apply.duties.outcome import Answer
 from octoform.endpoint.process import desired_state
 from octoform.endpoint.process.estop import LATCH
 from octoform.engine.plan.plan import Outlook

@@ -7,7 +7,7 @@ from typing import Any, cast
 import pytest
 
 from octoform.apply.context import Context
-from octoform.apply.duty import Answer
+from octoform.apply.duties.outcome import Answer
 from octoform.diagnostics import Diagnostic, error
 from octoform.endpoint.process import desired_state
 from octoform.engine.apply.session import Locked, Opened

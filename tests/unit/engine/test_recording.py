@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 from attempt_folders import Folders
 
-from octoform.apply.settling import pseudonym_key, text_of
+from octoform.apply.stage.artifact_writer import pseudonym_key, text_of
 from octoform.contracts.instance import instances, pseudonymise
 from octoform.diagnostics import Diagnostic, error, to_json
 from octoform.engine.inspect.attempts import of_host

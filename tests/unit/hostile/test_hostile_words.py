@@ -14,7 +14,7 @@ from cases import for_each
 from hostile_strings import STRINGS, Hostile
 
 from octoform import events
-from octoform.apply.attempt_record import attempts
+from octoform.apply.stage.attempt_record import attempts
 from octoform.diagnostics import Diagnostic, Span, error, to_json
 from octoform.engine.results import RunResult
 from octoform.escaping import is_hidden

@@ -5,7 +5,7 @@ from argparse import Namespace
 from collections.abc import Sequence
 from pathlib import Path
 
-from octoform.apply.pending_rewrite import Rewrite
+from octoform.apply.rewrite.pending_rewrite import Rewrite
 from octoform.claims.ledger import Ledger
 from octoform.claims.model import Claim
 from octoform.daemon.claim_decisions import open_ledger, person, undecidable

@@ -1,0 +1,1 @@
+"""The agents of the daemon: what they are given, WATCH and HEAL."""

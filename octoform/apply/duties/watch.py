@@ -1,0 +1,149 @@
+"""WATCH: an agent says how a deployment is, from what the daemon has seen. It reads, and changes nothing.
+
+What it may go by is put together here, bounded in bytes. Its report is believed as far as its contract holds, which
+binds each word to the readings that were given; without an accepted report nothing is known.
+"""
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+from octoform import events
+from octoform.apply.context import Context
+from octoform.apply.duties import agent_input
+from octoform.apply.duties.agent_input import LogSlice, beheld, slice_of
+from octoform.apply.duties.outcome import Answer, refusal
+from octoform.apply.stage.artifact_writer import text_of
+from octoform.apply.stage.assignment import Assignment, Judge, Prove, of_stage
+from octoform.apply.stage.attempt_loop import fulfil
+from octoform.apply.stage.gate import Finished, Verdict, artifacts, digest_of, read_value, shown
+from octoform.contracts.checking import check
+from octoform.contracts.duties import DutyFacts, told_devices, told_tools
+from octoform.contracts.model import Artifacts
+from octoform.diagnostics import Diagnostic
+from octoform.harness import environment
+from octoform.harness.completion import LiteLLMCompletion
+from octoform.harness.port import Task, Usage
+from octoform.harness.watching import added
+from octoform.manifest.model import MODEL_FREE
+
+WATCH = "watch"
+RAW_LOG = "log.txt"
+"""Beside an attempt: the lines that a model summed up."""
+ALL = "endpoint"
+"""The node that comes after all stages: all that was accepted is known to a duty."""
+
+
+@dataclass(frozen=True, slots=True)
+class Given:
+    """What an agent gets: the input as a value, files beside it, what putting it together has cost.
+
+    ``calls`` is how often it may be asked, however much its budget allows; None: as often as that.
+    """
+
+    document: dict[str, Any]
+    beside: Mapping[str, bytes] = field(default_factory=dict)
+    usage: Usage = field(default_factory=Usage)
+    calls: int | None = None
+
+
+def watch(context: Context, brief: Mapping[str, Any]) -> Answer:
+    """Ask the agent of WATCH; blocking, within its budget, and never raises for what an agent does."""
+    known = artifacts(context, ALL, None)
+    given = _given(context, known, brief)
+    finished = fulfil(context, assignment(context, WATCH, given, judge_of(known, given), _prove))
+    finished = paid(context, WATCH, finished, given)
+    if not finished.verdict.accepted:
+        return refusal(finished.verdict.diagnostics, finished)
+    report = finished.verdict.value
+    return Answer(
+        ok=True,
+        detail=f"{report['status']}: {report['summary']}",
+        report=report,
+        calls=finished.attempts,
+        usage=finished.usage,
+    )
+
+
+def assignment(context: Context, duty: str, given: Given, judge: Judge, prove: Prove) -> Assignment:
+    """The assignment of a duty with this input; its agent corrects no spec."""
+    text = json.dumps(given.document, indent=1, ensure_ascii=False).encode("utf-8", "surrogatepass") + b"\n"
+    asked = of_stage(context, duty)
+    attempts = asked.budget.attempts if given.calls is None else min(asked.budget.attempts, given.calls)
+    budget = replace(asked.budget, edit_specs=False, attempts=attempts)
+    return replace(asked, budget=budget, given=text, beside=given.beside, judge=judge, prove=prove)
+
+
+def paid(context: Context, duty: str, finished: Finished, given: Given) -> Finished:
+    """With what its input has cost; an agent without a model costs nothing."""
+    usage = added(finished.usage, given.usage)
+    if usage.cost_usd is None and context.manifest.harness_for(duty).name in MODEL_FREE:
+        usage = replace(usage, cost_usd=0.0)
+    return replace(finished, usage=usage)
+
+
+def judge_of(known: Artifacts, given: Given) -> Judge:
+    """The judge of a duty's output: schema and rules, held to the very input that was given."""
+    held = replace(known, duty=DutyFacts.of(given.document))
+
+    def judge(context: Context, task: Task, data: bytes) -> tuple[Any, list[Diagnostic]]:
+        value: Any
+        value, found = read_value(task, data)
+        if value is None:
+            return None, found
+        return value, found + check(task.stage, value, held, context.schemas, shown(task.output))
+
+    return judge
+
+
+def calls_of(brief: Mapping[str, Any]) -> int | None:
+    """How many calls the hour has left, as a daemon tells it that asks while there is one; None: nobody counts."""
+    calls = brief.get("calls")
+    return max(1, calls) if isinstance(calls, int) and not isinstance(calls, bool) else None
+
+
+def told_log(context: Context, brief: Mapping[str, Any]) -> LogSlice:
+    """The slice of the logs; summed up by a model only where the manifest has one for housekeeping."""
+    manifest = context.manifest
+    secrets = environment.secrets(context.environ, manifest.variables)
+    settings = manifest.housekeeping
+    completion = LiteLLMCompletion(settings, context.environ) if settings is not None else None
+    found = slice_of(context.layout, agent_input.since_of(brief), secrets, completion)
+    if found.reason:
+        context.emit(events.Notice(WATCH, f"the log is not summed up, its newest lines are told: {found.reason}"))
+    return found
+
+
+def _given(context: Context, known: Artifacts, brief: Mapping[str, Any]) -> Given:
+    readings = agent_input.readings_of(brief)
+    log = told_log(context, brief)
+    seen = beheld(context.layout, context.manifest.perception, readings)
+    interface = known.interface or {"tools": []}
+    document = {
+        "format": 1,
+        "host": context.layout.host,
+        "since": str(brief.get("since") or "")[:64],
+        "readings": readings,
+        "failures": agent_input.failures_of(brief),
+        "log": log.text,
+        "claims": agent_input.claims_of(brief),
+        "summary": agent_input.summary_of(brief),
+        "devices": told_devices(interface, known.identify),
+        "tools": told_tools(interface),
+        "frames": [dict(frame) for frame in seen.frames],
+        "perception": seen.perception,
+    }
+    beside = {**seen.files, **({RAW_LOG: log.raw} if log.raw is not None else {})}
+    return Given(document, beside, log.usage, calls_of(brief))
+
+
+def _prove(context: Context, task: Task, value: Any, found: list[Diagnostic]) -> Verdict:
+    """Nothing has to be run: the contract has said all."""
+    return Verdict(
+        diagnostics=tuple(found),
+        value=value,
+        digest=digest_of(context, task.stage, value),
+        files={"output.json": text_of(value)},
+        found=str(value["status"]),
+    )

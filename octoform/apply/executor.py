@@ -1,0 +1,241 @@
+"""The run: the plan's actions in order, each journalled; what came out the same stops the wave (early cutoff)."""
+
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+from octoform import __version__, digest, events
+from octoform.apply.context import Context, Tally, accepted
+from octoform.apply.destroy import take_away
+from octoform.apply.endpoint_node import run_endpoint
+from octoform.apply.privileged_step import run_step
+from octoform.apply.rewrite import promotion
+from octoform.apply.stage import reuse
+from octoform.apply.stage.artifact_writer import remember
+from octoform.apply.stage.attempt import Failed
+from octoform.apply.stage.attempt_loop import may_go_on, run_stage
+from octoform.apply.stage.attempt_record import state_usage
+from octoform.apply.stage.gate import Finished, Verdict
+from octoform.apply.stage.serve_feedback import JUDGE, MAKER, MOST_RETURNS, sent_back
+from octoform.contracts.checking import has_shape
+from octoform.contracts.parsing import parse
+from octoform.diagnostics import Diagnostic, has_errors
+from octoform.graph.model import Node, NodeKind, key_of, key_parts
+from octoform.harness.watching import added
+from octoform.manifest.model import MODEL_FREE
+from octoform.plan.diff import is_ignored
+from octoform.plan.model import Action, Plan, PlannedAction
+from octoform.plan.reuse import WANTED_ANEW
+from octoform.plan.tools import Tool, changes
+from octoform.state.artifacts.accepted import accept, file_digest
+from octoform.state.files import read_regular
+from octoform.state.model import NodeState, Status
+
+# What became of the tools when INTERFACE was made again: a new name for the same is told as such, not as a loss.
+
+STAGE = "interface"
+MOST = 3
+
+
+def renamed(context: Context, stage: str, value: Any) -> str:
+    """``, take_picture was capture_image``: the end of a line on an INTERFACE that takes the accepted one's place."""
+    if stage != STAGE:
+        return ""
+    data, _ = read_regular(context.layout.output(STAGE))
+    before, _ = parse(STAGE, data, STAGE) if data is not None else (None, [])
+    if not isinstance(before, Mapping) or not has_shape(STAGE, before, context.schemas):
+        return ""
+    found = [item for item in changes(_tools(before), _tools(value)) if item.action is Action.UPDATE]
+    told = [f", {item.name} was {item.text.removeprefix('renamed from ')}" for item in found]
+    more = f" and {len(told) - MOST} more renamed" if len(told) > MOST else ""
+    return "".join(told[:MOST]) + more
+
+
+def _tools(interface: Mapping[str, Any]) -> Iterable[Tool]:
+    return [Tool(tool["name"], frozenset(tool["devices"]), tool["effect"]) for tool in interface["tools"]]
+
+
+@dataclass(frozen=True, slots=True)
+class _Again:
+    """A node's second run in one apply; ``failed`` is what it has to mend, None for the node that found it."""
+
+    failed: Failed | None
+
+
+def execute(context: Context, plan: Plan, allowed: Callable[[str], bool]) -> Tally:
+    """Carry out the plan's work in order; stops at the first node that fails. ``allowed`` leaves nodes out."""
+    tally, returns, made = Tally(), 0, set[str]()
+    for action in plan.work:
+        if not allowed(action.node):
+            continue
+        if action.action is Action.DESTROY:
+            _take_away(context, action.node, tally)
+            if tally.failed:
+                return tally
+            continue
+        node = context.graph.node(action.node)
+        if not action.certain and settled(context, node):
+            context.emit(events.NodeUnchanged(node.name, "its inputs came out the same"))
+            continue
+        _carry_out(context, node, action, tally)
+        while returns < MOST_RETURNS and MAKER in made and _mended(context, action, tally):
+            returns += 1
+        if tally.failed:
+            return tally
+        made.add(node.name)
+    return tally
+
+
+def _take_away(context: Context, node: str, tally: Tally) -> None:
+    """Remove a node that is no longer in the graph: what it had made, and what the state knows of it."""
+    found = take_away(context, node)
+    tally.diagnostics += found
+    if has_errors(found):
+        tally.failed = node
+    else:
+        tally.destroyed += 1
+
+
+def _mended(context: Context, action: PlannedAction, tally: Tally) -> bool:
+    """Whether what failed is SERVE's to mend; then SERVE has run again, and the failed node after it."""
+    failed = sent_back(context, tally.failed, tally.diagnostics)
+    if failed is None:
+        return False
+    spent = [name for name in (MAKER, JUDGE) if not may_go_on(context, name)]
+    if spent:
+        text = f"the server is at fault, and the budget of {' and '.join(spent)} has nothing left to mend it with"
+        context.emit(events.Notice(JUDGE, text))
+        return False
+    context.emit(events.Notice(JUDGE, "the server is at fault; SERVE is told and runs again"))
+    tally.failed = None
+    tally.diagnostics = [item for item in tally.diagnostics if item not in failed.standing]
+    for node, again in ((context.graph.node(MAKER), failed), (context.graph.node(JUDGE), None)):
+        if tally.failed is None:
+            _carry_out(context, node, replace(action, node=node.name), tally, _Again(again))
+    return True
+
+
+def settled(context: Context, node: Node) -> bool:
+    """True when nothing that the node's key holds has moved: it need not run after all."""
+    known = context.store.snapshot.nodes.get(node.name)
+    return known is not None and known.status is Status.ACCEPTED and _moved(context, node, known) == []
+
+
+def _moved(context: Context, node: Node, known: NodeState) -> list[str]:
+    now = _parts(context, node)
+    ignored = frozenset(context.manifest.lifecycle.ignore)
+    names = sorted(set(now) | set(known.key_parts))
+    return [name for name in names if not is_ignored(name, ignored) and now.get(name) != known.key_parts.get(name)]
+
+
+def _parts(context: Context, node: Node) -> dict[str, str]:
+    outputs = {name: context.store.snapshot.nodes[name].output_digest for name in node.consumes}
+    return key_parts(node, outputs, context.fingerprint)
+
+
+def _carry_out(context: Context, node: Node, action: PlannedAction, tally: Tally, again: _Again | None = None) -> None:
+    context.emit(events.NodeStarted(node.name, action.action.value))
+    before = _output(context, node)
+    found = context.store.begin(node.name, {"action": action.action.value})
+    if not has_errors(found):
+        finished = _run(context, node, action, again)
+        tally.agent_runs += finished.attempts
+        tally.usage = added(tally.usage, finished.usage)
+        found = _end(context, node, finished)
+        tally.diagnostics += finished.verdict.diagnostics if finished.verdict.accepted else ()
+    if has_errors(found):
+        tally.failed = node.name
+        tally.diagnostics += found
+    elif again is not None and again.failed is not None:
+        return  # counted when it was first accepted
+    elif action.action is Action.CREATE:
+        tally.added += 1
+    elif before is not None and before == _output(context, node):
+        tally.alike += 1
+    else:
+        tally.changed += 1
+
+
+def _output(context: Context, node: Node) -> str | None:
+    """The digest of the node's accepted output; None where there is none."""
+    known = context.store.snapshot.nodes.get(node.name)
+    return known.output_digest if known is not None else None
+
+
+def _run(context: Context, node: Node, action: PlannedAction, again: _Again | None) -> Finished:
+    if node.kind is NodeKind.ENDPOINT:
+        return run_endpoint(context, anew=action.action is Action.REPLACE)
+    if node.kind is NodeKind.STEP:
+        return run_step(context, node.name)
+    if again is not None:
+        return run_stage(context, node.name, again.failed)
+    lent = reuse.take(context, node.name, key_of(_parts(context, node))) if _may_borrow(action) else None
+    return lent or run_stage(context, node.name)
+
+
+def _may_borrow(action: PlannedAction) -> bool:
+    return not any(reason.cause in WANTED_ANEW for reason in action.reasons)
+
+
+def _end(context: Context, node: Node, finished: Finished) -> list[Diagnostic]:
+    """Accept or refuse; the diagnostics with errors are why the node failed."""
+    verdict = finished.verdict
+    before = context.store.snapshot.nodes.get(node.name)
+    found, told = list(verdict.diagnostics), verdict.found
+    if verdict.accepted:
+        told += renamed(context, node.name, verdict.value)
+        found = _adopted(context, node, verdict)
+        found += _accept(context, node, verdict) if not has_errors(found) else []
+        if not has_errors(found):
+            found += context.store.success(node.name, _state(context, node, finished))
+    if has_errors(found):
+        context.emit(events.NodeFailed(node.name, tuple(found), finished.seconds))
+        return found + context.store.failure(node.name, found)
+    changed = before is None or before.output_digest != verdict.digest
+    used = finished.usage
+    spent = (used.input_tokens, used.output_tokens, used.cost_usd)
+    context.emit(events.NodeAccepted(node.name, finished.attempts, finished.seconds, told, changed, *spent))
+    return found
+
+
+def _adopted(context: Context, node: Node, verdict: Verdict) -> list[Diagnostic]:
+    """The server that a step has rewritten and proved becomes the accepted one, before the step itself does."""
+    if verdict.rewritten is None:
+        return []
+    context.emit(events.Checking(node.name, "the rewritten server takes the place of the accepted one"))
+    return promotion.adopt(context, node.name, verdict.rewritten)
+
+
+def _accept(context: Context, node: Node, verdict: Verdict) -> list[Diagnostic]:
+    if node.kind is NodeKind.ENDPOINT:
+        return []
+    return [
+        *remember(context, node.name, verdict.value),
+        *accept(context.layout, node.name, verdict.files, context.checkpoint),
+    ]
+
+
+def _state(context: Context, node: Node, finished: Finished) -> NodeState:
+    parts = _parts(context, node)
+    return NodeState(
+        key=key_of(parts),
+        key_parts=parts,
+        output_digest=finished.verdict.digest,
+        file_digest=file_digest(context.layout, node.name) or "",
+        harness=node.harness,
+        model=node.model,
+        program=finished.program or (f"octoform {__version__}" if node.harness in (None, *MODEL_FREE) else None),
+        specs=digest.of_value({name: spec.digest for name, spec in context.specs.items()}),
+        platform=_platform(context),
+        attempts=finished.attempts,
+        usage=state_usage(finished.usage),
+        seconds=round(finished.seconds, 3),
+        accepted_at=context.clock.stamp(),
+        detail={**finished.verdict.detail, "contract": context.contract},
+    )
+
+
+def _platform(context: Context) -> dict[str, str]:
+    """What the accepted PROBE says of the system; empty where there is none yet."""
+    found: dict[str, str] = accepted(context, "probe")["platform"] if context.layout.output("probe").is_file() else {}
+    return found

@@ -1,0 +1,1 @@
+"""What an agent may not touch while it runs."""

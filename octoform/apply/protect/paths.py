@@ -1,0 +1,369 @@
+"""Which files an agent may not touch while it runs, whatever it is asked: sources, what was accepted, what is served.
+
+Guarded is what nobody else has a reason to write meanwhile, since the state's lock is held: a difference is the
+agent's, and so is a new file where one is read as instruction (`instructions`). What the endpoint, a daemon and a
+person write at any time (logs, counters, latches, what a person asks for) is not guarded here. The daemon's memory is,
+as long as none has been there; one that lives knows itself what it wrote.
+"""
+
+import fcntl
+import os
+import sys
+import sysconfig
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import octoform
+from octoform.apply.context import CANDIDATE, HEALED, Context
+from octoform.apply.protect import file_integrity
+from octoform.base.files import read
+from octoform.diagnostics import Diagnostic, warning
+from octoform.endpoint.environment.model import MARKER, packages_of
+from octoform.endpoint.files import (
+    CLIENTS,
+    CONNECTION,
+    LAUNCHER,
+    MANIFEST,
+    POLICY,
+    PROGRAM,
+    SERVE_SCRIPT,
+    read_manifest,
+)
+from octoform.endpoint.process.systemd import unit_path
+from octoform.endpoint.process.systemd_watch import watch_path
+from octoform.harness.port import Task
+from octoform.state.artifacts import attempts
+from octoform.state.git.head import head_revision, on_branch, repository
+from octoform.state.git.repository import configuration_files
+from octoform.state.layout import Layout
+from octoform.state.store.lock import is_locked
+
+# The places whose files octoform, git or the package tool will read as instructions, present or not.
+#
+# An agent that may leave a new file in one of them decides what a later run does: a spec in `protocol/`, the state of
+# another host, a hook or a file monitor in `.git`, an index of packages. So these are guarded as a whole, and what was
+# not there before has to be gone again.
+
+SERVED = (LAUNCHER, CONNECTION, SERVE_SCRIPT, MANIFEST, POLICY)
+_GIT = (".gitattributes", ".gitignore", ".gitmodules", ".mailmap")
+_PACKAGES = ("uv.toml", "pyproject.toml", ".python-version", ".npmrc")
+_OF_A_TREE = ("config.worktree", "commondir", "gitdir")
+_OF_A_REPOSITORY = (*_OF_A_TREE, "config", "objects/info/alternates", "shallow")
+_FOLDERS_OF_A_REPOSITORY = ("hooks", "info", "refs/replace")
+_OF_A_PERSON = ("git/config", "git/attributes", "git/ignore", "uv/uv.toml", "pip/pip.conf")
+_OF_THE_MACHINE = ("gitconfig", "gitattributes", "uv/uv.toml", "pip.conf")
+_OF_A_LOGIN = (
+    *(".profile", ".bash_profile", ".bash_login", ".bashrc", ".bash_logout", ".kshrc", ".pam_environment"),
+    *(".zshenv", ".zprofile", ".zshrc", ".zlogin", ".xprofile", ".xsession", ".config/fish/config.fish"),
+    *(".bash_aliases", ".inputrc", ".xinitrc", ".xsessionrc", ".config/direnv/direnvrc", ".tmux.conf", ".screenrc"),
+    *(".ssh/authorized_keys", ".ssh/authorized_keys2", ".ssh/config", ".ssh/rc", ".shosts", ".rhosts", ".k5login"),
+    *(".vimrc", ".exrc", ".gdbinit", ".config/nvim/init.lua", ".config/nvim/init.vim", ".npmrc"),
+    *(".claude/CLAUDE.md", ".codex/AGENTS.md", ".config/opencode/AGENTS.md"),
+)
+"""What runs, lets somebody in, or gives an agent orders, when a person logs in and works. Not what programs rewrite."""
+_FOLDERS_OF_A_LOGIN = (
+    *(".config/autostart", ".config/fish/conf.d", ".config/fish/functions", ".config/systemd/user"),
+    *(f".claude/{name}" for name in ("agents", "commands", "hooks", "skills")),
+)
+_PROGRAMS = ("uv", "bwrap", "git", "node", "npm", "npx", "systemctl", "loginctl", "ssh", "sh", "true", "python3")
+"""What octoform calls by name."""
+_MINORS = range(8, 20)
+"""Of the Pythons that a person may have."""
+_AGENTS = (
+    *("AGENTS.md", "AGENTS.override.md", "CLAUDE.md", "CLAUDE.local.md", "GEMINI.md", "QWEN.md", ".mcp.json", ".env"),
+    *("opencode.json", "opencode.jsonc", ".envrc", ".cursorrules", ".windsurfrules", ".goosehints", ".aider.conf.yml"),
+    *(".github/copilot-instructions.md", ".cursor/mcp.json", ".vscode/mcp.json", ".vscode/tasks.json", ".roo/mcp.json"),
+    *(f".claude/{name}" for name in ("CLAUDE.md", "settings.json", "settings.local.json")),
+    *(f".{name}/settings.json" for name in ("gemini", "qwen", "pi")),
+    *(".codex/config.toml", ".opencode/opencode.json", ".opencode/opencode.jsonc"),
+)
+"""What coding agents look for where they are started and above: their instructions, their settings, their programs."""
+_FOLDERS_OF_AGENTS = (
+    *(f".claude/{name}" for name in ("agents", "commands", "hooks", "rules", "skills")),
+    *(
+        f".opencode/{name}"
+        for name in ("agent", "agents", "command", "commands", "plugin", "plugins", "skills", "tools")
+    ),
+    *(".cursor/rules", ".clinerules", ".github/instructions"),
+    *(".agents", ".gemini/commands", ".gemini/extensions", ".qwen/commands", ".pi/extensions", ".pi/skills"),
+)
+_STARTS = ("pyvenv.cfg", "pip.conf")
+
+
+@dataclass(frozen=True, slots=True)
+class Places:
+    """Single files and whole folders, each absolute, none of which need exist; no entry may come to ``rooms``."""
+
+    files: tuple[Path, ...]
+    folders: tuple[Path, ...]
+    rooms: tuple[Path, ...]
+
+
+def sources(context: Context) -> Places:
+    """What octoform itself never writes while it judges an output, so that a difference is another's."""
+    layout, manifest = context.layout, context.manifest
+    project = layout.project
+    written = [manifest.path, *manifest.profile_files, *(spec.path for spec in context.specs.values())]
+    written += [spec.schema for spec in context.specs.values() if spec.schema is not None]
+    files = [*written, project / ".octoform" / ".gitignore", *_around(layout), *_personal(layout, context.environ)]
+    folders = [project / "protocol", project / "profiles", project / "state", *_units(layout, context.environ)]
+    folders += [home(context.environ) / name for name in _FOLDERS_OF_A_LOGIN]
+    folders += [project / name for name in _FOLDERS_OF_AGENTS]
+    rooms = [project / ".octoform"]
+    for each in (layout, *_others(layout)):
+        started, packages = _environments(each)
+        files += started
+        rooms += packages
+    for other in _others(layout):
+        files += [*other.records(), *(other.endpoint / name for name in SERVED)]
+        folders += records(other)
+    found = repository(project)
+    if found is not None:
+        of_git = _git(found.folder)
+        files += of_git.files
+        folders += of_git.folders
+    return Places(*(tuple(dict.fromkeys(paths)) for paths in (files, folders, rooms)))
+
+
+def home(environ: Mapping[str, str]) -> Path:
+    """The home folder of the person whose shell runs octoform."""
+    return Path(environ.get("HOME") or "~").expanduser()
+
+
+def records(layout: Layout) -> list[Path]:
+    """The folders of a host that octoform alone writes, and not while an agent runs."""
+    kept = [layout.spec_edits, layout.kept, layout.local / HEALED, layout.local / CANDIDATE]
+    return [*kept, *(layout.endpoint / name for name in (CLIENTS, PROGRAM))]
+
+
+def _others(layout: Layout) -> Iterator[Layout]:
+    """The other hosts that this folder keeps something of."""
+    for entry in sorted((layout.project / ".octoform").glob("*/")):
+        if entry.name != layout.host and not entry.is_symlink():
+            yield Layout(layout.project, entry.name)
+
+
+def _git(folder: Path) -> Places:
+    """What git goes by in a working tree's own folder, in the one it shares, and in those of the others and submodules.
+
+    Not what a commit or a fetch of the person's moves: references, the index.
+    """
+    shared = _shared(folder)
+    modules = [config.parent for depth in ("*", "*/*") for config in shared.glob(f"modules/{depth}/config")]
+    files, folders = [], []
+    for place in {folder, shared, *modules}:
+        files += [place / name for name in _OF_A_REPOSITORY]
+        folders += [place / name for name in _FOLDERS_OF_A_REPOSITORY]
+    files += [place / name for place in shared.glob("worktrees/*") for name in _OF_A_TREE]
+    if on_branch(folder):  # otherwise a commit of the person's changes it
+        files.append(folder / "HEAD")
+    return Places(tuple(files), tuple(folders), ())
+
+
+def _environments(layout: Layout) -> tuple[list[Path], list[Path]]:
+    """What an interpreter that serves reads at its start, and the folders from which it imports by name."""
+    manifest = read_manifest(layout) or {}
+    named = (manifest.get("environment"), manifest.get("previous_environment"))
+    started, packages = [], []
+    for place in (Path(name) for name in named if name):
+        started += [*_read_at_start(place, packages_of(place)), place / MARKER]
+        packages.append(packages_of(place))
+    return started, packages
+
+
+def _read_at_start(prefix: Path, packages: Path) -> list[Path]:
+    """What an interpreter below ``prefix`` goes by before it runs anything."""
+    links = (path for path in sorted((prefix / "bin").glob("python*")) if path.is_symlink())
+    named = (path for path in sorted(packages.glob("*")) if path.suffix in (".pth", ".py"))
+    return [*(prefix / name for name in _STARTS), *links, *named]
+
+
+def of_octoform() -> Places:
+    """The same of octoform's own installation, which is not this project's alone."""
+    packages = Path(sysconfig.get_path("purelib"))
+    return Places(tuple(_read_at_start(Path(sys.prefix), packages)), (), (packages,))
+
+
+def _around(layout: Layout) -> Iterator[Path]:
+    """What git and the package tool look for in a folder and in those above it, up to the root."""
+    project = layout.project
+    found = repository(project)
+    for place in (project, *project.parents):
+        yield place / ".git"
+        if found is not None and place.is_relative_to(found.root):
+            yield from (place / name for name in _GIT)
+    below = (project, layout.local.parent, layout.local, layout.environments)
+    yield from (place / name for place in below for name in _PACKAGES)
+    looked = (project, layout.local.parent, layout.local, layout.attempts)
+    yield from (place / name for place in looked for name in _AGENTS)
+    yield from (place / name for place in project.parents for name in _AGENTS if "/" not in name)
+
+
+def _personal(layout: Layout, environ: Mapping[str, str]) -> Iterator[Path]:
+    """A person's own files; of git also those that their configuration includes."""
+    own = home(environ)
+    given = environ.get("XDG_CONFIG_HOME")
+    config = Path(given) if given and Path(given).is_absolute() else own / ".config"
+    yield from (own / ".gitconfig", own / ".pip" / "pip.conf")
+    yield from (own / name for name in _OF_A_LOGIN)
+    yield from _shadows(environ)
+    yield from (Path("/etc") / name for name in _OF_THE_MACHINE)
+    yield from (config / name for name in _OF_A_PERSON)
+    yield from (unit_path(layout, environ), watch_path(layout, environ))
+    yield from configuration_files(layout.project)
+
+
+def _shadows(environ: Mapping[str, str]) -> Iterator[Path]:
+    """Where a program would stand before the one that octoform calls by that name; none of them is there."""
+    folders = [Path(name) for name in environ.get("PATH", "").split(os.pathsep) if name.startswith("/")]
+    for name in _PROGRAMS:
+        for folder in folders:
+            if (folder / name).exists():
+                break
+            yield folder / name
+
+
+def starts(environ: Mapping[str, str]) -> list[Path]:
+    """Where the person's own packages lie, which any Python of theirs goes by at its start."""
+    return [home(environ) / ".local" / "lib" / f"python3.{minor}" / "site-packages" for minor in _MINORS]
+
+
+def _units(layout: Layout, environ: Mapping[str, str]) -> Iterator[Path]:
+    """What systemd reads beside the host's units: what is added to them, and what variables they start with."""
+    for path in (unit_path(layout, environ), watch_path(layout, environ)):
+        yield path.with_name(f"{path.name}.d")
+        yield path.with_name("service.d")
+        yield path.parents[2] / "environment.d"
+
+
+def _shared(folder: Path) -> Path:
+    """Where a working tree's repository keeps what its trees have in common (gitrepository-layout(5))."""
+    try:
+        return (folder / read(folder / "commondir", 4096).decode().strip()).resolve()
+    except (OSError, ValueError):
+        return folder
+
+
+UNDONE = "undone"
+"""Folder of an attempt with what files had become that were not the agent's to change."""
+
+
+@dataclass(frozen=True, slots=True)
+class Guard:
+    """What lay there when the agent began. ``daemon`` tells which daemon was there last; None while one lives.
+
+    ``specs`` are those that come with octoform, ``installation`` is what tells one installation of it from another.
+    """
+
+    watch: file_integrity.Watch
+    layout: Layout
+    daemon: bytes | None
+    revision: str | None
+    specs: frozenset[Path]
+    installation: object
+
+    def end(self, undone: Path) -> list[Diagnostic]:
+        """Put back what was changed and say so; an empty list when the attempt kept to its folder.
+
+        ``undone`` is a folder, made when it is needed, for what the changed files had become.
+        """
+        watch = self.watch
+        if self.daemon is None or _daemon(self.layout) != self.daemon:
+            # A daemon that came meanwhile wrote its own files, and goes on from what it finds.
+            memory = self.layout.memory()
+            watch = replace(watch, guarded={path: it for path, it in watch.guarded.items() if path not in memory})
+        if _installation() == self.installation:
+            # Nobody has brought it up to date meanwhile, so a difference is the agent's.
+            watch = replace(watch, installed=watch.installed - self.specs)
+        return [*file_integrity.end(watch, undone), *self._moved()]
+
+    def _moved(self) -> list[Diagnostic]:
+        """A commit may be a person's, who would lose it: it is told and stays."""
+        now = head_revision(self.layout.project)
+        if now == self.revision:
+            return []
+        return [
+            warning(
+                "APPLY-OUTSIDE-WRITE",
+                "the repository's HEAD was moved while the agent ran; it was left as it is",
+                detail=f"from {self.revision or 'no commit'} to {now or 'no commit'}",
+                hint="`git log` shows what was committed; if that was not you, `git reset --soft` to the former",
+            )
+        ]
+
+
+def begin(context: Context, task: Task) -> Guard:
+    """Remember all that the agent of this attempt may not touch."""
+    layout, read = context.layout, sources(context)
+    files = [*read.files, *layout.records(), *(layout.endpoint / name for name in SERVED)]
+    files += [folder / attempts.FILE_NAME for folder in attempts.folders(layout) if folder != task.workdir]
+    folders = [*read.folders, layout.committed, *records(layout)]
+    sign = _daemon(layout)
+    watch = _begun(context, [*files, *layout.memory()], folders, read.rooms)
+    return Guard(watch, layout, sign, head_revision(layout.project), _installed(context), _installation())
+
+
+def of_sources(context: Context) -> file_integrity.Watch:
+    """Remember only what is read as instruction: for the time in which an agent's code is run to judge it."""
+    read = sources(context)
+    return _begun(context, read.files, read.folders, read.rooms)
+
+
+def _begun(
+    context: Context, files: Iterable[Path], folders: Iterable[Path], rooms: Iterable[Path]
+) -> file_integrity.Watch:
+    project, own = context.layout.project, context.layout.host
+    started = of_octoform()
+    installed = _installed(context) | {*started.files, *started.rooms}
+    wanted = file_integrity.Guarded(
+        [*files, *started.files],
+        folders,
+        [*rooms, *started.rooms],
+        home(context.environ),
+        installed,
+        lambda: _at_work(project, own),
+        starts(context.environ),
+    )
+    return file_integrity.begin(project, wanted)
+
+
+def _at_work(project: Path, own: str) -> tuple[Path, ...]:
+    """What belongs to other hosts of this folder that a run or a daemon is changing right now."""
+    others = [Layout(project, path.parent.name) for path in (project / ".octoform").glob("*/lock.guard")]
+    busy = [other for other in others if other.host != own and (is_locked(other) or _daemon(other) is None)]
+    return tuple(place for other in busy for place in (other.committed, other.local))
+
+
+def _installed(context: Context) -> frozenset[Path]:
+    """The specs and schemas that come with octoform: other projects read them as well."""
+    paths = (path for spec in context.specs.values() for path in (spec.path, spec.schema) if path is not None)
+    return frozenset(path for path in paths if not path.is_relative_to(context.layout.project))
+
+
+def _installation() -> object:
+    """What another version of octoform would change: its package's own files, the record of its install, the commit."""
+    own = Path(octoform.__file__)
+    files = (own, *sorted(own.parents[1].glob("octoform-*.dist-info/RECORD")))
+    try:
+        facts = [(path.name, path.stat().st_mtime_ns, path.stat().st_size) for path in files]
+    except OSError:
+        return object()  # it is being changed right now: like no other
+    return facts, head_revision(own.parents[1])
+
+
+def _daemon(layout: Layout) -> bytes | None:
+    """Which daemon was there last (empty: none ever was); None while one lives, or where that cannot be told."""
+    try:
+        descriptor = os.open(layout.daemon_lock, os.O_RDONLY | os.O_CLOEXEC | os.O_NOFOLLOW | os.O_NONBLOCK)
+    except FileNotFoundError:
+        return b""
+    except OSError:
+        return None
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_SH | fcntl.LOCK_NB)
+        return os.read(descriptor, 4096)
+    except OSError:
+        return None
+    finally:
+        os.close(descriptor)

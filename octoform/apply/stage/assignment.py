@@ -1,0 +1,186 @@
+"""What one agent is asked for: the stage, who does it with which budget, what it may read, and who judges its output.
+
+Most stages are one assignment. IDENTIFY with ``escalate`` is two: the second goes to another agent, reads only what
+the first left unknown, and its output is judged merged with that of the first.
+"""
+
+import dataclasses
+import json
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+from octoform.apply.context import Context, predecessor
+from octoform.apply.stage.artifact_writer import runtime_files
+from octoform.apply.stage.gate import BYTES_QUOTED, Verdict, artifacts, judge, read_output, read_value, shown
+from octoform.apply.stage.secret_scan import blanked
+from octoform.base.files import parse, replace
+from octoform.contracts.checking import check, has_shape
+from octoform.contracts.model import HostScan
+from octoform.contracts.probe_host_rules import completed
+from octoform.diagnostics import Diagnostic, error, warning
+from octoform.harness.port import AgentEvent, ExitReason, Outcome, Price, Task, TaskLimits, Usage
+from octoform.harness.pricing import OWNERS, price_of
+from octoform.harness.registry import resolve as resolve_harness
+from octoform.manifest.model import MODEL_FREE, Budget, HarnessSpec
+from octoform.manifest.references import resolve
+from octoform.protocol.fence import tail
+
+# The host's own scan beside another agent's PROBE: the embedded agent looks too, and its word is what that is held to.
+#
+# It costs no model and finds all that the kernel shows. It runs in a folder that the judged agent cannot reach.
+
+STAGE = "scan"
+SECONDS = 120.0
+EMBEDDED = HarnessSpec("builtin")
+
+
+def scan_beside(context: Context, probe: Any) -> tuple[HostScan | None, list[Diagnostic]]:
+    """What the host shows, and which words of ``probe`` it never says; None with a warning where nobody could look."""
+    try:
+        with TemporaryDirectory(prefix="octoform-scan-") as name:
+            return _scanned(context, Path(name), probe)
+    except OSError as problem:
+        return None, [_not_held(f"{problem.strerror or problem}")]
+
+
+def judge_scan(context: Context, task: Task, data: bytes) -> tuple[Any, list[Diagnostic]]:
+    """PROBE of another agent: parse, schema and rules, and what it says against what the host shows."""
+    value, found = read_value(task, data)
+    if value is None:
+        return None, found
+    fits = has_shape("probe", value, context.schemas)
+    scan, more = scan_beside(context, value) if fits else (None, [])
+    known = dataclasses.replace(artifacts(context, "probe", value), scan=scan)
+    found += [*check("probe", value, known, context.schemas, shown(task.output)), *more]
+    return completed(value, scan) if scan is not None else value, found
+
+
+def _scanned(context: Context, folder: Path, probe: Any) -> tuple[HostScan | None, list[Diagnostic]]:
+    task = _task(context, folder)
+    given = folder / "input.json"
+    replace(given, json.dumps(probe).encode("utf-8", "surrogatepass"), 0o600, synced=False)
+    document = {"format": 1, "stage": STAGE, "input": str(given), "output": str(task.output)}
+    replace(task.document, json.dumps(document).encode(), 0o600, synced=False)
+    harness = resolve_harness(EMBEDDED, context.environ, None)
+    assert not isinstance(harness, Diagnostic)
+    outcome = harness.run(task, _unheard)
+    data, found = read_output(task)
+    if outcome.reason is not ExitReason.FINISHED or found:
+        return None, [_not_held(_reason(task, outcome))]
+    value = parse(data, any_text=True)
+    # What is held to it has no secrets of devices any more.
+    return HostScan(blanked(value["probe"]), tuple(value["unsaid"]), tuple(value["untrue"])), []
+
+
+def _task(context: Context, folder: Path) -> Task:
+    return Task(
+        stage=STAGE,
+        attempt=1,
+        workdir=folder,
+        prompt=folder / "prompt.md",
+        output=folder / "output.json",
+        log=folder / "agent.log",
+        document=folder / "task.json",
+        model=None,
+        environment=context.environ,
+        limits=TaskLimits(SECONDS),
+        secrets=context.manifest.variables,
+    )
+
+
+def _unheard(_event: AgentEvent, _elapsed: float, _used: Usage) -> None:
+    """It tells of nothing that a person waits for."""
+
+
+def _reason(task: Task, outcome: Outcome) -> str:
+    return outcome.detail or tail(task.log, 1, BYTES_QUOTED) or outcome.reason.value
+
+
+def _not_held(reason: str) -> Diagnostic:
+    return warning(
+        "PROBE-NOT-HELD",
+        f"what PROBE says could not be held against this host: {reason}",
+        hint="`octoform apply -replace probe` tries it again; leave stages.probe out and the embedded agent does PROBE",
+    )
+
+
+UNMEASURED = (*MODEL_FREE, "command")
+"""Harnesses whose output tells nothing while they run: a command reports what it has used when it has ended."""
+
+Judge = Callable[[Context, Task, bytes], tuple[Any, list[Diagnostic]]]
+"""(context, task, bytes of the output) -> (value, diagnostics); the value is None when it cannot be read."""
+Prove = Callable[[Context, Task, Any, list[Diagnostic]], Verdict]
+"""(context, task, value, what was found so far) -> the verdict on a value that passed its contract."""
+
+
+@dataclass(frozen=True, slots=True)
+class Assignment:
+    """``role`` is ``stage`` or ``escalate``; ``given`` is the content of an input other than the accepted artifact.
+
+    ``beside`` are more files that its folder begins with, by name. ``prove`` takes the place of a stage's own proof.
+    ``model`` is the name of the manifest, reference unresolved.
+    """
+
+    stage: str
+    harness: HarnessSpec
+    model: str | None
+    budget: Budget
+    role: str = "stage"
+    given: bytes | None = None
+    judge: Judge = judge
+    prove: Prove | None = None
+    beside: Mapping[str, bytes] = field(default_factory=dict)
+
+    def input(self, context: Context, workdir: Path) -> Path | None:
+        """The one artifact that the agent may read."""
+        return workdir / "input.json" if self.given is not None else predecessor(context, self.stage)
+
+    def model_name(self, context: Context) -> str | None:
+        """The model with its references replaced; for the agent's arguments alone, never for a file."""
+        return None if self.model is None else resolve(self.model, context.environ)
+
+    def price(self, context: Context) -> Price | None:
+        """What its model costs; None when it uses none or nobody knows."""
+        name = self.model_name(context)
+        if name is None or self.harness.name in MODEL_FREE:
+            return None
+        listed = context.manifest.prices.get(self.model or "")
+        known = {name: Price(listed.input, listed.cached, listed.output, OWNERS)} if listed is not None else {}
+        return price_of(name, known)
+
+
+def unaffordable(context: Context, assignment: Assignment, left: float | None) -> Diagnostic | None:
+    """Why the next attempt may not start for want of money or of a price; None when it may.
+
+    A limit that cannot be measured is no limit, so a model without a known price is not started under one.
+    """
+    if left is None or assignment.harness.name in MODEL_FREE:
+        return None
+    if left <= 0:
+        return error(
+            "APPLY-COST-LIMIT",
+            f"the budget in dollars is spent before {assignment.stage} has an accepted output",
+            hint="raise budget.usd in octopus.yaml, or look at `octoform attempts` to see what cost so much",
+        )
+    if assignment.harness.name not in UNMEASURED and assignment.price(context) is None:
+        return error(
+            "APPLY-PRICE-UNKNOWN",
+            f"budget.usd is set, and nobody knows what {assignment.model} costs",
+            hint=f"add it to octopus.yaml: prices: {{{assignment.model}: {{input: ..., output: ...}}}}",
+        )
+    return None
+
+
+def of_stage(context: Context, stage: str) -> Assignment:
+    """The assignment of a stage as the manifest gives it."""
+    manifest = context.manifest
+    harness, budget = manifest.harness_for(stage), manifest.budget_for(stage)
+    # The embedded agent's PROBE is the host's own scan; a recorded run may be that of another host.
+    by_another = stage == "probe" and harness.name not in MODEL_FREE
+    # Who writes a server reads what it stands on; the embedded agent knows it.
+    beside = runtime_files() if stage == "serve" and harness.name not in MODEL_FREE else {}
+    judged = judge_scan if by_another else judge
+    return Assignment(stage, harness, manifest.model_for(stage), budget, judge=judged, beside=beside)

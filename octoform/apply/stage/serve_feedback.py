@@ -1,0 +1,88 @@
+"""What the next attempt at a stage knows of those before it, and what a later stage sends back to an earlier one.
+
+An attempt begins with the last output that could be read, however the attempt that wrote it ended, and with all that is
+wrong with it. What the trial at DEPLOY finds wrong with the server goes back to SERVE, in the same run: some faults of
+generated code show only when its tools are called. No set of packages mends them, so DEPLOY is not tried
+again; the agent of SERVE gets the findings and the server that it was accepted with, and then DEPLOY runs once more.
+Only a server that was made in this very run is sent back: a run never remakes what its plan did not list.
+"""
+
+from collections.abc import Iterable
+from dataclasses import replace
+from typing import Any
+
+from octoform.apply.context import Context
+from octoform.apply.stage.assignment import Assignment
+from octoform.apply.stage.attempt import Failed
+from octoform.apply.stage.gate import Verdict, read_output
+from octoform.apply.stage.secret_scan import leaked, masked, without_secrets
+from octoform.diagnostics import Diagnostic, has_errors
+from octoform.harness.port import ExitReason, Outcome, Task
+from octoform.state.files import read_regular
+
+MOST_RETURNS = 2
+MAKER, JUDGE = "serve", "deploy"
+SHOWN = frozenset(
+    {"ENDPOINT-TOOL-BROKEN", "ENDPOINT-TOOLS-DIFFER", "ENDPOINT-CALL-NOT-LOGGED", "ENDPOINT-OUTPUT-INVALID"}
+    | {"ENDPOINT-RESULT-IMPLAUSIBLE", "ENDPOINT-RESULT-OTHER-DEVICE", "ENDPOINT-RESULT-CONSTANT"}
+    | {"ENDPOINT-DEVICE-ABSENT", "ENDPOINT-PROGRAM-MISSING", "ENDPOINT-NETWORK-FAILED", "ENDPOINT-NOTHING-ANSWERS"}
+)
+"""Faults of the server itself, seen when it was started and called."""
+TOLD = frozenset({"DEPLOY-STATUS-ERROR"})
+"""DEPLOY's agent says that no set of packages works; it may be wrong, so it is asked again first."""
+
+NOT_OF_OUTPUT = frozenset({"APPLY-OUTSIDE-WRITE", "ARTIFACT-MISSING"})
+"""Why an attempt is refused whatever its output is like."""
+UNREADABLE = "It could not be read as a whole, so nothing else in it was looked at."
+CLEAN = "Nothing is wrong with it, as far as that shows without running it; the attempt itself did not end well."
+
+
+def remembered(
+    context: Context, assignment: Assignment, task: Task, ended: tuple[Outcome, Verdict], failed: Failed
+) -> Failed:
+    """What a refused attempt leaves to the next one; ``failed`` says what it had itself been given, if anything.
+
+    An output that nobody has judged, since its agent did not end well, is judged here: it is not accepted.
+    """
+    outcome, verdict = ended
+    try:
+        data, problems = read_output(task)
+    except OSError:
+        return failed  # the agent has made away with it
+    if has_errors(problems) or not data or leaked(task, data):
+        return failed
+    value, judged = assignment.judge(context, task, masked(task, data)[0])
+    found = [item for item in without_secrets(task, judged) if has_errors([item])]
+    if outcome.reason is ExitReason.FINISHED:
+        of_output = [item for item in verdict.diagnostics if has_errors([item]) and item.code not in NOT_OF_OUTPUT]
+        found = [*of_output, *(item for item in found if item not in of_output)]
+    right = UNREADABLE if value is None else _right(value, found) if found else CLEAN
+    return replace(failed, former=masked(task, data)[0], found=tuple(found), right=right)
+
+
+def _right(value: Any, found: Iterable[Diagnostic]) -> str:
+    """Of each list of an output, how many members no finding is about; empty where that tells nothing."""
+    places = [(item.pointer or "").split("/")[1:3] for item in found]
+    if not isinstance(value, dict) or any(len(place) < 2 for place in places):
+        return ""
+    named = {tuple(place) for place in places}
+    said = []
+    for name, members in value.items():
+        wrong = sum(1 for key, _ in named if key == name)
+        if isinstance(members, list) and len(members) > wrong:
+            said.append(f"{len(members) - wrong} of {len(members)} {name}")
+    return f"No finding is about {', '.join(said)}." if said else ""
+
+
+def is_servers_fault(stage: str, found: Iterable[Diagnostic]) -> bool:
+    """True when another attempt at the stage cannot help, since the server is at fault."""
+    return stage == JUDGE and any(item.code in SHOWN and has_errors([item]) for item in found)
+
+
+def sent_back(context: Context, failed: str | None, found: Iterable[Diagnostic]) -> Failed | None:
+    """What SERVE is told, when it is SERVE that has to mend why the run failed; else None."""
+    blamed = tuple(item for item in found if item.code in SHOWN | TOLD and has_errors([item]))
+    if failed != JUDGE or not blamed:
+        return None
+    former = read_regular(context.layout.output(MAKER))[0]
+    return Failed((), None, context.specs[MAKER].text, former, standing=blamed)

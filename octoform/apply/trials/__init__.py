@@ -1,0 +1,1 @@
+"""A privileged step tried on the hardware: by reading back, and by camera."""
