@@ -10,6 +10,7 @@ from collections.abc import Iterator
 
 from octoform.contracts.model import Artifacts, Rule
 from octoform.contracts.serve_device_rules import lock_regions
+from octoform.contracts.serve_flush import pictures
 from octoform.contracts.serve_tool_rules import tool_functions, tool_sites
 from octoform.contracts.source import Function, Source, needed_source
 from octoform.contracts.text import shown
@@ -18,8 +19,8 @@ from octoform.diagnostics import Diagnostic
 _LINES = frozenset({"Serial", "serial_for_url", "RS485", "open_serial_connection", "create_serial_connection"})
 _ASKS = frozenset({"write", "writelines", "sendall", "send", "send_feature_report"})
 _HEARS = frozenset({"read", "readline", "readlines", "read_until", "readexactly", "read_all", "readinto", "recv"})
-_GRABS = frozenset({"read", "grab"})
-_LOOPS = (ast.For, ast.AsyncFor, ast.While, ast.ListComp, ast.GeneratorExp, ast.SetComp, ast.DictComp)
+_SETTLED = 3
+"""The first picture that may count: one that is thrown away is no flush."""
 _UNPACKED = re.compile(
     r"(?:bytes|bytearray)\.fromhex|binascii\.(?:unhexlify|a2b_\w+)|base64\.\w*decode\w*|codecs\.decode"
 )
@@ -47,17 +48,17 @@ def exchange_split(value: str, _: Artifacts) -> list[Diagnostic]:
 def camera_not_flushed(value: str, _: Artifacts) -> list[Diagnostic]:
     """The first pictures of a camera that was just opened are thrown away."""
     source = needed_source(value)
-    hint = "throw the first pictures away before the one that counts: for _ in range(5): camera.grab()"
+    hint = "throw several pictures away before the one that counts: for _ in range(5): camera.grab()"
     out = []
     for call, name in source.calls:
         owner = source.owner(call)
         if name.rpartition(".")[2] != "VideoCapture" or owner is None:
             continue
-        grabs = [item for function in source.entered_from([owner]) for item in _calls_of(function, _GRABS)]
-        looped = any(isinstance(above, _LOOPS) for grab in grabs for above, _ in source.above(grab))
-        if len(grabs) == 1 and not looped:
-            summary = "the very first picture is returned, taken while the camera's exposure was settling"
-            out.append(source.problem("SERVE-CAMERA-NOT-FLUSHED", grabs[0], summary, hint))
+        taken = pictures(source, owner)
+        if 0 < taken < _SETTLED:
+            which = "first" if taken == 1 else "second"
+            summary = f"the very {which} picture is returned, taken while the camera's exposure was settling"
+            out.append(source.problem("SERVE-CAMERA-NOT-FLUSHED", call, summary, hint))
     return out
 
 

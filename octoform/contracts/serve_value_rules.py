@@ -8,7 +8,9 @@ import re
 from collections.abc import Iterator
 from typing import Any
 
+from octoform.base.unit_names import unit_in, unit_of_name
 from octoform.contracts.model import Artifacts, Rule
+from octoform.contracts.serve_chosen_values import Chosen, is_measured
 from octoform.contracts.serve_flow import Flow
 from octoform.contracts.serve_origins import Origin
 from octoform.contracts.serve_reading_rules import flow_of_tools
@@ -50,30 +52,59 @@ def constant_reading(value: str, artifacts: Artifacts) -> list[Diagnostic]:
     """No number that INTERFACE declares as read is written in the file, computed of such, or drawn."""
     source = needed_source(value)
     flow = flow_of_tools(source, artifacts)
-    hint = "read it, or leave the member out of INTERFACE's output_schema; where it is null there, None says unknown"
     out: dict[ast.AST, Diagnostic] = {}
     for site, tool in served_tools(source, artifacts):
         roots = tool_functions(source, site)
-        numbers = set(_numbers(tool.get("output_schema") or {}))
+        units = dict(_numbers(tool.get("output_schema") or {}))
         told = Origin.NONE
         for function in roots:
             told |= flow.returned(function)
-        if tool["effect"] != "read" or not told & (Origin.READ | Origin.SYSTEM):
+        if tool["effect"] != "read" or not units or not told & (Origin.READ | Origin.SYSTEM):
             continue
         used = source.entered_from(roots)
-        for node in source.nodes:
-            for name, given in _members(node) if numbers and source.owner(node) in used else ():
-                if name in numbers and _is_invented(source, flow, given):
-                    summary = f"the result's {shown(name)} is a number of this file, and not one that the device gave"
-                    out.setdefault(given, source.problem("SERVE-CONSTANT-READING", given, summary, hint))
+        given = [
+            (node, name, each)
+            for node in source.nodes
+            if source.owner(node) in used
+            for name, each in _members(source, node)
+            if name in units
+        ]
+        for _, name, each in given:
+            if _is_invented(source, flow, each):
+                summary = f"the result's {shown(name)} is a number of this file, and not one that the device gave"
+                hint = "read it, or leave the member out of INTERFACE's output_schema; null there lets None say unknown"
+                out.setdefault(each, source.problem("SERVE-CONSTANT-READING", each, summary, hint))
+        for name, each in _chosen(source, flow, given, units):
+            summary = f"the result's {shown(name)} is one of the numbers in this file, whatever the device measured"
+            hint = (
+                "return the number that was read; where a bound is all there is to tell, that is a state: in INTERFACE "
+            )
+            hint += "a boolean or an enum"
+            out.setdefault(each, source.problem("SERVE-CONSTANT-READING", each, summary, hint))
     return list(out.values())
+
+
+def _chosen(
+    source: Source, flow: Flow, given: list[tuple[ast.AST, str, ast.expr]], units: dict[str, str | None]
+) -> Iterator[tuple[str, ast.expr]]:
+    """The members with a unit of which every value is one of the file's own, whichever test chooses it."""
+    chosen = Chosen(source, flow)
+    for name in units:
+        sites = [(node, each, chosen.numbers(each)) for node, each_name, each in given if each_name == name]
+        known = [(node, each, numbers) for node, each, numbers in sites if numbers is not None]
+        alone = len(known) == len(sites)
+        yield from (
+            (name, each)
+            for node, each, numbers in known
+            if len(numbers) > (0 if alone else 1) and is_measured(node, name, [units[name]], numbers)
+        )
 
 
 RULES = (Rule("SERVE-DEFAULT-READING", default_reading), Rule("SERVE-CONSTANT-READING", constant_reading))
 
 
-def _numbers(schema: Any) -> Iterator[str]:
-    """The members of a result that are numbers and no facts known beforehand."""
+def _numbers(schema: Any) -> Iterator[tuple[str, str | None]]:
+    """(member, unit) of what is a number in a result and no fact known beforehand."""
     if isinstance(schema, list):
         for item in schema:
             yield from _numbers(item)
@@ -84,17 +115,18 @@ def _numbers(schema: Any) -> Iterator[str]:
                 forms = [member, *(each for each in member.get("anyOf", ()) if isinstance(each, dict))]
                 kinds = {str(form.get("type")) for form in forms}
                 if kinds & {"number", "integer"} and not _STATIC.search(name.casefold()):
-                    yield name
+                    yield name, unit_of_name(name) or unit_in(member.get("description"))
         for item in schema.values():
             yield from _numbers(item)
 
 
-def _members(node: ast.AST) -> Iterator[tuple[str, ast.expr]]:
+def _members(source: Source, node: ast.AST) -> Iterator[tuple[str, ast.expr]]:
     """(member, value) of what a record is made with, or has stored into it."""
     if isinstance(node, ast.Call):
         called = node.func.attr if isinstance(node.func, ast.Attribute) else getattr(node.func, "id", "")
         if called[:1].isupper() or called in ("dict", "update"):
             yield from ((item.arg, item.value) for item in node.keywords if item.arg is not None)
+            yield from zip(_fields(source, called), node.args, strict=False)
     elif isinstance(node, ast.Dict):
         for key, each in zip(node.keys, node.values, strict=True):
             if isinstance(key, ast.Constant) and isinstance(key.value, str):
@@ -106,6 +138,13 @@ def _members(node: ast.AST) -> Iterator[tuple[str, ast.expr]]:
                 yield key.value, node.value
             elif isinstance(target, ast.Attribute):
                 yield target.attr, node.value
+
+
+def _fields(source: Source, name: str) -> list[str]:
+    """The members that a class of the file lists, in their order."""
+    owners = [item for item in source.nodes if isinstance(item, ast.ClassDef) and item.name == name]
+    body = owners[0].body if len(owners) == 1 else []
+    return [item.target.id for item in body if isinstance(item, ast.AnnAssign) and isinstance(item.target, ast.Name)]
 
 
 def _is_invented(source: Source, flow: Flow, value: ast.expr) -> bool:

@@ -4,35 +4,13 @@ A result that satisfies its schema may still be nonsense: millidegrees told as d
 constant.
 """
 
-import re
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from octoform.base.quantities import BOUNDS, is_possible
+from octoform.base.unit_names import COUNTS, last_word, unit_in, unit_of_name, unit_of_text
 from octoform.endpoint.client.check_report import TrialCall
 
-_SPELLINGS: dict[str, str] = {
-    **dict.fromkeys(("degc", "celsius", "deg c", "°c", "degrees celsius", "degree celsius", "deg_c"), "degC"),
-    **dict.fromkeys(("degf", "fahrenheit", "°f", "degrees fahrenheit", "deg_f"), "degF"),
-    **dict.fromkeys(("k", "kelvin"), "K"),
-    **dict.fromkeys(("%", "percent", "pct"), "%"),
-    **dict.fromkeys(("rpm", "revolutions per minute"), "rpm"),
-    **dict.fromkeys(("v", "volt", "volts"), "V"),
-    **dict.fromkeys(("a", "amp", "amps", "ampere", "amperes"), "A"),
-    **dict.fromkeys(("w", "watt", "watts"), "W"),
-    **dict.fromkeys(("lx", "lux"), "lux"),
-    **dict.fromkeys(("kpa", "kilopascal", "kilopascals"), "kPa"),
-    **dict.fromkeys(("hpa", "hectopascal", "hectopascals", "mbar"), "hPa"),
-    **dict.fromkeys(("m/s^2", "m/s2", "m/s²"), "m/s^2"),
-    **dict.fromkeys(("rad/s",), "rad/s"),
-    **dict.fromkeys(("dbm",), "dBm"),
-}
-_LONG = tuple(word for word in _SPELLINGS if len(word) > 3)
-"""Spellings that mean a unit wherever they stand in a name or a sentence; the short ones only as a whole."""
-_COUNTS = frozenset({"count", "counts", "index", "number", "raw", "step", "steps", "ticks", "total"})
-"""Last words of members that count something, whatever unit their description mentions."""
-_OF_ANOTHER_NUMBER = re.compile(r"(?:\d|\bper)\s*(?:deg(?:rees?)?\s*)?$")
-"""What stands before a unit that is not the member's: "steps at 100 percent", "counts per volt"."""
 _NAMES = frozenset({"device", "device_id"})
 _MOVED = 0.1
 """A reading that moved by a tenth shows in a result, however it is rounded."""
@@ -80,13 +58,13 @@ def _moves(values: Sequence[float | None]) -> bool:
 def _measured(value: Any, schema: Any, where: str, unit: str | None) -> Iterator[tuple[str, float, str]]:
     """(member, number, unit) of each number whose unit is known."""
     if isinstance(value, Mapping):
-        beside = _unit_of_text(value.get("unit"))
+        beside = unit_of_text(value.get("unit"))
         members = schema.get("properties", {}) if isinstance(schema, Mapping) else {}
         for name, item in value.items():
             inner = members.get(name, {})
             said = inner.get("description") if isinstance(inner, Mapping) else None
-            own = _unit_of_name(str(name)) or (beside if name in ("value", "reading") else None)
-            own = own or (None if _last_word(str(name)) in _COUNTS else _unit_in(said))
+            own = unit_of_name(str(name)) or (beside if name in ("value", "reading") else None)
+            own = own or (None if last_word(str(name)) in COUNTS else unit_in(said))
             yield from _measured(item, inner, f"{where}.{name}" if where else str(name), own)
     elif isinstance(value, list):
         inner = schema.get("items", {}) if isinstance(schema, Mapping) else {}
@@ -94,32 +72,6 @@ def _measured(value: Any, schema: Any, where: str, unit: str | None) -> Iterator
             yield from _measured(item, inner, f"{where}[{index}]", unit)
     elif isinstance(value, int | float) and not isinstance(value, bool) and unit is not None:
         yield where, float(value), unit
-
-
-def _unit_of_text(text: Any) -> str | None:
-    return _SPELLINGS.get(text.strip().casefold()) if isinstance(text, str) else None
-
-
-def _unit_of_name(name: str) -> str | None:
-    """The unit that a member's name ends in: ``temperature_degc``, ``celsius``, ``level_percent``."""
-    last = _last_word(name)
-    return _SPELLINGS.get(last) if len(last) > 2 else None
-
-
-def _last_word(name: str) -> str:
-    return name.casefold().rpartition("_")[2]
-
-
-def _unit_in(description: Any) -> str | None:
-    """The one unit that a description names; None where it names several, and so may mean none of them."""
-    text = description.casefold() if isinstance(description, str) else ""
-    found = {
-        _SPELLINGS[word]
-        for word in _LONG
-        for at in re.finditer(rf"(?<!\w){re.escape(word)}(?!\w)", text)
-        if not _OF_ANOTHER_NUMBER.search(text, 0, at.start())
-    }
-    return found.pop() if len(found) == 1 else None
 
 
 def _texts(value: Any) -> Iterator[str]:

@@ -5,6 +5,7 @@ from typing import Any
 import pytest
 from bench_host import desk
 from cases import for_each
+from guarded_servers import GUARDED, RIGHT
 from right_servers import READS, RESULTS, reading, result
 from server_edits import all_of, swap
 from wrong_servers import WRONG
@@ -32,10 +33,13 @@ def errors(text: str, interface: dict[str, Any]) -> set[str]:
     return {item.code for item in serve_static(text, interface) if item.severity is Severity.ERROR}
 
 
-@for_each("case", WRONG)
+EVERY = WRONG | {f"guarded: {name}": case for name, case in GUARDED.items()}
+
+
+@for_each("case", EVERY)
 def test_a_wrong_server_is_refused_for_what_is_wrong(case: str, desk_server: tuple[dict[str, Any], str]) -> None:
     interface, good = desk_server
-    edit, code = WRONG[case]
+    edit, code = EVERY[case]
     found = errors(edit(good), interface)
     assert code in found and found <= {code, "SERVE-BUS-UNLOCKED"}
 
@@ -50,6 +54,12 @@ def test_a_right_way_to_read_gives_no_finding(way: str, desk_server: tuple[dict[
 def test_a_right_result_gives_no_finding(way: str, desk_server: tuple[dict[str, Any], str]) -> None:
     interface, good = desk_server
     assert serve_static(result(way)(good), interface) == []
+
+
+@for_each("way", RIGHT)
+def test_a_number_that_a_test_may_choose_gives_no_finding(way: str, desk_server: tuple[dict[str, Any], str]) -> None:
+    interface, good = desk_server
+    assert serve_static(RIGHT[way](good), interface) == []
 
 
 def test_there_are_enough_of_them_to_mean_something() -> None:
