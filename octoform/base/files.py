@@ -155,6 +155,10 @@ def opened(path: Path, *, follow: bool = True) -> Iterator[int]:
         descriptor = os.open(path, _FLAGS if follow else _FLAGS | os.O_NOFOLLOW)
     except ValueError:  # a NUL in the name
         raise OSError(errno.ENOENT, "it has a name that no file can have", repr(str(path))) from None
+    except OSError as problem:
+        if follow or problem.errno != errno.ELOOP:
+            raise
+        raise OSError(errno.ELOOP, "it is a symlink", str(path)) from None
     try:
         if not stat.S_ISREG(os.fstat(descriptor).st_mode):
             raise OSError(errno.EINVAL, "it is no regular file", str(path))

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from octoform.base.files import read_json, replace
+from octoform.base.files import make_way, read_json, replace
 from octoform.base.place import KEY, is_from, place_of
 
 ALL = "all"
@@ -124,6 +124,7 @@ def _listening(
     url = _url(_outward() if everywhere else addresses[0], port)
     local_url = _url("127.0.0.1" if everywhere else addresses[0], port)
     record = {"format": 1, "first": first, "port": port, "addresses": list(addresses), "url": url, KEY: place_of(run)}
+    make_way(run / RECORD)
     replace(run / RECORD, json.dumps(record, indent=1).encode())
     return Listening(sockets, port, tuple(addresses), url, local_url)
 

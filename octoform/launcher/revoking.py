@@ -23,7 +23,7 @@ from typing import Any
 from urllib.parse import urlsplit
 
 from octoform.base import marks
-from octoform.base.files import parse, read_json, replace
+from octoform.base.files import make_way, parse, read_json, replace
 from octoform.base.place import KEY, is_from, place_of
 
 from .owner import boot
@@ -85,12 +85,14 @@ def publish(run: Path, record: Mapping[str, Any]) -> None:
     former = read(run)
     if former is not None and former["mark"] == record["mark"] and former["url"] == record["url"]:
         record = {**record, "answered": record.get("answered") is True or former.get("answered") is True}
+    make_way(run / RECORD)
     replace(run / RECORD, json.dumps({**record, KEY: place_of(run)}, indent=1).encode())
 
 
 def forbid(run: Path) -> None:
     """Let no tunnel start from now on."""
     text = json.dumps({"format": 1, "since": datetime.now(UTC).isoformat(timespec="seconds")})
+    make_way(run / REVOKED)
     replace(run / REVOKED, text.encode())
 
 

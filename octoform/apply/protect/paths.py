@@ -216,12 +216,24 @@ def _personal(layout: Layout, environ: Mapping[str, str]) -> Iterator[Path]:
 
 def _shadows(environ: Mapping[str, str]) -> Iterator[Path]:
     """Where a program would stand before the one that octoform calls by that name; none of them is there."""
-    folders = [Path(name) for name in environ.get("PATH", "").split(os.pathsep) if name.startswith("/")]
+    named = [Path(name) for name in environ.get("PATH", "").split(os.pathsep) if name.startswith("/")]
+    # Nothing in a folder that is closed to this user is started, nor put there by an agent that has the same rights.
+    folders = [folder for folder in named if not _closed(folder)]
     for name in _PROGRAMS:
         for folder in folders:
             if (folder / name).exists():
                 break
             yield folder / name
+
+
+def _closed(folder: Path) -> bool:
+    try:
+        folder.stat()
+    except PermissionError:
+        return True
+    except OSError:  # none is there yet
+        return False
+    return not os.access(folder, os.X_OK)
 
 
 def starts(environ: Mapping[str, str]) -> list[Path]:

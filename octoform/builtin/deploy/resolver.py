@@ -5,6 +5,7 @@ both gets the versions that the environment is then built from. The agent's own 
 tool is pointed at the cache and the configuration of the user that it really runs as.
 """
 
+import contextlib
 import os
 import pwd
 import re
@@ -70,9 +71,11 @@ _ARGUMENTS = ("pip", "compile", "--quiet", "--no-header", "--no-annotate", "--no
 def _environment() -> dict[str, str]:
     """This process's variables with the home folder of the account, where cache and configuration are."""
     found = dict(os.environ)
-    home = Path(pwd.getpwuid(os.getuid()).pw_dir)
-    if home.is_dir():
-        found["HOME"] = str(home)
+    # A user id without an account, as containers have them, keeps the home that this process was given.
+    with contextlib.suppress(KeyError):
+        home = Path(pwd.getpwuid(os.getuid()).pw_dir)
+        if home.is_dir():
+            found["HOME"] = str(home)
     # The certificates of the system, which a host behind an inspecting proxy has been given.
     for name in ("UV_SYSTEM_CERTS", "UV_NATIVE_TLS"):  # its name today, and before
         found.setdefault(name, "true")

@@ -130,7 +130,7 @@ def value_of(layout: Layout, name: str) -> tuple[str | None, list[Diagnostic]]:
     except (OSError, ValueError) as problem:
         hint = f"octoform token rotate {name} gives it a new one"
         text = f"the value of the token {name!r} cannot be read"
-        return None, [error("TOKEN-VALUE-GONE", text, detail=str(problem), path=str(path_of(layout, name)), hint=hint)]
+        return None, [error("TOKEN-VALUE-GONE", text, detail=_reason(problem), path=str(path_of(layout, name)), hint=hint)]
 
 
 @contextlib.contextmanager
@@ -198,7 +198,11 @@ def _meant(word: str, known: Sequence[str]) -> str | None:
 def _damaged(layout: Layout, problem: Exception) -> Diagnostic:
     hint = "nobody gets in with a token now; remove the file and make the tokens again with octoform token create"
     path = str(layout.run / RECORD)
-    return error("TOKEN-FILE", "the tokens cannot be read", detail=str(problem), path=path, hint=hint)
+    return error("TOKEN-FILE", "the tokens cannot be read", detail=_reason(problem), path=path, hint=hint)
+
+
+def _reason(problem: Exception) -> str:
+    return (problem.strerror if isinstance(problem, OSError) else None) or str(problem)
 
 
 def _text(when: datetime) -> str:

@@ -150,3 +150,12 @@ def test_a_server_that_is_not_there_is_refused(tmp_path: Path) -> None:
         run(Task("deploy", tmp_path / "server.py", None, tmp_path / "out.json", 30, Path("/")))
     with pytest.raises(Refused, match="names none"):
         run(Task("deploy", None, None, tmp_path / "out.json", 30, Path("/")))
+
+
+def test_a_user_id_without_an_account_resolves(index: Index, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def nobody(number: int) -> None:
+        raise KeyError(f"getpwuid(): uid not found: {number}")
+
+    monkeypatch.setattr("pwd.getpwuid", nobody)
+    _, artifact = deployed(tmp_path, "import demomcp\n", "demomcp>=4,<5")
+    assert artifact["status"] == "ok", artifact

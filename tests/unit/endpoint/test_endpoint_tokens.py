@@ -228,6 +228,14 @@ def test_complaint_that_finds_no_room_lets_nobody_in_and_breaks_nothing(
             full.close()
 
 
+def test_link_in_the_place_of_the_record_is_told_as_one(layout: Layout) -> None:
+    made(layout, "laptop")
+    (layout.run / "tokens.json").rename(layout.run / "elsewhere")
+    (layout.run / "tokens.json").symlink_to(layout.run / "elsewhere")
+    _, (problem,) = tokens.listed(layout)
+    assert (problem.code, problem.detail) == ("TOKEN-FILE", "it is a symlink")
+
+
 def test_damaged_record_is_not_overwritten(layout: Layout) -> None:
     made(layout, "laptop")
     (layout.run / "tokens.json").write_text("{")

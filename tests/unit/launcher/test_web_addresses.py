@@ -84,6 +84,14 @@ def test_damaged_record_of_the_last_run_counts_for_nothing(tmp_path: Path, text:
         assert found.port == FIRST
 
 
+def test_folder_in_the_place_of_the_record_is_moved_to_another_name(tmp_path: Path) -> None:
+    (tmp_path / "network.json").mkdir()
+    (tmp_path / "network.json" / "mine").touch()
+    with listening(tmp_path) as found:
+        assert f'"port": {found.port}' in (tmp_path / "network.json").read_text()
+    assert len(list(tmp_path.glob("network.json.aside-*/mine"))) == 1
+
+
 def test_no_free_port_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("octoform.launcher.addresses.PORTS", 2)
     with taken(FIRST, FIRST + 1), pytest.raises(NoAddressError, match=f"no port from {FIRST} to {FIRST + 1} is free"):
