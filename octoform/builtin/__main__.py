@@ -9,6 +9,7 @@ import sys
 from importlib import import_module
 from pathlib import Path
 
+from octoform.base.shortage import is_shortage
 from octoform.builtin.task import Refused, read_task
 
 USAGE = "usage: python -m octoform.builtin <task.json>"
@@ -26,6 +27,11 @@ def main(arguments: list[str]) -> int:
         summary = import_module(f"octoform.builtin.{task.stage.partition('.')[0]}").run(task)
     except Refused as reason:
         print(" ".join(str(reason).split()), file=sys.stderr)
+        return 1
+    except OSError as problem:
+        if not is_shortage(problem):
+            raise
+        print(problem.strerror, file=sys.stderr)
         return 1
     except MemoryError:
         print(f"this stage needs more than {MOST_MEMORY >> 20} MiB of memory", file=sys.stderr)

@@ -5,6 +5,7 @@ own, so a pipe and a `wait` are not enough: output goes to files (a survivor tha
 reader), the program gets its own process group, and every process that bears this run's mark is killed at the end.
 """
 
+import errno
 import os
 import signal
 import subprocess
@@ -17,7 +18,7 @@ from functools import partial
 from pathlib import Path
 from typing import IO
 
-from octoform.base import marks
+from octoform.base import marks, shortage
 
 MARK = "OCTOFORM_RUN"
 OUTPUT_LIMIT = 8_000_000
@@ -56,7 +57,10 @@ def run(
     timeout: float,
     stdin: str = "",
 ) -> Finished:
-    """Run ``command`` for at most ``timeout`` seconds; FileNotFoundError or PermissionError when it cannot start."""
+    """Run ``command`` for at most ``timeout`` seconds.
+
+    FileNotFoundError or PermissionError when it cannot start, BlockingIOError when it got no process or thread.
+    """
     mark = marks.new()
     started = time.monotonic()
     with tempfile.TemporaryFile() as out, tempfile.TemporaryFile() as err, tempfile.TemporaryFile() as feed:
@@ -78,7 +82,7 @@ def run(
             status = None
         finally:
             survivors = _clear(process, mark)
-        return Finished(status, _head(out), _head(err), time.monotonic() - started, survivors)
+        return _served(Finished(status, _head(out), _head(err), time.monotonic() - started, survivors))
 
 
 class Begun:
@@ -119,7 +123,7 @@ class Begun:
         survivors = _clear(self._process, self._mark)
         finished = Finished(status, _head(self._out), _head(self._err), time.monotonic() - started, survivors)
         self._close()
-        return finished
+        return _served(finished)
 
     def drop(self) -> None:
         """End it, with all that it has started; nothing when it has ended by `finish`."""
@@ -132,6 +136,13 @@ class Begun:
             with suppress(BrokenPipeError):
                 self._process.stdin.close()
         self._files.close()
+
+
+def _served(finished: Finished) -> Finished:
+    """The run as it is; BlockingIOError where it failed because it got no process or thread: that is no fault of it."""
+    if finished.status and shortage.printed(finished.stderr):
+        raise BlockingIOError(errno.EAGAIN, shortage.TEXT)
+    return finished
 
 
 def _marked(mark: str) -> Callable[[], object]:

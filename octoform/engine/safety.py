@@ -3,7 +3,7 @@
 import os
 import pwd
 from collections.abc import Callable, Mapping
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
@@ -78,7 +78,20 @@ def _each(project: Path, do: Callable[[Layout], Estop]) -> tuple[list[Estop], li
     if not layouts:
         return [], found or [_nothing(project)]
     with ThreadPoolExecutor(len(layouts)) as pool:
-        return list(pool.map(do, layouts)), found
+        return [item.result() if isinstance(item, Future) else item for item in _submitted(pool, do, layouts)], found
+
+
+def _submitted(
+    pool: ThreadPoolExecutor, do: Callable[[Layout], Estop], layouts: list[Layout]
+) -> list[Future[Estop] | Estop]:
+    """All at once; where the system gives no more threads, one after the other in this one."""
+    done: list[Future[Estop] | Estop] = []
+    for layout in layouts:
+        try:
+            done.append(pool.submit(do, layout))
+        except RuntimeError:
+            done.append(do(layout))
+    return done
 
 
 def _layouts(project: Path) -> list[Layout]:

@@ -19,7 +19,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import BinaryIO, Protocol
 
-from octoform.base import marks
+from octoform.base import marks, shortage
 from octoform.base.files import parse
 from octoform.harness import orphans, processes
 from octoform.harness.environment import ATTEMPT
@@ -133,6 +133,8 @@ def run(program: Program, limits: Limits, observer: Observer) -> Ended:
             # The folder may be gone or full by what the agent did; the record only helps a later sweep.
             with suppress(OSError):
                 orphans.write(program.workdir, orphans.Record(mark, record.pid, record.start, ended=True))
+    if ended.reason == "not_started" and ended.errno == errno.EAGAIN:
+        raise BlockingIOError(ended.errno, shortage.TEXT)
     return replace(ended, log_bytes=log.written, log_dropped=log.dropped)
 
 

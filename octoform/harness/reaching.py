@@ -14,6 +14,7 @@ from typing import Any
 from urllib.parse import urlsplit
 
 import octoform
+from octoform.base import shortage
 from octoform.base.files import parse
 from octoform.diagnostics import did_you_mean
 from octoform.harness.access import Access
@@ -76,7 +77,10 @@ def ask(way: Access, key: str, proxies: Mapping[str, str]) -> Answer:
     """The list of models, within five seconds in all; never raises for what the other side does."""
     found: list[Answer] = []
     worker = threading.Thread(target=lambda: found.append(_get(way, key, proxies)), daemon=True)
-    worker.start()
+    try:
+        shortage.start(worker)
+    except BlockingIOError as problem:
+        return Answer(None, problem.strerror or shortage.TEXT)
     worker.join(SECONDS)
     return found[0] if found else _late()
 

@@ -215,7 +215,12 @@ def _start(arguments: list[str], file_bytes: int) -> tuple[int, int]:
     """Fork and execute the agent in a session of its own: (pid, 0), or (pid of the dead child, errno)."""
     reader, writer = os.pipe()
     me = os.getpid()
-    pid = os.fork()
+    try:
+        pid = os.fork()
+    except OSError as problem:
+        os.close(reader)
+        os.close(writer)
+        return 0, problem.errno or 1
     if pid == 0:
         _become_agent(arguments, file_bytes, me, writer)
     os.close(writer)

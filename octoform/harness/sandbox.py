@@ -9,6 +9,7 @@ services that write wherever they are told to: each of them would be a way aroun
 Where octoform runs as root the agent is another user (`agent_user`), because what root may do a file mode lets it do.
 """
 
+import errno
 import os
 import shutil
 import stat
@@ -18,6 +19,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from octoform.base import shortage
 from octoform.base.files import parse
 from octoform.diagnostics import Diagnostic, error
 from octoform.harness import syscalls
@@ -124,11 +126,15 @@ def _tried(prefix: Sequence[str], readable: Sequence[str] = ()) -> Diagnostic | 
         done = subprocess.run(
             [*prefix, *nothing], stdin=subprocess.DEVNULL, capture_output=True, timeout=TRIAL_SECONDS, check=False
         )
+    except BlockingIOError:
+        raise  # a shortage of processes says nothing about sandboxes
     except (OSError, subprocess.TimeoutExpired) as problem:
         return _none(f"{PROGRAM}: {problem}")
     if done.returncode == 0:
         return None
     said = done.stderr.decode("utf-8", "replace").strip().splitlines()
+    if said and shortage.printed(said[-1]):
+        raise BlockingIOError(errno.EAGAIN, shortage.TEXT)
     return _none(said[-1] if said else f"{PROGRAM} left with status {done.returncode}")
 
 

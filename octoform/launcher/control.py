@@ -1,8 +1,9 @@
 """The process's own door for octoform: one question and one answer as lines of JSON.
 
 It has a thread of its own, so an emergency stop and a question for the state are answered at once, whatever the event
-loop and the generated code are doing. A shortage of descriptors, memory or threads closes it only for as long as it
-lasts, and connections that ask nothing make room for those that do. Standard library only.
+loop and the generated code are doing. A shortage of descriptors or memory closes it only for as long as it lasts,
+without threads it answers one question after the other, and connections that ask nothing make room for those that do.
+Standard library only.
 """
 
 import json
@@ -85,18 +86,20 @@ class Control:
         self._admit(connection)
         try:
             threading.Thread(target=self._answer, args=(connection,), name="control-answer", daemon=True).start()
-        except RuntimeError as problem:  # no thread to be had
-            self._heard(connection)
-            connection.close()
-            self._wait(problem)
+        except RuntimeError as problem:  # no thread to be had: one after the other is still better than none
+            self._complain(problem)
+            self._answer(connection)
             return
         self._short = False
 
     def _wait(self, problem: Exception) -> None:
+        self._complain(problem)
+        self._stopped.wait(PAUSE)
+
+    def _complain(self, problem: Exception) -> None:
         if not self._short:
             self._short = True
             LOGGER.error("no connection can be taken at the control door now: %s", problem)
-        self._stopped.wait(PAUSE)
 
     def _admit(self, connection: socket.socket) -> None:
         with self._lock:

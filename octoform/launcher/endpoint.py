@@ -92,7 +92,10 @@ class Endpoint:
             self._offer.changes.close()
             self._control.stop()
             if self._tunnel is not None:
-                await asyncio.to_thread(self._tunnel.stop)
+                try:
+                    await asyncio.to_thread(self._tunnel.stop)
+                except RuntimeError:  # no thread is to be had
+                    self._tunnel.stop()
             halted = self._gate.halt("shutdown", everything=True)
             self._gate.disarm()
             for door in doors:

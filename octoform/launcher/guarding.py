@@ -25,6 +25,8 @@ from fastmcp.tools.function_tool import FunctionTool
 from mcp.shared.exceptions import MCPError
 from mcp_types import MISSING_REQUIRED_CLIENT_CAPABILITY
 
+from octoform.base.shortage import TEXT
+
 from .sizes import at_least
 from .watchdog import WATCHDOG
 from .workers import Interrupted, Job, Workers
@@ -107,7 +109,13 @@ class Work:
         """The value of a blocking function, run in a thread."""
         self._job = job = Job(function, self._report)  # before the look: a halt that comes after it finds the job
         self._begin()
-        self._workers.start(job)
+        try:
+            self._workers.start(job)
+        except RuntimeError:  # no more threads on this machine: the tool has not begun, and the next call may do
+            self.begun = False
+            self._end()
+            self.told = ToolError(f"{TEXT} on the host of the endpoint; the tool was not called")
+            raise self.told from None
         return await self._outcome()
 
     async def run_async(self, function: Callable[[], Coroutine[Any, Any, Any]]) -> Any:

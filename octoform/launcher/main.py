@@ -7,6 +7,7 @@ import sys
 from pathlib import Path
 
 from octoform.base import marks
+from octoform.base.shortage import TEXT, limits, printed
 
 from .addresses import NoAddressError
 from .audit import AuditFailed
@@ -55,6 +56,12 @@ def main(folder: Path) -> int:
         status = _refuse(problem)
     except DoorFailedError as problem:
         say(f"it ends: {problem}")
+        status = FAILED
+    except RuntimeError as problem:
+        if not printed(str(problem)):
+            logger.exception("it ends")
+        else:
+            say(f"it ends: {TEXT} ({limits()})")
         status = FAILED
     except Exception:  # whatever it is: threads of tools must not keep alive what serves nobody
         logger.exception("it ends")

@@ -101,7 +101,10 @@ class Emergency:
         problems.extend(f"{each.tool} was interrupted, but its code has not ended yet" for each in left)
         self._record(problems, "estop_actions", by=by, stopped=[asdict(item) for item in stopped])
         if left:
-            threading.Thread(target=self._later, args=(left, act, by), name="stop later", daemon=True).start()
+            try:
+                threading.Thread(target=self._later, args=(left, act, by), name="stop later", daemon=True).start()
+            except RuntimeError:  # no more threads
+                problems.append("nothing runs the stop actions once more when that ends; ask for the stop again")
         with _told(problems, "the latch is not on the disk yet"), suppress(FileNotFoundError):
             self.latch.keep()  # one that could not be written was told of above
         estop = self.latch.engaged()

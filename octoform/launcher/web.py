@@ -170,7 +170,10 @@ class Web:
         return (*own, *(str(host) for host in self._network.get("hosts") or ()), *self._trusted)
 
     async def _health(self, _: Request) -> JSONResponse:
-        word = await asyncio.to_thread(self.verdict)  # a disk may take its time, and clients wait for none
+        try:
+            word = await asyncio.to_thread(self.verdict)  # a disk may take its time, and clients wait for none
+        except RuntimeError:  # no thread is to be had
+            word = self.verdict()
         facts = {"status": word, "tools": len(self._descriptor.tools), "instance": self._instance}
         return JSONResponse(facts, 200 if word == HEALTHY else 503, headers={"Cache-Control": "no-store"})
 

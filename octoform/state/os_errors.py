@@ -8,6 +8,7 @@ import os
 import traceback
 from pathlib import Path
 
+from octoform.base import shortage
 from octoform.diagnostics import Diagnostic, error
 from octoform.state.file_owner import name_of
 from octoform.state.files import mount_point, shown
@@ -18,7 +19,12 @@ _FULL = (errno.ENOSPC, errno.EDQUOT)
 
 
 def refusal(problem: OSError) -> Diagnostic:
-    """SYSTEM-REFUSED: what the operating system said, about which file, and where octoform met it."""
+    """SYSTEM-REFUSED: what the operating system said, about which file, and where octoform met it.
+
+    A refused process or thread is SYSTEM-NO-PROCESSES.
+    """
+    if shortage.is_shortage(problem):
+        return _no_processes(problem)
     path = Path(os.fsdecode(problem.filename)) if isinstance(problem.filename, str | bytes) else None
     reason = problem.strerror or str(problem) or type(problem).__name__
     return error(
@@ -27,6 +33,15 @@ def refusal(problem: OSError) -> Diagnostic:
         path=shown(path) if path is not None else None,
         detail=_place(problem),
         hint=_hint(problem, path),
+    )
+
+
+def _no_processes(problem: OSError) -> Diagnostic:
+    return error(
+        "SYSTEM-NO-PROCESSES",
+        shortage.TEXT,
+        detail="; ".join(filter(None, (shortage.limits(), _place(problem)))) or None,
+        hint="end some of your processes, or raise the limit, and run the same command again",
     )
 
 

@@ -17,9 +17,9 @@ POSSIBLE = os.geteuid() == 0 and shutil.which("setpriv") is not None
 class User:
     """An ordinary user and a folder of theirs; the one right they are given is to read this interpreter of root's."""
 
-    def __init__(self, place: Path) -> None:
+    def __init__(self, place: Path, number: int = 65534) -> None:
         self.place = place
-        self._id = 65534
+        self._id = number
         read = "+dac_read_search"
         who = [f"--reuid={self._id}", f"--regid={self._id}", "--clear-groups"]
         self.prefix = ["setpriv", *who, f"--inh-caps={read}", f"--ambient-caps={read}", "--"]
@@ -29,11 +29,14 @@ class User:
 
 
 @contextmanager
-def ordinary_user() -> Iterator[User]:
-    """Their folder lies beside the tests' own, which is closed to others, and is gone afterwards."""
+def ordinary_user(number: int = 65534) -> Iterator[User]:
+    """Their folder lies beside the tests' own, which is closed to others, and is gone afterwards.
+
+    Limits count what all processes of a user have: a test of one takes a ``number`` that no other has.
+    """
     place = Path(tempfile.mkdtemp(prefix="ordinary."))
     place.chmod(0o755)
     try:
-        yield User(place)
+        yield User(place, number)
     finally:
         shutil.rmtree(place)

@@ -21,7 +21,7 @@ from octoform.apply.stage import spec_copy
 from octoform.apply.stage.assignment import Assignment
 from octoform.apply.stage.gate import read_output
 from octoform.apply.stage.secret_scan import leaked, without_secrets
-from octoform.base import files
+from octoform.base import files, shortage
 from octoform.base.files import parse, replace
 from octoform.diagnostics import Diagnostic, has_errors, to_json
 from octoform.digest import of_large_file
@@ -90,7 +90,7 @@ class Checks:
     def __enter__(self) -> Self:
         """OSError when the program cannot be written."""
         files.replace(self._folder / PROGRAM, _SCRIPT.encode(), 0o755, synced=False)
-        self._thread.start()
+        shortage.start(self._thread)
         return self
 
     def __exit__(self, *_: object) -> None:

@@ -22,6 +22,7 @@ from octoform.apply.stage.serve_feedback import is_servers_fault, remembered
 from octoform.apply.stage.spec_copy import Edit
 from octoform.base import files
 from octoform.base.files import replace as replace_file
+from octoform.base.shortage import is_shortage
 from octoform.diagnostics import Diagnostic, error, has_errors
 from octoform.harness import environment, transcript
 from octoform.harness.port import (
@@ -43,6 +44,7 @@ from octoform.harness.watching import added
 from octoform.protocol import PromptTooLarge
 from octoform.state.artifacts import spec_edits
 from octoform.state.files import full_disk, refused
+from octoform.state.os_errors import refusal
 
 # The log of a failed attempt as its successor can use it.
 #
@@ -236,6 +238,8 @@ def _attempt(
         outcome = Outcome(ExitReason.CRASHED, None, 0.0)
         told = guard.end(cleared(task.workdir / paths.UNDONE)) if touched is None else touched
         verdict = Verdict((*told, refused(problem, task.workdir)))
+        told = guard.end(cleared(task.workdir / guarded.UNDONE)) if touched is None else touched
+        verdict = Verdict((*told, _refusal(problem, task.workdir)), last=is_shortage(problem))
     except BaseException:
         # What the agent did to others' files is undone also when nobody waits for its output any more; later
         # differences are of a repair that is being tried, which its own way back takes away.
@@ -258,6 +262,10 @@ def _attempt(
     return outcome, verdict
 
 
+def _refusal(problem: OSError, place: Path) -> Diagnostic:
+    return refusal(problem) if is_shortage(problem) else refused(problem, place)
+
+
 def _log(task: Task, outcome: Outcome) -> Path:
     try:
         return readable_log(task, outcome)
@@ -268,7 +276,7 @@ def _log(task: Task, outcome: Outcome) -> Path:
 def _gate(context: Context, assignment: Assignment, task: Task, outcome: Outcome, touched: list[Diagnostic]) -> Verdict:
     ended = ended_well(outcome, task)
     if ended or has_errors(touched):
-        return Verdict((*touched, *ended))
+        return Verdict((*touched, *ended), last=any(item.code == "SYSTEM-NO-PROCESSES" for item in ended))
     data, found = read_output(task)
     data, blanked = masked(task, data)
     if blanked:

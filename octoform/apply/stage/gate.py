@@ -4,6 +4,7 @@ exit status, then the file itself (there, no link, bounded), then parse, schema 
 an environment of its own declared packages, DEPLOY is started and called. Nothing is taken from the agent's word.
 """
 
+import errno
 import shutil
 import stat
 from collections.abc import Mapping, Sequence
@@ -14,6 +15,7 @@ from typing import Any
 from octoform.apply.context import Context, accepted_before
 from octoform.base import files
 from octoform.base.id_databases import IdDatabases
+from octoform.base.shortage import TEXT, printed
 from octoform.contracts.canon import output_digest
 from octoform.contracts.checking import check
 from octoform.contracts.model import Artifacts, ProfileFacts
@@ -23,6 +25,7 @@ from octoform.harness.port import ExitReason, Outcome, Task, Usage
 from octoform.manifest.rules.profile_paths import shipped
 from octoform.profiles import Profile, commands, contributions, holds, load
 from octoform.protocol.fence import tail
+from octoform.state.os_errors import refusal
 
 MOST_BYTES = {"serve": 256 * 1024}
 MOST_JSON_BYTES = 8 * 1024 * 1024
@@ -105,6 +108,9 @@ def ended_well(outcome: Outcome, task: Task) -> list[Diagnostic]:
     # What a program prints for machines is no quotation; its own closing words are in the detail.
     said = tail(task.log, LINES_QUOTED, BYTES_QUOTED) if outcome.turns is None else ""
     detail = "\n".join(part for part in (outcome.detail, f"it said last: {said}" if said else "") if part) or None
+    if outcome.reason is ExitReason.CRASHED and printed(detail or ""):
+        # Its own limits are ours, and asking it again would end in the same way.
+        return [refusal(BlockingIOError(errno.EAGAIN, TEXT))]
     if outcome.reason in _ENDINGS:
         code, text, hint = _ENDINGS[outcome.reason]
         limits = task.limits

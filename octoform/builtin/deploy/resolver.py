@@ -6,6 +6,7 @@ tool is pointed at the cache and the configuration of the user that it really ru
 """
 
 import contextlib
+import errno
 import os
 import pwd
 import re
@@ -17,6 +18,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from uv import find_uv_bin
+
+from octoform.base import shortage
 
 TOTAL_SECONDS = 90.0
 _PINNED = re.compile(r"^([A-Za-z0-9][A-Za-z0-9._-]*)==([^\s;]+)", re.MULTILINE)
@@ -40,7 +43,7 @@ class Resolver:
         self._end = time.monotonic() + seconds
 
     def resolve(self, requirements: Sequence[str]) -> Resolution:
-        """Versions for these requirements; never raises."""
+        """Versions for these requirements; BlockingIOError where the package tool gets no thread."""
         text = "\n".join(sorted(requirements)) + "\n"
         reason = ""
         for extra in (["--offline"], []):
@@ -61,6 +64,8 @@ class Resolver:
                 return Resolution({}, f"no set of versions was found in time; {reason}".rstrip("; "))
             if done.returncode == 0:
                 return Resolution({name.lower(): version for name, version in _PINNED.findall(done.stdout)}, None)
+            if shortage.printed(done.stderr):
+                raise BlockingIOError(errno.EAGAIN, shortage.TEXT)
             reason = _reason(done.stderr)
         return Resolution({}, reason)
 

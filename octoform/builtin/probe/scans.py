@@ -10,6 +10,7 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass
 
+from octoform.base import shortage
 from octoform.builtin.probe.reader import Abandoned, Reader
 
 SCAN_SECONDS = 5.0
@@ -64,7 +65,7 @@ def run_one(scan: Scan, reader: Reader, seconds: float) -> Report:
     started = time.monotonic()
     reader.ends = started + seconds
     thread = threading.Thread(target=_look, args=(scan, reader, outcome), daemon=True)
-    thread.start()
+    shortage.start(thread)
     thread.join(seconds)
     elapsed = (time.monotonic() - started) * 1000
     if thread.is_alive():

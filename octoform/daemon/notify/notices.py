@@ -22,6 +22,7 @@ from dataclasses import asdict, dataclass
 from html import escape as for_markup
 from pathlib import Path
 
+from octoform.base import shortage
 from octoform.base.files import parse
 from octoform.daemon.model import Alert
 from octoform.daemon.store.json_store import FORMAT, Shelf
@@ -139,8 +140,10 @@ class _Way:
                 self._record.failed(self._name, lost.stamp, "too much is told at once; the oldest is given up")
             self._queue.append(alert)
             if self._thread is None:  # only who has something to tell has a thread
-                self._thread = threading.Thread(target=self._work, name=f"octoform-{self._name}", daemon=True)
-                self._thread.start()
+                thread = threading.Thread(target=self._work, name=f"octoform-{self._name}", daemon=True)
+                with contextlib.suppress(BlockingIOError):  # the queue is kept, and the next alert tries again
+                    shortage.start(thread)
+                    self._thread = thread
             self._changed.notify()
 
     def close(self) -> None:

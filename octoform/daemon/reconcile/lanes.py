@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 from typing import Protocol
 
+from octoform.base import shortage
 from octoform.claims.model import Reading
 from octoform.daemon.model import Done, Finding, Repair
 
@@ -101,8 +102,15 @@ class Beside:
             assert task.lane not in self._tasks
             self._tasks[task.lane] = task
         thread = threading.Thread(target=self._do, args=(task, work), name=f"octoform-{task.lane}", daemon=True)
+        try:
+            shortage.start(thread)
+        except BlockingIOError:
+            with self._guard:
+                self._tasks.pop(task.lane, None)
+                self._ended.append(Ended(task, Product(Done(ok=False, detail=shortage.TEXT)), 0.0))
+            self._rouse()
+            return
         self._threads[task.lane] = thread
-        thread.start()
 
     def under_way(self) -> tuple[Task, ...]:
         """What has not ended."""

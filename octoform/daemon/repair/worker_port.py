@@ -17,6 +17,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import IO, Any
 
+from octoform.base import shortage
 from octoform.base.files import parse
 
 COMMAND = (sys.executable, "-m", "octoform.daemon.repair.worker")
@@ -50,7 +51,10 @@ class Workers:
         with tempfile.TemporaryFile() as feed, tempfile.TemporaryFile() as out, tempfile.TemporaryFile() as err:
             feed.write(json.dumps(asked).encode())
             feed.seek(0)
-            process = self._started(feed, out, err)
+            try:
+                process = self._started(feed, out, err)
+            except BlockingIOError:
+                return _failed(f"{job}: {shortage.TEXT}")
             if process is None:
                 return _failed(f"{job}: the daemon is being stopped")
             why = self._waited(process, seconds)

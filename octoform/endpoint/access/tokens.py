@@ -130,7 +130,9 @@ def value_of(layout: Layout, name: str) -> tuple[str | None, list[Diagnostic]]:
     except (OSError, ValueError) as problem:
         hint = f"octoform token rotate {name} gives it a new one"
         text = f"the value of the token {name!r} cannot be read"
-        return None, [error("TOKEN-VALUE-GONE", text, detail=_reason(problem), path=str(path_of(layout, name)), hint=hint)]
+        return None, [
+            error("TOKEN-VALUE-GONE", text, detail=_reason(problem), path=str(path_of(layout, name)), hint=hint)
+        ]
 
 
 @contextlib.contextmanager

@@ -6,10 +6,11 @@ what fails here fails again, and is told, where it counts.
 """
 
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from threading import Thread
 
+from octoform.base import shortage
 from octoform.base.locks import held
 from octoform.endpoint.bounded_program import base_environment, run
 from octoform.endpoint.environment.build import build
@@ -33,12 +34,21 @@ def prewarmed(layout: Layout, requirements: Sequence[str] = GUESS) -> Iterator[N
     if has_environment(layout):
         yield
         return
-    worker = Thread(target=prepare, args=(layout, requirements), name="prewarming")
-    worker.start()
+    worker = Thread(target=_attempt, args=(layout, requirements), name="prewarming")
+    try:
+        shortage.start(worker)
+    except BlockingIOError:  # where it counts, the same shortage is reported
+        yield
+        return
     try:
         yield
     finally:
         worker.join()
+
+
+def _attempt(layout: Layout, requirements: Sequence[str]) -> None:
+    with suppress(OSError):  # it fails again, and is reported, where it counts
+        prepare(layout, requirements)
 
 
 def prepare(layout: Layout, requirements: Sequence[str]) -> bool:

@@ -37,6 +37,8 @@ MALLOC = {"MALLOC_TRIM_THRESHOLD_": "16777216", "MALLOC_MMAP_THRESHOLD_": "16777
 """Bytes (mallopt(3)): memory of a picture is used again for the next one, instead of being mapped anew each time."""
 ROOM_BYTES = 256 * 1024
 """What a start writes at most before it serves: records, the first lines of its logs, and some to spare."""
+START_THREADS = 8
+"""Threads of a process that serves, before the first call."""
 PUBLISHED_BYTES = 4 * 1024 * 1024
 """What publishing an endpoint takes, copies included."""
 _STEP = 0.02
@@ -75,18 +77,27 @@ def start(layout: Layout, seconds: float = START_SECONDS) -> tuple[Running | Non
 
 
 def obstacle(layout: Layout, size: int = ROOM_BYTES) -> Diagnostic | None:
-    """Why a start could not write what it has to; asked before an endpoint that is well is ended for another start."""
+    """Why a start would fail (no room, no threads); asked before an endpoint that is well is ended for another."""
     from octoform.base.files import require_room  # here, so that a client's pipe does not load them
+    from octoform.base.shortage import require
     from octoform.state.files import refused
+    from octoform.state.os_errors import refusal
 
+    try:
+        require(START_THREADS)
+    except BlockingIOError as problem:
+        return _left(refusal(problem))
     for folder in (layout.endpoint, layout.run, layout.logs):
         try:
             folder.mkdir(mode=0o700, parents=True, exist_ok=True)
             require_room(folder, size)
         except OSError as problem:
-            found = refused(problem, folder)
-            return replace(found, detail="; ".join(filter(None, (found.detail, "the endpoint was left as it is"))))
+            return _left(refused(problem, folder))
     return None
+
+
+def _left(found: Diagnostic) -> Diagnostic:
+    return replace(found, detail="; ".join(filter(None, (found.detail, "the endpoint was left as it is"))))
 
 
 def accepts(layout: Layout) -> bool:

@@ -10,6 +10,7 @@ import threading
 import time
 from collections.abc import Callable
 
+from octoform.base import shortage
 from octoform.diagnostics import Diagnostic
 from octoform.endpoint.files import LAUNCHER
 from octoform.endpoint.process.desired_state import is_marked
@@ -50,8 +51,12 @@ class Returning:
         now = self._clock()
         self._since = now if self._since is None else self._since
         if now - self._since >= PATIENCE_SECONDS:
-            self._starting = threading.Thread(target=self._run, name="start", daemon=True)
-            self._starting.start()
+            starting = threading.Thread(target=self._run, name="start", daemon=True)
+            try:
+                shortage.start(starting)
+            except BlockingIOError:
+                return shortage.TEXT
+            self._starting = starting
         return None
 
     def _knock(self) -> socket.socket | None:

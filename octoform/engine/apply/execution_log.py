@@ -11,7 +11,7 @@ from dataclasses import asdict
 from pathlib import Path
 
 from octoform.apply.context import Clock
-from octoform.base.files import write_all
+from octoform.base.files import make_way, write_all
 from octoform.diagnostics import Diagnostic, to_json
 from octoform.events import AttemptProgress, Event, Notice
 
@@ -45,9 +45,9 @@ class _Log:
         self._descriptor: int | None = None
         try:
             path.parent.mkdir(parents=True, exist_ok=True, mode=0o700)
-            self._descriptor = os.open(
-                path, os.O_WRONLY | os.O_APPEND | os.O_CREAT | os.O_NONBLOCK | os.O_CLOEXEC, 0o600
-            )
+            make_way(path)
+            how = os.O_WRONLY | os.O_APPEND | os.O_CREAT | os.O_NONBLOCK | os.O_CLOEXEC | os.O_NOFOLLOW
+            self._descriptor = os.open(path, how, 0o600)
         except OSError as problem:
             self._tell(problem)
 

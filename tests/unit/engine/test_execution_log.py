@@ -1,8 +1,11 @@
 """The one log of a host: every event a line; a disk that refuses stops no run and is told once."""
 
 import json
+import resource
 from datetime import UTC, datetime
 from pathlib import Path
+
+import pytest
 
 from octoform.apply.context import Clock
 from octoform.engine.apply.execution_log import logging_to
@@ -42,12 +45,28 @@ def test_a_log_that_cannot_be_opened_is_told_once_and_everything_is_shown(tmp_pa
 
 def test_a_full_disk_is_told_once_and_loses_no_event(tmp_path: Path) -> None:
     shown: list[Event] = []
-    full = tmp_path / "full"
-    full.symlink_to("/dev/full")  # every write to it finds no room
     before = len(list(Path("/proc/self/fd").iterdir()))
-    with logging_to(full, CLOCK, shown.append) as emit:
-        for _ in range(3):
-            emit(NodeStarted("probe", "create"))
+    allowed = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (0, allowed[1]))  # every write to a file finds no room
+    try:
+        with logging_to(tmp_path / "octoform.jsonl", CLOCK, shown.append) as emit:
+            for _ in range(3):
+                emit(NodeStarted("probe", "create"))
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, allowed)
     assert [type(event) for event in shown] == [Notice, NodeStarted, NodeStarted, NodeStarted]
-    assert "No space left" in str(shown[0])
+    assert "File too large" in str(shown[0])
     assert len(list(Path("/proc/self/fd").iterdir())) == before
+
+
+@pytest.mark.parametrize("target", ["octoform.jsonl", "nothing", "foreign"])
+def test_a_symlink_in_its_place_is_moved_and_never_written_through(tmp_path: Path, target: str) -> None:
+    shown: list[Event] = []
+    (tmp_path / "foreign").write_text("mine\n")
+    log = tmp_path / "octoform.jsonl"
+    log.symlink_to(target)
+    with logging_to(log, CLOCK, shown.append) as emit:
+        emit(NodeStarted("probe", "create"))
+    assert [type(event) for event in shown] == [NodeStarted]
+    assert len(log.read_text().splitlines()) == 1 and not log.is_symlink()
+    assert (tmp_path / "foreign").read_text() == "mine\n" and not (tmp_path / "nothing").exists()

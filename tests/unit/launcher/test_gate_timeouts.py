@@ -11,7 +11,7 @@ import pytest
 from gated import MODES, Gated, gated, tool_policy
 
 from octoform.launcher.guarding import Patience
-from octoform.launcher.workers import Interrupted, Job, Workers
+from octoform.launcher.workers import Interrupted, Job, Worker, Workers
 
 HASTE = {"timeout": 0.2, "buses": ["rail"]}
 ended = threading.Event()
@@ -303,5 +303,25 @@ def test_an_interrupt_never_hits_another_call(tmp_path: Path) -> None:
 
             for _ in range(15):
                 await asyncio.gather(pair(), pair(), pair())
+
+    asyncio.run(scenario())
+
+
+@pytest.mark.parametrize("mode", MODES)
+def test_a_tool_that_gets_no_thread_is_refused_in_a_sentence_and_called_later(
+    tmp_path: Path, mode: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refuse(_: threading.Thread) -> None:
+        raise RuntimeError("can't start new thread")
+
+    async def scenario() -> None:
+        async with gated(tmp_path, {quick: tool_policy(buses=["rail"])}) as gate, gate.client(mode) as client:
+            with monkeypatch.context() as patched:
+                patched.setattr(Worker, "start", refuse)
+                answer = await client.call_tool("quick", {}, raise_on_error=False)
+            assert answer.is_error
+            assert "no more processes or threads can be started" in answer.content[0].text
+            assert (await client.call_tool("quick", {})).data == 1
+            assert [each["event"] for each in gate.records()].count("ended") == 0
 
     asyncio.run(scenario())

@@ -7,7 +7,7 @@ import pytest
 from daemon_world import DaemonWorld
 
 from octoform.daemon.model import Cause, Done, Finding, Outcome, Repair
-from octoform.daemon.reconcile.lanes import Beside
+from octoform.daemon.reconcile.lanes import Beside, Lane, Product, Task
 from octoform.daemon.reconcile.supervisor import Round
 
 SECONDS = 20.0
@@ -137,3 +137,18 @@ def test_a_trouble_is_over_once_its_repair_has_come_to_its_end(beat: Beat) -> No
     beat.settle()
     (episode,) = [item for made in world.rounds for item in made.ended]
     assert (episode.outcome, len(episode.tries)) == (Outcome.REPAIRED, 1)
+
+
+def test_a_repair_that_gets_no_thread_has_failed_and_is_no_longer_under_way(
+    beat: Beat, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refuse(_: threading.Thread) -> None:
+        raise RuntimeError("can't start new thread")
+
+    task = Task(Lane.ROOM, None, None, "", "", 0.0)
+    with monkeypatch.context() as patched:
+        patched.setattr(threading.Thread, "start", refuse)
+        beat.bench.begin(task, lambda: Product(None))
+    assert task not in beat.bench.under_way()
+    (ended,) = (item for item in beat.bench.ended() if item.task is task)
+    assert ended.product.done == Done(ok=False, detail="no more processes or threads can be started")

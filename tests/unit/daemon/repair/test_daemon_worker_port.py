@@ -1,5 +1,6 @@
 """Children of the daemon: bounded, with a result in every case, and none outlives it."""
 
+import errno
 import json
 import os
 import signal
@@ -123,3 +124,14 @@ def test_however_a_daemon_ends_its_agent_ends(tmp_path: Path, number: signal.Sig
         daemon.send_signal(number)
         assert daemon.wait(30) == (-9 if number == signal.SIGKILL else 0)
         assert until(lambda: gone(found) and (tmp_path / "in order").exists())
+
+
+def test_a_child_that_the_system_does_not_start_has_failed_in_a_sentence(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refuse(*_: object, **__: object) -> None:
+        raise BlockingIOError(errno.EAGAIN, os.strerror(errno.EAGAIN))
+
+    monkeypatch.setattr(subprocess, "Popen", refuse)
+    result = workers(tmp_path, ECHO).run("heal", {}, 10)
+    assert (result["ok"], result["detail"]) == (False, "heal: no more processes or threads can be started")
