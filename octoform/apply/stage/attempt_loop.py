@@ -237,8 +237,6 @@ def _attempt(
     except OSError as problem:  # a full disk, or an agent that has made away with its own folder
         outcome = Outcome(ExitReason.CRASHED, None, 0.0)
         told = guard.end(cleared(task.workdir / paths.UNDONE)) if touched is None else touched
-        verdict = Verdict((*told, refused(problem, task.workdir)))
-        told = guard.end(cleared(task.workdir / guarded.UNDONE)) if touched is None else touched
         verdict = Verdict((*told, _refusal(problem, task.workdir)), last=is_shortage(problem))
     except BaseException:
         # What the agent did to others' files is undone also when nobody waits for its output any more; later
