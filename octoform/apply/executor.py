@@ -23,10 +23,8 @@ from octoform.diagnostics import Diagnostic, has_errors
 from octoform.graph.model import Node, NodeKind, key_of, key_parts
 from octoform.harness.watching import added
 from octoform.manifest.model import MODEL_FREE
-from octoform.plan.diff import is_ignored
+from octoform.plan.diff import WANTED_ANEW, Tool, changes, is_ignored
 from octoform.plan.model import Action, Plan, PlannedAction
-from octoform.plan.reuse import WANTED_ANEW
-from octoform.plan.tools import Tool, changes
 from octoform.state.artifacts.accepted import accept, file_digest
 from octoform.state.files import read_regular
 from octoform.state.model import NodeState, Status

@@ -15,19 +15,58 @@ from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from pathlib import Path
 
-from octoform.claims import codec, enforcement, errors, lifecycle
-from octoform.claims.admission import Level, Verdict, View, judge, outranked
+from octoform.claims import codec, lifecycle
+from octoform.claims.admission import Level, Proposal, Verdict, View, judge, outranked, problem_of
 from octoform.claims.codec import EVIDENCE, SECONDS, Book
-from octoform.claims.conditions import holds
 from octoform.claims.lifecycle import ENDED, Moment, as_ended, carried, in_force, waiting
-from octoform.claims.model import Channel, Claim, Condition, Reading, Signal, State, Value
-from octoform.claims.proposal import Proposal, problem_of
+from octoform.claims.model import Channel, Claim, Condition, Reading, Signal, State, Value, holds
 from octoform.claims.readings import Readings, to_json
 from octoform.claims.settings import Clock, Settings
 from octoform.conditions import is_number
-from octoform.diagnostics import Diagnostic, error
+from octoform.diagnostics import Diagnostic, error, warning
+from octoform.escaping import escaped
+from octoform.state.files import shown
 from octoform.state.layout import Layout
 from octoform.state.lock_holder import PROC, myself
+
+# What the ledger says when it does not do what it was asked, and when somebody has changed its files. Light.
+
+
+def over_problem(claim: Claim) -> Diagnostic:
+    """A pending claim has no fresh reading."""
+    return error(
+        "CLAIM-STALE",
+        f"no reading of the last time bears {claim.id} out any more",
+        hint="wait for a reading of its signal, then confirm it",
+    )
+
+
+def unknown_problem(identity: str, how: str) -> Diagnostic:
+    """No claim of that id is in such a state."""
+    text = f"there is no claim {escaped(identity)[:60]} {how}"
+    return error("CLAIM-NOT-FOUND", text, hint="octoform claims shows them")
+
+
+def taken_problem(path: Path) -> Diagnostic:
+    """Another process stands still with the lock."""
+    text = "the ledger of claims cannot be locked: another process stands still with it"
+    return error("CLAIM-LEDGER-LOCK", text, path=str(path), hint="end that process; fuser tells which one it is")
+
+
+def nobody_problem() -> Diagnostic:
+    """A decision without a name."""
+    return error("CLAIM-NO-PERSON", "nobody answers for it", hint="say who you are")
+
+
+def changed_problem(path: Path) -> Diagnostic:
+    """A file of the ledger was changed while nobody but the daemon may."""
+    return warning(
+        "CLAIM-LEDGER-CHANGED",
+        "the ledger of claims was changed by somebody else while an agent was at work; it is as it was before",
+        path=shown(path),
+        hint="octoform claims and octoform confirm say what a person decides",
+    )
+
 
 CLAIMS, READINGS, LOCK = "claims.json", "readings.jsonl", "claims.lock"
 TEXT_CHARS = 300
@@ -136,7 +175,7 @@ class Ledger:
                     return refused
                 evidence = self._evidence(claim)
                 if evidence is None:
-                    return errors.over(claim)
+                    return over_problem(claim)
                 believed = carried(believed, evidence, self._moment())
             return self._accept(believed, self._copy())
 
@@ -153,9 +192,9 @@ class Ledger:
         with self._held():
             claim = self._book.claims.get(identity)
             if claim is None or claim.state is not State.ACTIVE:
-                return errors.unknown(identity, "in force")
+                return unknown_problem(identity, "in force")
             if not person:
-                return errors.nobody()
+                return nobody_problem()
             return self._accept(as_ended(claim, "operator", (person,)), self._copy())
 
     def active(self) -> tuple[Claim, ...]:
@@ -260,8 +299,8 @@ class Ledger:
     def _pending(self, identity: str, person: str) -> Claim | Diagnostic:
         claim = self._book.claims.get(identity)
         if claim is None or claim.state is not State.PENDING:
-            return errors.unknown(identity, "waiting for a person")
-        return claim if person else errors.nobody()
+            return unknown_problem(identity, "waiting for a person")
+        return claim if person else nobody_problem()
 
     def _cited(self) -> frozenset[str]:
         alive = (claim for claim in self._book.claims.values() if claim.state not in ENDED)
@@ -272,7 +311,7 @@ class Ledger:
         claims = self._book.claims
         if changed := claims != before.claims or self._unwritten:
             lifecycle.prune(self._book)
-            problem = codec.write(self._path, self._book, self._boot) if self._alone else errors.taken(self._lock)
+            problem = codec.write(self._path, self._book, self._boot) if self._alone else taken_problem(self._lock)
             self._unwritten = problem is not None
             self.said.extend([problem] if problem is not None else [])
             self._seen = _stamp(self._path)
@@ -288,13 +327,13 @@ class Ledger:
         active = tuple(claim for claim in in_force(self._book, self._moment()) if claim.id in names)
         path = self._layout.restrictions
         if active or path.exists():
-            data = enforcement.document(active, self._boot, self._settings, self._readings)
-            problem = enforcement.publish(path, data)
+            data = lifecycle.document(active, self._boot, self._settings, self._readings)
+            problem = lifecycle.publish(path, data)
             self.said.extend([problem] if problem is not None else [])
         standing = {claim.id for claim in active if claim.irreversible is not None}
         over = {claim.id for claim in self._book.claims.values() if claim.state in ENDED}
-        ids = enforcement.forbidden(self._layout.forbidden) - over | standing
-        problem = enforcement.forbid(self._layout.forbidden, frozenset(ids))
+        ids = lifecycle.forbidden(self._layout.forbidden) - over | standing
+        problem = lifecycle.forbid(self._layout.forbidden, frozenset(ids))
         self.said.extend([problem] if problem is not None else [])
 
     @contextlib.contextmanager
@@ -327,7 +366,7 @@ class Ledger:
                 fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
             except BlockingIOError:
                 if time.monotonic() >= end:
-                    self.said.extend([] if self._standing_still else [errors.taken(self._lock)])
+                    self.said.extend([] if self._standing_still else [taken_problem(self._lock)])
                     self._standing_still = True
                     return False
                 time.sleep(STEP)
@@ -356,9 +395,9 @@ class Ledger:
     def _miss(self) -> None:
         """Take it that nothing may move where a permanent restriction is in neither of its files any more."""
         book = self._book
-        missing = enforcement.forbidden(self._layout.forbidden) - set(book.claims)
+        missing = lifecycle.forbidden(self._layout.forbidden) - set(book.claims)
         for identity in sorted(missing):
-            book.claims[identity] = enforcement.unknown(identity, (self._clock.uptime(), self._clock.stamp()))
+            book.claims[identity] = lifecycle.unknown(identity, (self._clock.uptime(), self._clock.stamp()))
         numbers = [int(name[1:]) for name in missing if name[1:].isdigit()]
         book.count = max(book.count, *numbers) if numbers else book.count
 
@@ -367,7 +406,7 @@ class Ledger:
         mine = {self._path.name: _stamp(self._path) == self._seen, READINGS: self._readings.is_mine()}
         if all(mine.values()) or not (self.guarded or self._settings.shut()):
             return []
-        found = [errors.changed(self._path.with_name(name)) for name, same in mine.items() if not same]
+        found = [changed_problem(self._path.with_name(name)) for name, same in mine.items() if not same]
         self.strange += len(found)
         self.said.extend(found)
         self._unwritten = not mine[self._path.name]
@@ -376,7 +415,7 @@ class Ledger:
     def _lost(self) -> None:
         """Go on without the book: with what a person made true, and with readings that are yet to come."""
         book = self._book
-        book.claims = {claim.id: claim for claim in enforcement.standing(self._layout.restrictions)}
+        book.claims = {claim.id: claim for claim in lifecycle.standing(self._layout.restrictions)}
         book.count = max((int(name[1:]) for name in book.claims if name[1:].isdigit()), default=0)
         book.spent = {reading.signal: reading.uptime for reading in self._readings.newest()}
 

@@ -5,9 +5,9 @@ import pwd
 from collections.abc import Mapping
 from pathlib import Path
 
-from octoform.claims.context import settings_of
 from octoform.claims.ledger import Ledger
 from octoform.claims.model import Claim
+from octoform.claims.settings import settings_of
 from octoform.daemon.observe.clock import SystemClock
 from octoform.diagnostics import Diagnostic, error
 from octoform.engine.tools import layout_of

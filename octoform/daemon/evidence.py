@@ -7,10 +7,10 @@ from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import replace
 from typing import Any
 
+from octoform.claims.admission import of_claim, of_declaration
 from octoform.claims.codec import to_json as claim_json
 from octoform.claims.ledger import Ledger
 from octoform.claims.model import Channel, Claim, Reading, Signal, State, Value
-from octoform.claims.proposal import of_claim, of_declaration
 from octoform.claims.readings import to_json as reading_json
 from octoform.daemon.model import Cause, Facts, Finding
 from octoform.daemon.signals.expected import current, measured

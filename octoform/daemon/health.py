@@ -8,8 +8,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, Protocol
 
-from octoform.claims.conditions import holds
-from octoform.claims.model import Claim, Reading, Signal, State
+from octoform.claims.model import Claim, Reading, Signal, State, holds
 from octoform.daemon.model import Facts, Kind, Outcome, Status
 from octoform.daemon.signals.reporting import Silence, answered, newest, reporting, silent
 from octoform.endpoint.observe.drift import OTHER_TOOLS

@@ -19,8 +19,7 @@ from octoform.daemon.wiring import Composition, Wanted, compose, wanted
 from octoform.diagnostics import Diagnostic, error
 from octoform.endpoint.files import LAUNCHER
 from octoform.manifest.model import FILE_NAME
-from octoform.state.file_owner import foreign
-from octoform.state.files import refused
+from octoform.state.files import foreign, refused
 from octoform.state.layout import is_left
 
 SETTINGS_SECONDS = 60.0

@@ -7,10 +7,9 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from octoform.claims.context import settings_of
 from octoform.claims.ledger import Ledger
 from octoform.claims.model import Channel, Reading, Signal
-from octoform.claims.settings import Settings
+from octoform.claims.settings import Settings, settings_of
 from octoform.daemon.model import Done, Finding, Repair, Status
 from octoform.daemon.notify import metrics, notices
 from octoform.daemon.observe.clock import SystemClock
@@ -42,7 +41,7 @@ _PICTURE = frozenset({Signal(Channel.FRAME, "", "")})
 class Wanted:
     """How the manifest wants a host's deployment kept alive; ``looks`` when a camera may be looked through.
 
-    ``bounds`` are what profiles call clean, as `octoform.claims.context.bounds_told` gives it.
+    ``bounds`` are what profiles call clean, as `octoform.claims.settings.bounds_told` gives it.
     """
 
     layout: Layout

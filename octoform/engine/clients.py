@@ -21,7 +21,7 @@ from octoform.endpoint.process.record import running
 from octoform.endpoint.publish.publication import client_command, lasting_client_command
 from octoform.engine.plan import cache
 from octoform.engine.plan.configuration import compile_project
-from octoform.state.file_owner import foreign
+from octoform.state.files import foreign
 from octoform.state.layout import Layout
 
 STDIO, HTTP = "stdio", "http"

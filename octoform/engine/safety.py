@@ -14,7 +14,7 @@ from octoform.endpoint.access.audit_log import Checked, Wanted
 from octoform.endpoint.access.limits import Limits
 from octoform.endpoint.process import estop
 from octoform.endpoint.process.estop import Estop
-from octoform.state.file_owner import foreign_among
+from octoform.state.files import foreign_among
 from octoform.state.layout import Layout
 
 Environ = Mapping[str, str]

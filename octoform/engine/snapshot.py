@@ -20,12 +20,10 @@ from octoform.manifest.model import Perception
 from octoform.perception import camera_selection
 from octoform.perception.camera_selection import best
 from octoform.perception.capture import Taken, take
-from octoform.perception.frame_store import keep
-from octoform.perception.frames import Camera, Record
+from octoform.perception.frames import Camera, Record, keep
 from octoform.perception.image_quality import FROZEN_PICTURES
-from octoform.state.artifacts.instances import read_instances
-from octoform.state.file_owner import foreign
-from octoform.state.files import read_regular, refused, shown, write_atomic
+from octoform.state.artifacts.cache import read_instances
+from octoform.state.files import foreign, read_regular, refused, shown, write_atomic
 from octoform.state.layout import Layout
 
 PERCEIVE = "step.perceive"

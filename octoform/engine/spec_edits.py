@@ -18,10 +18,9 @@ from octoform.engine.plan.configuration import Compiled
 from octoform.escaping import is_hidden
 from octoform.graph.model import key_of
 from octoform.protocol import DUTIES, STAGES, STEP, Spec, own_path, step_paths
-from octoform.protocol.loader import load_one
-from octoform.protocol.step_loader import load_step
-from octoform.state.artifacts import attempts, spec_edits
-from octoform.state.artifacts.spec_edits import PendingEdit
+from octoform.protocol.loader import load_one, load_step
+from octoform.state.artifacts import attempts
+from octoform.state.artifacts.attempts import PendingEdit
 from octoform.state.files import write_atomic
 from octoform.state.model import NodeState
 
@@ -53,7 +52,7 @@ def waiting(
     known = opened.compiled.specs
     edits = [
         edit
-        for edit in spec_edits.waiting(opened.compiled.layout)
+        for edit in attempts.waiting_edits(opened.compiled.layout)
         if edit.stage in known and stage in (None, edit.stage)
     ]
     return tuple(_shown(opened, edit) for edit in edits), found
@@ -64,7 +63,7 @@ def promote(project: Path, environ: Mapping[str, str], stage: str) -> list[Diagn
 
     def step(opened: Found) -> list[Diagnostic]:
         compiled = opened.compiled
-        edit = spec_edits.read(compiled.layout, stage)
+        edit = attempts.read_edit(compiled.layout, stage)
         if edit is None:
             return [_nothing(stage)]
         spec = compiled.specs.get(stage)
@@ -81,7 +80,7 @@ def promote(project: Path, environ: Mapping[str, str], stage: str) -> list[Diagn
         problem = write_atomic(path, edit.text.encode("utf-8"))
         if problem is not None:
             return [problem]
-        spec_edits.drop(compiled.layout, stage)
+        attempts.drop(compiled.layout, stage)
         known = opened.snapshot.nodes.get(stage)
         if known is None or not _made_with(known, edit):
             return []
@@ -100,7 +99,7 @@ def reset(project: Path, environ: Mapping[str, str], stage: str | None) -> tuple
 
     def step(opened: Found) -> list[Diagnostic]:
         for edit in edits:
-            spec_edits.drop(opened.compiled.layout, edit.stage)
+            attempts.drop(opened.compiled.layout, edit.stage)
         return []
 
     found = change(project, environ, "spec reset", step)

@@ -12,8 +12,7 @@ from octoform.endpoint.client.terminal import call as call_tool
 from octoform.endpoint.files import CHECK
 from octoform.endpoint.publish.expected_tools import promised
 from octoform.engine.plan import cache
-from octoform.state.file_owner import foreign
-from octoform.state.files import read_regular
+from octoform.state.files import foreign, read_regular
 from octoform.state.layout import Layout
 
 

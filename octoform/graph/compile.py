@@ -9,7 +9,7 @@ from octoform.graph.model import ANSWER, Agent, Graph, Node, NodeKind
 from octoform.manifest.model import MODEL_FREE, HarnessSpec, Manifest
 from octoform.profiles import Profile
 from octoform.protocol import STAGES, Spec, Step
-from octoform.protocol.steps import FRAME
+from octoform.protocol.model import FRAME
 
 ENDPOINT = "endpoint"
 STEP_INPUTS = ("identify", "interface", "serve", "deploy")

@@ -10,8 +10,7 @@ from dataclasses import asdict
 from typing import TYPE_CHECKING
 
 from octoform import digest
-from octoform.manifest.model import Manifest, Network, Tunnel
-from octoform.manifest.policy_model import Limit, Policy
+from octoform.manifest.model import Limit, Manifest, Network, Policy, Tunnel
 
 if TYPE_CHECKING:  # the package brings the YAML reader with it
     from octoform.profiles.model import Profile

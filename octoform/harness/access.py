@@ -9,9 +9,8 @@ from urllib.parse import urlsplit
 
 from octoform.diagnostics import Diagnostic, error
 from octoform.manifest import credentials
-from octoform.manifest.credentials import LOGINS
+from octoform.manifest.credentials import CHAT, LOGINS, RESPONSES, split_model
 from octoform.manifest.model import HarnessSpec
-from octoform.manifest.providers import CHAT, RESPONSES, split
 from octoform.manifest.references import resolve
 
 SUFFIXES = ("/v1", "/v1beta")
@@ -44,7 +43,7 @@ def access(
             f"{spec.name} needs a model, and octopus.yaml names none",
             hint="write for example: model: anthropic/claude-sonnet-4-5",
         )
-    provider, name = split(model, spec.name)
+    provider, name = split_model(model, spec.name)
     spoken = [api for api in apis if spec.base_url is not None or api in provider.urls]
     if spec.api is not None:
         spoken = [api for api in spoken if api == spec.api]

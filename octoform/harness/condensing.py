@@ -13,7 +13,7 @@ from octoform.diagnostics import Diagnostic
 from octoform.escaping import escaped
 from octoform.harness.completion import Completion, Condensed
 from octoform.harness.port import Usage
-from octoform.protocol.fence import fenced, tail
+from octoform.protocol.prompt import fenced, tail
 from octoform.redaction import redacted
 
 INSTRUCTION = Path(__file__).with_name("condensing.md")

@@ -18,7 +18,7 @@ from octoform.harness.plainfile import read_plain
 from octoform.harness.shortrun import ShortRun, short_run
 from octoform.harness.slots import Setup, Slot, filled
 from octoform.harness.starting import stated_version
-from octoform.manifest.secrets import masked
+from octoform.manifest.credentials import masked
 
 NPM_SECONDS = 900.0
 REASON_LINES = 12

@@ -19,9 +19,8 @@ from octoform.base.files import parse
 from octoform.diagnostics import did_you_mean
 from octoform.harness.access import Access
 from octoform.harness.health import Check, failed, passed, unknown
-from octoform.manifest.base_url import is_loopback
-from octoform.manifest.credentials import is_sendable
-from octoform.manifest.providers import ANTHROPIC, GEMINI
+from octoform.manifest.addresses import is_loopback
+from octoform.manifest.credentials import ANTHROPIC, GEMINI, is_sendable
 
 SECONDS = 5.0
 LIST_BYTES = 16 << 20

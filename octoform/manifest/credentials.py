@@ -6,8 +6,12 @@ login makes every other copy of it void, so that the owner would be logged out. 
 Whether a variable holds what can be a key at all, before anybody sends it. Light.
 """
 
-from collections.abc import Mapping
+import re
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+
+from octoform.redaction import found_in
+from octoform.redaction.forms import KEY_BEGIN, KEY_END
 
 
 def complaint(name: str, environ: Mapping[str, str]) -> str | None:
@@ -77,3 +81,107 @@ LOGINS: Mapping[str, Login] = {
         account_variable="CODEX_ACCOUNT_ID",
     ),
 }
+
+
+# Who serves models: how a model is named, which variable holds the key, and which APIs are where.
+#
+# A model is named ``provider/name`` (``anthropic/claude-sonnet-4-5``, ``openrouter/google/gemini-3-flash-preview``); a
+# name without a known provider belongs to the one whose models the harness uses by itself. The URLs and variables are
+# those that the providers' own documentation gives. Light.
+
+CHAT, RESPONSES, ANTHROPIC, GEMINI = "openai-completions", "openai-responses", "anthropic-messages", "gemini"
+APIS = (CHAT, RESPONSES, ANTHROPIC, GEMINI)
+
+
+@dataclass(frozen=True, slots=True)
+class Provider:
+    """Who serves models: the variable with the key (None: needs none), and a base URL for each API that it speaks."""
+
+    name: str
+    key: str | None
+    urls: Mapping[str, str]
+
+
+PROVIDERS: Mapping[str, Provider] = {
+    item.name: item
+    for item in (
+        Provider("anthropic", "ANTHROPIC_API_KEY", {ANTHROPIC: "https://api.anthropic.com"}),
+        Provider(
+            "openai",
+            "OPENAI_API_KEY",
+            {CHAT: "https://api.openai.com/v1", RESPONSES: "https://api.openai.com/v1"},
+        ),
+        Provider(
+            "openrouter",
+            "OPENROUTER_API_KEY",
+            {
+                CHAT: "https://openrouter.ai/api/v1",
+                RESPONSES: "https://openrouter.ai/api/v1",
+                ANTHROPIC: "https://openrouter.ai/api",
+            },
+        ),
+        Provider("gemini", "GEMINI_API_KEY", {GEMINI: "https://generativelanguage.googleapis.com"}),
+        Provider("deepseek", "DEEPSEEK_API_KEY", {CHAT: "https://api.deepseek.com/v1"}),
+        Provider("mistral", "MISTRAL_API_KEY", {CHAT: "https://api.mistral.ai/v1"}),
+        Provider("groq", "GROQ_API_KEY", {CHAT: "https://api.groq.com/openai/v1"}),
+        Provider("xai", "XAI_API_KEY", {CHAT: "https://api.x.ai/v1", RESPONSES: "https://api.x.ai/v1"}),
+        Provider("ollama", None, {CHAT: "http://127.0.0.1:11434/v1", RESPONSES: "http://127.0.0.1:11434/v1"}),
+    )
+}
+ALIASES = {"google": "gemini", "ollama_chat": "ollama"}
+NATIVE = {"claude-code": "anthropic", "gemini-cli": "gemini"}
+"""Whose models a bare name means, by harness; for all others OpenAI's."""
+SEARCHERS = ("claude-code", "codex", "gemini-cli", "litellm", "opencode", "qwen-code")
+"""The harnesses whose agents can search the web, by themselves or through their model."""
+
+
+def split_model(model: str, harness: str) -> tuple[Provider, str]:
+    """The provider and the name that it knows the model by."""
+    first, _, rest = model.partition("/")
+    found = PROVIDERS.get(ALIASES.get(first, first)) if rest else None
+    return (found, rest) if found is not None else (PROVIDERS[NATIVE.get(harness, "openai")], model)
+
+
+# What looks like a secret, and how it is kept out of every message.
+#
+# A manifest stands in git, so a literal credential in it is already a leak; the message about it must not be a second
+# one. Beside what shows by its form that it is a secret (`octoform.redaction`) it is any literal under a key or behind
+# an option whose name says that it is one.
+
+__all__ = ["assigned_in", "found_in", "is_secret_name", "key_blocks", "masked"]
+
+_WORD = r"(?:(?:api|access|secret|private)[-_]?keys?|(?:auth[-_]?)?token|secrets?|pass(?:word|wd|phrase)|credentials?)"
+_SECRET_NAME = re.compile(rf"(?i)(?:^|.*[-_.]|-*){_WORD}")
+_ASSIGNMENT = re.compile(rf"(?i)(?<![A-Za-z]){_WORD}['\"]?\s*[=:]\s*['\"]?(?!\$)([^\s'\",}}\]]{{6,}})")
+_KEY_BEGINS = re.compile(KEY_BEGIN.source())
+_KEY_ENDS = re.compile(KEY_END.source())
+
+
+def assigned_in(text: str) -> list[tuple[int, int]]:
+    """Where a literal is given to a secret's name inside a text (``--api-key=...``): (start, end) offsets."""
+    return [found.span(1) for found in _ASSIGNMENT.finditer(text)]
+
+
+def is_secret_name(name: str) -> bool:
+    """True for the name of a key or an option whose value is a secret (``api_key``, ``--token``)."""
+    return _SECRET_NAME.fullmatch(name) is not None
+
+
+def masked(text: str) -> str:
+    """The text with everything that looks like a secret replaced by asterisks of the same length."""
+    for start, end in (*found_in(text), *assigned_in(text)):
+        text = text[:start] + "*" * (end - start) + text[end:]
+    return text
+
+
+def key_blocks(lines: list[str]) -> Iterator[tuple[int, int]]:
+    """The lines of private keys as (first, last) indexes; a key that never ends reaches to the end of the file."""
+    first: int | None = None
+    for number, line in enumerate(lines):
+        if first is None and _KEY_BEGINS.search(line):
+            first = number
+        if first is not None and _KEY_ENDS.search(line):
+            yield first, number
+            first = None
+    if first is not None:
+        yield first, len(lines) - 1

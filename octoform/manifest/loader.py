@@ -7,19 +7,9 @@ from pathlib import Path
 from octoform.diagnostics import Diagnostic
 from octoform.manifest.conversion import build
 from octoform.manifest.model import Manifest, ProfileSource
-from octoform.manifest.rules import (
-    agent_settings,
-    crosschecks,
-    profile_paths,
-    recordings,
-    schema_errors,
-    scope,
-    step_names,
-    values,
-)
+from octoform.manifest.rules import crosschecks, profile_paths, schema_errors, values
 from octoform.manifest.source.parser import read_tree
-from octoform.manifest.source.report import Report
-from octoform.manifest.source.text import read, text_of
+from octoform.manifest.source.report import Report, read, text_of
 
 
 def load(path: Path, environ: Mapping[str, str]) -> tuple[Manifest | None, list[Diagnostic]]:
@@ -46,17 +36,17 @@ def parse(content: bytes, path: Path, environ: Mapping[str, str]) -> tuple[Manif
     variables = values.check_references(root, environ, report)
     absolute = path.absolute()
     profiles = profile_paths.check(root, absolute.parent, report)
-    recordings.check(root, absolute.parent, report)
+    crosschecks.check_recordings(root, absolute.parent, report)
     crosschecks.check_commands(root, report)
     document = schema_errors.check(root, report)
     if document is not None:
         crosschecks.check(document, root, report)
-        scope.check(document, root, report)
-        agent_settings.check(document, root, environ, report)
+        crosschecks.check_scope(document, root, report)
+        values.check(document, root, environ, report)
     if document is None or report.failed:
         return None, report.diagnostics()
     manifest = build(document, absolute, profiles, variables, environ)
-    return replace(manifest, privileged_steps=step_names.named(root, report)), report.diagnostics()
+    return replace(manifest, privileged_steps=crosschecks.named_steps(root, report)), report.diagnostics()
 
 
 def named_profiles(path: Path) -> tuple[ProfileSource, ...]:

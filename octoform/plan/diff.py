@@ -4,11 +4,11 @@ The observed side is given as plain values so that the same function serves the 
 a daemon.
 """
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field, replace
 
-from octoform.graph.model import ANSWER, STEP, Graph, Node, NodeKind, key_parts
-from octoform.plan.model import Action, Cause, PlannedAction, Reason
+from octoform.graph.model import ANSWER, STEP, Graph, Node, NodeKind, key_of, key_parts
+from octoform.plan.model import Action, Cause, Change, Loan, PlannedAction, Reason
 
 
 @dataclass(frozen=True, slots=True)
@@ -181,3 +181,103 @@ def _action(
         escalate=node.escalate if runs_agent else None,
         last=known.last if known is not None else {},
     )
+
+
+# Which of the planned stages can be taken from another host instead of running their agents. Pure.
+#
+# A stage whose inputs are known has a known key, and with the output that is lent for it the key of the next stage is
+# known as well. Behind a stage that really runs, nothing is known before it has run.
+
+WANTED_ANEW = frozenset({Cause.REQUESTED, Cause.TAINTED})
+
+
+@dataclass(frozen=True, slots=True)
+class Offer:
+    """An output that another host has: whose it is, the parts of its key, its digest."""
+
+    host: str
+    parts: Mapping[str, str]
+    output_digest: str
+
+
+Offers = Mapping[str, tuple[Offer, ...]]
+"""Stage to what is offered for it."""
+
+
+def with_loans(
+    graph: Graph, actions: tuple[PlannedAction, ...], prior: Mapping[str, Prior], offers: Offers
+) -> tuple[PlannedAction, ...]:
+    """The actions, with a loan on each that another host's output can (or may, once its inputs are known) stand for."""
+    outputs: dict[str, str | None] = {name: known.output_digest for name, known in prior.items()}
+    out = []
+    for action in actions:
+        if action.calls_agent:
+            node = graph.node(action.node)
+            outputs[node.name] = None
+            loan = _loan(node, action, outputs, offers.get(node.name, ()))
+            if loan is not None:
+                action = replace(action, loan=loan, calls_agent=not loan.certain, calls_model=_may_call(action, loan))
+                outputs[node.name] = loan.output_digest if loan.certain else None
+        out.append(action)
+    return tuple(out)
+
+
+def _may_call(action: PlannedAction, loan: Loan) -> bool:
+    return action.calls_model and not loan.certain
+
+
+def _loan(
+    node: Node, action: PlannedAction, outputs: Mapping[str, str | None], offers: tuple[Offer, ...]
+) -> Loan | None:
+    if node.kind is not NodeKind.STAGE or any(reason.cause in WANTED_ANEW for reason in action.reasons):
+        return None
+    inputs = {name: outputs.get(name) or "" for name in node.consumes}
+    known = all(inputs.values())
+    parts = key_parts(node, inputs, None)
+    for offer in offers:
+        if known and key_of(parts) == key_of(offer.parts):
+            return Loan(offer.host, offer.output_digest, certain=action.certain)
+        if not known and _without_inputs(parts) == _without_inputs(offer.parts):
+            return Loan(offer.host, offer.output_digest, certain=False)
+    return None
+
+
+def _without_inputs(parts: Mapping[str, str]) -> dict[str, str]:
+    return {name: value for name, value in parts.items() if not name.startswith("input.")}
+
+
+# Which tools come, go or are only called something else, between what the endpoint offers and what INTERFACE says.
+#
+# What a tool is for are its devices and what it does to them; its name is a word. So a tool that goes while one comes
+# for the same devices with the same effect, each of them the only one, was renamed. Pure.
+
+KIND = "tool"
+
+
+@dataclass(frozen=True, slots=True)
+class Tool:
+    """A tool as far as it counts here."""
+
+    name: str
+    devices: frozenset[str]
+    effect: str
+
+
+def changes(before: Iterable[Tool], after: Iterable[Tool]) -> tuple[Change, ...]:
+    """Renamed tools first, then what comes, then what goes; nothing of a tool that keeps its name."""
+    old, new = {tool.name: tool for tool in before}, {tool.name: tool for tool in after}
+    gone = [tool for name, tool in old.items() if name not in new]
+    come = [tool for name, tool in new.items() if name not in old]
+    renamed = {
+        tool.name: same[0] for tool in come if (same := _same(tool, gone)) and len(same) == len(_same(tool, come)) == 1
+    }
+    left = {tool.name for tool in gone} - {tool.name for tool in renamed.values()}
+    return (
+        *(Change(KIND, name, Action.UPDATE, f"renamed from {was.name}") for name, was in sorted(renamed.items())),
+        *(Change(KIND, tool.name, Action.CREATE) for tool in come if tool.name not in renamed),
+        *(Change(KIND, tool.name, Action.DESTROY) for tool in gone if tool.name in left),
+    )
+
+
+def _same(tool: Tool, among: Iterable[Tool]) -> list[Tool]:
+    return [other for other in among if (other.devices, other.effect) == (tool.devices, tool.effect)]

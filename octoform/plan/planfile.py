@@ -13,7 +13,7 @@ from pydantic import BaseModel, ConfigDict, ValidationError
 
 from octoform.diagnostics import Diagnostic, error
 from octoform.graph.model import Graph, Node, key_of, key_parts
-from octoform.plan import encode
+from octoform.plan import model
 from octoform.plan.diff import Observed, Prior
 from octoform.plan.model import Action, Plan
 
@@ -102,7 +102,7 @@ def read(data: bytes, path: str) -> tuple[PlanFile | None, list[Diagnostic]]:
     """The saved plan in ``data``, or why it is none."""
     try:
         saved = PlanFile.model_validate_json(data)
-        encode.from_json(saved.plan)
+        model.from_json(saved.plan)
     except (ValidationError, KeyError, TypeError, ValueError) as problem:
         place = (
             ".".join(str(part) for part in problem.errors()[0]["loc"]) if isinstance(problem, ValidationError) else ""
@@ -127,5 +127,5 @@ def describe(item: Moved) -> Diagnostic:
 def applicable(saved: PlanFile, graph: Graph, stale: list[Moved]) -> frozenset[str]:
     """The planned units that may still be applied: not stale and not built on a stale one."""
     refused = graph.downstream({item.unit for item in stale})
-    planned = {item.node for item in encode.from_json(saved.plan).actions if item.action is not Action.NOOP}
+    planned = {item.node for item in model.from_json(saved.plan).actions if item.action is not Action.NOOP}
     return frozenset(planned - refused)

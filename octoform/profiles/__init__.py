@@ -2,6 +2,6 @@
 
 from octoform.profiles.model import Profile
 from octoform.profiles.parser import load, load_text
-from octoform.profiles.selection import briefing, commands, contributions, for_task, holds, near
+from octoform.profiles.selection import briefing, commands, contributions, devices_of, for_task, near
 
-__all__ = ["Profile", "briefing", "commands", "contributions", "for_task", "holds", "load", "load_text", "near"]
+__all__ = ["Profile", "briefing", "commands", "contributions", "devices_of", "for_task", "load", "load_text", "near"]

@@ -6,18 +6,151 @@ refused: what it would do on the host could not be seen in the plan.
 
 import re
 from collections.abc import Iterable, Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from octoform import digest, frontmatter
 from octoform.diagnostics import Diagnostic, did_you_mean, error, has_errors, warning
-from octoform.frontmatter import Document
-from octoform.profiles import bench_parser, limits, match_rule, stop_actions
-from octoform.profiles.definitions import derived_limits, parser
-from octoform.profiles.definitions.definition import Grammar
-from octoform.profiles.definitions.problems import Found
+from octoform.frontmatter import Document, Place
+from octoform.profiles import limits, match_rule
+from octoform.profiles.definitions import parser
+from octoform.profiles.definitions.definition import Grammar, RegisterGrammar
+from octoform.profiles.definitions.problems import Found, near
+from octoform.profiles.definitions.register_parser import MOST_ID
 from octoform.profiles.match_rule import Rule
-from octoform.profiles.model import Profile, Rig
+from octoform.profiles.model import Profile, Rig, Stop
+
+# Read the ``rig`` of a profile: what holds for the owner's own copy alone, apart from what holds for the product.
+
+OF_UNITS = ("disabled", "units")
+BENCH_FIELDS = ("facts", "limits", *OF_UNITS)
+MOST_FACTS, FACT_CHARS = 20, 300
+PLACE = ("rig",)
+
+
+def read_bench(found: Found, given: object, limits: tuple[Mapping[str, Any], ...], grammar: Grammar | None) -> Rig:
+    """The rig that a front-matter value says, its limits being read already; every problem of it in ``found``."""
+    if not isinstance(given, Mapping):
+        found.add(PLACE, "rig is no mapping", "write rig: {facts: [...], limits: [...]}")
+        return Rig()
+    facts = given.get("facts", [])
+    sound = [item for item in facts if _is_sentence(item)] if isinstance(facts, list) else []
+    if not isinstance(facts, list) or len(sound) < len(facts) or len(facts) > MOST_FACTS:
+        summary = f"the facts of the rig are no list of at most {MOST_FACTS} sentences"
+        found.add((*PLACE, "facts"), summary, f"one line each, at most {FACT_CHARS} characters")
+    named = [name for name in OF_UNITS if name in given]
+    if named and not isinstance(grammar, RegisterGrammar):
+        for name in named:
+            hint = "only a grammar of registers names units; write what is true of your copy under facts"
+            found.add((*PLACE, name), f"{name!r} of the rig without units in the grammar", hint)
+        return Rig(tuple(sound), limits)
+    product = grammar.registers.units if isinstance(grammar, RegisterGrammar) else {}
+    disabled = {
+        str(unit): reason
+        for unit, reason in _of_units(found, given, "disabled", product).items()
+        if _is_reason(found, str(unit), reason)
+    }
+    return Rig(tuple(sound), limits, disabled, _renumbered(found, given, product))
+
+
+def fitted(grammar: Grammar | None, rig: Rig) -> Grammar | None:
+    """The grammar as it is on the rig."""
+    if not isinstance(grammar, RegisterGrammar):
+        return grammar
+    return replace(grammar, registers=replace(grammar.registers, renumbered=rig.units, disabled=rig.disabled))
+
+
+def _of_units(found: Found, given: Mapping[str, Any], name: str, units: Mapping[str, int]) -> dict[str, Any]:
+    """The members of a mapping whose names are units."""
+    place, listed = (*PLACE, name), given.get(name, {})
+    if not isinstance(listed, Mapping):
+        example = "disabled: {base: the motor is broken}" if name == "disabled" else "units: {base: 2, tip: 1}"
+        found.add(place, f"{name!r} of the rig is no mapping of units", f"write {example}")
+        return {}
+    for unit in listed:
+        if unit not in units:
+            found.add((*place, unit), f"{unit!r} is no unit of the grammar", near(str(unit), units, "its units are "))
+    return {unit: value for unit, value in listed.items() if unit in units}
+
+
+def _is_reason(found: Found, unit: str, reason: object) -> bool:
+    if _is_sentence(reason):
+        return True
+    hint = f"one line of at most {FACT_CHARS} characters; callers are told it"
+    found.add((*PLACE, "disabled", unit), f"nothing says why {unit!r} is disabled", hint)
+    return False
+
+
+def _renumbered(found: Found, given: Mapping[str, Any], product: Mapping[str, int]) -> dict[str, int]:
+    place = (*PLACE, "units")
+    listed = _of_units(found, given, "units", product)
+    ids = {unit: found.whole(listed, unit, place, (0, MOST_ID)) for unit in listed}
+    whole = {**product, **ids}
+    for unit, number in ids.items():
+        other = next((name for name in whole if name != unit and whole[name] == number), None)
+        if other is not None:
+            hint = f"say as well which id {other!r} has on your copy"
+            found.add((*place, unit), f"the id {number} of {unit!r} is the one of {other!r}", hint)
+    return ids
+
+
+def _is_sentence(item: object) -> bool:
+    return isinstance(item, str) and bool(item.strip()) and item.isprintable() and len(item) <= FACT_CHARS
+
+
+# What the emergency stop writes to a product: bytes as data, never a program. Pure.
+
+STOP_FIELDS = ("class", "baud", "write")
+MAX_STOP_BYTES = 256
+MOST_ACTIONS = 20
+_CLASS = re.compile(r"[a-z0-9][a-z0-9_-]{0,63}")
+_EXAMPLE = '{class: tty, baud: 115200, write: "01 02 0A"}'
+
+Problem = tuple[Place, str, str | None]
+
+
+def read_stop(given: object) -> tuple[tuple[Stop, ...], list[Problem]]:
+    """The actions that a front-matter value says, and every problem of it as (place, summary, hint)."""
+    if not isinstance(given, list) or len(given) > MOST_ACTIONS:
+        summary = f"stop is no list of at most {MOST_ACTIONS} actions"
+        return (), [(("stop",), summary, f"write stop: [{_EXAMPLE}]")]
+    found: list[Problem] = []
+    actions: list[Stop] = []
+    for index, item in enumerate(given):
+        problems = list(_problems(item))
+        found += [(("stop", index, *place), summary, hint) for place, summary, hint in problems]
+        if not problems and isinstance(item, Mapping):
+            actions.append(Stop(item["class"], item.get("baud"), bytes.fromhex(item["write"])))
+    return tuple(actions), found
+
+
+def _problems(item: object) -> list[Problem]:
+    if not isinstance(item, Mapping):
+        return [((), "a stop action is a mapping", f"write {_EXAMPLE}")]
+    found: list[Problem] = []
+    for name in item:
+        if name not in STOP_FIELDS:
+            near = did_you_mean(str(name), STOP_FIELDS)
+            hint = f"did you mean {near!r}?" if near else f"known fields: {', '.join(STOP_FIELDS)}"
+            found.append(((name,), f"{name!r} is no field here", hint))
+    kind, baud = item.get("class"), item.get("baud")
+    if not (isinstance(kind, str) and _CLASS.fullmatch(kind)):
+        found.append((("class",), "the class of a stop action is no word of /sys/class", "write for example tty"))
+    if "baud" in item and (isinstance(baud, bool) or not isinstance(baud, int) or not 1 <= baud <= 100_000_000):
+        found.append((("baud",), "the baud of a stop action is no positive whole number", "write for example 115200"))
+    if not _is_bytes(item.get("write")):
+        hint = 'write pairs of hexadecimal digits in quotes: "01 02 0A"'
+        found.append((("write",), f"a stop action writes 1 to {MAX_STOP_BYTES} bytes", hint))
+    return found
+
+
+def _is_bytes(value: object) -> bool:
+    try:
+        return isinstance(value, str) and 1 <= len(bytes.fromhex(value)) <= MAX_STOP_BYTES
+    except ValueError:
+        return False
+
 
 # Prose of four pages and a grammar that names every unit, field and command, with facts of the owner's own copy.
 MOST_BYTES = 12 * 1024
@@ -107,7 +240,7 @@ def parse(document: Document) -> tuple[Profile | None, list[Diagnostic]]:
     rule, more = _evidence(document)
     bounds, also = _limits(document, fields.get("limits", []), ("limits",))
     found += [*more, *also]
-    stop, problems = stop_actions.read(fields.get("stop", []))
+    stop, problems = read_stop(fields.get("stop", []))
     found += [document.problem("PROFILE-STOP", summary, place, hint) for place, summary, hint in problems]
     grammar, problems = parser.read(fields["grammar"]) if "grammar" in fields else (None, [])
     found += [document.problem("PROFILE-GRAMMAR", summary, place, hint) for place, summary, hint in problems]
@@ -125,11 +258,11 @@ def parse(document: Document) -> tuple[Profile | None, list[Diagnostic]]:
         evidence=rule,
         limits=(
             *bounds,
-            *(derived_limits.derived(grammar.tools(), bounds) if grammar is not None else ()),
+            *(parser.derived(grammar.tools(), bounds) if grammar is not None else ()),
             *rig.limits,
         ),
         stop=stop,
-        grammar=bench_parser.fitted(grammar, rig),
+        grammar=fitted(grammar, rig),
         product=fields.get("product", ""),
         rig=rig,
     )
@@ -219,11 +352,11 @@ def _rig(document: Document, grammar: Grammar | None) -> tuple[Rig, list[Diagnos
     """What holds for the owner's own copy alone, apart from what holds for the product."""
     given, problems = document.fields.get("rig", {}), Found()
     listed = given if isinstance(given, Mapping) else {}
-    found = _unknown(document, listed, bench_parser.FIELDS, ("rig",))
+    found = _unknown(document, listed, BENCH_FIELDS, ("rig",))
     bounds, more = _limits(document, listed.get("limits", []), ("rig", "limits"))
     if grammar is None and "grammar" in document.fields and listed:  # its own problems are told; units are not known
-        given = {name: value for name, value in listed.items() if name not in bench_parser.OF_UNITS}
-    rig = bench_parser.read(problems, given, bounds, grammar)
+        given = {name: value for name, value in listed.items() if name not in OF_UNITS}
+    rig = read_bench(problems, given, bounds, grammar)
     told = [document.problem("PROFILE-RIG", summary, place, hint) for place, summary, hint in problems.problems]
     return rig, [*found, *told, *more]
 
@@ -239,7 +372,7 @@ def _idle_limits(document: Document, grammar: Grammar | None) -> list[Diagnostic
     found = []
     for given, place in places if tools else ():
         for index, item in enumerate(given if isinstance(given, list) else ()):
-            idle = derived_limits.idle(item, tools) if isinstance(item, Mapping) else None
+            idle = parser.idle(item, tools) if isinstance(item, Mapping) else None
             if idle is not None:
                 name, summary, hint = idle
                 found.append(document.problem("PROFILE-LIMIT", summary, (*place, index, name), hint))

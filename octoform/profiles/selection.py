@@ -13,7 +13,7 @@ LONGEST_LINE, DEEPEST = 100, 3
 NO_ANSWERS: Mapping[str, str] = MappingProxyType({})
 
 
-def holds(profile: Profile, probe: Any, answers: Mapping[str, str] = NO_ANSWERS) -> frozenset[str]:
+def devices_of(profile: Profile, probe: Any, answers: Mapping[str, str] = NO_ANSWERS) -> frozenset[str]:
     """Ids of the PROBE devices for which the profile's evidence rule holds; never raises, whatever ``probe`` is.
 
     The words must stand in what PROBE recorded of that very device, or in a person's answer about it. A neighbour
@@ -37,7 +37,7 @@ def contributions(
     profiles: Iterable[Profile], probe: Any, answers: Mapping[str, str] = NO_ANSWERS
 ) -> list[tuple[str, str]]:
     """(device id, profile name) of each device that a profile holds for, in the order of the ids."""
-    return sorted((device, profile.name) for profile in profiles for device in holds(profile, probe, answers))
+    return sorted((device, profile.name) for profile in profiles for device in devices_of(profile, probe, answers))
 
 
 def near(

@@ -1,9 +1,18 @@
 """Specs and prompts: what an agent is told. Device-agnostic prose in ``protocol/``, rendered and bounded here."""
 
-from octoform.protocol.model import DUTIES, STAGES, STEP, Spec
-from octoform.protocol.paths import own_path, schema_dir, spec_paths, step_paths
+from octoform.protocol.model import (
+    DUTIES,
+    STAGES,
+    STEP,
+    Proof,
+    Spec,
+    Step,
+    own_path,
+    schema_dir,
+    spec_paths,
+    step_paths,
+)
 from octoform.protocol.prompt import MOST_PROMPT_BYTES, Prompt, PromptTooLarge, render_prompt
-from octoform.protocol.steps import Proof, Step
 
 __all__ = [
     "DUTIES",

@@ -7,12 +7,24 @@ with it: a field that could be changed without effect would mislead whoever read
 import re
 from itertools import pairwise
 from pathlib import Path
+from typing import Any
 
-from octoform import digest, frontmatter
+from octoform import digest, durations, frontmatter
 from octoform.diagnostics import Diagnostic, did_you_mean, error, warning
 from octoform.frontmatter import Document
-from octoform.protocol.model import DUTIES, STAGES, Spec
-from octoform.protocol.paths import SCHEMAS, schema_dir, spec_paths
+from octoform.protocol.model import (
+    DUTIES,
+    FRAME,
+    PROOFS,
+    SCHEMAS,
+    STAGES,
+    STEP,
+    Proof,
+    Spec,
+    Step,
+    schema_dir,
+    spec_paths,
+)
 
 __all__ = ["load", "schema_dir", "spec_paths"]
 
@@ -119,4 +131,152 @@ def _strangers(folder: Path | None) -> list[Diagnostic]:
             hint = f"did you mean {near}.md?" if near else f"the specs are {', '.join(NAMES)}"
             summary = f"no stage is called {path.stem!r}, so nothing reads this file"
             found.append(warning("PROTOCOL-UNUSED", summary, path=str(path), hint=hint))
+    return found
+
+
+# Read the specs of privileged steps, a project's own laid over the shipped ones. (Heavy: reads YAML.)
+#
+# A step is a file: its name gives the name that the manifest switches on, its front matter says for which device it
+# runs and what proves that it worked. So a step is added without a line of code.
+
+STEP_CONSUMES = ("identify/output.json", "interface/output.json", "serve/server.py")
+STEP_SCHEMA = f"{SCHEMAS}/step.v1.schema.json"
+STEP_FIELDS = ("step", "about", "profile", "proof", "consumes", "produces", "schema", "budget")
+PROOF_FIELDS = ("kind", "minimum", "unit", "settle")
+PROFILE_NAME = re.compile(r"[a-z0-9]+(?:-[a-z0-9]+)*")
+LONGEST_ABOUT = 200
+LONGEST_UNIT = 20
+MOST_SETTLE = 60
+SETTLE = 2.0
+
+
+def load_step(name: str, path: Path, folder: Path | None) -> tuple[Step | None, list[Diagnostic]]:
+    """The step of a file, or everything that is wrong with it; ``folder`` is a project's ``protocol/``."""
+    document, found = frontmatter.read(path, "PROTOCOL-FRONT-MATTER")
+    if document is None:
+        return None, found
+    fields = document.fields
+    found = [*_unknown(document), *_fixed(name, document), *_words(document), *_proof(document)]
+    schema = schema_dir(folder) / Path(STEP_SCHEMA).name
+    if not schema.is_file():
+        hint = f"copy it there, or remove the folder {SCHEMAS} to use the shipped ones"
+        found.append(error("PROTOCOL-NO-SCHEMA", "the schema of the steps is missing", path=str(schema), hint=hint))
+    if not document.body.strip():
+        found.append(document.problem("PROTOCOL-EMPTY", f"the spec of the step {name} says nothing"))
+    if found:
+        return None, found
+    spec = Spec(
+        stage=f"{STEP}{name}",
+        path=path,
+        text=document.text,
+        body=document.body,
+        digest=digest.of_bytes(document.text.encode("utf-8")),
+        consumes=tuple(fields["consumes"]),
+        produces=fields["produces"],
+        schema=schema,
+        budget=fields.get("budget"),
+    )
+    return Step(name, fields["about"].strip(), fields["profile"], _read_proof(fields["proof"]), spec), []
+
+
+def _read_proof(given: Any) -> Proof:
+    settle = durations.seconds(given["settle"]) if "settle" in given else None
+    return Proof(
+        kind=given["kind"],
+        minimum=float(given.get("minimum", 0)),
+        unit=given.get("unit", ""),
+        settle=float(settle) if settle is not None else SETTLE,
+    )
+
+
+def _unknown(document: Document) -> list[Diagnostic]:
+    """Fields that no step has; one that changed nothing would mislead whoever reads it."""
+    found = []
+    for name in document.fields:
+        if name not in STEP_FIELDS:
+            near = did_you_mean(name, STEP_FIELDS)
+            hint = f"did you mean {near!r}?" if near else f"a step has the fields {', '.join(STEP_FIELDS)}"
+            found.append(document.problem("PROTOCOL-FIELD", f"{name!r} is no field of a step", (name,), hint))
+    return found
+
+
+def _fixed(name: str, document: Document) -> list[Diagnostic]:
+    """Fields with one value that they can have: octoform's own order of work decides it."""
+    expected = {
+        "step": name,
+        "consumes": list(STEP_CONSUMES),
+        "produces": f"steps/{name}/output.json",
+        "schema": STEP_SCHEMA,
+    }
+    found = []
+    for field, value in expected.items():
+        if field not in document.fields:
+            summary = f"the field {field!r} is missing"
+        elif document.fields[field] != value:
+            summary = f"the field {field!r} does not fit the step {name}"
+        else:
+            continue
+        shown = f"[{', '.join(value)}]" if isinstance(value, list) else value
+        found.append(document.problem("PROTOCOL-FIELD", summary, (field,), f"write {field}: {shown}"))
+    return found
+
+
+def _words(document: Document) -> list[Diagnostic]:
+    """The sentence about it, the profile that it needs, the time for one attempt."""
+    fields, found = document.fields, []
+    about = fields.get("about")
+    if not (isinstance(about, str) and 0 < len(about.strip()) <= LONGEST_ABOUT and "\n" not in about.strip()):
+        hint = "write about: prove that each joint of the arm moves"
+        found.append(document.problem("PROTOCOL-FIELD", "the field 'about' is no short sentence", ("about",), hint))
+    profile = fields.get("profile", "")
+    if profile is not None and not (isinstance(profile, str) and PROFILE_NAME.fullmatch(profile)):
+        hint = "name the profile without which the step may not run, or write profile: null"
+        found.append(document.problem("PROTOCOL-FIELD", "the field 'profile' names none", ("profile",), hint))
+    budget = fields.get("budget")
+    if budget is not None and not (isinstance(budget, str) and durations.seconds(budget)):
+        summary = "the field 'budget' is no time for one attempt"
+        found.append(document.problem("PROTOCOL-FIELD", summary, ("budget",), durations.HINT))
+    return found
+
+
+def _proof(document: Document) -> list[Diagnostic]:
+    """What is wrong with the proof; a step that nothing proves is none."""
+    proof = document.fields.get("proof")
+    if not isinstance(proof, dict):
+        hint = "write proof: {kind: reading, minimum: 50, unit: raw, settle: 2s}"
+        return [document.problem("PROTOCOL-FIELD", "the field 'proof' is missing or no mapping", ("proof",), hint)]
+    found = [
+        document.problem("PROTOCOL-FIELD", f"{name!r} is no field of a proof", ("proof", name), _near(name))
+        for name in proof
+        if name not in PROOF_FIELDS
+    ]
+    return found + [
+        document.problem("PROTOCOL-FIELD", summary, ("proof", field), hint)
+        for field, summary, hint in _proof_problems(proof)
+    ]
+
+
+def _near(name: str) -> str:
+    near = did_you_mean(name, PROOF_FIELDS)
+    return f"did you mean {near!r}?" if near else f"a proof has the fields {', '.join(PROOF_FIELDS)}"
+
+
+def _proof_problems(proof: dict[str, Any]) -> list[tuple[str, str, str]]:
+    """(field, summary, hint) of each wrong field of a proof."""
+    found = []
+    kind, minimum, settle = proof.get("kind"), proof.get("minimum"), proof.get("settle", "2s")
+    if kind not in PROOFS:
+        found.append(("kind", "the field 'kind' is no kind of proof", f"the kinds are {', '.join(PROOFS)}"))
+    number = isinstance(minimum, int | float) and not isinstance(minimum, bool)
+    if kind == FRAME and minimum is not None:
+        found.append(("minimum", "a proof of the kind frame has no 'minimum'", "remove it: nothing moves"))
+    if kind != FRAME and not (number and 0 < minimum < float("inf")):  # type: ignore[operator]
+        hint = "write the least difference that proves a movement, such as minimum: 50"
+        found.append(("minimum", "the field 'minimum' is no number above 0", hint))
+    if not isinstance(proof.get("unit", ""), str) or len(proof.get("unit", "")) > LONGEST_UNIT:
+        found.append(("unit", "the field 'unit' is no short word", "write it like unit: raw"))
+    length = durations.seconds(settle) if isinstance(settle, str) else None
+    if length is None or not 0 < length <= MOST_SETTLE:
+        hint = f"{durations.HINT}; at most {MOST_SETTLE}s are waited for a movement"
+        found.append(("settle", "the field 'settle' is no time that a movement may take", hint))
     return found

@@ -6,8 +6,7 @@ credentials in a URL, private keys. Anything else stays as it is: the serial num
 hardware look random too. Light: an expression is compiled when a text first holds the fixed word of its form.
 """
 
-from octoform.redaction.forms import found_in
-from octoform.redaction.spelling import spellings
+from octoform.redaction.forms import found_in, spellings
 from octoform.redaction.stream import Redactor, redacted
 
 __all__ = ["Redactor", "found_in", "redacted", "spellings"]

@@ -4,9 +4,14 @@ A form is a chain of bounded parts, so that two expressions can be made of it: t
 finds where it may begin when the text ends inside of it. What a stream holds back follows from the second.
 """
 
+import base64
+import json
+import os
 import re
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cache
+from urllib.parse import quote, quote_plus
 
 _PLAIN = "A-Za-z0-9"
 _TOKEN = "A-Za-z0-9_-"
@@ -181,7 +186,7 @@ def _as_text(form: Form) -> re.Pattern[str]:
 def found_in(text: str) -> list[tuple[int, int]]:
     """Where something in a text shows by its form that it is a secret: (start, end) offsets, in order.
 
-    Of a private key it is the header; `octoform.manifest.secrets.key_blocks` gives the rest.
+    Of a private key it is the header; `octoform.manifest.credentials.key_blocks` gives the rest.
     """
     low = text.lower()
     found = []
@@ -190,3 +195,38 @@ def found_in(text: str) -> list[tuple[int, int]]:
             for one in _as_text(form).finditer(text):
                 found.append((one.start(1), max(one.end(1), one.end() if form.more else 0)))
     return sorted(found)
+
+
+# How the value of a variable looks when a program prints it.
+
+SHORTEST = 6
+"""Shorter values would blank out ordinary words and protect nothing."""
+SHORTEST_BASE64 = 8
+
+
+def spellings(value: str) -> list[bytes]:
+    """The forms in which the value of a variable is looked for, the longest first; none for one that is too short.
+
+    In base64 it is looked for at each of the three places that a value may have among others (``user:key``), without
+    the signs at its ends that depend on its neighbours.
+    """
+    raw = os.fsencode(value)
+    if len(raw) < SHORTEST:
+        return []
+    found = {raw}
+    for plain in (json.dumps(value), json.dumps(value, ensure_ascii=False)):
+        for once in (plain[1:-1], plain[1:-1].replace("/", "\\/")):
+            found |= {os.fsencode(once), os.fsencode(json.dumps(once, ensure_ascii=False)[1:-1])}
+    for encoded in (quote(raw, safe=""), quote(raw), quote_plus(raw)):
+        lower = re.sub("%[0-9A-F]{2}", lambda hexadecimal: hexadecimal.group().lower(), encoded)
+        found |= {encoded.encode(), lower.encode()}
+    found |= {core for core in _base64_cores(raw) if len(core) >= SHORTEST_BASE64}
+    return sorted(found, key=lambda form: (-len(form), form))
+
+
+def _base64_cores(raw: bytes) -> Iterator[bytes]:
+    for shift in range(3):
+        coded = base64.b64encode(b"\0" * shift + raw)
+        core = coded[(0, 2, 3)[shift] : (shift + len(raw)) * 8 // 6]
+        yield core
+        yield core.translate(bytes.maketrans(b"+/", b"-_"))

@@ -9,8 +9,7 @@ from collections.abc import Iterator, Mapping
 from functools import cache
 from typing import NamedTuple, Protocol
 
-from octoform.redaction.forms import FORMS, KEY_BEGIN, KEY_END, KEY_PIECE, Form
-from octoform.redaction.spelling import spellings
+from octoform.redaction.forms import FORMS, KEY_BEGIN, KEY_END, KEY_PIECE, Form, spellings
 
 WARY_BYTES = 16 << 10
 """How far behind a private key that was left without its end line pieces of a key are still looked for."""

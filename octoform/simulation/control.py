@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from typing import Any
 
-from octoform.simulation import camera, rail_firmware, servo, servos
+from octoform.simulation import rail_firmware, scene, servo, servos
 from octoform.simulation.rail_firmware import LineDevice
 from octoform.simulation.rig import Rig
 from octoform.simulation.servos import ServoBus
@@ -88,7 +88,7 @@ def _broken(rig: Rig, target: str, fault: str | None) -> dict[str, Any]:
         _known(fault, rail_firmware.FAULTS)
         device.fault = fault
     elif rig.camera is not None:
-        _known(fault, camera.FAULTS)
+        _known(fault, scene.FAULTS)
         rig.camera.fault = fault
     else:
         raise Refused(f"{name} is not plugged")

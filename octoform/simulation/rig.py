@@ -11,11 +11,10 @@ from pathlib import Path
 from string import Template
 from typing import Any
 
-from octoform.simulation.camera import Camera
 from octoform.simulation.clock import Clock
 from octoform.simulation.ports import Port
 from octoform.simulation.rail_firmware import LineDevice
-from octoform.simulation.scene import Scene
+from octoform.simulation.scene import Camera, Scene
 from octoform.simulation.servos import ServoBus
 from octoform.simulation.tree import Planter
 

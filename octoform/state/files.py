@@ -14,7 +14,7 @@ import stat
 from collections.abc import Callable
 from pathlib import Path
 
-from octoform.base.files import TEMPORARY, read, replace
+from octoform.base.files import TEMPORARY, create, read, replace
 from octoform.diagnostics import Diagnostic, error
 from octoform.state.layout import STAGES, Layout
 
@@ -227,3 +227,86 @@ def _one_per_cause(found: list[Diagnostic]) -> list[Diagnostic]:
     for item in found:
         seen.setdefault((item.code, item.summary), item)
     return list(seen.values())
+
+
+# Whose the private folders of a host are: another user's are closed, and nothing in them can be told from nothing.
+#
+# A command that took what it may not see for what is not there would tell a second user that nothing runs, or advise
+# him to apply or to remove files. Light: the pipe of every client asks this.
+
+
+def foreign(layout: Layout) -> Diagnostic | None:
+    """PROJECT-FOREIGN when what octoform keeps of this host is another user's and closed to this one."""
+    return closed(layout.local.parent) or closed(layout.local)
+
+
+def foreign_among(project: Path, host: str | None = None) -> Diagnostic | None:
+    """The same for one host of a folder, or for the first of all that it is true of."""
+    kept = project / ".octoform"
+    folders = [kept, *([kept / host] if host is not None else sorted(kept.glob("*/")))]
+    return next(filter(None, map(closed, folders)), None)
+
+
+def closed(folder: Path) -> Diagnostic | None:
+    """The same for one folder; None for one that is open, and for one that is not there."""
+    try:
+        owner = folder.stat().st_uid
+    except OSError:
+        return None  # not there, or behind a closed folder; who needs it finds out
+    if owner == os.geteuid() or os.access(folder, os.R_OK | os.X_OK):
+        return None
+    summary = f"{folder} belongs to user {name_of(owner)}, and is closed to others"
+    return error("PROJECT-FOREIGN", summary, path=str(folder), hint="run the same command as that user")
+
+
+def name_of(user: int) -> str:
+    """The name of a user id, or the id where it has none."""
+    import pwd  # only a refusal pays for it
+
+    try:
+        return pwd.getpwuid(user).pw_name
+    except KeyError:
+        return str(user)
+
+
+# Room kept on the disk, so that the end of a step that has begun can always be told.
+#
+# An agent may work for minutes and fill the disk while it does. What it made is worth more than 512 KiB, so these are
+# taken before it starts and given back when a write of the state finds no room. Light.
+
+RESERVE_BYTES = 512 * 1024
+
+
+def reserve_path(layout: Layout) -> Path:
+    """The file that takes the room."""
+    return layout.local / "reserve"
+
+
+def hold(layout: Layout) -> Diagnostic | None:
+    """Take the room, if it is not held already; STATE-DISK-FULL when there is none."""
+    path = reserve_path(layout)
+    if path.exists():
+        return None
+    try:
+        create(path, os.urandom(RESERVE_BYTES))  # not zeros: a file system may store those as nothing
+    except OSError as problem:
+        return refused(problem, path)
+    return None
+
+
+def give_back(layout: Layout) -> Diagnostic | None:
+    """Free the room."""
+    path = reserve_path(layout)
+    try:
+        path.unlink(missing_ok=True)
+    except OSError as problem:
+        return refused(problem, path)
+    return None
+
+
+def spending(layout: Layout, write: Callable[[], Diagnostic | None]) -> Diagnostic | None:
+    """Do a write that leaves the former file intact when it fails; on a full disk free the room and try once more."""
+    problem = write()
+    if problem is None or problem.code != "STATE-DISK-FULL" or not reserve_path(layout).exists():
+        return problem
+    return give_back(layout) or write()

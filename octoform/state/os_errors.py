@@ -10,8 +10,7 @@ from pathlib import Path
 
 from octoform.base import shortage
 from octoform.diagnostics import Diagnostic, error
-from octoform.state.file_owner import name_of
-from octoform.state.files import mount_point, shown
+from octoform.state.files import mount_point, name_of, shown
 
 _PACKAGE = Path(__file__).resolve().parents[1]
 _CLOSED = (errno.EACCES, errno.EPERM)

@@ -22,7 +22,7 @@ from octoform.endpoint.process.record import running
 from octoform.engine.unattended.heal import heal, roll_back, settle
 from octoform.engine.unattended.watch import diagnose
 from octoform.perception.capture import Taken
-from octoform.perception.frame_store import keep
+from octoform.perception.frames import keep
 from octoform.perception.image_quality import THUMB_BYTES, Picture
 from octoform.state.layout import Layout, is_left
 from octoform.state.store.lock import acquire

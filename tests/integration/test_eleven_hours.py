@@ -21,10 +21,9 @@ from daemon_world import DaemonWorld
 from virtual_rig import ARM, VirtualRig, described, virtual_rig
 
 from octoform.claims.codec import evidence_of
-from octoform.claims.conditions import holds
-from octoform.claims.context import bounds_told, settings_of
 from octoform.claims.ledger import CLAIMS
-from octoform.claims.model import Channel, Claim, Reading, Signal, State
+from octoform.claims.model import Channel, Claim, Reading, Signal, State, holds
+from octoform.claims.settings import bounds_told, settings_of
 from octoform.daemon.model import Cause, Done, Finding, Repair, Status
 from octoform.daemon.observe.samples import flattened
 from octoform.daemon.reconcile.supervisor import Round, Supervisor

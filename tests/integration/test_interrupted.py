@@ -16,7 +16,7 @@ import pytest
 from projects import OCTOFORM, Project
 
 from octoform.harness import processes
-from octoform.state.disk_reserve import reserve_path
+from octoform.state.files import reserve_path
 from octoform.state.layout import Layout
 
 PROGRAM = """

@@ -19,10 +19,10 @@ from hosts.plant import plant
 from projects import AGENT, Project
 from rig.rail import ANSWER, DEVICE, FARTHEST, HOST, HOT, MOST, Board, Rail
 
-from octoform.claims.context import settings_of
 from octoform.claims.ledger import Ledger
 from octoform.claims.model import Channel, Claim, Reading, Signal, State
 from octoform.claims.readings import to_json
+from octoform.claims.settings import settings_of
 from octoform.daemon.evidence import Evidence
 from octoform.daemon.observe.clock import SystemClock
 from octoform.diagnostics import Diagnostic

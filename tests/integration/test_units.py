@@ -14,10 +14,10 @@ from fastmcp import Client
 from fastmcp.client.transports import StdioTransport
 from projects import AGENT, OCTOFORM, Project
 
-from octoform.claims.context import settings_of
+from octoform.claims.admission import Proposal
 from octoform.claims.ledger import Ledger
 from octoform.claims.model import Channel, Claim, Condition, Restriction, Signal
-from octoform.claims.proposal import Proposal
+from octoform.claims.settings import settings_of
 from octoform.daemon.observe.clock import SystemClock
 from octoform.engine.unattended.heal import heal
 from octoform.simulation.descriptions import load

@@ -14,7 +14,7 @@ from octoform.base.id_databases import IdDatabases
 from octoform.builtin.identify.stage import identify
 from octoform.builtin.probe.stage import probe_root
 from octoform.contracts.model import ProfileFacts
-from octoform.profiles import commands, for_task, holds
+from octoform.profiles import commands, devices_of, for_task
 from octoform.profiles.parser import load
 from octoform.simulation import descriptions
 from octoform.simulation.rig import Rig
@@ -48,7 +48,7 @@ def host(name: str) -> Host:
     answers = {} if bare else _ANSWERS.get(kind, {})
     paths = [TOP / "profiles" / f"{each}.md" for each in ("so-arm101", "camera-rail")]
     profiles = load(paths if kind in _WITH_PROFILES and not bare else [])[0]
-    held = {each.name: holds(each, probe, answers) for each in profiles}
+    held = {each.name: devices_of(each, probe, answers) for each in profiles}
     facts = {each.name: ProfileFacts(each.name, held[each.name], each.limits, commands(each)) for each in profiles}
     databases = IdDatabases(root)
     told = [for_task(each, held[each.name]) for each in profiles]

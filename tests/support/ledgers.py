@@ -5,9 +5,9 @@ from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import Any
 
+from octoform.claims.admission import Proposal
 from octoform.claims.ledger import Ledger
 from octoform.claims.model import Channel, Claim, Condition, Reading, Restriction, Signal, Value
-from octoform.claims.proposal import Proposal
 from octoform.claims.settings import Bound, Settings, ToolFacts
 from octoform.diagnostics import Diagnostic
 from octoform.state.layout import Layout

@@ -24,8 +24,8 @@ from octoform.builtin.interface.stage import declare
 from octoform.builtin.probe.stage import probe_root
 from octoform.builtin.serve.stage import render
 from octoform.endpoint.publish.policy import resolve
-from octoform.manifest.policy_model import Policy
-from octoform.profiles import Profile, for_task, holds
+from octoform.manifest.model import Policy
+from octoform.profiles import Profile, devices_of, for_task
 from octoform.profiles.parser import load
 from octoform.simulation.rail_firmware import LineDevice
 from octoform.simulation.rig import Rig
@@ -150,7 +150,7 @@ def virtual_rig(folder: Path, description: dict[str, Any], patch: pytest.MonkeyP
         identified, interface, server = _generated(tree, profiles, folder)
         tools = interface["tools"]
         policy = resolve(
-            Policy(actuate="allow"), tools, [(one, holds(one, probe_root(tree), ANSWERS)) for one in profiles]
+            Policy(actuate="allow"), tools, [(one, devices_of(one, probe_root(tree), ANSWERS)) for one in profiles]
         )
         patch.setenv("OCTOFORM_SYSROOT", str(tree))
         patch.setenv("HOME", str(folder))
@@ -164,7 +164,7 @@ def virtual_rig(folder: Path, description: dict[str, Any], patch: pytest.MonkeyP
 def _generated(tree: Path, profiles: tuple[Profile, ...], folder: Path) -> tuple[dict[str, Any], dict[str, Any], Path]:
     """The artifacts of IDENTIFY and INTERFACE, and the file of SERVE."""
     probe = probe_root(tree)
-    known = [for_task(one, holds(one, probe, ANSWERS)) for one in profiles]
+    known = [for_task(one, devices_of(one, probe, ANSWERS)) for one in profiles]
     annotated = identify(probe, IdDatabases(tree), known, ANSWERS)
     interface = declare(annotated, 30, known)
     server = folder / "server" / "server.py"

@@ -18,9 +18,8 @@ from octoform.escaping import escaped
 from octoform.harness.completion import Completion
 from octoform.harness.port import Usage
 from octoform.manifest.model import Perception
-from octoform.perception.frame_store import picture_of, read
-from octoform.perception.frames import Frame, Record, words
-from octoform.protocol.fence import fenced
+from octoform.perception.frames import Frame, Record, picture_of, read, words
+from octoform.protocol.prompt import fenced
 from octoform.redaction import redacted
 from octoform.state.layout import Layout
 

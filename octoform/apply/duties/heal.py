@@ -37,8 +37,7 @@ from octoform.endpoint.process import estop
 from octoform.endpoint.publish.expected_tools import shown as promised
 from octoform.harness.plainfile import read_plain
 from octoform.harness.port import Task
-from octoform.state.disk_reserve import spending
-from octoform.state.files import make_folders, read_regular, refused, write_atomic
+from octoform.state.files import make_folders, read_regular, refused, spending, write_atomic
 from octoform.state.layout import Layout
 
 # What a repair has replaced, kept until nobody can want it back: one file for each episode, on this machine alone.

@@ -15,8 +15,7 @@ from octoform.apply.rewrite.scope import Unit, divided
 from octoform.apply.stage.artifact_writer import text_of
 from octoform.base.files import parse
 from octoform.diagnostics import Diagnostic, error
-from octoform.state.disk_reserve import spending
-from octoform.state.files import make_folders, read_regular, refused, write_atomic
+from octoform.state.files import make_folders, read_regular, refused, spending, write_atomic
 from octoform.state.layout import Layout
 
 FOLDER = "rewrites"

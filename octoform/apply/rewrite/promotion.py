@@ -28,8 +28,7 @@ from octoform.graph.model import Graph, Node, NodeKind, key_of
 from octoform.harness.port import Task
 from octoform.state.artifacts.accepted import accept, file_digest
 from octoform.state.artifacts.cache import keep_accepted
-from octoform.state.disk_reserve import spending
-from octoform.state.files import Checkpoint, pass_by, read_regular, write_atomic
+from octoform.state.files import Checkpoint, pass_by, read_regular, spending, write_atomic
 from octoform.state.layout import Layout
 from octoform.state.model import NodeState, Status
 from octoform.state.store.store import StateStore

@@ -18,9 +18,8 @@ from octoform.contracts.instance import instances, pseudonymise
 from octoform.contracts.parsing import parse
 from octoform.contracts.specimens import judged, keep_ids
 from octoform.diagnostics import Diagnostic
-from octoform.state.artifacts.instances import read_instances, write_instances
-from octoform.state.disk_reserve import spending
-from octoform.state.files import read_regular, write_atomic
+from octoform.state.artifacts.cache import read_instances, write_instances
+from octoform.state.files import read_regular, spending, write_atomic
 from octoform.state.layout import Layout
 
 KEY_BYTES = 32

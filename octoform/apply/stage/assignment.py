@@ -26,7 +26,7 @@ from octoform.harness.pricing import OWNERS, price_of
 from octoform.harness.registry import resolve as resolve_harness
 from octoform.manifest.model import MODEL_FREE, Budget, HarnessSpec
 from octoform.manifest.references import resolve
-from octoform.protocol.fence import tail
+from octoform.protocol.prompt import tail
 
 # The host's own scan beside another agent's PROBE: the embedded agent looks too, and its word is what that is held to.
 #

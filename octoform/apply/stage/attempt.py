@@ -41,7 +41,7 @@ from octoform.harness.port import (
     Usage,
 )
 from octoform.manifest.model import MODEL_FREE
-from octoform.profiles import Profile, briefing, for_task, holds
+from octoform.profiles import Profile, briefing, devices_of, for_task
 from octoform.protocol import Prompt, render_prompt
 from octoform.protocol.prompt import MOST_TAIL_BYTES, findings
 from octoform.state.artifacts.attempts import folders
@@ -357,5 +357,5 @@ def _held(context: Context, stage: str) -> list[tuple[Profile, frozenset[str]]]:
     if stage == FIRST or not context.profiles:
         return []
     probe = accepted(context, FIRST)
-    held = [(profile, holds(profile, probe, context.manifest.answers)) for profile in context.profiles]
+    held = [(profile, devices_of(profile, probe, context.manifest.answers)) for profile in context.profiles]
     return [(profile, devices) for profile, devices in held if devices]

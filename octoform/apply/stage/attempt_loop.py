@@ -42,7 +42,7 @@ from octoform.harness.port import (
 from octoform.harness.registry import resolve
 from octoform.harness.watching import added
 from octoform.protocol import PromptTooLarge
-from octoform.state.artifacts import spec_edits
+from octoform.state.artifacts import attempts as spec_edits
 from octoform.state.files import full_disk, refused
 from octoform.state.os_errors import refusal
 
@@ -323,7 +323,7 @@ def _note_edit(context: Context, prepared: Prepared) -> Edit | None:
     context.emit(events.SpecEdited(task.stage, task.attempt, edit.permitted, edit.diff))
     if edit.permitted:
         base = context.specs[task.stage]
-        spec_edits.keep(
+        spec_edits.keep_edit(
             context.layout,
             spec_edits.PendingEdit(
                 stage=task.stage,

@@ -23,8 +23,8 @@ from octoform.contracts.parsing import parse
 from octoform.diagnostics import Diagnostic, error, has_errors
 from octoform.harness.port import ExitReason, Outcome, Task, Usage
 from octoform.manifest.rules.profile_paths import shipped
-from octoform.profiles import Profile, commands, contributions, holds, load
-from octoform.protocol.fence import tail
+from octoform.profiles import Profile, commands, contributions, devices_of, load
+from octoform.protocol.prompt import tail
 from octoform.state.os_errors import refusal
 
 MOST_BYTES = {"serve": 256 * 1024}
@@ -193,7 +193,7 @@ def artifacts(context: Context, stage: str, value: object) -> Artifacts:
     loaded = accepted_before(context, stage)
     probe = value if stage == "probe" else loaded.get("probe")
     manifest = context.manifest
-    held = {profile.name: holds(profile, probe, manifest.answers) for profile in context.profiles}
+    held = {profile.name: devices_of(profile, probe, manifest.answers) for profile in context.profiles}
     facts = {
         item.name: ProfileFacts(item.name, held[item.name], item.limits, commands(item)) for item in context.profiles
     }
@@ -210,7 +210,7 @@ def offered(chosen: Sequence[Profile], probe: object, answers: Mapping[str, str]
     settled = {device for device, _ in contributions(chosen, probe, answers)}
     for profile in load(sorted(shipped().glob("*.md")))[0] if probe is not None else ():
         if profile.name not in names:
-            found |= {device: profile.name for device in holds(profile, probe, answers) - settled}
+            found |= {device: profile.name for device in devices_of(profile, probe, answers) - settled}
     return found
 
 

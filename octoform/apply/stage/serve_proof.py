@@ -45,7 +45,7 @@ from octoform.endpoint.publish.policy_check import doubts
 from octoform.endpoint.publish.publication import write_endpoint
 from octoform.endpoint.publish.spec import Service
 from octoform.harness.port import Task
-from octoform.profiles.selection import holds
+from octoform.profiles.selection import devices_of
 
 # What the accepted artifacts, the manifest and the profiles make of the endpoint: tools, scope, policy.
 
@@ -108,7 +108,7 @@ def doubts_of(context: Context) -> list[Diagnostic]:
 
 def _holding(context: Context) -> Holding:
     probe = accepted(context, "probe")
-    held = [(profile, holds(profile, probe, context.manifest.answers)) for profile in context.profiles]
+    held = [(profile, devices_of(profile, probe, context.manifest.answers)) for profile in context.profiles]
     return [(profile, ids) for profile, ids in held if ids]
 
 

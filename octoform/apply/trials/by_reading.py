@@ -13,7 +13,7 @@ from octoform.apply.context import Clock
 from octoform.apply.trials.tool_client import Answer, Hand, Restoring, at
 from octoform.diagnostics import Diagnostic, error, warning
 from octoform.escaping import escaped
-from octoform.protocol.steps import Proof
+from octoform.protocol.model import Proof
 
 POLL_SECONDS = 0.1
 STEADY_PART = 0.1

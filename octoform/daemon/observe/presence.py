@@ -24,7 +24,7 @@ from octoform.daemon.observe.process import ProcessEar
 from octoform.endpoint.access.rights import describe, served
 from octoform.endpoint.process.record import Running, is_it
 from octoform.host.fingerprint import SYSROOT_VARIABLE
-from octoform.state.artifacts.instances import classes_of, read_instances
+from octoform.state.artifacts.cache import classes_of, read_instances
 from octoform.state.layout import Layout
 
 WHERE_SECONDS = 30.0

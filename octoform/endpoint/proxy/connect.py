@@ -6,8 +6,8 @@ from octoform.diagnostics import Diagnostic
 from octoform.endpoint.files import LAUNCHER
 from octoform.endpoint.proxy.dial import reach
 from octoform.endpoint.proxy.stdio import Again, pipe, refuse
-from octoform.manifest.host_name import is_legal
-from octoform.state.file_owner import foreign_among
+from octoform.manifest.addresses import is_legal_host
+from octoform.state.files import foreign_among
 from octoform.state.layout import Layout
 
 
@@ -40,7 +40,7 @@ def _again(layout: Layout) -> Again:
 
 def _layout(project: Path, host: str | None) -> Layout | str:
     """The host that is meant, or why none is."""
-    if host is not None and not is_legal(host):
+    if host is not None and not is_legal_host(host):
         return f"{host!r} is no name of a host"
     applied = sorted(path.parents[1].name for path in project.glob(f".octoform/*/endpoint/{LAUNCHER}"))
     if host in applied:

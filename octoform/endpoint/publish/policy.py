@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from octoform import durations
 from octoform.endpoint.publish import unit_ranges
-from octoform.manifest.policy_model import Limit, Policy
+from octoform.manifest.model import Limit, Policy
 
 if TYPE_CHECKING:  # the package brings the YAML reader with it
     from octoform.profiles.model import Profile

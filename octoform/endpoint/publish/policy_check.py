@@ -10,7 +10,7 @@ from typing import Any
 from octoform.diagnostics import Diagnostic, did_you_mean, warning
 from octoform.endpoint.publish.policy import Holding, Tool, claims, is_meant, parameters, places_of, tightest
 from octoform.endpoint.publish.unit_ranges import fixed_outside, reported
-from octoform.manifest.policy_model import Policy
+from octoform.manifest.model import Policy
 
 _MOST_NAMED = 8
 

@@ -26,8 +26,7 @@ from octoform.endpoint.process import lifecycle
 from octoform.endpoint.process.desired_state import is_marked
 from octoform.endpoint.process.record import running
 from octoform.state.artifacts.accepted import accept, contents, file_digest
-from octoform.state.disk_reserve import spending
-from octoform.state.files import read_regular, write_atomic
+from octoform.state.files import read_regular, spending, write_atomic
 from octoform.state.layout import UNATTENDED, Layout
 from octoform.state.model import NodeState, Snapshot, Status
 from octoform.state.store.lock import Waiting, acquire

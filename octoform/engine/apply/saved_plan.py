@@ -6,7 +6,7 @@ from pathlib import Path
 from octoform.diagnostics import Diagnostic, error
 from octoform.engine.plan.configuration import Compiled
 from octoform.engine.plan.plan import Outlook, Request
-from octoform.plan import encode, planfile
+from octoform.plan import model, planfile
 from octoform.plan.model import Plan
 from octoform.state.files import read_regular
 
@@ -22,7 +22,7 @@ class SavedRun:
     @property
     def plan(self) -> Plan:
         """The plan as it was shown when it was saved."""
-        return encode.from_json(self.document.plan)
+        return model.from_json(self.document.plan)
 
     def request(self, request: Request) -> Request:
         """The request that the plan was made for."""

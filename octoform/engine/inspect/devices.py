@@ -18,7 +18,7 @@ from octoform.diagnostics import Diagnostic, error
 from octoform.engine.plan import device_knowledge
 from octoform.engine.plan.configuration import compile_project
 from octoform.host.fingerprint import SYSROOT_VARIABLE
-from octoform.state.artifacts.instances import classes_of, read_instances
+from octoform.state.artifacts.cache import classes_of, read_instances
 from octoform.state.files import read_regular, shown
 from octoform.state.layout import Layout
 

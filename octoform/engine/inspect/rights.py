@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from octoform.diagnostics import Diagnostic, warning
 from octoform.endpoint.access.rights import describe, served
 from octoform.engine.inspect.devices import attached
-from octoform.state.artifacts.instances import classes_of, read_instances
+from octoform.state.artifacts.cache import classes_of, read_instances
 from octoform.state.layout import Layout
 
 CODE = "ENDPOINT-NO-RIGHTS"

@@ -13,7 +13,7 @@ from octoform.engine.plan.configuration import Compiled, compile_project
 from octoform.engine.plan.refresh import Situation, look
 from octoform.engine.plan.refresh import verify as verify_artifact
 from octoform.graph.model import key_of, key_parts
-from octoform.plan import encode, planfile
+from octoform.plan import model, planfile
 from octoform.plan.model import Plan
 from octoform.state.artifacts.accepted import file_digest
 from octoform.state.files import read_regular
@@ -53,7 +53,7 @@ def saved_plan(path: Path) -> tuple[Plan | None, list[Diagnostic]]:
     if data is None:
         return None, [problem or error("PLAN-NOT-A-PLAN", "there is no such file", path=str(path))]
     document, found = planfile.read(data, str(path))
-    return (encode.from_json(document.plan) if document else None), found
+    return (model.from_json(document.plan) if document else None), found
 
 
 def node_of(snapshot: Snapshot, name: str) -> tuple[NodeState | None, list[Diagnostic]]:

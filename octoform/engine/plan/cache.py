@@ -18,8 +18,7 @@ from octoform import digest, host
 from octoform.base import files
 from octoform.endpoint.observe.drift import observe
 from octoform.endpoint.process.other_hosts import running_beside
-from octoform.plan.encode import from_json, to_json
-from octoform.plan.model import Plan
+from octoform.plan.model import Plan, from_json, to_json
 from octoform.state.git.head import head_revision, repository
 from octoform.state.layout import Layout
 

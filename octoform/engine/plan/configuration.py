@@ -20,8 +20,7 @@ from octoform.manifest.model import Manifest, NamedStep, ProfileSource, TypedPro
 from octoform.profiles import Profile
 from octoform.protocol import Spec, Step, step_paths
 from octoform.protocol.loader import load as load_specs
-from octoform.protocol.loader import schema_dir
-from octoform.protocol.step_loader import load_step
+from octoform.protocol.loader import load_step, schema_dir
 from octoform.state.layout import Layout
 
 

@@ -21,12 +21,10 @@ from octoform.engine.plan.refresh import Situation, look
 from octoform.engine.results import PlanResult
 from octoform.graph.model import Graph
 from octoform.harness import logins
-from octoform.plan import encode, planfile
-from octoform.plan.diff import Wishes, diff
+from octoform.plan import model, planfile
+from octoform.plan.diff import Offer, Offers, Tool, Wishes, changes, diff, with_loans
 from octoform.plan.model import Action, Cause, Change, Plan, PlannedAction, Reason, StepOutlook
-from octoform.plan.reuse import Offer, Offers, with_loans
-from octoform.plan.tools import Tool, changes
-from octoform.profiles.selection import holds
+from octoform.profiles.selection import devices_of
 from octoform.state.artifacts import reusable
 from octoform.state.files import write_atomic
 from octoform.state.git.repository import repository_facts
@@ -97,7 +95,7 @@ def _doubts(outlook: Outlook) -> list[Diagnostic]:
     if "interface" not in artifacts or "probe" not in artifacts or any(item.calls_agent for item in outlook.plan.work):
         return []
     answers = outlook.compiled.manifest.answers
-    held = [(profile, holds(profile, artifacts["probe"], answers)) for profile in outlook.compiled.profiles]
+    held = [(profile, devices_of(profile, artifacts["probe"], answers)) for profile in outlook.compiled.profiles]
     holding = [(profile, ids) for profile, ids in held if ids]
     return doubts(outlook.compiled.manifest.policy, artifacts["interface"]["tools"], holding)
 
@@ -282,6 +280,6 @@ def save(request: Request, outlook: Outlook) -> bytes:
         reuse=request.reuse,
         tier1=request.tier1,
         units=planfile.units(outlook.compiled.graph, plan, situation.prior, situation.observed),
-        plan=encode.to_json(plan),
+        plan=model.to_json(plan),
     )
     return document.model_dump_json(indent=1).encode() + b"\n"

@@ -20,10 +20,10 @@ from octoform.endpoint.observe.drift import observe as observe_endpoint
 from octoform.engine.plan.configuration import Compiled
 from octoform.perception.camera_selection import Camera, best, cameras
 from octoform.plan.diff import Observed, Prior
-from octoform.profiles import Profile, commands, holds
+from octoform.profiles import Profile, commands, devices_of
 from octoform.protocol import DUTIES, Step
 from octoform.state.artifacts.accepted import observe as observe_files
-from octoform.state.artifacts.instances import read_instances
+from octoform.state.artifacts.cache import read_instances
 from octoform.state.layout import STAGES, Layout
 from octoform.state.model import NodeState, Snapshot
 
@@ -146,7 +146,7 @@ def verify(compiled: Compiled, stage: str, artifacts: Mapping[str, Any]) -> list
         return []  # a predecessor is gone; that is a reason of its own
     probe = artifacts.get("probe")
     manifest = compiled.manifest
-    held = {item.name: holds(item, probe, manifest.answers) for item in compiled.profiles}
+    held = {item.name: devices_of(item, probe, manifest.answers) for item in compiled.profiles}
     facts = {
         item.name: ProfileFacts(item.name, held[item.name], item.limits, commands(item)) for item in compiled.profiles
     }

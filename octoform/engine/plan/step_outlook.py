@@ -8,10 +8,10 @@ from octoform.contracts.model import Artifacts, ProfileFacts
 from octoform.contracts.stepping import corroborated
 from octoform.perception.camera_selection import best, cameras
 from octoform.plan.model import Action, PlannedAction, StepOutlook
-from octoform.profiles import Profile, holds, near
+from octoform.profiles import Profile, devices_of, near
 from octoform.protocol import Step
-from octoform.protocol.steps import FRAME
-from octoform.state.artifacts.instances import read_instances
+from octoform.protocol.model import FRAME
+from octoform.state.artifacts.cache import read_instances
 from octoform.state.layout import Layout
 
 _OF_CAMERAS = ("probe", "identify", "interface")
@@ -52,7 +52,7 @@ def _devices(step: Step, known: Known, stay: frozenset[str]) -> tuple[str, ...] 
     if "probe" not in stay or "probe" not in known.artifacts:
         return None
     profile = next(item for item in known.profiles if item.name == step.profile)
-    held = holds(profile, known.artifacts["probe"], known.answers)
+    held = devices_of(profile, known.artifacts["probe"], known.answers)
     if "identify" not in stay or "identify" not in known.artifacts:
         return tuple(sorted(held))
     facts = {step.profile: ProfileFacts(step.profile, held)}

@@ -18,7 +18,7 @@ from octoform.contracts.parsing import parse
 from octoform.contracts.standin import members, with_stand_ins
 from octoform.harness.dialect import TEXT_LIMIT, json_object
 from octoform.redaction import Redactor, redacted, spellings
-from octoform.state.artifacts.instances import read_instances
+from octoform.state.artifacts.cache import read_instances
 from octoform.state.files import read_regular
 from octoform.state.layout import Layout
 

@@ -4,13 +4,13 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from octoform.claims.context import bounds_told
+from octoform.claims.settings import bounds_told
 from octoform.engine.plan.configuration import compile_project
 from octoform.profiles.definitions.registers import RegisterGrammar
 
 
 def bounds(project: Path, environ: Mapping[str, str]) -> list[dict[str, Any]]:
-    """Plain values, for `octoform.claims.context.bounds_of`; none for a project that does not compile.
+    """Plain values, for `octoform.claims.settings.bounds_of`; none for a project that does not compile.
 
     Fewer bounds refuse fewer claims, and those that are believed still end by their own readings.
     """

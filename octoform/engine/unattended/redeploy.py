@@ -16,7 +16,7 @@ from octoform.engine.plan.plan import Outlook, Request
 from octoform.engine.results import RunResult
 from octoform.engine.unattended.null_view import Unwatched
 from octoform.harness.port import Usage
-from octoform.protocol.steps import FRAME
+from octoform.protocol.model import FRAME
 from octoform.state.layout import Layout
 
 MADE = ("deploy", "endpoint")

@@ -27,10 +27,9 @@ from octoform.engine.results import RunResult
 from octoform.engine.unattended.cost_estimate import Left, shortages
 from octoform.engine.unattended.null_view import Unwatched
 from octoform.graph.model import STEP, key_parts
-from octoform.host.fingerprint import root_from_environment
-from octoform.host.udev_settle import settle
+from octoform.host.fingerprint import root_from_environment, settle
 from octoform.plan.model import Cause, PlannedAction
-from octoform.protocol.steps import FRAME
+from octoform.protocol.model import FRAME
 from octoform.state.layout import Layout
 
 AUTO = "auto"

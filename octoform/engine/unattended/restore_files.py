@@ -1,6 +1,6 @@
 """Put back what was accepted and what is served, where it is damaged; an edit of a person stays. (Heavy: the state.)
 
-What is damage and what is an edit is said in `octoform.state.artifacts.damage`. Three rules beside it:
+What is damage and what is an edit is said in `octoform.state.artifacts.cache`. Three rules beside it:
 
 * Only what the state calls accepted is put back: what a run has left unfinished is for the next apply.
 * An edited server does no harm while the endpoint runs, since the process has its code already; the endpoint refuses
@@ -24,8 +24,7 @@ from octoform.endpoint.process.desired_state import is_marked
 from octoform.endpoint.process.record import running
 from octoform.state.artifacts import cache
 from octoform.state.artifacts.accepted import observe
-from octoform.state.artifacts.damage import Damage, damage_of, set_aside
-from octoform.state.artifacts.instances import read_instances
+from octoform.state.artifacts.cache import Damage, damage_of, read_instances, set_aside
 from octoform.state.files import shown, write_atomic
 from octoform.state.git import repository
 from octoform.state.layout import Layout

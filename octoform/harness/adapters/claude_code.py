@@ -31,8 +31,8 @@ from octoform.harness.port import (
     Turn,
     Usage,
 )
+from octoform.manifest.credentials import ANTHROPIC
 from octoform.manifest.model import HarnessSpec
-from octoform.manifest.providers import ANTHROPIC
 
 RETRIES = 4
 SPARE_TURNS = 5

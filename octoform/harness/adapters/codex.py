@@ -31,8 +31,8 @@ from octoform.harness.port import (
     Turn,
     Usage,
 )
+from octoform.manifest.credentials import RESPONSES
 from octoform.manifest.model import HarnessSpec
-from octoform.manifest.providers import RESPONSES
 
 REQUEST_RETRIES = 2
 STREAM_RETRIES = 5

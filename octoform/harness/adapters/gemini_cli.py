@@ -31,8 +31,8 @@ from octoform.harness.port import (
     Usage,
 )
 from octoform.harness.watching import added
+from octoform.manifest.credentials import GEMINI
 from octoform.manifest.model import HarnessSpec
-from octoform.manifest.providers import GEMINI
 
 ATTEMPTS = 4
 SPARE_TURNS = 5

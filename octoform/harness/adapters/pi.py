@@ -29,8 +29,8 @@ from octoform.harness.port import (
     Turn,
     Usage,
 )
+from octoform.manifest.credentials import ANTHROPIC, CHAT, GEMINI, RESPONSES
 from octoform.manifest.model import HarnessSpec
-from octoform.manifest.providers import ANTHROPIC, CHAT, GEMINI, RESPONSES
 
 CONTEXT_TOKENS = 128_000
 OUTPUT_TOKENS = 16_000

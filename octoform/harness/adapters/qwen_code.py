@@ -31,8 +31,8 @@ from octoform.harness.port import (
     Turn,
     Usage,
 )
+from octoform.manifest.credentials import ANTHROPIC, CHAT, GEMINI, RESPONSES
 from octoform.manifest.model import HarnessSpec
-from octoform.manifest.providers import ANTHROPIC, CHAT, GEMINI, RESPONSES
 
 SPARE_TURNS = 5
 """octoform counts replies itself; the program's own limit only has to hold where nobody reads along."""

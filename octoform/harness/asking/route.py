@@ -9,8 +9,8 @@ from dataclasses import dataclass
 
 from octoform.diagnostics import Diagnostic
 from octoform.harness.access import Access, access
+from octoform.manifest.credentials import ANTHROPIC, CHAT, GEMINI, split_model
 from octoform.manifest.model import HarnessSpec
-from octoform.manifest.providers import ANTHROPIC, CHAT, GEMINI, split
 
 HARNESS = "litellm"
 APIS = (CHAT, ANTHROPIC, GEMINI)
@@ -28,7 +28,7 @@ class Route:
 
 def apis_for(model: str | None) -> tuple[str, ...]:
     """The APIs over which a model can be asked, its maker's own first: only there nothing gets lost."""
-    own = OWN.get(split(model or "", HARNESS)[0].name, CHAT)
+    own = OWN.get(split_model(model or "", HARNESS)[0].name, CHAT)
     return (own, *(api for api in APIS if api != own))
 
 

@@ -8,7 +8,7 @@ from importlib import resources
 from pathlib import Path
 
 from octoform.diagnostics import Diagnostic, error
-from octoform.manifest import host_name
+from octoform.manifest import addresses
 
 SCHEMA_FILE = "protocol/schemas/octopus.v1.schema.json"
 _NO_SCHEMA = """\
@@ -31,9 +31,9 @@ def write_starter(path: Path, host: str | None, machine: str) -> tuple[str | Non
     ``host`` is the name that a person chose; without it one is made of ``machine``, the machine's own name. The schema
     is named for editors where the project has the file.
     """
-    chosen = host_name.of_machine(machine) if host is None else host
-    if not host_name.is_legal(chosen):
-        fitting = host_name.nearest(chosen)
+    chosen = addresses.host_of_machine(machine) if host is None else host
+    if not addresses.is_legal_host(chosen):
+        fitting = addresses.nearest_host(chosen)
         return None, [
             error(
                 "MANIFEST-WRONG-VALUE",

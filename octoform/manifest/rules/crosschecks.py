@@ -3,12 +3,14 @@
 (Heavy: the document.)
 """
 
+import os
 import re
+from pathlib import Path
 
 from octoform.diagnostics import Span, did_you_mean
-from octoform.manifest import agent_locations, agents
+from octoform.manifest import conversion
 from octoform.manifest.conversion import idle, timeouts
-from octoform.manifest.model import KEEPERS, PLACEHOLDERS, STAGES
+from octoform.manifest.model import KEEPERS, PLACEHOLDERS, STAGES, NamedStep
 from octoform.manifest.schema.document import Document, Stage
 from octoform.manifest.schema.harness import PROGRAMS
 from octoform.manifest.source import tree
@@ -76,7 +78,7 @@ def _idle_timeouts(document: Document, root: Table, report: Report) -> None:
 
 def _unused_prices(document: Document, root: Table, report: Report) -> None:
     """A price under a name that no agent's model has is most likely a slip."""
-    used = [agent.model for agent in agents.in_force(document) if agent.takes_model and agent.model is not None]
+    used = [agent.model for agent in conversion.in_force(document) if agent.takes_model and agent.model is not None]
     used += [document.housekeeping.model] if document.housekeeping is not None else []
     for name in document.prices:
         key = tree.key_at(root, ("prices", name))
@@ -92,8 +94,8 @@ def _unused_prices(document: Document, root: Table, report: Report) -> None:
 
 def _unused_money(document: Document, root: Table, report: Report) -> None:
     """A limit in dollars where no model is paid would look as if it were in force."""
-    paid = {name: agents.of_stage(document, name).takes_model for name in (*STAGES, *KEEPERS)}
-    escalation = agents.of_escalation(document)
+    paid = {name: conversion.of_stage(document, name).takes_model for name in (*STAGES, *KEEPERS)}
+    escalation = conversion.of_escalation(document)
     paid["identify"] |= escalation is not None and escalation.takes_model
     unpaid: list[Loc] = [("stages", name, "budget", "usd") for name in paid if not paid[name]]
     if not any(paid.values()) and document.housekeeping is None:
@@ -111,7 +113,7 @@ def _unused_money(document: Document, root: Table, report: Report) -> None:
 
 def check_commands(root: Table, report: Report) -> None:
     """Report what is wrong in the arguments of a command; looks at the tree, so it needs no document."""
-    for loc in agent_locations.HARNESSES:
+    for loc in tree.HARNESSES:
         command = tree.at(root, (*loc, "command"))
         items = command.items if isinstance(command, Items) else ()
         name, way = tree.at(root, (*loc, "name")), tree.at(root, (*loc, "prompt"))
@@ -148,3 +150,98 @@ def _argument(item: Scalar, prompt: str, report: Report) -> None:
             report.error(
                 "MANIFEST-WRONG-VALUE", "{prompt} stands here, but the prompt is no argument", item.span, hint=hint
             )
+
+
+# Recordings as a manifest names them: folders of the project, by a path relative to the manifest.
+#
+# As with profiles, only what lies inside the project counts, also after links are followed: what a recording makes must
+# be the same on every machine.
+
+_COPY = "copy it beside octopus.yaml and give its relative path, such as recordings/bench"
+
+
+def check_recordings(root: Table, project: Path, report: Report) -> None:
+    """Report what is wrong with the recordings that harnesses name."""
+    for loc in tree.HARNESSES:
+        item = tree.at(root, (*loc, "recording"))
+        if isinstance(item, Scalar) and isinstance(item.value, str) and not report.is_settled((*loc, "recording")):
+            _one(item, project, report)
+
+
+def _one(item: Scalar, project: Path, report: Report) -> None:
+    if not item.text or "\0" in item.text:
+        return
+    path = Path(os.path.normpath(project / item.text))
+    shown = f"the recording `{report.shown(item.text)}`"
+    if Path(item.text).is_absolute() or path == project or not path.is_relative_to(project):
+        _refuse(item, f"{shown} is not below the project's folder", _COPY, report)
+        return
+    try:
+        if not path.exists():
+            _refuse(
+                item, f"there is no recording `{report.shown(item.text)}`", "paths are relative to octopus.yaml", report
+            )
+        elif not path.resolve().is_relative_to(project.resolve()):
+            _refuse(item, f"{shown} is a link to a place outside the project", "copy the folder", report)
+        elif not path.is_dir():
+            _refuse(item, f"{shown} is no folder", "a recording is a folder; name that", report)
+    except OSError as problem:
+        _refuse(item, f"{shown} cannot be read: {problem.strerror or problem}", "a recording is a folder", report)
+
+
+def _refuse(item: Scalar, what: str, hint: str, report: Report) -> None:
+    report.error("MANIFEST-BAD-RECORDING", what, item.span, hint=hint)
+
+
+# Rules on scope and policy: settings of a scope that is not chosen, rules that can never decide.
+#
+# (Heavy: the document.)
+
+_USED_IN = {"network": ("intranet", "internet"), "tunnel": ("internet",)}
+
+
+def check_scope(document: Document, root: Table, report: Report) -> None:
+    """Report what does not fit together in a document that fits the schema."""
+    for name, scopes in _USED_IN.items():
+        key = tree.key_at(root, (name,))
+        if key is not None and document.scope not in scopes:
+            report.error(
+                "MANIFEST-SCOPE",
+                f"scope {document.scope} has no {name}",
+                key.span,
+                hint=f"remove it, or write {' or '.join(f'`scope: {scope}`' for scope in scopes)}",
+            )
+    _rules(document, root, report)
+
+
+def _rules(document: Document, root: Table, report: Report) -> None:
+    """A name that an earlier rule has taken already; what a later one says of it would look as if it were in force."""
+    taken: dict[str, int] = {}
+    for index, rule in enumerate(document.policy.rules):
+        for at, glob in enumerate(rule.tools):
+            loc: Loc = ("policy", "rules", index, "tools", at)
+            before = taken.get("*", taken.get(glob))
+            node = tree.at(root, loc)
+            if before is not None and before != index and node is not None:
+                report.warning(
+                    "MANIFEST-UNUSED",
+                    f"this has no effect: `policy.rules[{before}]` decides for these tools",
+                    node.span,
+                    hint="the first rule that matches decides; put the more special one first, or remove this one",
+                )
+            taken.setdefault(glob, index)
+
+
+# The privileged steps that a manifest switches on, each with its place.
+#
+# Whether a step exists is told by the files of the protocol, which the manifest does not know; whoever knows both needs
+# the place for what there is to say.
+
+
+def named_steps(root: Table, report: Report) -> tuple[NamedStep, ...]:
+    """The steps of a document without errors, in order."""
+    node = tree.at(root, ("privileged_steps",))
+    items = node.items if isinstance(node, Items) else ()
+    return tuple(
+        NamedStep(item.text, item.span, report.source(item.span)) for item in items if isinstance(item, Scalar)
+    )

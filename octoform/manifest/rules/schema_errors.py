@@ -4,16 +4,176 @@ import re
 from collections.abc import Callable, Mapping
 from typing import Any
 
-from pydantic import ValidationError
+from pydantic import BaseModel, ValidationError
 
 from octoform.diagnostics import Span, did_you_mean
-from octoform.manifest.rules import error_text
-from octoform.manifest.schema.document import Document
-from octoform.manifest.schema.harness import NAMES, TAGS
-from octoform.manifest.schema.key_tables import home_of, keys_at
+from octoform.manifest import addresses
+from octoform.manifest.schema.document import (
+    Budget,
+    Document,
+    Escalation,
+    Git,
+    Housekeeping,
+    IdentifyStage,
+    Lifecycle,
+    Perception,
+    Price,
+    Stage,
+    StageBudget,
+    Stages,
+)
+from octoform.manifest.schema.harness import NAMES, TAGS, CommandHarness, Confinement, ProgramHarness, table_of
+from octoform.manifest.schema.sections import Daemon, Limit, Network, Notify, Policy, Rule, Tunnel
 from octoform.manifest.source import tree
 from octoform.manifest.source.report import Report
 from octoform.manifest.source.tree import Items, Loc, Scalar, Table
+
+# The words of the manifest's messages, apart from the rules: a text can be improved without reading the logic.
+
+TYPES = {
+    "string_type": "a text",
+    "int_type": "a whole number",
+    "int_from_float": "a whole number",
+    "bool_type": "true or false",
+    "list_type": "a list",
+    "model_type": "a mapping",
+    "model_attributes_type": "a mapping",
+    "dict_type": "a mapping",
+    "float_type": "a number",
+    "union_tag_not_found": "a name or a mapping",
+}
+FORMS = {
+    "a text": "one word or quoted text",
+    "a name": "one word",
+    "a number": "a number without quotes, such as 2.5",
+    "auto, true, false or a mapping": "`sandbox: auto`, `sandbox: true`, or `sandbox: {network: false}`",
+    "a whole number": "a number without quotes and point, such as 3",
+    "true or false": "`true` or `false`, without quotes",
+    "a list": "a list: [first, second]",
+    "a mapping": "a mapping: {key: value}",
+    "a name or a mapping": "`harness: builtin`, or `harness: {name: command, command: [...]}`",
+}
+RECORDING_HINT = "name the folder of a recording, such as recordings/bench"
+COMMAND_HINT = "write `command: [my-agent, '{task}']`"
+KEY_HINT = "write the name of a variable in capitals, such as MY_API_KEY; its value stays in the environment"
+VARIABLE_HINT = "list names only, such as MY_API_KEY; values stay in the environment"
+MODEL_HINT = "write it as the agent expects it, such as vendor/model-name"
+RANGES = {
+    "attempts": "allowed: 1 to 20",
+    "tools": "allowed: 1 to 200",
+    "command": COMMAND_HINT,
+    "profiles": "allowed: up to 100 profiles",
+    "answers": "allowed: up to 200 answers",
+    "privileged_steps": "allowed: up to 20 steps",
+    "model": MODEL_HINT,
+    "key": KEY_HINT,
+    "turns": "allowed: 1 to 10000",
+    "usd": "write US dollars, such as 2.50",
+    **dict.fromkeys(("input", "cached", "output"), "write US dollars for a million tokens, such as 0.5"),
+    "max_tokens": "allowed: 64 to 8000",
+    "base_url": addresses.URL_HINT,
+    "recording": RECORDING_HINT,
+    "rules": "allowed: up to 100 rules",
+    "rules.tools": "name the tools that it is for, such as [move_rail]; allowed: 1 to 100",
+    "limits": "allowed: up to 200 limits",
+    "parameter": "name one parameter of the tools, such as percent",
+    **dict.fromkeys(("minimum", "maximum"), "write a number, such as -2000 or 0.5"),
+    **dict.fromkeys(("step", "cumulative"), "write how far it may go, in both directions, such as 500"),
+    "result_bytes": "allowed: 1000 to 1000000000",
+    "port": "allowed: 1 to 65535",
+    "hosts": "allowed: up to 100 names",
+    "origins": "allowed: up to 100 origins",
+    "heal_attempts": "allowed: 1 to 20",
+    "calls_per_hour": "allowed: 0 to 1000; 0 asks no agent",
+    "usd_per_hour": "write US dollars, such as 2.50",
+    "webhook": "write https://alerts.example.org/hook, or keep it in a variable: ${ALERT_URL}",
+    "metrics": "write a path that ends in .prom, such as /var/lib/node_exporter/octoform.prom",
+    "notify.command": "write a list: [./tell-me, --trouble]",
+    "tunnel.command": 'write for example [cloudflared, tunnel, --url, "{url}"]',
+}
+# What people look for at the top, and why it is not there.
+NO_KEYS = {"devices": "devices are found, not listed; what cannot be seen of them belongs in a profile"}
+LONGEST_WORD = 80
+# Words for true and false that YAML 1.2 takes as text, as it takes a quoted true.
+SWITCHES = {"yes": "true", "on": "true", "true": "true", "no": "false", "off": "false", "false": "false"}
+
+
+def range_of(loc: Loc) -> str | None:
+    """What a setting allows; by its last two names where the last one alone means several things."""
+    names = [part for part in loc if isinstance(part, str)]
+    return RANGES.get(".".join(names[-2:]) if len(names) > 1 else "", RANGES.get(str(loc[-1]) if loc else ""))
+
+
+def dotted(loc: Loc) -> str:
+    """A path as a person writes it: ``stages.probe.harness.command[0]``."""
+    out = ""
+    for part in loc:
+        out += f"[{part}]" if isinstance(part, int) else f".{part}" if out else part
+    return out
+
+
+def kind(node: tree.Node | None) -> str:
+    """What a value is, in words."""
+    if isinstance(node, Table):
+        return "a mapping"
+    if isinstance(node, Items):
+        return "a list"
+    value = node.value if isinstance(node, Scalar) else None
+    if isinstance(value, bool):
+        return "true or false"
+    if isinstance(value, float):
+        return "a number with a fraction or exponent"
+    return "a number" if isinstance(value, int) else "a text"
+
+
+# Which keys may stand where in a manifest, for what is said of a key that may not. (Heavy: the document.)
+
+# Also where a key belongs that stands elsewhere; the first place counts.
+_PLACES: tuple[tuple[Loc, type[BaseModel]], ...] = (
+    ((), Document),
+    (("budget",), Budget),
+    (("lifecycle",), Lifecycle),
+    (("git",), Git),
+    (("stages",), Stages),
+    (("harness",), CommandHarness),
+    (("harness",), ProgramHarness),
+    (("housekeeping",), Housekeeping),
+    (("policy",), Policy),
+    (("network",), Network),
+    (("tunnel",), Tunnel),
+    (("perception",), Perception),
+    (("stages", "identify"), IdentifyStage),
+    (tree.ESCALATION, Escalation),
+    (("daemon",), Daemon),
+    (("daemon", "notify"), Notify),
+)
+_TABLES = dict(reversed(_PLACES))
+_ITEMS: dict[Loc, type[BaseModel]] = {("policy", "rules"): Rule, ("policy", "limits"): Limit}
+
+
+def keys_at(root: Table, loc: Loc) -> tuple[str, ...]:
+    """The keys that the table at a path may have."""
+    table = _TABLES.get(loc)
+    if loc[-1:] == ("harness",):
+        entry = tree.at(root, (*loc, "name"))
+        table = table_of(entry.text if isinstance(entry, Scalar) else "")
+    elif loc[-1:] == ("sandbox",):
+        table = Confinement
+    elif loc[:1] == ("prices",):
+        table = Price
+    elif loc[:-1] in _ITEMS:
+        table = _ITEMS[loc[:-1]]
+    elif table is None:
+        table = StageBudget if loc[-1] == "budget" else Stage
+    return tuple(sorted(table.model_fields, key=lambda name: name != "name"))
+
+
+def home_of(loc: Loc) -> Loc | None:
+    """The table where a key belongs that stands at a path where nothing has that name; None for one unknown."""
+    name = str(loc[-1])
+    if loc[-2:-1] == ("harness",) and name in ProgramHarness.model_fields | CommandHarness.model_fields:
+        return None  # a setting of another kind of agent
+    return next((place for place, table in _PLACES if name in table.model_fields), None)
 
 
 def check(root: Table, report: Report) -> Document | None:
@@ -74,7 +234,7 @@ class _Problem:
         }
         if self._kind in telling:
             telling[self._kind]()
-        elif self._kind in error_text.TYPES:
+        elif self._kind in TYPES:
             self._wrong_type()
         else:
             self._wrong_value(self._limits())
@@ -83,19 +243,19 @@ class _Problem:
         name, parent = str(self._loc[-1]), tree.at(self._root, self._loc[:-1])
         if isinstance(parent, Table) and self._is_misspelt(name, parent):
             return
-        inside = f" in `{error_text.dotted(self._loc[:-1])}`" if len(self._loc) > 1 else ""
+        inside = f" in `{dotted(self._loc[:-1])}`" if len(self._loc) > 1 else ""
         hint = {
             "version": "write `version: 1` as the first line",
-            "command": error_text.COMMAND_HINT,
+            "command": COMMAND_HINT,
             "name": "write `name: command`, or the name of a coding-agent program",
             "harness": "name the agent, such as `harness: claude-code`",
             "model": "name it as the provider does, such as anthropic/claude-sonnet-4-5",
-            "recording": error_text.RECORDING_HINT,
+            "recording": RECORDING_HINT,
             "tool": 'name the tools that it is for, such as `tool: move_rail`, or `tool: "*"` for all',
             "tools": "name the tools that it is for, such as `tools: [move_rail]`",
             "decision": "write `decision: allow`, `confirm` or `deny`",
-            "input": error_text.RANGES["input"],
-            "output": error_text.RANGES["output"],
+            "input": RANGES["input"],
+            "output": RANGES["output"],
         }
         self._report.error(
             "MANIFEST-MISSING-KEY",
@@ -107,14 +267,14 @@ class _Problem:
     def _is_misspelt(self, name: str, parent: Table) -> bool:
         """True when a key stands there that is reported as a slip of this one."""
         known = keys_at(self._root, self._loc[:-1])
-        keys = [key.text[: error_text.LONGEST_WORD] for key, _ in parent.entries if key.text not in known]
+        keys = [key.text[:LONGEST_WORD] for key, _ in parent.entries if key.text not in known]
         return any(did_you_mean(key, known) == name for key in keys)
 
     def _unknown_key(self) -> None:
         key = tree.key_at(self._root, self._loc)
         name, span = str(self._loc[-1]), key.span if key else self._span()
         siblings = keys_at(self._root, self._loc[:-1])
-        hint = error_text.NO_KEYS.get(name) if len(self._loc) == 1 else None
+        hint = NO_KEYS.get(name) if len(self._loc) == 1 else None
         self._report.error(
             "MANIFEST-UNKNOWN-KEY",
             f"unknown key `{self._report.shown(name)}`",
@@ -125,12 +285,12 @@ class _Problem:
     def _where_key_belongs(self, name: str, siblings: tuple[str, ...]) -> str:
         if siblings == ("name",):
             return "the embedded agent has no settings; write `harness: builtin`"
-        near = did_you_mean(name[: error_text.LONGEST_WORD], siblings)
+        near = did_you_mean(name[:LONGEST_WORD], siblings)
         if near:
             return f"did you mean `{near}`?"
         elsewhere = home_of(self._loc)
         if elsewhere is not None:
-            return f"`{name}` belongs " + (f"under `{error_text.dotted(elsewhere)}`" if elsewhere else "at the top")
+            return f"`{name}` belongs " + (f"under `{dotted(elsewhere)}`" if elsewhere else "at the top")
         return f"known here: {', '.join(siblings)}"
 
     def _unknown_value(self) -> None:
@@ -172,10 +332,10 @@ class _Problem:
         return tuple(name for name in NAMES if name != "builtin" or "escalate" not in self._loc)
 
     def _not_one_of(self, value: Scalar, allowed: tuple[str, ...]) -> None:
-        near = did_you_mean(value.text[: error_text.LONGEST_WORD], allowed)
+        near = did_you_mean(value.text[:LONGEST_WORD], allowed)
         self._report.error(
             "MANIFEST-WRONG-VALUE",
-            f"`{self._report.shown(value.text)}` is no value of `{error_text.dotted(self._loc)}`",
+            f"`{self._report.shown(value.text)}` is no value of `{dotted(self._loc)}`",
             value.span,
             hint=f"did you mean `{near}`?" if near else f"allowed: {', '.join(allowed)}",
         )
@@ -207,11 +367,11 @@ class _Problem:
     def _wrong_type(self, expected: str | None = None) -> None:
         node = tree.at(self._root, self._loc)
         hint = self._how_to_write(node) if isinstance(node, Scalar) else None
-        expected = expected or error_text.TYPES[self._kind]
-        hint = hint or f"write {error_text.FORMS[expected]}"
+        expected = expected or TYPES[self._kind]
+        hint = hint or f"write {FORMS[expected]}"
         self._report.error(
             "MANIFEST-WRONG-TYPE",
-            f"`{error_text.dotted(self._loc)}` must be {expected}, and this is {error_text.kind(node)}",
+            f"`{dotted(self._loc)}` must be {expected}, and this is {kind(node)}",
             self._span(),
             hint=hint,
         )
@@ -219,8 +379,8 @@ class _Problem:
     def _how_to_write(self, node: Scalar) -> str | None:
         """The value in the form that was expected, where it is plain what was meant."""
         shown = self._report.shown(node.text)
-        if (self._kind == "bool_type" or self._loc[-1] == "sandbox") and node.text.lower() in error_text.SWITCHES:
-            return f"write `{error_text.SWITCHES[node.text.lower()]}`"
+        if (self._kind == "bool_type" or self._loc[-1] == "sandbox") and node.text.lower() in SWITCHES:
+            return f"write `{SWITCHES[node.text.lower()]}`"
         if self._kind == "string_type":
             return f'quote it: "{shown}"'
         if self._kind == "list_type":
@@ -247,12 +407,12 @@ class _Problem:
 
     def _wrong_value(self, summary: str, hint: str | None = None) -> None:
         if self._kind == "string_pattern_mismatch":
-            hints = {"env": error_text.VARIABLE_HINT, "key": error_text.KEY_HINT}
-            hint = next((hints[str(part)] for part in self._loc[-2:] if part in hints), error_text.MODEL_HINT)
-            summary = "must be one word" if hint == error_text.MODEL_HINT else "is no name of an environment variable"
+            hints = {"env": VARIABLE_HINT, "key": KEY_HINT}
+            hint = next((hints[str(part)] for part in self._loc[-2:] if part in hints), MODEL_HINT)
+            summary = "must be one word" if hint == MODEL_HINT else "is no name of an environment variable"
         elif self._kind != "manifest":
-            hint = error_text.range_of(self._loc)
-        lead = f"`{error_text.dotted(self._loc)}`" + (" " if self._kind != "manifest" else ": ")
+            hint = range_of(self._loc)
+        lead = f"`{dotted(self._loc)}`" + (" " if self._kind != "manifest" else ": ")
         self._report.error("MANIFEST-WRONG-VALUE", lead + summary, self._span(), hint=hint)
 
     def _span(self) -> Span:

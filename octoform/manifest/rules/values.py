@@ -4,7 +4,11 @@ import re
 from collections.abc import Mapping
 
 from octoform.diagnostics import Span
-from octoform.manifest import agent_locations, credentials, references, secrets
+from octoform.manifest import addresses, conversion, credentials, references
+from octoform.manifest.conversion import Agent, has_login
+from octoform.manifest.credentials import LOGINS, SEARCHERS
+from octoform.manifest.schema.document import Document
+from octoform.manifest.schema.harness import Confinement, ModelHarness
 from octoform.manifest.source import tree
 from octoform.manifest.source.report import Report
 from octoform.manifest.source.tree import Loc, Node, Scalar, Table
@@ -18,7 +22,7 @@ def check_secrets(root: Node, report: Report) -> None:
     """Refuse every literal that looks like a secret, in values, keys and comments, and mask it everywhere."""
     told: set[str] = set()
     for number, line in enumerate(report.lines, 1):
-        for start, end in secrets.found_in(line):
+        for start, end in credentials.found_in(line):
             told.add(line[start:end])
             _refuse(Span(number, start + 1, end + 1), report)
     for loc, scalar in tree.scalars(root):
@@ -36,7 +40,7 @@ def _secrets_of(root: Node, loc: Loc, scalar: Scalar) -> set[str]:
     text = scalar.text
     if not isinstance(scalar.value, str) or not text:
         return set()
-    found = {text[start:end] for start, end in (*secrets.found_in(text), *secrets.assigned_in(text))}
+    found = {text[start:end] for start, end in (*credentials.found_in(text), *credentials.assigned_in(text))}
     is_named = not found and not references.contains(text) and _is_named_secret(root, loc)
     return {text} if is_named else found
 
@@ -49,20 +53,20 @@ def _may_hide_one(loc: Loc, scalar: Scalar) -> bool:
     """
     if scalar.value is None:
         return False
-    if loc in agent_locations.KEYS:
+    if loc in tree.KEYS:
         return _KEY_NAME.fullmatch(scalar.text) is None and not references.contains(scalar.text)
-    if loc == agent_locations.WEBHOOK:
+    if loc == tree.WEBHOOK:
         return not references.contains(scalar.text)
-    return loc in agent_locations.BASE_URLS and any(sign in scalar.text for sign in "@?#")
+    return loc in tree.BASE_URLS and any(sign in scalar.text for sign in "@?#")
 
 
 def _is_named_secret(root: Node, loc: Loc) -> bool:
     """True for the value of a key, or behind an option, whose name says that it is a secret."""
     if loc and isinstance(loc[-1], str):
-        return secrets.is_secret_name(loc[-1])
+        return credentials.is_secret_name(loc[-1])
     if loc and isinstance(loc[-1], int) and loc[-1] > 0:
         before = tree.at(root, (*loc[:-1], loc[-1] - 1))
-        return isinstance(before, Scalar) and before.text.startswith("-") and secrets.is_secret_name(before.text)
+        return isinstance(before, Scalar) and before.text.startswith("-") and credentials.is_secret_name(before.text)
     return False
 
 
@@ -86,10 +90,10 @@ def check_references(root: Table, environ: Mapping[str, str], report: Report) ->
     """Check every ``${NAME}``, and give the names of all variables that the manifest refers to or passes on."""
     found: set[str] = set()
     for loc, scalar in tree.scalars(root):
-        pattern = _KEY_NAME if loc in agent_locations.KEYS else references.NAME
+        pattern = _KEY_NAME if loc in tree.KEYS else references.NAME
         if _names_only(loc) and pattern.fullmatch(scalar.text) and not report.is_settled(loc):
             found.add(scalar.text)
-            is_key = loc in agent_locations.KEYS
+            is_key = loc in tree.KEYS
             complaint = credentials.complaint(scalar.text, environ) if is_key or scalar.text not in environ else None
             if complaint is not None:
                 otherwise = "name another variable" if is_key else "take it out of `env`"
@@ -126,7 +130,7 @@ def _check_one(loc: Loc, scalar: Scalar, environ: Mapping[str, str], report: Rep
     for name in sorted(names):
         if not environ.get(name):
             state = "is empty" if name in environ else "is not set"
-            if loc == agent_locations.WEBHOOK:  # nothing but a message depends on it
+            if loc == tree.WEBHOOK:  # nothing but a message depends on it
                 what = f"the variable {name} {state}; the daemon can tell nobody at this URL"
                 report.warning("MANIFEST-ENV-UNSET", what, span, hint=f"export {name}=...")
                 continue
@@ -135,14 +139,14 @@ def _check_one(loc: Loc, scalar: Scalar, environ: Mapping[str, str], report: Rep
 
 
 def _may_refer(loc: Loc) -> bool:
-    if loc[-1:] == ("model",) or loc in agent_locations.BASE_URLS or loc == agent_locations.WEBHOOK:
+    if loc[-1:] == ("model",) or loc in tree.BASE_URLS or loc == tree.WEBHOOK:
         return True
     return len(loc) > 1 and loc[-2] == "command" and "harness" in loc
 
 
 def _names_only(loc: Loc) -> str | None:
     """What to write where a value is the name of a variable; None for all other places."""
-    if loc in agent_locations.KEYS:
+    if loc in tree.KEYS:
         return "write the name only, without ${}"
     is_of_a_list = len(loc) > 2 and loc[-3:-1] == ("harness", "env") and isinstance(loc[-1], int)
     return "list names only, without ${}" if is_of_a_list else None
@@ -156,3 +160,166 @@ def _reference_span(scalar: Scalar, report: Report) -> Span:
     if found is None:
         return scalar.span
     return Span(scalar.span.line, found.start() + 1, found.end() + 1)
+
+
+# Rules on the agents of a document: a model where one is needed, a key that is there, settings that have an effect.
+#
+# (Heavy: the document.)
+
+_MODEL_HINT = "write for example `model: anthropic/claude-sonnet-4-5`"
+_FREE = {"builtin": "the embedded agent uses none", "replay": "a recorded run uses none"}
+
+
+def check(document: Document, root: Table, environ: Mapping[str, str], report: Report) -> None:
+    """Report what does not fit together."""
+    _Rules(document, root, environ, report).check()
+
+
+class _Rules:
+    """The rules over one document; the same place is told once, however many stages it holds for."""
+
+    def __init__(self, document: Document, root: Table, environ: Mapping[str, str], report: Report) -> None:
+        self._document = document
+        self._root = root
+        self._environ = environ
+        self._report = report
+        self._told: set[tuple[str, object]] = set()
+
+    def check(self) -> None:
+        in_force = conversion.in_force(self._document)
+        for agent in in_force:
+            if agent.needs_model and agent.model is None:
+                self._no_model(agent)
+            elif agent.needs_model:
+                self._key(agent)
+            self._settings(agent)
+        self._unused_models(in_force)
+        self._escalation()
+        self._housekeeping()
+
+    def _span(self, loc: Loc) -> Span:
+        node = tree.at(self._root, loc)
+        return node.span if node is not None else self._root.span
+
+    def _is_new(self, rule: str, what: object) -> bool:
+        is_new = (rule, what) not in self._told
+        self._told.add((rule, what))
+        return is_new
+
+    def _no_model(self, agent: Agent) -> None:
+        if self._is_new("model", agent.at):
+            what = f"the harness `{agent.name}` needs a model, and none is named"
+            self._report.error("MANIFEST-NO-MODEL", what, self._span(agent.at), hint=_MODEL_HINT)
+
+    def _key(self, agent: Agent) -> None:
+        """Tell of a key that the agent will look for by itself and not find; a named one is told where it stands."""
+        provider = conversion.provider_of(agent.model or "", agent.name, self._environ)
+        settings = agent.settings
+        if settings is None or (settings.key is None and not has_login(settings)):
+            self._unset(conversion.key_of(settings, provider, self._environ), f"`{agent.name}`", agent.at)
+
+    def _unset(self, key: str | None, who: str, loc: Loc) -> None:
+        complaint = credentials.complaint(key, self._environ) if key is not None else None
+        if complaint is not None and self._is_new("key", key):
+            self._report.warning(
+                "MANIFEST-ENV-UNSET",
+                f"{complaint}; {who} finds the key of its model's API there",
+                self._span(loc),
+                hint=f"export {key}, or name another variable in `key`",
+            )
+
+    def _settings(self, agent: Agent) -> None:
+        settings = agent.settings
+        if settings is None or not self._is_new("settings", agent.at):
+            return
+        self._base_url(settings.base_url, (*agent.at, "base_url"))
+        self._network(agent, settings)
+        if settings.web_search and agent.name not in SEARCHERS:
+            self._report.error(
+                "MANIFEST-WRONG-VALUE",
+                f"`{agent.name}` has no search of the web",
+                self._span((*agent.at, "web_search")),
+                hint=f"remove it, or choose one that has: {', '.join(SEARCHERS)}",
+            )
+        self._login(agent)
+        provider = conversion.provider_of(agent.model, agent.name, self._environ) if agent.model is not None else None
+        if settings.api is None or settings.base_url is not None or provider is None or settings.api in provider.urls:
+            return
+        self._report.error(
+            "MANIFEST-WRONG-VALUE",
+            f"{provider.name} does not serve its models over {settings.api}",
+            self._span((*agent.at, "api")),
+            hint=f"remove it, or choose {' or '.join(provider.urls)}",
+        )
+
+    def _login(self, agent: Agent) -> None:
+        """A login is one program's with one provider, and no key beside it."""
+        settings = agent.settings
+        if settings is None or not has_login(settings):
+            return
+        login = LOGINS.get(agent.name)
+        provider = conversion.provider_of(agent.model, agent.name, self._environ) if agent.model is not None else None
+        if login is None:
+            what, hint = f"octoform can use no login of `{agent.name}`", f"use a key, or choose {' or '.join(LOGINS)}"
+        elif settings.key is not None:
+            what, hint = "`login` and `key` exclude each other", "remove one of them"
+        elif provider is not None and provider.name != login.provider:
+            what = f"a login of `{agent.name}` is one with {login.provider}, and the model is of {provider.name}"
+            hint = "remove it and use a key, or choose another model"
+        else:
+            return
+        self._report.error("MANIFEST-WRONG-VALUE", what, self._span((*agent.at, "login")), hint=hint)
+
+    def _network(self, agent: Agent, settings: ModelHarness) -> None:
+        """Not even a server on this machine is reached from there."""
+        if isinstance(settings.sandbox, Confinement) and not settings.sandbox.network:
+            self._report.error(
+                "MANIFEST-WRONG-VALUE",
+                f"without a network `{agent.name}` cannot reach its model",
+                self._span((*agent.at, "sandbox", "network")),
+                hint="write `sandbox: true`",
+            )
+
+    def _base_url(self, text: str | None, loc: Loc) -> None:
+        """A URL with references is looked at with their values; the values are not shown."""
+        url = conversion.resolved(text, self._environ) if text is not None and references.contains(text) else None
+        complaint = addresses.url_complaint(url) if url is not None else None
+        if complaint is not None:
+            what = f"`{loc[-1]}` with the values of its variables: {complaint[0]}"
+            self._report.error("MANIFEST-WRONG-VALUE", what, self._span(loc), hint=complaint[1])
+
+    def _unused_models(self, in_force: list[Agent]) -> None:
+        """A model that no agent asks for would look as if it were in force."""
+        for loc in dict.fromkeys(agent.model_at for agent in in_force if agent.model is not None):
+            askers = [agent for agent in in_force if agent.model_at == loc]
+            if not any(agent.takes_model for agent in askers):
+                self._unused(loc, f"this model has no effect: {_FREE[askers[0].name]}", "choose another harness")
+        if self._document.model is not None and not any(agent.model_at == ("model",) for agent in in_force):
+            self._unused(("model",), "this model has no effect: every stage has its own", "remove those of the stages")
+
+    def _unused(self, loc: Loc, what: str, otherwise: str) -> None:
+        key = tree.key_at(self._root, loc)
+        if key is not None:
+            self._report.warning("MANIFEST-UNUSED", what, key.span, hint=f"remove it, or {otherwise}")
+
+    def _escalation(self) -> None:
+        if self._document.stages.identify.escalate is None:
+            return
+        own = conversion.of_stage(self._document, "identify")
+        key = tree.key_at(self._root, ("stages", "identify", "escalate"))
+        if own.name != "builtin" and key is not None:
+            self._report.error(
+                "MANIFEST-ESCALATION",
+                f"only the embedded agent escalates, and IDENTIFY is run by `{own.name}`",
+                key.span,
+                hint="remove it, or write `harness: builtin` beside it",
+            )
+
+    def _housekeeping(self) -> None:
+        settings = self._document.housekeeping
+        if settings is None:
+            return
+        self._base_url(settings.base_url, ("housekeeping", "base_url"))
+        if settings.key is None:
+            provider = conversion.provider_of(settings.model, conversion.HOUSEKEEPER, self._environ)
+            self._unset(conversion.key_of(settings, provider, self._environ), "housekeeping", ("housekeeping", "model"))

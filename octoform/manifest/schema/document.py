@@ -3,12 +3,14 @@
 One source for both, so an editor and octoform agree. Only settings that do something stand here. (Heavy: pydantic.)
 """
 
-from typing import Annotated, Literal
+import json
+from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, Field
+from pydantic.json_schema import GenerateJsonSchema, JsonSchemaValue
+from pydantic_core import core_schema
 
-from octoform.manifest import host_name
-from octoform.manifest.schema.daemon import Daemon
+from octoform.manifest import addresses
 from octoform.manifest.schema.fields import (
     CLOSED,
     MOST_ANSWERS,
@@ -34,8 +36,7 @@ from octoform.manifest.schema.fields import (
     distinct,
 )
 from octoform.manifest.schema.harness import Agent, Harness
-from octoform.manifest.schema.network import Network, Tunnel
-from octoform.manifest.schema.policy import Policy
+from octoform.manifest.schema.sections import Daemon, Network, Policy, Tunnel
 
 
 class StageBudget(Table):
@@ -180,7 +181,7 @@ class Document(Table):
 
     version: Version
     """The version of this format."""
-    host: Host = host_name.DEFAULT
+    host: Host = addresses.DEFAULT_HOST
     """The name of this host; it names the folder state/<host>."""
     harness: Harness = "builtin"
     """The agent: a name, or a table with its settings."""
@@ -220,3 +221,39 @@ class Document(Table):
     """What may happen to things that exist."""
     git: Git = Git()
     """How octoform works with the repository."""
+
+
+# The JSON Schema of the manifest, for editors and for ``octoform schema``. (Heavy: pydantic.)
+#
+# Made of the models that `loading` checks against, so it can never promise a setting that octoform refuses.
+
+DIALECT = "https://json-schema.org/draft/2020-12/schema"
+
+
+class _Generator(GenerateJsonSchema):
+    def nullable_schema(self, schema: core_schema.NullableSchema) -> JsonSchemaValue:
+        """A key is given or left out; an empty one is refused, so null is no value of any setting."""
+        return self.generate_inner(schema["schema"])
+
+    def default_schema(self, schema: core_schema.WithDefaultSchema) -> JsonSchemaValue:
+        """Defaults are shown where they mean something: not null, and not a table of defaults."""
+        inner: JsonSchemaValue = self.generate_inner(schema["schema"])
+        default = schema.get("default")
+        if default is None or not isinstance(default, str | int | list):
+            return inner
+        return {"allOf": [inner], "default": default} if "$ref" in inner else {**inner, "default": default}
+
+
+def json_schema() -> dict[str, Any]:
+    """The schema as JSON data, in the dialect that `DIALECT` names."""
+    body = Document.model_json_schema(schema_generator=_Generator)
+    for table in (body, *body["$defs"].values()):
+        for setting in table.get("properties", {}).values():
+            setting.pop("title", None)  # it would only repeat the key
+    head = {"$schema": DIALECT, "title": "octopus.yaml"}
+    return {**head, **{key: value for key, value in body.items() if key != "title"}}
+
+
+def text() -> str:
+    """The schema as it is printed and kept beside the other schemas."""
+    return json.dumps(json_schema(), indent=2, ensure_ascii=False) + "\n"

@@ -3,10 +3,15 @@
 Lines are attached only at the end: a secret found late must also be masked in a problem that was found early.
 """
 
+import re
+import stat
 from dataclasses import replace
+from pathlib import Path
 
-from octoform.diagnostics import Diagnostic, Severity, Span
-from octoform.manifest import secrets
+from octoform.base.files import head
+from octoform.diagnostics import Diagnostic, Severity, Span, did_you_mean
+from octoform.manifest import credentials
+from octoform.manifest.model import FILE_NAME
 from octoform.manifest.source.tree import Loc
 
 MOST = 30
@@ -33,9 +38,9 @@ class Report:
         """Take the lines of the file, and mask what looks like a secret in them."""
         self.lines = text.split("\n")
         for number, line in enumerate(self.lines, 1):
-            for start, end in (*secrets.found_in(line), *secrets.assigned_in(line)):
+            for start, end in (*credentials.found_in(line), *credentials.assigned_in(line)):
                 self.mask(Span(number, start + 1, end + 1))
-        for first, last in secrets.key_blocks(self.lines):
+        for first, last in credentials.key_blocks(self.lines):
             for number in range(first, last + 1):
                 self.mask(Span(number + 1, 1, None))
 
@@ -66,7 +71,7 @@ class Report:
     @staticmethod
     def shown(value: object) -> str:
         """A value of the file as it may stand in a message: on one line, bounded, secrets masked."""
-        text = " ".join(secrets.masked(str(value)).split())
+        text = " ".join(credentials.masked(str(value)).split())
         return text if len(text) <= LONGEST_VALUE else text[: LONGEST_VALUE - 3] + "..."
 
     def diagnostics(self) -> list[Diagnostic]:
@@ -94,3 +99,110 @@ class Report:
 
 def _place(item: Diagnostic) -> tuple[int, int]:
     return (item.span.line, item.span.column) if item.span else (0, 0)
+
+
+# From the bytes of a file to text that is worth parsing.
+#
+# The YAML reader is slow on purpose-made input and words its errors for programmers, so size, encoding and characters
+# are settled here first. What is accepted: UTF-8, with or without a byte order mark, with LF, CRLF or CR line ends.
+
+LIMIT = 256 * 1024
+_UTF8_BOM = b"\xef\xbb\xbf"
+_UTF16_BOMS = (b"\xff\xfe", b"\xfe\xff")
+# Control characters except tab and line feed, separators that editors disagree about, characters that change the
+# direction of what is displayed, and code points that are no characters.
+FORBIDDEN = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u2028-\u202e\u2066-\u2069\ud800-\udfff\ufeff\ufffe\uffff]")
+_MOST_CHARACTERS = 10
+
+
+def text_of(content: bytes, report: Report) -> str | None:
+    """The text of a file's bytes with LF line ends, or None with the reasons in the report."""
+    text = _decode(content, report)
+    if text is None:
+        return None
+    report.read(text)
+    found = list(FORBIDDEN.finditer(text))
+    for match in found[:_MOST_CHARACTERS]:
+        line, column = _line_and_column(text, match.start())
+        report.error(
+            "MANIFEST-CONTROL-CHARACTER",
+            f"the character {name_of(match.group())} may not stand in a manifest",
+            Span(line, column, column + 1),
+            hint="delete it; inside a quoted text write an escape such as \\t if you really mean one",
+        )
+    return None if found else text
+
+
+def name_of(char: str) -> str:
+    """A character as ``U+0007``."""
+    return f"U+{ord(char):04X}"
+
+
+def read(path: Path, report: Report) -> bytes | None:
+    """The bytes of the manifest, or None with the reason in the report."""
+    try:
+        kind = path.stat().st_mode
+        if not stat.S_ISREG(kind):
+            report.error("MANIFEST-UNREADABLE", "the manifest is no regular file")
+            return None
+        content, size = head(path, LIMIT + 1, follow=True), path.stat().st_size
+    except FileNotFoundError:
+        report.error("MANIFEST-NOT-FOUND", f"there is no {path.name} here", hint=_where_else(path))
+        return None
+    except OSError as problem:
+        report.error("MANIFEST-UNREADABLE", f"the manifest cannot be read: {problem.strerror or problem}")
+        return None
+    if len(content) > LIMIT:
+        report.error(
+            "MANIFEST-TOO-LARGE",
+            f"the manifest has {size} bytes; at most {LIMIT} are read",
+            hint="a manifest names settings; devices are found, not listed",
+        )
+        return None
+    return content
+
+
+def _where_else(path: Path) -> str:
+    try:
+        names = [entry.name for entry in path.parent.iterdir() if entry.suffix in (".yml", ".yaml")]
+    except OSError:
+        names = []
+    near = did_you_mean(path.name, names)
+    if near:
+        return f"{near} is here: rename it to {path.name}"
+    return f"`octoform init` writes an {FILE_NAME} for this host"
+
+
+def _decode(content: bytes, report: Report) -> str | None:
+    if content.startswith(_UTF16_BOMS) or _looks_wide(content):
+        report.error(
+            "MANIFEST-ENCODING",
+            "the manifest is in UTF-16 or UTF-32",
+            hint="save it as UTF-8",
+        )
+        return None
+    content = content.removeprefix(_UTF8_BOM).replace(b"\r\n", b"\n").replace(b"\r", b"\n")
+    try:
+        return content.decode("utf-8")
+    except UnicodeDecodeError as problem:
+        start = content.rfind(b"\n", 0, problem.start) + 1
+        line = content.count(b"\n", 0, problem.start) + 1
+        column = len(content[start : problem.start].decode("utf-8")) + 1
+        report.read(content.decode("utf-8", "replace"))
+        report.error(
+            "MANIFEST-ENCODING",
+            f"the byte 0x{content[problem.start]:02x} is not UTF-8",
+            Span(line, column, column + 1),
+            hint="save the file as UTF-8; an editor may have used Latin-1 or Windows-1252",
+        )
+        return None
+
+
+def _looks_wide(content: bytes) -> bool:
+    """Every second byte of ASCII text in UTF-16 is zero."""
+    head = content[:64]
+    return len(head) >= 4 and (not any(head[::2]) or not any(head[1::2]))
+
+
+def _line_and_column(text: str, offset: int) -> tuple[int, int]:
+    return text.count("\n", 0, offset) + 1, offset - text.rfind("\n", 0, offset)

@@ -20,11 +20,11 @@ from octoform.state.files import (
     read_regular,
     refused,
     shown,
+    spending,
     unreadable,
     write_atomic,
 )
 from octoform.state.layout import STAGES, STEP, Layout
-from octoform.state.disk_reserve import spending
 
 MOST_FILES = 1000
 

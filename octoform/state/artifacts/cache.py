@@ -5,19 +5,24 @@ So every accepted file is kept once more on this machine. What is given back is 
 a damaged copy restores nothing. Bounded: a few generations of each node, and files of a sane size. Light.
 """
 
-import contextlib
 import json
 import os
+import re
 import shutil
+import stat
 from collections.abc import Iterable, Mapping
+from enum import StrEnum
 from pathlib import Path
 from typing import Any
 
 from octoform import digest
-from octoform.diagnostics import Diagnostic
-from octoform.state.artifacts.accepted import contents
 from octoform.base import files
-from octoform.state.files import make_folders, read_regular, refused, write_atomic
+from octoform.base.files import parse
+from octoform.base.shape import INSTANCES as FORM
+from octoform.base.shape import fits
+from octoform.diagnostics import Diagnostic, error
+from octoform.state.artifacts.accepted import contents
+from octoform.state.files import make_folders, read_regular, refused, shown, write_atomic
 from octoform.state.layout import Layout
 
 FORMAT = 1
@@ -149,3 +154,141 @@ def _copy(layout: Layout, wanted: str) -> bytes | None:
 
 def _place(layout: Layout, wanted: str) -> Path:
     return layout.kept / Path(wanted.removeprefix(digest.PREFIX)).name
+
+
+# Whether an accepted file that is not as it was accepted is damaged or was edited, and where what was there is put.
+#
+# The rule, which the daemon's repairs stand on:
+#
+# * *Damage* is what no person wants: the file is missing, is a link or no file at all, is empty, ends in the middle of
+# what was accepted, holds zero bytes or conflict markers, is no UTF-8, or is no longer the kind of file that it was
+# (a ``.py`` that does not compile, a ``.json`` that is no JSON). It is put back as it was accepted.
+# * Everything else is an *edit*: whole, readable, different. A person may have meant it; `octoform plan` shows it as
+# drift, and a person decides. So it stays.
+#
+# What is put back over something never destroys it: what was there is moved aside first and named. Light.
+
+MOST_ASIDE = 30
+"""Folders of damaged files that are kept; those with edits of committed files are never dropped by octoform."""
+_MARKER = re.compile(rb"^(<{7} |>{7} )", re.MULTILINE)
+
+
+class Damage(StrEnum):
+    """What is wrong with a file; the last one is no damage."""
+
+    MISSING = "missing"
+    LINK = "a link or no file"
+    TRUNCATED = "truncated"
+    BROKEN = "broken"
+    EDITED = "edited"
+
+
+def damage_of(path: Path, wanted: bytes) -> Damage | None:
+    """How the file at ``path`` differs from ``wanted``; None when it does not."""
+    try:
+        kind = path.lstat().st_mode
+    except FileNotFoundError:
+        return Damage.MISSING
+    except OSError:
+        return Damage.LINK  # a file or a link stands where a folder of it should be
+    if not stat.S_ISREG(kind):
+        return Damage.LINK
+    data, _ = read_regular(path)
+    if data is None:
+        return Damage.BROKEN
+    return None if data == wanted else _of_bytes(path.name, data, wanted)
+
+
+def _of_bytes(name: str, data: bytes, wanted: bytes) -> Damage:
+    if not data.strip() or wanted.startswith(data):
+        return Damage.TRUNCATED
+    if b"\0" in data or _MARKER.search(data) or not _is_whole(name, data):
+        return Damage.BROKEN
+    return Damage.EDITED
+
+
+def _is_whole(name: str, data: bytes) -> bool:
+    """True when the bytes are still the kind of file that the name says."""
+    try:
+        text = data.decode()
+        if name.endswith(".json"):
+            parse(data)
+        elif name.endswith(".py"):
+            compile(text, name, "exec", dont_inherit=True)
+    except (ValueError, SyntaxError, RecursionError, MemoryError):
+        return False
+    return True
+
+
+def set_aside(layout: Layout, path: Path, stamp: str, why: Damage) -> tuple[Path | None, Diagnostic | None]:
+    """Move what is at ``path`` to a private folder, as it is; where it lies now (None: nothing was there), or why not.
+
+    ``stamp`` names the folder (RFC 3339). A link is moved itself, never what it points to.
+    """
+    if not os.path.lexists(path):
+        return None, None
+    # What somebody wrote into a committed file may be work, and is kept; what octoform alone writes is no place for any.
+    kind = "edited" if why is Damage.EDITED and path.is_relative_to(layout.committed) else "damaged"
+    try:
+        inside = path.relative_to(layout.project)
+    except ValueError:
+        inside = Path(path.name)
+    target = _aside(layout) / f"{stamp.replace(':', '')}-{kind}" / inside
+    try:
+        target.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
+        while os.path.lexists(target):
+            target = target.with_name(f"{target.name}.again")
+        shutil.move(path, target)
+    except (OSError, shutil.Error) as problem:
+        return None, refused(problem if isinstance(problem, OSError) else OSError(None, str(problem)), target)
+    _bound(layout)
+    return target, None
+
+
+def _aside(layout: Layout) -> Path:
+    return layout.daemon / "aside"
+
+
+def _bound(layout: Layout) -> None:
+    found = sorted(path for path in _aside(layout).iterdir() if path.name.endswith("-damaged"))
+    for path in found[:-MOST_ASIDE]:
+        shutil.rmtree(path, ignore_errors=True)
+
+
+# The ledger of instances: which serial number, port and node each device id has on this very machine.
+#
+# Git gets kinds only; this file keeps what differs between two machines of one kind, readable by its owner alone. The
+# generated server's runtime reads it at call time. Light.
+
+
+def write_instances(layout: Layout, devices: Mapping[str, object]) -> list[Diagnostic]:
+    """Write device id to instance, mode 0600 in a folder of mode 0700; empty list when it is on disk."""
+    document = {"format": FORMAT, "devices": dict(devices)}
+    text = json.dumps(document, indent=2, sort_keys=True, ensure_ascii=False, allow_nan=False) + "\n"
+    data = text.encode("utf-8", "surrogatepass")
+    problem = make_folders(layout) or write_atomic(layout.instances, data, 0o600)
+    if problem is not None:
+        return [problem]
+    keep(layout, INSTANCES, {layout.instances.name: data})  # without room for a copy the ledger stands all the same
+    return []
+
+
+def classes_of(instance: object) -> list[str]:
+    """The classes of a device's nodes, as its entry in the ledger has them; empty where it has none."""
+    nodes = instance.get("nodes") if isinstance(instance, Mapping) else None
+    return sorted({str(item["class"]) for item in nodes or () if item.get("class")})
+
+
+def read_instances(layout: Layout) -> tuple[dict[str, object] | None, list[Diagnostic]]:
+    """Device id to instance; (None, []) when PROBE was never accepted on this machine."""
+    data, problem = read_regular(layout.instances)
+    if data is None:
+        return None, [problem] if problem is not None else []
+    try:
+        found = parse(data, any_text=False)
+    except ValueError:
+        found = None
+    if fits(found, FORM) and found["format"] == FORMAT:
+        return found["devices"], []
+    hint = "run `octoform apply -replace probe`: PROBE writes it anew"
+    return None, [error("STATE-INSTANCES", "this is no ledger of instances", path=shown(layout.instances), hint=hint)]

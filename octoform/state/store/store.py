@@ -13,8 +13,7 @@ from typing import Any
 
 from octoform import __version__
 from octoform.diagnostics import Diagnostic, error, has_errors, to_json
-from octoform.state import model
-from octoform.state import disk_reserve
+from octoform.state import files, model
 from octoform.state.files import (
     Checkpoint,
     make_folders,
@@ -23,12 +22,11 @@ from octoform.state.files import (
     shown,
     write_atomic,
 )
-from octoform.state.store.replay import fold
-from octoform.state.store.journal import Journal, Op, Record
 from octoform.state.layout import Layout
 from octoform.state.model import GitRecord, NodeState, Snapshot, content_digest, state_digest
+from octoform.state.store.journal import Journal, Op, Record
 from octoform.state.store.quick_read import backup_path
-from octoform.state.store.snapshot import Current, read_current, read_snapshot
+from octoform.state.store.snapshot import Current, fold, read_current, read_snapshot
 
 JOURNAL_RECORDS = 1000
 _FAILURES_KEPT = 20
@@ -98,7 +96,7 @@ class StateStore:
 
     def begin(self, node: str, data: Mapping[str, Any] | None = None) -> list[Diagnostic]:
         """Say that work on a node starts; until its end is told the node is `interrupted`."""
-        problem = make_folders(self._layout) or disk_reserve.hold(self._layout)
+        problem = make_folders(self._layout) or files.hold(self._layout)
         return [problem] if problem is not None else self._step(Op.BEGIN, node, data or {})
 
     def success(self, node: str, state: NodeState) -> list[Diagnostic]:
@@ -147,7 +145,7 @@ class StateStore:
 
     def _append(self, op: Op, node: str, data: Mapping[str, Any]) -> Diagnostic | None:
         record = Record(self._journal.count + 1, self._ports.clock(), op, self._run, node, data)
-        problem = disk_reserve.spending(self._layout, lambda: self._journal.append(record))
+        problem = files.spending(self._layout, lambda: self._journal.append(record))
         if problem is None:
             self._folded = fold(self._folded, (record,))
             self._dirty = self._dirty or op not in (Op.HEAD, Op.COMMIT)
@@ -170,8 +168,8 @@ class StateStore:
         problem = self._head()
         problem = problem or self._append(Op.COMMIT, "", {"serial": wanted.serial, "snapshot": state_digest(wanted)})
         self._known.add(state_digest(wanted))
-        problem = problem or disk_reserve.spending(self._layout, self._keep_former)
-        problem = problem or disk_reserve.spending(self._layout, lambda: self._replace(wanted))
+        problem = problem or files.spending(self._layout, self._keep_former)
+        problem = problem or files.spending(self._layout, lambda: self._replace(wanted))
         return [problem] if problem is not None else self._settle(wanted)
 
     def _replace(self, wanted: Snapshot) -> Diagnostic | None:
@@ -204,7 +202,7 @@ class StateStore:
         self._base = self._folded = snapshot
         self._known = {state_digest(snapshot)}
         self._dirty = False
-        problem = self._part_with_foreign() or self._journal.clear() or disk_reserve.give_back(self._layout)
+        problem = self._part_with_foreign() or self._journal.clear() or files.give_back(self._layout)
         return [problem] if problem is not None else []
 
 

@@ -1,8 +1,7 @@
 """The plan for a person and for a program."""
 
-from octoform.plan import tools
-from octoform.plan.encode import to_json
-from octoform.plan.model import Action, Plan, PlannedAction
+from octoform.plan import diff
+from octoform.plan.model import Action, Plan, PlannedAction, to_json
 from octoform.views.format.console import Console
 from octoform.views.format.stream import JsonStream
 from octoform.views.format.values import money, one_line
@@ -81,7 +80,7 @@ class PlanHuman:
             self._console.line(f"{self._symbol(line.action)} {one_line(line.text, WIDTH)}")
 
     def _tools(self, plan: Plan) -> None:
-        found = [change for change in plan.changes if change.kind == tools.KIND]
+        found = [change for change in plan.changes if change.kind == diff.KIND]
         if found:
             self._console.line("\nTools of the endpoint that INTERFACE has otherwise now:")
         for change in found:

@@ -17,7 +17,7 @@ from octoform.digest import of_bytes
 from octoform.endpoint.client.check import CheckReport, TrialCall
 from octoform.harness.port import Usage
 from octoform.manifest.model import Perception
-from octoform.perception.frame_store import RECORD
+from octoform.perception.frames import RECORD
 from octoform.state.layout import Layout
 
 AT = "2026-11-22T10:00:00Z"

@@ -19,7 +19,7 @@ from octoform.endpoint.client.terminal import CallResult, Wanted
 from octoform.graph.model import Graph, Node, NodeKind
 from octoform.profiles import load
 from octoform.protocol import schema_dir, step_paths
-from octoform.protocol.step_loader import load_step
+from octoform.protocol.loader import load_step
 from octoform.state.layout import STAGES, Layout
 
 ARM = Path(__file__).parents[3] / "profiles" / "so-arm101.md"

@@ -15,12 +15,11 @@ from octoform.apply.trials.by_reading import Bench, Tried, by_reading
 from octoform.apply.trials.tool_client import Answer, Seen, Value, at, fitting
 from octoform.endpoint.scripts.picture import digest, grain_of
 from octoform.perception.image_quality import Picture
-from octoform.protocol.steps import Proof
-from octoform.simulation import packets
-from octoform.simulation.camera import Sensor
+from octoform.protocol.model import Proof
+from octoform.simulation import servo
 from octoform.simulation.descriptions import load
 from octoform.simulation.rail_firmware import LineDevice
-from octoform.simulation.scene import Scene
+from octoform.simulation.scene import Scene, Sensor
 from octoform.simulation.servos import ServoBus
 
 JOINTS = {"shoulder_pan": 1, "shoulder_lift": 2, "elbow_flex": 3, "wrist_flex": 4, "wrist_roll": 5, "gripper": 6}
@@ -47,13 +46,13 @@ class Time:
 
 
 def read(bus: ServoBus, number: int, address: int, size: int) -> int:
-    answer = bus.feed(packets.packet(number, packets.READ, bytes([address, size])))
+    answer = bus.feed(servo.packet(number, servo.READ, bytes([address, size])))
     assert answer, "the servo does not answer"
     return int.from_bytes(answer[5:-1], "little")
 
 
 def write(bus: ServoBus, number: int, address: int, size: int, value: int) -> None:
-    bus.feed(packets.packet(number, packets.WRITE, bytes([address]) + value.to_bytes(size, "little")))
+    bus.feed(servo.packet(number, servo.WRITE, bytes([address]) + value.to_bytes(size, "little")))
 
 
 @dataclass

@@ -10,7 +10,7 @@ from octoform.base.id_databases import IdDatabases
 from octoform.builtin.identify.stage import identify
 from octoform.builtin.interface.stage import declare
 from octoform.builtin.probe.stage import probe_root
-from octoform.profiles import for_task, holds
+from octoform.profiles import devices_of, for_task
 from octoform.profiles.parser import load
 from octoform.simulation.rig import Rig
 
@@ -27,7 +27,7 @@ def tools(folder: Path, answers: dict[str, str], description: dict[str, Any]) ->
         rig.stop()
     profiles, found = load(PROFILES)
     assert not found
-    known = [for_task(one, holds(one, probe, answers)) for one in profiles]
+    known = [for_task(one, devices_of(one, probe, answers)) for one in profiles]
     interface = declare(identify(probe, IdDatabases(folder), known, answers), 30, known)
     devices = {device for tool in interface["tools"] for device in tool["devices"]}
     return {device: {tool["name"] for tool in interface["tools"] if device in tool["devices"]} for device in devices}

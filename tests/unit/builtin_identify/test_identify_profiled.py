@@ -10,7 +10,7 @@ from probes import NO_DATABASES, device, probe, usb
 from octoform.builtin.identify.stage import identify
 from octoform.contracts.checking import check
 from octoform.contracts.model import Artifacts, ProfileFacts
-from octoform.profiles import for_task, holds, load
+from octoform.profiles import devices_of, for_task, load
 
 ROOT = Path(__file__).parents[3]
 PROFILES, _ = load(sorted((ROOT / "profiles").glob("*.md")))
@@ -19,7 +19,7 @@ ARM, RAIL = "so-arm101", "camera-rail"
 
 def agent(artifact: Mapping[str, Any], answers: Mapping[str, str] | None = None) -> dict[str, dict[str, Any]]:
     """What the agent says of each device, as octoform gives it the profiles; the contract has nothing against it."""
-    held = [(profile, holds(profile, artifact, answers or {})) for profile in PROFILES]
+    held = [(profile, devices_of(profile, artifact, answers or {})) for profile in PROFILES]
     task = [for_task(profile, ids) for profile, ids in held if ids]
     found = identify(dict(artifact), NO_DATABASES, task)
     facts = {profile.name: ProfileFacts(profile.name, ids, profile.limits) for profile, ids in held}
@@ -87,7 +87,7 @@ def test_a_profile_cannot_manufacture_hardware() -> None:
 def test_an_agent_that_claims_a_profile_for_another_device_is_refused() -> None:
     rail, other = board("2341", "804f", "Camera Rail"), board("1d9c", "0002", "Heron Stepper HW-12")
     artifact = probe(rail, other)
-    facts = {item.name: ProfileFacts(item.name, holds(item, artifact), item.limits) for item in PROFILES}
+    facts = {item.name: ProfileFacts(item.name, devices_of(item, artifact), item.limits) for item in PROFILES}
     found = identify(artifact, NO_DATABASES, [for_task(item, facts[item.name].holds) for item in PROFILES])
     stolen = next(item for item in found["devices"] if item["id"] == other["id"])
     stolen |= {"method": "profile", "profile": RAIL}

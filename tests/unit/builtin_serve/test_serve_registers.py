@@ -21,9 +21,9 @@ from octoform.contracts.serve_actuate_rules import RULES as ACTUATE_RULES
 from octoform.contracts.serve_device_rules import RULES as DEVICE_RULES
 from octoform.profiles import for_task, load
 from octoform.runtime import DeviceFault
-from octoform.simulation import packets
+from octoform.simulation import servo
 from octoform.simulation.descriptions import load as rig
-from octoform.simulation.packets import Reader, packet
+from octoform.simulation.servo import Reader, packet
 from octoform.simulation.servos import ServoBus
 
 DEVICE = "usb-1a86-55d3"
@@ -73,7 +73,7 @@ class Packets:
             setattr(self, f"write{size}ByteTxRx", partial(self._write, size))
 
     def _read(self, size: int, port: Any, unit: int, address: int) -> tuple[int, int, int]:
-        found = self._answer(port, packet(unit, packets.READ, bytes([address, size])))
+        found = self._answer(port, packet(unit, servo.READ, bytes([address, size])))
         if isinstance(found, int):
             return 0, found, 0
         if self._library.short:
@@ -81,10 +81,10 @@ class Packets:
         return int.from_bytes(found.parameters[:size], "little"), 0, found.instruction
 
     def _write(self, size: int, port: Any, unit: int, address: int, value: int) -> tuple[int, int]:
-        found = self._answer(port, packet(unit, packets.WRITE, bytes([address]) + value.to_bytes(size, "little")))
+        found = self._answer(port, packet(unit, servo.WRITE, bytes([address]) + value.to_bytes(size, "little")))
         return (found, 0) if isinstance(found, int) else (0, found.instruction)
 
-    def _answer(self, port: Any, data: bytes) -> packets.Packet | int:
+    def _answer(self, port: Any, data: bytes) -> servo.Packet | int:
         assert port.is_open and port.baud == 1_000_000
         self._library.now += 0.001
         text = self._library.late + self._library.bus.feed(data)

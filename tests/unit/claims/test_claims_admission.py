@@ -7,9 +7,8 @@ from typing import Any
 import pytest
 from ledgers import ARM, ELBOW_TARGET, SECONDS, STILL, Bench, heat, load
 
-from octoform.claims.conditions import holds, tighter
-from octoform.claims.model import Channel, Claim, Condition, Restriction, Signal, State
-from octoform.claims.proposal import Proposal, of_claim, of_declaration
+from octoform.claims.admission import Proposal, of_claim, of_declaration
+from octoform.claims.model import Channel, Claim, Condition, Restriction, Signal, State, holds, tighter
 from octoform.diagnostics import Diagnostic
 
 

@@ -13,8 +13,8 @@ import pytest
 from ledgers import ELBOW_TARGET, SECONDS, STILL, Bench, Clock, heat, load
 
 from octoform.claims import ledger as ledgers
+from octoform.claims.admission import Proposal
 from octoform.claims.model import Claim, Restriction, State
-from octoform.claims.proposal import Proposal
 from octoform.claims.readings import MOST_SIGNALS, OF_ONE
 from octoform.diagnostics import Diagnostic
 

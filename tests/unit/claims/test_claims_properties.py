@@ -13,10 +13,9 @@ from hypothesis import strategies as st
 from ledgers import ELBOW_TARGET, SECONDS, STILL, Bench, Clock, heat, load
 
 from octoform.claims import ledger as ledgers
+from octoform.claims.admission import DECLARATIONS, Proposal
 from octoform.claims.codec import evidence_of
-from octoform.claims.conditions import holds, tighter
-from octoform.claims.model import Claim, Condition, Reading, Restriction, Signal, State
-from octoform.claims.proposal import DECLARATIONS, Proposal
+from octoform.claims.model import Claim, Condition, Reading, Restriction, Signal, State, holds, tighter
 from octoform.conditions import OPERATORS
 from octoform.launcher.restrictions import Restrictions
 

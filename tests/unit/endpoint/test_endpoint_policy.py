@@ -13,7 +13,7 @@ from octoform.endpoint.publish.policy import resolve
 from octoform.endpoint.publish.policy_check import doubts
 from octoform.launcher import policy as launcher
 from octoform.launcher.limits import Ledger
-from octoform.manifest.policy_model import Limit, Policy, Rule
+from octoform.manifest.model import Limit, Policy, Rule
 from octoform.profiles import Profile
 from octoform.profiles.match_rule import Rule as Evidence
 from octoform.profiles.model import Stop

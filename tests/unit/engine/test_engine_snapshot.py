@@ -16,8 +16,7 @@ from octoform.manifest.model import Perception
 from octoform.perception.capture import Taken
 from octoform.perception.frames import Camera
 from octoform.perception.image_quality import Picture
-from octoform.simulation.camera import Sensor
-from octoform.simulation.scene import Scene
+from octoform.simulation.scene import Scene, Sensor
 from octoform.state.layout import Layout
 
 CAMERA = Camera(device="usb-1f00-00c1", tool="capture_image", arguments={"device": "usb-1f00-00c1"})

@@ -18,7 +18,7 @@ from octoform.harness import transcript
 from octoform.harness.port import Said, ToolCalled
 from octoform.harness.recording import Recording, load
 from octoform.state.artifacts.attempts import SpecEdit
-from octoform.state.artifacts.instances import write_instances
+from octoform.state.artifacts.cache import write_instances
 
 SERIAL, ADDRESS, HOST = "QX-77120-B", "02:00:5e:10:00:01", "lab-machine-4"
 PROBE: dict[str, Any] = {

@@ -3,8 +3,7 @@
 from hypothesis import given
 from hypothesis import strategies as st
 
-from octoform.graph.dot import to_dot, to_mermaid
-from octoform.graph.model import Graph, Node, NodeKind, key_of, key_parts
+from octoform.graph.model import Graph, Node, NodeKind, key_of, key_parts, to_dot, to_mermaid
 
 CHAIN = Graph(
     (

@@ -4,12 +4,11 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from octoform.graph.compile import compile_graph
-from octoform.graph.dot import to_dot, to_mermaid
-from octoform.graph.model import Graph, Node, NodeKind
+from octoform.graph.model import Graph, Node, NodeKind, to_dot, to_mermaid
 from octoform.manifest.loader import load
 from octoform.profiles import load_text
 from octoform.protocol import STAGES, Spec, Step, step_paths
-from octoform.protocol.step_loader import load_step
+from octoform.protocol.loader import load_step
 
 SPECS = {name: Spec(name, Path(name), "", "", f"sha256:{name}", (), "", None) for name in STAGES}
 STEPS = {name: load_step(name, path, None)[0] for name, path in step_paths(None).items()}

@@ -8,8 +8,8 @@ import pytest
 from octoform.harness import registry
 from octoform.harness.adapters.program import ProgramHarness
 from octoform.harness.node import dotted
+from octoform.manifest.credentials import PROVIDERS
 from octoform.manifest.model import HarnessSpec
-from octoform.manifest.providers import PROVIDERS
 
 TEXT = (Path(__file__).parents[3] / "docs" / "agents.md").read_text()
 ROWS = {

@@ -11,8 +11,8 @@ from octoform.diagnostics import Diagnostic
 from octoform.harness import logins
 from octoform.harness.access import Access, access
 from octoform.harness.logins import Found, find
+from octoform.manifest.credentials import RESPONSES
 from octoform.manifest.model import HarnessSpec
-from octoform.manifest.providers import RESPONSES
 
 NOW = 1_800_000_000.0
 CLAUDE, CODEX = HarnessSpec("claude-code", login=True), HarnessSpec("codex", login=True)

@@ -18,8 +18,7 @@ from octoform.apply.stage.attempt_record import attempts
 from octoform.diagnostics import Diagnostic, Span, error, to_json
 from octoform.engine.results import RunResult
 from octoform.escaping import is_hidden
-from octoform.graph.dot import to_dot, to_mermaid
-from octoform.graph.model import Graph, Node, NodeKind
+from octoform.graph.model import Graph, Node, NodeKind, to_dot, to_mermaid
 from octoform.harness.port import TaskLimits
 from octoform.harness.watching import Watcher
 from octoform.protocol import MOST_PROMPT_BYTES, STAGES, Prompt, render_prompt

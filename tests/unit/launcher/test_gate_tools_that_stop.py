@@ -12,7 +12,7 @@ from gated import Gated, gated
 
 from octoform.endpoint.publish.policy import resolve
 from octoform.launcher import policy
-from octoform.manifest.policy_model import Limit, Policy, Rule
+from octoform.manifest.model import Limit, Policy, Rule
 
 begun, may_end = threading.Event(), threading.Event()
 log: list[str] = []

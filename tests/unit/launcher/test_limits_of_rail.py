@@ -16,7 +16,7 @@ from rig.rail import DEVICE, FARTHEST, HOT, MOST, Rail
 from octoform.endpoint.publish.policy import resolve
 from octoform.launcher import policy
 from octoform.launcher.limits import Ledger
-from octoform.manifest.policy_model import Limit, Policy
+from octoform.manifest.model import Limit, Policy
 from octoform.profiles import load
 
 (PROFILE,), _ = load([Path(__file__).parents[3] / "profiles" / "camera-rail.md"])

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from octoform.endpoint.publish.policy import resolve
 from octoform.launcher import policy
 from octoform.launcher.limits import Ledger, exact
-from octoform.manifest.policy_model import Limit, Policy
+from octoform.manifest.model import Limit, Policy
 
 BOUNDS = {"pan": (-40, 60), "lift": (0, 30), "grip": (-5, 5)}
 FARTHEST = {"pan": 100, "lift": 45, "grip": 12}

@@ -6,7 +6,8 @@ from pathlib import Path
 import pytest
 
 from octoform.diagnostics import Diagnostic
-from octoform.manifest import agent_locations, base_url
+from octoform.manifest import addresses
+from octoform.manifest.credentials import APIS, PROVIDERS, SEARCHERS
 from octoform.manifest.loader import load
 from octoform.manifest.model import (
     KEEPERS,
@@ -19,8 +20,8 @@ from octoform.manifest.model import (
     Price,
     Sandbox,
 )
-from octoform.manifest.providers import APIS, PROVIDERS, SEARCHERS
 from octoform.manifest.schema.harness import NAMES, table_of
+from octoform.manifest.source import tree
 
 AGENTS = ("claude-code", "codex", "gemini-cli", "litellm", "opencode", "pi", "qwen-code")
 
@@ -253,7 +254,7 @@ def test_names_are_complete() -> None:
     assert all(set(provider.urls) <= set(APIS) for provider in PROVIDERS.values())
     for name in NAMES:
         assert "name" in table_of(name).model_fields
-    assert len(agent_locations.HARNESSES) == 1 + len((*STAGES, *KEEPERS)) + len(("escalation",))
+    assert len(tree.HARNESSES) == 1 + len((*STAGES, *KEEPERS)) + len(("escalation",))
 
 
 @pytest.mark.parametrize(
@@ -275,7 +276,7 @@ def test_names_are_complete() -> None:
     ],
 )
 def test_base_urls(url: str, is_one: bool) -> None:
-    assert (base_url.complaint(url) is None) == is_one
+    assert (addresses.url_complaint(url) is None) == is_one
 
 
 @pytest.mark.parametrize(

@@ -11,7 +11,7 @@ from ruamel.yaml import YAML
 
 from octoform.diagnostics import Diagnostic, has_errors, to_json
 from octoform.manifest.loader import parse
-from octoform.manifest.schema.json_schema import json_schema
+from octoform.manifest.schema.document import json_schema
 from octoform.views.format.diagnostics import render_all
 
 WORDS = sorted(

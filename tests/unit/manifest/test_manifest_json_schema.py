@@ -7,7 +7,7 @@ from jsonschema import Draft202012Validator
 from manifest_cases import Case, all_cases
 from ruamel.yaml import YAML
 
-from octoform.manifest.schema.json_schema import json_schema, text
+from octoform.manifest.schema.document import json_schema, text
 
 ROOT = Path(__file__).parents[3]
 PUBLISHED = ROOT / "protocol" / "schemas" / "octopus.v1.schema.json"

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from octoform.manifest.edit import lines
+from octoform.manifest.edit import settings as lines
 from octoform.manifest.edit.settings import change, comments
 from octoform.manifest.loader import load
 

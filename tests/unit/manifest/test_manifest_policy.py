@@ -8,8 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from octoform.manifest.loader import parse
-from octoform.manifest.model import Manifest, Network, Tunnel
-from octoform.manifest.policy_model import Limit, Policy, Rule
+from octoform.manifest.model import Limit, Manifest, Network, Policy, Rule, Tunnel
 
 DOCS = Path(__file__).parents[3] / "docs" / "manifest.md"
 LOCAL = "sha256:400ce40b1f3f6379da02d2756531423078e042547f7bd71ad5c151d66e34c5a6"

@@ -10,8 +10,7 @@ import pytest
 
 from octoform.diagnostics import Diagnostic
 from octoform.endpoint.client.terminal import CallResult
-from octoform.perception.capture import Taken, judged, picture_of, take
-from octoform.perception.decoder import Decoded, decode, decode_with
+from octoform.perception.capture import Decoded, Taken, decode, decode_with, judged, picture_of, take
 from octoform.state.layout import Layout
 
 PYTHON = Path(sys.executable)

@@ -9,8 +9,7 @@ import pytest
 
 from octoform.diagnostics import error
 from octoform.perception.capture import Taken
-from octoform.perception.frame_store import keep, picture_of, read
-from octoform.perception.frames import MOST_BYTES, Record, with_absence, with_picture, words
+from octoform.perception.frames import MOST_BYTES, Record, keep, picture_of, read, with_absence, with_picture, words
 from octoform.perception.image_quality import Picture
 from octoform.state.layout import Layout
 

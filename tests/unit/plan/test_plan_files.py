@@ -3,8 +3,17 @@
 from test_plan_diff import FILES, FINGERPRINT, GRAPH, OUTPUTS, observed, settled
 
 from octoform.plan.diff import Observed, Prior, Wishes, diff
-from octoform.plan.encode import from_json, to_json
-from octoform.plan.model import Action, Change, NearProfile, OpenQuestion, Plan, ProfileUse, ToldDevice
+from octoform.plan.model import (
+    Action,
+    Change,
+    NearProfile,
+    OpenQuestion,
+    Plan,
+    ProfileUse,
+    ToldDevice,
+    from_json,
+    to_json,
+)
 from octoform.plan.planfile import PlanFile, applicable, describe, moved, read, units
 
 

@@ -6,10 +6,9 @@ from typing import Any
 import pytest
 
 from octoform.graph.model import Graph, Node, NodeKind, key_parts
-from octoform.plan import encode, planfile
-from octoform.plan.diff import Observed, Prior, Wishes, diff
+from octoform.plan import model, planfile
+from octoform.plan.diff import Observed, Prior, Wishes, diff, with_loans
 from octoform.plan.model import Action, Cause, Plan, PlannedAction, StepOutlook
-from octoform.plan.reuse import with_loans
 
 STEP = Node("step.lamp", NodeKind.STEP, ("serve",), {"spec": "sha256:spec"}, harness="builtin", after=("endpoint",))
 SERVE = Node("serve", NodeKind.STAGE, (), {"spec": "sha256:serve"}, harness="builtin")
@@ -74,7 +73,7 @@ def saved(graph: Graph, actions: tuple[PlannedAction, ...]) -> planfile.PlanFile
     made = Plan("bench", "apply", actions)
     units = planfile.units(graph, made, PRIOR, SEEN)
     document: dict[str, Any] = {"octoform": "1", "host": "bench", "lineage": None, "targets": None, "replace": []}
-    return planfile.PlanFile(**document, units=units, plan=encode.to_json(made))
+    return planfile.PlanFile(**document, units=units, plan=model.to_json(made))
 
 
 def test_a_saved_plan_removes_a_step_unless_it_moved_or_is_wanted_again() -> None:
@@ -93,6 +92,6 @@ def test_what_is_known_of_steps_survives_the_way_through_json() -> None:
         StepOutlook("step.fan", "turn it", "view", None),
     )
     made = Plan("bench", "apply", (), steps=steps)
-    assert encode.from_json(encode.to_json(made)) == made
+    assert model.from_json(model.to_json(made)) == made
     assert [item.skipped for item in steps] == [False, True, False]
-    assert "steps" not in encode.to_json(Plan("bench", "apply", ()))
+    assert "steps" not in model.to_json(Plan("bench", "apply", ()))

@@ -1,7 +1,7 @@
 """A tool with another name for the same devices and effect is a rename; everything else comes or goes."""
 
+from octoform.plan.diff import Tool, changes
 from octoform.plan.model import Action, Change
-from octoform.plan.tools import Tool, changes
 
 
 def tool(name: str, *devices: str, effect: str = "read") -> Tool:

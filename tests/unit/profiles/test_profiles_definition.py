@@ -6,7 +6,7 @@ from types import MappingProxyType
 import pytest
 
 from octoform.diagnostics import Diagnostic
-from octoform.profiles import Profile, briefing, contributions, for_task, holds, load, load_text, match_rule
+from octoform.profiles import Profile, briefing, contributions, devices_of, for_task, load, load_text, match_rule
 from octoform.profiles.definitions.definition import Command, Line, LineGrammar, Value, plain
 
 SHIPPED = Path(__file__).parents[3] / "profiles"
@@ -277,12 +277,12 @@ def test_a_name_is_enough_for_the_arm_and_for_nothing_else(chip: tuple[str, str]
     device, other = board(*chip), board("0403", "6001")
     name, stranger = str(device["id"]), str(other["id"])
     probe = {"devices": [device, other]}
-    assert holds(arm, probe, {name: sentence}) == {name}
-    assert holds(arm, probe) == frozenset()
-    assert holds(arm, probe, {stranger: sentence}) == frozenset()
-    assert holds(arm, {"devices": [other]}, {name: sentence}) == frozenset()
-    assert holds(arm, {"devices": [device | {"context": True}]}, {name: sentence}) == frozenset()
-    assert holds(arm, {"devices": [board(*chip, f"label: {word}")]}) == {name}
+    assert devices_of(arm, probe, {name: sentence}) == {name}
+    assert devices_of(arm, probe) == frozenset()
+    assert devices_of(arm, probe, {stranger: sentence}) == frozenset()
+    assert devices_of(arm, {"devices": [other]}, {name: sentence}) == frozenset()
+    assert devices_of(arm, {"devices": [device | {"context": True}]}, {name: sentence}) == frozenset()
+    assert devices_of(arm, {"devices": [board(*chip, f"label: {word}")]}) == {name}
 
 
 def test_a_version_in_an_answer_is_one_word() -> None:
@@ -304,7 +304,7 @@ def test_a_version_in_an_answer_is_one_word() -> None:
 )
 def test_what_a_person_denies_is_no_evidence(sentence: str, arm: bool) -> None:
     device = board("1a86", "7523")
-    held = holds(shipped()["so-arm101"], {"devices": [device]}, {str(device["id"]): sentence})
+    held = devices_of(shipped()["so-arm101"], {"devices": [device]}, {str(device["id"]): sentence})
     assert held == ({device["id"]} if arm else set())
 
 
@@ -312,6 +312,6 @@ def test_an_answer_is_whole_words_and_for_its_own_device_alone() -> None:
     rail = shipped()["camera-rail"]
     probe = {"devices": [board("2341", "804f"), board("2341", "804f") | {"id": "usb-2341-804f-2"}]}
     answers = MappingProxyType({"usb-2341-804f-2": "the Camera Rail"})
-    assert holds(rail, probe, answers) == {"usb-2341-804f-2"}
+    assert devices_of(rail, probe, answers) == {"usb-2341-804f-2"}
     assert contributions([rail], probe, answers) == [("usb-2341-804f-2", "camera-rail")]
-    assert holds(rail, probe, {"usb-2341-804f": "a camera railing"}) == frozenset()
+    assert devices_of(rail, probe, {"usb-2341-804f": "a camera railing"}) == frozenset()

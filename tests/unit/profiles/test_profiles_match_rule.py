@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from octoform.profiles import Profile, briefing, holds, load, match_rule, near
+from octoform.profiles import Profile, briefing, devices_of, load, match_rule, near
 
 ARM = Path(__file__).parents[3] / "profiles" / "so-arm101.md"
 
@@ -33,24 +33,24 @@ def test_the_arm_needs_a_known_chip_and_a_word(arm: Profile, chip: tuple[str, st
     chip_only = {"devices": [device(*chip, "product: USB Serial")]}
     word_only = {"devices": [device("0403", "6001", f"product: {word} bus board")]}
     neither = {"devices": [device("0403", "6001", "product: USB Serial")]}
-    assert holds(arm, chip_and_word) == {"usb-x"}
-    assert holds(arm, chip_only) == frozenset()
-    assert holds(arm, word_only) == frozenset()
-    assert holds(arm, neither) == frozenset()
+    assert devices_of(arm, chip_and_word) == {"usb-x"}
+    assert devices_of(arm, chip_only) == frozenset()
+    assert devices_of(arm, word_only) == frozenset()
+    assert devices_of(arm, neither) == frozenset()
 
 
 def test_the_word_must_be_said_of_that_very_device(arm: Profile) -> None:
     other = device("0403", "6001", "product: LeRobot camera mount", id="usb-y")
-    assert holds(arm, {"devices": [device("1a86", "7523", ""), other]}) == frozenset()
+    assert devices_of(arm, {"devices": [device("1a86", "7523", ""), other]}) == frozenset()
 
 
 def test_only_whole_words_count(arm: Profile) -> None:
     for text in ("SO-ARM1010", "xFeetech", "FeetechX"):
-        assert holds(arm, {"devices": [device("1a86", "7523", text)]}) == frozenset()
+        assert devices_of(arm, {"devices": [device("1a86", "7523", text)]}) == frozenset()
 
 
 def test_a_neighbour_is_never_met(arm: Profile) -> None:
-    assert holds(arm, {"devices": [device("1a86", "7523", "LeRobot", context=True)]}) == frozenset()
+    assert devices_of(arm, {"devices": [device("1a86", "7523", "LeRobot", context=True)]}) == frozenset()
 
 
 def rule(value: object) -> match_rule.Rule:
@@ -133,9 +133,9 @@ def test_every_rule_has_an_answer_for_every_device(value: object, facts: dict[st
 
 @given(junk)
 def test_holds_never_raises(arm: Profile, probe: object) -> None:
-    assert holds(arm, probe) == frozenset()
-    assert holds(arm, {"devices": probe}) == frozenset()
-    assert holds(arm, {"devices": [probe, {"id": probe}]}) == frozenset()
+    assert devices_of(arm, probe) == frozenset()
+    assert devices_of(arm, {"devices": probe}) == frozenset()
+    assert devices_of(arm, {"devices": [probe, {"id": probe}]}) == frozenset()
 
 
 def test_the_arms_stop_switches_the_torque_of_every_servo_off(arm: Profile) -> None:
@@ -192,4 +192,4 @@ def test_a_profile_is_near_where_a_word_alone_lacks_and_nobody_has_spoken(arm: P
     assert near([arm], {"devices": [bare]}, {"usb-x": "a lamp"}) == []
     more = replace(arm, evidence=match_rule.Rule("all", (arm.evidence, match_rule.Rule("class", words=("leds",)))))
     assert near([more], {"devices": [bare]}) == [], "a class lacks as well"
-    assert holds(arm, {"devices": [bare]}, {"usb-x": "SO-ARM101"}), "the word that was told is enough"
+    assert devices_of(arm, {"devices": [bare]}, {"usb-x": "SO-ARM101"}), "the word that was told is enough"

@@ -10,7 +10,7 @@ from octoform.engine.plan.configuration import compile_project
 from octoform.engine.plan.refresh import contract_digest
 from octoform.protocol import DUTIES, Prompt, render_prompt
 from octoform.protocol.loader import load
-from octoform.protocol.paths import own_path, shipped
+from octoform.protocol.model import own_path, shipped
 
 MANIFEST = "version: 1\nhost: bench\nharness: builtin\n"
 

@@ -8,7 +8,7 @@ import pytest
 from octoform import digest
 from octoform.protocol import DUTIES, STAGES
 from octoform.protocol.loader import load
-from octoform.protocol.paths import schema_dir, shipped, spec_paths
+from octoform.protocol.model import schema_dir, shipped, spec_paths
 
 PAGES = Path(__file__).parents[3] / "octoform" / "diagnostics" / "pages"
 

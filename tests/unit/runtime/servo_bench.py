@@ -8,9 +8,9 @@ from typing import Any
 from octoform.runtime import registers
 from octoform.runtime.registers import Field, Map, Motion, NoReply, Protect
 from octoform.runtime.units import Units
-from octoform.simulation import packets
+from octoform.simulation import servo
 from octoform.simulation.descriptions import load
-from octoform.simulation.packets import Reader, packet
+from octoform.simulation.servo import Reader, packet
 from octoform.simulation.servos import ServoBus
 
 NAMES = ("shoulder_pan", "shoulder_lift", "elbow_flex", "wrist_flex", "wrist_roll", "gripper")
@@ -101,14 +101,14 @@ class Bench:
         return self.bus.servos[ARM.units[name]]
 
     def read(self, unit_id: int, address: int, size: int) -> int:
-        return int.from_bytes(self._asked(unit_id, packets.READ, bytes([address, size])).parameters, "little")
+        return int.from_bytes(self._asked(unit_id, servo.READ, bytes([address, size])).parameters, "little")
 
     def write(self, unit_id: int, address: int, size: int, value: int) -> int:
         self.writes.append((unit_id, address, value))
-        answer = self._asked(unit_id, packets.WRITE, bytes([address]) + value.to_bytes(size, "little"))
+        answer = self._asked(unit_id, servo.WRITE, bytes([address]) + value.to_bytes(size, "little"))
         return answer.instruction
 
-    def _asked(self, unit_id: int, instruction: int, parameters: bytes) -> packets.Packet:
+    def _asked(self, unit_id: int, instruction: int, parameters: bytes) -> servo.Packet:
         self.now += 0.001
         answer = self.bus.feed(packet(unit_id, instruction, parameters))
         found = Reader(1.0).read(answer, self.now)

@@ -6,10 +6,9 @@ from pathlib import Path
 
 import pytest
 
-from octoform.simulation.camera import Camera
 from octoform.simulation.descriptions import load
 from octoform.simulation.rail_firmware import LineDevice
-from octoform.simulation.scene import Scene
+from octoform.simulation.scene import Camera, Scene
 from octoform.simulation.servos import ServoBus
 
 GIVEN = load("reference")["devices"]

@@ -9,8 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from octoform.simulation.descriptions import load
-from octoform.simulation.motion import planned, resting
-from octoform.simulation.packets import (
+from octoform.simulation.servo import (
     ACTION,
     ANGLE,
     EVERYBODY,
@@ -22,6 +21,8 @@ from octoform.simulation.packets import (
     SYNC_WRITE,
     WRITE,
     packet,
+    planned,
+    resting,
 )
 from octoform.simulation.servos import ServoBus
 

@@ -9,7 +9,7 @@ from hypothesis import strategies as some
 
 from octoform.state.artifacts import cache
 from octoform.state.artifacts.accepted import accept, file_digest
-from octoform.state.artifacts.damage import MOST_ASIDE, Damage, damage_of, set_aside
+from octoform.state.artifacts.cache import MOST_ASIDE, Damage, damage_of, set_aside
 from octoform.state.layout import Layout
 
 SERVER = b"import os\n\n\ndef tool():\n    return os.name\n"

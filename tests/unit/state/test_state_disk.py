@@ -10,13 +10,12 @@ from pathlib import Path
 
 import pytest
 
+from octoform.base.files import TEMPORARY
 from octoform.diagnostics import Diagnostic
 from octoform.state.artifacts.accepted import accept, file_digest
-from octoform.base.files import TEMPORARY
-from octoform.state.files import check_writable, full_disk, read_regular, write_atomic
+from octoform.state.files import check_writable, full_disk, read_regular, reserve_path, write_atomic
 from octoform.state.layout import Layout
 from octoform.state.model import NodeState
-from octoform.state.disk_reserve import reserve_path
 from octoform.state.store.store import Ports, StateStore
 
 HERE = Path(__file__).parent

@@ -9,8 +9,8 @@ import pytest
 ROOT = Path(__file__).parents[3]
 HEAVY = ("pydantic", "git", "jsonschema", "ruamel", "jinja2", "rich", "tempfile", "subprocess")
 LIGHT = (
-    *("layout", "files", "disk_reserve", "lock_holder", "store.quick_read", "store.journal", "store.lock"),
-    *("artifacts.accepted", "artifacts.instances", "git.head"),
+    *("layout", "files", "lock_holder", "store.quick_read", "store.journal", "store.lock"),
+    *("artifacts.accepted", "artifacts.cache", "git.head"),
 )
 
 

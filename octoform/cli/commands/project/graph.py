@@ -5,7 +5,7 @@ from argparse import Namespace
 from pathlib import Path
 
 from octoform.engine.plan.configuration import compile_project
-from octoform.graph.dot import to_dot, to_mermaid
+from octoform.graph.model import to_dot, to_mermaid
 from octoform.views.format import output, problems
 from octoform.views.format.console import Console
 

@@ -3,7 +3,7 @@
 from argparse import Namespace
 from pathlib import Path
 
-from octoform.manifest.schema.json_schema import json_schema
+from octoform.manifest.schema.document import json_schema
 from octoform.views.format import output
 from octoform.views.format.console import Console
 

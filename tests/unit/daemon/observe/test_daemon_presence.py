@@ -13,7 +13,7 @@ from octoform import host
 from octoform.daemon.model import Sighting
 from octoform.daemon.observe.presence import Presence, served
 from octoform.endpoint.process.record import Running
-from octoform.state.artifacts.instances import write_instances
+from octoform.state.artifacts.cache import write_instances
 from octoform.state.layout import Layout
 
 PLACE = "/sys/devices/usb1/1-5"

@@ -15,7 +15,7 @@ from octoform.daemon.repair.disk_cleanup import free, rotate
 from octoform.daemon.repair.dispatch import Repairs, done
 from octoform.daemon.repair.jobs import JOBS
 from octoform.endpoint.environment.model import MARKER
-from octoform.state.artifacts.instances import read_instances, write_instances
+from octoform.state.artifacts.cache import read_instances, write_instances
 from octoform.state.layout import Layout
 
 OLD = 1_000_000_000

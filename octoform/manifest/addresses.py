@@ -10,21 +10,21 @@ from urllib.parse import urlsplit
 
 from octoform.manifest.references import contains
 
-PATTERN = r"^(https?://[^\s/?#@]+(/[^\s?#@]*)?|\$\{[A-Za-z_][A-Za-z0-9_]*\}[^\s?#@]*)$"
-HINT = "write where the API is, such as http://127.0.0.1:8080 or https://models.example.org/v1"
+URL_PATTERN = r"^(https?://[^\s/?#@]+(/[^\s?#@]*)?|\$\{[A-Za-z_][A-Za-z0-9_]*\}[^\s?#@]*)$"
+URL_HINT = "write where the API is, such as http://127.0.0.1:8080 or https://models.example.org/v1"
 _REFERENCE = re.compile(r"\$\{[^{}]*\}?")
 _LOCAL_NAMES = ("localhost", "localhost.localdomain")
 
 
-def complaint(url: str) -> tuple[str, str] | None:
+def url_complaint(url: str) -> tuple[str, str] | None:
     """What keeps a URL without references from being a base URL, and what to do; None when it is one."""
     try:
         parts = urlsplit(url)
         port, host = parts.port, parts.hostname
     except ValueError:
-        return "this is no URL", HINT
+        return "this is no URL", URL_HINT
     if parts.scheme not in ("http", "https") or not host or port == 0 or re.search(r"\s", url):
-        return "this is no URL of http or https", HINT
+        return "this is no URL of http or https", URL_HINT
     if "@" in url:
         return "a base URL holds no user and no password", "name the variable of the key in `key`"
     if "?" in url or "#" in url:
@@ -32,13 +32,13 @@ def complaint(url: str) -> tuple[str, str] | None:
     return None
 
 
-def complaint_as_written(text: str) -> tuple[str, str] | None:
+def url_complaint_as_written(text: str) -> tuple[str, str] | None:
     """As `complaint`, of a text that may hold references; what they stand for is not known here."""
     if not contains(text):
-        return complaint(text)
+        return url_complaint(text)
     # A digit may stand in a host, a port and a path; what begins with a reference may begin with any scheme.
     filled = _REFERENCE.sub("1", text)
-    return complaint(f"http://{filled}" if text.startswith("${") else filled)
+    return url_complaint(f"http://{filled}" if text.startswith("${") else filled)
 
 
 def is_loopback(url: str) -> bool:
@@ -53,3 +53,25 @@ def is_loopback(url: str) -> bool:
         return ipaddress.ip_address(host).is_loopback
     except ValueError:
         return False
+
+
+# Names of hosts: what is legal, and what comes nearest to a name that is not. Light, for `init` and `validate`.
+
+HOST_PATTERN = r"^[a-z0-9]([a-z0-9-]{0,61}[a-z0-9])?$"
+DEFAULT_HOST = "local"
+
+
+def is_legal_host(name: str) -> bool:
+    """True for a DNS label in lower case, which is also safe as the name of a folder on every file system."""
+    return re.fullmatch(HOST_PATTERN[1:-1], name) is not None
+
+
+def nearest_host(text: str) -> str:
+    """The nearest legal name to a text, empty when nothing is left of it."""
+    return re.sub(r"[^a-z0-9]+", "-", text.lower()).strip("-")[:63].strip("-")
+
+
+def host_of_machine(machine: str) -> str:
+    """A name for a machine: the first label of its own name, or the default where that says nothing."""
+    name = nearest_host(machine.split(".")[0])
+    return DEFAULT_HOST if name in ("", "localhost") else name
