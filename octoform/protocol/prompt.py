@@ -55,6 +55,9 @@ MOST_TAIL_LINES = 100
 MOST_TAIL_BYTES = 8 * 1024
 MOST_DIAGNOSTICS = 20
 MOST_DIAGNOSTIC_CHARACTERS = 600
+_MORE = " ..."
+# Between two lines that no sign of their own joins.
+_LINE_END = re.compile(r"(?<=[^\s:;,.])\s*\n\s*")
 TEMPLATES = Path(__file__).parent / "templates"
 
 
@@ -178,8 +181,19 @@ def findings(items: Sequence[Diagnostic]) -> str:
         where = item.pointer or (f"line {item.span.line}" if item.span else item.path or "")
         text = f"{item.code}{' at ' + where if where else ''}: {item.summary}"
         text += f" ({item.hint})" if item.hint else ""
-        text += f": {item.detail}" if item.detail else ""  # what a tool or a program said; last, for it may be long
-        lines.append("- " + escaped(" ".join(text.split()))[:MOST_DIAGNOSTIC_CHARACTERS])
+        if item.detail:  # what a tool or a program said, or a list of items; last, for it may be long
+            text += ": " + _LINE_END.sub("; ", item.detail.strip())
+        lines.append("- " + _cut(escaped(" ".join(text.split())), MOST_DIAGNOSTIC_CHARACTERS))
     if len(items) > MOST_DIAGNOSTICS:
         lines.append(f"- and {len(items) - MOST_DIAGNOSTICS} more")
     return "\n".join(lines)
+
+
+def _cut(text: str, limit: int) -> str:
+    """At most ``limit`` characters of a line; what is cut ends after an item or a word, so that no path is half."""
+    if len(text) <= limit:
+        return text
+    head = text[: limit - len(_MORE)]
+    ends = (head.rfind("; "), head.rfind(" "))
+    end = next((at for at in ends if at > limit // 2), len(head))
+    return head[:end].rstrip(" ;,") + _MORE

@@ -142,7 +142,7 @@ def checked(project: Project) -> list[str]:
 
 def test_an_agent_can_hold_its_output_against_the_contract_before_it_ends(project: Project) -> None:
     first, second = checked(project)
-    assert "it would be refused (29 more checks)" in first and first.endswith("status 1\n")
+    assert "it would be refused (29 checks left)" in first and first.endswith("status 1\n")
     assert "/devices/0/capabilities/0/effect" in first
     assert "it would be accepted" in second and second.endswith("status 0\n")
     (folder,) = project.attempts("identify")

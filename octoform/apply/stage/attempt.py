@@ -112,7 +112,8 @@ class Checks:
         self.count += 1
         found = self._judge()
         if found:
-            return f"refused\nit would be refused ({MOST - self.count} more checks):\n{found}\n"
+            left = MOST - self.count
+            return f"refused\nit would be refused ({left} {'check' if left == 1 else 'checks'} left):\n{found}\n"
         return "accepted\nit would be accepted, as far as that shows without running it\n"
 
 

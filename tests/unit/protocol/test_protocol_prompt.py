@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from octoform.diagnostics import Span, error
 from octoform.protocol import MOST_PROMPT_BYTES, STAGES, Prompt, PromptTooLarge, Spec, render_prompt
 from octoform.protocol.loader import load
-from octoform.protocol.prompt import fenced, tail
+from octoform.protocol.prompt import MOST_DIAGNOSTIC_CHARACTERS, fenced, findings, tail
 
 SPECS: dict[str, Spec] = load(None)[0]
 
@@ -175,3 +175,13 @@ def test_no_prompt_tells_where_the_project_lies() -> None:
     )
     assert "somebody" not in told
     assert "../../../../state/bench/probe/output.json" in told
+
+
+def test_the_lines_of_a_detail_stay_apart_and_what_is_cut_ends_after_a_whole_item() -> None:
+    lines = [f"device-{at}: 'a device', /sys/devices/{'long/' * 12}{at}" for at in range(9)]
+    given = findings([error("CODE", "some are missing", hint="list each", detail="\n".join(lines))])
+    assert len(given) <= MOST_DIAGNOSTIC_CHARACTERS + len("- ") and given.endswith(" ...")
+    items = given.removesuffix(" ...").partition("(list each): ")[2].split("; ")
+    assert len(items) > 3 and items == lines[: len(items)]
+    words = findings([error("CODE", "word/" * 40 + " " + "/sys/devices/virtual " * 40)]).removesuffix(" ...")
+    assert words.endswith("/sys/devices/virtual")
