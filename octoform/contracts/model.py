@@ -24,12 +24,14 @@ class ProfileFacts:
     with ``minimum`` or ``maximum`` concern the contract: they have a ``parameter``; ``tool`` narrows one to the tools
     or capabilities that this glob matches, and ``unit`` names the unit of both numbers. ``commands`` are those of its
     grammar as an agent is told them (``tool``, ``effect``, ``parameters`` by name), none where it has no grammar.
+    ``product`` is what the profile calls the product, "" where it does not say.
     """
 
     name: str
     holds: frozenset[str] = frozenset()
     limits: tuple[Mapping[str, Any], ...] = ()
     commands: tuple[Mapping[str, Any], ...] = ()
+    product: str = ""
 
 
 @dataclass(frozen=True, slots=True)

@@ -187,7 +187,7 @@ def _changes(words: list[str], at: int) -> bool:
         )
     if kind == "sure":
         return before not in ("of", "a")
-    starts = not before.isalnum() or before in _BEFORE_VERB
+    starts = not before.replace("'", "").isalnum() or before in _BEFORE_VERB  # what is somebody's is a noun
     if form == "s":
         return starts and before not in _BEFORE_NOUN and (before not in ("and", "or") or after in _THINGS)
     return starts and not clause & {"whether"} and not (before in ("and", "or") and not _begins(words, at))

@@ -18,7 +18,7 @@ from octoform.contracts.model import Artifacts, JsonObject, Rule
 from octoform.contracts.naming import is_class_word, kind_of, says_nothing
 from octoform.contracts.prose_rules import is_foreign
 from octoform.contracts.text import pointer, shown
-from octoform.contracts.wording import has_digit, is_proper, missing, parts, said, words
+from octoform.contracts.wording import has_digit, is_proper, missing, parts, said, says_language, words
 from octoform.diagnostics import Diagnostic, error
 
 # From here on a name is claimed to be known; below, the kind of thing is all that is said.
@@ -33,12 +33,6 @@ _SOURCE = re.compile(r"(?i)\b(?:usb|pci|sdio)\.ids\b|\bhwdb\b|\bid database\b")
 _HEAD = re.compile(r"\s(?:with|via|through|behind|over|using|on|for|in|beside|under)\s|[(,;:/]", re.IGNORECASE)
 # Numbers of a kind's registration, which a name does not consist of.
 _CODES = re.compile(r"(?m)^(?:[\w.\[\]]*(?:_id|_code|revision|modalias|alias|_class|\.id|usages)|interface \w+): .*$")
-# Who says which language a word is of, or what it means, gives the reason for a name that no string holds.
-_LANGUAGE = re.compile(
-    r"(?i)\b(?:german|french|spanish|italian|portuguese|dutch|polish|czech|russian|ukrainian|chinese|japanese|korean"
-    r"|turkish|arabic|hebrew|persian|swedish|danish|norwegian|finnish|hungarian|romanian|greek|hindi|thai|vietnamese"
-    r"|english|translat\w*|means?)\b"
-)
 # Where PROBE says which kinds of input a device sends, no other follows from its class.
 _INPUT_KINDS = re.compile(r"(?m)^input\[\d+\]\.kinds: ")
 _INPUTS = ("mouse", "keyboard", "touchpad", "touchscreen")
@@ -160,6 +154,12 @@ def _claims(value: JsonObject, artifacts: Artifacts) -> Iterable[tuple[int, Json
             yield index, device, known
 
 
+def _held_products(device: JsonObject, artifacts: Artifacts) -> list[str]:
+    """What the profile that holds for a device, and that its annotation names, calls the product."""
+    facts = artifacts.profiles.get(device.get("profile", ""))
+    return [facts.product] if facts is not None and device["id"] in facts.holds else []
+
+
 def _entry(device: JsonObject, artifacts: Artifacts) -> str | None:
     """What the host's databases say of a device; "" for nothing, None where nobody looked."""
     return None if artifacts.registered is None else artifacts.registered.get(device["id"], "")
@@ -175,7 +175,7 @@ def _unsupported(device: JsonObject, probed: JsonObject, entry: str | None, arti
     spelt = words(name)
     telling = [word for word in spelt if _tells(word.casefold())]
     quoted = said(_KEY.sub("", evidence["quote"]) for evidence in device["evidence"]) - _codes(probed)
-    answer = said(answer_rules.texts(device["id"], artifacts))
+    answer = said([*answer_rules.texts(device["id"], artifacts), *_held_products(device, artifacts)])
     bare = _of_class(spelt, quoted, probed) if not telling and device["method"] != _ANSWER else []
     untold = [] if bare else _kinds(name, device, probed, quoted | answer | said([entry or ""]))
     unsaid = {*_untold(device, probed, entry, telling, quoted | answer), *untold, *bare}
@@ -230,7 +230,7 @@ def _untold(
 def _translated(device: JsonObject) -> frozenset[str]:
     """The words of what is said about a language or a meaning; a number is no translation."""
     told = [evidence.get("says", "") for evidence in device["evidence"]]
-    return frozenset(word for word in said(text for text in told if _LANGUAGE.search(text)) if not has_digit(word))
+    return frozenset(word for word in said(text for text in told if says_language(text)) if not has_digit(word))
 
 
 def _meanings(device: JsonObject) -> frozenset[str]:

@@ -12,14 +12,25 @@ from collections.abc import Iterator
 from octoform.contracts.kinds import RAW
 from octoform.contracts.model import Artifacts, JsonObject, Rule, described, effects_of
 from octoform.contracts.movement_words import carries, is_quantity, name_moves, speaks_of_change, spoken
-from octoform.contracts.naming import changes, is_passthrough, offers_a_pipe
+from octoform.contracts.naming import changes, is_class_word, is_passthrough, offers_a_pipe, says_nothing
 from octoform.contracts.text import pointer, shown
+from octoform.contracts.wording import parts, said, says_language, words
 from octoform.diagnostics import Diagnostic, error
 
 CODE, READ, OFFERED = "IDENTIFY-ACTUATE-WITHOUT-PROFILE", "IDENTIFY-READ-MOVES", "IDENTIFY-PROFILE-NOT-CHOSEN"
+UNFOUNDED = "IDENTIFY-READ-UNFOUNDED"
 TOOL, LIMITED, UNSAFE = "INTERFACE-READ-MOVES", "INTERFACE-READ-LIMITED", "INTERFACE-REASON-FALSE"
 _USB_CLASS = re.compile(r"\bclass (?:01|06|07|08|0b|0e)/[0-9a-f]{2}/[0-9a-f]{2}")
 # USB-IF, Defined Class Codes: audio, still image, printer, storage, smart card and video have commands of their own.
+_NAMING = re.compile(
+    r"^(?:name|product|model|label|description|[\w.\[\]]*\.(?:name|label|product|model)|interface \w+ string"
+    r"|udev\.ID_MODEL\w*|of_name|compatible): (.*)$",
+    re.MULTILINE,
+)
+"""Lines of PROBE in which a device says what it is."""
+_MAKER = re.compile(
+    r"^(?:manufacturer|vendor|[\w.\[\]]*\.(?:manufacturer|vendor)|udev\.ID_VENDOR\w*): (.*)$", re.MULTILINE
+)
 _LISTENS = frozenset({"listen", "listens", "listening", "presence", "present", "attached", "connected"})
 
 
@@ -31,7 +42,7 @@ def actuate_without_profile(value: JsonObject, artifacts: Artifacts) -> list[Dia
             CODE,
             f"{shown(capability['name'])} acts on {shown(device['id'])} through a raw line, and no profile says how",
             pointer=pointer("devices", index, "capabilities", at),
-            hint=f"leave it out; {cure(device['id'], artifacts)}: it gives limits and how to stop",
+            hint=f"leave it out; {cure(device['id'], artifacts)}; it gives limits and how to stop",
         )
         for index, device in enumerate(value["devices"])
         if not known_by_a_person(device, artifacts) and RAW.issuperset(probed.get(device["id"], {}).get("classes", ()))
@@ -52,8 +63,25 @@ def read_moves(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
             member, why = found
             summary = f"{shown(capability['name'])} of {shown(device['id'])} is declared read, and {why}"
             where = pointer("devices", index, "capabilities", at, member)
-            hint = f"leave it out, or say what it reads; this device needs a profile: {cure(device['id'], artifacts)}"
+            hint = f"leave it out, or say what it reads; {cure(device['id'], artifacts)}"
             out.append(error(READ, summary, pointer=where, hint=hint))
+    return out
+
+
+def read_unfounded(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
+    """What is read through a line that nobody knows rests on a word of the device; a bare board gives none."""
+    probed = {device["id"]: device for device in (artifacts.probe or {}).get("devices", ())}
+    out = []
+    for index, at, device, capability in _reading(value, artifacts):
+        if device["id"] in artifacts.offered or _only_listens(capability) or _is_told(capability):
+            continue
+        if _capability_moves(capability) or _says_what_it_gives(device, capability, probed[device["id"]], artifacts):
+            continue
+        summary = f"nothing that {shown(device['id'])} says of itself tells what {shown(capability['name'])} would read"
+        where = pointer("devices", index, "capabilities", at)
+        hint = "a board or an adapter is a part: write category unknown, confidence 0.0, no capabilities, and in "
+        hint += "`missing` the question what it is used for; where its strings say it in another language, `says` tells"
+        out.append(error(UNFOUNDED, summary, pointer=where, hint=hint))
     return out
 
 
@@ -138,7 +166,12 @@ def unsafe_known(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
     return out
 
 
-RULES = (Rule(CODE, actuate_without_profile), Rule(READ, read_moves), Rule(OFFERED, profile_not_chosen))
+RULES = (
+    Rule(CODE, actuate_without_profile),
+    Rule(READ, read_moves),
+    Rule(UNFOUNDED, read_unfounded),
+    Rule(OFFERED, profile_not_chosen),
+)
 INTERFACE_RULES = (Rule(TOOL, tool_moves), Rule(LIMITED, read_limited), Rule(UNSAFE, unsafe_known))
 
 
@@ -180,8 +213,11 @@ def is_raw_line(device: JsonObject) -> bool:
 def cure(device: str, artifacts: Artifacts) -> str:
     """What supplies the knowledge that is missing, in a sentence."""
     if device in artifacts.offered:
-        return f"the profile {artifacts.offered[device]} matches it: add it to `profiles` in octopus.yaml"
-    return f"`octoform profile new {device}` drafts a profile, and `octoform answer {device}=...` says what it is"
+        return (
+            f"for its owner alone: `profiles: [{artifacts.offered[device]}]` in octopus.yaml, a profile that matches it"
+        )
+    drafts = f"`octoform profile new {device}` drafts a profile"
+    return f"for its owner alone: {drafts}, `octoform answer {device}` says what it is"
 
 
 def _reading(value: JsonObject, artifacts: Artifacts) -> Iterator[tuple[int, int, JsonObject, JsonObject]]:
@@ -197,6 +233,20 @@ def _is_told(value: JsonObject) -> bool:
     """Whether a capability or a tool is refused wherever its device is, as a raw pipe or for an effect understated."""
     name, description = value["name"], value["description"].partition("Through:")[0]
     return bool(is_passthrough(name) or offers_a_pipe(description) or changes(name, description))
+
+
+def _says_what_it_gives(device: JsonObject, capability: JsonObject, entry: JsonObject, artifacts: Artifacts) -> bool:
+    """Whether a string of the device, or a database's entry for it, holds a word for what it measures or is."""
+    raw = str(entry.get("raw_descriptor", ""))
+    told = [str(entry.get("name", "")), *_NAMING.findall(raw), (artifacts.registered or {}).get(device["id"], "")]
+    own = said(told) - said(_MAKER.findall(raw))
+    own = frozenset(word for word in own | parts(own) if not says_nothing(word))
+    if any(is_class_word(word) for word in own) or any(
+        says_language(each.get("says", "")) for each in device["evidence"]
+    ):
+        return True
+    kinds = words(device.get("class", "").replace("_", " ")) + spoken(capability["name"])[1:]
+    return not own.isdisjoint(said(kinds))
 
 
 def _only_listens(capability: JsonObject) -> bool:

@@ -16,6 +16,12 @@ _JOINED: tuple[tuple[re.Pattern[str], str], ...] = (
     (re.compile(r"\b([23])-?[Dd]\b"), r"\1d"),
 )
 _JOINED += ((re.compile(r"\bSoC\b"), "SOC"), (re.compile(r"\beMMC\b"), "EMMC"), (re.compile(r"\bm\.2\b", re.I), "m2"))
+# Who says which language a word is of, or what it means, gives the reason for a name that no string holds.
+_LANGUAGE = re.compile(
+    r"(?i)\b(?:german|french|spanish|italian|portuguese|dutch|polish|czech|russian|ukrainian|chinese|japanese|korean"
+    r"|turkish|arabic|hebrew|persian|swedish|danish|norwegian|finnish|hungarian|romanian|greek|hindi|thai|vietnamese"
+    r"|english|translat\w*|means?)\b"
+)
 _PARTS = re.compile(r"[a-z]{3,}")
 _LONGEST_RUN = 3
 
@@ -55,6 +61,11 @@ def missing(of: Sequence[str], in_these: frozenset[str]) -> list[str]:
             if _folded("".join(run)) in in_these or "".join(run) in in_these:
                 borne.update(range(start, start + length))
     return [word for at, word in enumerate(of) if at not in borne]
+
+
+def says_language(text: str) -> bool:
+    """Whether a text says which language a word is of, or what it means."""
+    return _LANGUAGE.search(text) is not None
 
 
 def has_digit(word: str) -> bool:

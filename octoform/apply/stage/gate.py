@@ -195,7 +195,8 @@ def artifacts(context: Context, stage: str, value: object) -> Artifacts:
     manifest = context.manifest
     held = {profile.name: devices_of(profile, probe, manifest.answers) for profile in context.profiles}
     facts = {
-        item.name: ProfileFacts(item.name, held[item.name], item.limits, commands(item)) for item in context.profiles
+        item.name: ProfileFacts(item.name, held[item.name], item.limits, commands(item), item.product)
+        for item in context.profiles
     }
     budget = manifest.budget_for("interface").tools
     registered = _registered(probe, context) if stage == "identify" and isinstance(probe, Mapping) else None

@@ -148,7 +148,8 @@ def verify(compiled: Compiled, stage: str, artifacts: Mapping[str, Any]) -> list
     manifest = compiled.manifest
     held = {item.name: devices_of(item, probe, manifest.answers) for item in compiled.profiles}
     facts = {
-        item.name: ProfileFacts(item.name, held[item.name], item.limits, commands(item)) for item in compiled.profiles
+        item.name: ProfileFacts(item.name, held[item.name], item.limits, commands(item), item.product)
+        for item in compiled.profiles
     }
     budget = manifest.budget_for("interface").tools
     matching = offered(compiled.profiles, probe, manifest.answers)

@@ -113,7 +113,32 @@ def test_where_a_profile_is_at_hand_nothing_but_listening_goes_without_it() -> N
     assert identified("read_line_presence", offered=known) == identified("listen_sentences", offered=known) == []
     assert identified("read_angle", offered=known, answers=ANSWER) == []
     [found] = problems("identify", identify("read_angle", "It reads."), artifacts(probe=probe(), offered=known))
-    assert "acme-arm" in str(found.hint) and "profiles" in str(found.hint)
+    assert "leave it out" in str(found.hint) and "profiles: [acme-arm]" in str(found.hint)
+
+
+# What the device says of itself, the class that is written down for it, and whether that bears out a reading.
+SAID_OF_ITSELF = (
+    ("product: Nano Connect", "sensor", False),
+    ("manufacturer: Acme\nproduct: Nano 33", "weather_station", False),
+    ("manufacturer: Acme Scales\nproduct: Uno", "scale", False),
+    ("product: Acme GNSS receiver", "receiver", True),
+    ("product: Acme Postal Scale", "scale", True),
+    ("product: X-200\ninterface 00 string: Radiation Monitor", "radiation_monitor", True),
+    ("product: Acme Anemometer", "anemometer", True),
+)
+
+
+@for_each("case", SAID_OF_ITSELF)
+def test_a_reading_rests_on_what_the_device_says_of_itself(case: tuple[str, str, bool]) -> None:
+    lines, kind, right = case
+    value = identify("read_values", "Read the values that the board's program prints.")
+    evidence = [{"quote": line} for line in lines.splitlines()]
+    value["devices"][3] |= {"identified_as": lines.rpartition(": ")[2], "evidence": evidence, "class": kind}
+    known = probe()
+    known["devices"][3] |= {"name": lines.rpartition(": ")[2], "raw_descriptor": lines}
+    codes = [item.code for item in problems("identify", value, artifacts(probe=known))]
+    assert ("IDENTIFY-READ-UNFOUNDED" not in codes) == right, codes
+    assert {"IDENTIFY-READ-MOVES", "IDENTIFY-QUOTE-NOT-VERBATIM"}.isdisjoint(codes)
 
 
 QUANTITIES: list[dict[str, Any]] = [
