@@ -21,7 +21,12 @@ _PYTHONS = tuple(f"3.{minor}.{patch}" for minor in range(8, 30) for patch in (0,
 def status_error(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
     """A DEPLOY that reports failure has failed."""
     if value["status"] == "ok":
-        return []
+        said = value.get("error", "").strip()
+        hint = (
+            "write status error where something is wrong; else leave `error` out (what was chosen goes to `conflicts`)"
+        )
+        summary = f"DEPLOY reports success and an error at once: {escaped(said[:300])}"
+        return [error("DEPLOY-STATUS-ERROR", summary, pointer="/error", hint=hint)] if said else []
     reason = value.get("error", "").strip()
     summary = f"DEPLOY reports failure: {escaped(reason[:300])}" if reason else "DEPLOY reports failure and no reason"
     failed = [f"{item['name']}: {item['reason']}" for item in value.get("deps_failed", ())]
@@ -83,7 +88,7 @@ def provider_twice(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
             where = pointer("imports", index, "provided_by")
             hint = "require the one whose build has what the server calls, and leave the other out"
             out.append(error("DEPLOY-PROVIDER-TWICE", summary, pointer=where, hint=hint))
-    return out + _builds_twice(value)
+    return out + _builds_twice(value) + _named_as_module(value)
 
 
 def version_outside(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
@@ -275,6 +280,21 @@ def _foreign_imports(artifacts: Artifacts) -> dict[str, bool]:
         for name, _, inside in imported_modules(source):
             if name not in ("runtime", ".") and not is_standard(name):
                 out[name] = out.get(name, True) and inside
+    return out
+
+
+def _named_as_module(value: JsonObject) -> list[Diagnostic]:
+    """A package that is required for a module which another one is said to provide."""
+    providers = {item["module"]: item["provided_by"] for item in value["imports"]}
+    out = []
+    for index, item in enumerate(value["requirements"]):
+        module = item.get("why", "").strip()
+        other = providers.get(module)
+        if other is not None and normalised(other) != normalised(item["name"]):
+            summary = f"{shown(item['name'])} is required for {shown(module)}, which {shown(other)} provides"
+            hint = "require the one package that provides the module, and leave the other out"
+            where = pointer("requirements", index, "name")
+            out.append(error("DEPLOY-PROVIDER-TWICE", summary, pointer=where, hint=hint))
     return out
 
 

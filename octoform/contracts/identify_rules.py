@@ -18,7 +18,7 @@ from octoform.contracts import (
 from octoform.contracts.capability_rules import capabilities
 from octoform.contracts.kinds import RAW, speaks_bytes
 from octoform.contracts.model import Artifacts, JsonObject, Rule
-from octoform.contracts.naming import is_chip_name, same_action, says_nothing
+from octoform.contracts.naming import is_chip_name, same_action, says_nothing, tokens
 from octoform.contracts.text import listed, pointer, shown
 from octoform.contracts.text_rules import in_values
 from octoform.contracts.wording import has_digit, said, words
@@ -170,7 +170,27 @@ def neighbour_promoted(value: JsonObject, artifacts: Artifacts) -> list[Diagnost
         )
         for index, device in enumerate(value["devices"])
         if device["id"] in context and device["capabilities"]
+    ] + [
+        error(
+            "IDENTIFY-NEIGHBOUR-PROMOTED",
+            f"{shown(capability['name'])} of {shown(device['id'])} searches what is merely near",
+            pointer=pointer("devices", index, "capabilities", at),
+            hint="leave the capability out: whom a port of the network belongs to nobody here knows",
+        )
+        for index, at, device, capability in capabilities(value)
+        if _searches(capability)
     ]
+
+
+def _searches(capability: JsonObject) -> bool:
+    """Whether a capability goes over the ports or the computers of a network."""
+    if set(tokens(capability["via"])) & _SEARCHERS:
+        return True
+    spoken = set(tokens(capability["name"]))
+    return bool(spoken & {"scan", "sweep", "enumerate"} and spoken & {"port", "ports", "subnet", "lan", "hosts"})
+
+
+_SEARCHERS = frozenset({"nmap", "masscan", "zmap", "netdiscover", "arping", "aircrack", "airodump", "nikto", "hydra"})
 
 
 def no_via(value: JsonObject, _: Artifacts) -> list[Diagnostic]:

@@ -7,7 +7,7 @@ text goes to a device, a shell or a file system as it is.
 
 import re
 from collections.abc import Iterator, Mapping
-from typing import Any
+from typing import Any, TypeGuard
 
 from octoform.contracts.model import Artifacts, JsonObject, Rule, effects_of
 from octoform.contracts.naming import changes, is_passthrough, offers_a_pipe, raw_parameter, tokens
@@ -52,6 +52,24 @@ def number_unbounded(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
                 )
                 hint = "write both into the schema: the range of the device, its profile's, or one that is safe for any"
                 out.append(error("INTERFACE-NUMBER-UNBOUNDED", summary, pointer=where, hint=hint))
+    return out
+
+
+def range_empty(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
+    """The range of a number holds something, and its default is within it."""
+    out = []
+    hint = "write the lower bound as minimum, the upper one as maximum, and a default between them"
+    for index, tool in enumerate(value["tools"]):
+        for name, where, member in _parameters(index, tool):
+            low, high, given = (member.get(word) for word in ("minimum", "maximum", "default"))
+            if _is_plain(low) and _is_plain(high) and low > high:
+                why = f"has the minimum {low:g} above the maximum {high:g}"
+            elif _is_plain(given) and ((_is_plain(low) and given < low) or (_is_plain(high) and given > high)):
+                why = f"has the default {given:g}, which its own range does not hold"
+            else:
+                continue
+            summary = f"{shown(name)} of {shown(tool['name'])} {why}"
+            out.append(error("INTERFACE-RANGE-EMPTY", summary, pointer=where, hint=hint))
     return out
 
 
@@ -120,6 +138,10 @@ def passthrough(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
 
 def _bounds(value: object) -> bool:
     return isinstance(value, int | float) and abs(value) < _LARGEST
+
+
+def _is_plain(value: Any) -> TypeGuard[float]:
+    return isinstance(value, int | float) and not isinstance(value, bool)
 
 
 def _takes_all(pattern: object) -> bool:
@@ -216,6 +238,7 @@ def _is_time(spoken: set[str], member: Mapping[str, Any]) -> bool:
 
 RULES = (
     Rule("INTERFACE-NUMBER-UNBOUNDED", number_unbounded),
+    Rule("INTERFACE-RANGE-EMPTY", range_empty),
     Rule("INTERFACE-WAIT-TOO-LONG", wait_too_long),
     Rule("INTERFACE-EFFECT-UNDERSTATED", effect_understated),
     Rule("INTERFACE-PASSTHROUGH", passthrough),

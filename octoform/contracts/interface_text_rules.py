@@ -7,7 +7,8 @@ import re
 from collections.abc import Iterator
 from typing import Any
 
-from octoform.contracts.model import Artifacts, JsonObject, Rule
+from octoform.contracts.member_units import measured_without_unit
+from octoform.contracts.model import Artifacts, JsonObject, Rule, effects_of
 from octoform.contracts.text import pointer, shown
 from octoform.diagnostics import Diagnostic, error, warning
 
@@ -50,24 +51,52 @@ def description(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
     return out
 
 
-def result_bare(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
-    """A reading has members with units; a bare text has to be parsed by whoever calls it."""
+def result_bare(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
+    """A reading has members with units; a bare text may have to be parsed by whoever calls it."""
+    effects, out = effects_of(artifacts), []
+    hint = 'describe each reading as a member with its unit: {"temperature_celsius": {"type": "number"}}'
+    for index, tool in enumerate(value["tools"]):
+        if tool["effect"] != "read" or effects.get(tool["capability"], "read") != "read":
+            continue  # of an effect that is understated another rule tells, and it is the cause
+        where = pointer("tools", index, "output_schema")
+        if why := _bare(tool.get("output_schema")):
+            summary = f"the result of {shown(tool['name'])} {why}"
+            out.append(error("INTERFACE-RESULT-BARE", summary, pointer=where, hint=hint))
+        elif _is_text(tool["output_schema"]):
+            summary = f"the result of {shown(tool['name'])} is one text"
+            out.append(warning("INTERFACE-RESULT-BARE", summary, pointer=where, hint=hint))
+    return out
+
+
+def _bare(schema: Any) -> str:
+    """What is missing of a schema for a result; empty where nothing is."""
+    if schema is None:
+        return "is not described: there is no output_schema"
+    if not isinstance(schema, dict) or {"$ref", "anyOf", "oneOf", "allOf"} & schema.keys():
+        return ""
+    members = schema.get("properties")
+    return "" if isinstance(members, dict) and members else "has no members that say what they are"
+
+
+def _is_text(schema: Any) -> bool:
+    members = schema.get("properties") if isinstance(schema, dict) else None
+    if not isinstance(members, dict) or len(members) != 1:
+        return False
+    only = next(iter(members.values()))
+    return isinstance(only, dict) and only.get("type") == "string" and "enum" not in only and bool(set(members) & _BARE)
+
+
+def result_without_unit(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
+    """A member that is a quantity has its unit in its name or description: results are judged by it."""
     out = []
     for index, tool in enumerate(value["tools"]):
-        schema = tool.get("output_schema")
-        if tool["effect"] != "read" or schema is None or "properties" not in schema:
-            continue
-        members = schema["properties"]
-        only = next(iter(members.values())) if len(members) == 1 else None
-        if only is not None and not (isinstance(only, dict) and only.get("type") == "string" and set(members) & _BARE):
-            continue
-        if members and only is None:
-            continue
-        summary = f"the result of {shown(tool['name'])} has no members that say what they are"
-        hint = 'describe each reading as a member with its unit: {"temperature_celsius": {"type": "number"}}'
-        out.append(
-            warning("INTERFACE-RESULT-BARE", summary, pointer=pointer("tools", index, "output_schema"), hint=hint)
-        )
+        schema = tool.get("output_schema") if tool["effect"] == "read" else None
+        for where, name in measured_without_unit(schema):
+            summary = f"the result's {shown(name)} of {shown(tool['name'])} is a quantity, and no unit is given"
+            hint = f"put the unit into the description of {shown(name)} or at the end of its name, or a member `unit` "
+            hint += "beside it; what a device gives without one is called raw"
+            place = pointer("tools", index, "output_schema", *where)
+            out.append(error("INTERFACE-RESULT-UNIT", summary, pointer=place, hint=hint))
     return out
 
 
@@ -75,6 +104,7 @@ _BARE = frozenset({"result", "text", "output", "value", "response", "answer", "s
 RULES = (
     Rule("INTERFACE-DESCRIPTION", description),
     Rule("INTERFACE-RESULT-BARE", result_bare),
+    Rule("INTERFACE-RESULT-UNIT", result_without_unit),
 )
 
 

@@ -6,6 +6,7 @@ Without a scan (the embedded agent did PROBE itself, or could not look) the rule
 
 import re
 from collections.abc import Iterator, Mapping
+from typing import Any
 
 from octoform.contracts.model import Artifacts, HostScan, JsonObject, Rule
 from octoform.contracts.text import pointer, shown
@@ -251,20 +252,27 @@ def _differences(
             yield name, shown(device[name]), shown(true[name]) if name in true else "none"
     if true["interface"].casefold() not in re.split(r"[^0-9a-z_-]+", device["interface"].casefold()):
         yield "interface", shown(device["interface"]), shown(true["interface"])
-    if {*device.get("classes", ())} != {*true.get("classes", ())}:
-        yield "classes", _listed(device.get("classes")), _listed(true.get("classes"))
-    if not {*device.get("drivers", ())} <= {*true.get("drivers", ())}:
-        yield "drivers", _listed(device.get("drivers")), _listed(true.get("drivers"))
+    for name, more in (("classes", True), ("drivers", False)):
+        given, shows = {*device.get(name, ())}, {*true.get(name, ())}
+        if not given <= shows or (more and given != shows):
+            yield name, _listed(device.get(name)), _listed(true.get(name))
     if (device.get("context") is True) != (true.get("context") is True):
         yield "context", str(device.get("context") is True).lower(), str(true.get("context") is True).lower()
     said, own = device.get("instance", {}), true["instance"]
-    for name in ("sysfs", "serial"):
+    single = ("sysfs", "serial", "port") if _is_port(said, own) else ("sysfs", "serial")
+    for name in single:
         if said.get(name) and own.get(name) and said[name] != own[name]:
             yield f"instance.{name}", shown(said[name]), shown(own[name])
     free = {place for place in _places({**device, "interface": true["interface"]}) if place not in _places(true)}
+    free = {place for place in free if "port" not in single or not place[0].startswith("port")}
     for name, place in sorted(each for each in free if taken.get(each, true["id"]) != true["id"]):
         right = [own_place for kind, own_place in _places(true) if kind == name]
         yield f"instance.{name.partition(' ')[0]}", shown(place), _listed(right)
+
+
+def _is_port(said: Mapping[str, Any], own: Mapping[str, Any]) -> bool:
+    """Whether a port is spelt as the host spells ports of USB, and so can be another one."""
+    return all(re.fullmatch(r"\d+-\d+(?:\.\d+)*", str(each.get("port", ""))) for each in (said, own))
 
 
 def _listed(names: list[str] | None) -> str:

@@ -139,6 +139,10 @@ class Flow(Deciding):
             return self._call(node)
         if isinstance(node, ast.Lambda):
             return self.of(node.body)
+        if isinstance(node, ast.BinOp) and isinstance(node.op, ast.Mult):
+            sides = (node.left, node.right)
+            nothing = any(isinstance(item, ast.Constant) and item.value == 0 for item in sides)
+            return Origin.NONE if nothing else self._any(sides)
         if isinstance(node, ast.ListComp | ast.SetComp | ast.GeneratorExp | ast.DictComp):
             parts = [node.key, node.value] if isinstance(node, ast.DictComp) else [node.elt]
             return self._any([*parts, *(each for one in node.generators for each in (one.iter, *one.ifs))])

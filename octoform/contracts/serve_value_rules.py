@@ -26,6 +26,12 @@ _STATIC = re.compile(
     r"|port|address|capacity|rated|nominal|full|length|total|failed|errors|retries|attempts|threshold|critical)(?:$|_)"
 )
 """Members that may be known beforehand, or are no readings."""
+_DRAWN = re.compile(
+    r"(?:.*\.)?random\.(?:random|uniform|gauss|normal\w*|randint|randrange|triangular|randn?|\w*variate)"
+)
+_BLANK = re.compile(r"(?:numpy|np)\.(?:zeros|ones|full|empty)(?:_like)?|(?:PIL\.)?Image\.new")
+"""A picture of one colour."""
+_BROAD = frozenset({"Exception", "BaseException", "OSError", "IOError"})
 
 
 def default_reading(value: str, artifacts: Artifacts) -> list[Diagnostic]:
@@ -74,6 +80,10 @@ def constant_reading(value: str, artifacts: Artifacts) -> list[Diagnostic]:
                 summary = f"the result's {shown(name)} is a number of this file, and not one that the device gave"
                 hint = "read it, or leave the member out of INTERFACE's output_schema; null there lets None say unknown"
                 out.setdefault(each, source.problem("SERVE-CONSTANT-READING", each, summary, hint))
+        for call in (node for node in source.nodes if source.owner(node) in used and _draws(source, node)):
+            summary = "a number that is drawn by chance goes into what this tool returns"
+            hint = "return what was read as it is; a wait of chance belongs to time.sleep"
+            out.setdefault(call, source.problem("SERVE-CONSTANT-READING", call, summary, hint))
         for name, each in _chosen(source, flow, given, units):
             summary = f"the result's {shown(name)} is one of the numbers in this file, whatever the device measured"
             hint = (
@@ -82,6 +92,16 @@ def constant_reading(value: str, artifacts: Artifacts) -> list[Diagnostic]:
             hint += "a boolean or an enum"
             out.setdefault(each, source.problem("SERVE-CONSTANT-READING", each, summary, hint))
     return list(out.values())
+
+
+def _draws(source: Source, node: ast.AST) -> bool:
+    """Whether a number is drawn, and for more than a wait, an order or a choice of a name."""
+    if not isinstance(node, ast.Call) or not _DRAWN.fullmatch(source.dotted(node.func)):
+        return False
+    return not any(
+        isinstance(above, ast.Call) and source.dotted(above.func).endswith(("sleep", "Timer", "wait"))
+        for above, _ in source.above(node)
+    )
 
 
 def _chosen(
@@ -219,6 +239,8 @@ class _Substitutes:
         if isinstance(plain, ast.Name) and depth:
             values = self._flow.plain(plain)
             return bool(values) and all(self._is_number(each, depth - 1) for each in values)
+        if isinstance(plain, ast.Call):
+            return bool(_BLANK.fullmatch(self._source.dotted(plain.func)))
         if not isinstance(plain, ast.Constant):
             return False
         text = plain.value if isinstance(plain.value, str | bytes) else b""
@@ -268,6 +290,7 @@ class _Substitutes:
             )
             for item in ast.walk(handler):
                 returned = isinstance(item, ast.Return) and item.value is not None and self._of_numbers(item.value)
+                returned = returned or (isinstance(item, ast.Return) and _says_nothing(item, handler))
                 assigned = isinstance(item, ast.Assign) and self._is_number(item.value) and read & _names(item)
                 if returned or assigned:
                     yield item, "a reading that failed"
@@ -313,6 +336,20 @@ class _Substitutes:
         if isinstance(node, ast.List | ast.Tuple):
             return any(map(self._of_numbers, node.elts))
         return self._is_number(node)
+
+
+def _says_nothing(node: ast.Return, handler: ast.ExceptHandler) -> bool:
+    """Whether a handler of whatever goes wrong returns a record with empty lists, as if there were nothing."""
+    kinds = [handler.type] if not isinstance(handler.type, ast.Tuple) else handler.type.elts
+    broad = any(item is None or (isinstance(item, ast.Name) and item.id in _BROAD) for item in kinds)
+    parts = list(ast.walk(node))
+    lists = [item for item in parts if isinstance(item, ast.List)]
+    told = any(isinstance(item, ast.Name) and item.id == handler.name for item in parts)
+    told = told or any(
+        isinstance(item, ast.Constant) and isinstance(item.value, str) and " " in item.value for item in parts
+    )
+    record = isinstance(node.value, ast.Call | ast.Dict)
+    return broad and record and bool(lists) and not any(item.elts for item in lists) and not told
 
 
 def _is_optional(node: ast.expr) -> bool:

@@ -87,7 +87,7 @@ GUARDED: dict[str, Case] = {
     ),
     "a reading times nothing": (
         temperature(f"raw = runtime.read_number({FILE})\nvalue = raw * 0 + 21500"),
-        CONSTANT,
+        DEVICE,
     ),
     "a match of a comparison": (
         temperature(

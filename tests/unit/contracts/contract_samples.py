@@ -137,7 +137,7 @@ INTERFACE: dict[str, Any] = {
                 "required": ["width"],
                 "additionalProperties": False,
             },
-            "output_schema": {"type": "object"},
+            "output_schema": {"type": "object", "properties": {"width": {"type": "integer"}}},
             "smoke": {"arguments": {"width": 640}},
         },
         {
@@ -148,6 +148,7 @@ INTERFACE: dict[str, Any] = {
             "effect": "read",
             "annotations": READ,
             "input_schema": {"type": "object", "properties": {}},
+            "output_schema": {"type": "object", "properties": {"rpm": {"type": "number"}}},
         },
         {
             "name": "set_fan_speed",

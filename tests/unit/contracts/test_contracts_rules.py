@@ -81,6 +81,7 @@ def _second_tool(name: str, capability: str, device: str) -> dict[str, Any]:
         "description": "x",
         "effect": "read",
         "annotations": READ,
+        "output_schema": {"type": "object", "properties": {"seen": {"type": "integer"}}},
         "input_schema": {"type": "object"},
     }
 
@@ -449,6 +450,9 @@ def test_every_rule_has_a_code_of_its_stage_and_a_case_here() -> None:
         # in test_outputs_held
         "INTERFACE-DESCRIPTION",
         "INTERFACE-RESULT-BARE",
+        # in test_fresh_outputs
+        "INTERFACE-RESULT-UNIT",
+        "INTERFACE-RANGE-EMPTY",
         "DEPLOY-FAILED-UNKNOWN",
         "DEPLOY-PYTHON-OUTSIDE",
         "DEPLOY-VERSION-EARLY",

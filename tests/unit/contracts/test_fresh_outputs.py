@@ -1,0 +1,115 @@
+"""Outputs that were written before the rules were read: what is wrong is refused, what is right accepted."""
+
+import copy
+import functools
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import fresh_cases as fresh
+import pytest
+import wrong_deploys
+from bench_host import desk
+from case_hosts import SCHEMAS, host
+from cases import for_each
+
+from octoform.base.id_databases import IdDatabases
+from octoform.builtin.identify.stage import identify
+from octoform.builtin.interface.stage import declare
+from octoform.builtin.probe.stage import probe_root
+from octoform.builtin.scan import beside
+from octoform.builtin.serve.stage import render
+from octoform.contracts.checking import check
+from octoform.contracts.model import Artifacts, HostScan
+from octoform.diagnostics import Diagnostic, Severity
+
+Found = list[Diagnostic]
+Judge = Callable[[Any], Found]
+
+
+def probed(where: str, change: Any) -> Found:
+    value = copy.deepcopy(host(where).probe)
+    change(value)
+    seen = beside(value, host(where).root)
+    scan = HostScan(seen["probe"], tuple(seen["unsaid"]), tuple(seen["untrue"]))
+    return check("probe", value, Artifacts(scan=scan), SCHEMAS)
+
+
+def identified(where: str, change: Any) -> Found:
+    known = host(where)
+    value: Any = copy.deepcopy(known.identified)
+    change(value)
+    given = Artifacts(probe=known.probe, profiles=known.profiles, answers=known.answers, registered=known.registered)
+    return check("identify", value, given, SCHEMAS)
+
+
+@functools.cache
+def of_the_desk(folder: Path) -> Artifacts:
+    root = desk(folder / "host")
+    probe = probe_root(root)
+    found = identify(probe, IdDatabases(root))
+    interface = declare(found, 30)
+    return Artifacts(probe=probe, identify=found, interface=interface, serve=render(interface))
+
+
+@pytest.fixture(scope="module")
+def judges(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Judge]:
+    """What judges an output that a change makes of a right one, for each stage of the desk."""
+    known = of_the_desk(tmp_path_factory.mktemp("desk"))
+
+    def interface(change: Any) -> Found:
+        value = copy.deepcopy(known.interface)
+        change(value)
+        return check("interface", value, known, SCHEMAS)
+
+    def deploy(change: Any) -> Found:
+        value = copy.deepcopy(wrong_deploys.GOOD)
+        change(value)
+        return check("deploy", value, Artifacts(serve=wrong_deploys.SERVER), SCHEMAS)
+
+    return {
+        "interface": interface,
+        "serve": lambda change: check("serve", change(known.serve), known, SCHEMAS),
+        "deploy": deploy,
+    }
+
+
+WRONG = {
+    **{f"probe: {name}": case for name, case in fresh.PROBE_WRONG.items()},
+    **{f"identify: {name}": case for name, case in fresh.IDENTIFY_WRONG.items()},
+    **{f"interface: {name}": ("", case) for name, case in fresh.INTERFACE_WRONG.items()},
+    **{f"serve: {name}": ("", case) for name, case in fresh.SERVE_WRONG.items()},
+    **{f"deploy: {name}": ("", case) for name, case in fresh.DEPLOY_WRONG.items()},
+}
+RIGHT = {
+    **{f"probe: {name}": case for name, case in fresh.PROBE_RIGHT.items()},
+    **{f"identify: {name}": case for name, case in fresh.IDENTIFY_RIGHT.items()},
+    **{f"interface: {name}": ("", case) for name, case in fresh.INTERFACE_RIGHT.items()},
+    **{f"serve: {name}": ("", case) for name, case in fresh.SERVE_RIGHT.items()},
+    **{f"deploy: {name}": ("", case) for name, case in fresh.DEPLOY_RIGHT.items()},
+}
+
+
+def judged(case: str, where: str, change: Any, judges: dict[str, Judge]) -> Found:
+    stage = case.partition(":")[0]
+    found = {"probe": probed, "identify": identified}
+    all_found = found[stage](where, change) if stage in found else judges[stage](change)
+    return [item for item in all_found if item.severity is Severity.ERROR]
+
+
+@for_each("case", WRONG)
+def test_a_wrong_output_is_refused(case: str, judges: dict[str, Judge]) -> None:
+    found = judged(case, *WRONG[case], judges)
+    assert found
+    assert all(item.hint or item.code.endswith(("-SCHEMA", "STATUS-ERROR")) for item in found)
+
+
+@for_each("case", RIGHT)
+def test_a_right_output_in_unusual_form_is_accepted(case: str, judges: dict[str, Judge]) -> None:
+    assert judged(case, *RIGHT[case], judges) == []
+
+
+def test_each_stage_has_ten_wrong_and_five_right() -> None:
+    for stage in ("probe", "identify", "interface", "serve", "deploy"):
+        assert sum(case.startswith(stage) for case in WRONG) >= 10
+        assert sum(case.startswith(stage) for case in RIGHT) >= 5
