@@ -18,6 +18,7 @@ from octoform.base.id_databases import IdDatabases
 from octoform.builtin.probe.commands import RECORDED
 from octoform.builtin.probe.reader import Reader
 from octoform.builtin.probe.stage import probe
+from octoform.builtin.probe.udev import FOLDER, JOINED, SERIAL, UdevDatabase, key_of
 from octoform.builtin.task import Task
 
 MOST_UNSAID = 500
@@ -98,6 +99,9 @@ class _Host:
 
     def __init__(self, reader: Reader, databases: IdDatabases) -> None:
         self._reader, self._databases = reader, databases
+        self._udev = UdevDatabase()
+        if reader.names_or_none(FOLDER):
+            self._udev.scan(reader)
 
     def missing(self, words: set[str], device: Mapping[str, Any], others: set[str]) -> set[str]:
         """Those of ``words`` that the system does not say of a device; ``others`` are the folders of all others."""
@@ -111,12 +115,13 @@ class _Host:
         return _without(left, " ".join(self._attributes(device["instance"]["sysfs"], others))) if left else left
 
     def _attributes(self, folder: str, others: set[str]) -> Iterator[str]:
-        """Names and content of the attributes of a device and of its parts, as far as they tell of a kind."""
+        """Names and content of the attributes of a device and of its parts, and udev's records of them, of a kind."""
         open_folders, files = [folder], 0
         for _ in range(MOST_FOLDERS):
             if not open_folders or files > MOST_FILES:
                 return
             here = open_folders.pop()
+            yield from self._record(here)
             for name in self._reader.names_or_none(here):
                 path = f"{here}/{name}"
                 yield name
@@ -127,6 +132,24 @@ class _Host:
                 elif name not in _BINARY | _OWN_ATTRIBUTES and not _READING.match(name):
                     files += 1
                     yield _kind_lines(self._reader.text(path))
+
+    def _record(self, folder: str) -> Iterable[str]:
+        """What udev's record of a folder's device says of its kind."""
+        subsystem = self._reader.link(f"{folder}/subsystem").rpartition("/")[2]
+        if not subsystem or not self._udev.names:
+            return ()
+        event = self._reader.text(f"{folder}/uevent").splitlines()
+        keys = key_of(subsystem, folder.rpartition("/")[2], dict(line.split("=", 1) for line in event if "=" in line))
+        said = self._udev.properties(self._reader, *keys)
+        return [f"{key} {value}" for key, value in said.items() if key not in (SERIAL, JOINED)]
+
+    def count(self, device: Mapping[str, Any]) -> int:
+        """How many there are at most of what an entry for many of a kind stands for."""
+        folders = [device["instance"]["sysfs"].rpartition("/")[0]]
+        folders += [
+            f"/sys/{where}" for name in device.get("classes", ()) for where in (f"class/{name}", f"bus/{name}/devices")
+        ]
+        return max(len(self._reader.names_or_none(folder)) for folder in folders)
 
 
 def _kind_lines(text: str) -> str:
@@ -148,6 +171,9 @@ def _unsaid(given: Mapping[str, Any], own: Mapping[str, Any], host: _Host) -> It
         others = folders - {known["instance"]["sysfs"]}
         missing = host.missing(asked, known, others)
         kinds = set(_WORD.findall(re.sub(r"(?m)^[^:\n]*: ", " ", known["raw_descriptor"]).casefold()))
+        most = 0 if "port" in known["instance"] else host.count(known)
+        counts = {word for word in asked if word.isdecimal() and 0 < int(word) <= most}
+        missing, kinds = missing - counts, kinds | counts
         for member, line, text in texts:
             words = [word for word in dict.fromkeys(_words(text)) if word in missing]
             words += [number for number in _readings(text) if number not in kinds and number not in words]

@@ -215,12 +215,16 @@ def _stands_alone(device: JsonObject) -> bool:
 
 
 def _alike(device: JsonObject, true: JsonObject) -> bool:
-    """Whether a device of the host is probably the one that is meant: by its folder, its numbers, or its driver."""
+    """Whether a device of the host is probably the one that is meant: by folder, numbers, driver, or classes."""
     folder = device.get("instance", {}).get("sysfs")
     if folder or (device.get("vid") and device.get("pid")):
         numbers = [device.get(name) for name in _NUMBERS]
         return folder == true["instance"].get("sysfs") or (all(numbers) and numbers == [true.get(n) for n in _NUMBERS])
-    return bool({*device.get("drivers", ())} & {*true.get("drivers", ())}) and device["interface"] == true["interface"]
+    if device["interface"] != true["interface"]:
+        return False
+    # What hangs on no unit has no driver; its classes are all that tells it.
+    same = bool(true.get("classes")) and {*device.get("classes", ())} == {*true["classes"]}
+    return bool({*device.get("drivers", ())} & {*true.get("drivers", ())}) or (true["interface"] == "virtual" and same)
 
 
 def _unknown(device: JsonObject, free: list[str], alike: list[str]) -> tuple[str, str]:

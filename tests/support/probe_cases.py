@@ -219,6 +219,7 @@ WRONG: dict[str, tuple[str, Change, str, str]] = {
     # Ids.
     "a port in an id": ("laptop", renamed(KESTREL, "usb-1-5"), UNKNOWN, f"'{KESTREL}'"),
     "a path of the kernel in an id": ("laptop", renamed(DISK, "pci-0000.01.00.0"), UNKNOWN, f"'{DISK}'"),
+    "a class's word for an id": ("laptop", put("dmi-board", id="virtual-dmi", instance={}), UNKNOWN, "'dmi-board'"),
     "a serial number in an id": ("laptop", renamed(KESTREL, "usb-ko-200417"), "PROBE-SERIAL-IN-ID", "ordinal"),
     "a node in an id": ("bench", renamed(STEPPER, "tty-ttyacm0"), UNKNOWN, f"'{STEPPER}'"),
     "a product for an id": ("bench", renamed(STEPPER, "heron-stepper"), UNKNOWN, f"'{STEPPER}'"),
