@@ -33,6 +33,12 @@ class AgentUser:
             return bool(facts.st_mode & 0o600)
         return bool(facts.st_mode & (0o060 if facts.st_gid in self.groups else 0o006))
 
+    def may_pass(self, facts: os.stat_result) -> bool:
+        """Whether the mode of a folder lets this user reach what lies in it."""
+        if facts.st_uid == self.uid:
+            return bool(facts.st_mode & 0o100)
+        return bool(facts.st_mode & (0o010 if facts.st_gid in self.groups else 0o001))
+
 
 def agent_user() -> AgentUser | None:
     """The user of agents; None where octoform itself is an ordinary user, whom they remain."""

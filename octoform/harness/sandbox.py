@@ -16,6 +16,7 @@ import stat
 import subprocess
 import sys
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -50,7 +51,8 @@ TASK_BYTES = 8 << 20
 ENTRY = Path(__file__).resolve().with_name("sandbox_entry.py")
 LENT = {"CAP_SETUID": 7, "CAP_SETGID": 6, "CAP_SYS_ADMIN": 21}
 """What the first program inside is lent by root, each by its bit (linux/capability.h)."""
-UNREADABLE = """for path; do [ -r "$path" ] || { echo "its user cannot read $path" >&2; exit 1; }; done"""
+CLOSED = "its user cannot read "
+UNREADABLE = f"""for path; do [ -r "$path" ] || {{ echo "{CLOSED}$path" >&2; exit 1; }}; done"""
 OF_PROCESSES = frozenset({"self", "thread-self", "mounts", "net"})
 """What of /proc is about the process that looks at it."""
 
@@ -77,8 +79,8 @@ def wrap(argv: Sequence[str], sandbox: Sandbox, around: Confinement) -> tuple[st
     user = agent_user()
     if user is not None:
         hand_over(around.workdir, user.uid, user.groups[0])
-    options = (*_options(program, sandbox, user), *_views(argv, around, user), "--chdir", str(around.workdir))
-    prefix = (program, *options, "--", *_entry(user))
+    options = (*_options(program, sandbox, user), *_views(argv, around, user), "--chdir", "/")
+    prefix = (program, *options, "--", *_entry(user, around.workdir))
     problem = _tried(prefix, _readable(argv, around) if user is not None else ())
     if problem is None:
         return (*prefix, *argv)
@@ -98,7 +100,7 @@ def available(caller: Mapping[str, str], sandbox: Sandbox) -> Diagnostic | None:
     if program is None:
         return _none("bubblewrap (bwrap) is not installed")
     user = agent_user()
-    return _tried((program, *_options(program, sandbox, user), "--", *_entry(user)))
+    return _tried((program, *_options(program, sandbox, user), "--", *_entry(user, Path("/"))))
 
 
 def unconfined(caller: Mapping[str, str], sandbox: Sandbox | None) -> str:
@@ -109,11 +111,11 @@ def unconfined(caller: Mapping[str, str], sandbox: Sandbox | None) -> str:
     return problem.summary if problem is not None else ""
 
 
-def _none(why: str) -> Diagnostic:
+def _none(why: str, hint: str | None = None) -> Diagnostic:
     return error(
         "HARNESS-NO-SANDBOX",
         f"the agent cannot be confined: {why}",
-        hint="install it (Debian: apt-get install bubblewrap) and allow user namespaces, or set sandbox: auto",
+        hint=hint or "install it (Debian: apt-get install bubblewrap) and allow user namespaces, or set sandbox: auto",
     )
 
 
@@ -133,6 +135,9 @@ def _tried(prefix: Sequence[str], readable: Sequence[str] = ()) -> Diagnostic | 
     if done.returncode == 0:
         return None
     said = done.stderr.decode("utf-8", "replace").strip().splitlines()
+    if said and said[-1].startswith(CLOSED):
+        path = said[-1].removeprefix(CLOSED)
+        return _none(said[-1], f"the agent's user is not root: `chmod o+r {path}`, or set sandbox: false")
     if said and shortage.printed(said[-1]):
         raise BlockingIOError(errno.EAGAIN, shortage.TEXT)
     return _none(said[-1] if said else f"{PROGRAM} left with status {done.returncode}")
@@ -144,10 +149,10 @@ def _readable(argv: Sequence[str], around: Confinement) -> tuple[str, ...]:
     return (*named, *map(str, _named_in_task(around.document)))
 
 
-def _entry(user: AgentUser | None) -> tuple[str, ...]:
-    """The first program inside, which runs the agent's own."""
+def _entry(user: AgentUser | None, folder: Path) -> tuple[str, ...]:
+    """The first program inside, which runs the agent's own in a folder."""
     who = (str(user.uid), ",".join(map(str, user.groups))) if user is not None else ("-", "-")
-    return (sys.executable, "-I", "-S", str(ENTRY), syscalls.program().hex(), *who)
+    return (sys.executable, "-I", "-S", str(ENTRY), syscalls.program().hex(), *who, str(folder))
 
 
 def _options(program: str, sandbox: Sandbox, user: AgentUser | None) -> list[str]:
@@ -245,10 +250,12 @@ def _views(argv: Sequence[str], around: Confinement, user: AgentUser | None) -> 
     """What this agent sees besides: places hidden, what it needs of them, its project, its own folder."""
     project = _project(around.workdir)
     hidden = _hidden(around.caller)
-    if project is not None and user is not None and not project.stat().st_mode & stat.S_IXOTH:
-        # Closed to the agent's user, who needs parts of it.
-        hidden = sorted({*hidden, *filter(_may_be_hidden, _forms(project))})
     wanted = [*belongings(argv, around.variables), *_named_in_task(around.document)]
+    if user is not None:
+        # Closed to the agent's user, who needs parts of it.
+        needed = (*wanted, project / LOCAL if project is not None else around.workdir)
+        closed = {place for path in needed for form in _forms(path) for place in _closed_above(form, user)}
+        hidden = sorted({*hidden, *closed})
     wanted += _of_project(project, hidden) if project is not None else []
     outermost = [path for path in hidden if not any(path != other and path.is_relative_to(other) for other in hidden)]
     # A project that is a home itself is hidden already but for the parts that are shown.
@@ -263,6 +270,15 @@ def _views(argv: Sequence[str], around: Confinement, user: AgentUser | None) -> 
     for place in _forms(around.workdir):
         out += [*_way(place, masks), "--bind", str(place), str(place)]
     return out + [option for path in masks if not _is_scratch(path) for option in ("--remount-ro", str(path))]
+
+
+def _closed_above(path: Path, user: AgentUser) -> Iterator[Path]:
+    """The folders above a path that the user cannot pass through, but for those of the system."""
+    for place in filter(_may_be_hidden, path.parents):
+        with suppress(OSError):
+            # What is octoform's own in a project is hidden anyway.
+            if LOCAL not in place.parts and not user.may_pass(place.stat()):
+                yield place
 
 
 def _way(path: Path, masks: Iterable[Path]) -> Iterator[str]:

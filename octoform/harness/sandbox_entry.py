@@ -1,7 +1,8 @@
 """The first program in an agent's sandbox: it gives up what the agent may not have, and becomes the agent.
 
-Started as ``python -I -S sandbox_entry.py FILTER USER GROUP[,GROUP ...] PROGRAM [ARGUMENT ...]``; USER is ``-`` for an
-agent that stays who it is, FILTER the system calls that are refused, in hexadecimal digits. For good it gets terminals
+Started as ``python -I -S sandbox_entry.py FILTER USER GROUP[,GROUP ...] FOLDER PROGRAM [ARGUMENT ...]``; USER is ``-``
+for an agent that stays who it is, FILTER the system calls that are refused, in hexadecimal digits, FOLDER where the
+agent begins, which is closed to everybody but the agent's user. For good it gets terminals
 of its own, so that nobody types or reads in the person's; it becomes that user; no socket without a file leads to
 another program of the user; and the kernel refuses the calls of the filter. Older kernels lack some of this; what they
 have holds. It uses the standard library alone, because that is all that is certain to be seen in there.
@@ -81,7 +82,8 @@ def main(arguments: list[str]) -> None:
         become(int(arguments[1]), [int(group) for group in arguments[2].split(",")])
     close_sockets_without_files(libc)
     refuse_calls(libc, bytes.fromhex(arguments[0]))
-    os.execvp(arguments[3], arguments[3:])
+    os.chdir(arguments[3])
+    os.execvp(arguments[4], arguments[4:])
 
 
 if __name__ == "__main__":

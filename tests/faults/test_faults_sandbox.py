@@ -1,6 +1,7 @@
 """Agents that attack the machine from inside the sandbox, as root and as an ordinary user."""
 
 import ctypes
+import json
 import os
 import shutil
 import socket
@@ -11,6 +12,7 @@ from pathlib import Path
 
 import pytest
 from harness_confined import Host
+from projects import Project
 
 from octoform.harness import syscalls
 
@@ -65,7 +67,7 @@ def host(request: pytest.FixtureRequest) -> Iterator[Host]:
 
 def attack(host: Host, code: str) -> list[str]:
     done = host.run(["/usr/bin/python3", "-I", "-S", "-c", code], ON)
-    assert done["outcome"]["reason"] == "finished", done
+    assert done["outcome"]["reason"] == "finished", done["outcome"]["detail"]
     lines: list[str] = done["log"].splitlines()
     return lines
 
@@ -237,3 +239,53 @@ def test_an_interpreter_that_belongs_to_another_user_can_begin(host: Host) -> No
     finally:
         shutil.rmtree(theirs)
     assert lines == ["True"]
+
+
+@pytest.mark.parametrize("mode", [0o755, 0o700])
+def test_a_project_below_a_closed_folder_of_root_is_worked_in(mode: int) -> None:
+    if os.getuid() != 0:
+        pytest.skip("a folder of another user cannot be entered at all")
+    root = Path(tempfile.mkdtemp(prefix="octoform-sandbox-", dir="/opt"))  # mkdtemp closes it to everybody else
+    try:
+        host = Host(root, 0)
+        host.write(host.project / "state" / "bench" / "probe" / "output.json", "INPUT")
+        host.write(host.root / "beside", "SECRET")
+        host.project.chmod(mode)
+        code = f"""
+import os
+print(os.getcwd() == {str(host.workdir)!r}, os.getuid() != 0)
+print(open({str(host.project / "state/bench/probe/output.json")!r}).read(), os.path.exists({str(root / "beside")!r}))
+open("output.json", "w").close()
+"""
+        assert attack(host, code) == ["True True", "INPUT False"]
+    finally:
+        shutil.rmtree(root)
+
+
+@pytest.mark.skipif(os.getuid() != 0, reason="the agents of an ordinary user are that user")
+def test_an_apply_as_root_confines_its_agent(tmp_path: Path) -> None:
+    project = Project(tmp_path / "project", tmp_path / "outside")
+    project.harness = '{name: command, command: [/bin/sh, -c, "id -u > output.json"]}'
+    project.manifest["budget"] = "{attempts: 1}"
+    done = project.apply("-target", "probe", status=1)
+    (folder,) = project.attempts("probe")
+    assert json.loads((folder / "attempt.json").read_text())["unconfined"] == ""
+    assert "HARNESS-UNCONFINED" not in done.codes()
+    assert (folder / "output.json").read_text() != "0\n"
+
+
+@pytest.mark.skipif(os.getuid() != 0, reason="the agents of an ordinary user are that user")
+def test_a_file_that_is_closed_to_the_agents_user_is_named_with_what_to_do(tmp_path: Path) -> None:
+    program = tmp_path / "agent.sh"
+    program.write_text("#!/bin/sh\n")
+    program.chmod(0o700)
+    project = Project(tmp_path / "project", tmp_path / "outside")
+    project.harness = f"{{name: command, command: [{program}]}}"
+    project.manifest["budget"] = "{attempts: 1}"
+    project.write()
+    done = project.run("apply", "-auto-approve", "-target", "probe", status=1)
+    assert "HARNESS-UNCONFINED" in done.err and f"its user cannot read {program}" in done.err
+    project.harness = f"{{name: command, command: [{program}], sandbox: true}}"
+    project.write()
+    done = project.run("apply", "-auto-approve", "-target", "probe", status=1)
+    assert f"its user cannot read {program}" in done.err and f"chmod o+r {program}" in done.err

@@ -57,6 +57,8 @@ class Host:
         self.python = next(path for path in PYTHONS if self._may_run(path))
         self.code = _code(self.python)
         self.workdir.mkdir(parents=True)
+        for private in (self.workdir, self.project / ".octoform"):  # as an apply makes them
+            private.chmod(0o700)
         (root / "driver.py").write_text(DRIVER)
         self.root = root
 

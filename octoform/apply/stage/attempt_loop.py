@@ -23,8 +23,8 @@ from octoform.apply.stage.spec_copy import Edit
 from octoform.base import files
 from octoform.base.files import replace as replace_file
 from octoform.base.shortage import is_shortage
-from octoform.diagnostics import Diagnostic, error, has_errors
-from octoform.harness import environment, transcript
+from octoform.diagnostics import Diagnostic, error, has_errors, warning
+from octoform.harness import environment, sandbox, transcript
 from octoform.harness.port import (
     AgentEvent,
     Closed,
@@ -272,6 +272,7 @@ def _log(task: Task, outcome: Outcome) -> Path:
 
 
 def _gate(context: Context, assignment: Assignment, task: Task, outcome: Outcome, touched: list[Diagnostic]) -> Verdict:
+    touched = [*touched, *_unconfined(context, assignment, outcome)]
     ended = ended_well(outcome, task)
     if ended or has_errors(touched):
         return Verdict((*touched, *ended), last=any(item.code == "SYSTEM-NO-PROCESSES" for item in ended))
@@ -289,6 +290,15 @@ def _gate(context: Context, assignment: Assignment, task: Task, outcome: Outcome
     if has_errors(found):
         return Verdict(tuple(found))
     return (assignment.prove or prove)(context, task, value, found)
+
+
+def _unconfined(context: Context, assignment: Assignment, outcome: Outcome) -> list[Diagnostic]:
+    """What no plan could say: agents can be confined on this machine, and this one could not."""
+    wanted = assignment.harness.sandbox
+    if not outcome.unconfined or sandbox.unconfined(context.environ, wanted):
+        return []
+    text = f"the agent of {assignment.stage} ran without a sandbox: {outcome.unconfined}"
+    return [warning("HARNESS-UNCONFINED", text, hint="it could write whatever you may write")]
 
 
 def prove(context: Context, task: Task, value: Any, found: list[Diagnostic]) -> Verdict:
