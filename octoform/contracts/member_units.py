@@ -88,6 +88,7 @@ _SHORT = (
     ),
     *(
         "ah",
+        "cel",
         "deg",
         "rad",
         "rpm",

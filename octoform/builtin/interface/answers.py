@@ -84,7 +84,9 @@ def _members(bank: Mapping[str, Any], command: Mapping[str, Any]) -> dict[str, S
 
 
 def _field(field: Mapping[str, Any]) -> Schema:
-    return WHOLE if field.get("scale", 1) == 1 else NUMBER
+    kind = WHOLE if field.get("scale", 1) == 1 else NUMBER
+    unit = field.get("unit", "raw")
+    return {**kind, "description": unit if unit == "raw" else f"in {unit}"}
 
 
 def _title(command: Mapping[str, Any]) -> str:

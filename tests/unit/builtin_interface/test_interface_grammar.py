@@ -166,8 +166,10 @@ def test_the_tools_of_units_say_what_they_take_and_answer() -> None:
     assert speed.pop("description") == "speed of the movement (raw/s)"
     assert speed == {"type": "integer", "minimum": 50, "maximum": 1500, "default": 400}
     assert tools["arm_set_torque"]["input_schema"]["properties"]["on"]["type"] == "boolean"
-    assert read["output_schema"]["properties"]["load"] == {"anyOf": [{"type": "number"}, {"type": "null"}]}
-    assert read["output_schema"]["properties"]["position"] == {"anyOf": [{"type": "integer"}, {"type": "null"}]}
+    load = {"type": "number", "description": "in %"}
+    assert read["output_schema"]["properties"]["load"] == {"anyOf": [load, {"type": "null"}]}
+    position = {"type": "integer", "description": "raw"}
+    assert read["output_schema"]["properties"]["position"] == {"anyOf": [position, {"type": "null"}]}
     assert read["smoke"] == {"arguments": {"joint": "shoulder_pan"}}
     assert [name for name, tool in tools.items() if tool.get("stops")] == ["arm_stop"]
     assert stop["input_schema"].keys() >= {"properties"} and "required" not in stop["input_schema"]
