@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path
 
-from octoform.harness import sandbox
+from octoform.harness import sandbox, walls
 from octoform.harness.adapters.program import ProgramHarness
 from octoform.harness.installed import Located, Pin
 from octoform.harness.installing import node_version
@@ -101,6 +101,9 @@ def sandbox_check(wanted: Sandbox | None, environ: Mapping[str, str]) -> Check:
         )
     problem = sandbox.available(environ, wanted)
     if problem is None:
+        lacks = walls.missing(walls.kernel())
+        if lacks:
+            return unknown("sandbox", f"can be made, but lacks a wall: {'; '.join(lacks)}", "use a newer kernel")
         return passed("sandbox", "can be made")
     if wanted.required:
         return failed("sandbox", problem.summary, problem.hint)

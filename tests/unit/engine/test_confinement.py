@@ -2,8 +2,10 @@
 
 import json
 import os
+import sys
 from pathlib import Path
 
+import older_kernel
 import pytest
 from projects import Project
 
@@ -54,3 +56,18 @@ def test_a_confined_agent_and_the_embedded_one_are_not_spoken_of(project: Projec
         project.harness = harness
         project.write()
         assert warned(project, "plan") == []
+
+
+@pytest.mark.parametrize(
+    ("without", "means"), [("landlock", "abstract Unix sockets"), ("seccomp", "every call of the kernel")]
+)
+def test_a_wall_that_the_kernel_does_not_have_is_named(project: Project, without: str, means: str) -> None:
+    project.harness = '{name: command, command: [/bin/sh, -c, "exit 1"]}'
+    project.manifest["budget"] = "{attempts: 1}"
+    project.write()
+    project.prefix = [sys.executable, older_kernel.__file__, without]
+    for command in (("plan",), ("apply", "-auto-approve", "-target", "probe")):
+        lines = [line for line in project.run(*command).err.splitlines() if "[HARNESS-WALL-MISSING]" in line]
+        assert any(means in line for line in lines), lines
+    doctor = project.run("doctor").text
+    assert "lacks a wall" in " ".join(doctor.split()) and means in " ".join(doctor.split())
