@@ -3,6 +3,7 @@
 import fcntl
 import os
 import platform
+import re
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -24,15 +25,19 @@ _SOFTWARE = "tcg,thread=multi,tb-size=256"
 # linux/kvm.h; version 12 is the only one that there ever was.
 _KVM_GET_API_VERSION, _KVM_CREATE_VM, _KVM_VERSION = 0xAE00, 0xAE01, 12
 
+_VIRTUALISES = re.compile(r"^flags\s*:.* (?:vmx|svm)(?: |$)", re.MULTILINE)
+
 
 @cache
 def has_kvm(arch: str) -> bool:
     """Whether this machine runs a guest of this architecture itself: the kernel makes an empty one for us to see.
 
     That the node is there is not enough: a container has it without the right to open it, and a virtual machine may
-    have it without nested virtualisation.
+    have it without nested virtualisation, or with one (PVM) that runs kernels made for it alone.
     """
     if MACHINES[arch] != platform.machine():
+        return False
+    if arch == "amd64" and _VIRTUALISES.search(Path("/proc/cpuinfo").read_text()) is None:
         return False
     try:
         kvm = os.open("/dev/kvm", os.O_RDWR | os.O_CLOEXEC)
