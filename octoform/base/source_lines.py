@@ -9,8 +9,14 @@ def counted(text: str, tree: ast.Module | None = None) -> list[int]:
     A class that has nothing but typed members does not count, nor a TypedDict or NamedTuple that a call makes.
     """
     body = (tree or ast.parse(text)).body
-    shapes = {line for item in body if _is_shape(item) for line in range(item.lineno, (item.end_lineno or 0) + 1)}
+    shapes = {line for item in body if _is_shape(item) for line in range(_first(item), (item.end_lineno or 0) + 1)}
     return [number for number, line in enumerate(text.splitlines(), 1) if line.strip() and number not in shapes]
+
+
+def _first(node: ast.stmt) -> int:
+    """The first line of a statement, decorators included."""
+    decorators = node.decorator_list if isinstance(node, ast.ClassDef) else []
+    return min([node.lineno, *(each.lineno for each in decorators)])
 
 
 def _is_shape(node: ast.stmt) -> bool:

@@ -1,8 +1,10 @@
 """Event nodes of input devices (linux/input.h): axes, events, rumble. Every call belongs under the device's lock."""
 
+import errno
 import fcntl
 import os
 import select
+import stat
 import struct
 import time
 from collections.abc import Sequence
@@ -37,12 +39,14 @@ def axis(node: Path, code: int) -> dict[str, int | None]:
 
 
 def events(nodes: Sequence[str], most: int, seconds: float) -> list[Event]:
-    """The events that come within a time, until there are ``most``."""
+    """The events that come within a time, until there are ``most``; OSError for a node that is an ordinary file."""
     found: list[Event] = []
     end, waiting, files = time.monotonic() + seconds, select.poll(), {}
     with ExitStack() as stack:
         for node in nodes:
             file = stack.enter_context(Path(node).open("rb", 0))
+            if stat.S_ISREG(os.fstat(file.fileno()).st_mode):
+                raise OSError(errno.ENOTTY, os.strerror(errno.ENOTTY), node)  # it would be read as "no event came"
             files[file.fileno()] = Path(node).name
             waiting.register(file, select.POLLIN)
         while len(found) < most and (left := end - time.monotonic()) > 0:

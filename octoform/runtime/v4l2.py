@@ -1,7 +1,9 @@
 """What a Video4Linux2 node says it can do (linux/videodev2.h). Every call belongs under the device's lock."""
 
+import errno
 import fcntl
 import os
+import re
 import stat
 import struct
 from collections.abc import Iterator
@@ -31,8 +33,13 @@ def is_node(node: str) -> bool:
 
 
 def formats(node: str) -> list[dict[str, Any]]:
-    """The formats that a camera gives: ``pixel_format``, ``description``, ``compressed``, ``sizes``."""
-    found = []
+    """The formats that a camera gives: ``pixel_format``, ``description``, ``compressed``, ``sizes``.
+
+    Of a file of pictures in the place of a camera it is the one of the file; OSError for what is no camera.
+    """
+    found: list[dict[str, Any]] = []
+    if not stat.S_ISCHR(Path(node).stat().st_mode):
+        return [_film(node)]
     with Path(node).open("rb", 0) as camera:
         for flags, words, code in _formats(camera, CAPTURED):
             answers = _answers(camera, _ENUM_FRAMESIZES, code)
@@ -44,6 +51,8 @@ def formats(node: str) -> list[dict[str, Any]]:
 
 def codes(node: str, queues: tuple[int, ...]) -> list[str]:
     """The pixel formats of a node's queues of these kinds."""
+    if not stat.S_ISCHR(Path(node).stat().st_mode):
+        raise OSError(errno.ENOTTY, os.strerror(errno.ENOTTY), node)
     with Path(node).open("rb", 0) as codec:
         return [_text(code) for _, _, code in _formats(codec, queues)]
 
@@ -62,6 +71,16 @@ def set_control(node: str, number: int, value: int) -> None:
     """Set a control; OSError where the node has none or takes no such value."""
     with Path(node).open("r+b", 0) as part:
         fcntl.ioctl(part, _SET_CTRL, struct.pack("=Ii", number, value))
+
+
+def _film(node: str) -> dict[str, Any]:
+    """The format of a file of the kind YUV4MPEG2 by its first line, such as ``YUV4MPEG2 W640 H480 F30:1``."""
+    with Path(node).open("rb", 0) as film:
+        head = re.match(rb"YUV4MPEG2 (?:\S+ )*?W(\d+) H(\d+)", film.read(128))
+    if head is None:
+        raise OSError(errno.ENOTTY, os.strerror(errno.ENOTTY), node)
+    size = f"{int(head[1])}x{int(head[2])}"
+    return {"pixel_format": "I420", "description": "pictures of a file", "compressed": False, "sizes": [size]}
 
 
 def _formats(file: Any, queues: tuple[int, ...]) -> Iterator[tuple[int, bytes, bytes]]:

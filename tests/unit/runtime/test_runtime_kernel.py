@@ -33,17 +33,21 @@ def test_a_configuration_has_the_size_of_its_structure(state: str) -> None:
     assert len(gpio._config(state)) == len(gpio._AS_IT_IS)
 
 
-def test_a_node_that_is_no_such_device_has_nothing_to_tell(tmp_path: Path) -> None:
+def test_a_node_that_is_no_such_device_is_an_error_and_not_an_empty_answer(tmp_path: Path) -> None:
     (node := tmp_path / "video0").write_bytes(b"")
-    assert v4l2.formats(str(node)) == [] and v4l2.codes(str(node), v4l2.TAKEN) == []
+    for ask in (v4l2.formats, lambda node: v4l2.codes(node, v4l2.TAKEN), lambda node: evdev.events([node], 1, 0.1)):
+        with pytest.raises(OSError, match="Inappropriate ioctl") as problem:
+            ask(str(node))
+        assert problem.value.filename == str(node)
     assert evdev.axis(node, 0) == evdev.axis(tmp_path / "none", 0) == dict.fromkeys(("position", "minimum", "maximum"))
     with pytest.raises(OSError, match="ioctl"):
         gpio.lines(str(node))
 
 
 def test_a_node_of_the_kernel_is_told_from_a_file_of_pictures(tmp_path: Path) -> None:
-    (film := tmp_path / "video0").write_bytes(b"YUV4MPEG2")
+    (film := tmp_path / "video0").write_bytes(b"YUV4MPEG2 C420jpeg W640 H480 F30:1\nFRAME\n")
     assert v4l2.is_node(str(film)) is False and v4l2.is_node("/dev/null") is True
+    assert v4l2.formats(str(film))[0]["sizes"] == ["640x480"]
     with pytest.raises(FileNotFoundError) as problem:
         v4l2.is_node(str(tmp_path / "video1"))
     assert problem.value.filename.endswith("video1")
