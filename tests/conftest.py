@@ -14,7 +14,7 @@ from hosts.plant import plant
 from hypothesis import HealthCheck, settings
 
 from octoform.base.files import replace
-from octoform.endpoint.environment.early_build import GUESS, has_environment, prepare
+from octoform.endpoint.environment.build import GUESS, has_environment, prepare
 from octoform.state.layout import Layout
 
 

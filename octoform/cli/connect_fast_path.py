@@ -31,7 +31,7 @@ def connected(words: Sequence[str]) -> int | None:
 def _again(folder: str, host: str) -> Again:
     from pathlib import Path  # all of this only where an endpoint has ended
 
-    from octoform.endpoint.proxy.reconnect import Returning
+    from octoform.endpoint.proxy.dial import Returning
     from octoform.state.layout import Layout
 
     return Returning(Layout(Path(folder).absolute(), host))

@@ -13,8 +13,7 @@ from octoform.claims.ledger import Ledger
 from octoform.claims.model import Channel, Claim, Reading, Signal, State, Value
 from octoform.claims.readings import to_json as reading_json
 from octoform.daemon.model import Cause, Facts, Finding
-from octoform.daemon.signals.expected import current, measured
-from octoform.daemon.signals.reporting import NO_VALUE, answered
+from octoform.daemon.signals import NO_VALUE, answered, current, measured
 from octoform.daemon.store.state import Memory, Report
 from octoform.daemon.triage.failure_history import Recall
 from octoform.diagnostics import Diagnostic
@@ -30,7 +29,7 @@ class Evidence:
     """The ledger, and what was last recorded of facts, so that only what is new is written."""
 
     def __init__(self, ledger: Ledger, promised: Callable[[], Collection[Signal]] = tuple) -> None:
-        """``ledger`` of this host; ``promised`` is what ought to report (`octoform.daemon.ports.Promised`)."""
+        """``ledger`` of this host; ``promised`` is what ought to report (`octoform.daemon.model.Promised`)."""
         self.ledger = ledger
         self._promised = promised
         self._known: dict[Signal, Value] = {}

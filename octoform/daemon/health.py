@@ -10,7 +10,7 @@ from typing import Any, Protocol
 
 from octoform.claims.model import Claim, Reading, Signal, State, holds
 from octoform.daemon.model import Facts, Kind, Outcome, Status
-from octoform.daemon.signals.reporting import Silence, answered, newest, reporting, silent
+from octoform.daemon.signals import Silence, answered, newest, reporting, silent
 from octoform.endpoint.observe.drift import OTHER_TOOLS
 
 FORMAT = 1
@@ -119,7 +119,7 @@ def compose(
 ) -> Health:
     """Health as of these facts. ``episodes`` may hold ended ones; ``expected`` are signals that ought to report.
 
-    ``unread`` is what is promised to report and was not asked (`octoform.daemon.signals.expected.unread`).
+    ``unread`` is what is promised to report and was not asked (`octoform.daemon.signals.unread`).
     """
     latest, made = newest(readings), list(claims)
     quiet = silent(latest.values(), expected, unread)

@@ -17,13 +17,12 @@ from octoform.claims.model import Claim, Signal
 from octoform.claims.settings import Settings
 from octoform.daemon.health import Health, compose, from_json
 from octoform.daemon.model import Cause, Facts, Finding, Kind, Outcome, Repair
-from octoform.daemon.notify.notices import Failing, failing
-from octoform.daemon.notify.remediation import advice
+from octoform.daemon.notify.notices import Failing, advice, failing
 from octoform.daemon.notify.status_file import FILE, FRESH_SECONDS, basis
 from octoform.daemon.observe.clock import SystemClock
 from octoform.daemon.observe.observer import open_look
 from octoform.daemon.observe.samples import Sensors
-from octoform.daemon.signals.expected import current, measured
+from octoform.daemon.signals import current, measured
 from octoform.daemon.store import incidents, instance_lock
 from octoform.daemon.store.backoff import Breakers
 from octoform.daemon.store.incidents import Episode
@@ -34,7 +33,7 @@ from octoform.daemon.triage import judge, remember
 from octoform.daemon.triage.failure_history import Recall
 from octoform.daemon.triage.failure_history import from_json as recall_from
 from octoform.diagnostics import Diagnostic
-from octoform.endpoint.process import desired_state
+from octoform.endpoint.process import record
 from octoform.endpoint.process.estop import is_latched
 from octoform.endpoint.process.record import running
 from octoform.engine.apply import approval
@@ -153,7 +152,7 @@ def _bulletin(layout: Layout, environ: Mapping[str, str]) -> tuple[Health, float
 
 def _is_past(document: Mapping[str, Any], layout: Layout) -> bool:
     """True when the process, a person's stop or the emergency stop is not as the record of health has it."""
-    stop = desired_state.read(layout)
+    stop = record.read(layout)
     by, latched = None if stop is None else stop.by, is_latched(layout)
     now = basis(Facts(0.0, "", layout.host, process=running(layout), stopped_by=by, latched=latched))
     return bool(document.get("basis", now) != now)
@@ -254,7 +253,7 @@ def _todo(layout: Layout, health: Health, watched: Record | None, paused: str | 
     if not layout.endpoint.is_dir():
         yield "octoform apply", "nothing is applied yet"
         return
-    if desired_state.is_marked(layout):
+    if record.is_marked(layout):
         yield "octoform start", "a person stopped the endpoint"
     if is_latched(layout):
         yield "octoform estop -clear", "the emergency stop is latched"

@@ -11,7 +11,8 @@ from pathlib import Path
 
 from octoform.base import files
 from octoform.diagnostics import Diagnostic, did_you_mean, error, warning
-from octoform.endpoint.access import external_address, tokens
+from octoform.endpoint.access import tokens
+from octoform.endpoint.access import tunnel as external_address
 from octoform.endpoint.mcp_clients import formats, merge
 from octoform.endpoint.mcp_clients import install as client_install
 from octoform.endpoint.mcp_clients.formats import CLIENTS, Client

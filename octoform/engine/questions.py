@@ -13,8 +13,7 @@ from octoform.engine.plan import device_knowledge
 from octoform.engine.plan.configuration import MANIFEST
 from octoform.engine.plan.plan import Request
 from octoform.engine.plan.refresh import read_artifacts
-from octoform.engine.ports import RunView
-from octoform.engine.results import RunResult
+from octoform.engine.results import RunResult, RunView
 from octoform.manifest.edit import settings
 from octoform.plan.model import OpenQuestion
 from octoform.state.artifacts.accepted import observe

@@ -1,8 +1,12 @@
 """What the engine's operations return, for views to show. Light: no heavy import."""
 
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass, field
+from typing import Protocol
 
 from octoform.diagnostics import Diagnostic
+from octoform.events import Event
 from octoform.plan.model import OpenQuestion, Plan
 
 
@@ -84,3 +88,44 @@ class PlanResult:
     plan: Plan | None
     diagnostics: tuple[Diagnostic, ...] = ()
     saved_as: str | None = None
+
+
+# What the engine asks of a view during a run.
+
+
+class RunView(Protocol):
+    """Shows a run and asks for approval."""
+
+    def plan(self, plan: Plan) -> None:
+        """Show what is going to be done."""
+
+    def approve(self) -> bool:
+        """Ask the person; False when the answer is not yes or nobody can be asked."""
+
+    def watching(self) -> AbstractContextManager[Callable[[Event], None]]:
+        """A context that gives the sink for events."""
+
+    def ended(self, result: RunResult) -> None:
+        """Show how it ended."""
+
+
+# The view of a run that nobody watches; what it does stands in the execution log.
+
+
+class Unwatched:
+    """Shows nothing, and can ask nobody."""
+
+    def plan(self, plan: Plan) -> None:
+        """Nobody looks at it."""
+
+    def approve(self) -> bool:
+        """Nobody can be asked."""
+        return False
+
+    @contextmanager
+    def watching(self) -> Iterator[Callable[[Event], None]]:
+        """Events are only logged."""
+        yield lambda _: None
+
+    def ended(self, result: RunResult) -> None:
+        """Nobody is shown it."""

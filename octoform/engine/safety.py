@@ -2,18 +2,24 @@
 
 import os
 import pwd
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from octoform.base.tokens import Token
 from octoform.diagnostics import Diagnostic, error
-from octoform.endpoint.access import audit_log
+from octoform.endpoint.access import audit_log, tokens
 from octoform.endpoint.access import limits as endpoint_limits
 from octoform.endpoint.access.audit_log import Checked, Wanted
 from octoform.endpoint.access.limits import Limits
+from octoform.endpoint.access.tokens import Made
+from octoform.endpoint.access.tunnel import Revocation
+from octoform.endpoint.access.tunnel import revoke as end_tunnel
 from octoform.endpoint.process import estop
 from octoform.endpoint.process.estop import Estop
+from octoform.engine.tools import layout_of
 from octoform.state.files import foreign_among
 from octoform.state.layout import Layout
 
@@ -116,3 +122,58 @@ def _layout(project: Path, environ: Environ) -> tuple[Layout | None, list[Diagno
     from octoform.engine.tools import layout_of  # an emergency stop does not wait for what this imports
 
     return layout_of(project, environ)
+
+
+# Tokens and the tunnel, for the host of a project folder.
+
+
+@dataclass(frozen=True, slots=True)
+class Shown:
+    """A token's value and the private file that keeps it."""
+
+    value: str
+    path: Path
+
+
+def create_token(
+    project: Path, environ: Environ, name: str, effects: Sequence[str], seconds: float | None
+) -> tuple[Made | None, list[Diagnostic]]:
+    """Make a token."""
+    layout, found = layout_of(project, environ)
+    return (None, found) if layout is None else tokens.create(layout, name, effects, seconds, person())
+
+
+def list_tokens(project: Path, environ: Environ) -> tuple[tuple[Token, ...] | None, list[Diagnostic]]:
+    """All tokens, without values."""
+    layout, found = layout_of(project, environ)
+    if layout is None:
+        return None, found
+    listed, found = tokens.listed(layout)
+    return (None, found) if found else (listed, [])
+
+
+def show_token(project: Path, environ: Environ, name: str) -> tuple[Shown | None, list[Diagnostic]]:
+    """The value of a token."""
+    layout, found = layout_of(project, environ)
+    if layout is None:
+        return None, found
+    value, found = tokens.value_of(layout, name)
+    return (None, found) if value is None else (Shown(value, tokens.path_of(layout, name)), [])
+
+
+def rotate_token(project: Path, environ: Environ, name: str) -> tuple[Made | None, list[Diagnostic]]:
+    """Give a token a new value."""
+    layout, found = layout_of(project, environ)
+    return (None, found) if layout is None else tokens.rotate(layout, name, person())
+
+
+def revoke_token(project: Path, environ: Environ, name: str) -> list[Diagnostic]:
+    """End a token."""
+    layout, found = layout_of(project, environ)
+    return found if layout is None else tokens.revoke(layout, name, person())
+
+
+def revoke_tunnel(project: Path, environ: Environ) -> tuple[Revocation | None, list[Diagnostic]]:
+    """End the tunnel, and find proof that it is gone."""
+    layout, found = layout_of(project, environ)
+    return (None, found) if layout is None else end_tunnel(layout, person())

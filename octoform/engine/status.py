@@ -11,13 +11,12 @@ from typing import Any
 from octoform.base import files
 from octoform.diagnostics import Diagnostic
 from octoform.endpoint.access import tokens
-from octoform.endpoint.access.external_address import no_tunnel, tunnel_now
+from octoform.endpoint.access.tunnel import no_tunnel, tunnel_now
 from octoform.endpoint.client.terminal import list_tools
 from octoform.endpoint.observe.drift import observe
 from octoform.endpoint.process import control
 from octoform.endpoint.process.estop import LATCH
-from octoform.endpoint.process.other_hosts import running_beside
-from octoform.endpoint.process.record import Running, running
+from octoform.endpoint.process.record import Running, running, running_beside
 from octoform.endpoint.publish.expected_tools import hidden, promised
 from octoform.engine.plan import cache
 from octoform.engine.plan.plan import Request, prepare

@@ -10,7 +10,7 @@ from typing import Any
 
 from octoform.contracts.naming import same_action
 from octoform.contracts.topology_rules import sharing
-from octoform.endpoint.client.sample_arguments import trial_arguments
+from octoform.endpoint.client.check import trial_arguments
 
 _CAPTURE = same_action("capture_image")
 _FIXED = "removable: fixed"

@@ -17,7 +17,7 @@ from pydantic import BaseModel, ConfigDict, ValidationError
 
 from octoform.diagnostics import Diagnostic, error, has_errors, warning
 from octoform.digest import of_bytes
-from octoform.endpoint.client.media import ending_of
+from octoform.endpoint.client.jsonrpc import ending_of
 from octoform.endpoint.files import not_ours, private_folder
 from octoform.escaping import escaped
 from octoform.perception.capture import Taken

@@ -10,7 +10,7 @@ from campaign.cases_process import end
 from campaign.model import QUIET, Case
 
 from octoform.daemon.model import Kind, Repair
-from octoform.daemon.triage.resources import LEAST_FREE
+from octoform.daemon.triage.process import LEAST_FREE
 
 ROTATED = frozenset({Repair.ROTATE, Repair.RESTART})
 LITTLE = 40_000_000

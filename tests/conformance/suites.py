@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from octoform.diagnostics import Diagnostic
-from octoform.engine.installation import _fetch
+from octoform.engine.doctor import _fetch
 from octoform.harness.installed import RECORD, Pin, folder
 from octoform.harness.installing import home_of, install
 from octoform.harness.slots import Setup

@@ -20,7 +20,7 @@ from projects import AGENT, Project
 from octoform.daemon.store import instance_lock
 from octoform.endpoint.process.record import running
 from octoform.engine.unattended.heal import heal, roll_back, settle
-from octoform.engine.unattended.watch import diagnose
+from octoform.engine.unattended.session import diagnose
 from octoform.perception.capture import Taken
 from octoform.perception.frames import keep
 from octoform.perception.image_quality import THUMB_BYTES, Picture

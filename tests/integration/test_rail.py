@@ -28,7 +28,7 @@ from octoform.daemon.observe.clock import SystemClock
 from octoform.diagnostics import Diagnostic
 from octoform.endpoint.client.terminal import CallResult, Wanted, call
 from octoform.engine.unattended.heal import heal
-from octoform.engine.unattended.watch import diagnose
+from octoform.engine.unattended.session import diagnose
 from octoform.state.layout import Layout
 
 pytestmark = pytest.mark.dear

@@ -20,12 +20,10 @@ from projects import OCTOFORM
 from terminals import Terminal
 
 from octoform.daemon.repair.restart import restart
-from octoform.endpoint.process import desired_state
-from octoform.endpoint.process.desired_state import is_marked
+from octoform.endpoint.process import record
 from octoform.endpoint.process.lifecycle import start, stop
-from octoform.endpoint.process.record import running
-from octoform.endpoint.process.systemd import unit_text
-from octoform.endpoint.process.systemd_watch import watch_text
+from octoform.endpoint.process.record import is_marked, running
+from octoform.endpoint.process.systemd import unit_text, watch_text
 from octoform.state.layout import Layout
 
 SYSTEMCTL = """#!{python}
@@ -201,10 +199,10 @@ def test_a_stop_lasts_over_a_boot_and_ends_with_a_start(systemd: Systemd, bench:
     mark = str(bench.layout.stop_mark).replace("%", "%%")
     condition = f"ConditionPathExists=!{mark}"
     assert condition in (systemd.units / NAME).read_text().splitlines()
-    assert desired_state.mark(bench.layout) is None
+    assert record.mark(bench.layout) is None
     bench.stop()
     assert start(bench.layout)[0] is not None
-    assert not desired_state.is_marked(bench.layout)
+    assert not record.is_marked(bench.layout)
 
 
 def test_a_start_that_systemd_reports_as_failed_is_told_with_its_reason(systemd: Systemd, bench: Launched) -> None:

@@ -8,10 +8,8 @@ from octoform.base.id_databases import IdDatabases
 from octoform.builtin.identify.stage import identify
 from octoform.builtin.interface.stage import declare
 from octoform.builtin.probe.stage import probe_root
-from octoform.engine.coverage.collect import Report, Stage
-from octoform.engine.coverage.report import Ground, coverage
-from octoform.engine.coverage.run_comparison import Run, compare, run_of
-from octoform.engine.coverage.runs import Pass
+from octoform.engine.coverage.report import Ground, Report, Stage, coverage
+from octoform.engine.coverage.runs import Pass, Run, compare, run_of
 
 STAMP = "2026-01-02T03:04:05Z"
 

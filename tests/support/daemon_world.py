@@ -14,12 +14,11 @@ from pathlib import Path
 from octoform.claims.ledger import Ledger
 from octoform.claims.model import Channel, Reading, Signal, Value
 from octoform.claims.settings import Settings
-from octoform.daemon.model import Alert, Cause, Done, Facts, Finding, Repair, Sighting
-from octoform.daemon.ports import Ports
-from octoform.daemon.reconcile.lanes import AtOnce, Bench
+from octoform.daemon.model import Alert, Cause, Done, Facts, Finding, Ports, Repair, Sighting
+from octoform.daemon.reconcile.policy import AtOnce, Bench
 from octoform.daemon.reconcile.supervisor import Round, Supervisor
 from octoform.daemon.store.state import Memory
-from octoform.endpoint.observe.call_log import LoggedCall
+from octoform.endpoint.observe.logs import LoggedCall
 from octoform.endpoint.process.record import Running
 from octoform.manifest.model import Daemon
 from octoform.state.layout import Layout

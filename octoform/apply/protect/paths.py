@@ -30,8 +30,7 @@ from octoform.endpoint.files import (
     SERVE_SCRIPT,
     read_manifest,
 )
-from octoform.endpoint.process.systemd import unit_path
-from octoform.endpoint.process.systemd_watch import watch_path
+from octoform.endpoint.process.systemd import unit_path, watch_path
 from octoform.harness.port import Task
 from octoform.state.artifacts import attempts
 from octoform.state.git.head import head_revision, on_branch, repository

@@ -31,8 +31,7 @@ from octoform.diagnostics import Diagnostic, has_errors, warning
 from octoform.endpoint.access.tokens import ensure_default
 from octoform.endpoint.client.check import CheckReport, check, judge_check
 from octoform.endpoint.client.sdk_client import Client
-from octoform.endpoint.environment.build import build
-from octoform.endpoint.environment.early_build import await_bytecode
+from octoform.endpoint.environment.build import await_bytecode, build
 from octoform.endpoint.environment.import_check import ImportReport, check_import, judge_import
 from octoform.endpoint.environment.lockfile import OFFLINE, resolve
 from octoform.endpoint.environment.model import Environment, packages_of
@@ -42,8 +41,7 @@ from octoform.endpoint.publish.expected_tools import shown
 from octoform.endpoint.publish.policy import Holding
 from octoform.endpoint.publish.policy import resolve as resolve_policy
 from octoform.endpoint.publish.policy_check import doubts
-from octoform.endpoint.publish.publication import write_endpoint
-from octoform.endpoint.publish.spec import Service
+from octoform.endpoint.publish.publication import Service, write_endpoint
 from octoform.harness.port import Task
 from octoform.profiles.selection import devices_of
 

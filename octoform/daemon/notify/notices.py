@@ -24,7 +24,7 @@ from pathlib import Path
 
 from octoform.base import shortage
 from octoform.base.files import parse
-from octoform.daemon.model import Alert
+from octoform.daemon.model import Alert, Kind
 from octoform.daemon.store.json_store import FORMAT, Shelf
 from octoform.diagnostics import Diagnostic, warning
 from octoform.escaping import escaped
@@ -329,3 +329,22 @@ def _told(words: bytes) -> str:
 
 def _only(environ: Mapping[str, str], wanted: Sequence[str]) -> dict[str, str]:
     return {name: environ[name] for name in wanted if name in environ}
+
+
+# What a person does about a trouble that is not tried any more: the same words wherever it is told. Light.
+
+_BY_HAND = {
+    Kind.HARDWARE_CHANGED: "octoform apply (octoform plan shows first what it would do)",
+    Kind.FILE_DAMAGED: "octoform plan tells what is edited, octoform apply puts it right",
+}
+"""Where that is another command than one more try."""
+
+
+def advice(kind: Kind, target: str) -> str:
+    """What to do once it was given up, with the command."""
+    return _BY_HAND.get(kind) or f"mend the cause, then: octoform heal -retry {target}"
+
+
+def hint(kind: Kind, target: str) -> str:
+    """The same for a message of one line."""
+    return _BY_HAND.get(kind) or f"octoform heal -retry {target} tries again once the cause is mended"

@@ -9,7 +9,7 @@ from octoform.claims.model import Channel, Reading, Signal
 from octoform.daemon.evidence import Evidence
 from octoform.daemon.health import Health, compose
 from octoform.daemon.model import Facts
-from octoform.daemon.signals.expected import current, measured, unread
+from octoform.daemon.signals import current, measured, unread
 from octoform.daemon.store.state import Memory
 
 FILE = "health.json"

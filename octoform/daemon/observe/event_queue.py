@@ -12,12 +12,10 @@ from dataclasses import dataclass
 from functools import partial
 
 from octoform.daemon.model import Cause, Facts
-from octoform.daemon.observe import paths
+from octoform.daemon.observe import file_events
 from octoform.daemon.observe.clock import Moments, SystemClock
-from octoform.daemon.observe.event_source import Ear
+from octoform.daemon.observe.file_events import Ear, FolderEar, Unwatched
 from octoform.daemon.observe.hardware import hardware
-from octoform.daemon.observe.inotify import FolderEar
-from octoform.daemon.observe.polling import Unwatched
 from octoform.daemon.observe.process import ProcessEar
 from octoform.state.layout import Layout
 
@@ -171,9 +169,9 @@ def open_sources(
 ) -> EventSources:
     """The sources of a deployment; OSError when the system gives no way to watch files."""
     ears: list[Ear] = [
-        FolderEar(partial(paths.signs, layout)),
-        FolderEar(partial(paths.standing, layout), FILES_HOLD),
-        FolderEar(partial(paths.logs, layout), LOG_HOLD),
+        FolderEar(partial(file_events.signs, layout)),
+        FolderEar(partial(file_events.standing, layout), FILES_HOLD),
+        FolderEar(partial(file_events.logs, layout), LOG_HOLD),
         hardware(environ),
     ]
     return EventSources(ProcessEar(), ears, timing, clock or SystemClock())

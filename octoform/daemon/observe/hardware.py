@@ -12,8 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from octoform.daemon.model import Cause
-from octoform.daemon.observe.event_source import Ear
-from octoform.daemon.observe.inotify import FolderEar, Watch
+from octoform.daemon.observe.file_events import Ear, FolderEar, Watch
 from octoform.host.fingerprint import root_from_environment
 
 GLANCE_SECONDS = 2.0

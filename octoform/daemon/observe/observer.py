@@ -11,14 +11,13 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from octoform.base.files import parse
-from octoform.daemon.model import Cause, Facts
+from octoform.daemon.model import Cause, Clock, Facts
 from octoform.daemon.observe.file_integrity import Standing
-from octoform.daemon.observe.liveness_probe import Answering
 from octoform.daemon.observe.log_events import Hearing
 from octoform.daemon.observe.presence import Presence
-from octoform.daemon.ports import Clock
+from octoform.daemon.observe.process import Answering
 from octoform.endpoint.files import read_manifest
-from octoform.endpoint.process import desired_state
+from octoform.endpoint.process import record
 from octoform.endpoint.process.estop import is_latched
 from octoform.endpoint.process.record import Running, running
 from octoform.endpoint.publish.expected_tools import published
@@ -83,7 +82,7 @@ class Looker:
             applied=applied,
             destroyed=not applied and _destroyed(layout),
             busy=holder,
-            stopped_by=stop.by if (stop := desired_state.read(layout)) is not None else None,
+            stopped_by=stop.by if (stop := record.read(layout)) is not None else None,
             process=process,
             latched=is_latched(layout),
             unproved=_unproved(layout) if causes & STANDING else before.unproved,

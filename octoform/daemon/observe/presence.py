@@ -21,7 +21,7 @@ from octoform.daemon.model import Sighting
 from octoform.daemon.observe.event_queue import wait_readable
 from octoform.daemon.observe.hardware import names
 from octoform.daemon.observe.process import ProcessEar
-from octoform.endpoint.access.rights import describe, served
+from octoform.endpoint.files import describe_closed, served_nodes
 from octoform.endpoint.process.record import Running, is_it
 from octoform.host.fingerprint import SYSROOT_VARIABLE
 from octoform.state.artifacts.cache import classes_of, read_instances
@@ -59,7 +59,7 @@ class Presence:
 
         None when ``process`` ended before that was known: then the next look asks again.
         """
-        acting = served(self._layout)
+        acting = served_nodes(self._layout)
         ids = tuple(acting)
         ledger = read_instances(self._layout)[0] or {}
         recorded = {name: _recorded(ledger.get(name)) for name in ids}
@@ -90,7 +90,7 @@ class Presence:
             return Sighting(False if recorded or name in self._met else None, recorded=recorded)
         self._met.add(name)
         doubt = str(answer.get("doubt") or "") if acts else ""
-        shut = [describe(each) for each in answer.get("refused") or ()]
+        shut = [describe_closed(each) for each in answer.get("refused") or ()]
         return Sighting(True, str(answer.get("sysfs") or "") or None, doubt or None, recorded, "; ".join(shut) or None)
 
     def _kinds(self) -> tuple[tuple[str, ...], tuple[str, ...]]:

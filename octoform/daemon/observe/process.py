@@ -4,10 +4,17 @@ A process descriptor names one process for ever, so that a pid that was given ag
 """
 
 import os
+from collections.abc import Callable, Mapping
 from contextlib import suppress
+from pathlib import Path
+from typing import Any
 
+from octoform.base.files import read
 from octoform.daemon.model import Cause
+from octoform.endpoint.process import control
 from octoform.endpoint.process.record import Running, is_it
+from octoform.endpoint.sockets import GREETING, connect
+from octoform.state.layout import Layout
 
 _ENDED = frozenset((Cause.PROCESS,))
 
@@ -59,3 +66,106 @@ class ProcessEar:
         if self._handle is not None:
             os.close(self._handle)
         self._handle = self._process = None
+
+
+# Whether the process that serves the endpoint answers: asked at its control door and at that of its clients. (Light.)
+#
+# The control door has a thread of its own, so it tells a process that stands still (stopped, swapped out, one library
+# that holds everything) from one that works. The clients' door is answered by the event loop. A loop that is busy for
+# seconds is no fault, and the endpoint interrupts what blocks it by itself; so that door is asked seldom, and believed
+# only when it stays shut. Neither is a process at fault that wants to run and gets no processor: it is given more time.
+
+ASK_SECONDS = 3.0
+GREETING_SECONDS = 1.0
+GREETED_EVERY = 15.0
+SHUT_SECONDS = 15.0
+"""How long a door may stay shut: one that is ending has closed it already, and finishes its calls before it goes.
+
+So long, too, a process that wants to run may take: on a machine with too much to do it is only slow.
+"""
+_AT_ONCE = 0.5
+
+Ask = Callable[[Layout, float], Mapping[str, Any] | None]
+Greeted = Callable[[Layout, float], bool]
+Busy = Callable[[int], bool]
+
+
+class Answering:
+    """Asks one endpoint, and remembers since when a door was shut.
+
+    ``uptime`` is the clock of that memory. `ask`, `greeted` and `busy` are what the system says, which tests replace.
+    """
+
+    ask: Ask
+    greeted: Greeted
+    busy: Busy
+
+    def __init__(self, layout: Layout, uptime: Callable[[], float]) -> None:
+        self._layout = layout
+        self._uptime = uptime
+        self.ask, self.greeted, self.busy = _ask, _greeted, wants_to_run
+        self._shut: dict[str, float] = {}
+        self._greet = 0.0
+        self._instance = ""
+
+    def __call__(self, process: Running) -> tuple[bool | None, Mapping[str, Any] | None]:
+        """Whether this process answers, and what it says of itself; (None, None) while it is doubtful."""
+        if process.instance != self._instance:
+            self._instance, self._shut, self._greet = process.instance, {}, 0.0
+        began = self._uptime()
+        told, hangs = self._told()
+        if told is None:
+            stays = self._stays("control", began)
+            return (False, None) if stays or (hangs and not self.busy(process.pid)) else (None, None)
+        self._shut.pop("control", None)
+        if self._loop():
+            return True, told
+        return (False, told) if self._stays("clients", self._uptime()) else (True, told)
+
+    def _told(self) -> tuple[Mapping[str, Any] | None, bool]:
+        """What it says; or that it took the question twice and did not answer, which only a standing process does."""
+        waited = []
+        for _ in range(2):
+            began = self._uptime()
+            told = self.ask(self._layout, ASK_SECONDS)
+            if told is not None and "error" not in told:
+                return told, False
+            waited.append(self._uptime() - began)
+            if waited[-1] < _AT_ONCE:
+                break  # the door is shut: asking again at once says nothing new
+        return None, len(waited) == 2 and min(waited) >= ASK_SECONDS - _AT_ONCE
+
+    def _loop(self) -> bool:
+        """Whether the event loop greets; asked again each time while it does not, else seldom."""
+        now = self._uptime()
+        if "clients" not in self._shut and now < self._greet:
+            return True
+        self._greet = now + GREETED_EVERY
+        if self.greeted(self._layout, GREETING_SECONDS):
+            self._shut.pop("clients", None)
+            return True
+        return False
+
+    def _stays(self, door: str, since: float) -> bool:
+        return self._uptime() - self._shut.setdefault(door, since) >= SHUT_SECONDS
+
+
+def _ask(layout: Layout, seconds: float) -> Mapping[str, Any] | None:
+    return control.ask(layout, {"op": "status"}, seconds)
+
+
+def wants_to_run(pid: int) -> bool:
+    """Whether a thread of a process runs, or would if it got a processor (proc(5): state R)."""
+    for path in Path(f"/proc/{pid}/task").glob("*/stat"):
+        with suppress(OSError, IndexError):
+            if read(path, 4096).decode("utf-8", "replace").rpartition(")")[2].split()[0] == "R":
+                return True
+    return False
+
+
+def _greeted(layout: Layout, seconds: float) -> bool:
+    try:
+        with connect(layout.socket, seconds) as client:
+            return client.recv(len(GREETING)) == GREETING
+    except OSError:
+        return False

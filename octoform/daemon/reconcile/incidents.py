@@ -6,8 +6,7 @@ All that is known of a trouble is kept with its episode, so that the next daemon
 from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import InitVar, dataclass, field
 
-from octoform.daemon.model import Alert, Cause, Facts, Finding, Kind, Outcome, Status
-from octoform.daemon.ports import Notify
+from octoform.daemon.model import Alert, Cause, Facts, Finding, Kind, Notify, Outcome, Status
 from octoform.daemon.store.incidents import Episode
 from octoform.daemon.store.state import Memory
 from octoform.engine.apply import approval

@@ -3,33 +3,148 @@
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field, replace
 
-from octoform.claims.model import Reading
+from octoform.claims.ledger import Ledger
+from octoform.claims.model import Reading, Signal
 from octoform.daemon.evidence import Evidence
-from octoform.daemon.health import Stand, stand
-from octoform.daemon.model import Cause, Done, Facts, FaultClass, Finding, Kind, Outcome, Repair
-from octoform.daemon.notify.remediation import hint
-from octoform.daemon.ports import Ports
+from octoform.daemon.health import Stand, stand, worse
+from octoform.daemon.model import Cause, Done, Facts, FaultClass, Finding, Kind, Outcome, Ports, Repair
+from octoform.daemon.notify.notices import hint
 from octoform.daemon.reconcile.incidents import Troubles
-from octoform.daemon.reconcile.lanes import Bench, Ended, Lane, Product, Task, Work, lane_of
 from octoform.daemon.reconcile.policy import (
     APPLYING,
     GRACE_SECONDS,
     QUICK,
+    Bench,
+    Ended,
+    Lane,
+    Product,
+    Task,
+    Work,
     barred,
     busy_with_ours,
     chain_of,
     concerns_process,
+    lane_of,
     limit_of,
     most_in_hour,
     rediscovers,
     swaps,
 )
-from octoform.daemon.reconcile.tamper_check import Untouched
-from octoform.daemon.reconcile.verification import Probation
+from octoform.daemon.signals import unread
 from octoform.daemon.store.agent_budget import ATTEMPTS, Entry
 from octoform.daemon.store.incidents import Episode, Try
 from octoform.daemon.store.state import Memory
 from octoform.daemon.triage.agent_report import findings_of, summary_of
+
+# HEAL on probation: what it changed counts only once everything has been read anew, and nothing reads worse. Light.
+#
+# How the deployment stood before is compared at each look, from the end of the repair until all that is promised to
+# report has been read once more after it. The readings that the repair itself asks for are the first, and not enough. A
+# device that somebody unplugs meanwhile, and a process that ends once, are nobody's proof against a rewritten function:
+# they are waited for.
+
+MOST_ENDS = 2
+"""Ends of the endpoint's process during a probation at which the repair is taken for their cause."""
+_AFTER = 0.001
+"""Seconds: readings of the very moment in which the repair ended are its own."""
+
+
+@dataclass(slots=True)
+class Tried:
+    """A repair on probation: what it was made for, how things stood before, since when (uptime), in which process."""
+
+    finding: Finding
+    before: Stand
+    since: float
+    process: str | None
+    ends: int = 0
+
+
+@dataclass(slots=True)
+class Probation:
+    """The repairs of HEAL that nobody knows yet to hold, by the key of their trouble."""
+
+    tried: dict[str, Tried] = field(default_factory=dict)
+
+    def begin(self, key: str, finding: Finding, before: Stand, facts: Facts) -> None:
+        """A repair has ended, by its own word well."""
+        self.tried[key] = Tried(finding, before, facts.uptime + _AFTER, _process(facts))
+
+    def judge(
+        self, facts: Facts, now: Stand, promised: Callable[[], Iterable[Signal]], readings: Iterable[Reading]
+    ) -> list[tuple[Finding, str]]:
+        """The repairs after which something is worse, and what; those that have held are on probation no more."""
+        found, known = [], tuple(readings)
+        for key, tried in list(self.tried.items()):
+            why = _worse(tried, facts, now)
+            if why is not None:
+                found.append((tried.finding, why))
+            elif not _settled(tried, facts) or unread(promised(), known, tried.since):
+                continue
+            del self.tried[key]
+        return found
+
+
+def _worse(tried: Tried, facts: Facts, now: Stand) -> str | None:
+    process = _process(facts)
+    if process is not None and process != tried.process:
+        tried.ends += tried.process is not None
+        tried.process, tried.since = process, max(tried.since, facts.uptime + _AFTER)
+    if tried.ends >= MOST_ENDS:
+        return f"the endpoint's process ended {tried.ends} times"
+    if not _settled(tried, facts):
+        return None
+    # What an absent device does not report says nothing; a tool that fails for it is known by its error elsewhere.
+    return worse(replace(tried.before, there=frozenset()), now)
+
+
+def _settled(tried: Tried, facts: Facts) -> bool:
+    """Whether the deployment can be compared now: the process is there, and so are the devices that were."""
+    there = {name for name, each in facts.devices.items() if each.there}
+    return facts.process is not None and facts.answers is not False and tried.before.there <= there
+
+
+def _process(facts: Facts) -> str | None:
+    return facts.process.instance if facts.process is not None else None
+
+
+# While an agent works, nobody but the daemon changes the daemon's own files: its memory, and the ledger of claims.
+#
+# An agent of the same account could write them. What the daemon knows is written again, and what the agent says then
+# counts for nothing. A person decides about claims before or afterwards (`octoform.daemon.requests`
+# says so). Light.
+
+
+@dataclass(slots=True)
+class Untouched:
+    """Watches the files of one daemon; one agent works at a time, or several under one guard."""
+
+    memory: Memory
+    ledger: Ledger
+    _at_work: int = 0
+
+    def begin(self) -> None:
+        """An agent is about to be asked: what changed until now was changed by others."""
+        if not self._at_work:
+            self.ledger.expire()  # takes up what a person decided
+            self.memory.reclaim()
+            self.memory.shelf.strange.clear()
+            self.ledger.strange = 0
+            self.ledger.guarded = True
+        self._at_work += 1
+
+    def end(self, done: Done) -> Done:
+        """It has ended: its word, or that it is refused."""
+        self.ledger.expire()
+        self.memory.reclaim()
+        names = sorted(self.memory.shelf.strange) + ["the ledger of claims"] * bool(self.ledger.strange)
+        self._at_work -= 1
+        self.ledger.guarded = self._at_work > 0
+        if not names:
+            return done
+        text = f"refused: while the agent was at work, somebody changed {', '.join(names)} ({done.detail})"
+        return replace(done, ok=False, report=None, findings=(), detail=text)
+
 
 AUTO = "auto"
 AGENTS = frozenset({Repair.WATCH, Repair.HEAL, Repair.REDISCOVER})

@@ -20,7 +20,7 @@ Job = Callable[[str, Brief], dict[str, Any]]
 def _settings(project: str, _: Brief) -> dict[str, Any]:
     """How the manifest wants the deployment kept alive: ``host``, ``scope``, ``daemon``, ``perception``, and ``bounds``
     that the profiles set (`octoform.claims.settings.bounds_told`)."""
-    from octoform.engine.unattended.claim_bounds import bounds
+    from octoform.engine.unattended.session import bounds
     from octoform.manifest.loader import load
     from octoform.manifest.model import FILE_NAME
 
@@ -68,8 +68,7 @@ def _rebuild(project: str, brief: Brief) -> dict[str, Any]:
 
 
 def _rediscover(project: str, brief: Brief) -> dict[str, Any]:
-    from octoform.engine.unattended.cost_estimate import Left
-    from octoform.engine.unattended.rediscover import rediscover
+    from octoform.engine.unattended.rediscover import Left, rediscover
 
     apply = str(brief.get("apply") or "ask")
     return rediscover(_layout(project, brief), os.environ, apply=apply, left=Left.of(brief))
@@ -94,7 +93,7 @@ def _free(project: str, brief: Brief) -> dict[str, Any]:
 
 
 def _watch(project: str, brief: Brief) -> dict[str, Any]:
-    from octoform.engine.unattended.watch import diagnose
+    from octoform.engine.unattended.session import diagnose
 
     return diagnose(Path(project), os.environ, brief)
 

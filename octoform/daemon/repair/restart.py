@@ -19,8 +19,7 @@ from octoform.daemon.model import Done
 from octoform.diagnostics import Diagnostic
 from octoform.endpoint.process import lifecycle
 from octoform.endpoint.process.control import ask
-from octoform.endpoint.process.desired_state import is_marked
-from octoform.endpoint.process.record import Running, is_it, running
+from octoform.endpoint.process.record import Running, is_it, is_marked, running
 from octoform.state.files import read_regular, refused, write_atomic
 from octoform.state.layout import Layout
 

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 from octoform.daemon.model import Facts
-from octoform.endpoint.observe.call_log import LoggedCall
+from octoform.endpoint.observe.logs import LoggedCall
 from octoform.escaping import escaped
 
 MOST_TOOLS = 200

@@ -5,13 +5,143 @@ permitted is right, and refusing it would keep a host from ever being onboarded.
 """
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 
+from octoform.base.quantities import BOUNDS, is_possible
+from octoform.base.unit_names import COUNTS, last_word, unit_in, unit_of_name, unit_of_text
 from octoform.diagnostics import Diagnostic, error, has_errors, warning
-from octoform.endpoint.client.check_report import CheckReport, TrialCall
-from octoform.endpoint.client.plausibility import of_another, out_of_bounds, unmoved
 from octoform.endpoint.publish.policy import LINE
+
+# What a check of the endpoint saw, as values.
+
+
+@dataclass(frozen=True, slots=True)
+class TrialCall:
+    """One trial call, and its repetitions.
+
+    ``device`` is the one that the call was for, where it is known. ``skipped`` is the reason why there was none.
+    ``error_class`` is the exception's class as the log tells it, or ``Timeout``, ``OutputSchema``, ``ResultRefused``,
+    ``Protocol``, ``BadArgument``. ``logged`` means that call and result both stand in the log, ``ended_well`` is what
+    that result says. ``pictures`` holds
+    ``{"bytes", "mean", "spread"}`` for each picture of the answer, brightness in 0..255. ``results`` are the structured
+    results of all calls that were made, ``raw`` the numbers that the tool read meanwhile, one table for each.
+    """
+
+    tool: str
+    ok: bool
+    skipped: str | None = None
+    error_class: str | None = None
+    message: str | None = None
+    ms: float | None = None
+    logged: bool = False
+    ended_well: bool | None = None
+    pictures: tuple[dict[str, Any], ...] = ()
+    device: str | None = None
+    results: tuple[Any, ...] = ()
+    raw: tuple[Mapping[str, float], ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class CheckReport:
+    """What the client saw. ``tools`` are the served tools with their schemas, in the spelling of the artifacts."""
+
+    answered: bool
+    error: str | None
+    protocol: str | None
+    server: dict[str, Any] | None
+    tools: tuple[dict[str, Any], ...]
+    calls: tuple[TrialCall, ...]
+    seconds: float
+    survivors: int = 0
+    log: str = ""
+    unrecorded: Diagnostic | None = None
+
+
+# Whether the results of a trial call can be true: physical bounds, the device that was asked, numbers that move.
+#
+# A result that satisfies its schema may still be nonsense: millidegrees told as degrees, the reading of another device,
+# a constant.
+
+_NAMES = frozenset({"device", "device_id"})
+_MOVED = 0.1
+"""A reading that moved by a tenth shows in a result, however it is rounded."""
+
+
+def out_of_bounds(result: Any, schema: Any) -> list[str]:
+    """``member: value unit, beyond bounds`` for each number of a result that no device can have measured."""
+    return [
+        f"{where or 'the result'}: {value:g} {unit}, which no device measures ({low:g} to {high:g} are possible)"
+        for where, value, unit in _measured(result, schema, "", None)
+        for low, high in [BOUNDS[unit]]
+        if not is_possible(value, unit)
+    ]
+
+
+def of_another(call: TrialCall, devices: frozenset[str]) -> str | None:
+    """The id of another device that a result gives for its own; None where it gives its own, or none."""
+    for result in call.results if call.device is not None else ():
+        if isinstance(result, dict):
+            told = [result[name] for name in sorted(_NAMES & result.keys()) if result[name] in devices]
+            if told and told[0] != call.device:
+                return str(told[0])
+        named = set(_texts(result)) & devices
+        if named and call.device not in named:
+            return sorted(named)[0]
+    return None
+
+
+def unmoved(call: TrialCall) -> str | None:
+    """The attribute that moved while three results stayed the same; None where that was not seen."""
+    if len(call.results) < 3 or len(call.raw) < 3:
+        return None
+    told = [_numbers(result) for result in call.results]
+    if not told[0] or any(numbers != told[0] for numbers in told):
+        return None
+    return next((name for name in call.raw[0] if _moves([table.get(name) for table in call.raw])), None)
+
+
+def _moves(values: Sequence[float | None]) -> bool:
+    known = [value for value in values if value is not None]
+    widest = max(map(abs, known), default=0.0)
+    return len(known) == len(values) and widest > 0 and max(known) - min(known) > _MOVED * widest
+
+
+def _measured(value: Any, schema: Any, where: str, unit: str | None) -> Iterator[tuple[str, float, str]]:
+    """(member, number, unit) of each number whose unit is known."""
+    if isinstance(value, Mapping):
+        beside = unit_of_text(value.get("unit"))
+        members = schema.get("properties", {}) if isinstance(schema, Mapping) else {}
+        for name, item in value.items():
+            inner = members.get(name, {})
+            said = inner.get("description") if isinstance(inner, Mapping) else None
+            own = unit_of_name(str(name)) or (beside if name in ("value", "reading") else None)
+            own = own or (None if last_word(str(name)) in COUNTS else unit_in(said))
+            yield from _measured(item, inner, f"{where}.{name}" if where else str(name), own)
+    elif isinstance(value, list):
+        inner = schema.get("items", {}) if isinstance(schema, Mapping) else {}
+        for index, item in enumerate(value):
+            yield from _measured(item, inner, f"{where}[{index}]", unit)
+    elif isinstance(value, int | float) and not isinstance(value, bool) and unit is not None:
+        yield where, float(value), unit
+
+
+def _texts(value: Any) -> Iterator[str]:
+    if isinstance(value, str):
+        yield value
+    elif isinstance(value, dict | list):
+        for item in value.values() if isinstance(value, dict) else value:
+            yield from _texts(item)
+
+
+def _numbers(value: Any) -> list[Any]:
+    """The numbers of a result in their order; times and counts of calls are numbers too, and then it moves."""
+    if isinstance(value, dict | list):
+        items = value.values() if isinstance(value, dict) else value
+        return [number for item in items for number in _numbers(item)]
+    return [value] if isinstance(value, int | float) and not isinstance(value, bool) else []
+
 
 _CODE: tuple[type[BaseException], ...] = (
     *(ArithmeticError, ZeroDivisionError, AssertionError, AttributeError, LookupError, IndexError, KeyError),

@@ -5,16 +5,17 @@ there is one supervisor and not two. Light until systemctl is really asked.
 """
 
 import os
+import re
+import sys
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 from octoform.base.files import read
 from octoform.digest import of_bytes
 from octoform.endpoint.files import LAUNCHER
-from octoform.endpoint.process.desired_state import unmark
-from octoform.endpoint.process.record import MARK
+from octoform.endpoint.process.record import MARK, unmark
 from octoform.state.layout import Layout
 
 PROGRAM = "systemctl"
@@ -184,3 +185,109 @@ def started(layout: Layout) -> Service | None:
 def stopped(layout: Layout) -> bool:
     """Let systemd stop the endpoint, so that it does not start it again; True when it did."""
     return is_ours(layout, unit_path(layout)) and systemctl("stop", unit_name(layout)).status == 0
+
+
+# The daemon as a service of systemd, beside the endpoint's: one unit that runs ``octoform watch``. Light.
+#
+# It is a unit of its own, so that the daemon can be stopped and started again without touching what it watches.
+
+_WATCH_UNIT = """\
+# Written by octoform service install; octoform service uninstall takes it away.
+[Unit]
+Description=octoform watch of {host}
+StartLimitIntervalSec=300
+StartLimitBurst=10
+
+[Service]
+Type=exec
+{user}ExecStart={python} -P -m octoform.cli watch
+WorkingDirectory={folder}
+Environment={path}
+UMask=0077
+Restart=on-failure
+RestartSec=5
+# It ends in order at SIGTERM, and tells so with that status.
+SuccessExitStatus=143
+# It ends its agents and its other children by itself. An endpoint that it started without a unit is none of them.
+KillMode=process
+TimeoutStopSec=60
+# No sandbox of files or users: agents bring their own, and repairs write where apply does.
+NoNewPrivileges=yes
+
+[Install]
+WantedBy={target}
+"""
+
+
+def watch_name(layout: Layout) -> str:
+    """The unit of a host's daemon."""
+    return f"octoform-watch-{layout.host}.service"
+
+
+def watch_path(layout: Layout, environ: Mapping[str, str] | None = None) -> Path:
+    """Where it lies among a person's own units."""
+    return unit_path(layout, environ).with_name(watch_name(layout))
+
+
+def watch_text(layout: Layout, path: str, account: str | None = None) -> str:
+    """The unit, with the search path ``path`` for agents' programs; for the whole machine with ``account``."""
+    return _WATCH_UNIT.format(
+        host=plain(layout.host),
+        user="" if account is None else f"User={plain(account)}\n",
+        python=program(Path(sys.executable)),
+        folder=plain(str(layout.project)),
+        path=quoted(f"PATH={path}"),
+        target="default.target" if account is None else "multi-user.target",
+    )
+
+
+def watches(layout: Layout, path: Path) -> bool:
+    """True when the unit at ``path`` watches this very project; another one may have a host of the same name."""
+    try:
+        lines = read(path).decode().splitlines()
+    except (OSError, ValueError):
+        return False
+    wanted = f"WorkingDirectory={plain(str(layout.project))}"
+    return wanted in lines and any(line.endswith("-m octoform.cli watch") for line in lines)
+
+
+# The command that starts octoform again, for files that outlive this run.
+#
+# A program that was fetched for one run (`uvx`, `pipx run`) lives in a cache, which is cleaned: a client's file with
+# that path works today and not next week. Light.
+
+NAME = "octoform"
+_UV_FOLDER = re.compile(r"(archive|environments|builds)-v\d+")
+_PIPX_CACHES = (".cache/pipx", ".local/pipx/.cache", ".local/share/pipx/.cache", "Library/Caches/pipx")
+
+
+def lasting_command(words: Sequence[str], environ: Mapping[str, str]) -> list[str] | None:
+    """The command line that runs octoform with ``words`` later as well.
+
+    This interpreter where it stays; else an octoform of the PATH that does; None where there is none.
+    """
+    if stays(environ):
+        return [sys.executable, "-I", "-m", "octoform.cli", *words]
+    for folder in map(Path, environ.get("PATH", "").split(os.pathsep)):
+        program = folder / NAME
+        if folder.is_absolute() and os.access(program, os.X_OK) and not _of_a_cache(program, environ):
+            return [str(program), *words]
+    return None
+
+
+def stays(environ: Mapping[str, str]) -> bool:
+    """Whether this octoform is there for later runs too, and does not lie in a cache for one run."""
+    return not _of_a_cache(Path(sys.prefix), environ)
+
+
+def _of_a_cache(path: Path, environ: Mapping[str, str]) -> bool:
+    """Whether the path, or what it leads to, lies where uv or pipx keeps what is needed for one run."""
+    home = Path(environ.get("HOME") or Path.home())
+    caches = [home / name for name in _PIPX_CACHES]
+    caches += [Path(environ[name]) for name in ("UV_CACHE_DIR",) if environ.get(name)]
+    caches += [Path(environ["PIPX_HOME"]) / ".cache"] if environ.get("PIPX_HOME") else []
+    seen = (path.absolute(), path.resolve())
+    return any(
+        any(_UV_FOLDER.fullmatch(part) for part in each.parts) or any(each.is_relative_to(cache) for cache in caches)
+        for each in seen
+    )

@@ -33,7 +33,7 @@ def _refused(why: str) -> str:
 
 
 def _again(layout: Layout) -> Again:
-    from octoform.endpoint.proxy.reconnect import Returning  # here, since few pipes ever need it
+    from octoform.endpoint.proxy.dial import Returning  # here, since few pipes ever need it
 
     return Returning(layout)
 

@@ -8,8 +8,17 @@ from fnmatch import fnmatchcase
 from typing import Any
 
 from octoform.diagnostics import Diagnostic, did_you_mean, warning
-from octoform.endpoint.publish.policy import Holding, Tool, claims, is_meant, parameters, places_of, tightest
-from octoform.endpoint.publish.unit_ranges import fixed_outside, reported
+from octoform.endpoint.publish.policy import (
+    Holding,
+    Tool,
+    claims,
+    fixed_outside,
+    is_meant,
+    parameters,
+    places_of,
+    reported,
+    tightest,
+)
 from octoform.manifest.model import Policy
 
 _MOST_NAMED = 8

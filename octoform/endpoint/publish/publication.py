@@ -7,9 +7,10 @@ the digests of all these files, so that a plan sees when one was edited or lost.
 import json
 import os
 import shlex
+import shutil
 import sys
-from collections.abc import Mapping
-from dataclasses import replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +19,7 @@ from octoform.base.files import make_way, parse, read, read_json
 from octoform.diagnostics import Diagnostic, Severity
 from octoform.digest import of_bytes
 from octoform.endpoint.environment.build import prune
-from octoform.endpoint.environment.model import Environment, at
+from octoform.endpoint.environment.model import FOLDER_NAME, MARKER, Environment, at
 from octoform.endpoint.files import (
     CHECK,
     CLIENTS,
@@ -36,13 +37,58 @@ from octoform.endpoint.files import (
     program_files,
     read_manifest,
 )
-from octoform.endpoint.process.start_command import lasting_command
+from octoform.endpoint.mcp_clients.formats import CLIENTS as PROGRAMS
+from octoform.endpoint.mcp_clients.formats import Client, form, of
+from octoform.endpoint.mcp_clients.merge import Wish, written
+from octoform.endpoint.process.estop import LATCH
+from octoform.endpoint.process.lifecycle import stop
+from octoform.endpoint.process.systemd import lasting_command
 from octoform.endpoint.publish.expected_tools import denied
-from octoform.endpoint.publish.snippets import snippets
-from octoform.endpoint.publish.spec import Service
-from octoform.state.artifacts.cache import ENDPOINT, keep
+from octoform.state.artifacts.cache import ENDPOINT, forget, keep
 from octoform.state.files import write_atomic
 from octoform.state.layout import Layout
+
+# One ready-made configuration for each MCP client, in the client's own format.
+#
+# Absolute paths and no environment: a client can start the command from anywhere. The forms are those that `octoform
+# clients install` puts into a client's own file, see `clients.formats`.
+
+
+def snippets(name: str, command: Sequence[str], url: str | None = None) -> dict[str, str]:
+    """File name to text for each client; ``name`` is what the client calls the server, ``command`` what it starts.
+
+    With a ``url``, clients that know HTTP get that; the token is referred to.
+    """
+    return {client.file: snippet(client, name, command, url) for client in PROGRAMS.values()}
+
+
+def snippet(client: Client, name: str, command: Sequence[str], url: str | None = None) -> str:
+    """The text of one client's configuration that holds this server and nothing else."""
+    client = of(client, name)
+    entry = form(client, name, command, url) or form(client, name, command, None)
+    assert entry is not None
+    with_prompt = url is not None and client.http is not None
+    return written(client, Wish(client.table, name, entry, prompted=with_prompt))
+
+
+# What the endpoint shall be, as a value: who reaches it, with which tools, under which policy.
+
+
+@dataclass(frozen=True, slots=True)
+class Service:
+    """The content of the endpoint's descriptor and policy.
+
+    ``tools`` are the INTERFACE artifact's, ``devices`` ``{"id", "name", "category"}`` as IDENTIFY has them. ``policy``
+    is the resolved one in the form of policy.json. ``network`` and ``tunnel`` are None where the scope has none.
+    """
+
+    tools: Sequence[Mapping[str, Any]]
+    policy: Mapping[str, Any]
+    devices: Sequence[Mapping[str, Any]] = field(default=())
+    scope: str = "local"
+    network: Mapping[str, Any] | None = None
+    tunnel: Mapping[str, Any] | None = None
+
 
 _SERVICE = ("host", "scope", "tools", "devices", "network", "tunnel")
 """What the descriptor says of the service itself, and not of the folder or the octoform that wrote it."""
@@ -195,3 +241,71 @@ def _pipe(layout: Layout) -> list[str]:
 
 def _json(value: object) -> bytes:
     return (json.dumps(value, indent=2, ensure_ascii=False) + "\n").encode()
+
+
+# Take the endpoint away: exactly what apply made, nothing that a person put beside it.
+
+STOPS = "stopped-*.json"  # what the runtime writes for a device that was stopped until a command of its own
+
+
+def remove(layout: Layout) -> list[Path]:
+    """Remove endpoint and environments of this host; gives the files and folders that are not ours and stayed.
+
+    The launcher goes first, so that no client starts a server from what is being removed; then the process is ended,
+    and its tokens and counters go with it. The logs stay, and so do an emergency stop and the stop of a device: what
+    was stopped for a reason must not move after the next apply because nobody remembers it. OSError when the system
+    refuses.
+    """
+    folder = layout.endpoint
+    _unlink(folder, LAUNCHER)
+    stop(layout)
+    _empty(layout.run)
+    for name in (SERVE_SCRIPT, CONNECTION, POLICY, CHECK, MANIFEST):
+        _unlink(folder, name)
+    for name in snippets("", []):
+        _unlink(folder / CLIENTS, name)
+    shutil.rmtree(folder / PROGRAM, ignore_errors=True)
+    for path in sorted(layout.environments.glob("*")):
+        if FOLDER_NAME.fullmatch(path.name) and ((path / MARKER).is_file() or (path / "pyvenv.cfg").is_file()):
+            shutil.rmtree(path)
+    for path in sorted(layout.environments.glob(".*.lock")):
+        path.unlink()
+    forget(layout, (ENDPOINT,))
+    return [*_sweep(folder / CLIENTS), *_sweep(folder), *_sweep(layout.environments)]
+
+
+def stopped_devices(layout: Layout) -> tuple[Path, ...]:
+    """The stops of single devices, which the runtime keeps until the command that ends each went well."""
+    return tuple(sorted(layout.run.glob(STOPS)))
+
+
+def _empty(run: Path) -> None:
+    """Remove what the process kept, but for the latch of the emergency stop and the stops of devices."""
+    kept = {path.name for path in run.glob(STOPS)} | ({LATCH} if os.path.lexists(run / LATCH) else set())
+    if not kept:
+        shutil.rmtree(run, ignore_errors=True)
+        return
+    for path in run.iterdir():
+        if path.name in kept:
+            continue
+        if path.is_dir() and not path.is_symlink():
+            shutil.rmtree(path, ignore_errors=True)
+        else:
+            path.unlink(missing_ok=True)
+
+
+def _unlink(folder: Path, name: str) -> None:
+    """The file, and whatever a cut-off write left of it."""
+    (folder / name).unlink(missing_ok=True)
+    for path in folder.glob(f".{name}.*"):
+        path.unlink()
+
+
+def _sweep(folder: Path) -> list[Path]:
+    """Remove the folder when it is empty, else tell what is in it."""
+    if not folder.is_dir():
+        return []
+    left = sorted(folder.iterdir())
+    if not left:
+        folder.rmdir()
+    return left

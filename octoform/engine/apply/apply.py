@@ -10,35 +10,179 @@ from typing import Any
 from octoform.apply.context import Clock, Context, Tally
 from octoform.apply.destroy import destroy
 from octoform.apply.executor import execute
+from octoform.base import files
+from octoform.base.shape import fits
 from octoform.diagnostics import Diagnostic, Severity, error, has_errors
-from octoform.endpoint.environment.early_build import prewarmed
-from octoform.endpoint.process import desired_state
-from octoform.engine.apply import approval, summary
-from octoform.engine.apply.commit import commit_run
-from octoform.engine.apply.execution_log import logging_to
-from octoform.engine.apply.saved_plan import SavedRun, read_saved
-from octoform.engine.apply.session import Locked, Means, Refused, context_of, locked, opened
+from octoform.endpoint.access.tokens import listed
+from octoform.endpoint.access.tunnel import no_tunnel, through, tunnel_opened
+from octoform.endpoint.client.check_verdict import NOTHING_ANSWERS
+from octoform.endpoint.environment.build import prewarmed
+from octoform.endpoint.observe.drift import observe as observe_endpoint
+from octoform.endpoint.process import record as desired_state
+from octoform.endpoint.publish.expected_tools import shown
+from octoform.engine.apply import approval
+from octoform.engine.apply.session import Locked, Means, Refused, commit_run, context_of, locked, logging_to, opened
+from octoform.engine.inspect.devices import diagnostics, lacking
 from octoform.engine.plan import cache as plan_cache
 from octoform.engine.plan import device_knowledge
 from octoform.engine.plan.configuration import Compiled, source_files
 from octoform.engine.plan.plan import Outlook, Request, prepare
 from octoform.engine.plan.prices import calling, unpriced
 from octoform.engine.plan.refresh import read_artifacts
-from octoform.engine.ports import RunView
-from octoform.engine.results import RunResult, RunUsage
+from octoform.engine.results import EndpointSummary, Funnel, RunResult, RunUsage, RunView
 from octoform.events import Event, Notice
 from octoform.harness import logins
 from octoform.harness.orphans import sweep
+from octoform.plan import model, planfile
 from octoform.plan.model import Plan
 from octoform.state.artifacts import reusable
 from octoform.state.artifacts.accepted import observe
 from octoform.state.artifacts.cache import keep_accepted
-from octoform.state.files import write_atomic
+from octoform.state.files import read_regular, write_atomic
 from octoform.state.git.repository import repository_facts
 from octoform.state.layout import STEP, Layout
 from octoform.state.model import GitRecord
 from octoform.state.store.store import Context as RunFacts
 from octoform.state.store.store import Ports, StateStore
+
+# A saved plan at apply: what it asked for, and which of its units may still be applied. (Heavy.)
+
+
+@dataclass(slots=True)
+class SavedRun:
+    """One saved plan, being obeyed. ``stale`` and the units that may run are known after `check`."""
+
+    document: planfile.PlanFile
+    stale: frozenset[str] = frozenset()
+    runnable: frozenset[str] = field(default_factory=frozenset)
+
+    @property
+    def plan(self) -> Plan:
+        """The plan as it was shown when it was saved."""
+        return model.from_json(self.document.plan)
+
+    def request(self, request: Request) -> Request:
+        """The request that the plan was made for."""
+        targets = tuple(self.document.targets or ())
+        document, again = self.document, tuple(self.document.replace)
+        return replace(request, targets=targets, replace=again, reuse=document.reuse, tier1=document.tier1)
+
+    def check(self, outlook: Outlook) -> tuple[Diagnostic, ...]:
+        """Compare every unit with what is there now; the diagnostics name what moved."""
+        situation, graph = outlook.situation, outlook.compiled.graph
+        moved = planfile.moved(self.document, graph, situation.prior, situation.observed)
+        before, now = self.document.lineage, outlook.plan.lineage
+        if before is not None and before != now:
+            moved += [planfile.Moved(unit, "lineage", before, now) for unit in self.document.units]
+        self.stale = frozenset(item.unit for item in moved)
+        self.runnable = planfile.applicable(self.document, graph, moved)
+        return tuple(planfile.describe(item) for item in moved)
+
+    def allows(self, node: str) -> bool:
+        """Whether a unit may run."""
+        return node in self.runnable
+
+
+def read_saved(path: Path | None, compiled: Compiled) -> tuple[SavedRun | None, list[Diagnostic]]:
+    """The saved plan at ``path``, for this host and lineage; None without diagnostics when there is no path."""
+    if path is None:
+        return None, []
+    data, problem = read_regular(path)
+    if data is None:
+        missing = error("PLAN-NOT-A-PLAN", "there is no such file", path=str(path))
+        return None, [problem or missing]
+    document, found = planfile.read(data, str(path))
+    if document is None:
+        return None, found
+    if document.host != compiled.layout.host:
+        text = f"the plan is for host {document.host}, this folder is host {compiled.layout.host}"
+        return None, [error("PLAN-STALE", text, path=str(path), hint="make a plan for this host")]
+    return SavedRun(document), []
+
+
+# What the end of a run tells: the funnel and the endpoint, read from the accepted artifacts.
+
+
+def funnel(artifacts: Mapping[str, Any]) -> Funnel | None:
+    """Counts from what is seen to what can be called; None before IDENTIFY was accepted."""
+    probe, identify, interface = (artifacts.get(stage) for stage in ("probe", "identify", "interface"))
+    if probe is None or identify is None:
+        return None
+    return Funnel(
+        seen=len(probe["devices"]),
+        annotated=len(identify["devices"]),
+        unknown=sum(1 for device in identify["devices"] if device["category"] == "unknown"),
+        left_out=len(probe["devices"]) - len(identify["devices"]),
+        tools=len(interface["tools"]) if interface else 0,
+    )
+
+
+def endpoint(layout: Layout, artifacts: Mapping[str, Any]) -> EndpointSummary | None:
+    """The endpoint as it was last checked; None when there is none."""
+    interface = artifacts.get("interface")
+    facts = observe_endpoint(layout)
+    if interface is None or facts.reasons or facts.process is None:
+        return None
+    tools = shown(layout, interface)["tools"]
+    readers = [tool for tool in tools if tool["effect"] == "read"]
+    calls = _trial_calls(layout)
+    failed = {call["tool"] for call in calls if not call.get("ok")}
+    good = {call["tool"]: call for call in calls if call["tool"] not in failed}
+    easy = [tool["name"] for tool in readers if not tool["input_schema"].get("required")]
+    return EndpointSummary(
+        command=f"octoform connect {layout.host}",
+        scope=facts.process.scope,
+        url=facts.process.url,
+        tools=tuple(tool["name"] for tool in tools),
+        answered=_said(calls, good),
+        token=next((token.name for token in listed(layout)[0] if not token.ended), None),
+        denied=len(interface["tools"]) - len(tools),
+        example=next((name for name in easy if name in good), easy[0] if easy else None),
+    )
+
+
+def rights(layout: Layout, result: RunResult, environ: Mapping[str, str]) -> RunResult:
+    """The result with each served device that this user may not use; its tools answer with an error until then.
+
+    And with word of an endpoint none of whose read tools answered when they were tried.
+    """
+    result = replace(result, silent=any(item.code == NOTHING_ANSWERS for item in result.diagnostics))
+    shut = lacking(layout, environ)
+    told = (*result.diagnostics, *diagnostics(shut))
+    return replace(result, diagnostics=told, incomplete=tuple(sorted(shut))) if shut else result
+
+
+def outside(layout: Layout, result: RunResult) -> RunResult:
+    """The result with the address of the tunnel, or a warning that nobody gets in there; waits until one is known."""
+    told = result.endpoint
+    tunnel = tunnel_opened(layout) if told is not None else None
+    if told is None or tunnel is None:
+        return result
+    problem = no_tunnel(tunnel)
+    if problem is not None:
+        return replace(result, diagnostics=(*result.diagnostics, problem))
+    return replace(result, endpoint=replace(told, public=through(tunnel, told.url or "")))
+
+
+def _trial_calls(layout: Layout) -> list[dict[str, Any]]:
+    """The calls of the last check; empty when there was none."""
+    path = layout.endpoint / "check.json"
+    try:
+        document = files.read_json(path)
+    except (OSError, ValueError):
+        return []  # the check's own verdict was told already; only its calls are not to be had
+    calls: list[dict[str, Any]] = document["calls"] if fits(document, {"calls": [dict]}) else []
+    return calls
+
+
+def _said(calls: list[dict[str, Any]], good: Mapping[str, dict[str, Any]]) -> str | None:
+    """A read tool that answered in the last check, for the closing lines."""
+    if not good:
+        return None
+    name, call = next(iter(good.items()))
+    took = f" in {call['ms']:.0f} ms" if call.get("ms") is not None else ""
+    return f"{name} answered{took}; {len(good)} of {len({call['tool'] for call in calls})} read tools did"
+
 
 _SERVING = ("deploy", "endpoint")
 """The nodes that start the endpoint, as every privileged step does."""
@@ -72,7 +216,7 @@ def _rounded(request: Request, result: RunResult) -> RunResult:
     """The result with what lies outside of this host's folders: rights, a tunnel, entries of clients that are left."""
     layout = Layout(request.project, result.host)
     if not request.destroy:
-        return summary.outside(layout, summary.rights(layout, result, request.environ))
+        return outside(layout, rights(layout, result, request.environ))
     from octoform.engine.clients import left_behind  # only a destroy pays for it
 
     return replace(result, diagnostics=(*result.diagnostics, *left_behind(layout, request.environ)))
@@ -205,9 +349,9 @@ class _Run:
             seconds=seconds,
             failed=failed,
             diagnostics=tuple([*found, *self._offers(artifacts)]),
-            funnel=None if self.request.destroy else summary.funnel(artifacts),
+            funnel=None if self.request.destroy else funnel(artifacts),
             questions=() if self.request.destroy else device_knowledge.questions(artifacts, compiled.manifest.answers),
-            endpoint=None if self.request.destroy or failed else summary.endpoint(compiled.layout, artifacts),
+            endpoint=None if self.request.destroy or failed else endpoint(compiled.layout, artifacts),
             commit=commit,
         )
 

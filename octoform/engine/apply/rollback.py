@@ -23,8 +23,7 @@ from octoform.base.files import parse
 from octoform.diagnostics import Diagnostic, error, has_errors
 from octoform.endpoint.files import CHECK, LAUNCHER, MANIFEST, read_manifest
 from octoform.endpoint.process import lifecycle
-from octoform.endpoint.process.desired_state import is_marked
-from octoform.endpoint.process.record import running
+from octoform.endpoint.process.record import is_marked, running
 from octoform.state.artifacts.accepted import accept, contents, file_digest
 from octoform.state.files import read_regular, spending, write_atomic
 from octoform.state.layout import UNATTENDED, Layout

@@ -3,21 +3,27 @@
 An apply and the daemon's agents change the same folders, so they come in by the same door, one at a time.
 """
 
+import json
+import os
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 
 from octoform.apply.context import Clock, Context
 from octoform.apply.rewrite.promotion import resume
-from octoform.diagnostics import Diagnostic, has_errors
+from octoform.base.files import make_way, write_all
+from octoform.diagnostics import Diagnostic, has_errors, to_json
 from octoform.engine.apply.rollback import settle
 from octoform.engine.plan.configuration import Compiled, compile_project
 from octoform.engine.plan.refresh import Situation
-from octoform.events import EventSink
+from octoform.events import AttemptProgress, Event, EventSink, Notice
 from octoform.harness import logins
 from octoform.state.artifacts.reusable import Donors
 from octoform.state.files import Checkpoint, check_writable, pass_by
+from octoform.state.git.repository import commit
+from octoform.state.layout import Layout
+from octoform.state.model import Snapshot
 from octoform.state.store.lock import Waiting, acquire
 from octoform.state.store.store import Ports, StateStore
 
@@ -117,3 +123,103 @@ def context_of(compiled: Compiled, situation: Situation, store: StateStore, mean
         checkpoint=means.checkpoint,
         donors=means.donors,
     )
+
+
+# ``git: {commit: true}``: apply commits what it changed, and says in trailers what made it.
+
+
+def commit_run(layout: Layout, snapshot: Snapshot, operation: str) -> tuple[str | None, list[Diagnostic]]:
+    """Commit the host's folder below ``state/`` and nothing else; (None, []) when nothing changed."""
+    message = f"octoform {operation} {layout.host}: serial {snapshot.serial}"
+    return commit(layout.project, [layout.committed], message, _trailers(snapshot))
+
+
+def _trailers(snapshot: Snapshot) -> dict[str, str]:
+    makers = sorted({state.harness for state in snapshot.nodes.values() if state.harness})
+    models = sorted({state.model for state in snapshot.nodes.values() if state.model})
+    return {
+        "Octoform-Host": snapshot.host,
+        "Octoform-Lineage": snapshot.lineage,
+        "Octoform-Serial": str(snapshot.serial),
+        "Octoform-Harness": ", ".join(makers) or "none",
+        "Octoform-Model": ", ".join(models) or "none",
+        "Octoform-Usage": _usage(snapshot),
+    }
+
+
+def _usage(snapshot: Snapshot) -> str:
+    """Tokens and money of the accepted runs, as far as the agents told; what nobody told is unknown, not zero."""
+    usages = [state.usage for state in snapshot.nodes.values()]
+    counts = [count for usage in usages for count in (usage.input_tokens, usage.output_tokens) if count is not None]
+    costs = [usage.cost_usd for usage in usages if usage.cost_usd is not None]
+    tokens = f"{sum(counts)} tokens" if counts else "tokens unknown"
+    return f"{tokens}, {sum(costs):.4f} USD" if costs else f"{tokens}, cost unknown"
+
+
+# The orchestrator's lines in the host's one execution log, beside those of the tools.
+#
+# One stream, so that whoever reads it later sees in one order what was done to the host and what was called on it.
+
+
+@contextmanager
+def logging_to(path: Path, clock: Clock, show: Callable[[Event], None]) -> Iterator[Callable[[Event], None]]:
+    """A sink that writes each event as one line and passes it on; progress lines are only passed on.
+
+    A log that cannot be written (a full disk) stops no run: that it is incomplete is shown, once.
+    """
+    log = _Log(path, show)
+
+    def emit(event: Event) -> None:
+        if not isinstance(event, AttemptProgress):
+            log.write(_line(event, clock))
+        show(event)
+
+    try:
+        yield emit
+    finally:
+        log.close()
+
+
+class _Log:
+    """The open file; None after the system has refused it."""
+
+    def __init__(self, path: Path, show: Callable[[Event], None]) -> None:
+        self._show = show
+        self._torn = False
+        self._told = False
+        self._descriptor: int | None = None
+        try:
+            path.parent.mkdir(parents=True, exist_ok=True, mode=0o700)
+            make_way(path)
+            how = os.O_WRONLY | os.O_APPEND | os.O_CREAT | os.O_NONBLOCK | os.O_CLOEXEC | os.O_NOFOLLOW
+            self._descriptor = os.open(path, how, 0o600)
+        except OSError as problem:
+            self._tell(problem)
+
+    def write(self, line: bytes) -> None:
+        if self._descriptor is None:
+            return
+        try:
+            write_all(self._descriptor, b"\n" + line if self._torn else line)
+            self._torn = False
+        except OSError as problem:
+            self._torn = True  # some of it may stand there; the next line must not be glued to it
+            self._tell(problem)
+
+    def _tell(self, problem: OSError) -> None:
+        if not self._told:
+            self._told = True
+            self._show(Notice("", f"the execution log is incomplete: {problem.strerror}"))
+
+    def close(self) -> None:
+        if self._descriptor is not None:
+            os.close(self._descriptor)
+
+
+def _line(event: Event, clock: Clock) -> bytes:
+    fields = asdict(event)
+    for name in ("diagnostics",):
+        if name in fields:
+            fields[name] = [to_json(item) for item in getattr(event, name) if isinstance(item, Diagnostic)]
+    record = {"event": type(event).__name__, "time": clock.stamp(), "from": "octoform", **fields}
+    return json.dumps(record, ensure_ascii=False).encode() + b"\n"

@@ -4,10 +4,34 @@ Every device that PROBE listed stands in the report exactly once, with what beca
 counted after. What a figure rests on and is not there yet is None, never 0.
 """
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
+from pathlib import Path
 from typing import Any
+
+from octoform import digest
+from octoform.contracts.checking import has_shape
+from octoform.contracts.parsing import parse
+from octoform.contracts.tier import tier, wanted
+from octoform.diagnostics import Diagnostic, error
+from octoform.endpoint.observe.drift import observe as observe_endpoint
+from octoform.endpoint.publish.expected_tools import hidden
+from octoform.engine.coverage.runs import Output, Pass, Run, Stability, compare, grouped, passes, runs
+from octoform.engine.coverage.runs import run_of as stable_run
+from octoform.engine.inspect.attempts import MOST_TASK_BYTES, Attempt, of_host, run_of
+from octoform.engine.inspect.devices import lacking
+from octoform.engine.inspect.state import open_project
+from octoform.engine.plan import device_knowledge
+from octoform.engine.plan.configuration import Compiled
+from octoform.engine.plan.refresh import read_artifacts
+from octoform.graph.model import ANSWER
+from octoform.harness.dialect import json_object
+from octoform.harness.plainfile import read_plain
+from octoform.state.artifacts.accepted import observe as observe_files
+from octoform.state.files import shown, write_atomic
+from octoform.state.layout import STAGES, Layout
+from octoform.state.model import NodeState, Snapshot, Status
 
 UNKNOWN = "unknown"
 INFRASTRUCTURE = "infrastructure"
@@ -259,3 +283,196 @@ def _unannotated(left: Mapping[str, Any] | None) -> dict[str, Any]:
         "reason": reason,
         "detail": left.get("detail", ""),
     }
+
+
+# Coverage of a project's host: reads what was accepted and what the attempts left, and starts nothing. (Heavy.)
+#
+# What it gathers are kinds: no serial number, address or host name stands in an accepted artifact, and nothing else of
+# the devices is read. So a report may be given away.
+#
+# What limits a report of coverage, in sentences: what is not there yet, out of date, edited, or not what it says.
+
+
+def notes(snapshot: Snapshot, artifacts: Mapping[str, Any], files: Mapping[str, str | None]) -> Iterator[str]:
+    """Stage by stage; ``artifacts`` are those that the report rests on, ``files`` the digests of what lies there."""
+    never = []
+    for name in STAGES:
+        state = snapshot.nodes.get(name)
+        if state is not None:
+            yield from (f"{name.upper()}: {text}" for text in _of(state, name in artifacts, files[name]))
+        if state is not None and name in artifacts:
+            yield from _older(name, state, snapshot)
+        if state is None or not state.output_digest:
+            never.append(name.upper())
+    until = "; no tool can be called until then" if "interface" in artifacts else ""
+    if never:
+        yield f"not there yet: {', '.join(never)}; octoform apply makes it{until}"
+
+
+def _of(state: NodeState, used: bool, digest: str | None) -> Iterator[str]:
+    """What is to be said of one stage by itself."""
+    if state.status is not Status.ACCEPTED:
+        ended = "was interrupted" if state.status is Status.INTERRUPTED else "failed"
+        kept = "what was accepted before is shown" if used else "nothing of it was accepted yet"
+        yield f"its last run {ended}; {kept}"
+    if used and digest != state.file_digest:
+        yield "its accepted output was edited by hand; what lies there is shown"
+    if not used and state.output_digest:
+        left = "gone" if digest is None else "left aside, for it or what it rests on cannot be read"
+        yield f"its accepted output is {left}; octoform apply makes it again"
+
+
+def _older(name: str, state: NodeState, snapshot: Snapshot) -> Iterator[str]:
+    before = [part for part in STAGES if f"input.{part}" in state.key_parts and part in snapshot.nodes]
+    moved = [part for part in before if state.key_parts[f"input.{part}"] != snapshot.nodes[part].output_digest]
+    if moved:
+        yield f"{name.upper()}: made from an earlier output of {moved[0].upper()}; octoform apply renews it"
+
+
+MOST_OUTPUT_BYTES = 8 << 20
+MOST_SPEC_BYTES = 1 << 20
+
+
+@dataclass(frozen=True, slots=True)
+class Stage:
+    """What the accepted output of a stage took, all of its attempts together; ``seconds`` are wall time."""
+
+    name: str
+    agent: str
+    attempts: int
+    seconds: float
+    accepted_at: str
+    input_tokens: int | None
+    output_tokens: int | None
+    cost_usd: float | None
+
+
+@dataclass(frozen=True, slots=True)
+class Report:
+    """Everything that ``octoform coverage`` tells.
+
+    ``endpoint`` is ``running``, ``stopped`` or ``absent``. ``notes`` are sentences on what limits the rest: what is not
+    there yet, what is out of date.
+    """
+
+    platform: Mapping[str, str]
+    coverage: Coverage
+    stability: Stability | None
+    stages: tuple[Stage, ...]
+    passes: tuple[Pass, ...]
+    endpoint: str
+    notes: tuple[str, ...] = ()
+
+
+def report(project: Path, environ: Mapping[str, str]) -> tuple[Report | None, list[Diagnostic]]:
+    """The report of the folder's host; COVERAGE-NOTHING where PROBE has no accepted output."""
+    opened, found = open_project(project, environ)
+    if opened is None:
+        return None, found
+    compiled, snapshot = opened.compiled, opened.snapshot
+    files = {stage: facts.digest for stage, facts in observe_files(compiled.layout).items()}
+    artifacts = _accepted(read_artifacts(compiled, snapshot, files), snapshot)
+    if "probe" not in artifacts:
+        return None, [*found, _nothing(compiled.layout, snapshot)]
+    attempts = [item for item in of_host(compiled.layout) if item.stage in STAGES]
+    groups, output = grouped(attempts), _outputs(compiled.schemas)
+    endpoint, heard = observe_endpoint(compiled.layout), _heard(snapshot)
+    made = Report(
+        platform={name: str(value) for name, value in artifacts["probe"]["platform"].items() if name != "kernel"},
+        coverage=coverage(replace(_ground(compiled, artifacts, heard), closed=lacking(compiled.layout, environ))),
+        stability=_stability(artifacts, snapshot, attempts, runs(groups, output)),
+        stages=tuple(_stage(name, snapshot.nodes[name]) for name in STAGES if name in artifacts),
+        passes=passes(groups, output),
+        endpoint="running" if endpoint.process is not None else "stopped" if endpoint.present else "absent",
+        notes=(*notes(snapshot, artifacts, files), *_waiting(artifacts, compiled.manifest.answers, heard)),
+    )
+    return made, [*found, *device_knowledge.offers(artifacts, compiled)]
+
+
+def save(path: Path, text: str) -> Diagnostic | None:
+    """Write a page that others may read; None when it stands."""
+    return write_atomic(path, text.encode("utf-8", "backslashreplace"), 0o644)
+
+
+def _accepted(artifacts: Mapping[str, Any], snapshot: Snapshot) -> dict[str, Any]:
+    """The artifacts that were accepted, without a stage whose predecessor is missing: it would speak of nothing."""
+    found: dict[str, Any] = {}
+    for stage in STAGES:
+        state = snapshot.nodes.get(stage)
+        if state is None or not state.output_digest or stage not in artifacts:
+            break
+        found[stage] = artifacts[stage]
+    return found
+
+
+def _nothing(layout: Layout, snapshot: Snapshot) -> Diagnostic:
+    if "probe" in snapshot.nodes and not layout.output("probe").exists():
+        summary = "the accepted output of PROBE is gone, so there is nothing to report on"
+    else:
+        summary = "no device is known yet: PROBE has no accepted output"
+    return error("COVERAGE-NOTHING", summary, path=shown(layout.output("probe")), hint="octoform apply makes it")
+
+
+def _heard(snapshot: Snapshot) -> dict[str, str]:
+    """The answers that the accepted IDENTIFY was made with, by device."""
+    parts = snapshot.nodes["identify"].key_parts if "identify" in snapshot.nodes else {}
+    return {name.removeprefix(ANSWER): text for name, text in parts.items() if name.startswith(ANSWER)}
+
+
+def _waiting(artifacts: Mapping[str, Any], answers: Mapping[str, str], heard: Mapping[str, str]) -> list[str]:
+    devices = {device["id"] for device in artifacts["probe"]["devices"]}
+    names = sorted(name for name, text in answers.items() if name in devices and heard.get(name) != text)
+    return [f"answered since: {', '.join(names)}; octoform apply takes it into account"] if names else []
+
+
+def _ground(compiled: Compiled, artifacts: Mapping[str, Any], answers: Mapping[str, str]) -> Ground:
+    descriptions = {profile.name for profile in compiled.profiles if profile.describes}
+    annotated = artifacts.get("identify", {"devices": []})["devices"]
+    tiers = {item["id"]: wanted(item) or tier(item, answers, descriptions) for item in annotated}
+    found = device_knowledge.offered(artifacts, compiled)
+    offers = {device: f"{each.profile}: {each.line}" for each in reversed(found) for device in each.devices}
+    return Ground(artifacts, answers, tiers, hidden(compiled.layout), offers=offers)
+
+
+def _outputs(schemas: Path) -> Output:
+    """Reads what an attempt wrote, each once; None for what cannot be read or has no longer the stage's shape."""
+    known: dict[int, Mapping[str, Any] | None] = {}
+
+    def read(item: Attempt) -> Mapping[str, Any] | None:
+        if item.number not in known:
+            data = read_plain(item.folder / "output.json", MOST_OUTPUT_BYTES) or b""
+            value, _ = parse(item.stage, data, "output.json")
+            whole = isinstance(value, dict) and has_shape(item.stage, value, schemas)
+            known[item.number] = value if isinstance(value, dict) and whole else None
+        return known[item.number]
+
+    return read
+
+
+def _stability(
+    artifacts: Mapping[str, Any], snapshot: Snapshot, attempts: Sequence[Attempt], found: Sequence[tuple[Attempt, Run]]
+) -> Stability | None:
+    """What the runs say that were given the same as the latest; the accepted artifacts where no run is kept here."""
+    if "identify" not in artifacts:
+        return None
+    if not found:
+        agent = _stage("identify", snapshot.nodes["identify"]).agent
+        return compare([stable_run(agent, artifacts["identify"], artifacts.get("interface"))])
+    given = [_given(run_of(attempts, item)[0].folder) for item, _ in found]
+    same = [run for (_, run), one in zip(found, given, strict=True) if one == given[-1]]
+    return compare(same, skipped=len(found) - len(same))
+
+
+def _given(folder: Path) -> str:
+    """Digest of what an agent was told beside the devices: spec, answers, profiles."""
+    task = json_object(read_plain(folder / "task.json", MOST_TASK_BYTES) or b"") or {}
+    spec = read_plain(folder / "spec.md", MOST_SPEC_BYTES) or b""
+    told = {name: task.get(name) or None for name in ("answers", "profiles")}
+    return digest.of_value({"spec": digest.of_bytes(spec), **told})
+
+
+def _stage(name: str, state: NodeState) -> Stage:
+    used = state.usage
+    agent = f"{state.harness}, {state.model}" if state.model else state.harness or ""
+    spent = (used.input_tokens, used.output_tokens, used.cost_usd)
+    return Stage(name, agent, state.attempts, state.seconds, state.accepted_at or "", *spent)

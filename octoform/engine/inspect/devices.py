@@ -14,7 +14,8 @@ from typing import Any
 
 from octoform.base import files
 from octoform.contracts.parsing import parse
-from octoform.diagnostics import Diagnostic, error
+from octoform.diagnostics import Diagnostic, error, warning
+from octoform.endpoint.files import describe_closed, served_nodes
 from octoform.engine.plan import device_knowledge
 from octoform.engine.plan.configuration import compile_project
 from octoform.host.fingerprint import SYSROOT_VARIABLE
@@ -164,3 +165,22 @@ def attached(layout: Layout, environ: Mapping[str, str], asked: Mapping[str, lis
 def _told(answer: Mapping[str, Any]) -> Attached:
     told = {field: answer[field] for field in ("attached", "port", "strength", "doubt")}
     return Attached(**told, nodes=tuple(answer["nodes"]), refused=tuple(answer["refused"]))
+
+
+# The served devices that this user may not use, asked now: what an apply, the doctor and the coverage tell of them.
+
+CODE = "ENDPOINT-NO-RIGHTS"
+
+
+def lacking(layout: Layout, environ: Mapping[str, str]) -> dict[str, str]:
+    """A sentence for each device of the endpoint's tools with a node that this user may not use, by device id."""
+    ledger = read_instances(layout)[0] or {}
+    asked = {name: classes for name in served_nodes(layout) if (classes := classes_of(ledger.get(name)))}
+    now = attached(layout, environ, asked) if asked else {}
+    return {name: "; ".join(map(describe_closed, each.refused)) for name, each in now.items() if each.refused}
+
+
+def diagnostics(shut: Mapping[str, str]) -> tuple[Diagnostic, ...]:
+    """What `lacking` found as warnings: the deployment stands, and the tools of these devices answer with an error."""
+    hint = "octoform doctor looks again; no other apply is needed"
+    return tuple(warning(CODE, f"{name} cannot be used: {why}", hint=hint) for name, why in sorted(shut.items()))

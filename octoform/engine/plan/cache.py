@@ -17,7 +17,7 @@ import octoform
 from octoform import digest, host
 from octoform.base import files
 from octoform.endpoint.observe.drift import observe
-from octoform.endpoint.process.other_hosts import running_beside
+from octoform.endpoint.process.record import running_beside
 from octoform.plan.model import Plan, from_json, to_json
 from octoform.state.git.head import head_revision, repository
 from octoform.state.layout import Layout

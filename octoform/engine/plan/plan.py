@@ -3,29 +3,38 @@
 What an apply would change of the endpoint's tools, where that is known: INTERFACE was accepted and is not served.
 """
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
+from functools import cache
 from pathlib import Path
 from typing import Any
 
 import octoform
+from octoform.contracts.model import Artifacts, ProfileFacts
+from octoform.contracts.stepping import corroborated
 from octoform.diagnostics import Diagnostic, as_warning, did_you_mean, error, has_errors, warning
-from octoform.endpoint.process.other_hosts import running_beside
+from octoform.endpoint.process.record import running_beside
 from octoform.endpoint.publish.expected_tools import published
 from octoform.endpoint.publish.policy_check import doubts
-from octoform.engine.plan import device_knowledge, step_outlook
+from octoform.engine.plan import device_knowledge
 from octoform.engine.plan.configuration import Compiled, compile_project, source_files
-from octoform.engine.plan.confinement import without_sandbox
 from octoform.engine.plan.prices import calling, unpriced
 from octoform.engine.plan.refresh import Situation, look
 from octoform.engine.results import PlanResult
 from octoform.graph.model import Graph
-from octoform.harness import logins
+from octoform.harness import logins, walls
+from octoform.harness.sandbox import unconfined
+from octoform.manifest.model import MODEL_FREE, STEP, HarnessSpec, Manifest
+from octoform.perception.camera_selection import best, cameras
 from octoform.plan import model, planfile
 from octoform.plan.diff import Offer, Offers, Tool, Wishes, changes, diff, with_loans
 from octoform.plan.model import Action, Cause, Change, Plan, PlannedAction, Reason, StepOutlook
+from octoform.profiles import Profile, near
 from octoform.profiles.selection import devices_of
+from octoform.protocol import Step
+from octoform.protocol.model import FRAME
 from octoform.state.artifacts import reusable
+from octoform.state.artifacts.cache import read_instances
 from octoform.state.files import write_atomic
 from octoform.state.git.repository import repository_facts
 from octoform.state.layout import Layout
@@ -33,6 +42,100 @@ from octoform.state.lock_holder import Liveness, liveness, myself
 from octoform.state.model import Snapshot
 from octoform.state.store.lock import Holder, read_holder
 from octoform.state.store.store import StateStore
+
+# Which agents of a run no sandbox will hold, or one that lacks a wall: said before they run, and when the run ends.
+
+
+def without_sandbox(manifest: Manifest, plan: Plan, environ: Mapping[str, str]) -> Iterator[Diagnostic]:
+    """A warning for each reason why an agent runs without a sandbox, and for each wall that a sandbox lacks here.
+
+    A recording and the embedded agent, which is a part of octoform, are not spoken of. Asks bubblewrap once for each
+    setting, and only where an agent is called at all.
+    """
+    why = cache(lambda sandbox: unconfined(environ, sandbox))
+    reasons: dict[str, list[str]] = {}
+    for item in plan.work:
+        for spec in _agents(manifest, item.node) if item.calls_agent else ():
+            if spec.name not in MODEL_FREE:
+                nodes = reasons.setdefault(why(spec.sandbox), [])
+                nodes += [] if item.node in nodes else [item.node]
+    confined = reasons.pop("", [])
+    for wall in walls.missing(walls.kernel()) if confined else ():
+        yield warning(
+            "HARNESS-WALL-MISSING",
+            f"the sandbox of {', '.join(confined)} lacks a wall: {wall}",
+            hint="octoform explain HARNESS-WALL-MISSING tells what closes it",
+        )
+    for reason, nodes in reasons.items():
+        yield warning(
+            "HARNESS-UNCONFINED",
+            f"the agent of {', '.join(nodes)} runs without a sandbox: {reason}",
+            hint="it may write whatever you may write; octoform explain HARNESS-UNCONFINED",
+        )
+
+
+def _agents(manifest: Manifest, node: str) -> Iterator[HarnessSpec]:
+    settings = manifest.step if node.startswith(STEP) else manifest.stages.get(node)
+    if settings is not None:
+        yield settings.harness
+        if settings.escalate is not None:
+            yield settings.escalate.harness
+
+
+# What the privileged steps would do, as far as accepted artifacts tell: they move hardware, and a plan says which.
+
+_OF_CAMERAS = ("probe", "identify", "interface")
+
+
+@dataclass(frozen=True, slots=True)
+class Known:
+    """What is known: artifacts by stage, the profiles and answers in force, the camera that the manifest names."""
+
+    layout: Layout
+    artifacts: Mapping[str, Any]
+    profiles: Collection[Profile]
+    answers: Mapping[str, str]
+    camera: str | None = None
+
+
+def outlooks(steps: Iterable[Step], known: Known, actions: Iterable[PlannedAction]) -> tuple[StepOutlook, ...]:
+    """One for each step, in order; ``actions`` tell which of the artifacts stay as they are."""
+    stay = frozenset(item.node for item in actions if item.action is Action.NOOP)
+    return tuple(_outlook(step, known, stay) for step in steps)
+
+
+def _outlook(step: Step, known: Known, stay: frozenset[str]) -> StepOutlook:
+    devices = _devices(step, known, stay)
+    found = StepOutlook(step.node, step.about, step.proof.kind, devices, step.profile)
+    if devices != () or step.profile is None:
+        return found
+    for device, profile, word in near(known.profiles, known.artifacts["probe"], known.answers):
+        if profile == step.profile:
+            return StepOutlook(step.node, step.about, step.proof.kind, devices, profile, device, word)
+    return found
+
+
+def _devices(step: Step, known: Known, stay: frozenset[str]) -> tuple[str, ...] | None:
+    """The devices whose tools a step would prove; None where that comes out only when it is applied."""
+    if step.profile is None:
+        return _camera(known, stay) if step.proof.kind == FRAME else None
+    if "probe" not in stay or "probe" not in known.artifacts:
+        return None
+    profile = next(item for item in known.profiles if item.name == step.profile)
+    held = devices_of(profile, known.artifacts["probe"], known.answers)
+    if "identify" not in stay or "identify" not in known.artifacts:
+        return tuple(sorted(held))
+    facts = {step.profile: ProfileFacts(step.profile, held)}
+    return corroborated(step.profile, Artifacts(identify=known.artifacts["identify"], profiles=facts))
+
+
+def _camera(known: Known, stay: frozenset[str]) -> tuple[str, ...] | None:
+    if not all(name in stay and name in known.artifacts for name in _OF_CAMERAS):
+        return None
+    ledger, _ = read_instances(known.layout)
+    probe, identify, interface = (known.artifacts[name] for name in _OF_CAMERAS)
+    found = best(cameras(probe, identify, interface, known.camera, ledger))
+    return (found.device,) if found is not None else ()
 
 
 def tool_changes(layout: Layout, artifacts: Mapping[str, Any]) -> tuple[Change, ...]:
@@ -210,14 +313,14 @@ def _construction(request: Request, compiled: Compiled, situation: Situation) ->
 
 def _steps(compiled: Compiled, situation: Situation, actions: tuple[PlannedAction, ...]) -> tuple[StepOutlook, ...]:
     manifest = compiled.manifest
-    known = step_outlook.Known(
+    known = Known(
         layout=compiled.layout,
         artifacts=situation.artifacts,
         profiles=compiled.profiles,
         answers=manifest.answers,
         camera=manifest.camera_hint().get("perception.camera"),
     )
-    return step_outlook.outlooks(compiled.steps.values(), known, actions)
+    return outlooks(compiled.steps.values(), known, actions)
 
 
 def _without_idle_agents(

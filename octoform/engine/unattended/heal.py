@@ -15,11 +15,9 @@ from octoform.apply.duties.outcome import Answer, refusal
 from octoform.apply.rewrite import pending_rewrite, promotion
 from octoform.diagnostics import Diagnostic, error, has_errors
 from octoform.endpoint.process import estop, lifecycle
-from octoform.endpoint.process.desired_state import is_marked
+from octoform.endpoint.process.record import is_marked
 from octoform.engine.tools import layout_of
-from octoform.engine.unattended.cost_estimate import Left
-from octoform.engine.unattended.redeploy import redeploy
-from octoform.engine.unattended.rediscover import rediscover
+from octoform.engine.unattended.rediscover import Left, redeploy, rediscover
 from octoform.engine.unattended.repairs import restore
 from octoform.engine.unattended.session import on_duty, ready
 from octoform.harness.port import Usage

@@ -8,29 +8,91 @@ Unattended, so it does less than a person's apply and leaves no doubt behind:
   allows its first proof, also with nobody there: of a device that came. It does not allow a movement because a camera
   came, nor another try of one that failed. So it asks.
 * It is begun only where the hour's agent runs and dollars are enough for all of it
-  (`octoform.engine.unattended.cost_estimate`).
+  (`octoform.engine.unattended.rediscover`).
 * It is all or nothing. When a stage fails, everything is as it was before, and the former endpoint serves.
 
 What is asked lies in ``daemon/asks.json``, once for each change.
 """
 
 from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 from typing import Any
 
-from octoform.diagnostics import Diagnostic, has_errors
-from octoform.endpoint.process.desired_state import is_marked
+from octoform.apply.duties.outcome import Answer
+from octoform.apply.rewrite.promotion import MAKER
+from octoform.diagnostics import Diagnostic, Severity, has_errors
+from octoform.endpoint.process.record import is_marked
 from octoform.engine.apply import approval
 from octoform.engine.apply.apply import Options, apply
 from octoform.engine.apply.rollback import Former, forget, go_back, keep, remember, taken_back
 from octoform.engine.plan.plan import Outlook, Request, prepare
-from octoform.engine.results import RunResult
-from octoform.engine.unattended.cost_estimate import Left, shortages
-from octoform.engine.unattended.null_view import Unwatched
+from octoform.engine.results import RunResult, Unwatched
 from octoform.graph.model import STEP, key_parts
+from octoform.harness.port import Usage
 from octoform.host.fingerprint import root_from_environment, settle
+from octoform.manifest.model import MODEL_FREE, Manifest
 from octoform.plan.model import Cause, PlannedAction
 from octoform.protocol.model import FRAME
 from octoform.state.layout import Layout
+
+# What a run with nobody there may cost at most, against what the hour has left for agents. (Heavy.)
+#
+# The daemon's caps hold for everything that it starts, and a run of several stages would be stopped in its middle. So
+# all of it is reckoned before it begins: every attempt that each agent has, SERVE's second round where a trial sends it
+# back.
+
+
+@dataclass(frozen=True, slots=True)
+class Left:
+    """What agents may still cost in this hour: runs as a count, US dollars; None: nobody counts."""
+
+    calls: int | None = None
+    usd: float | None = None
+
+    @classmethod
+    def of(cls, brief: Mapping[str, Any], calls: int = 0, usd: float | None = 0.0) -> "Left":
+        """As the daemon tells it, less what was spent since; of an unknown price nothing is left."""
+        told, money = brief.get("calls"), brief.get("usd")
+        rest = None if not isinstance(money, int | float) else 0.0 if usd is None else max(0.0, money - usd)
+        return cls(max(0, told - calls) if isinstance(told, int) else None, rest)
+
+
+def shortages(outlook: Outlook, left: Left) -> tuple[str, ...]:
+    """Why this plan is not begun with what is left, each with the cap that is in the way; empty when it may be."""
+    manifest = outlook.compiled.manifest
+    asked = [item for item in outlook.plan.work if item.calls_agent]
+    found = []
+    most = sum(_runs(manifest, item) for item in asked)
+    if left.calls is not None and most > left.calls:
+        words = f"it may take {most} agent runs and the hour has {left.calls} left"
+        found.append(f"{words} (daemon.calls_per_hour)")
+    dear = [item for item in asked if item.calls_model]
+    if left.usd is not None and dear:
+        bound = _dollars(manifest, dear)
+        if bound is None or bound > left.usd:
+            words = (
+                "what it costs has no bound (budget.usd)" if bound is None else f"it may cost {bound:.2f} US dollars"
+            )
+            found.append(f"{words} and the hour has {left.usd:.2f} left (daemon.usd_per_hour)")
+    return tuple(found)
+
+
+def _runs(manifest: Manifest, item: PlannedAction) -> int:
+    settings = manifest.settings_of(item.node)
+    attempts = settings.budget.attempts
+    runs = 1 if settings.harness.name in MODEL_FREE else attempts
+    runs += attempts if settings.escalate is not None else 0
+    return 2 * runs if item.node == MAKER else runs
+
+
+def _dollars(manifest: Manifest, dear: list[PlannedAction]) -> float | None:
+    """What these may cost together; None where nothing bounds it."""
+    each = [manifest.budget_for(item.node).usd for item in dear]
+    known = [usd for usd in each if usd is not None]
+    bounds = [sum(known)] if len(known) == len(each) else []
+    bounds += [manifest.run_usd] if manifest.run_usd is not None else []
+    return min(bounds, default=None)
+
 
 AUTO = "auto"
 LOCK_SECONDS = 60.0
@@ -186,3 +248,65 @@ def _told(ok: bool, detail: str, *, again: bool = True) -> dict[str, Any]:
 def _words(found: "tuple[Diagnostic, ...] | list[Diagnostic]") -> str:
     first = next((item for item in found if item.severity == "error"), found[0] if found else None)
     return "no reason was given" if first is None else f"{first.code}: {first.summary}"
+
+
+# DEPLOY again with nobody there: the set of packages is decided anew, and nothing else is done. (Heavy.)
+#
+# HEAL asks for it where the locked set itself is at fault. It is all or nothing: when the new set fails its trial,
+# everything is as it was, and the former endpoint serves. A plan that holds more than that (an edit that nobody has
+# applied, hardware that changed, a step that would move something) is a person's.
+
+MADE = ("deploy", "endpoint")
+
+
+def redeploy(layout: Layout, environ: Mapping[str, str]) -> Answer:
+    """Have the packages of the endpoint decided anew, and serve from them where their trial holds."""
+    if is_marked(layout):
+        return Answer(ok=False, detail="a person has stopped the endpoint; it stays so")
+    mine = _RedeployConsent(layout)
+    request = Request(layout.project, environ, replace=("deploy",), reuse=False)
+    with taken_back(lambda: mine.former):
+        result = apply(request, Options(consent=mine, lock_seconds=LOCK_SECONDS), Unwatched())
+    if mine.why:
+        return Answer(ok=False, detail=f"the packages are not decided anew: {mine.why}", again=False)
+    usage = Usage(result.usage.input_tokens, None, result.usage.output_tokens, result.usage.cost_usd)
+    if result.failed is None:
+        forget(layout)
+        detail = "the packages of the endpoint were decided anew, and it serves from them"
+        return Answer(ok=True, detail=detail, changed=True, calls=result.agent_runs, usage=usage)
+    return Answer(ok=False, detail=_redeploy_undone(mine.former, result), calls=result.agent_runs, usage=usage)
+
+
+class _RedeployConsent:
+    """Decides over the plan in a person's place; ``why`` is why it is not carried out."""
+
+    def __init__(self, layout: Layout) -> None:
+        self._layout = layout
+        self.why = ""
+        self.former: Former | None = None
+
+    def __call__(self, outlook: Outlook) -> bool:
+        """True when it holds nothing but DEPLOY and what rests on it; what there is before is remembered then."""
+        frames = {step.node for step in outlook.plan.steps if step.kind == FRAME or step.skipped}
+        more = [item.node for item in outlook.plan.work if item.node not in {*MADE, *frames}]
+        if outlook.compiled.layout.host != self._layout.host:
+            self.why = "the manifest is of another host now"
+        elif more:
+            self.why = f"octoform apply would make {', '.join(more)} too, which is for a person to begin"
+        else:
+            self.former = remember(self._layout, outlook.snapshot)
+            problem = keep(self.former) if self.former is not None else None
+            self.why = problem.summary if problem is not None else ""
+            self.why = self.why if self.former is not None else "the host is not as it was applied"
+        return not self.why
+
+
+def _redeploy_undone(former: Former | None, result: RunResult) -> str:
+    said = "; ".join(item.summary for item in result.diagnostics if item.severity is Severity.ERROR)
+    why = f"{result.failed} failed: {said}"
+    if former is None:
+        return why
+    problems = go_back(former)
+    if has_errors(problems):
+        return f"{why}; it could not be taken back: {problems[0].summary}"
+    return f"{why}; everything is as it was before, and the former endpoint serves"

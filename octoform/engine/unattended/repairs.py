@@ -3,26 +3,204 @@
 Each gives a `Repaired`; none raises for what the world does. They run in a child of the daemon.
 """
 
+import os
 import shutil
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from datetime import UTC, datetime
+from pathlib import Path
 
 from octoform.contracts.parsing import parse
-from octoform.diagnostics import Diagnostic
+from octoform.diagnostics import Diagnostic, has_errors
 from octoform.endpoint.client.check import check, judge_check
 from octoform.endpoint.environment.build import build
+from octoform.endpoint.environment.lockfile import packages
 from octoform.endpoint.environment.model import Environment, at, locate, packages_of
-from octoform.endpoint.environment.packages import packages
 from octoform.endpoint.environment.wheel_records import altered
+from octoform.endpoint.files import CLIENTS, LAUNCHER
 from octoform.endpoint.process import lifecycle
-from octoform.endpoint.process.desired_state import is_marked
-from octoform.endpoint.process.record import running
+from octoform.endpoint.process.record import is_marked, running
 from octoform.endpoint.publish.expected_tools import shown as shown_tools
-from octoform.engine.unattended.restore_files import Mended, mend_artifacts, mend_endpoint
-from octoform.state.files import read_regular
+from octoform.state.artifacts import cache
+from octoform.state.artifacts.accepted import observe
+from octoform.state.artifacts.cache import Damage, damage_of, read_instances, set_aside
+from octoform.state.files import read_regular, shown, write_atomic
+from octoform.state.git import repository
 from octoform.state.layout import Layout
+from octoform.state.model import Snapshot, Status
 from octoform.state.store.lock import Waiting, acquire
+from octoform.state.store.store import StateStore
+
+# Put back what was accepted and what is served, where it is damaged; an edit of a person stays. (Heavy: the state.)
+#
+# What is damage and what is an edit is said in `octoform.state.artifacts.cache`. Three rules beside it:
+#
+# * Only what the state calls accepted is put back: what a run has left unfinished is for the next apply.
+# * An edited server does no harm while the endpoint runs, since the process has its code already; the endpoint refuses
+# to be started from it. So the edit stays as long as the endpoint runs or a person has stopped it. When the endpoint
+# is down and could not come back because of it, the edit is moved aside, is named, and what was accepted is served.
+# * The endpoint's own files are written by octoform alone; all of them are put back but clients' configurations that
+# somebody has edited, which decide nothing.
+#
+# What is not kept on this machine, as in a fresh clone, is taken from git where a commit holds the very files that the
+# state accepted. Nothing is guessed: `octoform apply` makes the rest again.
+
+ADOPTING = "adopting.json"
+SERVE = "serve"
+
+
+@dataclass
+class Mended:
+    """What became of it, in sentences: what was put ``back``, what was ``left`` and why, where the former lies."""
+
+    back: list[str] = field(default_factory=list)
+    left: list[str] = field(default_factory=list)
+    aside: list[str] = field(default_factory=list)
+    failed: list[str] = field(default_factory=list)
+    lost: list[str] = field(default_factory=list)
+    """What no repair of the daemon can bring back."""
+
+    @property
+    def text(self) -> str:
+        """All of it in one line each."""
+        lines = [f"put back {', '.join(self.back)}"] if self.back else []
+        lines += [f"what was there lies in {', '.join(self.aside)}"] if self.aside else []
+        return "; ".join([*lines, *self.left, *self.failed, *self.lost])
+
+
+def mend_artifacts(layout: Layout) -> Mended:
+    """Put every damaged accepted artifact back. The caller holds the state's lock."""
+    done = Mended()
+    store, found = StateStore.open(layout)
+    if store is None or has_errors(found):
+        done.lost.append(f"the state cannot be read: {_file_words(found)}; octoform state tells how to recover it")
+        return done
+    facts = observe(layout)
+    for node, wanted in _accepted(layout, store.snapshot, done).items():
+        there = facts.get(node)
+        if there is not None and there.digest == wanted:
+            continue
+        files = cache.kept(layout, node, wanted) or _committed(layout, node, wanted)
+        if files is None:
+            done.lost.append(
+                f"{node} is not as it was accepted, and neither a kept copy nor a commit holds it; "
+                "octoform plan tells what apply would do"
+            )
+            continue
+        _mend_folder(layout, layout.folder(node), files, done, hold=node != SERVE or _holds(layout))
+    return done
+
+
+def _committed(layout: Layout, node: str, wanted: str) -> dict[str, bytes] | None:
+    """The accepted files as a commit of the project has them; None when none of the last ones does."""
+    versions = repository.versions(layout.project, layout.folder(node))
+    return next((files for files in versions if files and cache.folder_digest(files) == wanted), None)
+
+
+def mend_endpoint(layout: Layout) -> Mended:
+    """Put every damaged file of the endpoint, and the ledger of instances, back as it was published or written last."""
+    done = Mended()
+    files = cache.kept(layout, cache.ENDPOINT)
+    if files is None:
+        done.lost.append("no copy of the endpoint's files is kept; octoform apply writes them again")
+    else:
+        owned = {name: data for name, data in files.items() if not name.startswith(f"{CLIENTS}/")}
+        _mend_folder(layout, layout.endpoint, owned, done, hold=False)
+        told = {name: data for name, data in files.items() if name not in owned}
+        _mend_folder(layout, layout.endpoint, told, done, hold=True)
+    instances = cache.kept(layout, cache.INSTANCES)
+    if instances is not None and read_instances(layout)[0] is None:
+        _mend_folder(layout, layout.local, instances, done, hold=False)
+    return done
+
+
+def _accepted(layout: Layout, snapshot: Snapshot, done: Mended) -> dict[str, str]:
+    """Node to the digest of its files, as far as they may be put back."""
+    found = {}
+    adopting = os.path.lexists(layout.local / ADOPTING)
+    for node, state in snapshot.nodes.items():
+        if not state.file_digest:
+            continue
+        if state.status is not Status.ACCEPTED or (adopting and node == SERVE):
+            done.left.append(f"{node} was left unfinished by a run; octoform apply goes on with it")
+        else:
+            found[node] = state.file_digest
+    return found
+
+
+def _holds(layout: Layout) -> bool:
+    """True while an edited server does no harm: the endpoint runs, or a person wants it stopped."""
+    return running(layout) is not None or is_marked(layout)
+
+
+def _mend_folder(layout: Layout, folder: Path, files: cache.Files, done: Mended, *, hold: bool) -> None:
+    """Put the damaged ones of these files back; an edited one only where nothing has to ``hold`` it."""
+    stamp = datetime.now(UTC).strftime("%Y-%m-%dT%H:%M:%S.%fZ")
+    _free(layout, folder, stamp, done)
+    for name, data in files.items():
+        path = folder / name
+        for above in reversed(path.relative_to(folder).parents[:-1]):
+            _free(layout, folder / above, stamp, done)
+        why = damage_of(path, data)
+        if why is None:
+            _start_again(layout, path, done)
+            continue
+        if why is Damage.EDITED and hold:
+            done.left.append(f"{shown(path)} was edited and stays; octoform plan shows it")
+            continue
+        _put_back(layout, path, data, (stamp, why), done)
+
+
+def _put_back(layout: Layout, path: Path, data: bytes, why: tuple[str, Damage], done: Mended) -> None:
+    aside, problem = set_aside(layout, path, *why)
+    if problem is None:
+        try:
+            path.parent.mkdir(mode=0o700 if path.is_relative_to(layout.local) else 0o755, parents=True, exist_ok=True)
+        except OSError as fault:
+            done.failed.append(f"{shown(path)}: {fault.strerror}")
+            return
+        problem = write_atomic(path, data, _mode(layout, path))
+    if problem is not None:
+        done.failed.append(f"{shown(path)}: {problem.summary}")
+        return
+    done.back.append(f"{shown(path)} ({why[1]})")
+    if aside is not None:
+        done.aside.append(shown(aside))
+
+
+def _start_again(layout: Layout, path: Path, done: Mended) -> None:
+    """A launcher with the right bytes that nobody can start is as good as none."""
+    if path != layout.endpoint / LAUNCHER or os.access(path, os.X_OK):
+        return
+    try:
+        path.chmod(_mode(layout, path))
+    except OSError as fault:
+        done.failed.append(f"{shown(path)}: {fault.strerror}")
+    else:
+        done.back.append(f"{shown(path)} (not executable)")
+
+
+def _free(layout: Layout, folder: Path, stamp: str, done: Mended) -> None:
+    """Move aside what stands where a folder should be."""
+    if not os.path.lexists(folder) or (folder.is_dir() and not folder.is_symlink()):
+        return
+    aside, problem = set_aside(layout, folder, stamp, Damage.LINK)
+    if aside is not None:
+        done.aside.append(shown(aside))
+    elif problem is not None:
+        done.failed.append(f"{shown(folder)}: {problem.summary}")
+
+
+def _mode(layout: Layout, path: Path) -> int:
+    if path == layout.endpoint / LAUNCHER:
+        return 0o700
+    return 0o600 if path.is_relative_to(layout.local) else 0o644
+
+
+def _file_words(found: list[Diagnostic]) -> str:
+    return found[0].summary if found else "it is not there"
+
 
 LOCK_SECONDS = 30.0
 """How long a repair waits for whoever works on the state; behind that it is tried again later."""

@@ -8,21 +8,34 @@ carry half of that change into service.
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 from octoform.apply.context import Clock, Context
 from octoform.apply.duties.outcome import Answer, refusal
+from octoform.apply.duties.watch import WATCH, watch
 from octoform.apply.rewrite import promotion
 from octoform.apply.stage.serve_proof import service_of
+from octoform.claims.settings import bounds_told
 from octoform.diagnostics import Diagnostic, error, has_errors
-from octoform.endpoint.process.desired_state import is_marked
+from octoform.endpoint.process.record import is_marked
 from octoform.endpoint.publish.publication import is_published
-from octoform.engine.apply.commit import commit_run
-from octoform.engine.apply.execution_log import logging_to
-from octoform.engine.apply.session import Locked, Means, Opened, Refused, context_of, locked, opened
+from octoform.engine.apply.session import (
+    Locked,
+    Means,
+    Opened,
+    Refused,
+    commit_run,
+    context_of,
+    locked,
+    logging_to,
+    opened,
+)
 from octoform.engine.plan import cache
+from octoform.engine.plan.configuration import compile_project
 from octoform.engine.plan.refresh import look
 from octoform.events import Event, Notice
 from octoform.harness.orphans import sweep
+from octoform.profiles.definitions.registers import RegisterGrammar
 from octoform.state.artifacts.accepted import observe
 from octoform.state.layout import STAGES
 from octoform.state.model import Status
@@ -121,3 +134,32 @@ def ready(context: Context) -> list[Diagnostic]:
 
 def _nobody(_: Event) -> None:
     """Nobody watches a duty; the execution log has it."""
+
+
+# WATCH on a host: what the daemon has seen becomes a report, or nothing is known. (Heavy.)
+
+
+def diagnose(project: Path, environ: Mapping[str, str], brief: Mapping[str, Any]) -> dict[str, Any]:
+    """Ask the agent of WATCH how the deployment is.
+
+    ``brief`` is ``{causes, readings, failures, claims, summary, since, target, calls}``; ``calls`` bounds the attempts.
+    The result is ``{ok, detail, again, spent, report, action, changed}``; ``report`` is the accepted output, None when
+    there is none: then how the deployment is stays unknown. Nothing of the host is changed.
+    """
+    return on_duty(project, environ, WATCH, lambda context: watch(context, brief)).told()
+
+
+# What the project's profiles call clean of what its tools measure, for the ledger of claims.
+
+
+def bounds(project: Path, environ: Mapping[str, str]) -> list[dict[str, Any]]:
+    """Plain values, for `octoform.claims.settings.bounds_of`; none for a project that does not compile.
+
+    Fewer bounds refuse fewer claims, and those that are believed still end by their own readings.
+    """
+    compiled, _ = compile_project(project, environ)
+    if compiled is None:
+        return []
+    grammars = [(profile.name, profile.grammar) for profile in compiled.profiles]
+    registers = [(name, one.registers) for name, one in grammars if isinstance(one, RegisterGrammar)]
+    return bounds_told(compiled.layout, [(name, one.protect) for name, one in registers if one.protect is not None])

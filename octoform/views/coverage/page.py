@@ -7,8 +7,7 @@ from pathlib import Path
 
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
-from octoform.engine.coverage.collect import Report
-from octoform.engine.coverage.report import Coverage, Standing
+from octoform.engine.coverage.report import Coverage, Report, Standing
 from octoform.views.coverage import report as coverage_view
 from octoform.views.coverage import text as words
 from octoform.views.format import table

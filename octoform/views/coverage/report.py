@@ -5,10 +5,8 @@ from collections.abc import Callable, Iterator
 from dataclasses import asdict
 from pathlib import Path
 
-from octoform.engine.coverage.collect import Report
-from octoform.engine.coverage.report import OFFERED, Counted, Coverage, Device, Share, Standing
-from octoform.engine.coverage.run_comparison import Disagreement, Stability
-from octoform.engine.coverage.runs import Pass
+from octoform.engine.coverage.report import OFFERED, Counted, Coverage, Device, Report, Share, Standing
+from octoform.engine.coverage.runs import Disagreement, Pass, Stability
 from octoform.views.coverage import text as words
 from octoform.views.format import table
 from octoform.views.format.console import Console

@@ -3,8 +3,7 @@
 from collections.abc import Sequence
 
 from octoform.contracts import tier
-from octoform.engine.coverage.collect import Report, Stage
-from octoform.engine.coverage.report import OFFERED, Group, Share
+from octoform.engine.coverage.report import OFFERED, Group, Report, Share, Stage
 from octoform.engine.coverage.runs import Pass, known_sum
 from octoform.views.format.table import Column
 from octoform.views.format.values import money, tokens

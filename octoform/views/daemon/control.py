@@ -1,8 +1,11 @@
 """What a person told the daemon: to pause, to go on, to try again, and what it was that was given up."""
 
 import json
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
 
+from octoform.claims.codec import to_json as claim_json
+from octoform.claims.model import Claim, State
 from octoform.daemon.requests import GivenUp
 from octoform.daemon.store.backoff import Breaker
 from octoform.daemon.store.instance_lock import Record
@@ -84,3 +87,124 @@ def _names(names: Sequence[str]) -> str:
 def _object(console: Console, told: dict[str, object]) -> int:
     console.raw(escaped_json(json.dumps({"format": 1, **told}, ensure_ascii=False)))
     return 0
+
+
+# Claims, for a person and for a program: what is said, on what, until when, and what it forbids.
+
+_STYLES = {State.ACTIVE: "yellow", State.PENDING: "red"}
+_WORDS = {
+    State.ACTIVE: "in force",
+    State.PENDING: "waits for a person",
+    State.RETIRED: "over",
+    State.REFUSED: "refused",
+}
+_ENDED = {
+    "expired": "nothing bore it out any more",
+    "contradicted": "a reading says otherwise",
+    "operator": "a person ended it",
+    "superseded": "another one took its place",
+}
+
+
+def listed(console: Console, found: Sequence[Claim], *, everything: bool, as_json: bool) -> int:
+    """The claims that are in force or wait; with ``everything`` also those that are over."""
+    if as_json:
+        document = {"format": 1, "claims": [claim_json(each) for each in found]}
+        console.raw(escaped_json(json.dumps(document, ensure_ascii=False, indent=2)))
+        return 0
+    if not found:
+        console.line("Nothing is claimed." if everything else "Nothing is claimed now; octoform claims -all shows all.")
+    for index, claim in enumerate(found):
+        if index:
+            console.line()
+        for line in lines(console, claim):
+            console.line(line)
+    return 0
+
+
+def lines(console: Console, claim: Claim) -> Iterator[str]:
+    """One claim."""
+    word = _WORDS[claim.state]
+    style = _STYLES.get(claim.state)
+    state = console.paint(word, style) if style else word
+    yield f"{claim.id}  {state}  {one_line(claim.target, 60)}: {one_line(claim.statement, WIDTH)}"
+    if claim.irreversible is not None:
+        yield f"    kind      permanent restriction {claim.irreversible}: nothing moves there until a person ends it"
+    else:
+        yield "    kind      temporary claim: ends by itself once its readings say otherwise"
+        yield f"    rests on  {one_line(_ground(claim), WIDTH)}"
+    if claim.state is State.ACTIVE:
+        until = f"until {clock(claim.expires_at)} unless it is borne out"
+        yield f"    holds     {until if claim.expires_at else f'until octoform claims -retire {claim.id}'}"
+    for each in claim.restrictions if claim.state in (State.ACTIVE, State.PENDING) else ():
+        given = ", ".join(f"{name}={json.dumps(value)}" for name, value in each.arguments.items())
+        effect = "refuses" if each.effect == "deny" else "asks before"
+        yield f"    {effect:<9} {one_line(f'{each.tool}({given})', WIDTH)}"
+    if claim.ended is not None:
+        by = f" ({', '.join(claim.ended_by)})" if claim.ended_by else ""
+        yield f"    ended     {one_line(_ENDED.get(claim.ended, claim.ended) + by, WIDTH)}"
+    yield f"    said by   {claim.by} at {clock(claim.made_at)}"
+    if claim.state is State.PENDING:
+        yield f"    do        {console.paint(f'octoform confirm {claim.id}', 'bold')}, or with -reject"
+
+
+def rewrite_lines(identity: str, moves: str, difference: Sequence[str]) -> Iterator[str]:
+    """A rewrite that waits for a person: what it moves, and what it changes, line by line."""
+    yield f"{identity}  a rewrite of the code that moves a device ({one_line(moves, WIDTH)}); it was not tried:"
+    yield from (f"    {one_line(line, 200)}" for line in difference)
+
+
+def waiting(console: Console, claims: Sequence[Claim], rewrites: Sequence[Mapping[str, Any]], *, as_json: bool) -> int:
+    """All that waits for a person: claims, and rewrites with what they change."""
+    if as_json:
+        whole = {"format": 1, "claims": [claim_json(claim) for claim in claims], "rewrites": list(rewrites)}
+        console.raw(escaped_json(json.dumps(whole, ensure_ascii=False)))
+        return 0
+    for claim in claims:
+        for line in lines(console, claim):
+            console.line(line)
+    for each in rewrites:
+        for line in rewrite_lines(str(each["id"]), str(each["moves"]), each["difference"]):
+            console.line(line)
+    if not claims and not rewrites:
+        console.line("Nothing waits for a person.")
+    return 0
+
+
+def rewrite_decided(console: Console, identity: str, *, served: bool, as_json: bool) -> int:
+    """What became of a rewrite that a person decided about."""
+    if as_json:
+        console.raw(json.dumps({"format": 1, "rewrite": identity, "served": served}))
+    else:
+        console.line(f"{identity}: {'the rewritten server is in service' if served else 'dropped; nothing changed'}")
+    return 0
+
+
+def question(claim: Claim) -> str:
+    """What a person is asked: what their yes would make of it."""
+    if claim.irreversible is None:
+        return "Make this temporary claim true? It ends by itself once its readings say otherwise."
+    return f"Make this permanent restriction ({claim.irreversible}) true? Only octoform claims -retire ends it."
+
+
+def decided(console: Console, claim: Claim, *, as_json: bool) -> int:
+    """What became of a claim that a person decided about."""
+    if as_json:
+        console.raw(escaped_json(json.dumps({"format": 1, "claim": claim_json(claim)}, ensure_ascii=False)))
+    else:
+        for line in lines(console, claim):
+            console.line(line)
+    return 0
+
+
+def _ground(claim: Claim) -> str:
+    signal, condition = claim.signal, claim.condition
+    return (
+        f"{signal.source}{signal.path} {condition.op} {json.dumps(condition.value)}"
+        f" ({counted_readings(len(claim.cites))}: {', '.join(claim.cites[-3:])})"
+    )
+
+
+def counted_readings(count: int) -> str:
+    """``1 reading``, ``3 readings``."""
+    return f"{count} reading{'' if count == 1 else 's'}"

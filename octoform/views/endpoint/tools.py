@@ -1,10 +1,20 @@
 """The live endpoint for a person and for a program: its tools, an answer."""
 
 import json
+import sys
+import time
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from shutil import get_terminal_size
 from typing import Any
 
+from octoform.diagnostics import Diagnostic, to_json
+from octoform.engine.snapshot import Look
 from octoform.engine.tools import Answer
 from octoform.escaping import escaped_json
+from octoform.perception.frames import words
+from octoform.views.format import problems
 from octoform.views.format.console import Console
 from octoform.views.format.values import escape, one_line
 
@@ -81,3 +91,154 @@ def answer(console: Console, tool: str, found: Answer, *, as_json: bool) -> int:
 
 def _json(console: Console, value: dict[str, Any]) -> None:
     console.raw(escaped_json(json.dumps(value, ensure_ascii=False, indent=2)))
+
+
+# What a person sees and is asked while a call runs: on standard error, because standard output is the answer's.
+
+PATIENCE_SECONDS = 1.0
+"""A call that is done sooner needs no sign of life."""
+
+
+class Attended:
+    """The person at the terminal, if there is one; ``approved`` when they said yes beforehand."""
+
+    def __init__(self, console: Console, *, approved: bool, clock: Callable[[], float] = time.monotonic) -> None:
+        self._console = console
+        self._approved = approved
+        self._clock = clock
+        self._began = clock()
+        self._shown = 0
+
+    def waiting(self) -> None:
+        """Tell of a start that takes its time."""
+        starting(self._console)
+
+    def progress(self, done: float, total: float | None, message: str) -> None:
+        """One moving line on a terminal, once the call has taken more than a second."""
+        if not self._console.err.isatty() or self._clock() - self._began < PATIENCE_SECONDS:
+            return
+        text = f"{done:.12g}" if total is None else f"{done:.12g} of {total:.12g}"
+        width = get_terminal_size((80, 24)).columns - 1
+        self._draw(one_line(f"  {text}  {message}".rstrip(), width))
+
+    def approves(self, tool: str, arguments: Mapping[str, Any], message: str) -> bool | None:
+        """Show the call and ask; None where there is no terminal to ask at."""
+        if self._approved:
+            return True
+        if sys.stdin is None or not sys.stdin.isatty() or not self._console.err.isatty():
+            return None
+        self.clear()
+        lines = [f"{tool} wants an approval:"]
+        lines += [f"  {name} = {json.dumps(value, ensure_ascii=False)}" for name, value in arguments.items()]
+        lines += [f"  {line}" for line in message.splitlines()]
+        self._console.problem("\n".join(escape(line).replace("\n", "\\n") for line in lines))
+        self._console.err.write("Approve this one call? [y/N] ")
+        self._console.err.flush()
+        try:
+            answer = sys.stdin.readline()
+        except UnicodeDecodeError:
+            answer = ""
+        if not answer.endswith("\n"):
+            self._console.problem("")
+        self._began = self._clock()
+        return answer.strip().lower() in ("y", "yes")
+
+    def clear(self) -> None:
+        """Take the moving line away."""
+        if self._shown:
+            self._draw("")
+            self._console.err.write("\r")
+            self._console.err.flush()
+
+    def _draw(self, text: str) -> None:
+        # Overwritten with blanks, which every terminal understands.
+        self._console.err.write("\r" + text.ljust(self._shown))
+        self._console.err.flush()
+        self._shown = len(text)
+
+
+@contextmanager
+def attended(console: Console, *, approved: bool) -> Iterator[Attended]:
+    """The person for the time of one call; nothing is left on their terminal behind it."""
+    person = Attended(console, approved=approved)
+    try:
+        yield person
+    finally:
+        person.clear()
+
+
+def starting(console: Console) -> None:
+    """The endpoint is being started, and that takes more than a second."""
+    console.problem("octoform: the endpoint is not running; starting it ...")
+
+
+# What a look through a camera showed, for a person and for a program: one line each.
+
+
+def one(console: Console, look: Look, saved: Path | None, *, as_json: bool) -> int:
+    """One look; exit code 0 for a picture that shows something, 1 for none, 2 for one that shows nothing."""
+    if as_json:
+        console.raw(escaped_json(json.dumps(_document(look, saved), ensure_ascii=False)))
+    elif isinstance(look.outcome, Diagnostic):
+        problems.show(console, [look.outcome, *look.found])
+        console.line(f"{look.at}  {console.paint('no picture', 'red')}{_since(look)}")
+    else:
+        problems.show(console, look.found)
+        console.line(_line(console, look))
+        if saved is not None:
+            console.line(f"saved {saved}")
+    if isinstance(look.outcome, Diagnostic):
+        return 1
+    return 2 if look.trouble else 0
+
+
+def _line(console: Console, look: Look) -> str:
+    taken = look.outcome
+    frame = look.record.current if look.record else None
+    if isinstance(taken, Diagnostic) or look.camera is None:
+        raise ValueError("a look without a picture has no such line")
+    parts = [
+        look.at,
+        one_line(look.camera.device, 60),
+        f"{taken.width}x{taken.height}",
+        f"mean {taken.picture.mean:.1f}",
+        f"spread {taken.picture.spread:.1f}",
+    ]
+    if frame is not None and frame.difference is not None:
+        parts.append(f"difference {frame.difference:.1f}")
+    if look.trouble:
+        parts.append(console.paint(f"shows nothing: {look.trouble}", "yellow"))
+    return "  ".join(parts)
+
+
+def _since(look: Look) -> str:
+    """Since when there is none, where it is not the first time."""
+    absent = look.record.absent if look.record else None
+    return f" since {absent.since}" if absent and absent.since != look.at else ""
+
+
+def _document(look: Look, saved: Path | None) -> dict[str, Any]:
+    frame = look.record.current if look.record else None
+    taken = look.outcome
+    picture = None
+    if not isinstance(taken, Diagnostic):
+        picture = {
+            "mime": taken.mime,
+            "bytes": len(taken.data),
+            "width": taken.width,
+            "height": taken.height,
+            "mean": taken.picture.mean,
+            "spread": taken.picture.spread,
+            "complaint": look.trouble,
+            "difference": frame.difference if frame else None,
+        }
+    return {
+        "format": 1,
+        "at": look.at,
+        "camera": look.camera.model_dump() if look.camera else None,
+        "picture": picture,
+        "problem": to_json(taken) if isinstance(taken, Diagnostic) else None,
+        "file": str(saved) if saved else None,
+        "summary": words(look.record).splitlines() if look.record else None,
+        "diagnostics": [to_json(problems.near(item)) for item in look.found],
+    }

@@ -4,8 +4,7 @@ from collections.abc import Iterator
 from dataclasses import asdict
 from typing import Any
 
-from octoform.engine.profiles.check import HostReport, Met, Report
-from octoform.engine.profiles.draft import Draft
+from octoform.engine.profiles import Draft, HostReport, Met, Report
 from octoform.profiles import selection
 from octoform.profiles.definitions.definition import Command, Grammar, LineGrammar, RegisterGrammar, Value, plain
 from octoform.profiles.limits import told

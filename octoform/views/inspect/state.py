@@ -1,14 +1,81 @@
 """The state for a person and for a program."""
 
 import json
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import asdict
 from typing import Any
 
+from octoform.engine.spec_edits import Shown
 from octoform.escaping import escaped_json
 from octoform.state.model import NodeState, Snapshot
 from octoform.views.format.console import Console
-from octoform.views.format.values import one_line
-from octoform.views.inspect import provenance
+from octoform.views.format.output import document
+from octoform.views.format.values import escape, one_line, used
 from octoform.views.plan import text as plan_text
+
+# How a node's output came about: whose agent made it, for whom, with what help, at what cost.
+#
+# What the state says of that may have come with a pull, so nothing of it is taken for granted: every word is escaped
+# and cut, and what has another shape than octoform writes is left out.
+
+WIDTH = 160
+MAX_SOURCES = 48
+TOLD = frozenset({"reused", "escalated", "spec_edit"})
+"""What of a node's detail is told here."""
+
+
+def told(name: str, state: NodeState) -> Iterator[tuple[str, str]]:
+    """(label, text) of each line, fit to be shown."""
+    reused = _table(state, "reused")
+    if state.harness and not state.detail.get("skipped"):
+        yield "made by", f"{_cut(plan_text.agent(state.harness, state.model), WIDTH)}, {_tries(state, reused)}"
+    if reused:
+        yield "reused", _reused(reused)
+    escalated = _table(state, "escalated")
+    if escalated:
+        yield "escalated", _escalated(escalated)
+    if _table(state, "spec_edit"):
+        yield "spec", f"made with a spec that an agent corrected; octoform spec diff {_cut(name)}"
+    usage = state.usage
+    cost = used(usage.input_tokens, usage.cached_tokens, usage.output_tokens, usage.cost_usd, usage.cost_source or "")
+    if cost:
+        yield "used", _cut(cost, WIDTH)
+
+
+def _tries(state: NodeState, reused: Mapping[str, Any]) -> str:
+    if reused:
+        return f"for another host; verified here in {state.seconds:.1f} s"
+    return f"{plan_text.counted(state.attempts, 'attempt')}, {state.seconds:.1f} s"
+
+
+def _reused(reused: Mapping[str, Any]) -> str:
+    """``from host a of project ../b (its state's serial 3), where it was accepted at ...; made for host c``."""
+    project, host = reused.get("project"), _cut(reused.get("host"))
+    of = "this project" if project == "." else f"project {_cut(project)}"
+    accepted = reused.get("accepted_at")
+    when = f", accepted there at {_cut(accepted)}" if accepted else ""
+    return f"from host {host} of {of} (serial {_cut(reused.get('serial'))}){when}; made for host {_made_for(reused)}"
+
+
+def _made_for(reused: Mapping[str, Any]) -> str:
+    return _cut(reused.get("made_for", reused.get("host")))
+
+
+def _escalated(escalated: Mapping[str, Any]) -> str:
+    model = escalated.get("model")
+    who = plan_text.agent(_cut(escalated.get("harness")), _cut(model) if model else None)
+    asked, left = escalated.get("asked"), escalated.get("still_unknown")
+    return f"{who} was asked about {_cut(asked)} unknown; {_cut(left)} still unknown"
+
+
+def _table(state: NodeState, key: str) -> Mapping[str, Any]:
+    value = state.detail.get(key)
+    return value if isinstance(value, dict) else {}
+
+
+def _cut(value: object, width: int = MAX_SOURCES) -> str:
+    return one_line(str(value), width) if isinstance(value, str | int | float) else "?"
+
 
 MOST = 100
 """Of the parts of a key and of the facts about a node that are shown; a program is given all."""
@@ -58,7 +125,7 @@ def _node(console: Console, name: str, state: NodeState) -> None:
     say = console.line
     mark = "  tainted" if state.tainted else ""
     say(f"{console.paint(_line(name), 'bold')}  {state.status.value}{mark}  {state.accepted_at or ''}".rstrip())
-    for label, text in provenance.told(name, state):
+    for label, text in told(name, state):
         say(f"  {label:<9} {text}")
     say(f"  output    {_line(plan_text.show(state.output_digest))}")
     say(f"  key       {_line(plan_text.show(state.key))}")
@@ -66,7 +133,7 @@ def _node(console: Console, name: str, state: NodeState) -> None:
     wide = min(MOST_WIDE, max((len(part) for part, _ in parts), default=0))
     for part, value in parts:
         say(f"    {part:<{wide}} {value}")
-    known = {"contract", *provenance.TOLD}
+    known = {"contract", *TOLD}
     said = {key: value for key, value in state.detail.items() if key not in known and not isinstance(value, dict)}
     rows = [("" if number else key, row) for key, value in said.items() for number, row in enumerate(_rows(value))]
     for key, row in rows[:MOST]:
@@ -91,7 +158,7 @@ def _row(item: object) -> str:
 
 def _line(text: str) -> str:
     """A state may have come with a pull: nothing in it acts on the terminal or fills it."""
-    return one_line(text, provenance.WIDTH)
+    return one_line(text, WIDTH)
 
 
 def forgotten(console: Console, name: str, *, as_json: bool) -> int:
@@ -119,4 +186,54 @@ def _done(console: Console, text: str, name: str, as_json: bool) -> int:
 
 def _document(console: Console, value: dict[str, Any]) -> int:
     console.raw(escaped_json(json.dumps(value, ensure_ascii=False, indent=2)))
+    return 0
+
+
+# Edited specs for a person and for a program.
+
+STYLES = {"+": "green", "-": "red", "@": "cyan"}
+
+
+def diff(console: Console, edits: Sequence[Shown], *, as_json: bool) -> int:
+    """What waits, as unified diffs against today's specs."""
+    if as_json:
+        return document(console, {"format": 1, "edits": [asdict(edit) for edit in edits]})
+    if not edits:
+        console.line("No agent's edit of a spec waits.")
+        return 0
+    for edit in edits:
+        _one(console, edit)
+    return 0
+
+
+def _one(console: Console, edit: Shown) -> None:
+    say, paint = console.line, console.paint
+    used = "the accepted output was made with it" if edit.accepted else "no accepted output was made with it"
+    say(paint(f"{edit.path}  edited in attempt {edit.attempt}; {used}", "bold"))
+    if edit.moved:
+        say(paint("  the spec has changed since; what stands below is against the spec of today", "yellow"))
+    for line in edit.diff[2:]:
+        style = STYLES.get(line[:1])
+        console.raw(paint(escape(line), style) if style else escape(line))
+    say()
+    say(f"octoform spec promote {edit.stage}   makes it permanent")
+    say(f"octoform spec reset {edit.stage}     drops it")
+
+
+def promoted(console: Console, stage: str, *, as_json: bool) -> int:
+    """An edit became the spec."""
+    text = f"protocol/{stage}.md is now as the agent corrected it. Look at it and commit it."
+    return _edit_done(console, (stage,), text, as_json=as_json)
+
+
+def dropped(console: Console, stages: Sequence[str], *, as_json: bool) -> int:
+    """Edits were dropped."""
+    text = f"Dropped the edit of {', '.join(stages)}." if stages else "No agent's edit of a spec waits."
+    return _edit_done(console, stages, text, as_json=as_json)
+
+
+def _edit_done(console: Console, stages: Sequence[str], text: str, *, as_json: bool) -> int:
+    if as_json:
+        return document(console, {"format": 1, "stages": list(stages), "done": text})
+    console.line(text)
     return 0

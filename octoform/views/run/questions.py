@@ -12,7 +12,7 @@ from octoform.views.format import problems
 from octoform.views.format.console import Console
 from octoform.views.format.output import document
 from octoform.views.format.values import escape, one_line
-from octoform.views.plan import knowledge
+from octoform.views.plan import plan
 from octoform.views.run.apply import RunHuman
 
 WIDTH = 100
@@ -25,7 +25,7 @@ def listed(console: Console, found: Asked, *, as_json: bool) -> int:
     if as_json:
         questions = [asdict(item) for item in found.questions]
         return document(console, {"format": 1, "questions": questions, "answers": dict(found.answers)})
-    knowledge.ask(found.questions, console)
+    plan.ask(found.questions, console)
     if not found.questions:
         console.line("No question is open.")
     if found.answers:

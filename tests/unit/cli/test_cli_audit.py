@@ -13,7 +13,7 @@ from launched import launched, tool
 import octoform
 from octoform.cli.main import main
 from octoform.launcher.audit import Audit
-from octoform.views.endpoint import audit
+from octoform.views.endpoint import logs
 from octoform.views.format.console import Console
 
 SOURCE = '''
@@ -44,7 +44,7 @@ def lines(*records: dict[str, Any]) -> list[str]:
     out = io.StringIO()
     console = Console(out, io.StringIO(), colour=False, colour_err=False, interactive=False)
     stamped = [{"seq": 7, "time": "2026-05-04T12:00:00.123Z", "prev": "0", "hash": "1", **item} for item in records]
-    assert audit.records(console, stamped, 50, as_json=False) == 0
+    assert logs.records(console, stamped, 50, as_json=False) == 0
     return out.getvalue().splitlines()
 
 
@@ -212,4 +212,4 @@ def test_every_event_that_the_launcher_writes_has_a_sentence() -> None:
         written |= set(re.findall(r"(?:write|_record)\(\s*(?:problems, )?\"(\w+)\"", text))
         written |= set(re.findall(r"\(\(?\"(audit_\w+)\"", text))
     assert {"decision", "estop", "estop_actions", "stuck", "audit_torn"} <= written
-    assert written <= set(audit._EVENTS)
+    assert written <= set(logs._EVENTS)

@@ -13,11 +13,10 @@ from launched import LOOPBACK, launched, tool
 from ruamel.yaml import YAML
 
 from octoform.cli.main import main
-from octoform.endpoint.access.external_address import no_tunnel, tunnel_opened
+from octoform.endpoint.access.tunnel import no_tunnel, tunnel_opened
 from octoform.endpoint.mcp_clients.formats import CLIENTS, of
-from octoform.endpoint.process import start_command
-from octoform.endpoint.publish.publication import client_command
-from octoform.endpoint.publish.snippets import snippets
+from octoform.endpoint.process import systemd
+from octoform.endpoint.publish.publication import client_command, snippets
 from octoform.engine.clients import left_behind
 from octoform.state.layout import Layout
 
@@ -76,7 +75,7 @@ def test_no_clients_file_names_a_cache_that_is_cleaned(
 ) -> None:
     passing = tmp_path / cache / "bin"
     passing.mkdir(parents=True)
-    monkeypatch.setattr(start_command.sys, "prefix", str(passing.parent))
+    monkeypatch.setattr(systemd.sys, "prefix", str(passing.parent))
     for folder in (passing, tmp_path / "shims"):
         folder.mkdir(exist_ok=True)
     (passing / "octoform").write_text("#!/bin/sh\n")

@@ -12,7 +12,7 @@ import octoform
 from octoform.cli.completion import script
 from octoform.cli.main import main
 from octoform.engine.tools import example
-from octoform.views.endpoint import audit, tools
+from octoform.views.endpoint import logs, tools
 from octoform.views.format.console import Console
 
 LONG = "Moves the joint to a place, by counts of its encoder, and waits until it is there or 5 seconds are over. " * 4
@@ -160,7 +160,7 @@ def test_a_terminal_breaks_between_words_and_loses_none(columns: int, monkeypatc
         "text": LONG,
     }
     tools.tools(console(out), [TOOL], as_json=False)
-    audit.records(console(out), [record], 50, as_json=False)
+    logs.records(console(out), [record], 50, as_json=False)
     lines = out.getvalue().splitlines()
     assert max(map(len, lines)) <= columns
     assert " ".join(out.getvalue().split()).count(" ".join(LONG.split())) == 2, "each word whole, in its order"

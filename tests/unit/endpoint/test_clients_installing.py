@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from octoform.diagnostics import Diagnostic
-from octoform.endpoint.mcp_clients import config_file, install
+from octoform.endpoint.mcp_clients import install
 from octoform.endpoint.mcp_clients.formats import CLIENTS, Client
 from octoform.endpoint.mcp_clients.install import Outcome, Reach, Server
 from octoform.endpoint.mcp_clients.paths import Surroundings
@@ -128,7 +128,7 @@ def test_at_most_three_backups_are_kept_of_a_file_that_lives(around: Surrounding
         path.write_text(json.dumps({**content, "n": number}))
         done(install.remove(CURSOR, around, SERVER))
         path.write_text(json.dumps({"n": number}))
-    kept = config_file.backups(path)
+    kept = install.backups(path)
     assert len(kept) == 3
     numbers = [int(item.name.rpartition("-")[2]) for item in kept]
     assert numbers == sorted(numbers, reverse=True) and numbers[-1] > 1
@@ -148,20 +148,20 @@ def test_a_file_that_changes_under_the_hand_is_merged_anew(
     around: Surroundings, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     path = put(around, '{"a": 1}')
-    real = config_file.replace
+    real = install.replace_file
     times: list[int] = []
 
-    def late(found: config_file.ConfigFile, data: bytes | None, mode: int) -> Any:
+    def late(found: install.ConfigFile, data: bytes | None, mode: int) -> Any:
         times.append(1)
         if len(times) == 1:
             path.write_text('{"a": 2}')
         return real(found, data, mode)
 
-    monkeypatch.setattr(config_file, "replace", late)
+    monkeypatch.setattr(install, "replace_file", late)
     outcome = done(install.install(CURSOR, around, SERVER))
     assert json.loads(path.read_text())["a"] == 2
     assert outcome.backup is not None and outcome.backup.read_text() == '{"a": 2}'
-    assert len(config_file.backups(path)) == 1
+    assert len(install.backups(path)) == 1
 
 
 @pytest.mark.parametrize(

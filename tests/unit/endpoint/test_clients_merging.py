@@ -10,9 +10,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from ruamel.yaml import YAML
 
-from octoform.endpoint.mcp_clients import json_edit, json_text, merge, toml_text, yaml_text
+from octoform.endpoint.mcp_clients import json_edit, merge, toml_text, yaml_text
 from octoform.endpoint.mcp_clients.formats import CLIENTS, Client, form
-from octoform.endpoint.mcp_clients.json_text import Node
+from octoform.endpoint.mcp_clients.json_edit import Node
 from octoform.endpoint.mcp_clients.merge import Edited, Taken, Wish
 from octoform.endpoint.mcp_clients.text_edit import Unreadable, at
 
@@ -44,7 +44,7 @@ def taken_out(key: str, text: str, *former: str, table: tuple[str, ...] | None =
 
 def members(text: str, path: tuple[str, ...] = ()) -> list[str]:
     """The texts of all members of the objects on the way to the servers, but for the way itself and our entry."""
-    root = json_text.scan(text)
+    root = json_edit.scan(text)
     assert not isinstance(root, Unreadable)
     found: list[str] = []
     way = path
@@ -184,7 +184,7 @@ def test_whatever_json_reads_reads_the_same(text: str) -> None:
         value = json.loads(text)
     except ValueError:
         return
-    node = json_text.scan(text)
+    node = json_edit.scan(text)
     assert isinstance(node, Node)
     assert node.value == value
 

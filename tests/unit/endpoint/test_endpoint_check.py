@@ -15,7 +15,7 @@ from octoform.endpoint.client.check import CheckReport, TrialCall, check, judge_
 from octoform.endpoint.client.check_verdict import NOTHING_ANSWERS
 from octoform.endpoint.environment.model import Environment
 from octoform.endpoint.files import CHECK
-from octoform.endpoint.observe.call_log import LoggedCall, calls_after, mark
+from octoform.endpoint.observe.logs import LoggedCall, calls_after, mark
 from octoform.endpoint.process.lifecycle import stop
 from octoform.state.layout import Layout
 

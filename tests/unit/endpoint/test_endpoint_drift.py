@@ -18,7 +18,7 @@ from octoform.endpoint.environment.model import MARKER, Environment, packages_of
 from octoform.endpoint.files import CHECK
 from octoform.endpoint.observe.drift import Expected, observe
 from octoform.endpoint.process import systemd
-from octoform.endpoint.publish.removal import remove
+from octoform.endpoint.publish.publication import remove
 from octoform.runtime import stops
 from octoform.state.layout import Layout
 

@@ -19,7 +19,7 @@ from raw_mcp import request
 
 from octoform.endpoint.process import lifecycle
 from octoform.endpoint.process.record import running
-from octoform.endpoint.publish.spec import Service
+from octoform.endpoint.publish.publication import Service
 from octoform.launcher.descriptor import read
 from octoform.launcher.endpoint import Endpoint
 from octoform.launcher.owner import Owner

@@ -9,9 +9,8 @@ from endpoint_servers import Wheelhouse
 
 from octoform.diagnostics import Diagnostic
 from octoform.endpoint.bounded_program import run
-from octoform.endpoint.environment import packages
-from octoform.endpoint.environment.build import build, prune
-from octoform.endpoint.environment.early_build import GUESS, await_bytecode, prepare, prewarmed
+from octoform.endpoint.environment import lockfile
+from octoform.endpoint.environment.build import GUESS, await_bytecode, build, prepare, prewarmed, prune
 from octoform.endpoint.environment.lockfile import normalise, resolve
 from octoform.endpoint.environment.model import MARKER, Environment, at, installed, intact, locate, pins
 from octoform.state.layout import Layout
@@ -119,14 +118,14 @@ def test_the_tool_sees_the_index_configuration_and_no_secrets(monkeypatch: pytes
     monkeypatch.setenv("PIP_FIND_LINKS", "/one /two")
     monkeypatch.setenv("MODEL_API_KEY", "not for uv")
     monkeypatch.setenv("UV_SYSTEM_PYTHON", "1")
-    seen = packages.tool_environment()
+    seen = lockfile.tool_environment()
     assert seen["UV_SYSTEM_CERTS"] == "true", "an inspecting proxy's certificate is in the system's store alone"
     assert seen["UV_DEFAULT_INDEX"] == "https://mirror.example/simple"
     assert seen["UV_FIND_LINKS"] == "/one,/two"
     assert "MODEL_API_KEY" not in seen
     assert "UV_SYSTEM_PYTHON" not in seen
     monkeypatch.setenv("UV_INDEX_URL", "https://own.example/simple")
-    assert "UV_DEFAULT_INDEX" not in packages.tool_environment()
+    assert "UV_DEFAULT_INDEX" not in lockfile.tool_environment()
 
 
 def test_an_environment_is_built_once_and_found_again(layout: Layout, wheelhouse: Wheelhouse) -> None:
@@ -147,7 +146,7 @@ def test_an_upgrade_behind_our_back_is_seen_and_repaired(layout: Layout, wheelho
     wheelhouse.add("alpha", "1.1")
     wheelhouse.add("gamma", "3.0")
     install = ["pip", "install", "-q", "--python", str(environment.python), "alpha==1.1", "gamma"]
-    assert packages.packages(install, layout.project, 60.0).status == 0
+    assert lockfile.packages(install, layout.project, 60.0).status == 0
     assert intact(environment) == [
         "alpha 1.0 -> 1.1 in the serving environment",
         "gamma 3.0 was added to the serving environment",
@@ -226,7 +225,7 @@ def test_prewarming_builds_beside_other_work_and_only_once(
     with prewarmed(layout, ["alpha==1.0"]):
         pass
     assert intact(locate(layout, lock)) == []
-    monkeypatch.setattr("octoform.endpoint.environment.early_build.prepare", None)
+    monkeypatch.setattr("octoform.endpoint.environment.build.prepare", None)
     with prewarmed(layout, ["alpha==1.0"]):
         pass
 
@@ -257,7 +256,7 @@ def test_who_would_compile_the_same_waits_for_it(
         early.append(not waits.is_alive())
         return SimpleNamespace(status=0)
 
-    monkeypatch.setattr("octoform.endpoint.environment.early_build.run", compiling)
+    monkeypatch.setattr("octoform.endpoint.environment.build.run", compiling)
     assert prepare(layout, ["alpha==1.0"])
     waits.join(10)
     assert (early, waits.is_alive()) == ([False], False)

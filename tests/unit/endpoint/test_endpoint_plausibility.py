@@ -2,7 +2,7 @@
 
 import pytest
 
-from octoform.endpoint.client.plausibility import out_of_bounds
+from octoform.endpoint.client.check_verdict import out_of_bounds
 
 _JUDGED = {
     "level_percent": (1500, "the level"),

@@ -16,7 +16,7 @@ from launched import Launched, launched, tool
 from mcp_types import ToolListChangedNotification
 from raw_mcp import request
 
-from octoform.endpoint.process import desired_state
+from octoform.endpoint.process import record
 
 ERAS = ("2025-11-25", "2026-07-28")
 SERVER = '''
@@ -136,8 +136,8 @@ async def test_what_a_person_stopped_is_not_started_by_a_pipe(endpoint: Launched
     assert process.stdin is not None and process.stdout is not None
     process.stdin.write(json.dumps(request("tools/list")).encode() + b"\n")
     assert json.loads(await process.stdout.readline())["result"]["tools"]
-    assert desired_state.mark(endpoint.layout) is None
+    assert record.mark(endpoint.layout) is None
     await asyncio.to_thread(endpoint.stop)
     _, said = await asyncio.wait_for(process.communicate(), 20)
     assert (process.returncode, said) == (1, b"octoform: the endpoint of bench was stopped\n")
-    desired_state.unmark(endpoint.layout)
+    record.unmark(endpoint.layout)

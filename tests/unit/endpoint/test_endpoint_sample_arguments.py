@@ -4,7 +4,7 @@ from typing import Any
 
 import pytest
 
-from octoform.endpoint.client.sample_arguments import trial_arguments
+from octoform.endpoint.client.check import trial_arguments
 
 
 def needing(**schema: Any) -> dict[str, Any]:

@@ -17,10 +17,9 @@ from raw_mcp import request
 
 from octoform.cli.main import main
 from octoform.endpoint.client.terminal import Wanted, call, list_tools
-from octoform.endpoint.process import desired_state, lifecycle
+from octoform.endpoint.process import lifecycle, record
 from octoform.endpoint.process.record import running
-from octoform.endpoint.proxy.dial import started
-from octoform.endpoint.proxy.reconnect import Returning
+from octoform.endpoint.proxy.dial import Returning, started
 from octoform.engine import endpoint_process as engine
 from octoform.state.layout import Layout
 
@@ -32,7 +31,7 @@ SOURCE = HEADER + code("return 1.0")
 def stopped(tmp_path: Path) -> Iterator[Launched]:
     """An endpoint that a person stopped."""
     with launched(tmp_path / "bench", SOURCE, [tool("read_clock"), tool("read_voltage")]) as endpoint:
-        assert desired_state.mark(endpoint.layout) is None
+        assert record.mark(endpoint.layout) is None
         endpoint.stop()
         yield endpoint
 
@@ -51,7 +50,7 @@ def test_no_list_and_no_call_undoes_a_stop(stopped: Launched) -> None:
         assert problem.code == "ENDPOINT-STOPPED"
         assert by in problem.summary and "octoform start" in (problem.hint or "")
     assert running(stopped.layout) is None
-    assert desired_state.is_marked(stopped.layout)
+    assert record.is_marked(stopped.layout)
 
 
 def test_a_client_that_comes_is_told_in_its_own_protocol(stopped: Launched) -> None:
@@ -78,23 +77,23 @@ def test_a_client_that_the_owner_allows_starts_it(stopped: Launched) -> None:
             return sorted(each.name for each in await client.list_tools())
 
     assert asyncio.run(names()) == ["read_clock", "read_voltage"]
-    assert not desired_state.is_marked(stopped.layout)
+    assert not record.is_marked(stopped.layout)
 
 
 def test_the_allowed_list_starts_it_and_ends_the_stop(stopped: Launched) -> None:
     tools, problems = list_tools(stopped.layout, revive=True)
     assert (len(tools), problems) == (2, ())
-    assert not desired_state.is_marked(stopped.layout)
+    assert not record.is_marked(stopped.layout)
 
 
 def test_a_stop_that_comes_during_a_start_holds(stopped: Launched, monkeypatch: pytest.MonkeyPatch) -> None:
     """A person who stops while a client starts finds no process to end: the start itself must see the stop."""
-    desired_state.unmark(stopped.layout)
+    record.unmark(stopped.layout)
     begin = lifecycle.start
 
     def meanwhile(layout: Layout) -> object:
         found = begin(layout)
-        assert desired_state.mark(layout) is None
+        assert record.mark(layout) is None
         return found
 
     monkeypatch.setattr("octoform.endpoint.proxy.dial.start", meanwhile)
@@ -114,7 +113,7 @@ def test_a_restart_is_no_start(stopped: Launched, monkeypatch: pytest.MonkeyPatc
     assert (done, problem.code) == (None, "ENDPOINT-STOPPED")
     assert running(stopped.layout) is None
     done, _ = engine.start(stopped.layout.project, {})
-    assert done is not None and not desired_state.is_marked(stopped.layout)
+    assert done is not None and not record.is_marked(stopped.layout)
 
 
 def test_a_mark_that_cannot_be_read_still_stops(stopped: Launched) -> None:

@@ -15,9 +15,17 @@ from endpoint_zoo import PICTURE
 from launched import Launched, launched
 from launched import tool as told
 
-from octoform.endpoint.client.terminal import Person, Wanted, call, list_tools, save_media
+from octoform.endpoint.client.terminal import (
+    Person,
+    Sight,
+    Wanted,
+    call,
+    list_tools,
+    published,
+    record_sight,
+    save_media,
+)
 from octoform.endpoint.files import CHECK
-from octoform.endpoint.observe.last_seen import Sight, published, record_sight
 from octoform.state.layout import Layout
 
 BOUNDED = "channel: Annotated[int, Field(ge=1, le=8, description='input 1 to 8')], label: str = ''"

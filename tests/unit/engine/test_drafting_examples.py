@@ -4,13 +4,13 @@ import textwrap
 
 import pytest
 
-from octoform.engine.profiles import draft
+from octoform.engine import profiles
 from octoform.profiles import load_text
 
 HEAD = 'name: lamp\nabout: a lamp\nevidence: {all: [{vid_pid: "0000:0000"}, {text: [Lamp]}]}\n'
 
 
-@pytest.mark.parametrize("shown", [draft._LINES, draft._REGISTERS], ids=["lines", "registers"])
+@pytest.mark.parametrize("shown", [profiles._LINES, profiles._REGISTERS], ids=["lines", "registers"])
 def test_a_commented_grammar_can_be_read(shown: str) -> None:
     bare = "\n".join(line.removeprefix("# ") for line in shown.splitlines() if not line.startswith("# docs"))
     example = bare[bare.index("grammar:") :]

@@ -12,8 +12,8 @@ from attempt_folders import Folders
 from covered import STAMP, declared, identified, known, left, onboarded, seen
 
 from octoform.cli.dispatch import dispatch
-from octoform.engine.coverage import collect
-from octoform.engine.coverage.collect import Report
+from octoform.engine.coverage import report as collect
+from octoform.engine.coverage.report import Report
 from octoform.engine.coverage.runs import grouped, runs
 from octoform.engine.inspect.attempts import of_host
 from octoform.state.artifacts.accepted import file_digest

@@ -7,8 +7,7 @@ from typing import Any
 import pytest
 
 from octoform.engine.results import RunResult, RunUsage
-from octoform.engine.unattended.cost_estimate import Left, shortages
-from octoform.engine.unattended.rediscover import _Consent, _spent
+from octoform.engine.unattended.rediscover import Left, _Consent, _spent, shortages
 from octoform.graph.model import Graph
 from octoform.manifest.model import Budget, Escalation, HarnessSpec, StageSettings
 from octoform.plan.model import Action, Cause, Plan, PlannedAction, Reason

@@ -7,10 +7,10 @@ from typing import Any, cast
 import pytest
 
 from octoform.apply.duties.outcome import Answer
-from octoform.endpoint.process import desired_state
+from octoform.endpoint.process import record
 from octoform.endpoint.process.estop import LATCH
 from octoform.engine.plan.plan import Outlook
-from octoform.engine.unattended import heal, redeploy
+from octoform.engine.unattended import heal, rediscover
 from octoform.harness.port import Usage
 from octoform.state.layout import Layout
 
@@ -73,11 +73,11 @@ def outlook(*work: str, host: str = "bench", steps: tuple[Any, ...] = ()) -> Out
 
 
 def test_a_redeploy_consents_to_nothing_but_the_packages(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(redeploy, "remember", lambda layout, snapshot: cast(Any, "all of it"))
-    monkeypatch.setattr(redeploy, "keep", lambda former: None)
+    monkeypatch.setattr(rediscover, "remember", lambda layout, snapshot: cast(Any, "all of it"))
+    monkeypatch.setattr(rediscover, "keep", lambda former: None)
 
     def consent(plan: Outlook) -> tuple[bool, str]:
-        mine = redeploy._Consent(LAYOUT)
+        mine = rediscover._RedeployConsent(LAYOUT)
         return mine(plan), mine.why
 
     picture = SimpleNamespace(node="step.perceive", kind="frame", skipped=None)
@@ -88,7 +88,7 @@ def test_a_redeploy_consents_to_nothing_but_the_packages(monkeypatch: pytest.Mon
     for plan in (outlook("probe", "deploy"), outlook("deploy", "step.arm", steps=(arm,)), outlook("deploy", host="x")):
         said, why = consent(plan)
         assert not said and why
-    monkeypatch.setattr(redeploy, "remember", lambda layout, snapshot: None)
+    monkeypatch.setattr(rediscover, "remember", lambda layout, snapshot: None)
     assert consent(outlook("deploy")) == (False, "the host is not as it was applied")
 
 
@@ -105,5 +105,5 @@ def test_what_a_killed_repair_has_left_is_settled_and_nothing_is_done_otherwise(
     monkeypatch.setattr(heal, "on_duty", lambda *_: asked(None))
     told = heal.settle(layout, {})
     assert told == (asked(None).told() if left else None)
-    assert desired_state.mark(layout) is None
+    assert record.mark(layout) is None
     assert heal.settle(layout, {}) is None, "it would start what a person has stopped"

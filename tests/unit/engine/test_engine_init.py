@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from octoform.diagnostics import error
-from octoform.endpoint.process import desired_state, lifecycle
+from octoform.endpoint.process import lifecycle, record
 from octoform.endpoint.process.record import Running
 from octoform.engine import endpoint_process as engine
 from octoform.state.layout import Layout
@@ -15,15 +15,15 @@ from octoform.state.layout import Layout
 def test_the_mark_goes_when_the_start_has_ended(starts: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     layout = Layout(tmp_path, "bench")
     layout.stop_mark.parent.mkdir(parents=True)
-    assert desired_state.mark(layout) is None
+    assert record.mark(layout) is None
     seen: list[bool] = []
 
     def start(found: Layout) -> tuple[Running | None, object]:
-        seen.append(desired_state.is_marked(found))
+        seen.append(record.is_marked(found))
         return None, None if starts else error("ENDPOINT-START-FAILED", "it does not start")
 
     monkeypatch.setattr(lifecycle, "start", start)
     monkeypatch.setattr(engine, "layout_of", lambda *_: (layout, []))
     engine.start(tmp_path, {})
     assert seen == [True]
-    assert not desired_state.is_marked(layout)
+    assert not record.is_marked(layout)

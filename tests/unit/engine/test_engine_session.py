@@ -9,7 +9,7 @@ import pytest
 from octoform.apply.context import Context
 from octoform.apply.duties.outcome import Answer
 from octoform.diagnostics import Diagnostic, error
-from octoform.endpoint.process import desired_state
+from octoform.endpoint.process import record
 from octoform.engine.apply.session import Locked, Opened
 from octoform.engine.unattended import session
 from octoform.state.artifacts.accepted import accept, file_digest
@@ -86,7 +86,7 @@ def test_a_person_who_stopped_the_endpoint_is_not_overruled(tmp_path: Path, monk
     monkeypatch.setattr(session, "service_of", lambda _: None)
     assert session.ready(context) == []
     assert [item.code for item in session.ready(context)] == ["DUTY-CHANGED"]
-    assert desired_state.mark(layout) is None
+    assert record.mark(layout) is None
     assert [item.code for item in session.ready(context)] == ["DUTY-STOPPED"]
 
 

@@ -12,7 +12,7 @@ import pytest
 from launched import LOOPBACK, Launched, launched, tool
 
 from octoform.engine import status as engine_status
-from octoform.engine.apply import summary
+from octoform.engine.apply import apply
 from octoform.engine.plan import cache
 from octoform.engine.plan.plan import Request, prepare
 from octoform.engine.results import EndpointSummary, RunResult
@@ -107,7 +107,7 @@ def test_a_tunnel_that_does_not_run_is_a_reason_and_the_end_of_an_apply_tells_it
             endpoint.layout.output("interface").parent.mkdir(parents=True, exist_ok=True)
             assert end.endpoint is not None
             known = replace(end, endpoint=replace(end.endpoint, url=endpoint.url))
-            told = summary.outside(endpoint.layout, known)
+            told = apply.outside(endpoint.layout, known)
             found = status(endpoint, TOOLS)
             if command[0] == sys.executable:
                 address = endpoint.ask("status")["tunnel"]["url"]
@@ -117,7 +117,7 @@ def test_a_tunnel_that_does_not_run_is_a_reason_and_the_end_of_an_apply_tells_it
                 assert shown(told).count(f"{address}/mcp from the internet") == 1
                 endpoint.ask("revoke_tunnel")
                 assert "revoked" in " ".join(status(endpoint, TOOLS).reasons)
-                (problem,) = summary.outside(endpoint.layout, known).diagnostics
+                (problem,) = apply.outside(endpoint.layout, known).diagnostics
                 assert problem.summary.startswith("the tunnel is revoked")
                 (endpoint.layout.run / "tunnel-revoked.json").unlink()
             else:

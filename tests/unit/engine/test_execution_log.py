@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from octoform.apply.context import Clock
-from octoform.engine.apply.execution_log import logging_to
+from octoform.engine.apply.session import logging_to
 from octoform.events import AttemptProgress, Event, NodeStarted, Notice
 
 CLOCK = Clock(now=lambda: datetime(2030, 1, 2, 3, 4, 5, tzinfo=UTC))

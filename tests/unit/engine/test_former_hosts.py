@@ -8,8 +8,7 @@ from endings import record_running
 from settled import Settled
 
 from octoform.cli.main import main
-from octoform.endpoint.process.other_hosts import running_beside
-from octoform.endpoint.process.record import running
+from octoform.endpoint.process.record import running, running_beside
 from octoform.state.layout import Layout
 
 MANIFEST = "version: 1\nhost: {}\nharness: {{name: command, command: [my-agent]}}\n"

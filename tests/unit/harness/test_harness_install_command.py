@@ -9,7 +9,7 @@ import pytest
 from fake_npm import Machine
 
 from octoform.cli.main import main
-from octoform.engine.installation import elsewhere
+from octoform.engine.doctor import elsewhere
 
 PI = """put(binary="pi", program="print('0.87.1')")"""
 

@@ -26,9 +26,8 @@ from octoform.protocol.loader import load
 from octoform.runtime import calllog
 from octoform.state.artifacts.attempts import AttemptRecord
 from octoform.views.format.console import Console
-from octoform.views.format.stream import JsonStream
-from octoform.views.run.apply import RunHuman
-from octoform.views.run.apply_json import RunJson
+from octoform.views.format.output import JsonStream
+from octoform.views.run.apply import RunHuman, RunJson
 
 EACH = for_each("hostile", STRINGS)
 SPECS = load(None)[0]

@@ -19,7 +19,7 @@ from raw_mcp import RawClient, call, connected
 
 from octoform.endpoint.access.audit_log import latest
 from octoform.endpoint.process.record import is_it
-from octoform.endpoint.publish.spec import Service
+from octoform.endpoint.publish.publication import Service
 from octoform.launcher import control as module
 from octoform.launcher import unix
 from octoform.launcher.control import Control

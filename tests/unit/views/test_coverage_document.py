@@ -8,8 +8,7 @@ from covered import onboarded, report
 from hosts.plant import plant
 
 from octoform.contracts.tier import tier, wanted
-from octoform.engine.coverage.collect import Report
-from octoform.engine.coverage.report import Share
+from octoform.engine.coverage.report import Report, Share
 from octoform.views.coverage.report import lines
 from octoform.views.coverage.text import percent
 

@@ -14,9 +14,9 @@ from octoform.daemon.status import Survey, Trouble
 from octoform.daemon.store.incidents import Episode, Try
 from octoform.daemon.store.instance_lock import Record
 from octoform.state.lock_holder import myself
-from octoform.views.daemon import claims, incidents
+from octoform.views.daemon import control, event_log
 from octoform.views.daemon import health as health_view
-from octoform.views.endpoint import audit
+from octoform.views.endpoint import logs
 from octoform.views.format.console import Console
 from octoform.views.format.values import clock, length
 
@@ -195,7 +195,7 @@ def test_episodes_are_counted_by_kind() -> None:
     found = [ended(number, float(number)) for number in range(1, 21)]
     found += [ended(21, 500.0, Outcome.CLEARED), episode(id="e22"), episode(id="e23", kind=Kind.DISK_FULL)]
     screen, out = console()
-    assert incidents.listed(screen, found, (), 2, as_json=True) == 0
+    assert event_log.listed(screen, found, (), 2, as_json=True) == 0
     document = json.loads(out.getvalue())
     assert [each["kind"] for each in document["kinds"]] == ["crash_loop", "disk_full"]
     assert document["kinds"][0] == {
@@ -212,19 +212,19 @@ def test_episodes_are_counted_by_kind() -> None:
     }
     assert [each["id"] for each in document["episodes"]] == ["e22", "e23"]
     screen, out = console()
-    incidents.listed(screen, found, (), 2, as_json=False)
+    event_log.listed(screen, found, (), 2, as_json=False)
     assert "and 21 before: octoform episodes -n 23" in out.getvalue()
 
 
 def test_uptimes_of_two_starts_of_the_machine_give_no_time() -> None:
     found = [episode(closed=stamp(0), closed_uptime=3.0, outcome=Outcome.CLEARED)]
-    assert incidents.figures("crash_loop", found)["median_seconds"] is None
+    assert event_log.figures("crash_loop", found)["median_seconds"] is None
 
 
 def test_nothing_ever_went_wrong() -> None:
     screen, out = console()
-    incidents.listed(screen, (), (), 20, as_json=False)
-    claims.listed(screen, (), everything=False, as_json=False)
+    event_log.listed(screen, (), (), 20, as_json=False)
+    control.listed(screen, (), everything=False, as_json=False)
     assert out.getvalue().count("\n") == 2
 
 
@@ -282,7 +282,7 @@ def test_the_audit_and_the_attempts_fit_80_columns(monkeypatch: pytest.MonkeyPat
     made = {"seq": 4, "event": "decision", "decision": "allow", "tool": "read_network_interfaces", "caller": "local"}
     given = {"arguments": {"device": "usb-1f00-00b1-virtio-0001"}, "client": "octoform watch 0.1.0", "pid": 1, "uid": 0}
     days = [f"2026-11-{day}T21:32:06.4Z" for day in (25, 25, 26)]
-    audit.records(screen, [{**made, **given, "time": day} for day in days], 3, as_json=False)
+    logs.records(screen, [{**made, **given, "time": day} for day in days], 3, as_json=False)
     lines = out.getvalue().splitlines()
     assert all(len(line) <= 80 for line in lines)
     assert [line for line in lines if line.startswith("2026")] == ["2026-11-25", "2026-11-26"]

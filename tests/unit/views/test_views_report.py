@@ -12,8 +12,8 @@ from covered import declared, identified, known, left, onboarded, report, seen
 from hostile_strings import STRINGS
 from hosts.plant import plant
 
-from octoform.engine.coverage.collect import Report
-from octoform.engine.coverage.run_comparison import run_of
+from octoform.engine.coverage.report import Report
+from octoform.engine.coverage.runs import run_of
 from octoform.escaping import is_hidden
 from octoform.views.coverage import report as coverage_view
 from octoform.views.coverage.page import page

@@ -4,9 +4,9 @@ import os
 from argparse import Namespace
 from pathlib import Path
 
-from octoform.daemon.claim_decisions import everything, open_ledger, person, undecidable
+from octoform.daemon.requests import everything, open_ledger, person, undecidable
 from octoform.diagnostics import Diagnostic
-from octoform.views.daemon import claims as view
+from octoform.views.daemon import control as view
 from octoform.views.format import problems
 from octoform.views.format.console import Console
 

@@ -8,11 +8,11 @@ from pathlib import Path
 from octoform.apply.rewrite.pending_rewrite import Rewrite
 from octoform.claims.ledger import Ledger
 from octoform.claims.model import Claim
-from octoform.daemon.claim_decisions import open_ledger, person, undecidable
+from octoform.daemon.requests import open_ledger, person, undecidable
 from octoform.diagnostics import Diagnostic, error
 from octoform.engine.unattended.heal import decide_rewrite, waiting_rewrite, waiting_rewrites
-from octoform.views.daemon import claims as view
-from octoform.views.endpoint.service import approves
+from octoform.views.daemon import control as view
+from octoform.views.endpoint.process import approves
 from octoform.views.format import problems
 from octoform.views.format.console import Console
 

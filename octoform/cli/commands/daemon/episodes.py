@@ -8,7 +8,7 @@ from octoform.cli.options import UsageError
 from octoform.daemon.store.incidents import read
 from octoform.daemon.store.json_store import Shelf
 from octoform.engine.tools import layout_of
-from octoform.views.daemon import incidents as view
+from octoform.views.daemon import event_log as view
 from octoform.views.format import problems
 from octoform.views.format.console import Console
 

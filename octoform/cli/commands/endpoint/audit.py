@@ -9,7 +9,7 @@ from octoform import durations
 from octoform.cli.options import UsageError
 from octoform.endpoint.access.audit_log import Wanted
 from octoform.engine.safety import check_records, records
-from octoform.views.endpoint import audit, safety
+from octoform.views.endpoint import logs, safety
 from octoform.views.format import problems
 from octoform.views.format.console import Console
 
@@ -28,7 +28,7 @@ def run(arguments: Namespace, project: Path, screen: Console) -> int:
     latest, found = records(project, os.environ, count, wanted)
     if latest is None:
         return problems.show(screen, found, as_json=arguments.json)
-    return audit.records(screen, latest, count, as_json=arguments.json, filtered=wanted != Wanted())
+    return logs.records(screen, latest, count, as_json=arguments.json, filtered=wanted != Wanted())
 
 
 def _moment(text: str | None) -> datetime | None:

@@ -12,7 +12,7 @@ from octoform.cli.signals import Stopped
 from octoform.diagnostics import error
 from octoform.engine.tools import Request, answered, call, example, tools
 from octoform.views.endpoint import tools as tools_view
-from octoform.views.endpoint.call_prompt import attended, starting
+from octoform.views.endpoint.tools import attended, starting
 from octoform.views.format import problems
 from octoform.views.format.console import Console
 

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from octoform.cli.options import UsageError
 from octoform.engine import clients as engine
-from octoform.views.endpoint import clients
+from octoform.views.endpoint import process
 from octoform.views.format import problems
 from octoform.views.format.console import Console
 
@@ -17,14 +17,14 @@ def run(arguments: Namespace, project: Path, screen: Console) -> int:
         listing, found = engine.listed(project, os.environ)
         if listing is None:
             return problems.show(screen, found, as_json=arguments.json)
-        return clients.listing(screen, listing, found, as_json=arguments.json)
+        return process.listing(screen, listing, found, as_json=arguments.json)
     if arguments.verb == "install":
         outcome, found = engine.install(project, os.environ, arguments.client, _transport(arguments))
     else:
         outcome, found = engine.remove(project, os.environ, arguments.client)
     if outcome is None:
         return problems.show(screen, found, as_json=arguments.json)
-    return clients.outcome(screen, outcome, found, as_json=arguments.json)
+    return process.outcome(screen, outcome, found, as_json=arguments.json)
 
 
 def printed(arguments: Namespace, project: Path, screen: Console) -> int:
@@ -34,7 +34,7 @@ def printed(arguments: Namespace, project: Path, screen: Console) -> int:
     if text is None:
         return problems.show(screen, found)
     problems.show(screen, found)
-    return clients.printed(screen, text)
+    return process.printed(screen, text)
 
 
 def _transport(arguments: Namespace) -> str | None:

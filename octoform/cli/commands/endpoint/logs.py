@@ -7,7 +7,7 @@ from pathlib import Path
 from octoform.cli.options import UsageError
 from octoform.cli.signals import Stopped
 from octoform.endpoint.observe.logs import Logs
-from octoform.engine.inspect.logs import entries, following, lines, open_logs
+from octoform.engine.inspect.state import entries, following, lines, open_logs
 from octoform.views.endpoint import logs as view
 from octoform.views.format import problems
 from octoform.views.format.console import Console

@@ -13,8 +13,8 @@ from octoform.diagnostics import error
 from octoform.endpoint.client.terminal import Person
 from octoform.engine.snapshot import Eye, Look, heartbeat, look, open_eye, save
 from octoform.perception.capture import Taken
-from octoform.views.endpoint import snapshot as view
-from octoform.views.endpoint.call_prompt import attended
+from octoform.views.endpoint import tools as view
+from octoform.views.endpoint.tools import attended
 from octoform.views.format import problems
 from octoform.views.format.console import Console
 

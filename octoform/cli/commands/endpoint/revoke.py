@@ -4,8 +4,8 @@ import os
 from argparse import Namespace
 from pathlib import Path
 
-from octoform.engine.access import revoke_tunnel
-from octoform.views.endpoint import access
+from octoform.engine.safety import revoke_tunnel
+from octoform.views.endpoint import safety
 from octoform.views.format import problems
 from octoform.views.format.console import Console
 
@@ -15,4 +15,4 @@ def run(arguments: Namespace, project: Path, screen: Console) -> int:
     done, found = revoke_tunnel(project, os.environ)
     if done is None:
         return problems.show(screen, found, as_json=arguments.json)
-    return access.revoked(screen, done, as_json=arguments.json)
+    return safety.revoked(screen, done, as_json=arguments.json)

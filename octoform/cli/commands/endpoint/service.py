@@ -4,8 +4,8 @@ import os
 from argparse import Namespace
 from pathlib import Path
 
-from octoform.engine import service as engine
-from octoform.views.endpoint import service as view
+from octoform.engine import endpoint_process as engine
+from octoform.views.endpoint import process as view
 from octoform.views.format import problems
 from octoform.views.format.console import Console
 

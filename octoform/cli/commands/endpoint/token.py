@@ -5,8 +5,8 @@ from argparse import Namespace
 from pathlib import Path
 
 from octoform.cli.parser import seconds
-from octoform.engine import access
-from octoform.views.endpoint import access as view
+from octoform.engine import safety
+from octoform.views.endpoint import safety as view
 from octoform.views.format import problems
 from octoform.views.format.console import Console
 
@@ -15,23 +15,23 @@ def run(arguments: Namespace, project: Path, screen: Console) -> int:
     """One of the verbs."""
     as_json = arguments.json
     if arguments.verb == "list":
-        tokens, found = access.list_tokens(project, os.environ)
+        tokens, found = safety.list_tokens(project, os.environ)
         if tokens is None:
             return problems.show(screen, found, as_json=as_json)
         return view.listed(screen, tokens, as_json=as_json)
     name = arguments.name
     if arguments.verb == "show":
-        shown, found = access.show_token(project, os.environ, name)
+        shown, found = safety.show_token(project, os.environ, name)
         if shown is None:
             return problems.show(screen, found, as_json=as_json)
         return view.value(screen, name, shown, as_json=as_json)
     if arguments.verb == "revoke":
-        found = access.revoke_token(project, os.environ, name)
+        found = safety.revoke_token(project, os.environ, name)
         return problems.show(screen, found, as_json=as_json) if found else view.ended(screen, name, as_json=as_json)
     made, found = (
-        access.rotate_token(project, os.environ, name)
+        safety.rotate_token(project, os.environ, name)
         if arguments.verb == "rotate"
-        else access.create_token(project, os.environ, name, _effects(arguments), _expires(arguments))
+        else safety.create_token(project, os.environ, name, _effects(arguments), _expires(arguments))
     )
     if made is None:
         return problems.show(screen, found, as_json=as_json)

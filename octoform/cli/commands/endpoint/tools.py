@@ -7,7 +7,7 @@ from pathlib import Path
 
 from octoform.engine.tools import tools
 from octoform.views.endpoint import tools as tools_view
-from octoform.views.endpoint.call_prompt import starting
+from octoform.views.endpoint.tools import starting
 from octoform.views.format import problems
 from octoform.views.format.console import Console
 

@@ -4,12 +4,12 @@ import os
 from argparse import Namespace
 from pathlib import Path
 
-from octoform.engine.installation import install
+from octoform.engine.doctor import install
 from octoform.views.format.console import Console
-from octoform.views.run import installation
+from octoform.views.inspect import doctor
 
 
 def run(arguments: Namespace, _: Path, screen: Console) -> int:
     """Exit code 1 when one of them could not be installed."""
-    result = install(arguments.harness, os.environ, installation.steps(screen))
-    return installation.show(screen, result, as_json=arguments.json)
+    result = install(arguments.harness, os.environ, doctor.steps(screen))
+    return doctor.show_installation(screen, result, as_json=arguments.json)

@@ -5,8 +5,8 @@ from argparse import Namespace
 from pathlib import Path
 
 from octoform.diagnostics import has_errors
-from octoform.engine.profiles import check
-from octoform.engine.profiles import draft as profile_draft
+from octoform.engine import profiles as check
+from octoform.engine import profiles as profile_draft
 from octoform.views.format import problems
 from octoform.views.format.console import Console
 from octoform.views.inspect import profiles

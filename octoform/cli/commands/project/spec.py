@@ -9,7 +9,7 @@ from octoform.diagnostics import Diagnostic, has_errors
 from octoform.engine import spec_edits
 from octoform.views.format import problems
 from octoform.views.format.console import Console
-from octoform.views.inspect import spec
+from octoform.views.inspect import state
 
 
 def run(arguments: Namespace, project: Path, screen: Console) -> int:
@@ -17,15 +17,15 @@ def run(arguments: Namespace, project: Path, screen: Console) -> int:
     stage, as_json = arguments.stage, arguments.json
     if arguments.verb == "promote":
         found = spec_edits.promote(project, os.environ, stage)
-        return _refused(screen, found, as_json=as_json) or spec.promoted(screen, stage, as_json=as_json)
+        return _refused(screen, found, as_json=as_json) or state.promoted(screen, stage, as_json=as_json)
     if arguments.verb == "reset":
         dropped, found = spec_edits.reset(project, os.environ, stage)
-        return _refused(screen, found, as_json=as_json) or spec.dropped(screen, dropped, as_json=as_json)
+        return _refused(screen, found, as_json=as_json) or state.dropped(screen, dropped, as_json=as_json)
     edits, found = spec_edits.waiting(project, os.environ, stage)
     if edits is None or has_errors(found):
         return problems.show(screen, found, as_json=as_json)
     problems.show(screen, found)
-    return spec.diff(screen, edits, as_json=as_json)
+    return state.diff(screen, edits, as_json=as_json)
 
 
 def _refused(screen: Console, found: Sequence[Diagnostic], *, as_json: bool) -> int:

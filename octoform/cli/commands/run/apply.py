@@ -15,9 +15,8 @@ from octoform.engine.results import RunResult
 from octoform.views.daemon.event_log import EXIT
 from octoform.views.format import problems
 from octoform.views.format.console import Console
-from octoform.views.format.stream import JsonStream
-from octoform.views.run.apply import RunHuman
-from octoform.views.run.apply_json import RunJson
+from octoform.views.format.output import JsonStream
+from octoform.views.run.apply import RunHuman, RunJson
 
 USAGE = "usage: octoform apply [-json] [-lock-timeout DURATION] PLANFILE"
 

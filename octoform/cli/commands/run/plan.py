@@ -10,7 +10,7 @@ from octoform.engine.plan import cache
 from octoform.plan.model import Plan
 from octoform.views.format import problems
 from octoform.views.format.console import Console
-from octoform.views.format.stream import JsonStream
+from octoform.views.format.output import JsonStream
 from octoform.views.plan.plan import PlanHuman, PlanJson
 
 

@@ -5,7 +5,7 @@ from argparse import Namespace
 from pathlib import Path
 
 from octoform.cli.options import UsageError
-from octoform.engine.coverage import collect as engine
+from octoform.engine.coverage import report as engine
 from octoform.views.coverage import report as coverage_view
 from octoform.views.format import problems
 from octoform.views.format.console import Console

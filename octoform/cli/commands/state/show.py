@@ -7,7 +7,7 @@ from pathlib import Path
 from octoform.engine.inspect.state import open_project, saved_plan
 from octoform.views.format import problems
 from octoform.views.format.console import Console
-from octoform.views.format.stream import JsonStream
+from octoform.views.format.output import JsonStream
 from octoform.views.inspect import state
 from octoform.views.plan.plan import PlanHuman, PlanJson
 

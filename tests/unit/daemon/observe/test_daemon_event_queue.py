@@ -12,8 +12,8 @@ from pathlib import Path
 import pytest
 
 from octoform.daemon.model import Cause, Facts
+from octoform.daemon.observe import file_events as daemon_paths
 from octoform.daemon.observe import hardware
-from octoform.daemon.observe import paths as daemon_paths
 from octoform.daemon.observe.clock import Moments, SystemClock
 from octoform.daemon.observe.event_queue import EventSources, Timing, open_sources, wait_readable
 from octoform.daemon.observe.process import ProcessEar

@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from octoform.daemon.observe.liveness_probe import Answering, wants_to_run
+from octoform.daemon.observe.process import Answering, wants_to_run
 from octoform.endpoint.process.record import Running
 from octoform.state.layout import Layout
 

@@ -11,11 +11,10 @@ import pytest
 from launched import Launched, launched, tool
 
 from octoform.daemon.model import Cause, Facts
-from octoform.daemon.observe import liveness_probe
+from octoform.daemon.observe import process
 from octoform.daemon.observe.clock import SystemClock
 from octoform.daemon.observe.file_integrity import Standing, damaged
-from octoform.daemon.observe.log_events import Hearing
-from octoform.daemon.observe.log_tail import Tail
+from octoform.daemon.observe.log_events import Hearing, Tail
 from octoform.daemon.observe.observer import Looker, busy, open_look
 from octoform.state.files import write_atomic
 from octoform.state.layout import Layout
@@ -200,7 +199,7 @@ def test_files_are_read_only_when_one_of_them_moved(endpoint: Launched) -> None:
 def test_a_process_that_stands_still_is_told_by_the_ping(
     endpoint: Launched, look: Looker, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(liveness_probe, "ASK_SECONDS", 1.0)
+    monkeypatch.setattr(process, "ASK_SECONDS", 1.0)
     assert look(START).answers is True
     pid = endpoint.process.pid
     os.kill(pid, signal.SIGSTOP)

@@ -11,7 +11,7 @@ from inotify_simple import INotify
 from octoform.daemon.model import Cause, Facts
 from octoform.daemon.observe.clock import SystemClock
 from octoform.daemon.observe.event_queue import EventSources, Timing, open_sources
-from octoform.daemon.observe.polling import LOOK_SECONDS
+from octoform.daemon.observe.file_events import LOOK_SECONDS
 from octoform.daemon.observe.process import ProcessEar
 from octoform.state.layout import Layout
 

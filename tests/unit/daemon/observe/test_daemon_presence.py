@@ -11,7 +11,7 @@ from plugged import CAMERA, SENSOR, Host
 
 from octoform import host
 from octoform.daemon.model import Sighting
-from octoform.daemon.observe.presence import Presence, served
+from octoform.daemon.observe.presence import Presence, served_nodes
 from octoform.endpoint.process.record import Running
 from octoform.state.artifacts.cache import write_instances
 from octoform.state.layout import Layout
@@ -45,9 +45,9 @@ def environ(rig: Host) -> dict[str, str]:
 
 
 def test_the_devices_of_tools_and_whether_something_moves_them(layout: Layout) -> None:
-    assert served(layout) == {SENSOR: False, CAMERA: True}
+    assert served_nodes(layout) == {SENSOR: False, CAMERA: True}
     (layout.endpoint / "connection.json").write_text("[]")
-    assert served(layout) == {}
+    assert served_nodes(layout) == {}
 
 
 def test_a_device_that_is_there_is_gone_and_comes_back_elsewhere(layout: Layout, rig: Host) -> None:

@@ -22,11 +22,10 @@ from octoform.daemon.model import Cause, Facts
 from octoform.daemon.observe.clock import SystemClock
 from octoform.daemon.observe.event_queue import EventSources, Timing
 from octoform.daemon.observe.file_integrity import Standing
-from octoform.daemon.observe.liveness_probe import Answering
 from octoform.daemon.observe.log_events import Hearing
 from octoform.daemon.observe.observer import Looker, Senses
 from octoform.daemon.observe.presence import Asked, Presence
-from octoform.daemon.observe.process import ProcessEar
+from octoform.daemon.observe.process import Answering, ProcessEar
 from octoform.endpoint.process.record import Running, running
 from octoform.state.artifacts.cache import write_instances
 from octoform.state.layout import Layout

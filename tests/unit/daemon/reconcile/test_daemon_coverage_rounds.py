@@ -6,9 +6,9 @@ import pytest
 from daemon_world import INTERVAL, DaemonWorld
 
 from octoform.claims.model import Channel, Reading, Signal
+from octoform.daemon import signals as expected_signals
 from octoform.daemon.model import Cause, Status
-from octoform.daemon.reconcile.lanes import AtOnce, Ended, Task, Work
-from octoform.daemon.signals import expected as expected_signals
+from octoform.daemon.reconcile.policy import AtOnce, Ended, Task, Work
 
 VOLTS, HEAT = ("status", "/volts"), ("arm", "/heat")
 

@@ -10,7 +10,7 @@ import pytest
 from octoform.daemon.repair import restart as daemon_restart
 from octoform.daemon.repair.restart import LONGEST_PAUSE, MOST_SHORT, SHORT_SECONDS, World, read, restart
 from octoform.diagnostics import Diagnostic, error
-from octoform.endpoint.process import desired_state
+from octoform.endpoint.process import record as desired_state
 from octoform.endpoint.process.record import Running
 from octoform.state.layout import Layout
 

@@ -1,1 +1,0 @@
-"""What ought to report, and what does: health needs it, and an agent is told of it."""

@@ -1,1 +1,0 @@
-"""Profiles for their owner: a draft from what was found, and where one matches."""
