@@ -7,6 +7,7 @@ index happens to offer on the day of a repair. Light.
 from octoform.contracts.header import declared_names, declared_requirements, normalised, required_python
 from octoform.contracts.model import Artifacts, JsonObject, Rule
 from octoform.contracts.serve_code_rules import is_standard
+from octoform.contracts.serve_programs import programs_of
 from octoform.contracts.source import Source, imported_modules, read_source
 from octoform.contracts.text import pointer, shown
 from octoform.contracts.text_rules import in_values
@@ -253,7 +254,33 @@ def requirement_unused(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
     ]
 
 
+def program_unlisted(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
+    """Where programs are listed, they are those that the server starts."""
+    if artifacts.serve is None or "programs" not in value:
+        return []
+    if not isinstance(read_source(artifacts.serve), Source):
+        return []
+    started = programs_of(artifacts.serve)
+    listed = [item["name"] for item in value["programs"]]
+    out = [
+        error(
+            "DEPLOY-PROGRAMS-DIFFER",
+            f"server.py does not start {shown(name)}",
+            pointer=pointer("programs", index, "name"),
+            hint="list the programs that stand first in its lists for subprocess, spelt as there",
+        )
+        for index, name in enumerate(listed)
+        if name not in started
+    ]
+    if absent := sorted(started - {*listed}):
+        summary = f"server.py starts {', '.join(map(shown, absent))}, which `programs` does not list"
+        hint = "add it with the package of this system that has it"
+        out.append(error("DEPLOY-PROGRAMS-DIFFER", summary, pointer="/programs", hint=hint))
+    return out
+
+
 RULES = (
+    Rule("DEPLOY-PROGRAMS-DIFFER", program_unlisted),
     Rule("DEPLOY-STATUS-ERROR", status_error),
     Rule("DEPLOY-IMPORT-UNRESOLVED", import_unresolved),
     Rule("DEPLOY-IMPORT-PROVIDER", import_provider),

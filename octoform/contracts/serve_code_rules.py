@@ -26,7 +26,7 @@ _SHELL = re.compile(
     r"os\.(?:system|popen|exec[lv]p?e?|spawn[lv]p?e?|posix_spawnp?|fork|forkpty)|pty\.(?:spawn|fork)"
     r"|subprocess\.(?:getoutput|getstatusoutput)|asyncio\.create_subprocess_shell|asyncio\.subprocess\.create_.*shell"
 )
-_SPAWN = frozenset(
+SPAWN = frozenset(
     {f"subprocess.{name}" for name in ("run", "Popen", "call", "check_call", "check_output")}
     | {"asyncio.create_subprocess_exec"}
 )
@@ -126,7 +126,7 @@ def shell(value: str, _: Artifacts) -> list[Diagnostic]:
         why = None
         if _SHELL.fullmatch(name):
             why = f"{shown(name)} hands a command line to a shell or replaces the process"
-        elif name in _SPAWN:
+        elif name in SPAWN:
             why = _spawn_problem(source, call, name)
         if why is not None:
             hint = "call subprocess.run with a literal list that starts with the program's name, and without a shell"
@@ -216,7 +216,7 @@ def _spawn_problem(source: Source, call: ast.Call, name: str) -> str | None:
         program: ast.expr | None = call.args[0] if call.args else None
     else:
         given = call.args[0] if call.args else _keyword(call, "args")
-        listed = _literal(source, given)
+        listed = literal(source, given)
         if listed is None or not listed.elts:
             return f"{shown(name)} is not given a literal list of arguments"
         program = listed.elts[0]
@@ -227,7 +227,7 @@ def _spawn_problem(source: Source, call: ast.Call, name: str) -> str | None:
     return None
 
 
-def _literal(source: Source, node: ast.expr | None) -> ast.List | ast.Tuple | None:
+def literal(source: Source, node: ast.expr | None) -> ast.List | ast.Tuple | None:
     """A list display, or the one that a name of the same scope is assigned."""
     if isinstance(node, ast.List | ast.Tuple):
         return node

@@ -18,6 +18,7 @@ from tempfile import TemporaryDirectory
 
 from octoform.diagnostics import Diagnostic, error
 from octoform.endpoint.environment.lockfile import packages, reason
+from octoform.endpoint.environment.system_programs import missing_programs
 from octoform.endpoint.files import served_nodes
 from octoform.engine.inspect.devices import lacking
 from octoform.engine.plan.configuration import MANIFEST
@@ -87,8 +88,17 @@ def diagnose(project: Path, environ: Mapping[str, str]) -> Diagnosis:
         Group(agent.harness.name, agent.model, tuple(uses), tuple(rounds.checks(agent)))
         for agent, uses in _agents(manifest).items()
     )
-    machine = (_git(manifest, environ), *_tunnel(manifest, environ), *_rights(manifest, environ))
+    machine = (_git(manifest, environ), *_tunnel(manifest, environ), *_rights(manifest, environ), *_programs(manifest))
     return Diagnosis(manifest.host, groups, machine, tuple(found))
+
+
+def _programs(manifest: Manifest) -> tuple[Check, ...]:
+    """The programs of the system that the accepted server starts and that are not here."""
+    missing = missing_programs(Layout(manifest.project, manifest.host))
+    return tuple(
+        unknown("program", f"{program} is not on this host, so these tools are not served: {', '.join(sorted(tools))}")
+        for program, tools in missing.items()
+    )
 
 
 def _agents(manifest: Manifest) -> dict[Agent, list[str]]:

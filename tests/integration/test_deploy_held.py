@@ -68,6 +68,11 @@ WRONG: dict[str, tuple[Change, str, str]] = {
     ),
     "an import without a provider": (lambda value: value["imports"].pop(2), "DEPLOY-IMPORT-UNRESOLVED", "pydantic"),
     "a range for a version": (puts("requirements.0.version", ">=4.1"), "DEPLOY-SCHEMA", "version"),
+    "a program that the server does not start": (
+        puts("programs", [{"name": "ffmpeg", "package": "ffmpeg"}]),
+        "DEPLOY-PROGRAMS-DIFFER",
+        "spelt as there",
+    ),
     "a package that failed and is required": (
         puts("deps_failed", [{"name": "pydantic", "reason": "no wheel"}]),
         "DEPLOY-FAILED-AND-REQUIRED",
@@ -133,5 +138,36 @@ def test_a_package_that_cannot_be_built_costs_its_tools_alone(tmp_path: Path, co
         assert told.status != 0 and "benchlamp" in told.text
         assert "No changes." in project.run("plan", "-detailed-exitcode", status=0).out
         assert json.loads(project.run("status", "-json").out)["in_sync"] is True
+    finally:
+        project.run("stop", status=0)
+
+
+def test_a_program_that_is_not_here_costs_its_tools_alone(tmp_path: Path, compiled: Path) -> None:
+    earlier, good = written(tmp_path / "host")
+    server = all_of(
+        swap("import re\n", "import re\nimport subprocess\n"),
+        body(
+            "read_led",
+            'folder = runtime.device(device).path("leds")\n'
+            'told = subprocess.run(["benchlamp-level", str(folder)], capture_output=True, timeout=5, check=True)\n'
+            "level = int(told.stdout)\n"
+            "return Lights(device=device, lights=[Light(name=folder.name, percent=level, level=level, maximum=100)])",
+        ),
+    )(good)
+    project = Project(tmp_path / "project", tmp_path / "outside")
+    project.environ |= {"OCTOFORM_SYSROOT": str(tmp_path / "host")}
+    project.script = {name: [{"write": json.dumps(output)}] for name, output in earlier.items()}
+    project.script["serve"] = [{"write": server}]
+    project.manifest = {"stages": "{deploy: {harness: builtin}}"}
+    project.take_bytecode(compiled)
+    done = project.apply(status=0)
+    try:
+        assert "DEPLOY-PROGRAM-MISSING" in done.codes()
+        tools = {tool["name"] for tool in json.loads(project.run("tools", "-json", status=0).out)["tools"]}
+        assert "read_temperature" in tools and "read_led" not in tools
+        told = project.run("call", "read_led")
+        assert told.status != 0 and "benchlamp-level" in told.text
+        assert "benchlamp-level is not on this host" in project.run("doctor").text
+        assert "No changes." in project.run("plan", "-detailed-exitcode", status=0).out
     finally:
         project.run("stop", status=0)

@@ -121,6 +121,10 @@ WRONG: dict[str, tuple[Any, str]] = {
     ),
     "an older Python alone": (lambda value: value.update(python="<3.10"), PYTHON),
     "no range of Python": (lambda value: value.update(python="three"), PYTHON),
+    "a program that is not started": (
+        lambda value: value.update(programs=[{"name": "ffmpeg"}]),
+        "DEPLOY-PROGRAMS-DIFFER",
+    ),
     "a failure of what nobody asked for": (failed("torch"), "DEPLOY-FAILED-UNKNOWN"),
 }
 
@@ -134,6 +138,7 @@ def _right(value: Output) -> None:
     imports("pathlib", "python")(value)
     value["conflicts"] = ["opencv-python overwrites the files of opencv-python-headless; the headless one is taken"]
     value["deps_failed"] = []
+    value["programs"] = []
     value["python"] = ">=3.11,<4"
 
 

@@ -35,6 +35,7 @@ from octoform.endpoint.environment.build import await_bytecode, build
 from octoform.endpoint.environment.import_check import ImportReport, check_import, judge_import
 from octoform.endpoint.environment.lockfile import OFFLINE, resolve
 from octoform.endpoint.environment.model import Environment, packages_of
+from octoform.endpoint.environment.system_programs import missing_programs
 from octoform.endpoint.environment.wheel_records import providers, requirements
 from octoform.endpoint.process.lifecycle import PUBLISHED_BYTES, obstacle, stop
 from octoform.endpoint.publish.expected_tools import shown
@@ -55,6 +56,13 @@ def service_of(context: Context, deploy: Mapping[str, Any] | None = None) -> Ser
     policy = resolve_policy(manifest.policy, tools, _holding(context), writing(context))
     for name, package in without_library(context, deploy or _deployed(context)).items():
         policy["tools"][name] |= {"decision": "deny", "source": f"{package}, which could not be installed here"}
+    for program, needing in missing_programs(context.layout).items():
+        for name in needing:
+            if name in policy["tools"]:
+                policy["tools"][name] |= {
+                    "decision": "deny",
+                    "source": f"{program}, a program that is not on this host",
+                }
     return Service(
         tools=tools,
         policy=policy,
@@ -92,6 +100,19 @@ def without_library(context: Context, deploy: Mapping[str, Any]) -> dict[str, st
     served = {tool["name"] for tool in accepted(context, "interface")["tools"]}
     needing = tools_importing(accepted(context, "serve"), modules)
     return {tool: modules[module] for tool, module in needing.items() if tool in served}
+
+
+def _programs_missing(context: Context, deploy: Mapping[str, Any]) -> list[Diagnostic]:
+    """A line for each program of the system that is not here, with the tools that are left out."""
+    packages = {item["name"]: item.get("package") for item in deploy.get("programs", ())}
+    out = []
+    for program, tools in missing_programs(context.layout).items():
+        summary = f"{shown_text(program)} is not on this host, so the endpoint has no {listed(sorted(tools))}"
+        known = packages.get(program)
+        install = f"install it (DEPLOY says: the package {shown_text(known)})" if known else "install it"
+        hint = f"{install}, then octoform apply -replace deploy; or deny the tools and leave it"
+        out.append(warning("DEPLOY-PROGRAM-MISSING", summary, hint=hint))
+    return out
 
 
 def _deployed(context: Context) -> Mapping[str, Any]:
@@ -212,6 +233,7 @@ def prove_deploy(context: Context, _: Task, deploy: Mapping[str, Any]) -> Proof:
         summary = f"{shown_text(package)} could not be installed, so the endpoint has no {tools}"
         hint = "octoform apply -replace serve makes the server anew, once the package can be had"
         found.append(warning("DEPLOY-DEPENDENCY-FAILED", summary, detail=reason, hint=hint))
+    found += _programs_missing(context, deploy)
     context.emit(events.Checking("deploy", STARTING))
     report = publish(context, environment, found, deploy=deploy)
     detail: dict[str, object] = {"packages": lock.count("==")}

@@ -454,6 +454,7 @@ def test_every_rule_has_a_code_of_its_stage_and_a_case_here() -> None:
         "INTERFACE-RESULT-UNIT",
         "INTERFACE-RANGE-EMPTY",
         "DEPLOY-FAILED-UNKNOWN",
+        "DEPLOY-PROGRAMS-DIFFER",
         "DEPLOY-PYTHON-OUTSIDE",
         "DEPLOY-VERSION-EARLY",
         "DEPLOY-VERSION-LOCAL",
