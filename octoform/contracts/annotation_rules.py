@@ -33,7 +33,16 @@ _WANTED = frozenset({"video4linux", "sound"})
 _INPUT_KINDS = re.compile(r"(?m)^input\[\d+\]\.kinds: .*\b(?:keyboard|mouse|touchpad|touchscreen)\b")
 _PRODUCT = re.compile(r"(?m)^(?:product|name): (.*)$")
 _ATTACHED = re.compile(r"^/sys/devices/(?!virtual/)(?!.*/bluetooth/)")
-_GENERAL_DRIVERS = frozenset({"usb", "usb-generic", "hub", "pcieport"})
+# Drivers that bind to whatever is there; that of a hub or of a bridge says what it is.
+_GENERAL_DRIVERS = frozenset({"usb", "usb-generic"})
+# A code of USB or PCI for a kind of function: 00 leaves it to the interfaces, ff to the maker.
+_CLASS_CODE = re.compile(r"(?im)class(?:_?code)?\W+(?:0x)?(?!00|ff)[0-9a-f]{2}(?![g-z])")
+# Keys of lines that carry numbers, drivers and what a database has; every other line with a word is a string.
+_NO_STRING = re.compile(
+    r"(?i)(?:.*[\W_])?(?:interface\W*\d*|\w*class(?:_?code)?|drivers?|modalias|alias|module|subsystem|devtype|bus|speed"
+    r"|\w+_from_database)"
+)
+_NUMBER = re.compile(r"(?:0x)?[0-9a-f]{1,8}(?:[:.,/ ]+(?:0x)?[0-9a-f]{1,8})*", re.IGNORECASE)
 _UNREAL = re.compile(r"(?i)\b(?:qemu|virtual\w*|virtio|vmware|hyper-?v|vbox|gadget|dummy|emulated|simulated|xen|kvm)\b")
 # Reasons that the class of a device can contradict; the others are judgements.
 _DENYING = frozenset({"no_function", "no_standard_interface", "bus_infrastructure", "duplicate_path"})
@@ -183,8 +192,14 @@ def _without_method(device: JsonObject, entry: JsonObject, artifacts: Artifacts)
         return f"its confidence is {device['confidence']}", strings
     if method == "descriptor_driver" and known and not {*entry.get("drivers", ())} - _GENERAL_DRIVERS:
         return "no driver of its own has bound", strings
-    if method == "kernel_class" and known and not ways_of(entry) and "class_code" not in entry["raw_descriptor"]:
+    if method == "kernel_class" and known and not ways_of(entry) and not _CLASS_CODE.search(entry["raw_descriptor"]):
         return "the kernel made no class of it", strings
+    if method == "descriptor_strings" and known and not _has_string(entry):
+        drivers = {*entry.get("drivers", ())} - _GENERAL_DRIVERS
+        other = (
+            "descriptor_driver" if drivers else "kernel_class" if _CLASS_CODE.search(entry["raw_descriptor"]) else ""
+        )
+        return "it has no string of its own", f"write {other or 'id_database where one decided, or none'}"
     if method == answer_rules.METHOD and device["id"] in artifacts.answers:
         said = answer_rules.texts(device["id"], artifacts)
         spoken = len(re.findall(r"\w", said[0])) >= 2
@@ -192,6 +207,18 @@ def _without_method(device: JsonObject, entry: JsonObject, artifacts: Artifacts)
         if spoken and verbatim and not any(item["quote"] in text for item in device["evidence"] for text in said):
             return "no evidence is of that answer", "quote what the owner said beside what PROBE shows"
     return None
+
+
+def _has_string(entry: JsonObject) -> bool:
+    """Whether a device of USB or PCI says anything of itself that is no number."""
+    if entry["interface"] not in ("usb", "pci"):
+        return True
+    name = str(entry["name"]).removeprefix(f"{entry['interface']} ").removeprefix("device ")
+    for line in (f"name: {name}", *entry["raw_descriptor"].splitlines()):
+        key, _, text = line.partition(next((sign for sign in ":= " if sign in line), " "))
+        if text.strip(" :") and not _NUMBER.fullmatch(text.strip(" :")) and not _NO_STRING.fullmatch(key.strip()):
+            return True
+    return False
 
 
 def _contradicted(

@@ -1036,6 +1036,14 @@ RIGHT: dict[str, tuple[str, Change]] = {
     "a servo bus of an arm": (BOT, called(ARM, "Feetech SO-ARM101 servo bus", FEETECH, SERVOS, category="actuator")),
     "an arm by the words of its string": (BOT, called(ARM, "SO-ARM101 arm", SERVOS, category="actuator")),
     "a hub by its string": ("laptop", called(ROOT, "xHCI root hub", "product: xHCI Host Controller => a root hub")),
+    "a network adapter by its class code": (
+        "laptop",
+        called(WIFI, "network adapter", "class_code: 0x028000 => a network adapter", method="kernel_class"),
+    ),
+    "a hub by its class": (
+        "laptop",
+        called(ROOT, "root hub", "device_class: 09/00/01 => a root hub", method="kernel_class"),
+    ),
     "a sensor by its driver": (
         "raspberry",
         called(
