@@ -21,7 +21,7 @@ from octoform.contracts.checking import has_shape
 from octoform.contracts.parsing import parse
 from octoform.diagnostics import Diagnostic, has_errors
 from octoform.graph.model import Node, NodeKind, key_of, key_parts
-from octoform.harness.watching import added
+from octoform.harness.watcher import added
 from octoform.manifest.model import MODEL_FREE
 from octoform.plan.diff import WANTED_ANEW, Tool, changes, is_ignored
 from octoform.plan.model import Action, Plan, PlannedAction

@@ -28,7 +28,7 @@ from octoform.contracts.parsing import MAX_SOURCE_BYTES, parse
 from octoform.contracts.stepping import StepFacts, corroborated
 from octoform.contracts.text import pointer
 from octoform.diagnostics import Diagnostic, error, has_errors, warning
-from octoform.harness.plainfile import read_plain
+from octoform.harness.plain_file import read_plain
 from octoform.harness.port import Task, Usage
 from octoform.perception.camera_selection import Camera, best, cameras
 from octoform.protocol.model import FRAME, READING, Step

@@ -22,15 +22,25 @@ from octoform.endpoint.environment.system_programs import missing_programs
 from octoform.endpoint.files import served_nodes
 from octoform.engine.inspect.devices import lacking
 from octoform.engine.plan.configuration import MANIFEST
-from octoform.harness import installed, installing, logins, port, registry
-from octoform.harness.access import access
+from octoform.harness import logins, port, registry
 from octoform.harness.adapters.command import CommandHarness
 from octoform.harness.adapters.program import ProgramHarness
-from octoform.harness.asking.route import Route, apis_for, route
-from octoform.harness.health import Check, Status, command_check, failed, passed, program_checks, sandbox_check, unknown
-from octoform.harness.pricing import OWNERS, price_of
-from octoform.harness.reaching import model_checks
-from octoform.harness.slots import Setup
+from octoform.harness.doctor_checks import (
+    Check,
+    Status,
+    command_check,
+    failed,
+    model_checks,
+    passed,
+    program_checks,
+    sandbox_check,
+    unknown,
+)
+from octoform.harness.install import installer
+from octoform.harness.install import program_location as installed
+from octoform.harness.install.atomic_install import Setup
+from octoform.harness.llm.route import Route, access, apis_for, route
+from octoform.harness.llm.token_prices import OWNERS, price_of
 from octoform.manifest.loader import load
 from octoform.manifest.model import MODEL_FREE, HarnessSpec, Manifest
 from octoform.manifest.references import resolve
@@ -320,7 +330,7 @@ def _one(name: str, environ: Mapping[str, str], say: Callable[[str], None]) -> I
     if not isinstance(harness, ProgramHarness):
         return Installed(name, "nothing", "it needs no program")
     setup = Setup(installed.folder(environ), environ, _fetch, lambda text: say(f"{name}: {text}"))
-    done = installing.install(harness.adapter.pin, setup)
+    done = installer.install(harness.adapter.pin, setup)
     if isinstance(done, Diagnostic):
         return done
     state = "installed" if done.anew else "present"

@@ -5,6 +5,7 @@ hold for any agent stands here once.
 """
 
 import json
+import math
 import os
 import shutil
 import signal
@@ -12,13 +13,51 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
+from octoform.base.files import parse
 from octoform.diagnostics import Diagnostic
-from octoform.harness import environment, sandbox, usage
-from octoform.harness.containment import FILE_BYTES, Ended, Limits, Program, run
-from octoform.harness.dialect import Dialect
+from octoform.harness.containment import agent_environment, sandbox
+from octoform.harness.containment.contained_run import FILE_BYTES, Ended, Limits, Program, run
+from octoform.harness.event_parser import Dialect
+from octoform.harness.plain_file import read_plain
 from octoform.harness.port import ExitReason, Outcome, ProgressSink, Task, Usage
-from octoform.harness.watching import Watcher
+from octoform.harness.watcher import Watcher
 from octoform.manifest.model import Sandbox
+
+# What an agent says its run cost, read from a file that it may have written.
+#
+# The numbers come from an untrusted program, so each is checked for itself: one that is no sensible number is unknown,
+# never zero.
+
+FILE_NAME = "usage.json"
+SIZE_LIMIT = 64 << 10
+
+
+def read_usage(workdir: Path) -> Usage:
+    """``usage.json`` of the attempt: input_tokens, cached_tokens, output_tokens (counts), cost_usd (dollars)."""
+    data = read_plain(workdir / FILE_NAME, SIZE_LIMIT)
+    try:
+        value = parse(data or b"")
+    except ValueError:
+        return Usage()
+    if not isinstance(value, dict):
+        return Usage()
+    return Usage(
+        input_tokens=_count(value.get("input_tokens")),
+        cached_tokens=_count(value.get("cached_tokens")),
+        output_tokens=_count(value.get("output_tokens")),
+        cost_usd=_money(value.get("cost_usd")),
+    )
+
+
+def _count(value: object) -> int | None:
+    return value if isinstance(value, int) and not isinstance(value, bool) and 0 <= value < 1 << 53 else None
+
+
+def _money(value: object) -> float | None:
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        return None
+    return float(value) if math.isfinite(value) and 0 <= value < 1e9 else None
+
 
 REASONS = {"wall": ExitReason.TIMEOUT, "not_started": ExitReason.NOT_INSTALLED, "ended": ExitReason.FINISHED}
 
@@ -57,7 +96,7 @@ def run_contained(task: Task, invocation: Invocation, progress: ProgressSink) ->
     finally:
         if invocation.sandbox is not None:
             sandbox.released(task.workdir)
-        environment.remove_private(task.workdir)
+        agent_environment.remove_private(task.workdir)
 
 
 def _contained(task: Task, invocation: Invocation, progress: ProgressSink) -> Outcome:
@@ -70,7 +109,7 @@ def _contained(task: Task, invocation: Invocation, progress: ProgressSink) -> Ou
     confined = _confined(argv, task, invocation, variables)
     if isinstance(confined, Diagnostic) and invocation.sandbox is not None and invocation.sandbox.required:
         return Outcome(ExitReason.NOT_INSTALLED, None, 0.0, f"{confined.summary} ({confined.hint})")
-    secrets = environment.secrets(task.environment, (*invocation.named, *invocation.piped, *task.secrets))
+    secrets = agent_environment.secrets(task.environment, (*invocation.named, *invocation.piped, *task.secrets))
     watcher = Watcher(invocation.dialect, task.limits, progress, task.price).recording(task.transcript, secrets)
     ended = run(
         Program(
@@ -101,12 +140,12 @@ def _piped(task: Task, invocation: Invocation) -> bytes:
 
 
 def _environment(task: Task, invocation: Invocation) -> dict[str, str]:
-    variables = environment.minimal(task.workdir, task.environment, invocation.named)
+    variables = agent_environment.minimal(task.workdir, task.environment, invocation.named)
     variables |= invocation.settings
     variables |= {
-        environment.TASK: str(task.document),
-        environment.PROMPT: str(task.prompt),
-        environment.OUTPUT: str(task.output),
+        agent_environment.TASK: str(task.document),
+        agent_environment.PROMPT: str(task.prompt),
+        agent_environment.OUTPUT: str(task.output),
         "PATH": os.pathsep.join((*invocation.path, variables["PATH"])),
     }
     return variables
@@ -162,7 +201,7 @@ def _usage(task: Task, watcher: Watcher) -> Usage:
     """What was read from the stream; else what the agent wrote into its usage file."""
     used = watcher.usage
     known = (used.input_tokens, used.output_tokens, used.cost_usd)
-    return used if any(value is not None for value in known) else usage.read(task.workdir)
+    return used if any(value is not None for value in known) else read_usage(task.workdir)
 
 
 def _detail(ended: Ended, task: Task, invocation: Invocation, watcher: Watcher) -> str:

@@ -11,8 +11,8 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from octoform.harness.dialect import count, field, json_object
-from octoform.harness.plainfile import read_plain
+from octoform.harness.event_parser import count, field, json_object
+from octoform.harness.plain_file import read_plain
 from octoform.harness.port import (
     AgentEvent,
     Closed,
@@ -25,7 +25,7 @@ from octoform.harness.port import (
     Turn,
     Usage,
 )
-from octoform.harness.watching import KINDS, TRANSCRIPT_BYTES, added
+from octoform.harness.watcher import KINDS, TRANSCRIPT_BYTES, added
 
 REASONS = {reason.value: reason for reason in ExitReason}
 

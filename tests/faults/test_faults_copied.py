@@ -18,7 +18,7 @@ from projects import Project
 from octoform.base import marks
 from octoform.base.place import KEY, place_of
 from octoform.endpoint.process.record import running
-from octoform.harness import orphans
+from octoform.harness.containment import orphans
 from octoform.launcher import addresses, revoking
 from octoform.state.layout import Layout
 from octoform.state.store.lock import Lock, acquire

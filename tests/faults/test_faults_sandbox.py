@@ -14,7 +14,7 @@ import pytest
 from harness_confined import Host
 from projects import Project
 
-from octoform.harness import syscalls
+from octoform.harness.containment import syscalls
 
 USERS = [0, 1000] if os.getuid() == 0 else [os.getuid()]
 ON: dict[str, bool] = {"network": True}

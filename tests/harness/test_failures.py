@@ -14,7 +14,7 @@ from agent_runs import NOWHERE, WRITE, Ran, spec_for
 from matrix import PATIENT_PROGRAMS, PROGRAMS, Expected, Subject
 from model_server import serve
 
-from octoform.harness import orphans, processes
+from octoform.harness.containment import orphans
 from octoform.harness.port import ExitReason, Task
 
 DONE = {"text": "done"}
@@ -120,7 +120,7 @@ def end_program(workdir: Path, sleeping: Path) -> None:
         time.sleep(0.02)
     record = orphans.read(workdir)
     assert record is not None
-    for process in processes.own():
+    for process in orphans.own():
         if process.parent == record.pid:
             handle = os.pidfd_open(process.pid)
             signal.pidfd_send_signal(handle, signal.SIGTERM)

@@ -15,7 +15,7 @@ from typing import Any
 import pytest
 from projects import OCTOFORM, Project
 
-from octoform.harness import processes
+from octoform.harness.containment import orphans
 from octoform.state.files import reserve_path
 from octoform.state.layout import Layout
 
@@ -83,11 +83,11 @@ def until(condition: Callable[[], bool], what: str) -> None:
         time.sleep(0.02)
 
 
-def at_work(project: Project) -> processes.Process:
+def at_work(project: Project) -> orphans.Process:
     """The process of the agent's tool, once octoform has read the call."""
     pid, transcript = project.outside / "tool.pid", project.local / "attempts" / "000001-probe-1" / "transcript.jsonl"
     until(lambda: transcript.exists() and "tool_called" in transcript.read_text() and pid.exists(), "no agent at work")
-    found = processes.look(int(pid.read_text()))
+    found = orphans.look(int(pid.read_text()))
     assert found is not None
     return found
 
@@ -97,9 +97,9 @@ def listed(project: Project) -> dict[str, Any]:
     return attempts[0]
 
 
-def left_in_order(project: Project, tool: processes.Process) -> None:
+def left_in_order(project: Project, tool: orphans.Process) -> None:
     """The tree is gone, nothing is held, and the record tells what was used."""
-    assert not processes.is_alive(tool.pid, tool.start)
+    assert not orphans.is_alive(tool.pid, tool.start)
     layout = Layout(project.folder, "bench")
     assert not layout.journal.exists()
     assert not reserve_path(layout).exists()
@@ -202,7 +202,7 @@ def test_what_sigkill_leaves_is_told_and_then_removed(working: Project, applying
     assert "bash  sleep 300" in working.run("attempts", "show", "1", status=0).out
     process.kill()
     process.communicate(timeout=60)
-    until(lambda: not processes.is_alive(tool.pid, tool.start), "the agent's tool lives on")
+    until(lambda: not orphans.is_alive(tool.pid, tool.start), "the agent's tool lives on")
     folder: Path = working.attempts("probe")[0]
     assert (folder / "home" / "login").exists()
     assert (folder / "tmp" / "large").exists()

@@ -8,8 +8,9 @@ from typing import Any
 from model_server import ModelServer
 
 from octoform.diagnostics import Diagnostic
-from octoform.harness import orphans, processes, registry
+from octoform.harness import registry
 from octoform.harness.adapters.program import ProgramHarness
+from octoform.harness.containment import orphans
 from octoform.harness.port import AgentEvent, Harness, Outcome, Task
 from octoform.manifest.model import HarnessSpec
 
@@ -73,6 +74,6 @@ def nothing_left(workdir: Path) -> None:
     """No process carries the mark of the attempt in that folder, and the attempt is recorded as ended."""
     record = orphans.read(workdir)
     assert record is not None, "the attempt left no record"
-    found = [item.pid for item in processes.own() if record.is_of(item.pid)]
+    found = [item.pid for item in orphans.own() if record.is_of(item.pid)]
     assert found == [], [(Path("/proc") / str(pid) / "cmdline").read_bytes() for pid in found]
     assert record.ended

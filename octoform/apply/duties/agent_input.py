@@ -15,7 +15,7 @@ from typing import Any
 from octoform.diagnostics import Diagnostic
 from octoform.endpoint.observe.logs import CALLS, Line, Logs, logs_of
 from octoform.escaping import escaped
-from octoform.harness.completion import Completion
+from octoform.harness.llm.completion import Completion
 from octoform.harness.port import Usage
 from octoform.manifest.model import Perception
 from octoform.perception.frames import Frame, Record, picture_of, read, words

@@ -35,7 +35,7 @@ from octoform.endpoint.client.check import CheckReport, TrialCall, judge_check
 from octoform.endpoint.client.check import check as check_endpoint
 from octoform.endpoint.process import estop
 from octoform.endpoint.publish.expected_tools import shown as promised
-from octoform.harness.plainfile import read_plain
+from octoform.harness.plain_file import read_plain
 from octoform.harness.port import Task
 from octoform.state.files import make_folders, read_regular, refused, spending, write_atomic
 from octoform.state.layout import Layout

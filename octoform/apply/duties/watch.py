@@ -22,10 +22,10 @@ from octoform.contracts.checking import check
 from octoform.contracts.duties import DutyFacts, told_devices, told_tools
 from octoform.contracts.model import Artifacts
 from octoform.diagnostics import Diagnostic
-from octoform.harness import environment
-from octoform.harness.completion import LiteLLMCompletion
+from octoform.harness.containment import agent_environment
+from octoform.harness.llm.completion import LiteLLMCompletion
 from octoform.harness.port import Task, Usage
-from octoform.harness.watching import added
+from octoform.harness.watcher import added
 from octoform.manifest.model import MODEL_FREE
 
 WATCH = "watch"
@@ -106,7 +106,7 @@ def calls_of(brief: Mapping[str, Any]) -> int | None:
 def told_log(context: Context, brief: Mapping[str, Any]) -> LogSlice:
     """The slice of the logs; summed up by a model only where the manifest has one for housekeeping."""
     manifest = context.manifest
-    secrets = environment.secrets(context.environ, manifest.variables)
+    secrets = agent_environment.secrets(context.environ, manifest.variables)
     settings = manifest.housekeeping
     completion = LiteLLMCompletion(settings, context.environ) if settings is not None else None
     found = slice_of(context.layout, agent_input.since_of(brief), secrets, completion)

@@ -21,8 +21,8 @@ from octoform.contracts.checking import check, has_shape
 from octoform.contracts.model import HostScan
 from octoform.contracts.probe_host_rules import completed
 from octoform.diagnostics import Diagnostic, error, warning
+from octoform.harness.llm.token_prices import OWNERS, price_of
 from octoform.harness.port import AgentEvent, ExitReason, Outcome, Price, Task, TaskLimits, Usage
-from octoform.harness.pricing import OWNERS, price_of
 from octoform.harness.registry import resolve as resolve_harness
 from octoform.manifest.model import MODEL_FREE, Budget, HarnessSpec
 from octoform.manifest.references import resolve

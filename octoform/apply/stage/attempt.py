@@ -25,8 +25,7 @@ from octoform.base import files, shortage
 from octoform.base.files import parse, replace
 from octoform.diagnostics import Diagnostic, has_errors, to_json
 from octoform.digest import of_large_file
-from octoform.harness.completion import LiteLLMCompletion
-from octoform.harness.condensing import Excerpt, condense
+from octoform.harness.llm.completion import Excerpt, LiteLLMCompletion, condense
 from octoform.harness.port import (
     AgentEvent,
     Harness,

@@ -24,7 +24,8 @@ from octoform.base import files
 from octoform.base.files import replace as replace_file
 from octoform.base.shortage import is_shortage
 from octoform.diagnostics import Diagnostic, error, has_errors, warning
-from octoform.harness import environment, sandbox, transcript
+from octoform.harness import transcript
+from octoform.harness.containment import agent_environment, sandbox
 from octoform.harness.port import (
     AgentEvent,
     Closed,
@@ -40,7 +41,7 @@ from octoform.harness.port import (
     Usage,
 )
 from octoform.harness.registry import resolve
-from octoform.harness.watching import added
+from octoform.harness.watcher import added
 from octoform.protocol import PromptTooLarge
 from octoform.state.artifacts import attempts as spec_edits
 from octoform.state.files import full_disk, refused
@@ -326,7 +327,7 @@ def _with(found: str, detail: Mapping[str, object]) -> str:
 def _note_edit(context: Context, prepared: Prepared) -> Edit | None:
     """What the agent made of its copy of the spec: shown, and kept for a person if it was asked to correct it."""
     task = prepared.task
-    secrets = environment.secrets(task.environment, task.secrets)
+    secrets = agent_environment.secrets(task.environment, task.secrets)
     edit = spec_copy.look(task.workdir, prepared.spec, secrets, permitted=prepared.editable)
     if edit is None:
         return None

@@ -13,7 +13,8 @@ from octoform.apply.stage.gate import Verdict
 from octoform.apply.stage.spec_copy import Edit
 from octoform.diagnostics import Diagnostic, to_json
 from octoform.digest import of_large_file
-from octoform.harness import environment, usage
+from octoform.harness.attempt import read_usage
+from octoform.harness.containment import agent_environment
 from octoform.harness.port import ExitReason, Outcome, Task, Usage
 from octoform.redaction import redacted
 from octoform.state import model
@@ -43,7 +44,7 @@ def record(
 ) -> Diagnostic | None:
     """Write the record of an attempt that has just ended; None when it stands."""
     task, (outcome, verdict) = prepared.task, ended
-    secrets = environment.secrets(task.environment, task.secrets)
+    secrets = agent_environment.secrets(task.environment, task.secrets)
     written = AttemptRecord(
         number=int(task.workdir.name.partition("-")[0]),
         stage=task.stage,
@@ -79,11 +80,11 @@ def interrupted(context: Context, assignment: Assignment, prepared: Prepared, so
         ended = replace(outcome, reason=ExitReason.INTERRUPTED, detail="octoform was stopped before it was judged")
     else:
         told = so_far.usage.input_tokens is not None or so_far.usage.output_tokens is not None
-        known = so_far.usage if told else usage.read(task.workdir)
+        known = so_far.usage if told else read_usage(task.workdir)
         seconds = context.clock.monotonic() - so_far.began
         detail = "octoform was stopped while it worked"
         ended = Outcome(ExitReason.INTERRUPTED, None, seconds, detail, known, turns=so_far.turns)
-    environment.remove_private(task.workdir)
+    agent_environment.remove_private(task.workdir)
     # The stop itself is what has to be told on; an attempt without a record counts as interrupted too.
     with suppress(OSError):
         record(context, assignment, prepared, (ended, Verdict(())), None, so_far.checks)

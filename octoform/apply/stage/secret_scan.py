@@ -15,7 +15,7 @@ from typing import Any
 
 from octoform.base.files import parse
 from octoform.diagnostics import Diagnostic, Span, error, warning
-from octoform.harness import environment
+from octoform.harness.containment import agent_environment
 from octoform.harness.port import Task
 from octoform.redaction import found_in, redacted, spellings
 
@@ -66,7 +66,7 @@ def blanked(value: Any) -> Any:
 
 def without_secrets(task: Task, items: Iterable[Diagnostic]) -> tuple[Diagnostic, ...]:
     """Diagnostics as they may be kept and shown: what they quote of an agent is redacted, as its log is."""
-    secrets = environment.secrets(task.environment, task.secrets)
+    secrets = agent_environment.secrets(task.environment, task.secrets)
 
     def clean(text: str | None) -> str | None:
         return None if text is None else redacted(text, secrets)

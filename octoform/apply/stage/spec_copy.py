@@ -11,7 +11,7 @@ from pathlib import Path
 
 from octoform import digest
 from octoform.base.files import replace
-from octoform.harness.plainfile import read_plain
+from octoform.harness.plain_file import read_plain
 from octoform.redaction import redacted
 
 FILE_NAME = "spec.md"

@@ -32,7 +32,7 @@ from octoform.engine.plan.refresh import read_artifacts
 from octoform.engine.results import EndpointSummary, Funnel, RunResult, RunUsage, RunView
 from octoform.events import Event, Notice
 from octoform.harness import logins
-from octoform.harness.orphans import sweep
+from octoform.harness.containment.orphans import sweep
 from octoform.plan import model, planfile
 from octoform.plan.model import Plan
 from octoform.state.artifacts import reusable

@@ -26,8 +26,8 @@ from octoform.engine.plan import device_knowledge
 from octoform.engine.plan.configuration import Compiled
 from octoform.engine.plan.refresh import read_artifacts
 from octoform.graph.model import ANSWER
-from octoform.harness.dialect import json_object
-from octoform.harness.plainfile import read_plain
+from octoform.harness.event_parser import json_object
+from octoform.harness.plain_file import read_plain
 from octoform.state.artifacts.accepted import observe as observe_files
 from octoform.state.files import shown, write_atomic
 from octoform.state.layout import STAGES, Layout

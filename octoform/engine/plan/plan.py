@@ -23,7 +23,7 @@ from octoform.engine.plan.refresh import Situation, look
 from octoform.engine.results import PlanResult
 from octoform.graph.model import Graph
 from octoform.harness import logins, walls
-from octoform.harness.sandbox import unconfined
+from octoform.harness.containment.sandbox import unconfined
 from octoform.manifest.model import MODEL_FREE, STEP, HarnessSpec, Manifest
 from octoform.perception.camera_selection import best, cameras
 from octoform.plan import model, planfile

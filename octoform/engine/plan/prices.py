@@ -8,8 +8,8 @@ from datetime import UTC, datetime
 
 from octoform.apply.stage.assignment import UNMEASURED
 from octoform.diagnostics import Diagnostic, error, warning
+from octoform.harness.llm.token_prices import OLD_DAYS, OWNERS, age_days, price_of
 from octoform.harness.port import Price
-from octoform.harness.pricing import OLD_DAYS, OWNERS, age_days, price_of
 from octoform.manifest.model import STEP, HarnessSpec, Manifest
 from octoform.manifest.references import resolve
 from octoform.plan.model import Plan

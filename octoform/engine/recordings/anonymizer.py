@@ -16,7 +16,7 @@ from octoform.base import files
 from octoform.contracts.instance import hidden, hider, secrets_in_text, spelt
 from octoform.contracts.parsing import parse
 from octoform.contracts.standin import members, with_stand_ins
-from octoform.harness.dialect import TEXT_LIMIT, json_object
+from octoform.harness.event_parser import TEXT_LIMIT, json_object
 from octoform.redaction import Redactor, redacted, spellings
 from octoform.state.artifacts.cache import read_instances
 from octoform.state.files import read_regular

@@ -22,8 +22,8 @@ from octoform.engine.inspect.attempts import Attempt, of_host, run_of
 from octoform.engine.recordings import anonymizer
 from octoform.engine.recordings.anonymizer import Veil, veil
 from octoform.harness import recording, transcript
-from octoform.harness.dialect import json_object
-from octoform.harness.plainfile import read_plain
+from octoform.harness.event_parser import json_object
+from octoform.harness.plain_file import read_plain
 from octoform.harness.port import ExitReason
 from octoform.harness.recording import FILE_NAME, NAME
 from octoform.harness.recording import MOST_BYTES as MAX_RECORDING_BYTES

@@ -21,7 +21,7 @@ from octoform.engine.unattended.rediscover import Left, redeploy, rediscover
 from octoform.engine.unattended.repairs import restore
 from octoform.engine.unattended.session import on_duty, ready
 from octoform.harness.port import Usage
-from octoform.harness.watching import added
+from octoform.harness.watcher import added
 from octoform.manifest.loader import load
 from octoform.manifest.model import FILE_NAME
 from octoform.state.layout import Layout, is_left

@@ -16,8 +16,8 @@ from octoform.base import files
 from octoform.harness.adapters.program import Launch, ProgramHarness
 from octoform.harness.adapters.shells import command_seconds
 from octoform.harness.attempt import Invocation
-from octoform.harness.dialect import count, field, json_object, one_line, trouble
-from octoform.harness.installed import Pin
+from octoform.harness.event_parser import count, field, json_object, one_line, trouble
+from octoform.harness.install.program_location import Pin
 from octoform.harness.port import (
     AgentEvent,
     Closed,

@@ -15,8 +15,8 @@ from octoform.base.files import replace
 from octoform.harness.adapters.program import Launch, ProgramHarness
 from octoform.harness.adapters.shells import bounded
 from octoform.harness.attempt import Invocation
-from octoform.harness.dialect import count, field, json_object, one_line, trouble
-from octoform.harness.installed import Pin
+from octoform.harness.event_parser import count, field, json_object, one_line, trouble
+from octoform.harness.install.program_location import Pin
 from octoform.harness.port import (
     AgentEvent,
     Closed,
@@ -30,7 +30,7 @@ from octoform.harness.port import (
     Turn,
     Usage,
 )
-from octoform.harness.watching import added
+from octoform.harness.watcher import added
 from octoform.manifest.credentials import GEMINI
 from octoform.manifest.model import HarnessSpec
 

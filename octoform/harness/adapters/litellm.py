@@ -11,12 +11,11 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
 from octoform.diagnostics import Diagnostic
-from octoform.harness.access import unusable
-from octoform.harness.asking.client import BACKOFF_SECONDS, SETTINGS
-from octoform.harness.asking.route import Route, route
 from octoform.harness.attempt import Invocation, run_contained
-from octoform.harness.dialect import count, field, json_object, one_line, trouble
-from octoform.harness.environment import is_secret
+from octoform.harness.containment.agent_environment import is_secret
+from octoform.harness.event_parser import count, field, json_object, one_line, trouble
+from octoform.harness.llm.client import BACKOFF_SECONDS, SETTINGS
+from octoform.harness.llm.route import Route, route, unusable
 from octoform.harness.port import (
     AgentEvent,
     Closed,
@@ -112,7 +111,7 @@ def installed() -> str | None:
 
 
 class ReactDialect:
-    """One run of the small agent; its lines are described in `octoform.harness.react.reporting`."""
+    """One run of the small agent; its lines are described in `octoform.harness.react.loop`."""
 
     def read(self, stream: str, line: bytes) -> Iterable[AgentEvent]:
         """See `Dialect.read`."""

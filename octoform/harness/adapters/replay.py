@@ -15,7 +15,7 @@ from octoform.diagnostics import Diagnostic, error
 from octoform.harness import transcript
 from octoform.harness.port import ExitReason, Outcome, ProgressSink, Said, Task, Totals, Turn, Usage
 from octoform.harness.recording import Attempt, Output, Recording, content, load
-from octoform.harness.watching import added
+from octoform.harness.watcher import added
 from octoform.manifest.model import HarnessSpec
 
 UNREPEATABLE = frozenset(

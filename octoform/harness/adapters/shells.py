@@ -10,8 +10,8 @@ import sys
 from pathlib import Path
 
 from octoform.base.files import replace
-from octoform.harness import bounded_command
 from octoform.harness.adapters.program import Launch
+from octoform.harness.containment import bounded_command
 
 COMMAND_SHARE = 0.75
 """How much of the time without a sign of progress a command may use up."""

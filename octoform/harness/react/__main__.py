@@ -10,13 +10,11 @@ import sys
 from pathlib import Path
 
 from octoform.base import files
-from octoform.harness.asking.client import LiteLLM, Patient, Refusal, Request
+from octoform.harness.llm.client import LiteLLM, Patient, Refusal, Request
 from octoform.harness.react.config import Config, read
 from octoform.harness.react.conversation import Conversation
-from octoform.harness.react.loop import Loop, instructions
-from octoform.harness.react.reporting import Reporter
-from octoform.harness.react.shell import Shell
-from octoform.harness.react.tools import Toolbox
+from octoform.harness.react.loop import Loop, Reporter, instructions
+from octoform.harness.react.tools import Shell, Toolbox
 
 UNAUTHORIZED = 401
 

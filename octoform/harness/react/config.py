@@ -6,7 +6,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 
 from octoform.base.files import read_json, replace
-from octoform.harness.asking.route import Route
+from octoform.harness.llm.route import Route
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,7 +7,7 @@ from dataclasses import asdict
 from octoform.diagnostics import to_json
 from octoform.engine.doctor import Diagnosis, Group, Installed, InstallResult
 from octoform.escaping import escaped_json
-from octoform.harness.health import Check, Status
+from octoform.harness.doctor_checks import Check, Status
 from octoform.views.format import problems
 from octoform.views.format.console import Console
 from octoform.views.format.values import one_line

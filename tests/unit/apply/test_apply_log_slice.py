@@ -10,7 +10,7 @@ from octoform.apply.duties.agent_input import ERROR_BYTES, LOG_BYTES, is_trouble
 from octoform.diagnostics import Diagnostic, warning
 from octoform.endpoint.observe.logs import CALLS, SERVER, Line
 from octoform.escaping import is_hidden
-from octoform.harness.completion import Condensed
+from octoform.harness.llm.completion import Condensed
 from octoform.harness.port import Usage
 from octoform.state.layout import Layout
 

@@ -11,7 +11,7 @@ from attempt_folders import Folders
 from octoform.base import marks
 from octoform.diagnostics import error, to_json, warning
 from octoform.engine.inspect import attempts as engine
-from octoform.harness import orphans, processes
+from octoform.harness.containment import orphans
 from octoform.harness.port import Closed, ExitReason, Said, ToolCalled, ToolReturned, Trouble, Turn, Usage
 from octoform.state.artifacts.attempts import SpecEdit
 from octoform.state.store.lock import acquire
@@ -74,7 +74,7 @@ def test_the_newest_runs_while_the_lock_is_held(folders: Folders) -> None:
 
 def test_an_agent_whose_supervisor_lives_runs(folders: Folders) -> None:
     folder = folders.add("probe", 1, record=False)
-    me = processes.look(os.getpid())
+    me = orphans.look(os.getpid())
     assert me is not None
     orphans.write(folder, orphans.Record(marks.new(), me.pid, me.start))
     assert states(folders) == ["running"]

@@ -15,8 +15,8 @@ from model_server import ModelServer, serve
 
 from octoform.cli.main import main
 from octoform.engine.doctor import Diagnosis, diagnose
-from octoform.harness import reaching
-from octoform.harness.health import Check, Status
+from octoform.harness import doctor_checks
+from octoform.harness.doctor_checks import Check, Status
 
 SECRET = "loop-7f3c19d2a4"
 NODE = "import sys; print('v22.20.0')"
@@ -156,7 +156,7 @@ def test_an_api_in_trouble_is_unknown(bench: Bench, status: int) -> None:
 
 
 def test_an_api_that_does_not_answer(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(reaching, "SECONDS", 0.2)
+    monkeypatch.setattr(doctor_checks, "SECONDS", 0.2)
     with socket.create_server(("127.0.0.1", 0)) as silent:
         bench.pi(f"http://127.0.0.1:{silent.getsockname()[1]}")
         assert "no answer within 0.2 s" in bench.checks()["model API"].detail

@@ -7,7 +7,7 @@ import pytest
 
 from octoform.cli.main import main
 from octoform.engine.plan.prices import unpriced
-from octoform.harness import pricing
+from octoform.harness.llm import token_prices
 from octoform.manifest.loader import load
 
 README = Path(__file__).parents[3] / "README.md"
@@ -16,7 +16,7 @@ README = Path(__file__).parents[3] / "README.md"
 @pytest.fixture(autouse=True)
 def without_litellm(monkeypatch: pytest.MonkeyPatch) -> None:
     """A plain installation has no litellm beside it."""
-    monkeypatch.setattr(pricing, "_table", dict)
+    monkeypatch.setattr(token_prices, "_table", dict)
 
 
 def project(folder: Path, model: str, more: str = "") -> Path:
@@ -59,14 +59,14 @@ def test_an_old_price_is_used_and_warned_about(tmp_path: Path, monkeypatch: pyte
     manifest, _ = load(project(tmp_path, "anthropic/claude-sonnet-4-5") / "octopus.yaml", {"ANTHROPIC_API_KEY": "k"})
     assert manifest is not None
     monkeypatch.setattr(
-        pricing, "_prices", lambda: {"date": "2020-01-01", "models": {"claude-sonnet-4-5": [3, 0.3, 15]}}
+        token_prices, "_prices", lambda: {"date": "2020-01-01", "models": {"claude-sonnet-4-5": [3, 0.3, 15]}}
     )
     (old,) = unpriced(manifest, {})
     assert (old.severity, old.code) == ("warning", "PLAN-PRICE-OLD")
 
 
 def test_the_table_is_whole_and_dated() -> None:
-    table = pricing._prices()
+    table = token_prices._prices()
     assert date.fromisoformat(table["date"])
     for name, numbers in table["models"].items():
         into, cached, out = numbers

@@ -5,9 +5,9 @@ from pathlib import Path
 
 import pytest
 
-from octoform.harness.containment import Ended, Limits, Program, run
+from octoform.harness.containment.contained_run import Ended, Limits, Program, run
 from octoform.harness.port import TaskLimits
-from octoform.harness.watching import Watcher
+from octoform.harness.watcher import Watcher
 
 
 @pytest.fixture

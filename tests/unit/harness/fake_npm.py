@@ -7,9 +7,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from octoform.diagnostics import Diagnostic
-from octoform.harness.installed import RECORD, Pin
-from octoform.harness.installing import Installation, install
-from octoform.harness.slots import Setup
+from octoform.harness.install.atomic_install import Setup
+from octoform.harness.install.installer import Installation, install
+from octoform.harness.install.program_location import RECORD, Pin
 
 PIN = Pin("@scope/agent", "1.2.3", "agent", (22, 19))
 

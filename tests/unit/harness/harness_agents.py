@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from octoform.harness import processes
+from octoform.harness.containment import orphans
 
 PRELUDE = """
 import os, signal, sys, time
@@ -36,12 +36,12 @@ def until(condition: Callable[[], bool], seconds: float = 20.0) -> None:
         time.sleep(0.005)
 
 
-def noted(path: Path) -> processes.Process:
+def noted(path: Path) -> orphans.Process:
     """The process that wrote a note, as a value that stays meaningful after its death."""
     pid, start = path.read_text().split()
-    return processes.Process(int(pid), int(start), 0, "")
+    return orphans.Process(int(pid), int(start), 0, "")
 
 
-def alive(process: processes.Process) -> bool:
+def alive(process: orphans.Process) -> bool:
     """True when exactly that process still runs."""
-    return processes.is_alive(process.pid, process.start)
+    return orphans.is_alive(process.pid, process.start)

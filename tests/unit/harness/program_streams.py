@@ -5,11 +5,11 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from octoform.harness.access import Access, access
 from octoform.harness.adapters.program import Adapter, Launch
 from octoform.harness.attempt import Invocation
-from octoform.harness.dialect import Dialect
-from octoform.harness.installed import Located
+from octoform.harness.event_parser import Dialect
+from octoform.harness.install.program_location import Located
+from octoform.harness.llm.route import Access, access
 from octoform.harness.port import AgentEvent, Replying, Task, TaskLimits, Turn
 from octoform.manifest.model import HarnessSpec
 

@@ -8,15 +8,8 @@ import pytest
 from model_server import ModelServer, serve
 
 from octoform.diagnostics import Diagnostic
-from octoform.harness.asking.client import (
-    RETRIES,
-    LiteLLM,
-    Patient,
-    Refusal,
-    Reply,
-    Request,
-)
-from octoform.harness.asking.route import Route, route
+from octoform.harness.llm.client import RETRIES, LiteLLM, Patient, Refusal, Reply, Request
+from octoform.harness.llm.route import Route, route
 from octoform.harness.react.conversation import Conversation
 from octoform.harness.react.tools import declared
 from octoform.manifest.model import HarnessSpec

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from octoform.harness import bounded_command
+from octoform.harness.containment import bounded_command
 
 SCRIPT = str(Path(bounded_command.__file__))
 

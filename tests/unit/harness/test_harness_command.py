@@ -9,9 +9,10 @@ from pathlib import Path
 import pytest
 
 from octoform.diagnostics import Diagnostic
-from octoform.harness import environment, usage
+from octoform.harness import attempt
 from octoform.harness.adapters.builtin import BuiltinHarness
 from octoform.harness.adapters.command import CommandHarness, fill
+from octoform.harness.containment import agent_environment
 from octoform.harness.port import ExitReason, Outcome, Task, TaskLimits, Usage
 from octoform.harness.registry import resolve
 from octoform.manifest.model import HarnessSpec, Sandbox
@@ -94,7 +95,7 @@ def test_an_interrupt_removes_the_private_folders(task: Task) -> None:
 def test_a_link_in_the_place_of_the_folder_is_not_followed(tmp_path: Path) -> None:
     (tmp_path / "others" / "home").mkdir(parents=True)
     (tmp_path / "attempt").symlink_to(tmp_path / "others")
-    environment.remove_private(tmp_path / "attempt")
+    agent_environment.remove_private(tmp_path / "attempt")
     assert (tmp_path / "others" / "home").exists()
 
 
@@ -219,13 +220,13 @@ def test_usage_that_the_program_wrote(shell: Agent) -> None:
 )
 def test_usage_that_makes_no_sense_is_unknown(tmp_path: Path, text: str) -> None:
     (tmp_path / "usage.json").write_text(text)
-    assert usage.read(tmp_path) == Usage()
+    assert attempt.read_usage(tmp_path) == Usage()
 
 
 def test_usage_behind_a_link_is_unknown(tmp_path: Path) -> None:
     (tmp_path / "other.json").write_text('{"input_tokens": 1}')
     (tmp_path / "usage.json").symlink_to(tmp_path / "other.json")
-    assert usage.read(tmp_path) == Usage()
+    assert attempt.read_usage(tmp_path) == Usage()
 
 
 def test_the_embedded_agent_refuses_a_task_that_is_none_with_one_line(task: Task) -> None:

@@ -8,9 +8,8 @@ import pytest
 from model_server import ModelServer, serve
 
 from octoform.diagnostics import Diagnostic
-from octoform.harness.completion import BYTES_PER_TOKEN, Condensed, LiteLLMCompletion
-from octoform.harness.condensing import condense
-from octoform.harness.containment import Ended
+from octoform.harness.containment.contained_run import Ended
+from octoform.harness.llm.completion import BYTES_PER_TOKEN, Condensed, LiteLLMCompletion, condense
 from octoform.harness.port import Usage
 from octoform.manifest.model import Housekeeping
 

@@ -6,8 +6,7 @@ from pathlib import Path
 import pytest
 
 from octoform.diagnostics import Diagnostic, warning
-from octoform.harness.completion import Condensed
-from octoform.harness.condensing import MOST_LINES, Excerpt, condense
+from octoform.harness.llm.completion import MOST_LINES, Condensed, Excerpt, condense
 from octoform.harness.port import Usage
 
 SUMMARY = "WHAT FAILED: the disk was full"

@@ -9,8 +9,8 @@ from pathlib import Path
 import pytest
 from harness_agents import alive, noted, python, until
 
-from octoform.harness import containment
-from octoform.harness.containment import Ended
+from octoform.harness.containment import contained_run
+from octoform.harness.containment.contained_run import Ended
 
 Contained = Callable[..., Ended]
 
@@ -182,7 +182,7 @@ def test_a_file_bomb_is_stopped(contained: Contained, tmp_path: Path) -> None:
     ended = contained(("dd", "if=/dev/zero", "of=output.json", "bs=1M", "count=2048"), file_bytes=4 << 20)
     assert ended.status != 0
     assert (tmp_path / "output.json").stat().st_size == 4 << 20
-    assert containment.Limits(1).file_bytes == 256 << 20
+    assert contained_run.Limits(1).file_bytes == 256 << 20
 
 
 def test_the_agent_gets_no_core_dumps_no_other_descriptor_and_its_own_session(
@@ -223,7 +223,7 @@ def test_no_descriptor_of_ours_is_left_open(contained: Contained) -> None:
 
 
 def test_the_supervisor_imports_only_small_modules_of_the_standard_library() -> None:
-    tree = ast.parse(containment.REAPER.read_text())
+    tree = ast.parse(contained_run.REAPER.read_text())
     imported = {alias.name for node in ast.walk(tree) if isinstance(node, ast.Import) for alias in node.names}
     assert not [node for node in ast.walk(tree) if isinstance(node, ast.ImportFrom)]
     assert imported == {"ctypes", "os", "resource", "select", "signal", "sys", "time"}

@@ -2,7 +2,7 @@
 
 import pytest
 
-from octoform.harness.dialect import trouble
+from octoform.harness.event_parser import trouble
 from octoform.harness.port import ExitReason
 
 FINAL = (ExitReason.AUTH, ExitReason.REFUSED)

@@ -14,8 +14,8 @@ from fake_npm import PIN, Machine
 from harness_agents import alive, noted, until
 
 from octoform.diagnostics import Diagnostic
-from octoform.harness.installed import RECORD, locate
-from octoform.harness.installing import Installation, whole
+from octoform.harness.install.installer import Installation, whole
+from octoform.harness.install.program_location import RECORD, locate
 
 
 @pytest.fixture

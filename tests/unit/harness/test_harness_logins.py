@@ -9,7 +9,7 @@ import pytest
 
 from octoform.diagnostics import Diagnostic
 from octoform.harness import logins
-from octoform.harness.access import Access, access
+from octoform.harness.llm.route import Access, access
 from octoform.harness.logins import Found, find
 from octoform.manifest.credentials import RESPONSES
 from octoform.manifest.model import HarnessSpec

@@ -13,13 +13,13 @@ import pytest
 from harness_agents import alive, noted, python, until
 
 from octoform.base import marks
-from octoform.harness import orphans, processes
-from octoform.harness.orphans import Record
+from octoform.harness.containment import orphans
+from octoform.harness.containment.orphans import Record
 
 DRIVER = """
 import json, sys
 from pathlib import Path
-from octoform.harness.containment import Limits, Program, run
+from octoform.harness.containment.contained_run import Limits, Program, run
 class Silent:
     def feed(self, stream, data): pass
     def tick(self): return False
@@ -57,8 +57,8 @@ def octoform_running(attempt: Path) -> Iterator[subprocess.Popen[bytes]]:
             driver.kill()
 
 
-def scrubbed(attempt: Path) -> processes.Process:
-    found = processes.look(int((attempt / "scrubbed").read_text()))
+def scrubbed(attempt: Path) -> orphans.Process:
+    found = orphans.look(int((attempt / "scrubbed").read_text()))
     assert found is not None
     return found
 
@@ -89,7 +89,7 @@ def test_what_both_deaths_leave_is_swept_and_nothing_else(tmp_path: Path) -> Non
             driver.kill()
             driver.wait()
             os.kill(record.pid, signal.SIGKILL)
-        until(lambda: not processes.is_alive(record.pid, record.start))
+        until(lambda: not orphans.is_alive(record.pid, record.start))
         assert all(alive(member) for member in members)
         # A record whose process id belongs to somebody else by now: its mark is nobody's.
         other.mkdir()
@@ -112,7 +112,7 @@ def test_a_process_older_than_the_attempt_is_not_ours(tmp_path: Path) -> None:
     mark = marks.new()
     older = subprocess.Popen([sys.executable, "-c", "import time; time.sleep(600)"], env={orphans.ATTEMPT: mark})
     try:
-        found = processes.look(older.pid)
+        found = orphans.look(older.pid)
         assert found is not None
         until(lambda: marks.bears(older.pid, mark, orphans.ATTEMPT))
         assert orphans.end_marked((Record(mark, 4_000_000, found.start + 1),)) == orphans.Swept()
@@ -140,9 +140,9 @@ def test_a_record_that_is_a_link_is_not_read(tmp_path: Path) -> None:
 def test_a_recycled_process_id_is_not_signalled() -> None:
     child = subprocess.Popen(["sleep", "600"])
     try:
-        found = processes.look(child.pid)
+        found = orphans.look(child.pid)
         assert found is not None
-        assert not processes.kill(processes.Process(found.pid, found.start - 1, found.parent, "S"))
+        assert not orphans.kill(orphans.Process(found.pid, found.start - 1, found.parent, "S"))
         assert child.poll() is None
     finally:
         child.kill()

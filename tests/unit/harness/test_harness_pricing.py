@@ -2,8 +2,8 @@
 
 import pytest
 
+from octoform.harness.llm.token_prices import cost_of, price_of
 from octoform.harness.port import Price, Usage
-from octoform.harness.pricing import cost_of, price_of
 
 OWN = Price(1.0, 0.1, 2.0, "manifest")
 

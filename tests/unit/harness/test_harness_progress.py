@@ -1,6 +1,6 @@
 """Progress in virtual time: bursts become one line, silence becomes a sign of life."""
 
-from octoform.harness.tasklog import Progress
+from octoform.harness.containment.task_log import Progress
 
 
 class Clock:

@@ -6,9 +6,8 @@ from typing import Any
 
 import pytest
 
-from octoform.harness.asking.client import Call
-from octoform.harness.react.shell import Shell
-from octoform.harness.react.tools import Ready, Toolbox, checked, declared
+from octoform.harness.llm.client import Call
+from octoform.harness.react.tools import Ready, Shell, Toolbox, checked, declared
 
 SECRET = "loop-3f9a77c1d2e4"
 

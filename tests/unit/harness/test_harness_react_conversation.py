@@ -5,7 +5,7 @@ from typing import Any
 
 import pytest
 
-from octoform.harness.asking.client import Call, Reply, size_of
+from octoform.harness.llm.client import Call, Reply, size_of
 from octoform.harness.react.conversation import LIMIT_BYTES, RECENT, Conversation
 
 INSTRUCTIONS, TASK = "You are an engineer.", "Do the thing. " * 100

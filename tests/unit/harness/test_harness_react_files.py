@@ -6,8 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from octoform.harness.react.files import READ_BYTES, patch, read_file, write_file
-from octoform.harness.react.shell import Said
+from octoform.harness.react.tools import READ_BYTES, Said, patch, read_file, write_file
 
 
 @pytest.fixture

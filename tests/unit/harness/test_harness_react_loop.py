@@ -8,14 +8,12 @@ from typing import Any
 
 import pytest
 
-from octoform.harness.asking.client import Call, Refusal, Reply
-from octoform.harness.asking.route import Route
+from octoform.harness.llm.client import Call, Refusal, Reply
+from octoform.harness.llm.route import Route
 from octoform.harness.react.config import Config, read
 from octoform.harness.react.conversation import Conversation
-from octoform.harness.react.loop import MOST_CALLS, MOST_WRONG, Loop, instructions
-from octoform.harness.react.reporting import SHOWN, Reporter
-from octoform.harness.react.shell import Shell
-from octoform.harness.react.tools import Toolbox
+from octoform.harness.react.loop import MOST_CALLS, MOST_WRONG, SHOWN, Loop, Reporter, instructions
+from octoform.harness.react.tools import Shell, Toolbox
 
 WRITE = "echo {} > output.json"
 

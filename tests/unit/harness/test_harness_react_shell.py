@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 from harness_agents import alive, until
 
-from octoform.harness import processes
-from octoform.harness.react.shell import OUTPUT_BYTES, Said, Shell
+from octoform.harness.containment import orphans
+from octoform.harness.react.tools import OUTPUT_BYTES, Said, Shell
 
 
 @pytest.fixture
@@ -55,7 +55,7 @@ def test_a_command_over_its_time_ends_with_its_group(shell: Shell, tmp_path: Pat
     assert said == Said("before\n[ended after 1 seconds, its limit]", failed=True)
     assert time.monotonic() - began < 15
     child = int((tmp_path / "child").read_text())
-    until(lambda: (found := processes.look(child)) is None or found.state in "ZX")
+    until(lambda: (found := orphans.look(child)) is None or found.state in "ZX")
 
 
 def test_no_command_gets_more_than_the_most(tmp_path: Path) -> None:
@@ -70,6 +70,6 @@ def test_what_runs_on_is_not_waited_for(shell: Shell, tmp_path: Path) -> None:
     assert said == Said("done")
     assert time.monotonic() - began < 10
     pid = int((tmp_path / "child").read_text())
-    found = processes.look(pid)
+    found = orphans.look(pid)
     assert found is not None and alive(found), "it may go on until the run ends"
     os.kill(pid, signal.SIGKILL)

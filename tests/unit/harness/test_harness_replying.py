@@ -3,7 +3,7 @@
 from collections.abc import Iterable
 
 from octoform.harness.port import AgentEvent, ExitReason, Replying, Said, TaskLimits, Trouble
-from octoform.harness.watching import Watcher
+from octoform.harness.watcher import Watcher
 
 
 class Letters:

@@ -14,7 +14,7 @@ from harness_agents import PRELUDE, until
 from harness_confined import Host
 
 from octoform.diagnostics import Diagnostic
-from octoform.harness import sandbox
+from octoform.harness.containment import sandbox
 from octoform.manifest.model import Sandbox
 
 ORDINARY = 1000

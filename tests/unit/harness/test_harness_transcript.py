@@ -21,7 +21,7 @@ from octoform.harness.port import (
     Usage,
 )
 from octoform.harness.transcript import Moment, decode, encode, read, used, with_text
-from octoform.harness.watching import Watcher
+from octoform.harness.watcher import Watcher
 
 EVENTS: list[AgentEvent] = [
     Said("a line"),

@@ -20,7 +20,7 @@ from octoform.harness.port import (
     Turn,
     Usage,
 )
-from octoform.harness.watching import LONGEST_LINE, Watcher
+from octoform.harness.watcher import LONGEST_LINE, Watcher
 
 EVENTS: dict[bytes, AgentEvent] = {
     b"turn": Turn(Usage(1000, 400, 100)),

@@ -20,7 +20,7 @@ from octoform.engine.results import RunResult
 from octoform.escaping import is_hidden
 from octoform.graph.model import Graph, Node, NodeKind, to_dot, to_mermaid
 from octoform.harness.port import TaskLimits
-from octoform.harness.watching import Watcher
+from octoform.harness.watcher import Watcher
 from octoform.protocol import MOST_PROMPT_BYTES, STAGES, Prompt, render_prompt
 from octoform.protocol.loader import load
 from octoform.runtime import calllog

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from octoform.base.files import parse
-from octoform.harness.plainfile import read_plain
+from octoform.harness.plain_file import read_plain
 
 SETTING = "OCTOFORM_AGENTS"
 RECORD = "installed.json"

@@ -5,6 +5,7 @@ process of its own below containment, so it is bounded in time whatever the libr
 """
 
 import json
+import stat
 import sys
 import tempfile
 import time
@@ -13,19 +14,22 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any, Protocol
 
-from octoform.base.files import replace
+from octoform.base.files import head, replace
 from octoform.diagnostics import Diagnostic, warning
-from octoform.harness import environment
-from octoform.harness.asking.client import BACKOFF_SECONDS, SETTINGS
-from octoform.harness.asking.route import HARNESS, Route, route
-from octoform.harness.containment import Ended, Limits, Program, run
-from octoform.harness.dialect import count, json_object, one_line, trouble
-from octoform.harness.dialect import field as at
+from octoform.escaping import escaped
+from octoform.harness.containment import agent_environment
+from octoform.harness.containment.contained_run import Ended, Limits, Program, run
+from octoform.harness.event_parser import count, json_object, one_line, trouble
+from octoform.harness.event_parser import field as at
+from octoform.harness.llm.client import BACKOFF_SECONDS, SETTINGS
+from octoform.harness.llm.route import HARNESS, Route, route
 from octoform.harness.port import ExitReason, Usage
 from octoform.manifest.model import HarnessSpec, Housekeeping
 from octoform.manifest.references import resolve
+from octoform.protocol.prompt import fenced, tail
+from octoform.redaction import redacted
 
-MODULE = "octoform.harness.asking.bare"
+MODULE = "octoform.harness.llm.bare"
 SECONDS = 60.0
 BYTES_PER_TOKEN = 4
 ANSWER_BYTES = 1 << 20
@@ -92,10 +96,10 @@ class LiteLLMCompletion:
         program = Program(
             argv=(sys.executable, "-I", "-W", "ignore", "-m", MODULE),
             workdir=folder,
-            environment={**environment.minimal(folder, self.environ, named), **SETTINGS},
+            environment={**agent_environment.minimal(folder, self.environ, named), **SETTINGS},
             log=folder / "completion.log",
             stdin=asked,
-            secrets=environment.secrets(self.environ, named),
+            secrets=agent_environment.secrets(self.environ, named),
         )
         return run(program, Limits(wall_seconds=self.seconds), said), bytes(said.data)
 
@@ -153,3 +157,77 @@ class _Kept:
 
     def finish(self) -> None:
         """See `Observer.finish`."""
+
+
+# What a retry is told of a failed attempt's log: all of a short one, the sense of a long one.
+#
+# The log itself stays as it is: it is the evidence, and only a part of it or a summary goes into a prompt. A summary is
+# help and never needed: whenever the model does not give one, the end of the log stands in its place.
+
+INSTRUCTION = Path(__file__).with_name("log_summary.md")
+BEGINNING = "WHAT FAILED"
+"""How an answer begins: one that does not is a refusal, or about something else."""
+HEAD_BYTES = 16 << 10
+TAIL_BYTES = 48 << 10
+MOST_LINES = 100
+
+
+@dataclass(frozen=True, slots=True)
+class Excerpt:
+    """Text of at most the asked bytes, to be fenced as data like any log.
+
+    ``condensed``: it is a model's summary; else it is the log's end, and ``reason`` says why it is when a summary was
+    wanted. ``usage`` is what the summary cost.
+    """
+
+    text: str
+    condensed: bool = False
+    reason: str = ""
+    usage: Usage = field(default_factory=Usage)
+
+
+def condense(log: Path, bound_bytes: int, completion: Completion | None) -> Excerpt:
+    """The log of a failed attempt in at most ``bound_bytes`` bytes; never raises for what stands in it."""
+    end = tail(log, MOST_LINES, bound_bytes)
+    size = _size(log)
+    if completion is None or size is None or size <= bound_bytes:
+        return Excerpt(end)
+    answer = completion.complete(fenced("log", _shown(log, size)), INSTRUCTION.read_text(encoding="utf-8"))
+    if isinstance(answer, Diagnostic):
+        return Excerpt(end, reason=answer.summary)
+    return _excerpt(answer, end, bound_bytes)
+
+
+def _excerpt(answer: Condensed, end: str, bound: int) -> Excerpt:
+    text = redacted(answer.text).strip()
+    if BEGINNING not in text[: 2 * len(BEGINNING)].upper():
+        return Excerpt(end, reason="the housekeeping model gave no summary of the log", usage=answer.usage)
+    data = text.encode("utf-8", "replace")
+    return Excerpt(data[:bound].decode("utf-8", "ignore"), condensed=True, usage=answer.usage)
+
+
+def _size(log: Path) -> int | None:
+    """Bytes of a plain file; None for anything else, since an agent may put a link in its place."""
+    try:
+        facts = log.lstat()
+    except OSError:
+        return None
+    return facts.st_size if stat.S_ISREG(facts.st_mode) else None
+
+
+def _shown(log: Path, size: int) -> str:
+    """The beginning and the end of the log, redacted."""
+    end = redacted(tail(log, size, TAIL_BYTES))
+    if size <= TAIL_BYTES:
+        return end
+    beginning = redacted(_head(log, min(HEAD_BYTES, size - TAIL_BYTES)))
+    left_out = max(0, size - TAIL_BYTES - HEAD_BYTES)
+    return f"{beginning}\n[... {left_out} bytes left out ...]\n{end}"
+
+
+def _head(log: Path, size: int) -> str:
+    try:
+        text = escaped(head(log, size).decode("utf-8", "replace"), "\n\t")
+    except OSError:
+        return ""  # gone meanwhile: the end that was read before is what there is
+    return text.encode()[:size].decode("utf-8", "ignore")

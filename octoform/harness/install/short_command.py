@@ -4,13 +4,17 @@ An installer runs scripts of strangers and a program asked for its version may s
 to end by itself or to leave nothing behind.
 """
 
+import os
+import re
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from octoform.harness.containment import Ended, Limits, Program, run
+from octoform.harness.containment import agent_environment
+from octoform.harness.containment.contained_run import Ended, Limits, Program, run
+from octoform.harness.install.program_location import Located
 
 FILE_BYTES = 4 << 30
 KEPT_BYTES = 64 << 10
@@ -88,3 +92,31 @@ class _Keeper:
     def text(self, stream: str) -> str:
         """What was kept of a stream."""
         return self._kept[stream].decode("utf-8", "replace")
+
+
+# Ask an agent program for its version: the cheapest proof that it is there, whole, and starts.
+
+SECONDS = 60.0
+REASON_CHARS = 300
+_VERSION = re.compile(r"\d+\.\d+(?:\.\d+)?[0-9A-Za-z.+-]*")
+
+
+@dataclass(frozen=True, slots=True)
+class Stated:
+    """What a program said of itself: its version, or why there is none."""
+
+    version: str | None
+    problem: str = ""
+
+
+def stated_version(located: Located, environ: Mapping[str, str]) -> Stated:
+    """The version that ``--version`` prints, started as an agent would be: minimal environment, empty home folder."""
+    with TemporaryDirectory(prefix="octoform-home-") as name:
+        variables = agent_environment.minimal(Path(name), environ)
+        variables["PATH"] = os.pathsep.join((*located.path, variables["PATH"]))
+        done = short_run((*located.argv, "--version"), variables, SECONDS)
+    if not done.ok:
+        said = " ".join((done.stderr or done.stdout).split())
+        return Stated(None, f"{done.ending}{f': {said[-REASON_CHARS:]}' if said else ''}")
+    found = _VERSION.search(done.stdout)
+    return Stated(found.group()) if found else Stated(None, "said no version")

@@ -1,4 +1,4 @@
-"""One bare question: ``python -I -m octoform.harness.asking.bare``, no tools, no conversation, one reply.
+"""One bare question: ``python -I -m octoform.harness.llm.bare``, no tools, no conversation, one reply.
 
 Standard input holds the question as JSON, {route, text, instruction, max_tokens, seconds, backoff_seconds}; standard
 output gets one JSON line, {text, end, usage} or {failed, status}.
@@ -10,8 +10,8 @@ import sys
 from typing import Any
 
 from octoform.base.files import parse
-from octoform.harness.asking.client import LiteLLM, Patient, Refusal, Request
-from octoform.harness.asking.route import Route
+from octoform.harness.llm.client import LiteLLM, Patient, Refusal, Request
+from octoform.harness.llm.route import Route
 
 
 def main(question: dict[str, Any]) -> dict[str, Any]:

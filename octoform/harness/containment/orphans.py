@@ -9,18 +9,100 @@ it belongs to this user and is not older than the attempt. Names and ids alone p
 import json
 import os
 import re
+import signal
 import time
+from collections.abc import Iterator
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from octoform.base import files, marks
 from octoform.base.place import KEY, is_from, place_of
-from octoform.harness import processes
-from octoform.harness.environment import ATTEMPT, remove_private
-from octoform.harness.plainfile import read_plain
-from octoform.harness.processes import Process
-from octoform.harness.reaper import children
+from octoform.harness.containment.agent_environment import ATTEMPT, remove_private
+from octoform.harness.containment.reaper import children
+from octoform.harness.plain_file import read_plain
+
+# What /proc says of a process, and signals that cannot hit another one.
+#
+# A process id alone names nothing: ids are recycled. A process is known by its id together with the tick at which the
+# kernel started it, and it is signalled through a pidfd that was opened before that was checked. On systems without
+# /proc nothing can be proved, so every question has the answer None and nothing is signalled.
+
+PROC = Path("/proc")
+
+
+@dataclass(frozen=True, slots=True)
+class Process:
+    """A process id with the kernel's start time of it (clock ticks since boot) and its parent's id."""
+
+    pid: int
+    start: int
+    parent: int = field(compare=False)
+    state: str = field(compare=False)
+
+
+def look(pid: int) -> Process | None:
+    """The process with that id as it is now (/proc/<pid>/stat); None when there is none."""
+    try:
+        text = (PROC / str(pid) / "stat").read_bytes()
+    except OSError:
+        return None
+    fields = text[text.rfind(b")") + 2 :].split()
+    return Process(pid, start=int(fields[19]), parent=int(fields[1]), state=fields[0].decode("ascii"))
+
+
+def is_alive(pid: int, start: int) -> bool:
+    """True when exactly that process still runs (a zombie does not)."""
+    found = look(pid)
+    return found is not None and found.start == start and found.state not in "ZX"
+
+
+def own() -> Iterator[Process]:
+    """Every running process that this user may signal, this one and its parent left out.
+
+    Root may signal all. What a file mode in /proc says is not asked: a process that lets nobody look into it seems to
+    be root's (PR_SET_DUMPABLE in prctl(2)).
+    """
+    spared = {os.getpid(), os.getppid()}
+    try:
+        entries = list(os.scandir(PROC))
+    except OSError:
+        return
+    for entry in entries:
+        if not entry.name.isdigit() or int(entry.name) in spared:
+            continue
+        found = look(int(entry.name)) if os.getuid() in (0, *_users(entry.name)) else None
+        if found is not None and found.state not in "ZX":
+            yield found
+
+
+def _users(pid: str) -> tuple[int, ...]:
+    """The real and the saved user of a process (/proc/<pid>/status); none when it is gone."""
+    try:
+        text = (PROC / pid / "status").read_bytes()
+    except OSError:
+        return ()
+    _, _, line = text.partition(b"\nUid:\t")
+    ids = line.partition(b"\n")[0].split()
+    return (int(ids[0]), int(ids[2])) if len(ids) == 4 else ()
+
+
+def kill(process: Process) -> bool:
+    """SIGKILL to exactly that process; False when it is gone, is another one by now, or may not be signalled."""
+    try:
+        handle = os.pidfd_open(process.pid)
+    except OSError:
+        return False
+    try:
+        if not is_alive(process.pid, process.start):
+            return False
+        signal.pidfd_send_signal(handle, signal.SIGKILL)
+    except OSError:
+        return False
+    finally:
+        os.close(handle)
+    return True
+
 
 RECORD = "process.json"
 RECORD_LIMIT = 64 << 10
@@ -124,14 +206,14 @@ def _hunt(adopted: Adopted, since: int) -> list[int]:
     while quiet < QUIET and time.monotonic() < until:
         quiet += 1
         for pid in children() - spared:
-            process = processes.look(pid)
+            process = look(pid)
             if process is None or not adopted.has(process, since):
                 continue
             if process.state in "ZX":
                 with suppress(ChildProcessError):
                     os.waitpid(pid, os.WNOHANG)
                 continue
-            quiet, met[pid] = 0, processes.kill(process)
+            quiet, met[pid] = 0, kill(process)
     return [pid for pid, ended in met.items() if ended]
 
 
@@ -149,12 +231,12 @@ def end_marked(records: tuple[Record, ...], adopted: Adopted | None = None) -> S
             break
         for process in found:
             seen.add(process)
-            if processes.kill(process):
+            if kill(process):
                 ended.append(process.pid)
     _await_end(seen)
     if adopted is not None:
         _collect(seen)
-    left = tuple(item.pid for item in seen if processes.is_alive(item.pid, item.start))
+    left = tuple(item.pid for item in seen if is_alive(item.pid, item.start))
     return Swept(tuple(ended), left)
 
 
@@ -167,7 +249,7 @@ def _collect(killed: set[Process]) -> None:
 
 def _belonging(records: tuple[Record, ...], adopted: Adopted | None) -> list[Process]:
     """The tree of each record, its supervisor last: while it lives, its orphans cannot leave the tree."""
-    running = {process.pid: process for process in processes.own()}
+    running = {process.pid: process for process in own()}
     since = min((record.start for record in records if record.start), default=None)
     ours: set[int] = set()
     for process in running.values():
@@ -185,5 +267,5 @@ def _belonging(records: tuple[Record, ...], adopted: Adopted | None) -> list[Pro
 def _await_end(killed: set[Process], seconds: float = 5.0) -> None:
     """Wait until the kernel has really ended them; a process in an uninterruptible call is given up on."""
     deadline = time.monotonic() + seconds
-    while time.monotonic() < deadline and any(processes.is_alive(item.pid, item.start) for item in killed):
+    while time.monotonic() < deadline and any(is_alive(item.pid, item.start) for item in killed):
         time.sleep(0.005)

@@ -12,7 +12,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Protocol
 
-from octoform.harness.asking.route import Route
+from octoform.harness.llm.route import Route
 
 RETRIES = 2
 BACKOFF_SECONDS = 1.5

@@ -21,10 +21,10 @@ from typing import BinaryIO, Protocol
 
 from octoform.base import marks, shortage
 from octoform.base.files import parse
-from octoform.harness import orphans, processes
-from octoform.harness.environment import ATTEMPT
-from octoform.harness.reaper import PR_SET_CHILD_SUBREAPER, prctl
-from octoform.harness.tasklog import DEFAULT_LIMIT, TaskLog
+from octoform.harness.containment import orphans
+from octoform.harness.containment.agent_environment import ATTEMPT
+from octoform.harness.containment.reaper import PR_SET_CHILD_SUBREAPER, prctl
+from octoform.harness.containment.task_log import DEFAULT_LIMIT, TaskLog
 
 REAPER = Path(__file__).with_name("reaper.py")
 CHUNK = 64 << 10
@@ -194,7 +194,7 @@ class _Session:
 
     def record(self) -> orphans.Record:
         """Who the supervisor is, for the attempt's folder."""
-        found = processes.look(self._process.pid)
+        found = orphans.look(self._process.pid)
         return orphans.Record(self._mark, self._process.pid, found.start if found else 0)
 
     def follow(self, log: TaskLog, observer: Observer) -> bytes:
@@ -245,7 +245,7 @@ class _Session:
 
         Whoever would let it go on could be stopped by the same agent again and again.
         """
-        found = processes.look(self._process.pid)
+        found = orphans.look(self._process.pid)
         if found is None or found.state not in "Tt":
             return False
         self.halted = True
@@ -286,7 +286,7 @@ def _adopting() -> Iterator[orphans.Adopted | None]:
 
     So what an agent has hidden cannot get away from here by killing its supervisor.
     """
-    before = frozenset(item for item in processes.own() if item.parent == os.getpid())
+    before = frozenset(item for item in orphans.own() if item.parent == os.getpid())
     with _ADOPTING.lock:
         _ADOPTING.runs += 1
         possible = prctl(PR_SET_CHILD_SUBREAPER, 1)

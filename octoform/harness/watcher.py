@@ -13,7 +13,9 @@ from contextlib import suppress
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 
-from octoform.harness.dialect import Dialect, one_line
+from octoform.harness.containment.task_log import Progress
+from octoform.harness.event_parser import Dialect, one_line
+from octoform.harness.llm.token_prices import OWNERS, cost_of
 from octoform.harness.port import (
     AgentEvent,
     Closed,
@@ -30,8 +32,6 @@ from octoform.harness.port import (
     Turn,
     Usage,
 )
-from octoform.harness.pricing import OWNERS, cost_of
-from octoform.harness.tasklog import Progress
 from octoform.redaction import redacted
 
 CLOSING_SECONDS = 10.0

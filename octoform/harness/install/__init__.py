@@ -1,0 +1,1 @@
+"""The programs of the harnesses: where they are, and their installation in a pinned version."""

@@ -1,0 +1,1 @@
+"""Models asked from Python: routes, keys, prices, one request, one bare completion."""
