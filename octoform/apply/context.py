@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from octoform.base import files
-from octoform.contracts.parsing import parse
+from octoform.contracts.artifact_parser import parse
 from octoform.diagnostics import Diagnostic
 from octoform.events import EventSink
 from octoform.graph.model import Graph

@@ -17,8 +17,8 @@ from octoform.apply.stage.attempt_loop import may_go_on, run_stage
 from octoform.apply.stage.attempt_record import state_usage
 from octoform.apply.stage.gate import Finished, Verdict
 from octoform.apply.stage.serve_feedback import JUDGE, MAKER, MOST_RETURNS, sent_back
-from octoform.contracts.checking import has_shape
-from octoform.contracts.parsing import parse
+from octoform.contracts.artifact_parser import parse
+from octoform.contracts.contract_check import has_shape
 from octoform.diagnostics import Diagnostic, has_errors
 from octoform.graph.model import Node, NodeKind, key_of, key_parts
 from octoform.harness.watcher import added

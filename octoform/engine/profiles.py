@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from octoform.base.files import parse
-from octoform.contracts.naming import is_chip_name
+from octoform.contracts.name_clues import is_chip_name
 from octoform.diagnostics import Diagnostic, did_you_mean, error
 from octoform.manifest.loader import load as load_manifest
 from octoform.profiles import Profile, load, match_rule

@@ -12,7 +12,7 @@ from typing import Any
 from pydantic import ValidationError
 
 from octoform.apply.context import Clock
-from octoform.contracts.parsing import parse
+from octoform.contracts.artifact_parser import parse
 from octoform.diagnostics import Diagnostic, did_you_mean, error, has_errors, warning
 from octoform.endpoint.client.terminal import Person
 from octoform.engine.plan.configuration import Compiled, compile_project

@@ -8,8 +8,8 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
-from octoform.contracts.naming import same_action
-from octoform.contracts.topology_rules import sharing
+from octoform.contracts.name_clues import same_action
+from octoform.contracts.rules.topology_rules import sharing
 from octoform.endpoint.client.check import trial_arguments
 
 _CAPTURE = same_action("capture_image")

@@ -18,7 +18,7 @@ FILES = [path for path in sorted(ROOT.rglob("*.py")) if not path.is_symlink()]
 # makers of simulated trees, which are given an empty folder.
 ALONE = ("endpoint/scripts/", "simulation/")
 # The base itself, and the parser of outputs, which tells a writer line and column of what is wrong.
-READERS = {"base/files.py", "contracts/parsing.py"}
+READERS = {"base/files.py", "contracts/artifact_parser.py"}
 PLAIN = {"read_text", "read_bytes", "write_text", "write_bytes"}
 MODE = re.compile(r"'[rwxa]b?\+?'")
 # What keeps `os.open` from waiting for the other end of a pipe, or from taking what is there already.

@@ -14,7 +14,7 @@ import pytest
 from projects import Project
 
 from octoform.apply.stage import artifact_writer
-from octoform.contracts import instance
+from octoform.contracts.host_identity import pseudonyms as instance
 
 sys.path[:0] = [str(Path(__file__).resolve().parents[1] / name) for name in ("", "recordings")]
 from hosts.plant import NAMES, plant  # noqa: E402

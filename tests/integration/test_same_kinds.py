@@ -11,7 +11,7 @@ from pathlib import Path
 import embedded
 import pytest
 
-from octoform.contracts.canon import output_digest
+from octoform.contracts.canonical import output_digest
 
 ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT / "tests"))

@@ -18,7 +18,7 @@ from octoform.builtin.identify.stage import identify
 from octoform.builtin.interface.stage import declare
 from octoform.builtin.probe.stage import probe_root
 from octoform.builtin.serve.stage import render
-from octoform.contracts.serve_rules import serve_static
+from octoform.contracts.rules.serve.serve_rules import serve_static
 
 # what is wrong -> (edit, code, words of the finding)
 WRONG: dict[str, tuple[Edit, str, str]] = {

@@ -21,9 +21,9 @@ from octoform.builtin.identify.stage import identify
 from octoform.builtin.interface.stage import declare
 from octoform.builtin.probe.stage import probe_root
 from octoform.builtin.serve.stage import render
-from octoform.contracts.checking import check
+from octoform.contracts.contract_check import check
 from octoform.contracts.model import Artifacts
-from octoform.contracts.serve_rules import serve_static
+from octoform.contracts.rules.serve.serve_rules import serve_static
 from octoform.diagnostics import Severity
 
 BUDGET = 100

@@ -18,7 +18,7 @@ from endings import record_running
 from launched import policy_of
 
 from octoform import digest, host
-from octoform.contracts.canon import output_digest
+from octoform.contracts.canonical import output_digest
 from octoform.endpoint.environment.model import MARKER, Environment, locate, packages_of
 from octoform.endpoint.files import CHECK
 from octoform.endpoint.publish.publication import Service, write_endpoint

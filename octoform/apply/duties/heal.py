@@ -25,10 +25,10 @@ from octoform.apply.stage.gate import Finished, Verdict, artifacts, digest_of, s
 from octoform.apply.stage.secret_scan import leaked
 from octoform.apply.stage.serve_proof import Judge as CheckJudge
 from octoform.base.files import parse as parse_json
-from octoform.contracts.checking import check
-from octoform.contracts.duties import told_devices, told_tools
+from octoform.contracts.artifact_parser import MAX_SOURCE_BYTES, parse
+from octoform.contracts.contract_check import check
 from octoform.contracts.model import Artifacts
-from octoform.contracts.parsing import MAX_SOURCE_BYTES, parse
+from octoform.contracts.report_context import told_devices, told_tools
 from octoform.contracts.text import shown as shown_text
 from octoform.diagnostics import Diagnostic, error, has_errors
 from octoform.endpoint.client.check import CheckReport, TrialCall, judge_check

@@ -18,9 +18,9 @@ from octoform.apply.stage.artifact_writer import text_of
 from octoform.apply.stage.assignment import Assignment, Judge, Prove, of_stage
 from octoform.apply.stage.attempt_loop import fulfil
 from octoform.apply.stage.gate import Finished, Verdict, artifacts, digest_of, read_value, shown
-from octoform.contracts.checking import check
-from octoform.contracts.duties import DutyFacts, told_devices, told_tools
+from octoform.contracts.contract_check import check
 from octoform.contracts.model import Artifacts
+from octoform.contracts.report_context import DutyFacts, told_devices, told_tools
 from octoform.diagnostics import Diagnostic
 from octoform.harness.containment import agent_environment
 from octoform.harness.llm.completion import LiteLLMCompletion

@@ -11,10 +11,10 @@ from dataclasses import dataclass, replace
 
 from octoform.apply.rewrite.scope import Parts, Unit, beyond, divided, own_tools
 from octoform.contracts.model import JsonObject
-from octoform.contracts.repair_rules import bereft
-from octoform.contracts.serve_device_rules import opens_anything
-from octoform.contracts.serve_tool_rules import tool_sites
-from octoform.contracts.source import Function, Source, imported_modules
+from octoform.contracts.rules.heal_rules import bereft
+from octoform.contracts.rules.serve.device_rules import opens_anything
+from octoform.contracts.rules.serve.tool_rules import tool_sites
+from octoform.contracts.server_source import Function, Source, imported_modules
 from octoform.contracts.text import listed, shown
 from octoform.diagnostics import Diagnostic, error
 

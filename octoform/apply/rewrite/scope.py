@@ -11,11 +11,11 @@ from collections.abc import Iterable, Iterator, Set
 from dataclasses import dataclass, replace
 from difflib import SequenceMatcher
 
-from octoform.contracts.header import declared_names
 from octoform.contracts.model import JsonObject
-from octoform.contracts.serve_code_rules import is_standard
-from octoform.contracts.serve_tool_rules import tool_sites
-from octoform.contracts.source import Function, Source, imported_modules, needed_source
+from octoform.contracts.rules.serve.code_rules import is_standard
+from octoform.contracts.rules.serve.tool_rules import tool_sites
+from octoform.contracts.script_header import declared_names
+from octoform.contracts.server_source import Function, Source, imported_modules, needed_source
 from octoform.contracts.text import listed, shown
 from octoform.diagnostics import Diagnostic, error
 

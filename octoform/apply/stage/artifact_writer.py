@@ -14,9 +14,9 @@ from octoform.apply.context import Context
 from octoform.apply.stage.gate import Verdict, digest_of
 from octoform.base import files
 from octoform.base.files import read
-from octoform.contracts.instance import instances, pseudonymise
-from octoform.contracts.parsing import parse
-from octoform.contracts.specimens import judged, keep_ids
+from octoform.contracts.artifact_parser import parse
+from octoform.contracts.host_identity.ordinals import judged, keep_ids
+from octoform.contracts.host_identity.pseudonyms import instances, pseudonymise
 from octoform.diagnostics import Diagnostic
 from octoform.state.artifacts.cache import read_instances, write_instances
 from octoform.state.files import read_regular, spending, write_atomic

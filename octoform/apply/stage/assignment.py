@@ -17,9 +17,9 @@ from octoform.apply.stage.artifact_writer import runtime_files
 from octoform.apply.stage.gate import BYTES_QUOTED, Verdict, artifacts, judge, read_output, read_value, shown
 from octoform.apply.stage.secret_scan import blanked
 from octoform.base.files import parse, replace
-from octoform.contracts.checking import check, has_shape
+from octoform.contracts.contract_check import check, has_shape
 from octoform.contracts.model import HostScan
-from octoform.contracts.probe_host_rules import completed
+from octoform.contracts.rules.probe_host_rules import completed
 from octoform.diagnostics import Diagnostic, error, warning
 from octoform.harness.llm.token_prices import OWNERS, price_of
 from octoform.harness.port import AgentEvent, ExitReason, Outcome, Price, Task, TaskLimits, Usage

@@ -16,10 +16,10 @@ from octoform.apply.context import Context, accepted_before
 from octoform.base import files
 from octoform.base.id_databases import IdDatabases
 from octoform.base.shortage import TEXT, printed
-from octoform.contracts.canon import output_digest
-from octoform.contracts.checking import check
+from octoform.contracts.artifact_parser import parse
+from octoform.contracts.canonical import output_digest
+from octoform.contracts.contract_check import check
 from octoform.contracts.model import Artifacts, ProfileFacts
-from octoform.contracts.parsing import parse
 from octoform.diagnostics import Diagnostic, error, has_errors
 from octoform.harness.port import ExitReason, Outcome, Task, Usage
 from octoform.manifest.rules.profile_paths import shipped

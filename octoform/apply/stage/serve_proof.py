@@ -17,14 +17,14 @@ from octoform.apply.stage.artifact_writer import counted, runtime_files
 from octoform.apply.stage.gate import fresh
 from octoform.base import files
 from octoform.base.files import replace
-from octoform.contracts.deploying import deploy_installed, deploy_lock
-from octoform.contracts.header import declared_requirements, normalised
 from octoform.contracts.model import Artifacts, ProfileFacts
-from octoform.contracts.raw_line_rules import lines_beside, unknown_lines
-from octoform.contracts.serve_line_rules import listening, on_a_line
-from octoform.contracts.serve_tool_rules import tools_importing
-from octoform.contracts.serving import serve_dynamic
-from octoform.contracts.source import imported_modules, needed_source
+from octoform.contracts.rules.deploy_rules import deploy_installed, deploy_lock
+from octoform.contracts.rules.raw_line_rules import lines_beside, unknown_lines
+from octoform.contracts.rules.serve.line_rules import listening, on_a_line
+from octoform.contracts.rules.serve.tool_rules import tools_importing
+from octoform.contracts.schema.equivalence import serve_dynamic
+from octoform.contracts.script_header import declared_requirements, normalised
+from octoform.contracts.server_source import imported_modules, needed_source
 from octoform.contracts.text import listed
 from octoform.contracts.text import shown as shown_text
 from octoform.diagnostics import Diagnostic, has_errors, warning

@@ -2,7 +2,7 @@
 
 import shutil
 
-from octoform.contracts.serve_programs import tools_starting
+from octoform.contracts.rules.serve.programs import tools_starting
 from octoform.state.files import read_regular
 from octoform.state.layout import Layout
 

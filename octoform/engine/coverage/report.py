@@ -11,9 +11,9 @@ from pathlib import Path
 from typing import Any
 
 from octoform import digest
-from octoform.contracts.checking import has_shape
-from octoform.contracts.parsing import parse
-from octoform.contracts.tier import tier, wanted
+from octoform.contracts.artifact_parser import parse
+from octoform.contracts.contract_check import has_shape
+from octoform.contracts.rules.identify.answer_rules import tier, wanted
 from octoform.diagnostics import Diagnostic, error
 from octoform.endpoint.observe.drift import observe as observe_endpoint
 from octoform.endpoint.publish.expected_tools import hidden

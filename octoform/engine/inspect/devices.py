@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from octoform.base import files
-from octoform.contracts.parsing import parse
+from octoform.contracts.artifact_parser import parse
 from octoform.diagnostics import Diagnostic, error, warning
 from octoform.endpoint.files import describe_closed, served_nodes
 from octoform.engine.plan import device_knowledge

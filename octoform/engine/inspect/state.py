@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import Any
 
 from octoform.apply.context import Clock
-from octoform.contracts.canon import output_digest
-from octoform.contracts.parsing import parse
+from octoform.contracts.artifact_parser import parse
+from octoform.contracts.canonical import output_digest
 from octoform.diagnostics import Diagnostic, did_you_mean, error, has_errors
 from octoform.endpoint.observe.logs import CALLS, Line, Logs, logs_of
 from octoform.engine.plan.configuration import Compiled, compile_project

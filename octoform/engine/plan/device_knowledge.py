@@ -4,7 +4,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from octoform.contracts.tier import tier, wanted
+from octoform.contracts.rules.identify.answer_rules import tier, wanted
 from octoform.diagnostics import Diagnostic, did_you_mean, warning
 from octoform.engine.plan.configuration import Compiled
 from octoform.graph.model import ANSWER

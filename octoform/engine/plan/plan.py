@@ -10,8 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import octoform
-from octoform.contracts.model import Artifacts, ProfileFacts
-from octoform.contracts.stepping import corroborated
+from octoform.contracts.model import Artifacts, ProfileFacts, corroborated
 from octoform.diagnostics import Diagnostic, as_warning, did_you_mean, error, has_errors, warning
 from octoform.endpoint.process.record import running_beside
 from octoform.endpoint.publish.expected_tools import published

@@ -10,11 +10,10 @@ from octoform import digest, host
 from octoform.apply.stage.gate import offered
 from octoform.base import files
 from octoform.base.shape import fits
-from octoform.contracts.canon import schema_path
-from octoform.contracts.checking import check, has_shape
-from octoform.contracts.model import Artifacts, ProfileFacts
-from octoform.contracts.parsing import parse
-from octoform.contracts.stepping import StepFacts, corroborated
+from octoform.contracts.artifact_parser import parse
+from octoform.contracts.canonical import schema_path
+from octoform.contracts.contract_check import check, has_shape
+from octoform.contracts.model import Artifacts, ProfileFacts, StepFacts, corroborated
 from octoform.diagnostics import Diagnostic, Severity
 from octoform.endpoint.observe.drift import observe as observe_endpoint
 from octoform.engine.plan.configuration import Compiled

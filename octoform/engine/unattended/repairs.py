@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from pathlib import Path
 
-from octoform.contracts.parsing import parse
+from octoform.contracts.artifact_parser import parse
 from octoform.diagnostics import Diagnostic, has_errors
 from octoform.endpoint.client.check import check, judge_check
 from octoform.endpoint.environment.build import build

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 
-from octoform.contracts import tier
+from octoform.contracts.rules.identify import answer_rules
 from octoform.engine.coverage.report import OFFERED, Group, Report, Share, Stage
 from octoform.engine.coverage.runs import Pass, known_sum
 from octoform.views.format.table import Column
@@ -25,7 +25,7 @@ REASONS = {
     "unsafe": "could do harm when it is called",
     "out_of_scope": "is a part of the computer itself",
 }
-TIERS = tier.WORDS
+TIERS = answer_rules.WORDS
 ENDPOINT = {"running": "the endpoint runs", "stopped": "the endpoint does not run", "absent": "no endpoint yet"}
 ONBOARDABLE = (
     "Onboardable is what senses or acts, what is unknown, and what was left out although an agent could use it."

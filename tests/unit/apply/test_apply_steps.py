@@ -13,7 +13,7 @@ from octoform.apply.stage.assignment import Assignment
 from octoform.apply.stage.gate import Finished, Verdict
 from octoform.apply.trials import tool_client as hands
 from octoform.apply.trials.tool_client import LiveHand
-from octoform.contracts.checking import has_shape
+from octoform.contracts.contract_check import has_shape
 from octoform.diagnostics import Diagnostic, error
 from octoform.endpoint.client.terminal import CallResult, Wanted
 from octoform.graph.model import Graph, Node, NodeKind

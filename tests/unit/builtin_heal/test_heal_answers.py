@@ -9,9 +9,9 @@ import pytest
 from octoform.builtin.heal import run
 from octoform.builtin.heal.stage import answer
 from octoform.builtin.task import Refused, Task, read_task
-from octoform.contracts.checking import check
-from octoform.contracts.duties import DutyFacts
+from octoform.contracts.contract_check import check
 from octoform.contracts.model import Artifacts
+from octoform.contracts.report_context import DutyFacts
 from octoform.protocol import schema_dir
 
 LAMP = "usb-1234-0001"

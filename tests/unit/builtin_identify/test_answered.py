@@ -9,7 +9,7 @@ from octoform.base.id_databases import IdDatabases
 from octoform.builtin.identify.answered import short
 from octoform.builtin.identify.stage import identify
 from octoform.builtin.interface.reasons import why_left_out
-from octoform.contracts.checking import check
+from octoform.contracts.contract_check import check
 from octoform.contracts.model import Artifacts
 
 SCHEMAS = Path(__file__).parents[3] / "protocol" / "schemas"

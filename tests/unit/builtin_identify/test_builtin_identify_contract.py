@@ -12,7 +12,7 @@ from probes import answer, usb
 from octoform.base.id_databases import IdDatabases
 from octoform.builtin.identify.stage import identify
 from octoform.builtin.probe.stage import probe_root
-from octoform.contracts.checking import check
+from octoform.contracts.contract_check import check
 from octoform.contracts.model import Artifacts
 
 ROOT = Path(__file__).resolve().parents[3]

@@ -14,9 +14,9 @@ from octoform.builtin.identify.refusable import names_wires, without_refused
 from octoform.builtin.identify.stage import identify
 from octoform.builtin.interface.stage import declare
 from octoform.builtin.probe import text
-from octoform.contracts.checking import check
+from octoform.contracts.contract_check import check
 from octoform.contracts.model import Artifacts
-from octoform.contracts.naming import is_chip_name
+from octoform.contracts.name_clues import is_chip_name
 
 SCHEMAS = Path(__file__).resolve().parents[3] / "protocol/schemas"
 WORD = st.one_of(

@@ -9,7 +9,7 @@ from sysfs_tree import Tree
 
 from octoform.builtin.identify.stage import identify
 from octoform.builtin.probe.stage import probe_root
-from octoform.contracts.checking import check
+from octoform.contracts.contract_check import check
 from octoform.contracts.model import Artifacts
 
 SCHEMAS = Path(__file__).parents[3] / "protocol/schemas"

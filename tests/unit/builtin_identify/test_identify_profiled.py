@@ -8,7 +8,7 @@ import pytest
 from probes import NO_DATABASES, device, probe, usb
 
 from octoform.builtin.identify.stage import identify
-from octoform.contracts.checking import check
+from octoform.contracts.contract_check import check
 from octoform.contracts.model import Artifacts, ProfileFacts
 from octoform.profiles import devices_of, for_task, load
 

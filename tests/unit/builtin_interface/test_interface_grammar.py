@@ -12,7 +12,7 @@ from octoform.builtin.interface.catalog import KINDS
 from octoform.builtin.interface.stage import declare
 from octoform.builtin.serve.stage import render
 from octoform.builtin.task import Refused
-from octoform.contracts.checking import check
+from octoform.contracts.contract_check import check
 from octoform.contracts.model import Artifacts, ProfileFacts
 from octoform.profiles import Profile, commands, for_task, load, load_text
 from octoform.profiles.definitions.definition import Command, Grammar, LineGrammar, RegisterGrammar, Value

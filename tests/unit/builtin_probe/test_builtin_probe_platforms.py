@@ -16,8 +16,8 @@ from jsonschema import Draft202012Validator
 from octoform.builtin.probe import commands, macos
 from octoform.builtin.probe.reader import Reader
 from octoform.builtin.probe.stage import probe, probe_root
-from octoform.contracts.checking import check
-from octoform.contracts.instance import pseudonymise
+from octoform.contracts.contract_check import check
+from octoform.contracts.host_identity.pseudonyms import pseudonymise
 from octoform.contracts.model import Artifacts
 
 SCHEMAS = Path(__file__).parents[3] / "protocol/schemas"

@@ -17,8 +17,8 @@ from octoform.builtin.identify.stage import identify
 from octoform.builtin.interface.stage import declare
 from octoform.builtin.serve.stage import render
 from octoform.contracts.model import Artifacts
-from octoform.contracts.serve_actuate_rules import RULES as ACTUATE_RULES
-from octoform.contracts.serve_device_rules import RULES as DEVICE_RULES
+from octoform.contracts.rules.serve.device_rules import RULES as DEVICE_RULES
+from octoform.contracts.rules.serve.serve_rules import ACTUATE_RULES
 from octoform.profiles import for_task, load
 from octoform.runtime import DeviceFault
 from octoform.simulation import servo

@@ -11,9 +11,8 @@ from octoform.builtin.interface.stage import declare
 from octoform.builtin.step import run
 from octoform.builtin.step.stage import answer
 from octoform.builtin.task import Refused, Task, read_task
-from octoform.contracts.checking import check
-from octoform.contracts.model import Artifacts
-from octoform.contracts.stepping import StepFacts
+from octoform.contracts.contract_check import check
+from octoform.contracts.model import Artifacts, StepFacts
 from octoform.profiles import for_task, load
 from octoform.protocol import schema_dir
 

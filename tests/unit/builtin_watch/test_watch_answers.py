@@ -12,9 +12,9 @@ from hypothesis import strategies as st
 from octoform.builtin.task import Refused, Task
 from octoform.builtin.watch import run
 from octoform.builtin.watch.stage import answer
-from octoform.contracts.checking import check
-from octoform.contracts.duties import DutyFacts, told_tools
+from octoform.contracts.contract_check import check
 from octoform.contracts.model import Artifacts
+from octoform.contracts.report_context import DutyFacts, told_tools
 from octoform.protocol import schema_dir
 
 LAMP, METER = "usb-1234-0001", "hwmon-meter"

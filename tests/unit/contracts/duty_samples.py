@@ -6,9 +6,9 @@ from typing import Any
 
 from contract_samples import SCHEMAS
 
-from octoform.contracts.checking import check
-from octoform.contracts.duties import DutyFacts, told_devices, told_tools
+from octoform.contracts.contract_check import check
 from octoform.contracts.model import Artifacts
+from octoform.contracts.report_context import DutyFacts, told_devices, told_tools
 
 ARM, CAMERA = "usb-1234-0007", "usb-1234-0001"
 

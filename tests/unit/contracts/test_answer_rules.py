@@ -6,9 +6,9 @@ from typing import Any
 import pytest
 from contract_samples import SCHEMAS, artifacts, good
 
-from octoform.contracts.checking import check
+from octoform.contracts.contract_check import check
 from octoform.contracts.model import ProfileFacts
-from octoform.contracts.tier import tier, wanted
+from octoform.contracts.rules.identify.answer_rules import tier, wanted
 
 LAMP = "usb-1234-0002"
 BOARD = "usb-1234-0003"

@@ -8,10 +8,10 @@ from typing import Any
 import pytest
 from cases import for_each
 
-from octoform.contracts.grammar_rules import grammar_differs
-from octoform.contracts.interface_rules import effect_differs
 from octoform.contracts.model import Artifacts, ProfileFacts
-from octoform.contracts.stop_rules import identify_stops, interface_stops
+from octoform.contracts.rules.interface.interface_rules import effect_differs
+from octoform.contracts.rules.interface.protocol_definition_rules import grammar_differs
+from octoform.contracts.rules.stop_rules import identify_stops, interface_stops
 from octoform.profiles import Profile, commands, load
 
 PROFILES = {item.name: item for item in load(sorted((Path(__file__).parents[3] / "profiles").glob("*.md")))[0]}

@@ -3,7 +3,7 @@
 import pytest
 from contract_samples import SCHEMAS, artifacts, good
 
-from octoform.contracts.checking import check
+from octoform.contracts.contract_check import check
 
 CODE = "IDENTIFY-NAME-WITHOUT-EVIDENCE"
 ENTRY = "Acme Imaging DeskCam 300 / DeskCam 310 / DeskCam Pro"

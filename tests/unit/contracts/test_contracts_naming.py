@@ -4,8 +4,8 @@ from typing import Any
 
 import pytest
 
-from octoform.contracts.naming import is_chip_name, is_passthrough, same_action
-from octoform.contracts.schemas_alike import schema_equal
+from octoform.contracts.name_clues import is_chip_name, is_passthrough, same_action
+from octoform.contracts.schema.equivalence import schema_equal
 
 PIPES = [
     "send_serial_command",

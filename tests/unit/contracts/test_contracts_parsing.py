@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from octoform.contracts import parse
-from octoform.contracts.parsing import MAX_DEPTH, MAX_JSON_BYTES, MAX_SOURCE_BYTES
+from octoform.contracts.artifact_parser import MAX_DEPTH, MAX_JSON_BYTES, MAX_SOURCE_BYTES
 
 REFUSED = [
     (b"", "ARTIFACT-EMPTY", None),

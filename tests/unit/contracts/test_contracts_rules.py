@@ -6,15 +6,9 @@ from typing import Any
 import pytest
 from contract_samples import READ, SCHEMAS, artifacts, good
 
-from octoform.contracts import (
-    annotation_rules,
-    answer_rules,
-    name_rules,
-    probe_host_rules,
-    probe_text_rules,
-    prose_rules,
-)
-from octoform.contracts.checking import MAX_PER_RULE, RULES, check
+from octoform.contracts.contract_check import MAX_PER_RULE, RULES, check
+from octoform.contracts.rules import probe_host_rules, probe_rules
+from octoform.contracts.rules.identify import annotation_rules, answer_rules, name_rules, prose_rules
 from octoform.diagnostics import Severity
 
 Change = Callable[[dict[str, Any]], Any]
@@ -429,7 +423,7 @@ def test_a_missing_predecessor_is_a_bug_of_the_caller() -> None:
 
 def test_every_rule_has_a_code_of_its_stage_and_a_case_here() -> None:
     cases = {code for table in (PROBE_CASES, IDENTIFY_CASES, INTERFACE_CASES, DEPLOY_CASES) for code, _ in table}
-    elsewhere = (answer_rules, probe_host_rules, probe_text_rules, annotation_rules, name_rules, prose_rules)
+    elsewhere = (answer_rules, probe_host_rules, probe_rules, annotation_rules, name_rules, prose_rules)
     own_tests = {rule.code for rules in elsewhere for rule in rules.RULES}
     own_tests |= {
         "IDENTIFY-ACTUATE-WITHOUT-PROFILE",

@@ -6,13 +6,13 @@ import pytest
 from contract_samples import READ, SCHEMAS, SERVER, artifacts, good
 
 from octoform import runtime
-from octoform.contracts.checking import RULES, check
-from octoform.contracts.deploying import deploy_installed, deploy_lock
-from octoform.contracts.header import declared_requirements
+from octoform.contracts.contract_check import RULES, check
 from octoform.contracts.model import Artifacts
-from octoform.contracts.serve_device_rules import RUNTIME_TOUCHES, camera_held
-from octoform.contracts.serve_rules import serve_static
-from octoform.contracts.serving import serve_dynamic
+from octoform.contracts.rules.deploy_rules import deploy_installed, deploy_lock
+from octoform.contracts.rules.serve.device_rules import RUNTIME_TOUCHES, camera_held
+from octoform.contracts.rules.serve.serve_rules import serve_static
+from octoform.contracts.schema.equivalence import serve_dynamic
+from octoform.contracts.script_header import declared_requirements
 
 HASH = "--hash=sha256:" + "ab" * 32
 END = '\n\nif __name__ == "__main__":'

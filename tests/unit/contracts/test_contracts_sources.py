@@ -1,7 +1,7 @@
 """A tool of several devices is read for each of them: those readings tell of the tool and of that device alone."""
 
 from octoform.contracts.model import Artifacts
-from octoform.contracts.report_rules import Target, sources_of
+from octoform.contracts.rules.report_rules import Target, sources_of
 
 TOOL = {"name": "ask_board", "devices": ["usb-b", "usb-b-2"]}
 

@@ -11,9 +11,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from octoform.contracts import Artifacts
-from octoform.contracts.checking import check
-from octoform.contracts.instance import pseudonymise
-from octoform.contracts.standin import members, stand_in, with_stand_ins
+from octoform.contracts.contract_check import check
+from octoform.contracts.host_identity.pseudonyms import members, pseudonymise, stand_in, with_stand_ins
 
 KEY, OTHER = b"k" * 32, b"o" * 32
 TEXT = st.text(st.sampled_from("abcdefABCDEF0123456789:- _redacted"), max_size=60)

@@ -5,7 +5,7 @@ from typing import Any
 import pytest
 
 from octoform.contracts.model import Artifacts
-from octoform.contracts.topology_rules import RULES, shared_hub
+from octoform.contracts.rules.topology_rules import RULES, shared_hub
 from octoform.diagnostics import Severity
 
 ROOT = "/sys/devices/pci0000:00/0000:00:14.0/usb1"

@@ -6,8 +6,8 @@ from typing import Any
 
 import pytest
 
-from octoform.contracts.interface_unit_rules import units_missing, units_wrong
 from octoform.contracts.model import Artifacts, ProfileFacts
+from octoform.contracts.rules.interface.result_rules import units_missing, units_wrong
 
 Tool = dict[str, Any]
 NAMES = {"pan": ["1"], "elbow": ["3"]}

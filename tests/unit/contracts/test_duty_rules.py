@@ -8,7 +8,7 @@ import pytest
 from contract_samples import SCHEMAS
 from duty_samples import ARM, CAMERA, CLAIM, ERROR, HEAT, INTERFACE, codes, given, reading, report
 
-from octoform.contracts.checking import RULES, check
+from octoform.contracts.contract_check import RULES, check
 from octoform.contracts.model import Artifacts
 
 Change = Callable[[dict[str, Any]], Any]

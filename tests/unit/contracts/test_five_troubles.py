@@ -9,9 +9,9 @@ from contract_samples import SCHEMAS
 from troubles import ARM, CAMERA, HOT, INTERFACE, RAIL, said, wrong
 
 from octoform.builtin.watch.stage import answer
-from octoform.contracts.checking import check
-from octoform.contracts.duties import DutyFacts
+from octoform.contracts.contract_check import check
 from octoform.contracts.model import Artifacts
+from octoform.contracts.report_context import DutyFacts
 
 Report = dict[str, Any]
 Trouble = Callable[[], Report]

@@ -9,7 +9,7 @@ from case_hosts import SCHEMAS, host
 from cases import for_each
 from identify_cases import RIGHT, WRONG
 
-from octoform.contracts.checking import check
+from octoform.contracts.contract_check import check
 from octoform.contracts.model import Artifacts
 from octoform.diagnostics import Diagnostic, Severity
 

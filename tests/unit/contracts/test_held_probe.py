@@ -14,9 +14,9 @@ from probe_cases import RIGHT, WRONG
 
 from octoform.builtin.probe.stage import probe_root
 from octoform.builtin.scan import beside
-from octoform.contracts.checking import check, has_shape
+from octoform.contracts.contract_check import check, has_shape
 from octoform.contracts.model import Artifacts, HostScan
-from octoform.contracts.probe_host_rules import completed
+from octoform.contracts.rules.probe_host_rules import completed
 from octoform.diagnostics import Diagnostic, Severity
 
 HOSTS = ("laptop", "bench", "raspberry", "server", "rail", "rig", "shop")

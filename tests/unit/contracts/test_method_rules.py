@@ -2,8 +2,8 @@
 
 import pytest
 
-from octoform.contracts.annotation_rules import method_false
 from octoform.contracts.model import Artifacts
+from octoform.contracts.rules.identify.annotation_rules import method_false
 
 HUB = """idVendor: 8087
 idProduct: 0024

@@ -19,7 +19,7 @@ from octoform.builtin.interface.stage import declare
 from octoform.builtin.probe.stage import probe_root
 from octoform.builtin.serve.stage import render
 from octoform.contracts import ProfileFacts
-from octoform.contracts.checking import check
+from octoform.contracts.contract_check import check
 from octoform.contracts.model import Artifacts
 
 SENSOR = "hwmon-benchtemp"

@@ -6,7 +6,7 @@ from typing import Any
 import pytest
 from contract_samples import IDENTIFY, PROBE, SCHEMAS, artifacts
 
-from octoform.contracts.checking import check
+from octoform.contracts.contract_check import check
 
 CODE = "IDENTIFY-ACTUATE-WITHOUT-PROFILE"
 LINE = "usb-1234-0003"

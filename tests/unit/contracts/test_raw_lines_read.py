@@ -11,11 +11,11 @@ from typing import Any
 from cases import for_each
 from contract_samples import IDENTIFY, INTERFACE, PROBE, READ, SCHEMAS, artifacts
 
-from octoform.contracts.checking import check
+from octoform.contracts.contract_check import check
 from octoform.contracts.model import Artifacts, ProfileFacts
 from octoform.contracts.movement_words import name_moves, speaks_of_change
-from octoform.contracts.raw_line_rules import lines_beside, unknown_lines
-from octoform.contracts.serve_line_rules import listening, on_a_line
+from octoform.contracts.rules.raw_line_rules import lines_beside, unknown_lines
+from octoform.contracts.rules.serve.line_rules import listening, on_a_line
 
 LINE = "usb-1234-0003"
 ANSWER = {LINE: "an Acme Arm"}

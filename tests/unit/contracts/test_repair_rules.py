@@ -2,7 +2,7 @@
 
 import pytest
 
-from octoform.contracts.repair_rules import bereft
+from octoform.contracts.rules.heal_rules import bereft
 
 SERVER = '''
 """A server."""

@@ -15,7 +15,7 @@ from octoform.builtin.identify.stage import identify
 from octoform.builtin.interface.stage import declare
 from octoform.builtin.probe.stage import probe_root
 from octoform.builtin.serve.stage import render
-from octoform.contracts.serve_rules import serve_static
+from octoform.contracts.rules.serve.serve_rules import serve_static
 from octoform.diagnostics import Severity
 
 LIBRARIES = swap('"opencv-python-headless>=4.10"', '"opencv-python-headless>=4.10", "minimalmodbus", "smbus2"')

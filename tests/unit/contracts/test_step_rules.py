@@ -9,8 +9,8 @@ import pytest
 from contract_samples import SCHEMAS, artifacts, good
 
 from octoform.contracts import Artifacts, ProfileFacts
-from octoform.contracts.checking import RULES, check
-from octoform.contracts.stepping import StepFacts, corroborated
+from octoform.contracts.contract_check import RULES, check
+from octoform.contracts.model import StepFacts, corroborated
 
 ARM, CAMERA = "usb-1a86-55d3", "usb-1234-0001"
 JOINTS = ["base", "elbow", "grip"]

@@ -4,9 +4,9 @@ import ast
 
 from contract_samples import SCHEMAS, artifacts, good
 
-from octoform.contracts.canon import output_digest
-from octoform.contracts.checking import check
-from octoform.contracts.serving import serve_dynamic
+from octoform.contracts.canonical import output_digest
+from octoform.contracts.contract_check import check
+from octoform.contracts.schema.equivalence import serve_dynamic
 
 ANOTHER = '''# /// script
 # requires-python = ">=3.11"

@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from typing import Any
 
-from octoform.contracts.duties import told_devices, told_tools
+from octoform.contracts.report_context import told_devices, told_tools
 
 ARM, CAMERA, RAIL = "usb-1234-0007", "usb-1234-0001", "usb-1234-0009"
 JOINTS = ["base", "shoulder", "elbow", "wrist"]

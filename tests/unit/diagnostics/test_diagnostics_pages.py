@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from cases import for_each
 
-from octoform.contracts.checking import RULES
+from octoform.contracts.contract_check import RULES
 from octoform.diagnostics.explain import codes, explain
 
 SOURCES = Path(__file__).parents[3] / "octoform"

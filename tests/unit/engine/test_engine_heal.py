@@ -35,7 +35,7 @@ def test_an_action_is_carried_out_and_both_are_told_and_paid(monkeypatch: pytest
 
 
 def test_every_action_of_the_contract_but_a_rewrite_and_none_has_its_way() -> None:
-    from octoform.contracts.heal_rules import ACTIONS
+    from octoform.contracts.rules.heal_rules import ACTIONS
 
     named = {action for actions in ACTIONS.values() for action in actions}
     assert named - {"rewrite"} == set(heal.ACTIONS)

@@ -19,9 +19,9 @@ from octoform.builtin.interface.stage import declare
 from octoform.builtin.probe.stage import probe_root
 from octoform.builtin.probe.text import visible
 from octoform.builtin.serve.stage import render
-from octoform.contracts.checking import check
+from octoform.contracts.artifact_parser import parse
+from octoform.contracts.contract_check import check
 from octoform.contracts.model import Artifacts
-from octoform.contracts.parsing import parse
 from octoform.escaping import is_hidden
 
 SCHEMAS = Path(__file__).parents[3] / "protocol" / "schemas"

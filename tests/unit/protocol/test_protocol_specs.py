@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from octoform import runtime
-from octoform.contracts.serve_rules import serve_static
+from octoform.contracts.rules.serve.serve_rules import serve_static
 from octoform.protocol import DUTIES, STAGES, Spec
 from octoform.protocol.loader import load
 

@@ -7,7 +7,7 @@ import pytest
 from covered import onboarded, report
 from hosts.plant import plant
 
-from octoform.contracts.tier import tier, wanted
+from octoform.contracts.rules.identify.answer_rules import tier, wanted
 from octoform.engine.coverage.report import Report, Share
 from octoform.views.coverage.report import lines
 from octoform.views.coverage.text import percent

@@ -1,0 +1,471 @@
+"""Rules for DEPLOY: a dependency set that is exact, complete and owns up to what failed.
+
+What runs beside the hardware for months is decided here once, so nothing may be left to whatever version a package
+index happens to offer on the day of a repair. Light.
+"""
+
+import re
+from collections.abc import Collection, Iterator, Mapping
+
+from octoform.contracts.model import Artifacts, JsonObject, Rule
+from octoform.contracts.rules.serve.code_rules import is_standard
+from octoform.contracts.rules.serve.programs import programs_of
+from octoform.contracts.rules.text_rules import in_values
+from octoform.contracts.script_header import declared_names, declared_requirements, normalised, required_python
+from octoform.contracts.server_source import Source, imported_modules, read_source
+from octoform.contracts.text import flattened, listed, pointer, shown
+from octoform.diagnostics import Diagnostic, Span, error, warning
+from octoform.escaping import escaped
+
+_BUILDS = frozenset({"headless", "contrib", "gpu", "cpu", "full", "lite", "nogui"})
+"""Words by which builds of one library are told apart in its name."""
+_PYTHONS = tuple(f"3.{minor}.{patch}" for minor in range(8, 30) for patch in (0, 9))
+
+
+def status_error(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
+    """A DEPLOY that reports failure has failed."""
+    if value["status"] == "ok":
+        said = value.get("error", "").strip()
+        hint = (
+            "write status error where something is wrong; else leave `error` out (what was chosen goes to `conflicts`)"
+        )
+        summary = f"DEPLOY reports success and an error at once: {escaped(said[:300])}"
+        return [error("DEPLOY-STATUS-ERROR", summary, pointer="/error", hint=hint)] if said else []
+    reason = value.get("error", "").strip()
+    summary = f"DEPLOY reports failure: {escaped(reason[:300])}" if reason else "DEPLOY reports failure and no reason"
+    failed = [f"{item['name']}: {item['reason']}" for item in value.get("deps_failed", ())]
+    detail = "\n".join(escaped(line) for line in failed[:10]) or None
+    return [error("DEPLOY-STATUS-ERROR", summary, pointer="/status", detail=detail)]
+
+
+def import_unresolved(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
+    """Each third-party import of the server has a provider.
+
+    A module that is imported only inside functions may be provided by a dependency that failed: then its tools fail
+    when they are called, and the others work.
+    """
+    provided = {item["module"].partition(".")[0]: item["provided_by"] for item in value["imports"]}
+    failed = {normalised(item["name"]) for item in value.get("deps_failed", ())}
+    out = []
+    for module, inside in _foreign_imports(artifacts).items():
+        if module not in provided:
+            summary = f"server.py imports {shown(module)}, and nothing is said to provide it"
+            hint = "add it to imports with the requirement that provides it"
+        elif normalised(provided[module]) in failed and not inside:
+            summary = f"server.py imports {shown(module)} at its top, but {shown(provided[module])} failed to install"
+            hint = "find a version that installs; only an import inside a function can do without"
+        else:
+            continue
+        out.append(error("DEPLOY-IMPORT-UNRESOLVED", summary, pointer="/imports", hint=hint))
+    return out
+
+
+def import_provider(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
+    """A provider is a listed requirement, or ``python`` or ``runtime`` where that is true."""
+    names = {normalised(item["name"]) for item in value["requirements"]}
+    names |= {normalised(item["name"]) for item in value.get("deps_failed", ())}
+    out = []
+    for index, item in enumerate(value["imports"]):
+        module, provider = item["module"].partition(".")[0], item["provided_by"]
+        if provider == "python":
+            fits = is_standard(module)
+        elif provider == "runtime":
+            fits = module == "runtime"
+        else:
+            fits = normalised(provider) in names
+        if not fits:
+            summary = f"{shown(item['module'])} is said to come from {shown(provider)}, which does not provide it"
+            hint = "name one of requirements; `python` is the standard library, `runtime` only the module runtime"
+            where = pointer("imports", index, "provided_by")
+            out.append(error("DEPLOY-IMPORT-PROVIDER", summary, pointer=where, hint=hint))
+    return out
+
+
+def provider_twice(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
+    """One package provides a module; two that have the same module overwrite each other."""
+    first: dict[str, str] = {}
+    out = []
+    for index, item in enumerate(value["imports"]):
+        module, provider = item["module"].partition(".")[0], normalised(item["provided_by"])
+        if first.setdefault(module, provider) != provider:
+            summary = f"{shown(module)} is said to come from {shown(first[module])} and from {shown(provider)}"
+            where = pointer("imports", index, "provided_by")
+            hint = "require the one whose build has what the server calls, and leave the other out"
+            out.append(error("DEPLOY-PROVIDER-TWICE", summary, pointer=where, hint=hint))
+    return out + _builds_twice(value) + _named_as_module(value)
+
+
+def version_outside(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
+    """An exact version lies within the range that the server's header gives for it."""
+    from packaging.requirements import Requirement
+    from packaging.version import InvalidVersion, Version
+
+    written = declared_requirements(artifacts.serve or "")
+    ranges = {normalised(item.name): (item.specifier, text) for text in written for item in [Requirement(text)]}
+    out = []
+    for index, item in enumerate(value["requirements"]):
+        if normalised(item["name"]) not in ranges:
+            continue
+        specifier, text = ranges[normalised(item["name"])]
+        try:
+            fits = specifier.contains(Version(item["version"]), prereleases=True)
+        except InvalidVersion:
+            fits = False
+        if not fits:
+            summary = f"{shown(item['name'])} {shown(item['version'])} is outside of the header's range {shown(text)}"
+            hint = "take a version within the range; if none works, say so in `error` for the next SERVE"
+            where = pointer("requirements", index, "version")
+            out.append(error("DEPLOY-VERSION-OUTSIDE", summary, pointer=where, hint=hint))
+    return out
+
+
+def version_local(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
+    """A version is one that an index offers to everybody, and of no build that one machine has."""
+    return [
+        error(
+            "DEPLOY-VERSION-LOCAL",
+            f"{shown(name)} {shown(text)} is a local build, which no index offers to others",
+            pointer=pointer("requirements", index, "version"),
+            hint=f"take the public version: {text.partition('+')[0]}",
+        )
+        for index, name, text in _versions(value)
+        if "+" in text
+    ]
+
+
+def version_early(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
+    """A version is a finished release."""
+    from packaging.version import InvalidVersion, Version
+
+    out = []
+    for index, name, text in _versions(value):
+        try:
+            early = Version(text).is_prerelease and "+" not in text
+        except InvalidVersion:
+            continue  # outside of every range
+        if early:
+            summary = f"{shown(name)} {shown(text)} is no finished release"
+            hint = "take a finished release unless only this one works, and say so in `why`"
+            where = pointer("requirements", index, "version")
+            out.append(warning("DEPLOY-VERSION-EARLY", summary, pointer=where, hint=hint))
+    return out
+
+
+def python_outside(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
+    """`python` is a range, and has a version in common with what the server's header asks for."""
+    from packaging.specifiers import InvalidSpecifier, SpecifierSet
+
+    if "python" not in value:
+        return []
+    hint = "write a version specifier that the server's header allows, such as >=3.11"
+    try:
+        wanted = SpecifierSet(value["python"])
+        given = SpecifierSet(required_python(artifacts.serve or ""))
+    except InvalidSpecifier:
+        summary = f"{shown(value['python'])} is no range of Python versions"
+        return [error("DEPLOY-PYTHON-OUTSIDE", summary, pointer="/python", hint=hint)]
+    if any(each in wanted and each in given for each in _PYTHONS):
+        return []
+    summary = f"no version of Python is both {shown(value['python'])} and {shown(str(given))}, as the server asks"
+    return [error("DEPLOY-PYTHON-OUTSIDE", summary, pointer="/python", hint=hint)]
+
+
+def failed_unknown(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
+    """What is reported as failed is something that the server asks for."""
+    known = declared_names(artifacts.serve or "") | {normalised(item["provided_by"]) for item in value["imports"]}
+    return [
+        warning(
+            "DEPLOY-FAILED-UNKNOWN",
+            f"{shown(item['name'])} is reported as failed, and the server asks for no such package",
+            pointer=pointer("deps_failed", index, "name"),
+            hint="name the package as the server's header does, or take it out",
+        )
+        for index, item in enumerate(value.get("deps_failed", ()))
+        if artifacts.serve is not None and normalised(item["name"]) not in known
+    ]
+
+
+def import_not_there(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
+    """The modules of other packages that are listed are those that the server imports."""
+    if artifacts.serve is None:
+        return []
+    imported = _foreign_imports(artifacts)
+    out = []
+    for index, item in enumerate(value["imports"]):
+        if item["provided_by"] in ("python", "runtime") or item["module"].partition(".")[0] in imported:
+            continue
+        summary = f"server.py does not import {shown(item['module'])}"
+        hint = "list what the server imports, and require nothing for the rest"
+        out.append(error("DEPLOY-IMPORT-NOT-THERE", summary, pointer=pointer("imports", index), hint=hint))
+    return out
+
+
+def duplicate_requirement(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
+    """A requirement stands once, with one version."""
+    first: dict[str, int] = {}
+    out = []
+    for index, item in enumerate(value["requirements"]):
+        before = first.setdefault(normalised(item["name"]), index)
+        if before != index:
+            summary = f"{shown(item['name'])} is required twice, first at requirements[{before}]"
+            where = pointer("requirements", index, "name")
+            out.append(error("DEPLOY-DUPLICATE-REQUIREMENT", summary, pointer=where, hint="keep one exact version"))
+    return out
+
+
+def failed_and_required(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
+    """What failed to install is not required as well."""
+    names = {normalised(item["name"]) for item in value["requirements"]}
+    return [
+        error(
+            "DEPLOY-FAILED-AND-REQUIRED",
+            f"{shown(item['name'])} failed to install and is a requirement",
+            pointer=pointer("deps_failed", index, "name"),
+            hint="a requirement must install; take it out of one of the two lists",
+        )
+        for index, item in enumerate(value.get("deps_failed", ()))
+        if normalised(item["name"]) in names
+    ]
+
+
+def declared_not_required(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
+    """What the server's header declares is settled: required, or owned up to as failed."""
+    settled = {normalised(item["name"]) for item in (*value["requirements"], *value.get("deps_failed", ()))}
+    return [
+        error(
+            "DEPLOY-DECLARED-NOT-REQUIRED",
+            f"server.py declares {shown(name)}, which is neither required nor reported as failed",
+            pointer="/requirements",
+            hint="add it to requirements with an exact version",
+        )
+        for name in sorted(declared_names(artifacts.serve or "") - settled)
+    ]
+
+
+def requirement_unused(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
+    """A requirement provides an import, or says what it is there for."""
+    used = {normalised(item["provided_by"]) for item in value["imports"]}
+    return [
+        error(
+            "DEPLOY-REQUIREMENT-UNUSED",
+            f"{shown(item['name'])} provides no import and does not say why it is required",
+            pointer=pointer("requirements", index),
+            hint="take it out, or write its purpose into `why`",
+        )
+        for index, item in enumerate(value["requirements"])
+        if normalised(item["name"]) not in used and not item.get("why", "").strip()
+    ]
+
+
+def program_unlisted(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
+    """Where programs are listed, they are those that the server starts."""
+    if artifacts.serve is None or "programs" not in value:
+        return []
+    if not isinstance(read_source(artifacts.serve), Source):
+        return []
+    started = programs_of(artifacts.serve)
+    listed = [item["name"] for item in value["programs"]]
+    out = [
+        error(
+            "DEPLOY-PROGRAMS-DIFFER",
+            f"server.py does not start {shown(name)}",
+            pointer=pointer("programs", index, "name"),
+            hint="list the programs that stand first in its lists for subprocess, spelt as there",
+        )
+        for index, name in enumerate(listed)
+        if name not in started
+    ]
+    if absent := sorted(started - {*listed}):
+        summary = f"server.py starts {', '.join(map(shown, absent))}, which `programs` does not list"
+        hint = "add it with the package of this system that has it"
+        out.append(error("DEPLOY-PROGRAMS-DIFFER", summary, pointer="/programs", hint=hint))
+    return out
+
+
+RULES = (
+    Rule("DEPLOY-PROGRAMS-DIFFER", program_unlisted),
+    Rule("DEPLOY-STATUS-ERROR", status_error),
+    Rule("DEPLOY-IMPORT-UNRESOLVED", import_unresolved),
+    Rule("DEPLOY-IMPORT-PROVIDER", import_provider),
+    Rule("DEPLOY-PROVIDER-TWICE", provider_twice),
+    Rule("DEPLOY-VERSION-OUTSIDE", version_outside),
+    Rule("DEPLOY-VERSION-LOCAL", version_local),
+    Rule("DEPLOY-VERSION-EARLY", version_early),
+    Rule("DEPLOY-PYTHON-OUTSIDE", python_outside),
+    Rule("DEPLOY-FAILED-UNKNOWN", failed_unknown),
+    Rule("DEPLOY-IMPORT-NOT-THERE", import_not_there),
+    Rule("DEPLOY-DUPLICATE-REQUIREMENT", duplicate_requirement),
+    Rule("DEPLOY-FAILED-AND-REQUIRED", failed_and_required),
+    Rule("DEPLOY-DECLARED-NOT-REQUIRED", declared_not_required),
+    Rule("DEPLOY-REQUIREMENT-UNUSED", requirement_unused),
+    Rule("DEPLOY-UNESCAPED-TEXT", in_values("DEPLOY-UNESCAPED-TEXT")),
+)
+
+
+def _foreign_imports(artifacts: Artifacts) -> dict[str, bool]:
+    """Third-party top-level module to whether every import of it is inside a function."""
+    source = read_source(artifacts.serve or "")
+    out: dict[str, bool] = {}
+    if isinstance(source, Source):
+        for name, _, inside in imported_modules(source):
+            if name not in ("runtime", ".") and not is_standard(name):
+                out[name] = out.get(name, True) and inside
+    return out
+
+
+def _named_as_module(value: JsonObject) -> list[Diagnostic]:
+    """A package that is required for a module which another one is said to provide."""
+    providers = {item["module"]: item["provided_by"] for item in value["imports"]}
+    out = []
+    for index, item in enumerate(value["requirements"]):
+        module = item.get("why", "").strip()
+        other = providers.get(module)
+        if other is not None and normalised(other) != normalised(item["name"]):
+            summary = f"{shown(item['name'])} is required for {shown(module)}, which {shown(other)} provides"
+            hint = "require the one package that provides the module, and leave the other out"
+            where = pointer("requirements", index, "name")
+            out.append(error("DEPLOY-PROVIDER-TWICE", summary, pointer=where, hint=hint))
+    return out
+
+
+def _builds_twice(value: JsonObject) -> list[Diagnostic]:
+    """Two builds of one library have the same modules, and the one that is installed last wins."""
+    names = [(index, set(normalised(item["name"]).split("-"))) for index, item in enumerate(value["requirements"])]
+    out = []
+    for index, words in names:
+        for other, fewer in names:
+            if index != other and words > fewer and words - fewer <= _BUILDS:
+                one, two = (shown(value["requirements"][at]["name"]) for at in (index, other))
+                summary = f"{one} and {two} are two builds of one library and overwrite each other"
+                hint = "require the one whose build has what the server calls, and leave the other out"
+                where = pointer("requirements", index, "name")
+                out.append(error("DEPLOY-PROVIDER-TWICE", summary, pointer=where, hint=hint))
+    return out
+
+
+def _versions(value: JsonObject) -> list[tuple[int, str, str]]:
+    return [(index, item["name"], item["version"]) for index, item in enumerate(value["requirements"])]
+
+
+# A set of packages proved: its lock as text (exact, with hashes, from the one index), and what it installed.
+#
+# The resolver wrote it, but it lies in git where anybody may edit it, and it decides what code runs beside hardware.
+# Light.
+
+_PINNED = re.compile(
+    r"(?P<name>[A-Za-z0-9](?:[A-Za-z0-9._-]*[A-Za-z0-9])?)(?:\[[^\]]*\])?\s*==\s*(?P<version>[0-9][A-Za-z0-9.+!_-]*)"
+    r"(?P<rest>(?:\s*;[^#]*?)?(?:\s+--hash=\S+)*)\s*"
+)
+_HASH = re.compile(r"--hash=sha256:[0-9a-f]{64}(?=\s|$)")
+_ELSEWHERE = re.compile(r"@|://|^\s*(?:-e\b|--editable\b|[./~])|\bfile:", re.IGNORECASE)
+_INDEX = re.compile(r"^\s*(?:-i|-f|--index-url|--extra-index-url|--find-links|--no-index|--trusted-host|--pre)\b")
+
+
+def deploy_lock(lock_text: str, deploy: JsonObject, path: str | None = None) -> list[Diagnostic]:
+    """What is wrong with a lock in pip's requirements format as the lock of a DEPLOY artifact.
+
+    Every entry is pinned with ``==`` and has SHA-256 hashes; no entry comes from a URL or a path, no line names
+    another index; every requirement of ``deploy`` is in it with its version.
+    """
+    out: list[Diagnostic] = []
+    locked: dict[str, str] = {}
+    for number, line in _logical_lines(lock_text):
+        problem = _entry(line, locked)
+        if problem is not None:
+            code, summary, hint = problem
+            shown_line = flattened(line[:200])
+            out.append(error(code, summary, path=path, span=Span(number, 1), source=shown_line, hint=hint))
+    for item in deploy["requirements"]:
+        version = locked.get(normalised(item["name"]))
+        if version != item["version"]:
+            found = f"has version {version}" if version else "does not stand in the lock"
+            summary = f"{shown(item['name'])} {found}; DEPLOY requires exactly {item['version']}"
+            out.append(error("DEPLOY-LOCK-MISSING", summary, path=path, hint="resolve the lock again"))
+    return out
+
+
+def deploy_installed(
+    deploy: JsonObject,
+    server: str,
+    providers: Mapping[str, Collection[str]],
+    requirements: Mapping[str, Collection[str]],
+) -> list[Diagnostic]:
+    """What the built environment shows to be wrong with a DEPLOY artifact for the text of a server.
+
+    ``providers`` are the distributions that have files of a module, ``requirements`` what each installed one asks for.
+    """
+    out = []
+    named = {normalised(item["name"]) for item in deploy["requirements"]}
+    failed = {normalised(item["name"]) for item in deploy.get("deps_failed", ())}
+    # What its author declared and has no import says why it is there; what another one needs was pinned on purpose.
+    used = declared_names(server) | {name for wanted in requirements.values() for name in wanted}
+    for index, item in enumerate(deploy["imports"]):
+        module, provider = item["module"].partition(".")[0], normalised(item["provided_by"])
+        real = set(providers.get(module, ()))
+        if provider in failed | {"python", "runtime"}:
+            continue
+        if _provides(provider, real, named, requirements):
+            used |= {provider}
+            continue
+        used |= real
+        says = f"; it comes from {listed(sorted(real))}" if real else ", and nothing else that is installed has it"
+        summary = f"{shown(provider)} is installed and has no module {shown(module)}{says}"
+        hint = "name the package that has the module, and require that one"
+        where = pointer("imports", index, "provided_by")
+        out.append(error("DEPLOY-IMPORT-PROVIDER", summary, pointer=where, hint=hint))
+    for index, item in enumerate(deploy["requirements"]):
+        if normalised(item["name"]) not in used:
+            summary = f"{shown(item['name'])} has no module that server.py imports, and no other package needs it"
+            where = pointer("requirements", index)
+            out.append(error("DEPLOY-REQUIREMENT-UNUSED", summary, pointer=where, hint="take it out"))
+    return out
+
+
+def _provides(
+    provider: str, real: Collection[str], named: Collection[str], requirements: Mapping[str, Collection[str]]
+) -> bool:
+    """Whether a package has the module, or brings a package that has it and that is not itself required."""
+    if provider in real:
+        return True
+    if set(real) & set(named):
+        return False
+    brought, queue = set(), [provider]
+    while queue:
+        name = queue.pop()
+        if name not in brought:
+            brought.add(name)
+            queue += requirements.get(name, ())
+    return bool(brought & set(real))
+
+
+def _entry(line: str, locked: dict[str, str]) -> tuple[str, str, str] | None:
+    """(code, summary, hint) of what is wrong with one entry; a good one is added to ``locked``."""
+    hint = "write name==version with --hash=sha256:..., as the resolver does"
+    if _INDEX.search(line):
+        return "DEPLOY-LOCK-INDEX", "the lock chooses where packages come from", "take the line out"
+    if _ELSEWHERE.search(line.partition("--hash")[0].partition(" ;")[0]):
+        return "DEPLOY-LOCK-URL", "the lock takes a package from outside the index", hint
+    match = _PINNED.fullmatch(line)
+    if match is None:
+        return "DEPLOY-LOCK-UNPINNED", f"{shown(line)} is not pinned to one version", hint
+    if not _HASH.search(match["rest"]):
+        return "DEPLOY-LOCK-NO-HASH", f"{shown(match['name'])} has no SHA-256 hash", hint
+    locked[normalised(match["name"])] = match["version"]
+    return None
+
+
+def _logical_lines(text: str) -> Iterator[tuple[int, str]]:
+    """(first line number, entry) with continuations joined and comments dropped."""
+    held, start = "", 0
+    for number, raw in enumerate(text.splitlines(), 1):
+        line = re.sub(r"(?:^|\s)#.*$", "", raw).rstrip()
+        start = start or number
+        if line.endswith("\\"):
+            held += line[:-1] + " "
+            continue
+        entry = (held + line).strip()
+        if entry:
+            yield start, entry
+        held, start = "", 0
+    if held.strip():
+        yield start, held.strip()

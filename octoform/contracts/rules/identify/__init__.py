@@ -1,0 +1,1 @@
+"""What IDENTIFY may say of a device: names, answers, capabilities."""

@@ -1,0 +1,153 @@
+"""Rules for what a person said of a device: it counts where it was said, it is not passed over, and it is asked once.
+
+A profile that holds is of the same kind: who names the device otherwise would do without its grammar and its limits.
+
+A person is asked one question a device. An agent that claims an answer nobody gave makes up hardware; one that asks
+again, or asks two things at once, has the person do its work.
+"""
+
+import re
+from collections.abc import Collection, Mapping
+from typing import Any
+
+from octoform.contracts.model import Artifacts, JsonObject, Rule
+from octoform.contracts.text import pointer, shown
+from octoform.diagnostics import Diagnostic, error, warning
+
+METHOD = "user_answer"
+MAX_QUOTE = 500
+# Question marks, also those of Armenian, Greek, Arabic and full-width writing.
+_ASKS = re.compile("[?\u055e\u037e\u061f\u2047\u2048\u2049\uff1f]")
+
+
+def texts(device: str, artifacts: Artifacts) -> tuple[str, ...]:
+    """What a person said of a device, as it stands and on one line; evidence may quote it."""
+    said = artifacts.answers.get(device)
+    return (said, " ".join(said.split())) if said is not None else ()
+
+
+def stands_in(quote: str, device: JsonObject, artifacts: Artifacts) -> bool:
+    """True for a piece, letter by letter, of what PROBE recorded of a device or of what a person said of it."""
+    sources = (device["name"], device["raw_descriptor"], *texts(device["id"], artifacts))
+    return any(quote in text for text in sources) and len(re.findall(r"\w", quote)) >= 2
+
+
+def stands_whole(quote: str, device: JsonObject, artifacts: Artifacts) -> bool:
+    """True for a quote that neither begins nor ends inside of a word of Latin letters; the longest may be cut."""
+    if len(quote) >= MAX_QUOTE:
+        return True
+    sources = (device["name"], device["raw_descriptor"], *texts(device["id"], artifacts))
+    before = "(?<![A-Za-z0-9])" if quote[0].isascii() and quote[0].isalnum() else ""
+    behind = "(?![A-Za-z0-9])" if quote[-1].isascii() and quote[-1].isalnum() else ""
+    return any(re.search(before + re.escape(quote) + behind, text) for text in sources)
+
+
+def answer_invented(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
+    """Only a device that a person spoke of was identified by an answer."""
+    return [
+        error(
+            "IDENTIFY-ANSWER-INVENTED",
+            f"{shown(device['id'])} was identified by an answer that nobody gave",
+            pointer=pointer("devices", index, "method"),
+            hint="name the method that decided, or leave the device unknown",
+        )
+        for index, device in enumerate(value["devices"])
+        if device["method"] == METHOD and device["id"] not in artifacts.answers
+    ]
+
+
+def answer_ignored(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
+    """A device that a person spoke of is not unknown any more: asking again would be a second question."""
+    return [
+        error(
+            "IDENTIFY-ANSWER-IGNORED",
+            f"{shown(device['id'])} is unknown although a person said what it is: "
+            f"{shown(artifacts.answers[device['id']])}",
+            pointer=pointer("devices", index, "category"),
+            hint=f"name it from the answer with method {METHOD}, or leave it out with the reason that the answer gives",
+        )
+        for index, device in enumerate(value["devices"])
+        if device["category"] == "unknown" and device["id"] in artifacts.answers
+    ]
+
+
+def profile_ignored(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
+    """A device that can do something names the profile that holds for it, whose grammar and limits bind it."""
+    held = {device: name for name, facts in sorted(artifacts.profiles.items()) for device in facts.holds}
+    return [
+        error(
+            "IDENTIFY-PROFILE-IGNORED",
+            f"{shown(device['id'])} has capabilities, not the profile {shown(held[device['id']])} that holds for it",
+            pointer=pointer("devices", index),
+            hint="name it in `profile` and keep to it, or leave the device unknown; an answer stays in `evidence`",
+        )
+        for index, device in enumerate(value["devices"])
+        if device["id"] in held and device["capabilities"] and "profile" not in device
+        if device["method"] != "profile"  # which claims one: IDENTIFY-PROFILE-EVIDENCE tells
+    ]
+
+
+def many_questions(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
+    """What is missing of a device is one question."""
+    return [
+        error(
+            "IDENTIFY-MANY-QUESTIONS",
+            f"{len(_ASKS.findall(device['missing']))} questions are asked about {shown(device['id'])}",
+            pointer=pointer("devices", index, "missing"),
+            hint="ask the one question whose answer settles what the device is",
+        )
+        for index, device in enumerate(value["devices"])
+        if len(_ASKS.findall(device.get("missing", ""))) > 1
+    ]
+
+
+def line_left_out(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
+    """A serial line leads to something that only a person can name, so leaving it out hides the question."""
+    lines = {item["id"] for item in (artifacts.probe or {}).get("devices", ()) if _is_line(item)}
+    return [
+        warning(
+            "IDENTIFY-LINE-LEFT-OUT",
+            f"{shown(item['id'])} has a serial line and is left out, so nobody is asked what is connected to it",
+            pointer=pointer("left_out", index),
+            hint="annotate it as unknown with the one question that would settle it",
+        )
+        for index, item in enumerate(value["left_out"])
+        if item["id"] in lines and item["id"] not in artifacts.answers
+    ]
+
+
+def _is_line(device: JsonObject) -> bool:
+    return device["interface"] == "usb" and "tty" in device.get("classes", ()) and device.get("context") is not True
+
+
+RULES = (
+    Rule("IDENTIFY-ANSWER-INVENTED", answer_invented),
+    Rule("IDENTIFY-ANSWER-IGNORED", answer_ignored),
+    Rule("IDENTIFY-PROFILE-IGNORED", profile_ignored),
+    Rule("IDENTIFY-MANY-QUESTIONS", many_questions),
+    Rule("IDENTIFY-LINE-LEFT-OUT", line_left_out),
+)
+
+
+# How much a person had to say before a device could be told: nothing, its name, or a description of how it works.
+#
+# Tier 1: the host shows enough. Tier 2: a name, and the rest is public knowledge. Tier 3: a description, because
+# nothing public tells how it is used; such a description is the grammar of a line protocol. A grammar of registers
+# behind a public library describes nothing that is not public: the name of the product was enough.
+
+NOTHING, NAME, DESCRIPTION = 1, 2, 3
+WORDS = {NOTHING: "nothing said", NAME: "a name", DESCRIPTION: "a description"}
+
+
+def tier(annotation: Mapping[str, Any], answers: Collection[str], descriptions: Collection[str]) -> int:
+    """The tier of an annotated device, by the devices spoken of and the profiles that describe a grammar of lines."""
+    profile = annotation.get("profile")
+    if profile in descriptions:
+        return DESCRIPTION
+    spoken = annotation["id"] in answers or annotation["method"] == METHOD
+    return NAME if spoken or profile is not None else NOTHING
+
+
+def wanted(annotation: Mapping[str, Any]) -> int | None:
+    """The tier of what a person would have to say next, or None where nothing is asked."""
+    return NAME if annotation["category"] == "unknown" else None

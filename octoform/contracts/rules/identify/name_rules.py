@@ -1,0 +1,288 @@
+"""A name rests on its evidence: what a device is called must be said somewhere that a reader can look up.
+
+A quote that stands verbatim in PROBE proves little when the name beside it has nothing to do with it ("driver: usbhid"
+under the name of a robot). So in a name that claims to be known each word is either a word of class, which says what
+kind of thing it is, or stands in what is cited: a maker, a model, a word with a digit in a quote; a word that
+describes, at least in what is said to follow from a quote. A kind of thing follows from a class of the kernel, or is
+said by the device. What an id database says is looked up in those of the host.
+"""
+
+import re
+from collections.abc import Iterable
+
+from octoform.contracts.device_kinds import KINDS, RAW, speaks_bytes
+from octoform.contracts.device_kinds import shown as ways_of
+from octoform.contracts.model import Artifacts, JsonObject, Rule
+from octoform.contracts.name_clues import is_class_word, kind_of, says_nothing
+from octoform.contracts.name_words import has_digit, is_proper, missing, parts, said, says_language, words
+from octoform.contracts.rules.identify import answer_rules
+from octoform.contracts.rules.identify.answer_rules import stands_in
+from octoform.contracts.rules.identify.prose_rules import is_foreign
+from octoform.contracts.text import pointer, shown
+from octoform.diagnostics import Diagnostic, error
+
+# From here on a name is claimed to be known; below, the kind of thing is all that is said.
+CLAIMED = 0.5
+ACTING = ("sensor", "actuator", "bidirectional")
+_DATABASE, _WEB, _ANSWER = "id_database", "web_search", answer_rules.METHOD
+_OBSERVED = ("kernel_class", "descriptor_driver")
+_KEY = re.compile(r"(?m)^[\w.\[\]-]+(?: \w+)?: ")
+_PAGE = re.compile(r"\b[\w-]+(?:\.[\w-]+)*\.[a-z]{2,}\b")
+_SEVERAL = re.compile(r"\s/\s|[,;]|\bor\b|\bseries\b|\bfamily\b", re.IGNORECASE)
+_SOURCE = re.compile(r"(?i)\b(?:usb|pci|sdio)\.ids\b|\bhwdb\b|\bid database\b")
+_HEAD = re.compile(r"\s(?:with|via|through|behind|over|using|on|for|in|beside|under)\s|[(,;:/]", re.IGNORECASE)
+# Numbers of a kind's registration, which a name does not consist of.
+_CODES = re.compile(r"(?m)^(?:[\w.\[\]]*(?:_id|_code|revision|modalias|alias|_class|\.id|usages)|interface \w+): .*$")
+# Where PROBE says which kinds of input a device sends, no other follows from its class.
+_INPUT_KINDS = re.compile(r"(?m)^input\[\d+\]\.kinds: ")
+_INPUTS = ("mouse", "keyboard", "touchpad", "touchscreen")
+# Words of a device's own strings that say a kind of thing in another word.
+_SYNONYMS = {"imager": "camera", "lte": "modem", "wwan": "modem", "scan": "scanner", "imaging": "camera"}
+_TELLING_KEYS = ("product", "model", "name", "manufacturer", "vendor", "udev.ID_MODEL_FROM_DATABASE", "driver")
+_GRAMMAR = frozenset(
+    (
+        *("by", "with", "in", "on", "at", "from", "class", "built", "made", "its", "as", "or", "no", "not", "only"),
+        *("model", "shown", "unknown", "two", "four", "this", "that", "one", "first", "second", "third", "fourth"),
+        *("mk", "mark", "type", "version", "kind", "own", "per", "each", "all"),
+    )
+)
+_VAGUE = frozenset(
+    (
+        *("usb", "usb2", "usb3", "pci", "pcie", "hid", "i2c", "spi", "device", "devices", "unknown", "unidentified"),
+        *("generic", "thing", "peripheral", "hardware", "component", "composite", "vendor", "specific", "something"),
+        *("some", "a", "an", "the", "of", "object", "item", "module", "unit", "interface"),
+    )
+)
+_CODE = "IDENTIFY-NAME-WITHOUT-EVIDENCE"
+
+
+def name_without_evidence(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
+    """Each word of a name that is claimed to be known is one of class, or stands in the evidence for it."""
+    out = []
+    for index, device, probed in _claims(value, artifacts):
+        entry = _entry(device, artifacts)
+        where = pointer("devices", index, "identified_as")
+        if device["category"] in ACTING and _VAGUE.issuperset(map(str.casefold, words(device["identified_as"]))):
+            summary = f"the name {shown(device['identified_as'])} of {shown(device['id'])} says nothing"
+            hint = "name what the strings name, or the kind of thing that its class shows"
+            out.append(error(_CODE, summary, pointer=where, detail=_own_words(probed, entry), hint=hint))
+        elif unsaid := _unsupported(device, probed, entry, artifacts):
+            summary = f"nothing that is cited for {shown(device['id'])} says {', '.join(map(shown, unsaid))}"
+            hint = _hint(device["method"], entry, [word for word in unsaid if kind_of(word.casefold())])
+            out.append(error(_CODE, summary, pointer=where, detail=_own_words(probed, entry), hint=hint))
+    return out
+
+
+def source_false(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
+    """What is said to stand in an id database stands there: octoform has looked."""
+    out = []
+    for index, device, probed in _claims(value, artifacts):
+        entry = _entry(device, artifacts)
+        if entry is None or _unsupported(device, probed, entry, artifacts):
+            continue  # nobody looked, or the name itself is the finding
+        known = said([entry, *_texts(probed)])
+        for at, evidence in enumerate(device["evidence"]):
+            text = evidence.get("says", "")
+            source = _SOURCE.search(text)
+            named = words(text[source.end() :]) if source else []
+            unsaid = [word for word in missing(named, known) if _tells(word.casefold()) and is_proper(word, text)]
+            if unsaid:
+                summary = f"no id database of this host says {', '.join(map(shown, unsaid))} of {shown(device['id'])}"
+                told = f"it says {shown(entry)}" if entry else "it does not know these numbers"
+                where = pointer("devices", index, "evidence", at, "says")
+                hint = f"{told}; say what follows from the quote, and name a database for what stands there"
+                out.append(error("IDENTIFY-SOURCE-FALSE", summary, pointer=where, hint=hint))
+    return out
+
+
+def guess(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
+    """At the end of a raw line nothing is guessed: what no string says is unknown, with the confidence 0."""
+    probed = {device["id"]: device for device in (artifacts.probe or {}).get("devices", ())}
+    out = []
+    for index, device in enumerate(value["devices"]):
+        known = probed.get(device["id"])
+        if known is None or known.get("context") or device["confidence"] >= CLAIMED or device["category"] not in ACTING:
+            continue
+        if device["id"] in artifacts.answers or "profile" in device or not speaks_bytes(known):
+            continue
+        if known["interface"] != "usb":
+            continue  # what is soldered in is on a bus that says more of it
+        if is_foreign(device["identified_as"], device["id"], artifacts):
+            continue
+        if unsaid := _guessed(device, known, _entry(device, artifacts)):
+            summary = f"{shown(device['id'])} says nowhere of itself {', '.join(map(shown, unsaid))}: that is a guess"
+            hint = "write category unknown, confidence 0.0, no capabilities, and ask in `missing` what would settle it"
+            hint += "; where the device says it in another language, `says` tells which"
+            where = pointer("devices", index, "identified_as")
+            out.append(error("IDENTIFY-GUESS", summary, pointer=where, detail=_own_words(known, None), hint=hint))
+    return out
+
+
+def _guessed(device: JsonObject, probed: JsonObject, entry: str | None) -> list[str]:
+    """The words of a name that neither the device says nor a class bears out; of a line nothing follows, either."""
+    told = [each.get("says", "") for each in device["evidence"] if entry is None]  # nobody looked
+    own = said([*_texts(probed), entry or "", *(text for text in told if _SOURCE.search(text))])
+    own |= parts(own) | _meanings(device) | {_SYNONYMS[word] for word in own if word in _SYNONYMS}
+    follows = own if "tty" in probed.get("classes", ()) else own | said(e.get("says", "") for e in device["evidence"])
+    ways, spelt = ways_of(probed), words(device["identified_as"])
+    kinds = [word for word in spelt if kind_of(word.casefold())]
+    moving = [word for word in kinds if not KINDS[kind_of(word.casefold()) or ""]]
+    others = [word for word in kinds if word not in moving and ways.isdisjoint(KINDS[kind_of(word.casefold()) or ""])]
+    telling = [word for word in spelt if _tells(word.casefold())]
+    proper = [word for word in telling if is_proper(word, device["identified_as"])]
+    foreign = not all(text.isascii() for text in _texts(probed))  # its words may say the same in another language
+    unsaid = {*missing(moving + proper, own), *([] if foreign else missing(others + telling, follows))}
+    return [word for word in dict.fromkeys(spelt) if word in unsaid]
+
+
+RULES = (
+    Rule(_CODE, name_without_evidence),
+    Rule("IDENTIFY-SOURCE-FALSE", source_false),
+    Rule("IDENTIFY-GUESS", guess),
+)
+
+
+def _claims(value: JsonObject, artifacts: Artifacts) -> Iterable[tuple[int, JsonObject, JsonObject]]:
+    """(index, annotation, PROBE entry) of the devices whose name is claimed to be known, on quotes that stand there."""
+    probed = {device["id"]: device for device in (artifacts.probe or {}).get("devices", ())}
+    for index, device in enumerate(value["devices"]):
+        known = probed.get(device["id"], {})
+        verbatim = all(stands_in(evidence["quote"], known, artifacts) for evidence in device["evidence"] if known)
+        told = device["method"] != "profile" and (device["method"] != _ANSWER or device["id"] in artifacts.answers)
+        foreign = is_foreign(device["identified_as"], device["id"], artifacts)
+        if device["confidence"] >= CLAIMED and told and verbatim and not foreign:
+            yield index, device, known
+
+
+def _held_products(device: JsonObject, artifacts: Artifacts) -> list[str]:
+    """What the profile that holds for a device, and that its annotation names, calls the product."""
+    facts = artifacts.profiles.get(device.get("profile", ""))
+    return [facts.product] if facts is not None and device["id"] in facts.holds else []
+
+
+def _entry(device: JsonObject, artifacts: Artifacts) -> str | None:
+    """What the host's databases say of a device; "" for nothing, None where nobody looked."""
+    return None if artifacts.registered is None else artifacts.registered.get(device["id"], "")
+
+
+def _texts(probed: JsonObject) -> list[str]:
+    return [_KEY.sub("", str(probed.get(member, ""))) for member in ("name", "raw_descriptor")]
+
+
+def _unsupported(device: JsonObject, probed: JsonObject, entry: str | None, artifacts: Artifacts) -> list[str]:
+    """The words of the name, as they are spelt there, that nothing bears out."""
+    name = device["identified_as"]
+    spelt = words(name)
+    telling = [word for word in spelt if _tells(word.casefold())]
+    quoted = said(_KEY.sub("", evidence["quote"]) for evidence in device["evidence"]) - _codes(probed)
+    answer = said([*answer_rules.texts(device["id"], artifacts), *_held_products(device, artifacts)])
+    bare = _of_class(spelt, quoted, probed) if not telling and device["method"] != _ANSWER else []
+    untold = [] if bare else _kinds(name, device, probed, quoted | answer | said([entry or ""]))
+    unsaid = {*_untold(device, probed, entry, telling, quoted | answer), *untold, *bare}
+    return [word for word in dict.fromkeys(spelt) if word in unsaid]
+
+
+def _of_class(spelt: list[str], quoted: frozenset[str], probed: JsonObject) -> list[str]:
+    """Words of class alone follow from what the kernel shows; of a raw line it shows nothing."""
+    raw = probed.get("classes") and RAW.issuperset(probed["classes"])
+    none_is_quoted = len(missing(spelt, quoted)) == len(spelt)
+    return [word for word in spelt if is_class_word(word.casefold())] if raw and none_is_quoted else []
+
+
+def _kinds(name: str, device: JsonObject, probed: JsonObject, cited: frozenset[str]) -> list[str]:
+    """The words for a kind of thing that neither a class of the kernel bears out nor anything that is said."""
+    head = words(_HEAD.split(name.strip(), maxsplit=1)[0] or name)
+    own = cited | said(_texts(probed)) | _translated(device)
+    own |= {"motor"} if {"stepper", "servo"} & own else set()
+    ways, told = ways_of(probed), _INPUT_KINDS.search(str(probed.get("raw_descriptor", "")))
+    return [
+        word
+        for word in missing([word for word in head if kind_of(word.casefold())], own | parts(own))
+        if ways.isdisjoint(KINDS[kind_of(word.casefold()) or ""]) or (told and kind_of(word.casefold()) in _INPUTS)
+    ]
+
+
+def _untold(
+    device: JsonObject, probed: JsonObject, entry: str | None, telling: list[str], quoted: frozenset[str]
+) -> list[str]:
+    """Of the words that tell one product from another, those that nothing says."""
+    spoken = said(evidence.get("says", "") for evidence in device["evidence"])
+    if device["method"] == _DATABASE:
+        models = _models(words(entry or ""))
+        whole = not _SEVERAL.search(entry or "") or not missing(models, said([device["identified_as"]]))
+        unsaid = missing(telling, quoted | (spoken if entry is None else said([entry])))
+        # An entry may stand for several products: what names one of them alone needs a string of the device.
+        return unsaid or ([] if whole else missing(_models(telling), quoted))
+    if device["method"] == _WEB:
+        says = " ".join(evidence.get("says", "") for evidence in device["evidence"])
+        linked = any(len(word) > 3 and word in spoken for word in quoted if not is_class_word(word))
+        return missing(telling, quoted | spoken if linked and _PAGE.search(says) else quoted)
+    own = frozenset(word for word in said(_texts(probed)) if word[0].isalpha())  # an id's digits are in no name
+    profile = said([str(device.get("profile", ""))])
+    unsaid, unshown = missing(telling, quoted | spoken | own), missing(telling, quoted | own)
+    return [
+        word
+        for word in missing(telling, quoted | _translated(device) | profile)
+        if word in unsaid or (has_digit(word) and word in unshown) or is_proper(word, device["identified_as"])
+    ]
+
+
+def _translated(device: JsonObject) -> frozenset[str]:
+    """The words of what is said about a language or a meaning; a number is no translation."""
+    told = [evidence.get("says", "") for evidence in device["evidence"]]
+    return frozenset(word for word in said(text for text in told if says_language(text)) if not has_digit(word))
+
+
+def _meanings(device: JsonObject) -> frozenset[str]:
+    """The translations of quotes that hold a word to translate: no word of wiring or class, no part's number."""
+    quotes = [(evidence, words(_KEY.sub("", evidence["quote"]))) for evidence in device["evidence"]]
+    kept = [each for each, spelt in quotes if any(_tells(word.casefold()) and not has_digit(word) for word in spelt)]
+    return _translated({"evidence": kept})
+
+
+def _codes(probed: JsonObject) -> frozenset[str]:
+    """The numbers that stand nowhere of a device but in lines of its registered numbers."""
+    raw = str(probed.get("raw_descriptor", ""))
+    elsewhere = said([_CODES.sub("", raw)])
+    return frozenset(word for word in said(_CODES.findall(raw)) if has_digit(word) and word not in elsewhere)
+
+
+def _tells(word: str) -> bool:
+    """False for what could stand in any name, and for what says the kind of thing; a number tells models apart."""
+    return word.isdigit() or not (word in _GRAMMAR or says_nothing(word) or is_class_word(word))
+
+
+def _models(of: Iterable[str]) -> list[str]:
+    """The words that tell one model from another: those with a digit."""
+    return [word for word in of if has_digit(word)]
+
+
+def _own_words(probed: JsonObject, entry: str | None) -> str | None:
+    """What would bear out a name: the device's own lines, and what the host's database says of its numbers."""
+    lines = str(probed.get("raw_descriptor", "")).splitlines()
+    told = [line for key in _TELLING_KEYS for line in lines if line.startswith(f"{key}: ")]
+    told = [f"PROBE says {shown(line)}" for line in told[:4]]
+    return "\n".join([*told, *([f"the host's id database says {shown(entry)}"] if entry else [])]) or None
+
+
+def _hint(method: str, entry: str | None, kinds: list[str]) -> str:
+    if kinds:
+        ways = sorted({way for word in kinds for way in KINDS[kind_of(word.casefold()) or ""]})
+        leads = f"a class such as {', '.join(ways[:3])}" if ways else "a string of the device, or its owner's word"
+        return f"{', '.join(map(shown, kinds))} would follow from {leads}; leave it out, or the device is unknown"
+    if method == _DATABASE and entry == "":
+        return "no id database of this host knows these numbers: quote what names it, or lower the confidence below 0.5"
+    if method == _DATABASE:
+        return (
+            "name what the entry names; where it names several products, the model needs a string of the device itself"
+        )
+    if method == _WEB:
+        return "quote the string that the page speaks of; write into `says` the page's address and what it says of it"
+    if method == _ANSWER:
+        return "name it with the owner's words and those of the device; in another language `says` tells which"
+    if method in _OBSERVED:
+        return (
+            "quote the line that says it; a word that only describes may follow in `says`; or name the kind of thing "
+            "alone, or lower the confidence below 0.5"
+        )
+    return "quote the string that holds it, leave the word out, or lower the confidence below 0.5"

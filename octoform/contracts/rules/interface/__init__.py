@@ -1,0 +1,1 @@
+"""What INTERFACE may offer as a tool: bounds, results, texts."""

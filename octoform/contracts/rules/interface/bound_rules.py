@@ -1,0 +1,245 @@
+"""Rules for INTERFACE about what a caller may give: numbers within bounds, waits that end, no text that is a program.
+
+What is served is called by a model, with arguments that nobody has looked at. So each number that reaches an actuator
+has both its bounds in the schema (the server's own signature enforces them), each wait ends within a minute, and no
+text goes to a device, a shell or a file system as it is.
+"""
+
+import re
+from collections.abc import Iterator, Mapping
+from typing import Any, TypeGuard
+
+from octoform.contracts.model import Artifacts, JsonObject, Rule, effects_of
+from octoform.contracts.name_clues import changes, is_passthrough, offers_a_pipe, raw_parameter, tokens
+from octoform.contracts.text import pointer, shown
+from octoform.diagnostics import Diagnostic, error
+
+LONGEST_WAIT = 60.0
+"""Seconds; the bound of protocol/interface.md."""
+_SIDES = (("minimum", "exclusiveMinimum"), ("maximum", "exclusiveMaximum"))
+_WAITS = frozenset({"timeout", "wait", "waiting", "deadline", "delay"})
+_RECORDS = frozenset({"duration", "seconds", "secs", "record", "recording", "listen", "length", "poll"})
+_SECONDS = {
+    **dict.fromkeys(("ms", "msec", "millis", "milliseconds"), 0.001),
+    **dict.fromkeys(("us", "microseconds"), 1e-6),
+    **dict.fromkeys(("min", "mins", "minutes"), 60.0),
+    **dict.fromkeys(("h", "hours"), 3600.0),
+}
+_PLACES = frozenset(
+    {"path", "paths", "file", "filename", "filepath", "folder", "directory", "dir", "url", "uri", "node"}
+    | {"host", "hostname", "port", "socket", "attribute", "args", "argv", "ip"}
+)
+_PLACES_TOGETHER = ({"output", "to"}, {"device", "node"}, {"save", "as"}, {"save", "to"}, {"dev", "node"})
+_NUMBERED = frozenset({"register", "reg", "address", "addr", "opcode", "endpoint"})
+_BYTES = frozenset({"hex", "bytes", "payload", "raw", "base64", "packet"})
+_LARGEST = 1e15
+"""A bound beyond this bounds nothing: doubles count no further in ones."""
+_ONE_CLASS = re.compile(r"\^?(\[[^\]]{1,80}\]|\.|\\[wWsSdD])(?:[*+]|\{\d*,\d*\})\$?")
+_SIGNS = "aZ09 /;$-.#"
+"""What lines, commands and paths are made of."""
+_TAKES_ALL = frozenset({".*", "^.*$", ".+", "^.+$", "[\\s\\S]*", "^[\\s\\S]*$", "(?s).*", ""})
+
+
+def number_unbounded(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
+    """Each number that a tool of effect takes has a minimum and a maximum."""
+    out = []
+    for index, tool in enumerate(value["tools"]):
+        for name, where, member in _parameters(index, tool) if tool["effect"] != "read" else ():
+            lacks = [first for first, other in _SIDES if not any(_bounds(member.get(side)) for side in (first, other))]
+            if _is_number(member) and lacks:
+                summary = (
+                    f"{shown(name)} of {shown(tool['name'])} reaches what acts and has no {' and no '.join(lacks)}"
+                )
+                hint = "write both into the schema: the range of the device, its profile's, or one that is safe for any"
+                out.append(error("INTERFACE-NUMBER-UNBOUNDED", summary, pointer=where, hint=hint))
+    return out
+
+
+def range_empty(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
+    """The range of a number holds something, and its default is within it."""
+    out = []
+    hint = "write the lower bound as minimum, the upper one as maximum, and a default between them"
+    for index, tool in enumerate(value["tools"]):
+        for name, where, member in _parameters(index, tool):
+            low, high, given = (member.get(word) for word in ("minimum", "maximum", "default"))
+            if _is_plain(low) and _is_plain(high) and low > high:
+                why = f"has the minimum {low:g} above the maximum {high:g}"
+            elif _is_plain(given) and ((_is_plain(low) and given < low) or (_is_plain(high) and given > high)):
+                why = f"has the default {given:g}, which its own range does not hold"
+            else:
+                continue
+            summary = f"{shown(name)} of {shown(tool['name'])} {why}"
+            out.append(error("INTERFACE-RANGE-EMPTY", summary, pointer=where, hint=hint))
+    return out
+
+
+def wait_too_long(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
+    """A wait, or the length of a recording, has an upper bound of at most a minute."""
+    out = []
+    for index, tool in enumerate(value["tools"]):
+        for name, where, member in _parameters(index, tool):
+            spoken = set(tokens(name))
+            waits = spoken & _WAITS or (tool["effect"] == "read" and spoken & _RECORDS and _is_time(spoken, member))
+            if not waits or not _is_number(member):
+                continue
+            unit = next((each for word, each in _SECONDS.items() if word in spoken), 1.0)
+            longest = member.get("maximum", member.get("exclusiveMaximum"))
+            if isinstance(longest, int | float) and longest * unit <= LONGEST_WAIT:
+                continue
+            bound = f"{longest * unit:g} s" if isinstance(longest, int | float) else "for ever"
+            summary = f"{shown(name)} of {shown(tool['name'])} lets a call last {bound}"
+            hint = f"write a maximum of at most {LONGEST_WAIT / unit:g}"
+            out.append(error("INTERFACE-WAIT-TOO-LONG", summary, pointer=where, hint=hint))
+    return out
+
+
+def effect_understated(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
+    """What changes or destroys something by its own words is no tool that reads."""
+    wanted = effects_of(artifacts)
+    return [
+        error(
+            "INTERFACE-EFFECT-UNDERSTATED",
+            f"{shown(tool['name'])} is declared read, and {shown(verb)} changes something",
+            pointer=pointer("tools", index, "name"),
+            hint="name what it reads, as its capability does",
+        )
+        for index, tool in enumerate(value["tools"])
+        if tool["effect"] == "read" == wanted.get(tool["capability"], "read")
+        and not is_passthrough(tool["name"])
+        and (verb := changes(tool["name"], tool["description"]))
+    ]
+
+
+def passthrough(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
+    """No tool is a raw pipe, by its name, its description or a parameter that takes anything."""
+    out = []
+    for index, tool in enumerate(value["tools"]):
+        raw = raw_parameter(tool["input_schema"]) or _place(tool) or _anything(tool)
+        said = [
+            name for name, _, member in _parameters(index, tool) if offers_a_pipe(str(member.get("description", "")))
+        ]
+        if is_passthrough(tool["name"]):
+            summary, where = f"the tool {shown(tool['name'])} is a raw pipe", pointer("tools", index, "name")
+        elif raw or said:
+            summary = f"the parameter {shown(raw or said[0])} of {shown(tool['name'])} takes anything"
+            where = pointer("tools", index, "input_schema", "properties", raw or said[0])
+        elif tool["input_schema"].get("additionalProperties") is True:
+            summary = f"{shown(tool['name'])} takes parameters of any name"
+            where = pointer("tools", index, "input_schema", "additionalProperties")
+        elif offers_a_pipe(tool["description"].partition("Through:")[0]):
+            summary = f"the tool {shown(tool['name'])} is a raw pipe by its description"
+            where = pointer("tools", index, "description")
+        else:
+            continue
+        hint = "offer what the device does, with typed and bounded parameters (an enum or a pattern bounds a string)"
+        out.append(error("INTERFACE-PASSTHROUGH", summary, pointer=where, hint=hint))
+    return out
+
+
+def _bounds(value: object) -> bool:
+    return isinstance(value, int | float) and abs(value) < _LARGEST
+
+
+def _is_plain(value: Any) -> TypeGuard[float]:
+    return isinstance(value, int | float) and not isinstance(value, bool)
+
+
+def _takes_all(pattern: object) -> bool:
+    """Whether a pattern lets any line pass. Only one that repeats a single class of signs is tried."""
+    if not isinstance(pattern, str) or pattern in _TAKES_ALL:
+        return pattern in _TAKES_ALL if isinstance(pattern, str) else False
+    found = _ONE_CLASS.fullmatch(pattern)
+    try:
+        return found is not None and all(re.fullmatch(found[1], sign) for sign in _SIGNS)
+    except re.error:
+        return False
+
+
+def _anything(tool: JsonObject) -> str | None:
+    """A parameter that is a register's number, bytes, or an object of whatever members; None where there is none."""
+    for name, _, member in _parameters(0, tool):
+        spoken, kinds = set(tokens(name)), _types(member)
+        chosen = {"enum", "const"} & member.keys()
+        if kinds & {"integer", "number"} and spoken & _NUMBERED and not chosen:
+            return name
+        if "string" in kinds and not chosen and (spoken <= _BYTES or member.get("contentEncoding") == "base64"):
+            return name
+        if "object" in kinds and not member.get("properties") and member.get("additionalProperties", True) is True:
+            return name
+    return None
+
+
+def _place(tool: JsonObject) -> str | None:
+    """A parameter that takes a path, an address or a device node, or None: the server knows its own places."""
+    for name, _, member in _parameters(0, tool):
+        spoken = set(tokens(name))
+        if spoken & _PLACES or any(words <= spoken for words in _PLACES_TOGETHER):
+            if _types(member) & {"string", "array"} and not {"enum", "const"} & member.keys():
+                return name
+        elif (
+            "string" in _types(member) and _takes_all(member.get("pattern")) and len(spoken & {"text", "message"}) == 0
+        ):
+            return name
+    return None
+
+
+def _parameters(index: int, tool: JsonObject) -> Iterator[tuple[str, str, Mapping[str, Any]]]:
+    """(name, pointer, schema) of each parameter, of the items of an array, of each form that it may have."""
+    properties = tool["input_schema"].get("properties")
+    for name, member in properties.items() if isinstance(properties, dict) else ():
+        where = pointer("tools", index, "input_schema", "properties", name)
+        for form in _forms(_referred(member, tool["input_schema"])):
+            yield name, where, form
+
+
+def _referred(member: Any, root: JsonObject) -> Any:
+    """A parameter as it reads where its definition stands elsewhere in the schema."""
+    reference = member.get("$ref") if isinstance(member, dict) else None
+    name = reference.removeprefix("#/$defs/") if isinstance(reference, str) else ""
+    target = root.get("$defs", {}).get(name)
+    return (
+        {**target, **{key: item for key, item in member.items() if key != "$ref"}}
+        if isinstance(target, dict)
+        else member
+    )
+
+
+def _forms(member: object) -> Iterator[Mapping[str, Any]]:
+    if not isinstance(member, dict):
+        return
+    parts = [each for key in ("anyOf", "oneOf", "allOf") if isinstance(member.get(key), list) for each in member[key]]
+    yield from ({**form} for part in parts for form in _forms(part))
+    if not parts:
+        yield member
+    inner = [member.get("items"), member.get("additionalProperties"), *_list(member.get("prefixItems"))]
+    inner += member["properties"].values() if isinstance(member.get("properties"), dict) else []
+    for each in inner:
+        yield from _forms(each)
+
+
+def _list(value: object) -> list[Any]:
+    return value if isinstance(value, list) else []
+
+
+def _types(member: Mapping[str, Any]) -> set[str]:
+    given = member.get("type")
+    return {given} if isinstance(given, str) else set(given) if isinstance(given, list) else set()
+
+
+def _is_number(member: Mapping[str, Any]) -> bool:
+    return bool(_types(member) & {"number", "integer"}) and not {"enum", "const"} & member.keys()
+
+
+def _is_time(spoken: set[str], member: Mapping[str, Any]) -> bool:
+    """True for a length of time; of a length in millimetres the words speak otherwise."""
+    told = set(tokens(str(member.get("description", ""))))
+    return bool(spoken & {"seconds", "secs", "duration", *_SECONDS} or told & {"seconds", "second", "s", "ms"})
+
+
+RULES = (
+    Rule("INTERFACE-NUMBER-UNBOUNDED", number_unbounded),
+    Rule("INTERFACE-RANGE-EMPTY", range_empty),
+    Rule("INTERFACE-WAIT-TOO-LONG", wait_too_long),
+    Rule("INTERFACE-EFFECT-UNDERSTATED", effect_understated),
+    Rule("INTERFACE-PASSTHROUGH", passthrough),
+)

@@ -1,0 +1,456 @@
+"""Rules for INTERFACE: one typed tool for each capability, no more, no fewer, and nothing served that was not seen.
+
+The list of tools is what a person reads to know what an agent may do here, so effects and annotations must tell the
+truth about each, and every device that no tool serves is named with a reason.
+"""
+
+import json
+import re
+from collections import defaultdict
+from collections.abc import Iterator
+from typing import Any
+
+from octoform.contracts.model import Artifacts, JsonObject, Rule, effects_of, is_graver
+from octoform.contracts.name_clues import same_action
+from octoform.contracts.rules import raw_line_rules, stop_rules
+from octoform.contracts.rules.interface import bound_rules
+from octoform.contracts.rules.interface.member_units import measured_without_unit
+from octoform.contracts.rules.text_rules import in_values
+from octoform.contracts.text import listed, pointer, shown
+from octoform.diagnostics import Diagnostic, did_you_mean, error, warning
+
+# Rules for INTERFACE about what clients read and give: words that name no unit, and results with members.
+#
+# A description goes to every model that uses the endpoint and, as part of the artifact, into git.
+
+_INSTANCE = {
+    "a hardware address": re.compile(r"\b[0-9a-f]{2}(?:[:-][0-9a-f]{2}){5}\b", re.IGNORECASE),
+    "a place of a device": re.compile(r"(?<![\w/])/(?:dev|sys)/\w[\w/.:-]*"),
+    "a port of a bus": re.compile(r"\b(?:usb|port|bus)\s+\d+-\d+(?:\.\d+)*\b", re.IGNORECASE),
+    "a serial number": re.compile(
+        r"\bserial (?:number|no\.?)\s*[:=]?\s*(?=[A-Z0-9-]*\d)[A-Z0-9][A-Z0-9-]{4,}\b", re.IGNORECASE
+    ),
+}
+_ORDERS = re.compile(
+    r"\b(?:ignore|disregard|forget|override)\s+(?:\w+\s+){0,3}?(?:instructions?|prompts?|rules)\b"
+    r"|<\s*/?\s*(?:system|assistant|user|instructions?|important)\s*>|(?:^|\n)\s*(?:system|assistant)\s*:"
+    r"|\byou are now\b|\breveal (?:your|the) (?:system )?prompt\b|\bdo not (?:tell|inform) the user\b",
+    re.IGNORECASE,
+)
+_DEMANDS = re.compile(r"\byou (?:must|have to) (?:always )?(?:call|use|run|execute)\b", re.IGNORECASE)
+
+
+def description(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
+    """A description tells of kinds, names no single unit and no place, and gives the reader no orders."""
+    serials, names = _serials(artifacts), _names(artifacts)
+    out = []
+    for index, tool in enumerate(value["tools"]):
+        for where, text in _descriptions(tool, ("tools", index)):
+            unit = next((what for what, form in _INSTANCE.items() if _said(form, text, names)), None)
+            if unit or any(serial in text for serial in serials):
+                summary = f"a description of {shown(tool['name'])} has {unit or 'a serial number'} in it"
+                hint = "describe the kind of device; which unit it is and where it is are found when a tool is called"
+                out.append(error("INTERFACE-DESCRIPTION", summary, pointer=pointer(*where), hint=hint))
+            elif _said(_ORDERS, text, names):
+                summary = f"a description of {shown(tool['name'])} gives orders to whoever reads it"
+                hint = "say what the tool does; what a device calls itself is quoted, and never obeyed"
+                out.append(error("INTERFACE-DESCRIPTION", summary, pointer=pointer(*where), hint=hint))
+            elif _said(_DEMANDS, text, names):
+                summary = f"a description of {shown(tool['name'])} demands that another tool is called"
+                hint = "say what to beware of; when to call what is for the caller to decide"
+                out.append(warning("INTERFACE-DESCRIPTION", summary, pointer=pointer(*where), hint=hint))
+    return out
+
+
+def result_bare(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
+    """A reading has members with units; a bare text may have to be parsed by whoever calls it."""
+    effects, out = effects_of(artifacts), []
+    hint = 'describe each reading as a member with its unit: {"temperature_celsius": {"type": "number"}}'
+    for index, tool in enumerate(value["tools"]):
+        if tool["effect"] != "read" or effects.get(tool["capability"], "read") != "read":
+            continue  # of an effect that is understated another rule tells, and it is the cause
+        where = pointer("tools", index, "output_schema")
+        if why := _bare(tool.get("output_schema")):
+            summary = f"the result of {shown(tool['name'])} {why}"
+            out.append(error("INTERFACE-RESULT-BARE", summary, pointer=where, hint=hint))
+        elif _is_text(tool["output_schema"]):
+            summary = f"the result of {shown(tool['name'])} is one text"
+            out.append(warning("INTERFACE-RESULT-BARE", summary, pointer=where, hint=hint))
+    return out
+
+
+def _bare(schema: Any) -> str:
+    """What is missing of a schema for a result; empty where nothing is."""
+    if schema is None:
+        return "is not described: there is no output_schema"
+    if not isinstance(schema, dict) or {"$ref", "anyOf", "oneOf", "allOf"} & schema.keys():
+        return ""
+    members = schema.get("properties")
+    return "" if isinstance(members, dict) and members else "has no members that say what they are"
+
+
+def _is_text(schema: Any) -> bool:
+    members = schema.get("properties") if isinstance(schema, dict) else None
+    if not isinstance(members, dict) or len(members) != 1:
+        return False
+    only = next(iter(members.values()))
+    return isinstance(only, dict) and only.get("type") == "string" and "enum" not in only and bool(set(members) & _BARE)
+
+
+def result_without_unit(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
+    """A member that is a quantity has its unit in its name or description: results are judged by it."""
+    out = []
+    for index, tool in enumerate(value["tools"]):
+        schema = tool.get("output_schema") if tool["effect"] == "read" else None
+        for where, name in measured_without_unit(schema):
+            summary = f"the result's {shown(name)} of {shown(tool['name'])} is a quantity, and no unit is given"
+            hint = f"put the unit into the description of {shown(name)} or at the end of its name, or a member `unit` "
+            hint += "beside it; what a device gives without one is called raw"
+            place = pointer("tools", index, "output_schema", *where)
+            out.append(error("INTERFACE-RESULT-UNIT", summary, pointer=place, hint=hint))
+    return out
+
+
+_BARE = frozenset({"result", "text", "output", "value", "response", "answer", "stdout", "reply"})
+TEXT_RULES = (
+    Rule("INTERFACE-DESCRIPTION", description),
+    Rule("INTERFACE-RESULT-BARE", result_bare),
+    Rule("INTERFACE-RESULT-UNIT", result_without_unit),
+)
+
+
+def _descriptions(value: Any, where: tuple[str | int, ...]) -> Iterator[tuple[tuple[str | int, ...], str]]:
+    """(place, text) of every description in a tool, its schemas' too."""
+    if isinstance(value, dict):
+        for name, item in value.items():
+            if name == "description" and isinstance(item, str):
+                yield (*where, name), item
+            else:
+                yield from _descriptions(item, (*where, name))
+    elif isinstance(value, list):
+        for index, item in enumerate(value):
+            yield from _descriptions(item, (*where, index))
+
+
+def _said(form: "re.Pattern[str]", text: str, names: str) -> bool:
+    """Whether a description says something itself; what a device calls itself is quoted in it, whatever that is."""
+    return any(found[0].casefold() not in names for found in form.finditer(text))
+
+
+def _names(artifacts: Artifacts) -> str:
+    """What all devices are called, by themselves and by IDENTIFY."""
+    found = [*(artifacts.identify or {}).get("devices", ()), *(artifacts.probe or {}).get("devices", ())]
+    told = (str(device.get(name, "")) for device in found for name in ("identified_as", "name", "raw_descriptor"))
+    return "\n".join(told).casefold()
+
+
+def _serials(artifacts: Artifacts) -> set[str]:
+    """The serial numbers that PROBE saw, where they are long enough to be nothing else."""
+    devices = (artifacts.probe or {}).get("devices", ())
+    found = {str((device.get("instance") or {}).get("serial") or "") for device in devices}
+    return {serial for serial in found if len(serial) >= 6 and any(map(str.isdigit, serial))}
+
+
+_BUDGET, _SIZE, _UNSAFE = "tool_budget", "server_size", "unsafe"
+SPARED = frozenset({_BUDGET, _SIZE, _UNSAFE})
+"""Reasons for which one capability of a device has no tool, although others of it may have one."""
+_LONG_SERVER = 12
+"""Fewer tools always fit into a server: they would have forty lines each."""
+
+
+def capability_without_tool(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
+    """Each capability has its tool, unless all of its devices are left out for the budget, or as unsafe."""
+    served = {tool["capability"] for tool in value["tools"]}
+    open_lines = raw_line_rules.lines_without_knowledge(artifacts)
+    unsafe = (
+        "what is not safe to serve is left out with the reason unsafe, its `capability` named and why in `detail`; "
+    )
+    return [
+        error(
+            "INTERFACE-CAPABILITY-WITHOUT-TOOL",
+            f"no tool has the capability {shown(name)} of {listed(sorted(owners))}",
+            pointer="/tools",
+            hint=f"add its tool; {unsafe if owners <= open_lines else ''}where the tool budget forbids it, leave its "
+            "devices out with the reason tool_budget",
+        )
+        for name, owners in _owners(artifacts).items()
+        if name not in served and not owners <= _spared(value, name)
+    ]
+
+
+def tool_without_capability(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
+    """Each tool has a capability of IDENTIFY, spelt exactly so."""
+    names = _owners(artifacts)
+    out = []
+    for index, tool in enumerate(value["tools"]):
+        if tool["capability"] not in names:
+            guess = did_you_mean(tool["capability"], list(names))
+            hint = f"did you mean {guess}?" if guess else "write tools only for capabilities that IDENTIFY lists"
+            summary = f"the capability {shown(tool['capability'])} is not one of IDENTIFY"
+            where = pointer("tools", index, "capability")
+            out.append(error("INTERFACE-TOOL-WITHOUT-CAPABILITY", summary, pointer=where, hint=hint))
+    return out
+
+
+def duplicate_capability(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
+    """One tool for one capability; several devices are one parameter of it."""
+    first: dict[str, int] = {}
+    out = []
+    for index, tool in enumerate(value["tools"]):
+        before = first.setdefault(tool["capability"], index)
+        if before != index:
+            summary = f"{shown(tool['capability'])} has a second tool; tools[{before}] serves it already"
+            hint = "write one tool with a parameter that names the device"
+            where = pointer("tools", index, "capability")
+            out.append(error("INTERFACE-DUPLICATE-CAPABILITY", summary, pointer=where, hint=hint))
+    return out
+
+
+def devices_differ(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
+    """A tool serves exactly the devices that have its capability."""
+    names = _owners(artifacts)
+    out = []
+    for index, tool in enumerate(value["tools"]):
+        owners = names.get(tool["capability"])
+        if owners is None:
+            continue
+        spared = _spared(value, tool["capability"])
+        listed_here = set(tool["devices"])
+        absent, foreign = sorted(owners - listed_here - spared), sorted(listed_here - owners)
+        words = [f"{listed(absent)} also has the capability"] if absent else []
+        words += [f"{listed(foreign)} does not have the capability"] if foreign else []
+        if words:
+            summary = f"the devices of {shown(tool['name'])} are not those of IDENTIFY: {'; '.join(words)}"
+            where = pointer("tools", index, "devices")
+            hint = "list exactly the devices that have the capability"
+            out.append(error("INTERFACE-DEVICES-DIFFER", summary, pointer=where, hint=hint))
+    return out
+
+
+def name_clash(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
+    """Names differ by more than case and punctuation, which some clients drop."""
+    first: dict[str, str] = {}
+    out = []
+    for index, tool in enumerate(value["tools"]):
+        plain = tool["name"].casefold().replace("-", "_").replace(".", "_")
+        where = pointer("tools", index, "name")
+        before = first.setdefault(plain, where)
+        if before != where:
+            summary = f"the tool name {shown(tool['name'])} is not distinct from the one at {before}"
+            hint = "choose names that differ by more than case, points and dashes"
+            out.append(error("INTERFACE-NAME-CLASH", summary, pointer=where, hint=hint))
+    return out
+
+
+_HINTS = {
+    "read": {"readOnlyHint": True, "destructiveHint": False},
+    "actuate": {"readOnlyHint": False},
+    "irreversible": {"readOnlyHint": False, "destructiveHint": True},
+}
+
+
+def effect_differs(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
+    """A tool has the effect that IDENTIFY gave its capability, or a graver one where somebody knows its limits."""
+    effects, lines = effects_of(artifacts), raw_line_rules.unknown_lines(artifacts)
+    out = []
+    for index, tool in enumerate(value["tools"]):
+        wanted = effects.get(tool["capability"], tool["effect"])
+        if is_graver(tool["effect"], wanted):
+            for device in sorted(lines.intersection(tool["devices"]))[:1]:
+                summary = (
+                    f"{shown(tool['name'])} is declared {tool['effect']}, and nobody says how {shown(device)} stops"
+                )
+                hint = (
+                    f"leave {tool['capability']} out with the reason unsafe; {raw_line_rules.cure(device, artifacts)}"
+                )
+                where = pointer("tools", index, "effect")
+                out.append(error("INTERFACE-EFFECT-DIFFERS", summary, pointer=where, hint=hint))
+        elif tool["effect"] != wanted:
+            summary = f"{shown(tool['name'])} is declared {tool['effect']}; its capability is {wanted}"
+            hints = [f"{hint} {json.dumps(must)}" for hint, must in _HINTS[wanted].items()]
+            where, hint = (
+                pointer("tools", index, "effect"),
+                f"write {wanted}, and of the annotations {', '.join(hints)}",
+            )
+            out.append(error("INTERFACE-EFFECT-DIFFERS", summary, pointer=where, hint=hint))
+    return out
+
+
+def annotations_contradict(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
+    """The hints that a client sees agree with the effect; where that is wrong, it is the cause."""
+    effects = effects_of(artifacts)
+    probed = (artifacts.probe or {}).get("devices", ())
+    attached = {device["id"] for device in probed if device.get("interface") != "network"}
+    out = []
+    for index, tool in enumerate(value["tools"]):
+        effect = tool["effect"]
+        if is_graver(effects.get(tool["capability"], effect), effect):
+            continue
+        for hint, must in _HINTS[effect].items():
+            if tool["annotations"][hint] is not must:
+                summary = f"{shown(tool['name'])} has the effect {effect}, so {hint} must be {json.dumps(must)}"
+                where = pointer("tools", index, "annotations", hint)
+                out.append(error("INTERFACE-ANNOTATIONS", summary, pointer=where, hint=f"write {json.dumps(must)}"))
+        if effect == "actuate" and tool["annotations"]["destructiveHint"] is True:
+            summary = f"{shown(tool['name'])} has the effect actuate, and says that it destroys something"
+            where = pointer("tools", index, "annotations", "destructiveHint")
+            hint = "write false; what nothing brings back has the effect irreversible, in IDENTIFY first"
+            out.append(warning("INTERFACE-ANNOTATIONS", summary, pointer=where, hint=hint))
+        if tool["annotations"]["openWorldHint"] is True and attached.issuperset(tool["devices"]):
+            summary = f"{shown(tool['name'])} says that it reaches beyond this host, and its device is attached to it"
+            where = pointer("tools", index, "annotations", "openWorldHint")
+            out.append(warning("INTERFACE-ANNOTATIONS", summary, pointer=where, hint="write false"))
+    return out
+
+
+def tool_budget(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
+    """No more tools than the manifest allows."""
+    count = len(value["tools"])
+    if count <= artifacts.tools_budget:
+        return []
+    summary = f"{count} tools are more than the budget of {artifacts.tools_budget}"
+    hint = "keep the most useful, leave the rest out with the reason tool_budget, or raise budget.tools"
+    return [error("INTERFACE-TOOL-BUDGET", summary, pointer="/tools", hint=hint)]
+
+
+def budget_unused(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
+    """The tool budget is a reason only where it is used up, and the server's size only for one of many tools."""
+    free = artifacts.tools_budget - len(value["tools"])
+    return [
+        error(
+            "INTERFACE-BUDGET-UNUSED",
+            f"{shown(item['id'])} is left out for the tool budget, and {free} of {artifacts.tools_budget} are free",
+            pointer=pointer("left_out", index, "reason"),
+            hint="add the tools of its capabilities, or give the reason that is true of it",
+        )
+        for index, item in enumerate(value["left_out"])
+        if item["reason"] == _BUDGET and free > 0
+    ] + [
+        error(
+            "INTERFACE-BUDGET-UNUSED",
+            f"{shown(item['id'])} is left out for the server's size, and {len(value['tools'])} tools make a short one",
+            pointer=pointer("left_out", index, "reason"),
+            hint="add the tools of its capabilities, or give the reason that is true of it",
+        )
+        for index, item in enumerate(value["left_out"])
+        if item["reason"] == _SIZE and len(value["tools"]) < _LONG_SERVER
+    ]
+
+
+def unknown_device(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
+    """Tools and left_out name devices that were seen."""
+    known = _known(artifacts)
+    places = [
+        (pointer("tools", index, "devices", at), name)
+        for index, tool in enumerate(value["tools"])
+        for at, name in enumerate(tool["devices"])
+    ]
+    places += [(pointer("left_out", index, "id"), item["id"]) for index, item in enumerate(value["left_out"])]
+    out = []
+    for where, name in places:
+        if name not in known:
+            guess = did_you_mean(name, list(known)[:2000])
+            hint = f"did you mean {guess}?" if guess else "name only devices that the IDENTIFY artifact names"
+            summary = f"{shown(name)} is not a device of IDENTIFY"
+            out.append(error("INTERFACE-UNKNOWN-DEVICE", summary, pointer=where, hint=hint))
+    return out
+
+
+def device_unaccounted(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
+    """Every device is served by a tool or left out with a reason."""
+    told = _served(value) | {item["id"] for item in value["left_out"]}
+    silent = [name for name in _known(artifacts) if name not in told]
+    if not silent:
+        return []
+    summary = f"{len(silent)} devices are neither served by a tool nor left out: {listed(silent)}"
+    hint = "add each of them to left_out with its reason"
+    return [error("INTERFACE-DEVICE-UNACCOUNTED", summary, pointer="/left_out", hint=hint)]
+
+
+def left_out_twice(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
+    """A device is left out once, and not served as well, save for what the tool budget cut."""
+    served = _served(value)
+    seen: set[tuple[str, str]] = set()
+    out = []
+    for index, item in enumerate(value["left_out"]):
+        where, entry = pointer("left_out", index, "id"), (item["id"], item.get("capability", ""))
+        whole = item["reason"] == _UNSAFE and "capability" not in item
+        if entry in seen or (item["id"], "") in seen or (not entry[1] and item["id"] in {name for name, _ in seen}):
+            summary, hint = f"{shown(item['id'])} is left out twice", "keep one of the two"
+        elif item["id"] in served and (item["reason"] not in SPARED or whole):
+            summary, hint = f"{shown(item['id'])} is left out and served by a tool", "choose one of the two"
+            hint += "; where one capability of it is unsafe, name that in `capability`" if whole else ""
+        else:
+            seen.add(entry)
+            continue
+        out.append(error("INTERFACE-LEFT-OUT-TWICE", summary, pointer=where, hint=hint))
+    return out
+
+
+def duplicate_path(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
+    """One way to one reading: no two tools do the same on one device under two names."""
+    first: dict[tuple[str, frozenset[str]], str] = {}
+    out = []
+    for index, tool in enumerate(value["tools"]):
+        for name in tool["devices"]:
+            before = first.setdefault((name, same_action(tool["name"])), tool["name"])
+            if before != tool["name"]:
+                summary = f"{shown(tool['name'])} and {shown(before)} do the same on {shown(name)}"
+                hint = "keep one of the two capabilities"
+                where = pointer("tools", index, "name")
+                out.append(error("INTERFACE-DUPLICATE-PATH", summary, pointer=where, hint=hint))
+                break
+    return out
+
+
+RULES = (
+    Rule("INTERFACE-UNKNOWN-DEVICE", unknown_device),
+    Rule("INTERFACE-TOOL-WITHOUT-CAPABILITY", tool_without_capability),
+    Rule("INTERFACE-CAPABILITY-WITHOUT-TOOL", capability_without_tool),
+    Rule("INTERFACE-DUPLICATE-CAPABILITY", duplicate_capability),
+    Rule("INTERFACE-DEVICES-DIFFER", devices_differ),
+    Rule("INTERFACE-NAME-CLASH", name_clash),
+    Rule("INTERFACE-EFFECT-DIFFERS", effect_differs),
+    Rule("INTERFACE-ANNOTATIONS", annotations_contradict),
+    Rule("INTERFACE-TOOL-BUDGET", tool_budget),
+    Rule("INTERFACE-DEVICE-UNACCOUNTED", device_unaccounted),
+    Rule("INTERFACE-LEFT-OUT-TWICE", left_out_twice),
+    Rule("INTERFACE-DUPLICATE-PATH", duplicate_path),
+    Rule("INTERFACE-BUDGET-UNUSED", budget_unused),
+    *bound_rules.RULES,
+    *TEXT_RULES,
+    *raw_line_rules.INTERFACE_RULES,
+    *stop_rules.INTERFACE_RULES,
+    Rule("INTERFACE-UNESCAPED-TEXT", in_values("INTERFACE-UNESCAPED-TEXT")),
+)
+
+
+def _identify(artifacts: Artifacts) -> JsonObject:
+    return artifacts.identify or {"devices": [], "left_out": []}
+
+
+def _known(artifacts: Artifacts) -> dict[str, None]:
+    identify = _identify(artifacts)
+    return dict.fromkeys(item["id"] for member in ("devices", "left_out") for item in identify[member])
+
+
+def _owners(artifacts: Artifacts) -> dict[str, set[str]]:
+    """Capability name to the ids of the devices that have it."""
+    out: dict[str, set[str]] = defaultdict(set)
+    for device in _identify(artifacts)["devices"]:
+        for capability in device["capabilities"]:
+            out[capability["name"]].add(device["id"])
+    return dict(out)
+
+
+def _served(value: JsonObject) -> set[str]:
+    return {name for tool in value["tools"] for name in tool["devices"]}
+
+
+def _spared(value: JsonObject, capability: str) -> set[str]:
+    """The devices of which this capability may have no tool: cut for the budget, or not safe to serve."""
+    return {
+        item["id"]
+        for item in value["left_out"]
+        if item["reason"] in SPARED and item.get("capability", capability) == capability
+    }

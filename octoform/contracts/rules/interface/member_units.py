@@ -1,0 +1,210 @@
+"""Which members of a tool's result are quantities, and whether the schema says in which unit they are.
+
+A number is held against what can be measured in its unit. Without one, 53125 may be a temperature as well as a count.
+"""
+
+import re
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+from octoform.contracts.name_clues import tokens
+
+_QUANTITIES = frozenset(
+    {"temperature", "temp", "humidity", "pressure", "voltage", "illuminance", "lux", "distance", "altitude"}
+    | {"acceleration", "velocity", "frequency", "weight", "mass", "energy", "latitude", "longitude", "resistance"}
+    | {"capacitance", "amperage", "wattage", "dewpoint", "speed", "angle", "heading", "duration", "elapsed"}
+)
+_LAST = frozenset({"power", "current", "acceleration", "flow", "torque", "force"})
+"""Words that are a quantity where a name ends in them: `current_frame` is none."""
+_ASIDE = frozenset(
+    {"index", "count", "counts", "id", "channel", "channels", "number", "raw", "samples", "step", "steps", "ticks"}
+    | {"ratio", "scale", "factor", "code", "level", "levels", "class", "mode", "grade", "time", "timestamp", "errors"}
+)
+"""Words of a name that make something else of a quantity, or say that it has no unit."""
+_SHORT = (
+    *(
+        "c",
+        "f",
+        "k",
+        "v",
+        "mv",
+        "uv",
+        "kv",
+        "a",
+        "ma",
+        "ua",
+        "w",
+        "mw",
+        "kw",
+        "hz",
+        "khz",
+        "mhz",
+        "ghz",
+        "s",
+        "ms",
+        "us",
+    ),
+    *(
+        "ns",
+        "m",
+        "mm",
+        "cm",
+        "km",
+        "um",
+        "nm",
+        "g",
+        "kg",
+        "mg",
+        "n",
+        "nm",
+        "pa",
+        "hpa",
+        "kpa",
+        "mpa",
+        "bar",
+        "mbar",
+        "psi",
+    ),
+    *(
+        "lx",
+        "lm",
+        "cd",
+        "db",
+        "dbm",
+        "dbi",
+        "rh",
+        "ppm",
+        "ppb",
+        "ohm",
+        "f",
+        "pf",
+        "nf",
+        "uf",
+        "h",
+        "j",
+        "wh",
+        "kwh",
+        "mah",
+    ),
+    *(
+        "ah",
+        "cel",
+        "deg",
+        "rad",
+        "rpm",
+        "rps",
+        "mps",
+        "kmh",
+        "mph",
+        "kn",
+        "dps",
+        "pct",
+        "degc",
+        "degf",
+        "celsius",
+        "fahrenheit",
+    ),
+    *("kelvin", "volt", "volts", "millivolts", "amp", "amps", "ampere", "amperes", "milliamperes", "watt", "watts"),
+    *("hertz", "second", "seconds", "milliseconds", "minutes", "hours", "meter", "meters", "metre", "metres"),
+    *("millimeters", "millimetres", "centimeters", "centimetres", "kilometers", "feet", "inch", "inches", "gram"),
+    *("grams", "kilogram", "kilograms", "newton", "newtons", "pascal", "pascals", "hectopascal", "hectopascals"),
+    *("kilopascal", "kilopascals", "lux", "lumen", "decibel", "decibels", "percent", "percentage", "degree", "degrees"),
+    *("radian", "radians", "joule", "joules", "ohms", "farad", "picofarads", "microseconds", "nanoseconds", "knots"),
+    *(
+        "bits",
+        "bytes",
+        "microtesla",
+        "gauss",
+        "tesla",
+        "ut",
+        "mt",
+        "millig",
+        "micrometers",
+        "milligrams",
+        "microamperes",
+    ),
+    *(
+        "microvolts",
+        "megahertz",
+        "kilohertz",
+        "gigahertz",
+        "milliwatts",
+        "kilowatts",
+        "ticks",
+        "raw",
+        "counts",
+        "steps",
+    ),
+    *("unitless", "dimensionless", "fraction", "ratio", "unit", "units", "lsb", "baud", "mbps", "kbps", "gbps", "mbit"),
+    *(
+        "rev",
+        "revolutions",
+        "turns",
+        "ghz",
+        "millidegrees",
+        "permille",
+        "ppt",
+        "pixel",
+        "pixels",
+        "px",
+        "lb",
+        "lbs",
+        "oz",
+    ),
+)
+_UNITS = frozenset(_SHORT)
+_SIGNS = re.compile(
+    r"[°%‰Ωµμ²³]|\b(?:m/s|rad/s|km/h|1/s|m/s\^2|n·m|w/m|kg/m)|\b0(?:\.0)? (?:to|\.\.) ?1(?:\.0)?\b", re.IGNORECASE
+)
+_LETTER = re.compile(r"(?:\bin|[,(\[/:;])\s*(?:[CFKVAWNgmshJ])(?![\w-])")
+_BESIDE = frozenset({"unit", "units"})
+
+
+def measured_without_unit(
+    schema: Any, where: tuple[str, ...] = (), said: str = ""
+) -> Iterator[tuple[tuple[str, ...], str]]:
+    """(place, name) of each number that is a quantity by its name and has no unit, at any depth."""
+    if not isinstance(schema, Mapping):
+        return
+    told = f"{said} {schema.get('description', '')}"
+    members = schema.get("properties")
+    if isinstance(members, Mapping):
+        beside = any(set(tokens(str(name))) & _BESIDE for name in members)
+        for name, member in members.items():
+            place = (*where, "properties", str(name))
+            if (
+                not beside
+                and _is_number(member)
+                and _is_quantity(str(name))
+                and not _names_unit(str(name), member, told)
+            ):
+                yield place, str(name)
+            yield from measured_without_unit(member, place, told)
+    for part in ("items", "additionalProperties"):
+        yield from measured_without_unit(schema.get(part), (*where, part), told)
+    for name, each in (schema.get("$defs") or {}).items() if isinstance(schema.get("$defs"), Mapping) else ():
+        yield from measured_without_unit(each, (*where, "$defs", str(name)), told)
+
+
+def _is_number(member: Any) -> bool:
+    if not isinstance(member, Mapping) or {"enum", "const"} & member.keys():
+        return False
+    forms = [member, *(each for each in member.get("anyOf", ()) if isinstance(each, Mapping))]
+    kinds = [each.get("type") for each in forms]
+    return any(kind in ("number", "integer") or (isinstance(kind, list) and "number" in kind) for kind in kinds)
+
+
+def _is_quantity(name: str) -> bool:
+    spoken = tokens(name)
+    if not spoken or _ASIDE & set(spoken):
+        return False
+    return bool(_QUANTITIES & set(spoken)) or spoken[-1] in _LAST
+
+
+def _names_unit(name: str, member: Mapping[str, Any], around: str) -> bool:
+    forms = " ".join(str(each.get("description", "")) for each in member.get("anyOf", ()) if isinstance(each, Mapping))
+    text = f"{around} {member.get('description', '')} {member.get('title', '')} {forms}"
+    if set(tokens(name)) & _UNITS or member.keys() & {"unit", "units", "x-unit"}:
+        return True
+    spoken = {word for word in re.findall(r"[a-z]+", text.casefold()) if len(word) > 1}
+    return bool(spoken & _UNITS - _BESIDE or _SIGNS.search(text) or _LETTER.search(text))

@@ -1,0 +1,419 @@
+"""Rules for INTERFACE that read the tools' own schemas: valid, typed, bounded, and callable.
+
+Heavy: imports jsonschema. A schema comes from an agent, so nothing in it is fetched, and no pattern of it is run
+against text here (a pattern can be written to take for ever).
+"""
+
+import json
+from collections.abc import Iterator, Mapping
+from fnmatch import fnmatchcase
+from functools import lru_cache
+from typing import Any
+
+from jsonschema import Draft202012Validator
+from jsonschema.exceptions import SchemaError, best_match
+
+from octoform.base.files import parse
+from octoform.contracts.model import Artifacts, JsonObject, Rule, effects_of, is_graver
+from octoform.contracts.schema.validation import Problem, validator
+from octoform.contracts.text import listed, pointer, shown
+from octoform.diagnostics import Diagnostic, error
+
+MAX_UNFOLDED = 5000
+
+_TYPING = frozenset({"type", "enum", "const", "anyOf", "oneOf", "allOf", "$ref"})
+_RUNS_A_PATTERN = frozenset({"pattern", "patternProperties", "propertyNames", "format"})
+
+
+def input_schema(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
+    """Every input_schema is a valid 2020-12 schema of type object."""
+    return _invalid(value, "input_schema", "INTERFACE-INPUT-SCHEMA")
+
+
+def output_schema(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
+    """Every output_schema is a valid 2020-12 schema of type object."""
+    return _invalid(value, "output_schema", "INTERFACE-OUTPUT-SCHEMA")
+
+
+def untyped_property(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
+    """Every parameter says of which type it is."""
+    out = []
+    for index, tool in enumerate(value["tools"]):
+        for name, member in _properties(tool).items():
+            if not isinstance(member, dict) or not _TYPING & member.keys():
+                summary = f"the parameter {shown(name)} of {shown(tool['name'])} has no type"
+                where = pointer("tools", index, "input_schema", "properties", name)
+                hint = "give it a type, and its unit and range"
+                out.append(error("INTERFACE-UNTYPED-PROPERTY", summary, pointer=where, hint=hint))
+    return out
+
+
+def required_unknown(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
+    """What an input_schema requires is among its properties."""
+    out = []
+    for index, tool in enumerate(value["tools"]):
+        required = tool["input_schema"].get("required")
+        for name in required if isinstance(required, list) else ():
+            if name not in _properties(tool):
+                summary = f"{shown(tool['name'])} requires the parameter {shown(name)}, which it does not have"
+                where = pointer("tools", index, "input_schema", "required")
+                hint = "add it to properties, or take it out of required"
+                out.append(error("INTERFACE-REQUIRED-UNKNOWN", summary, pointer=where, hint=hint))
+    return out
+
+
+def device_parameter(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
+    """A tool of several devices has a ``device`` parameter that lists exactly them."""
+    out = []
+    for index, tool in enumerate(value["tools"]):
+        member = _properties(tool).get("device")
+        where = pointer("tools", index, "input_schema", "properties")
+        if member is None and len(tool["devices"]) > 1:
+            summary = f"{shown(tool['name'])} serves {len(tool['devices'])} devices and has no parameter `device`"
+        elif member is not None and _choices(member, tool) != set(tool["devices"]):
+            summary = f"the parameter `device` of {shown(tool['name'])} does not list exactly the tool's devices"
+            where += "/device"
+        else:
+            continue
+        hint = "make `device` a string with an enum of the device ids in `devices`"
+        out.append(error("INTERFACE-DEVICE-PARAMETER", summary, pointer=where, hint=hint))
+    return out
+
+
+def limit_missing(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
+    """Each limit of a profile in force stands in the tool that it concerns."""
+    out = []
+    for index, tool, wanted, profile in _profile_limits(value, artifacts):
+        if _limit_of(tool, wanted["parameter"]) is None:
+            summary = f"{shown(tool['name'])} lacks the limit of {shown(wanted['parameter'])} from {shown(profile)}"
+            where = pointer("tools", index, "limits")
+            hint = f"add {_range(wanted)}"
+            out.append(error("INTERFACE-LIMIT-MISSING", summary, pointer=where, hint=hint))
+    return out
+
+
+def limit_wider(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
+    """No limit is wider than the profile's, or in another unit."""
+    out = []
+    for index, tool, wanted, profile in _profile_limits(value, artifacts):
+        has = _limit_of(tool, wanted["parameter"])
+        if has is not None and not _within(has, wanted):
+            summary = f"{_range(has)} of {shown(tool['name'])} is not within {_range(wanted)} of {shown(profile)}"
+            where = pointer("tools", index, "limits")
+            hint = "keep both bounds and the unit of the profile, or narrow them"
+            out.append(error("INTERFACE-LIMIT-WIDER", summary, pointer=where, hint=hint))
+    return out
+
+
+def limit_empty(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
+    """A limit bounds something: at least one side, the lower not above the upper, of a parameter that exists."""
+    out = []
+    for index, tool in enumerate(value["tools"]):
+        for at, limit in enumerate(tool.get("limits", ())):
+            low, high = limit.get("minimum"), limit.get("maximum")
+            if low is None and high is None:
+                why = "has neither a minimum nor a maximum"
+            elif low is not None and high is not None and low > high:
+                why = f"allows nothing: {low} is above {high}"
+            elif limit["parameter"] not in _properties(tool):
+                why = "is of a parameter that the tool does not have"
+            else:
+                continue
+            summary = f"the limit of {shown(limit['parameter'])} in {shown(tool['name'])} {why}"
+            out.append(error("INTERFACE-LIMIT-EMPTY", summary, pointer=pointer("tools", index, "limits", at)))
+    return out
+
+
+def smoke_arguments(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
+    """A read tool can be called once for trial: its smoke arguments, or none, fit its input_schema."""
+    effects = effects_of(artifacts)
+    out = []
+    for index, tool in enumerate(value["tools"]):
+        where = pointer("tools", index, "smoke")
+        if is_graver(effects.get(tool["capability"], tool["effect"]), tool["effect"]):
+            continue  # another rule's finding, and the cause of this one
+        if tool["effect"] != "read":
+            if "smoke" in tool:
+                summary = f"{shown(tool['name'])} is no read tool and may not be called for trial"
+                out.append(error("INTERFACE-SMOKE", summary, pointer=where, hint="take smoke out"))
+            continue
+        arguments = tool.get("smoke", {}).get("arguments", {})
+        problem = _misfit(arguments, tool["input_schema"])
+        if problem is not None:
+            given = "its smoke arguments do" if "smoke" in tool else "without smoke arguments, an empty call does"
+            summary = f"{shown(tool['name'])} cannot be called for trial: {given} not fit the input_schema"
+            hint = "give harmless arguments that the input_schema accepts"
+            out.append(error("INTERFACE-SMOKE", summary, pointer=where, detail=problem, hint=hint))
+    return out
+
+
+RULES = (
+    Rule("INTERFACE-INPUT-SCHEMA", input_schema),
+    Rule("INTERFACE-OUTPUT-SCHEMA", output_schema),
+    Rule("INTERFACE-UNTYPED-PROPERTY", untyped_property),
+    Rule("INTERFACE-REQUIRED-UNKNOWN", required_unknown),
+    Rule("INTERFACE-DEVICE-PARAMETER", device_parameter),
+    Rule("INTERFACE-LIMIT-MISSING", limit_missing),
+    Rule("INTERFACE-LIMIT-WIDER", limit_wider),
+    Rule("INTERFACE-LIMIT-EMPTY", limit_empty),
+    Rule("INTERFACE-SMOKE", smoke_arguments),
+)
+
+
+def _invalid(value: JsonObject, member: str, code: str) -> list[Diagnostic]:
+    out = []
+    for index, tool in enumerate(value["tools"]):
+        schema = tool.get(member)
+        if schema is None:
+            continue
+        problem = _schema_problem(schema)
+        if problem is not None:
+            summary = f"the {member} of {shown(tool['name'])} {problem}"
+            hint = "write a JSON Schema (2020-12) of type object that refers to nothing outside itself"
+            out.append(error(code, summary, pointer=pointer("tools", index, member), hint=hint))
+    return out
+
+
+def _schema_problem(schema: JsonObject) -> str | None:
+    if schema.get("type") != "object":
+        return f"has the type {shown(schema.get('type', 'none'))}, not object"
+    if (problem := _misshapen(json.dumps(schema))) is not None:
+        return problem
+    try:
+        size = _unfolded(schema, schema, {})
+    except _Unusable as problem:
+        return str(problem)
+    return None if size <= MAX_UNFOLDED else f"unfolds to more than {MAX_UNFOLDED} parts"
+
+
+@lru_cache(maxsize=512)
+def _misshapen(schema: str) -> str | None:
+    """Why a text is no JSON Schema. Remembered: a contract is checked several times in a run, and tools are alike."""
+    try:
+        Draft202012Validator.check_schema(parse(schema))
+    except SchemaError as problem:
+        place = "/".join(str(part) for part in problem.absolute_path) or "its top"
+        return f"is not a valid schema at {shown(place)}: its {shown(problem.validator)} is wrong"
+    return None
+
+
+class _Unusable(Exception):
+    """A reference that leads nowhere, or back to itself."""
+
+
+def _unfolded(place: Any, root: JsonObject, sizes: dict[str, int]) -> int:
+    """How many parts a schema has once every reference in it is written out.
+
+    Twenty small definitions that each name the next one twice unfold to a million parts; validating against them
+    would take for ever. ``sizes`` remembers each reference, 0 while it is being counted.
+    """
+    if isinstance(place, list):
+        return 1 + sum(_unfolded(item, root, sizes) for item in place)
+    if not isinstance(place, dict):
+        return 1
+    size = 1
+    for name in ("$ref", "$dynamicRef"):
+        reference = place.get(name)
+        if isinstance(reference, str):
+            if reference not in sizes:
+                sizes[reference] = 0
+                sizes[reference] = _unfolded(_target(reference, root), root, sizes)
+            if sizes[reference] == 0:
+                raise _Unusable(f"refers to itself by {shown(reference)}")
+            size += sizes[reference]
+    return size + sum(_unfolded(item, root, sizes) for name, item in place.items() if name != "$defs")
+
+
+def _target(reference: str, root: JsonObject) -> Any:
+    place: Any = root
+    known = reference == "#" or reference.startswith("#/")
+    for part in reference.split("/")[1:] if known else ():
+        key = part.replace("~1", "/").replace("~0", "~")
+        place = place.get(key) if isinstance(place, dict) else None
+    if not known or not isinstance(place, dict | bool):
+        raise _Unusable(f"refers to {shown(reference)}, which is not in it")
+    return place
+
+
+def _properties(tool: JsonObject) -> dict[str, Any]:
+    properties = tool["input_schema"].get("properties")
+    return properties if isinstance(properties, dict) else {}
+
+
+def _choices(member: Any, tool: JsonObject) -> set[str]:
+    """The values that a ``device`` parameter may take; an unbounded string of a one-device tool counts as it."""
+    if not isinstance(member, dict):
+        return set()
+    found: set[str] = set()
+    for part in (member, *member.get("anyOf", ()), *member.get("oneOf", ())):
+        if isinstance(part, dict):
+            found.update(str(item) for item in part.get("enum", ()) if item is not None)
+            found.update([str(part["const"])] if "const" in part else [])
+    return found or (set(tool["devices"]) if len(tool["devices"]) == 1 else set())
+
+
+def _profile_limits(
+    value: JsonObject, artifacts: Artifacts
+) -> Iterator[tuple[int, JsonObject, Mapping[str, Any], str]]:
+    """(tool index, tool, limit, profile) of each range that is in force for a tool; all else the endpoint keeps."""
+    used = {
+        (device["profile"], device["id"]) for device in (artifacts.identify or {})["devices"] if "profile" in device
+    }
+    for index, tool in enumerate(value["tools"]):
+        for name, facts in artifacts.profiles.items():
+            if not any((name, device) in used for device in tool["devices"]):
+                continue
+            for limit in facts.limits:
+                if ("minimum" in limit or "maximum" in limit) and _concerns(limit, tool):
+                    yield index, tool, limit, name
+
+
+def _concerns(limit: Mapping[str, Any], tool: JsonObject) -> bool:
+    """A tool that is named in full must have the parameter, too; one behind a glob is concerned where it has it."""
+    names, wanted = (tool["name"], tool["capability"]), limit.get("tool")
+    if wanted in names:
+        return True
+    is_meant = wanted is None or any(fnmatchcase(name, wanted) for name in names)
+    return is_meant and limit["parameter"] in _properties(tool)
+
+
+def _limit_of(tool: JsonObject, parameter: str) -> JsonObject | None:
+    return next((item for item in tool.get("limits", ()) if item["parameter"] == parameter), None)
+
+
+def _within(has: Mapping[str, Any], wanted: Mapping[str, Any]) -> bool:
+    if "minimum" in wanted and has.get("minimum", float("-inf")) < wanted["minimum"]:
+        return False
+    if "maximum" in wanted and has.get("maximum", float("inf")) > wanted["maximum"]:
+        return False
+    return not wanted.get("unit") or has.get("unit") == wanted["unit"]
+
+
+def _range(limit: Mapping[str, Any]) -> str:
+    low, high = limit.get("minimum", "-"), limit.get("maximum", "-")
+    unit = limit.get("unit")
+    return f"{shown(limit['parameter'])} {low} to {high}" + (f" {shown(unit)[1:-1]}" if unit else "")
+
+
+def _misfit(arguments: JsonObject, schema: JsonObject) -> str | None:
+    """Why the arguments do not fit, in one line; None when they do. Patterns are not run."""
+    if _schema_problem(schema) is not None:
+        return None
+    problem = best_match(validator(_without_patterns(schema)).iter_errors(arguments))
+    return _reason(problem) if problem is not None else None
+
+
+def _reason(problem: Problem) -> str:
+    place = "/".join(str(part) for part in problem.absolute_path) or "the arguments"
+    if problem.validator == "required":
+        absent = [name for name in problem.validator_value if name not in problem.instance]
+        return f"{shown(place)[1:-1]} lack {', '.join(shown(name) for name in absent)}"
+    return f"{shown(place)[1:-1]}: {shown(problem.instance, 40)} breaks {shown(problem.validator)}"
+
+
+def _without_patterns(schema: Any) -> Any:
+    if isinstance(schema, dict):
+        return {
+            name: item if name in ("const", "enum", "default") else _without_patterns(item)
+            for name, item in schema.items()
+            if not (name in _RUNS_A_PATTERN and not _is_property_table(item, name))
+        }
+    if isinstance(schema, list):
+        return [_without_patterns(item) for item in schema]
+    return schema
+
+
+def _is_property_table(item: Any, name: str) -> bool:
+    """True for a parameter that is called like a keyword (``format``): then the value is its schema."""
+    return name in ("pattern", "format") and isinstance(item, dict)
+
+
+# Rules for which units of a device a tool acts on: without them a restriction of one joint holds for some tools only.
+#
+# A device has several units where a tool of it names them or its profile's grammar drives them. Every tool that
+# actuates such a device says which it acts on; only then can the endpoint keep a joint still, or in its range, whatever
+# moves it.
+
+_DRIVES = frozenset({"move_unit", "move_units", "pose", "set_torque"})
+
+
+def units_missing(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
+    """A tool that actuates a device with several units says which of them a call acts on."""
+    of_units = _devices_of_units(value, artifacts)
+    out = []
+    for index, tool in enumerate(value["tools"]):
+        concerned = sorted(of_units.intersection(tool["devices"]))
+        if not concerned or tool["effect"] == "read" or tool.get("stops") or "units" in tool:
+            continue
+        summary = f"{shown(tool['name'])} does not say which units of {listed(concerned)} it acts on"
+        hint = "write `units`: their names, the parameter that names one, and where a call moves them"
+        out.append(error("INTERFACE-UNITS-MISSING", summary, pointer=pointer("tools", index), hint=hint))
+    return out
+
+
+def units_wrong(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
+    """What a tool says of its units fits its parameters, and its own words."""
+    out = []
+    for index, tool in enumerate(value["tools"]):
+        for problem in _problems(tool) if "units" in tool else ():
+            summary = f"the units of {shown(tool['name'])} {problem}"
+            hint = "name only parameters that input_schema has, and units that stand in `names`"
+            out.append(error("INTERFACE-UNITS-WRONG", summary, pointer=pointer("tools", index, "units"), hint=hint))
+    return out
+
+
+UNIT_RULES = (Rule("INTERFACE-UNITS-MISSING", units_missing), Rule("INTERFACE-UNITS-WRONG", units_wrong))
+
+
+def _devices_of_units(value: JsonObject, artifacts: Artifacts) -> set[str]:
+    found = {device for tool in value["tools"] if len(_names(tool)) > 1 for device in tool["devices"]}
+    for device in (artifacts.identify or {"devices": []})["devices"]:
+        facts = artifacts.profiles.get(device.get("profile", ""))
+        if facts is not None and any(command.get("do") in _DRIVES for command in facts.commands):
+            found.add(device["id"])
+    return found
+
+
+def _names(tool: JsonObject) -> Mapping[str, Any]:
+    names: Mapping[str, Any] = (tool.get("units") or {}).get("names") or {}
+    return names
+
+
+def _problems(tool: JsonObject) -> Iterator[str]:
+    told = tool["units"]
+    names, stands, goal = told["names"], told.get("parameters", {}), told.get("goal", {})
+    properties = tool["input_schema"].get("properties")
+    known = set(properties) if isinstance(properties, dict) else set()
+    if absent := sorted({*stands, *_given(told, "parameter"), *_given(goal, "parameter")} - known):
+        yield f"name {listed([shown(name) for name in absent])}, which is no parameter of it"
+    if strange := sorted({*stands.values(), *goal.get("fixed", {})} - set(names)):
+        yield f"do not list {listed([shown(name) for name in strange])} among their names"
+    if unplaced := sorted(set(names) - set(goal["fixed"])) if goal.get("fixed") else []:
+        yield f"have a pose without a place of {listed([shown(name) for name in unplaced])}"
+    words = [word for name, others in names.items() for word in (name, *others)]
+    if reports := told.get("reports"):
+        yield from _unreported(tool, reports)
+    if twice := sorted({word for word in words if words.count(word) > 1}):
+        yield f"mean more than one by {listed([shown(word) for word in twice])}"
+    choices = (properties or {}).get(told.get("parameter"), {}).get("enum", ())
+    if strange := sorted({str(word) for word in choices} - set(words)):
+        yield f"do not say which one {listed([shown(word) for word in strange])} is"
+
+
+def _unreported(tool: JsonObject, reports: JsonObject) -> Iterator[str]:
+    """Where the output schema has no such place, or the place would be of nothing."""
+    if "goal" not in tool["units"]:
+        yield "report a place without a goal"
+    record = (tool.get("output_schema") or {}).get("properties") or {}
+    if name := reports.get("records"):
+        items = (record.get(name) or {}).get("items") or {}
+        record = items.get("properties") or {}
+    elif "unit" not in reports and len(tool["units"]["names"]) > 1:
+        yield "report a place and do not say of which unit"
+    wanted = [name for name in (reports["field"], reports.get("unit")) if name]
+    if absent := sorted({*wanted} - set(record)):
+        yield f"report by {listed([shown(name) for name in absent])}, which the output schema does not have"
+
+
+def _given(told: Mapping[str, Any], name: str) -> tuple[str, ...]:
+    return (told[name],) if name in told else ()

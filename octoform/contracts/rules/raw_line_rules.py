@@ -1,0 +1,292 @@
+"""Rules for what moves at the end of a raw line: whoever drives it knows its limits and how it stops.
+
+Behind a serial line, a HID report, a bus or a bare USB interface the kernel knows nothing of the device: no range, no
+unit, no stop. A model may remember the registers of a servo, and nobody can tell whether it does so rightly before
+something has moved. So what acts there comes from a profile, or from what the device's owner said of it; and what is
+said to read there speaks of nothing that moves and takes nothing that a device could do.
+"""
+
+import re
+from collections.abc import Iterator
+
+from octoform.contracts.device_kinds import RAW
+from octoform.contracts.model import Artifacts, JsonObject, Rule, described, effects_of
+from octoform.contracts.movement_words import carries, is_quantity, name_moves, speaks_of_change, spoken
+from octoform.contracts.name_clues import changes, is_class_word, is_passthrough, offers_a_pipe, says_nothing
+from octoform.contracts.name_words import parts, said, says_language, words
+from octoform.contracts.text import pointer, shown
+from octoform.diagnostics import Diagnostic, error
+
+CODE, READ, OFFERED = "IDENTIFY-ACTUATE-WITHOUT-PROFILE", "IDENTIFY-READ-MOVES", "IDENTIFY-PROFILE-NOT-CHOSEN"
+UNFOUNDED = "IDENTIFY-READ-UNFOUNDED"
+TOOL, LIMITED, UNSAFE = "INTERFACE-READ-MOVES", "INTERFACE-READ-LIMITED", "INTERFACE-REASON-FALSE"
+_USB_CLASS = re.compile(r"\bclass (?:01|06|07|08|0b|0e)/[0-9a-f]{2}/[0-9a-f]{2}")
+# USB-IF, Defined Class Codes: audio, still image, printer, storage, smart card and video have commands of their own.
+_NAMING = re.compile(
+    r"^(?:name|product|model|label|description|[\w.\[\]]*\.(?:name|label|product|model)|interface \w+ string"
+    r"|udev\.ID_MODEL\w*|of_name|compatible): (.*)$",
+    re.MULTILINE,
+)
+"""Lines of PROBE in which a device says what it is."""
+_MAKER = re.compile(
+    r"^(?:manufacturer|vendor|[\w.\[\]]*\.(?:manufacturer|vendor)|udev\.ID_VENDOR\w*): (.*)$", re.MULTILINE
+)
+_LISTENS = frozenset({"listen", "listens", "listening", "presence", "present", "attached", "connected"})
+
+
+def actuate_without_profile(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
+    """A capability that acts through a raw line is one of a profile that holds, or the owner spoke of the device."""
+    probed = {device["id"]: device for device in (artifacts.probe or {}).get("devices", ())}
+    return [
+        error(
+            CODE,
+            f"{shown(capability['name'])} acts on {shown(device['id'])} through a raw line, and no profile says how",
+            pointer=pointer("devices", index, "capabilities", at),
+            hint=f"leave it out; {cure(device['id'], artifacts)}; it gives limits and how to stop",
+        )
+        for index, device in enumerate(value["devices"])
+        if not known_by_a_person(device, artifacts) and RAW.issuperset(probed.get(device["id"], {}).get("classes", ()))
+        for at, capability in enumerate(device["capabilities"])
+        if capability["effect"] != "read"
+    ]
+
+
+def read_moves(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
+    """What is said to read on a line that nobody knows speaks nowhere of moving or changing something."""
+    out = []
+    for index, at, device, capability in _reading(value, artifacts):
+        if device["id"] in artifacts.offered and not _only_listens(capability):
+            continue  # one finding, and the graver one
+        if _is_told(capability):
+            continue  # another rule's finding, wherever the device is
+        if found := _capability_moves(capability):
+            member, why = found
+            summary = f"{shown(capability['name'])} of {shown(device['id'])} is declared read, and {why}"
+            where = pointer("devices", index, "capabilities", at, member)
+            hint = f"leave it out, or say what it reads; {cure(device['id'], artifacts)}"
+            out.append(error(READ, summary, pointer=where, hint=hint))
+    return out
+
+
+def read_unfounded(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
+    """What is read through a line that nobody knows rests on a word of the device; a bare board gives none."""
+    probed = {device["id"]: device for device in (artifacts.probe or {}).get("devices", ())}
+    out = []
+    for index, at, device, capability in _reading(value, artifacts):
+        if device["id"] in artifacts.offered or _only_listens(capability) or _is_told(capability):
+            continue
+        if _capability_moves(capability) or _says_what_it_gives(device, capability, probed[device["id"]], artifacts):
+            continue
+        summary = f"nothing that {shown(device['id'])} says of itself tells what {shown(capability['name'])} would read"
+        where = pointer("devices", index, "capabilities", at)
+        hint = "a board or an adapter is a part: write category unknown, confidence 0.0, no capabilities, and in "
+        hint += "`missing` the question what it is used for; where its strings say it in another language, `says` tells"
+        out.append(error(UNFOUNDED, summary, pointer=where, hint=hint))
+    return out
+
+
+def profile_not_chosen(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
+    """Where a profile is at hand that would match, nothing is asked through the line without it."""
+    return [
+        error(
+            OFFERED,
+            f"{shown(capability['name'])} talks to {shown(device['id'])}, and the profile that knows it is not chosen",
+            pointer=pointer("devices", index, "capabilities", at),
+            hint=f"leave it out; {cure(device['id'], artifacts)}",
+        )
+        for index, at, device, capability in _reading(value, artifacts)
+        if device["id"] in artifacts.offered and not _only_listens(capability)
+    ]
+
+
+def tool_moves(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
+    """A tool that reads on such a line says so in its description, and its parameters only select."""
+    lines, out = unknown_lines(artifacts), []
+    for index, tool in enumerate(value["tools"]):
+        known = sorted(lines.intersection(tool["devices"]))
+        if tool["effect"] != "read" or not known:
+            continue
+        found = _tool_moves(tool)
+        if found is not None and not _is_told(tool):
+            where, why = found
+            summary = f"{shown(tool['name'])} is declared read on {shown(known[0])}, and {why}"
+            hint = "say what it reads and let parameters only select it, or leave the capability out as `unsafe`; "
+            out.append(
+                error(TOOL, summary, pointer=pointer("tools", index, *where), hint=hint + cure(known[0], artifacts))
+            )
+    return out
+
+
+def read_limited(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
+    """A tool that reads gives the device no quantity that could be too large: a limit of one belongs to what acts."""
+    effects, open_lines = effects_of(artifacts), lines_without_knowledge(artifacts)
+    profiled = set().union(*(facts.holds for facts in artifacts.profiles.values()))
+    out = []
+    for index, tool in enumerate(value["tools"]):
+        reads = tool["effect"] == "read" == effects.get(tool["capability"], "read")
+        for at, limit in enumerate(tool.get("limits", ()) if reads else ()):
+            name = limit["parameter"]
+            if profiled.isdisjoint(tool["devices"]) and is_quantity(name):
+                summary = (
+                    f"{shown(tool['name'])} is declared read, and {shown(name)}, which it limits, is for the device"
+                )
+                acts = "leave a capability that acts out as `unsafe`"
+                acts = acts if open_lines.intersection(tool["devices"]) else "a tool that acts says so in its `effect`"
+                hint = f"a tool that reads takes no such parameter; {acts}"
+                where = pointer("tools", index, "limits", at)
+                out.append(error(LIMITED, summary, pointer=where, hint=hint))
+    return out
+
+
+def unsafe_known(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
+    """Unsafe is only what goes over a line without knowledge: elsewhere somebody says what may be done, and how far."""
+    if artifacts.probe is None:
+        return []
+    commanded = {device: name for device, name, _ in described(artifacts.identify, artifacts)}
+    held = {device: name for name, facts in sorted(artifacts.profiles.items()) for device in facts.holds} | commanded
+    open_lines = lines_without_knowledge(artifacts) - held.keys()
+    out = []
+    for index, item in enumerate(value["left_out"]):
+        name = item["id"]
+        if item["reason"] != "unsafe" or name in open_lines:
+            continue
+        if name in held:
+            why = f"the profile {shown(held[name])} says how it is driven"
+            hint = f"add {'a tool for each command of its grammar' if name in commanded else 'its tools'}"
+            hint += "; its limits bind every call, and what nobody is to call is denied in the `policy` of octopus.yaml"
+        elif name in artifacts.answers:
+            why = f"its owner says what it is: {shown(artifacts.answers[name])}"
+            hint = "add its tools, with limits; what nobody is to call is denied in the `policy` of octopus.yaml"
+        else:
+            why = "it is reached by an interface of the system and not by a raw line alone"
+            hint = "add its tools, each with the effect that it has, or give the reason that is true of it"
+        summary = f"{shown(item.get('capability', name))} is left out as unsafe"
+        summary += f" on {shown(name)}, and {why}" if "capability" in item else f", and {why}"
+        out.append(error(UNSAFE, summary, pointer=pointer("left_out", index, "reason"), hint=hint))
+    return out
+
+
+RULES = (
+    Rule(CODE, actuate_without_profile),
+    Rule(READ, read_moves),
+    Rule(UNFOUNDED, read_unfounded),
+    Rule(OFFERED, profile_not_chosen),
+)
+INTERFACE_RULES = (Rule(TOOL, tool_moves), Rule(LIMITED, read_limited), Rule(UNSAFE, unsafe_known))
+
+
+def known_by_a_person(device: JsonObject, artifacts: Artifacts) -> bool:
+    """Whether a person or a profile says how it is driven; a profile that does not hold is another rule's finding."""
+    return device["id"] in artifacts.answers or "profile" in device or device["method"] == "profile"
+
+
+def unknown_lines(artifacts: Artifacts) -> frozenset[str]:
+    """The devices that only a raw line leads to, of which neither a profile that holds nor an answer says anything."""
+    known = set(artifacts.answers).union(*(facts.holds for facts in artifacts.profiles.values()))
+    return frozenset(
+        device["id"]
+        for device in (artifacts.probe or {}).get("devices", ())
+        if device["id"] not in known and is_raw_line(device)
+    )
+
+
+def lines_beside(artifacts: Artifacts) -> frozenset[str]:
+    """The devices without such knowledge that have a raw line beside a class of the kernel with a meaning."""
+    known = set(artifacts.answers).union(*(facts.holds for facts in artifacts.profiles.values()))
+    probed = (artifacts.probe or {}).get("devices", ())
+    found = {device["id"] for device in probed if not RAW.isdisjoint(device.get("classes", ()))}
+    return frozenset(found - known - unknown_lines(artifacts))
+
+
+def lines_without_knowledge(artifacts: Artifacts) -> frozenset[str]:
+    """The devices whose raw line nobody knows, whether or not a class with a meaning is beside it."""
+    return unknown_lines(artifacts) | lines_beside(artifacts)
+
+
+def is_raw_line(device: JsonObject) -> bool:
+    """Whether all that PROBE shows of a device is a line that carries bytes and no meaning."""
+    classes = device.get("classes", ())
+    bare = RAW.issuperset(classes) and bool(classes or device.get("interface") == "usb")
+    return bare and not _USB_CLASS.search(str(device.get("raw_descriptor", "")))
+
+
+def cure(device: str, artifacts: Artifacts) -> str:
+    """What supplies the knowledge that is missing, in a sentence."""
+    if device in artifacts.offered:
+        return (
+            f"for its owner alone: `profiles: [{artifacts.offered[device]}]` in octopus.yaml, a profile that matches it"
+        )
+    drafts = f"`octoform profile new {device}` drafts a profile"
+    return f"for its owner alone: {drafts}, `octoform answer {device}` says what it is"
+
+
+def _reading(value: JsonObject, artifacts: Artifacts) -> Iterator[tuple[int, int, JsonObject, JsonObject]]:
+    lines = unknown_lines(artifacts)
+    for index, device in enumerate(value["devices"]):
+        if device["id"] in lines and not known_by_a_person(device, artifacts):
+            for at, capability in enumerate(device["capabilities"]):
+                if capability["effect"] == "read":
+                    yield index, at, device, capability
+
+
+def _is_told(value: JsonObject) -> bool:
+    """Whether a capability or a tool is refused wherever its device is, as a raw pipe or for an effect understated."""
+    name, description = value["name"], value["description"].partition("Through:")[0]
+    return bool(is_passthrough(name) or offers_a_pipe(description) or changes(name, description))
+
+
+def _says_what_it_gives(device: JsonObject, capability: JsonObject, entry: JsonObject, artifacts: Artifacts) -> bool:
+    """Whether a string of the device, or a database's entry for it, holds a word for what it measures or is."""
+    raw = str(entry.get("raw_descriptor", ""))
+    told = [str(entry.get("name", "")), *_NAMING.findall(raw), (artifacts.registered or {}).get(device["id"], "")]
+    own = said(told) - said(_MAKER.findall(raw))
+    own = frozenset(word for word in own | parts(own) if not says_nothing(word))
+    if any(is_class_word(word) for word in own) or any(
+        says_language(each.get("says", "")) for each in device["evidence"]
+    ):
+        return True
+    kinds = words(device.get("class", "").replace("_", " ")) + spoken(capability["name"])[1:]
+    return not own.isdisjoint(said(kinds))
+
+
+def _only_listens(capability: JsonObject) -> bool:
+    return bool(_LISTENS.intersection(spoken(capability["name"])))
+
+
+def _capability_moves(capability: JsonObject) -> tuple[str, str] | None:
+    """(member, why) of what speaks of a movement in a capability."""
+    if word := name_moves(capability["name"]):
+        return "name", f"{shown(word)} is no reading"
+    if words := speaks_of_change(capability["description"]):
+        return "description", f"its description says {shown(words)}"
+    for name, fact in capability.get("parameters", {}).items():
+        if words := speaks_of_change(name) or next(filter(None, map(speaks_of_change, _texts(fact))), None):
+            return "parameters", f"its parameter {shown(name)} says {shown(words)}"
+    return None
+
+
+def _tool_moves(tool: JsonObject) -> tuple[tuple[str, ...], str] | None:
+    if word := name_moves(tool["name"]):
+        return ("name",), f"{shown(word)} is no reading"
+    if words := speaks_of_change(tool["description"]):
+        return ("description",), f"its description says {shown(words)}"
+    for name, member in tool["input_schema"].get("properties", {}).items():
+        if isinstance(member, dict) and (why := carries(name, member, tool["devices"])):
+            return ("input_schema", "properties", name), f"of its parameter {shown(name)}, {why}"
+    for name, member in tool.get("output_schema", {}).get("properties", {}).items():
+        if words := speaks_of_change(name) or next(filter(None, map(speaks_of_change, _texts(member))), None):
+            return ("output_schema", "properties", name), f"its result {shown(name)} says {shown(words)}"
+    return None
+
+
+def _texts(value: object) -> Iterator[str]:
+    """The texts in a value, at any depth."""
+    if isinstance(value, str):
+        yield value
+    elif isinstance(value, dict):
+        for name, member in value.items():
+            yield str(name)
+            yield from _texts(member)
+    elif isinstance(value, list):
+        for member in value:
+            yield from _texts(member)

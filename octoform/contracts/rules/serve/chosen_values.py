@@ -1,0 +1,124 @@
+"""Numbers of a generated server that a test of what was read only chooses: ``21.5 if raw > 20000 else 18.0``.
+
+Such a number follows the device, and still nobody measured it: it says on which side of a bound the reading was. That
+is a state, a boolean or a word. A count or a level of a few steps may be chosen so, a quantity with a unit may not.
+"""
+
+import ast
+from collections.abc import Iterable, Iterator
+
+from octoform.base.unit_names import last_word, unit_of_name, unit_of_text
+from octoform.contracts.rules.serve.flow import Flow
+from octoform.contracts.server_source import Source
+
+Numbers = frozenset[float]
+_DEPTH = 8
+_STEPPED = frozenset({"%", None})
+"""Units in which a number may stand for one of a few steps."""
+_PASSES = frozenset({"float", "int", "round", "abs", "min", "max"})
+
+
+class Chosen:
+    """Which numbers of the file an expression chooses among; None where it is computed of something else as well."""
+
+    def __init__(self, source: Source, flow: Flow) -> None:
+        self._source, self._flow = source, flow
+
+    def numbers(self, node: ast.AST | None, depth: int = _DEPTH) -> Numbers | None:
+        """All numbers that the value can be; empty where it is None."""
+        if depth == 0 or node is None:
+            return None
+        if isinstance(node, ast.Constant):
+            return _number(node.value)
+        if isinstance(node, ast.Name):
+            return self._all(self._flow.plain(node), depth)
+        if isinstance(node, ast.IfExp):
+            return self._all([node.body, node.orelse], depth)
+        if isinstance(node, ast.UnaryOp):
+            return self._all([node.operand], depth)
+        if isinstance(node, ast.BoolOp):
+            return self._all([item for item in node.values if not _is_truth(item)], depth)
+        if isinstance(node, ast.BinOp):
+            return self._of_two(node, depth)
+        if isinstance(node, ast.Subscript):
+            return self._of_table(node, depth)
+        return self._of_call(node, depth) if isinstance(node, ast.Call) else None
+
+    def _all(self, nodes: Iterable[ast.AST], depth: int) -> Numbers | None:
+        """The numbers of several, of which each is nothing but numbers."""
+        parts = [self.numbers(item, depth - 1) for item in nodes]
+        known = [item for item in parts if item is not None]
+        return frozenset().union(*known) if parts and len(known) == len(parts) else None
+
+    def _of_two(self, node: ast.BinOp, depth: int) -> Numbers | None:
+        sides = [node.left, node.right]
+        known = [self.numbers(item, depth - 1) for item in sides]
+        if isinstance(node.op, ast.Mult) and frozenset({0.0}) in known:
+            return frozenset({0.0})
+        several = [item for item in known if item is not None and len(item) > 1]
+        if len(several) == 1 and None not in known:
+            return several[0]  # a scale, of which it is not known that it chooses anything
+        return self._all([item for item in sides if not _is_truth(item)], depth)
+
+    def _of_table(self, node: ast.Subscript, depth: int) -> Numbers | None:
+        """A table whose place is a comparison has one of two values."""
+        if not _is_truth(node.slice):
+            return None
+        tables = self._flow.plain(node.value) if isinstance(node.value, ast.Name) else [node.value]
+        rows = [_rows(item) for item in tables]
+        return self._all([item for row in rows for item in row], depth) if rows and all(rows) else None
+
+    def _of_call(self, node: ast.Call, depth: int) -> Numbers | None:
+        name = self._source.dotted(node.func)
+        if name in _PASSES and not node.keywords:
+            return self._all(node.args, depth)
+        own = [item for item in self._source.functions if item.name == name]
+        results = self._flow.results(own[0]) if len(own) == 1 and isinstance(node.func, ast.Name) else []
+        return self._all(results, depth)
+
+
+def is_measured(site: ast.AST, name: str, units: Iterable[str | None], numbers: Numbers) -> bool:
+    """Whether a member is a quantity with a unit, by its name, by the unit beside it, or since it has decimals."""
+    if len(numbers) > 1 and numbers == frozenset(map(float, range(len(numbers)))):
+        return False  # the numbers of a state
+    beside = [unit_of_text(item) for item in _units_beside(site)]
+    known = [unit_of_name(name), *units, *beside]
+    return any(unit not in _STEPPED for unit in known) or any(not number.is_integer() for number in numbers)
+
+
+def _number(value: object) -> Numbers | None:
+    if value is None:
+        return frozenset()
+    return None if isinstance(value, bool) or not isinstance(value, int | float) else frozenset({float(value)})
+
+
+def _rows(node: ast.AST) -> list[ast.expr]:
+    if isinstance(node, ast.Dict):
+        return node.values
+    return node.elts if isinstance(node, ast.List | ast.Tuple) else []
+
+
+def _is_truth(node: ast.AST) -> bool:
+    """Whether an expression is true or false and nothing else."""
+    if isinstance(node, ast.Call):
+        return isinstance(node.func, ast.Name) and node.func.id in ("bool", "any", "all", "isinstance")
+    if isinstance(node, ast.BoolOp):
+        return all(map(_is_truth, node.values))
+    return isinstance(node, ast.Compare) or (isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.Not))
+
+
+def _units_beside(site: ast.AST) -> Iterator[object]:
+    """What a record says beside a number for its unit."""
+    if isinstance(site, ast.Call):
+        pairs = [(item.arg, item.value) for item in site.keywords]
+    elif isinstance(site, ast.Dict):
+        pairs = [
+            (key.value, each)
+            for key, each in zip(site.keys, site.values, strict=True)
+            if isinstance(key, ast.Constant) and isinstance(key.value, str)
+        ]
+    else:
+        pairs = []
+    for name, value in pairs:
+        if name is not None and last_word(name) in ("unit", "units") and isinstance(value, ast.Constant):
+            yield value.value

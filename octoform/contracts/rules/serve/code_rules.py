@@ -1,0 +1,242 @@
+"""Rules for SERVE about the code as such: what it may import, and what it may never do.
+
+A generated server runs with the rights of the person who started it, on the machine that has the hardware.
+"""
+
+import ast
+import re
+import sys
+
+from octoform.base.source_lines import counted
+from octoform.contracts.model import Artifacts, Rule
+from octoform.contracts.rules.text_rules import in_source
+from octoform.contracts.script_header import declared_names, header, normalised
+from octoform.contracts.server_source import Source, imported_modules, needed_source
+from octoform.contracts.text import shown
+from octoform.diagnostics import Diagnostic, Span, error
+
+MAX_LINES = 500
+
+_DYNAMIC = frozenset(
+    {"eval", "exec", "compile", "__import__", "__builtins__", "importlib.import_module", "importlib.__import__"}
+    | {"builtins.eval", "builtins.exec", "builtins.compile", "builtins.__import__", "runpy.run_path"}
+    | {"runpy.run_module", "code.interact", "code.InteractiveInterpreter", "code.InteractiveConsole"}
+)
+_SHELL = re.compile(
+    r"os\.(?:system|popen|exec[lv]p?e?|spawn[lv]p?e?|posix_spawnp?|fork|forkpty)|pty\.(?:spawn|fork)"
+    r"|subprocess\.(?:getoutput|getstatusoutput)|asyncio\.create_subprocess_shell|asyncio\.subprocess\.create_.*shell"
+)
+SPAWN = frozenset(
+    {f"subprocess.{name}" for name in ("run", "Popen", "call", "check_call", "check_output")}
+    | {"asyncio.create_subprocess_exec"}
+)
+_INTERPRETERS = re.compile(
+    r"(?:.*/)?(?:(?:ba|da|z|k|c|fi)?sh|python[\d.]*|perl|ruby|node|env|sudo|su|doas|pkexec|xargs)"
+)
+_UNSAFE_LOADS = re.compile(
+    r"(?:c?pickle|_pickle|dill|cloudpickle|joblib|marshal|jsonpickle)\.(?:loads?|Unpickler|decode)|shelve\.open"
+    r"|yaml\.(?:load|unsafe_load|full_load)(?:_all)?|torch\.load"
+)
+_LISTENERS = re.compile(
+    r"asyncio\.start(?:_unix)?_server|(?:.*\.)?create_(?:unix_)?server|uvicorn\..*|hypercorn\..*|waitress\..*"
+    r"|http\.server\..*Server|socketserver\..*Server|xmlrpc\.server\..*|wsgiref\..*|websockets\.(?:.*\.)?serve"
+    r"|(?:.*\.)?(?:run_http_async|run_sse_async|http_app|sse_app|streamable_http_app)|(?:.*socket.*|.*sock)\.(?:bind|listen)"
+)
+
+
+def too_long(value: str, _: Artifacts) -> list[Diagnostic]:
+    """The server stays one file that a person reads at one sitting; blank lines and result classes do not count."""
+    source = needed_source(value)
+    lines = counted(value, source.tree)
+    if len(lines) <= MAX_LINES:
+        return []
+    summary = f"the server has {len(lines)} lines without blank ones and result classes; {MAX_LINES} are allowed"
+    hint = "share code between tools; leave lookup, locks and logging to the runtime package"
+    return [error("SERVE-TOO-LONG", summary, span=Span(lines[MAX_LINES], 1), hint=hint)]
+
+
+def import_octoform(value: str, _: Artifacts) -> list[Diagnostic]:
+    """Generated code stands on its own."""
+    source = needed_source(value)
+    return [
+        source.problem(
+            "SERVE-IMPORT-OCTOFORM", node, "the server imports octoform", "use the `runtime` package beside the server"
+        )
+        for name, node, _inside in imported_modules(source)
+        if name == "octoform"
+    ]
+
+
+def import_relative(value: str, _: Artifacts) -> list[Diagnostic]:
+    """The server is no package, so a relative import finds nothing; a star hides what comes in."""
+    source = needed_source(value)
+    out = []
+    for name, node, _inside in imported_modules(source):
+        if name == ".":
+            hint = "import `runtime` by its name; it lies beside the server"
+            out.append(source.problem("SERVE-IMPORT-FORM", node, "the server has a relative import", hint))
+        elif isinstance(node, ast.ImportFrom) and any(item.name == "*" for item in node.names):
+            summary = f"a star import from {shown(name)} hides what the server uses"
+            out.append(source.problem("SERVE-IMPORT-FORM", node, summary, "import each name"))
+    return out
+
+
+def import_undeclared(value: str, _: Artifacts) -> list[Diagnostic]:
+    """What is neither the standard library nor ``runtime`` comes from a declared dependency.
+
+    A module may be called otherwise than its distribution. So a module of another name is let pass as long as the
+    header declares a distribution that no import accounts for; DEPLOY names the provider of each module exactly.
+    """
+    source = needed_source(value)
+    foreign = [(name, node) for name, node, _ in imported_modules(source) if name not in _local_modules()]
+    declared = declared_names(value)
+    spare = declared - {normalised(name) for name, _ in foreign}
+    return [
+        source.problem(
+            "SERVE-IMPORT-UNDECLARED",
+            node,
+            f"{shown(name)} is imported, but no dependency of the header provides it",
+            "declare the distribution that provides it in the script header",
+        )
+        for name, node in foreign
+        if normalised(name) not in declared and not spare
+    ]
+
+
+def dynamic_code(value: str, _: Artifacts) -> list[Diagnostic]:
+    """No code is made from text at run time."""
+    source = needed_source(value)
+    own = {function.name for function in source.functions}
+    out = []
+    for node in source.nodes:
+        if not isinstance(node, ast.Name | ast.Attribute) or not isinstance(node.ctx, ast.Load):
+            continue
+        name = source.dotted(node)
+        if name in _DYNAMIC and name not in own:
+            hint = "write the code out, or choose among written functions with a table"
+            out.append(source.problem("SERVE-DYNAMIC-CODE", node, f"{shown(name)} makes code from data", hint))
+    return out
+
+
+def shell(value: str, _: Artifacts) -> list[Diagnostic]:
+    """Programs are started without a shell, by a literal list whose program name is constant."""
+    source = needed_source(value)
+    out = []
+    for call, name in source.calls:
+        why = None
+        if _SHELL.fullmatch(name):
+            why = f"{shown(name)} hands a command line to a shell or replaces the process"
+        elif name in SPAWN:
+            why = _spawn_problem(source, call, name)
+        if why is not None:
+            hint = "call subprocess.run with a literal list that starts with the program's name, and without a shell"
+            out.append(source.problem("SERVE-SHELL", call, why, hint))
+    return out
+
+
+def unsafe_loads(value: str, _: Artifacts) -> list[Diagnostic]:
+    """Nothing is unpickled: device data would become code."""
+    source = needed_source(value)
+    hint = "use json, struct or plain text"
+    return [
+        source.problem("SERVE-UNSAFE-LOADS", call, f"{shown(name)} can run code that stands in the data", hint)
+        for call, name in source.calls
+        if _UNSAFE_LOADS.fullmatch(name) and not _safe_loader(call)
+    ]
+
+
+def listens(value: str, _: Artifacts) -> list[Diagnostic]:
+    """The server opens no port; how it is reached is octoform's business."""
+    source = needed_source(value)
+    out = []
+    for call, name in source.calls:
+        transport = _keyword(call, "transport")
+        if transport is None and name.endswith((".run", ".run_async")) and call.args:
+            transport = call.args[0]
+        runs = name.endswith((".run", ".run_async")) and transport is not None and not name.startswith("subprocess")
+        networked = runs and not (isinstance(transport, ast.Constant) and transport.value == "stdio")
+        if _LISTENERS.fullmatch(name) or (networked and not name.startswith("asyncio.")):
+            hint = 'end the file with mcp.run() under `if __name__ == "__main__":`, which speaks over stdio'
+            out.append(source.problem("SERVE-LISTENS", call, f"{shown(name)} listens on a network", hint))
+    return out
+
+
+def prints(value: str, _: Artifacts) -> list[Diagnostic]:
+    """Standard output carries the protocol and nothing else."""
+    source = needed_source(value)
+    hint = "use logging, or print(..., file=sys.stderr)"
+    out = []
+    for call, name in source.calls:
+        target = _keyword(call, "file")
+        if name == "print" and (target is None or source.dotted(target) == "sys.stdout"):
+            out.append(source.problem("SERVE-PRINTS", call, "print writes into the protocol's stream", hint))
+        elif name in ("sys.stdout.write", "sys.stdout.writelines", "sys.stdout.buffer.write"):
+            out.append(source.problem("SERVE-PRINTS", call, f"{shown(name)} writes into the protocol's stream", hint))
+    return out
+
+
+RULES = (
+    Rule("SERVE-TOO-LONG", too_long),
+    Rule("SERVE-HEADER", header),
+    Rule("SERVE-IMPORT-OCTOFORM", import_octoform),
+    Rule("SERVE-IMPORT-FORM", import_relative),
+    Rule("SERVE-IMPORT-UNDECLARED", import_undeclared),
+    Rule("SERVE-DYNAMIC-CODE", dynamic_code),
+    Rule("SERVE-SHELL", shell),
+    Rule("SERVE-UNSAFE-LOADS", unsafe_loads),
+    Rule("SERVE-LISTENS", listens),
+    Rule("SERVE-PRINTS", prints),
+    Rule("SERVE-UNESCAPED-TEXT", in_source("SERVE-UNESCAPED-TEXT")),
+)
+
+
+def is_standard(module: str) -> bool:
+    """True for a top-level module of the standard library."""
+    return module in sys.stdlib_module_names
+
+
+def _local_modules() -> frozenset[str]:
+    return sys.stdlib_module_names | {"runtime", "octoform", "."}
+
+
+def _keyword(call: ast.Call, name: str) -> ast.expr | None:
+    return next((item.value for item in call.keywords if item.arg == name), None)
+
+
+def _safe_loader(call: ast.Call) -> bool:
+    loader = _keyword(call, "Loader") or (call.args[1] if len(call.args) > 1 else None)
+    return isinstance(loader, ast.Attribute) and loader.attr in ("SafeLoader", "CSafeLoader")
+
+
+def _spawn_problem(source: Source, call: ast.Call, name: str) -> str | None:
+    flag = _keyword(call, "shell")
+    if flag is not None and not (isinstance(flag, ast.Constant) and flag.value is False):
+        return f"{shown(name)} may use a shell"
+    if name.startswith("asyncio."):
+        program: ast.expr | None = call.args[0] if call.args else None
+    else:
+        given = call.args[0] if call.args else _keyword(call, "args")
+        listed = literal(source, given)
+        if listed is None or not listed.elts:
+            return f"{shown(name)} is not given a literal list of arguments"
+        program = listed.elts[0]
+    if not (isinstance(program, ast.Constant) and isinstance(program.value, str)):
+        return f"{shown(name)} starts a program whose name is not constant"
+    if _INTERPRETERS.fullmatch(program.value):
+        return f"{shown(name)} starts {shown(program.value)}, which runs other commands"
+    return None
+
+
+def literal(source: Source, node: ast.expr | None) -> ast.List | ast.Tuple | None:
+    """A list display, or the one that a name of the same scope is assigned."""
+    if isinstance(node, ast.List | ast.Tuple):
+        return node
+    if not isinstance(node, ast.Name):
+        return None
+    scopes = (source.owner(node), None)
+    for statement in source.nodes:
+        if isinstance(statement, ast.Assign | ast.AnnAssign) and source.owner(statement) in scopes:
+            targets = statement.targets if isinstance(statement, ast.Assign) else [statement.target]
+            if any(isinstance(item, ast.Name) and item.id == node.id for item in targets):
+                return statement.value if isinstance(statement.value, ast.List | ast.Tuple) else None
+    return None

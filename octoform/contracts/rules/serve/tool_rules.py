@@ -1,0 +1,229 @@
+"""Rules for SERVE about its tools: exactly those of INTERFACE, each logged, none a raw pipe, and nothing besides.
+
+The log is what shows later that a tool was really called and what came of it, so a tool without it is as good as
+not there. The gate stands before tools alone, so whatever else a server could offer would go around it.
+"""
+
+import ast
+from collections.abc import Collection, Iterator
+from dataclasses import dataclass
+
+from octoform.contracts.model import Artifacts, JsonObject, Rule
+from octoform.contracts.name_clues import is_passthrough
+from octoform.contracts.server_source import Function, Source, imported_modules, needed_source
+from octoform.contracts.text import listed, shown
+from octoform.diagnostics import Diagnostic, Span, error
+
+_PLAIN_USES = frozenset({"tool", "add_tool", "run", "run_async", "name"})
+_PLAIN_OPTIONS = frozenset(
+    {"name", "instructions", "version", "website_url", "icons", "on_duplicate", "mask_error_details"}
+    | {"dereference_schemas", "strict_input_validation"}
+)
+"""What a server may be made with: words about it, and how strict it is. All else acts on requests, or adds to them."""
+
+
+@dataclass(frozen=True, slots=True)
+class ToolSite:
+    """Where a tool is registered; ``name`` is None when it is no constant."""
+
+    name: str | None
+    node: ast.expr | ast.stmt
+    logged: bool
+
+
+def no_server(value: str, _: Artifacts) -> list[Diagnostic]:
+    """``mcp = FastMCP(...)`` stands at module level, where `fastmcp run` finds it."""
+    source = needed_source(value)
+    if "mcp" in _servers(source):
+        return []
+    hint = "write mcp = FastMCP(...) at module level"
+    return [error("SERVE-NO-SERVER", "the file makes no server called mcp", span=Span(1, 1), hint=hint)]
+
+
+def tools_differ(value: str, artifacts: Artifacts) -> list[Diagnostic]:
+    """The registered tools are those of INTERFACE."""
+    source = needed_source(value)
+    sites = list(tool_sites(source))
+    wanted = {tool["name"] for tool in (artifacts.interface or {"tools": []})["tools"]}
+    present = [site.name for site in sites if site.name is not None]
+    out = []
+    for site in sites:
+        if site.name is None:
+            summary = "the name of this tool is not constant"
+            out.append(source.problem("SERVE-TOOLS-DIFFER", site.node, summary, "write the name as a string"))
+        elif site.name not in wanted:
+            summary = f"{shown(site.name)} is not a tool of INTERFACE"
+            hint = "serve exactly the tools of the INTERFACE artifact"
+            out.append(source.problem("SERVE-TOOLS-DIFFER", site.node, summary, hint))
+        elif present.count(site.name) > 1:
+            summary = f"{shown(site.name)} is registered more than once"
+            out.append(source.problem("SERVE-TOOLS-DIFFER", site.node, summary, "register each tool once"))
+    absent = sorted(wanted - set(present))
+    if absent:
+        summary = f"the server lacks {len(absent)} tools of INTERFACE: {listed(absent)}"
+        hint = "register each with @mcp.tool, or @mcp.tool(name=...) with a constant name"
+        out.append(error("SERVE-TOOLS-DIFFER", summary, span=Span(1, 1), hint=hint))
+    return out
+
+
+def tool_not_logged(value: str, _: Artifacts) -> list[Diagnostic]:
+    """Each tool writes its call and its result into the log."""
+    source = needed_source(value)
+    hint = "put @runtime.logged directly below @mcp.tool(...)"
+    return [
+        source.problem("SERVE-TOOL-NOT-LOGGED", site.node, f"the tool {shown(site.name)} is not logged", hint)
+        for site in tool_sites(source)
+        if not site.logged
+    ]
+
+
+def passthrough(value: str, _: Artifacts) -> list[Diagnostic]:
+    """No registered tool is a raw pipe."""
+    source = needed_source(value)
+    hint = "serve what the device does, with typed parameters"
+    return [
+        source.problem("SERVE-PASSTHROUGH", site.node, f"the tool {shown(site.name)} is a raw pipe", hint)
+        for site in tool_sites(source)
+        if site.name is not None and is_passthrough(site.name)
+    ]
+
+
+def beyond_tools(value: str, _: Artifacts) -> list[Diagnostic]:
+    """The server offers tools alone: no resource, no prompt, no middleware, no other server."""
+    source = needed_source(value)
+    servers = _servers(source)
+    hint = (
+        "serve tools with @mcp.tool and nothing else; of the server, only mcp.tool, mcp.add_tool and mcp.run are used"
+    )
+    out = []
+    for node in source.nodes:
+        if isinstance(node, ast.Call) and source.dotted(node.func).rpartition(".")[2] == "FastMCP":
+            names = [item.arg or "**" for item in node.keywords if item.arg not in _PLAIN_OPTIONS]
+            out += [
+                source.problem("SERVE-BEYOND-TOOLS", node, f"the server is made with {shown(name)}", hint)
+                for name in names
+            ]
+        elif isinstance(node, ast.Name) and isinstance(node.ctx, ast.Load) and node.id in servers:
+            above = source.parents.get(node)
+            if not isinstance(above, ast.Attribute):
+                summary = f"{shown(node.id)} is handed on, so what is registered on it cannot be seen"
+                out.append(source.problem("SERVE-BEYOND-TOOLS", node, summary, hint))
+            elif above.attr not in _PLAIN_USES:
+                summary = f"{shown(source.dotted(above))} reaches past the tools"
+                out.append(source.problem("SERVE-BEYOND-TOOLS", above, summary, hint))
+    return out
+
+
+RULES = (
+    Rule("SERVE-NO-SERVER", no_server),
+    Rule("SERVE-BEYOND-TOOLS", beyond_tools),
+    Rule("SERVE-TOOLS-DIFFER", tools_differ),
+    Rule("SERVE-TOOL-NOT-LOGGED", tool_not_logged),
+    Rule("SERVE-PASSTHROUGH", passthrough),
+)
+
+
+def tool_sites(source: Source) -> Iterator[ToolSite]:
+    """Each place that registers a tool: a decorated function, ``mcp.tool(...)`` on one, or ``add_tool``."""
+    servers = _servers(source)
+    decorators: set[ast.AST] = set()
+    for function in source.functions:
+        for index, item in enumerate(function.decorator_list):
+            call = item if isinstance(item, ast.Call) else None
+            if not _registers(call.func if call else item, servers):
+                continue
+            decorators.add(item)
+            name = _given_name(call) if call else _NO_NAME
+            below = function.decorator_list[index + 1 :]
+            logged = any(_is_logging(source, other) for other in below)
+            yield ToolSite(function.name if name is _NO_NAME else _constant(name), function, logged)
+    for call, _ in source.calls:
+        if call not in decorators and _registers(call.func, servers) and source.parents.get(call) not in decorators:
+            yield _call_site(source, call)
+
+
+def served_tools(source: Source, artifacts: Artifacts) -> Iterator[tuple[ToolSite, JsonObject]]:
+    """Each registered tool with its entry in INTERFACE."""
+    tools = {tool["name"]: tool for tool in (artifacts.interface or {"tools": []})["tools"]}
+    for site in tool_sites(source):
+        if site.name in tools:
+            yield site, tools[site.name]
+
+
+def tool_functions(source: Source, site: ToolSite) -> list[Function]:
+    """The functions that a call of the tool runs first: the registered one, or those that the registration names."""
+    named = {item.id for item in ast.walk(site.node) if isinstance(item, ast.Name)}
+    called = isinstance(site.node, ast.Call)
+    return [item for item in source.functions if item is site.node or (called and item.name in named)]
+
+
+def tools_importing(value: str, modules: Collection[str]) -> dict[str, str]:
+    """The tools whose code imports one of the top-level modules inside a function, each with the module."""
+    source = needed_source(value)
+    places = [(source.owner(node), name) for name, node, inside in imported_modules(source) if inside]
+    out: dict[str, str] = {}
+    for site in tool_sites(source):
+        used = source.entered_from(tool_functions(source, site))
+        wanted = sorted(name for owner, name in places if owner in used and name in modules)
+        if site.name is not None and wanted:
+            out[site.name] = wanted[0]
+    return out
+
+
+_NO_NAME = ast.Constant(value=None)
+
+
+def _servers(source: Source) -> set[str]:
+    """The module-level names that are assigned a FastMCP server."""
+    out: set[str] = set()
+    for statement in source.tree.body:
+        if not isinstance(statement, ast.Assign | ast.AnnAssign) or not isinstance(statement.value, ast.Call):
+            continue
+        if source.dotted(statement.value.func).rpartition(".")[2] == "FastMCP":
+            targets = statement.targets if isinstance(statement, ast.Assign) else [statement.target]
+            out.update(item.id for item in targets if isinstance(item, ast.Name))
+    return out
+
+
+def _registers(node: ast.expr, servers: set[str]) -> bool:
+    return (
+        isinstance(node, ast.Attribute)
+        and node.attr in ("tool", "add_tool")
+        and isinstance(node.value, ast.Name)
+        and node.value.id in servers
+    )
+
+
+def _given_name(call: ast.Call) -> ast.expr:
+    for item in call.keywords:
+        if item.arg == "name":
+            return item.value
+    return call.args[0] if call.args else _NO_NAME
+
+
+def _constant(node: ast.expr) -> str | None:
+    return node.value if isinstance(node, ast.Constant) and isinstance(node.value, str) else None
+
+
+def _call_site(source: Source, call: ast.Call) -> ToolSite:
+    """``mcp.tool(runtime.logged(f), name="x")``, and ``mcp.tool(name="x")(runtime.logged(f))``."""
+    outer = source.parents.get(call)
+    wrapped = call.args[0] if call.args else None
+    if isinstance(outer, ast.Call) and outer.func is call:
+        wrapped = outer.args[0] if outer.args else None
+    named = next((item.value for item in call.keywords if item.arg == "name"), None)
+    if named is not None:
+        name = _constant(named)
+    else:
+        inner = wrapped.args[0] if isinstance(wrapped, ast.Call) and wrapped.args else wrapped
+        name = inner.id if isinstance(inner, ast.Name) else None
+    logged = isinstance(wrapped, ast.Call) and _is_logging(source, wrapped)
+    return ToolSite(name, call, logged)
+
+
+def _is_logging(source: Source, node: ast.expr) -> bool:
+    function = node.func if isinstance(node, ast.Call) else node
+    if isinstance(function, ast.Call):
+        function = function.func
+    name = source.dotted(function)
+    return name.startswith("runtime.") and name.rpartition(".")[2] == "logged"

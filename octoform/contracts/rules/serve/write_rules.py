@@ -1,0 +1,241 @@
+"""The rule for SERVE that a tool of effect ``read`` changes nothing: such tools are called without asking anybody."""
+
+import ast
+import re
+from functools import lru_cache
+
+from octoform.contracts.model import Artifacts, Rule
+from octoform.contracts.name_clues import tokens
+from octoform.contracts.rules.serve.device_rules import RUNTIME_TOUCHES, is_node_path
+from octoform.contracts.rules.serve.flow import Flow
+from octoform.contracts.rules.serve.origins import Origin
+from octoform.contracts.rules.serve.places import folded
+from octoform.contracts.rules.serve.reading_rules import flow_of_tools
+from octoform.contracts.rules.serve.tool_rules import served_tools, tool_functions
+from octoform.contracts.server_source import Function, Source, needed_source
+from octoform.contracts.text import shown
+from octoform.diagnostics import Diagnostic, as_warning
+
+CODE, ACTS = "SERVE-READ-WRITES", "SERVE-READ-ACTS"
+_MOVING = frozenset({"move", "move_percent", "move_many", "pose", "torque"})
+"""Methods of ``runtime.units.Units`` that move a unit or switch its torque."""
+_ALWAYS_WRITES = re.compile(
+    r"os\.(?:remove|unlink|rmdir|removedirs|rename|renames|replace|mkdir|makedirs|chmod|chown|truncate|symlink|link"
+    r"|mknod|mkfifo|setxattr|utime)|shutil\.(?:rmtree|move|copy|copy2|copyfile|copytree|chown)"
+    r"|runtime\.gpio\.(?:drive|hold)|runtime\.evdev\.(?:rumble|beep)|runtime\.v4l2\.set_control"
+    r"|runtime\.movement\.(?:carried_out|energised|planned)|runtime\.units\..*\.(?:move|move_percent|move_many|pose|torque)"
+)
+_PROGRAMS = re.compile(
+    r"(?:.*/)?(?:tee|dd|cp|mv|rm|rmdir|mkdir|touch|chmod|chown|ln|truncate|mkfs(?:\..*)?|i2cset|gpioset|setserial|install"
+    r"|setpci|hdparm|wipefs|parted|fdisk|eject|reboot|shutdown|poweroff|rfkill|modprobe|rmmod|insmod|usbreset)"
+)
+"""Programs that are there to change something (the manual pages' first lines)."""
+_SETS = re.compile(
+    r"-{0,2}(?:set|sset|cset|write|enable|disable|reset|erase|update|flash)(?!-fmt|-parm|-sel)(?:-\w+)*(?:=.*)?"
+)
+_SAYS = frozenset({"write", "writelines", "send", "sendall", "sendto", "query", "ask", "command", "send_command"})
+_ORDER = re.compile(
+    r"\W*(?:SET|MOVE|GOTO|TORQUE|JOG|HOME|WRITE|ENABLE|DISABLE|ROTATE|OPEN|CLOSE|ERASE|G0*[0123]|G28|M17|M3)(?:[\W_\d]|$)",
+    re.IGNORECASE,
+)
+_MOVES = frozenset({"move", "goto", "jog", "home", "torque", "rotate", "actuate", "drive", "fire", "dispense"})
+_STARTS = frozenset({"set", "write", "enable", "disable", "send", "start", "sync", "put"})
+_MOVED = frozenset(
+    {
+        "goal",
+        "goals",
+        "position",
+        "positions",
+        "torque",
+        "angle",
+        "angles",
+        "velocity",
+        "pwm",
+        "relay",
+        "target",
+        "pose",
+    }
+    | {"joint", "joints", "servo", "servos", "motor", "motors", "coil", "coils", "gripper", "setpoint", "pos", "ex"}
+)
+_WRITTEN = re.compile(
+    r"write\d?(?:1|2|4)?Byte\w*|Write(?:Pos|Spec|Timer|Dir)\w*|(?:sync|reg|bulk)_?[wW]rite\w*|unlockEprom"
+)
+"""Methods that write registers, as the libraries of servo buses call them."""
+_WRITING_METHODS = frozenset(
+    {"write_text", "write_bytes", "unlink", "rmdir", "touch", "mkdir", "chmod", "symlink_to", "hardlink_to"}
+)
+
+
+def read_writes(value: str, artifacts: Artifacts) -> list[Diagnostic]:
+    """A tool of effect ``read`` writes to nothing but temporary files."""
+    source = needed_source(value)
+    flow = flow_of_tools(source, artifacts)
+    hint = "leave the write out; a tool that sets something has the effect actuate in INTERFACE"
+    out: dict[ast.Call, Diagnostic] = {}
+    for site, tool in served_tools(source, artifacts):
+        if tool["effect"] != "read":
+            continue
+        used = source.entered_from(tool_functions(source, site))
+        for call, name in source.calls:
+            if source.owner(call) not in used or call in out or not _writes(source, flow, call, name):
+                continue
+            if not _switched_off(source, call, used):
+                summary = f"{shown(name)} writes, and the tool {shown(site.name or '')} has the effect read"
+                out[call] = source.problem(CODE, call, summary, hint)
+    return list(out.values())
+
+
+def read_acts(value: str, artifacts: Artifacts) -> list[Diagnostic]:
+    """A tool of effect ``read`` neither moves a unit of the runtime nor asks for its device as one that acts."""
+    source = needed_source(value)
+    has_units = any(source.dotted(node).startswith("runtime.units") for node in source.nodes)
+    hint = "leave it out; a tool that moves or switches something has the effect actuate in INTERFACE"
+    out: dict[ast.AST, Diagnostic] = {}
+    for site, tool in served_tools(source, artifacts):
+        used = source.entered_from(tool_functions(source, site)) if tool["effect"] == "read" else []
+        for node, what in ((node, _acts(node, has_units)) for node in source.nodes):
+            if not what or node in out or source.owner(node) not in used:
+                continue
+            if not isinstance(node, ast.Call) or not _switched_off(source, node, used):
+                summary = f"{what}, and the tool {shown(site.name or '')} has the effect read"
+                problem = source.problem(ACTS, node, summary, hint)
+                # Who asks so for a reading is refused a twin in doubt, and moves nothing by it.
+                out[node] = as_warning(problem) if isinstance(node, ast.Call) else problem
+    return list(out.values())
+
+
+RULES = (Rule(CODE, read_writes), Rule(ACTS, read_acts))
+
+
+def _acts(node: ast.AST, has_units: bool) -> str | None:
+    if has_units and isinstance(node, ast.Attribute) and isinstance(node.ctx, ast.Load) and node.attr in _MOVING:
+        return f"{shown(node.attr)} moves a unit or switches it"
+    if not isinstance(node, ast.Call) or not isinstance(node.func, ast.Attribute) or node.func.attr != "device":
+        return None
+    given = [item.value for item in node.keywords if item.arg == "actuate"] + node.args[1:2]
+    plain = any(isinstance(item, ast.Constant) and item.value is True for item in given)
+    return "it asks for its device as one that acts" if plain else None
+
+
+def _writes(source: Source, flow: Flow, call: ast.Call, name: str) -> bool:
+    method = call.func.attr if isinstance(call.func, ast.Attribute) else ""
+    target = call.func.value if isinstance(call.func, ast.Attribute) else None
+    if _ALWAYS_WRITES.fullmatch(name):
+        return not any(is_temporary(source, item, call) for item in call.args)
+    if method in _WRITING_METHODS and target is not None:
+        return not is_temporary(source, target, call)
+    if name in ("open", "io.open", "os.fdopen"):
+        return _opens_to_write(source, flow, call, call.args[0] if call.args else None, call.args[1:2])
+    if name == "os.open":
+        flags = {source.dotted(item).rpartition(".")[2] for arg in call.args[1:2] for item in ast.walk(arg)}
+        # Who asks a device through its node writes the question.
+        writing = flags & {"O_WRONLY", "O_CREAT", "O_TRUNC", "O_APPEND"}
+        return bool(writing) or ("O_RDWR" in flags and not is_node_path(source, call.args[0], call))
+    if method == "open" and name not in RUNTIME_TOUCHES:
+        return _opens_to_write(source, flow, call, target, call.args[:1])
+    return _orders(source, flow, call, name, method)
+
+
+def _orders(source: Source, flow: Flow, call: ast.Call, name: str, method: str) -> bool:
+    """Whether a call tells something else to change: a program, a library's method, a line of text."""
+    if name.startswith("subprocess."):
+        words = [str(item.value) for arg in call.args[:1] for item in ast.walk(arg) if isinstance(item, ast.Constant)]
+        return bool(words) and (_PROGRAMS.fullmatch(words[0]) is not None or any(map(_SETS.fullmatch, words[1:])))
+    if isinstance(call.func, ast.Call) and source.dotted(call.func.func) == "getattr":
+        return not isinstance(call.func.args[1] if len(call.func.args) > 1 else None, ast.Constant)
+    if not method or any(item.name == method for item in source.functions):
+        return False
+    reached = flow.of(call) & (Origin.READ | Origin.FOUND)
+    if method in ("rename", "replace") and len(call.args) == 1:
+        return bool(flow.of(call.func.value) & Origin.FOUND) if isinstance(call.func, ast.Attribute) else False
+    if method in _SAYS and reached:
+        texts = (folded(source, flow, item) for item in call.args)
+        return any(_ORDER.match(text) and "?" not in text for text in texts if text is not None)
+    words = tokens(method)
+    moves = words[0] in _MOVES or (words[0] in _STARTS and bool(_MOVED & set(words)))
+    return bool(reached) and (moves or _WRITTEN.fullmatch(method) is not None)
+
+
+def _switched_off(source: Source, call: ast.Call, used: list[Function]) -> bool:
+    """Whether a call stands under an ``if`` about an optional parameter that none of these functions gives."""
+    owner = source.owner(call)
+    tests = [above.test for above, below in source.above(call) if isinstance(above, ast.If) and below in above.body]
+    asked = {item.id for test in tests for item in ast.walk(test) if isinstance(item, ast.Name)}
+    optional = {} if owner is None else _optional(owner)
+    switches = {name: index for name, index in optional.items() if name in asked}
+    if owner is None or not switches:
+        return False
+    entries = [each for each, name in source.calls if name == owner.name and source.owner(each) in used]
+    return bool(entries) and any(
+        all(not _gives(entry, name, index) for entry in entries) for name, index in switches.items()
+    )
+
+
+def _optional(function: Function) -> dict[str, int]:
+    """The parameters whose default is None or False, each with its position."""
+    given = function.args.args
+    defaults = [None] * (len(given) - len(function.args.defaults)) + list(function.args.defaults)
+    pairs = [(item.arg, index, default) for index, (item, default) in enumerate(zip(given, defaults, strict=True))]
+    keywords = zip(function.args.kwonlyargs, function.args.kw_defaults, strict=True)
+    pairs += [(item.arg, 1000, default) for item, default in keywords]
+    return {name: at for name, at, value in pairs if isinstance(value, ast.Constant) and _is_off(value.value)}
+
+
+def _is_off(value: object) -> bool:
+    return value is None or value is False
+
+
+def _gives(call: ast.Call, name: str, index: int) -> bool:
+    starred = any(isinstance(item, ast.Starred) for item in call.args)
+    return starred or len(call.args) > index or any(item.arg in (name, None) for item in call.keywords)
+
+
+def _opens_to_write(
+    source: Source, flow: Flow, call: ast.Call, path: ast.expr | None, positional: list[ast.expr]
+) -> bool:
+    mode = next((item.value for item in call.keywords if item.arg == "mode"), positional[0] if positional else None)
+    said = folded(source, flow, mode) if mode is not None else None
+    if path is None or said is None:
+        return False
+    if not set(said) <= set("rwxabt+U") or is_temporary(source, path, call):
+        return False
+    return bool(set(said) & set("wxa")) or ("+" in said and not is_node_path(source, path, call))
+
+
+def is_temporary(source: Source, path: ast.expr, call: ast.Call) -> bool:
+    """Whether a path is made by ``tempfile``, directly or by way of names of the same function."""
+    names = {item.id for item in ast.walk(path) if isinstance(item, ast.Name)}
+    scope = source.owner(call)
+    for _ in range(4):  # a path of a path of a folder
+        if any(source.dotted(item).startswith("tempfile.") for item in ast.walk(path)) or names & _temporary(
+            source, scope
+        ):
+            return True
+        more = {
+            item.id
+            for statement in (ast.walk(scope) if scope is not None else ())
+            if isinstance(statement, ast.Assign)
+            and any(isinstance(target, ast.Name) and target.id in names for target in statement.targets)
+            for item in ast.walk(statement.value)
+            if isinstance(item, ast.Name)
+        }
+        if more <= names:
+            return False
+        names |= more
+    return False
+
+
+@lru_cache(maxsize=64)
+def _temporary(source: Source, scope: Function | None) -> frozenset[str]:
+    """The names that a function binds to something of ``tempfile``."""
+    found: set[str] = set()
+    for item in ast.walk(scope) if scope is not None else ():
+        bound: list[tuple[ast.expr | None, ast.expr]] = []
+        if isinstance(item, ast.Assign):
+            bound = [(target, item.value) for target in item.targets]
+        elif isinstance(item, ast.With | ast.AsyncWith):
+            bound = [(each.optional_vars, each.context_expr) for each in item.items]
+        for target, value in bound:
+            if target is not None and any(source.dotted(part).startswith("tempfile.") for part in ast.walk(value)):
+                found |= {name.id for name in ast.walk(target) if isinstance(name, ast.Name)}
+    return frozenset(found)

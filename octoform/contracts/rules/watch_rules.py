@@ -1,0 +1,198 @@
+"""Rules for WATCH: health is told only where everything reports, and a trouble only where something shows it."""
+
+from collections.abc import Iterator
+from typing import Any
+
+from octoform.conditions import holds
+from octoform.contracts.model import Artifacts, JsonObject, Rule
+from octoform.contracts.report_context import FRAME, KERNEL, LOG, PROCESS, SENSOR, DutyFacts, place_of
+from octoform.contracts.rules import report_rules, text_rules
+from octoform.contracts.rules.report_rules import Found, Target, about, citations, facts_of
+from octoform.contracts.text import listed, pointer, shown
+from octoform.diagnostics import error
+
+_GRAVE = ("error", "down")
+_CALLED = (LOG, SENSOR)
+
+
+def status_contradicts(value: JsonObject, artifacts: Artifacts) -> Found:
+    """The status is borne out by what the report itself lists."""
+    status, errors = value["status"], value["errors"]
+    held = [*errors, *value["claims"], *value["declarations"]]
+    classes = {item["class"] for item in errors}
+    fatal = any(item["severity"] == "fatal" for item in errors)
+    problem = None
+    if status == "healthy" and held:
+        problem = "the status is healthy, and the report lists a trouble", "write degraded or error, or leave it out"
+    elif status in _GRAVE and not errors:
+        problem = f"the status is {status}, and the report lists no error", "write the error with what shows it"
+    elif status == "degraded" and not held and not facts_of(artifacts).claims:
+        problem = "the status is degraded, and the report lists nothing", "write what is wrong, with what shows it"
+    elif status == "degraded" and fatal:
+        problem = "the status is degraded, and an error is fatal", "write error, or down where the server is"
+    elif status == "down" and "dead_process" not in classes:
+        problem = "the status is down, and no error is of the class dead_process", "write error: the server answers"
+    elif status in ("degraded", "error") and "dead_process" in classes:
+        problem = f"the status is {status}, and the server does not run or answer", "write down"
+    if problem is None:
+        return []
+    return [error("WATCH-STATUS-CONTRADICTS", problem[0], pointer="/status", hint=problem[1])]
+
+
+def health_uncovered(value: JsonObject, artifacts: Artifacts) -> Found:
+    """Nobody is healthy who does not report."""
+    if value["status"] != "healthy":
+        return []
+    return [
+        error("WATCH-HEALTH-UNCOVERED", f"the status is healthy, and {why}", pointer="/status", hint=hint)
+        for why, hint in _uncovered(facts_of(artifacts))
+    ]
+
+
+def _uncovered(facts: DutyFacts) -> Iterator[tuple[str, str]]:
+    if not facts.newest():
+        yield "there is no reading at all", "write unknown: absence of a report is no report"
+    silent = [" ".join(place) for place in facts.unreadable()]
+    if silent:
+        yield f"{listed(silent)} could not be read", "write unknown, or degraded with the error that shows it"
+    lasting = [str(row["id"]) for row in facts.lasting()]
+    if lasting:
+        yield f"nothing shows that {listed(lasting)} is over", "a tool that failed is well after a later success"
+    for claim in facts.claims:
+        condition, signal = claim.get("condition"), claim.get("signal")
+        if not isinstance(condition, dict) or not isinstance(signal, dict):
+            continue
+        read = facts.newest_value(place_of(signal))
+        if holds(str(condition.get("op")), condition.get("value"), read) is not False:
+            summary = f"no reading refutes the claim {shown(claim.get('id', ''))}"
+            yield summary, "write degraded: it is still in force"
+
+
+def class_unproved(value: JsonObject, artifacts: Artifacts) -> Found:
+    """The class is one that the evidence allows: each of them starts a repair of its own."""
+    found = []
+    for index, item in enumerate(value["errors"]):
+        problem = _unproved(item, facts_of(artifacts))
+        if problem is not None:
+            where = pointer("errors", index, "class")
+            found.append(error("WATCH-CLASS-UNPROVED", problem[0], pointer=where, hint=problem[1]))
+    return found
+
+
+def _unproved(item: JsonObject, facts: DutyFacts) -> tuple[str, str] | None:
+    kind, device = item["class"], item["device"]
+    there = facts.newest_value((KERNEL, device, "/there")) if device is not None else None
+    if kind == "dead_process" and not _dead(item, facts):
+        return "no newest reading of the process says that it is dead", "cite that reading, or take another class"
+    if kind == "device_moved" and device is None:
+        return "no device is named that moved", "name it, or take another class"
+    if kind == "device_moved" and there is False:
+        return f"{shown(device)} is not attached, so it did not move", "write none: only a person can plug it in"
+    if kind == "broken_tool" and item["tool"] is None and device is None:
+        return "no tool or device is named whose code is wrong", "name the tool, or the device whose tools share it"
+    if kind == "broken_tool" and there is False:
+        return f"{shown(device)} is not attached, so its tool's code is not shown to be wrong", "write none"
+    if kind == "broken_tool" and not any(row["id"] in item["cites"] for row in _of_tool(item, facts)):
+        return "nothing that is cited came from a tool", "cite a failure or a reading of the tool whose code is wrong"
+    return None
+
+
+def _dead(item: JsonObject, facts: DutyFacts) -> bool:
+    newest = facts.newest()
+    return any(
+        row["channel"] == PROCESS and row["value"] is False and row["id"] in item["cites"] for row in newest.values()
+    )
+
+
+def _of_tool(item: JsonObject, facts: DutyFacts) -> Iterator[Any]:
+    """What came from the tool of an error or, where only its device is named, from any tool."""
+    tool = item["tool"]
+    yield from (row for row in facts.readings if row["channel"] in _CALLED and tool in (None, row["source"]))
+    yield from (row for row in facts.failures if tool in (None, row["tool"]))
+
+
+def failure_passed_over(value: JsonObject, artifacts: Artifacts) -> Found:
+    """No failure is passed over in silence unless something shows that it is over."""
+    cited = {identity for item in value["errors"] for identity in item["cites"]}
+    named = {item["tool"] for item in value["errors"]}
+    return [
+        error(
+            "WATCH-FAILURE-PASSED-OVER",
+            f"no error cites {shown(row['id'])}, a failure of {shown(row['tool'])} that nothing shows to be over",
+            pointer="/errors",
+            hint="cite it in an error; where nobody knows why it failed, the class is none",
+        )
+        for row in facts_of(artifacts).lasting()
+        if row["id"] not in cited and not (row["tool"] in named and _cited_alike(row, cited, artifacts))
+    ]
+
+
+def _cited_alike(failure: Any, cited: set[str], artifacts: Artifacts) -> bool:
+    """Another failure of the same tool and kind is cited: a message that changes in a number is the same trouble."""
+    return any(
+        row["id"] in cited and row["tool"] == failure["tool"] and row.get("error") == failure.get("error")
+        for row in facts_of(artifacts).failures
+    )
+
+
+def declaration_unproved(value: JsonObject, artifacts: Artifacts) -> Found:
+    """What cannot be taken back rests on what is read now, and on what it is about: no old reading makes it true."""
+    facts, found = facts_of(artifacts), []
+    now = {row["id"] for row in (*facts.newest().values(), *facts.lasting())}
+    known = set(facts.ids())
+    for index, item in enumerate(value["declarations"]):
+        where = pointer("declarations", index, "cites")
+        old = [identity for identity in item["cites"] if identity in known - now]
+        if old:
+            summary = f"the declaration rests on {listed(old)}, and a newer reading of that signal is there"
+            hint = "cite the newest readings, or leave the declaration out"
+            found.append(error("WATCH-DECLARATION-UNPROVED", summary, pointer=where, hint=hint))
+        elif not any(about(identity, Target.of(item["target"]), artifacts) for identity in item["cites"]):
+            summary = f"nothing that is cited is about {shown(item['target'])}"
+            hint = "cite readings of the very thing that you declare"
+            found.append(error("WATCH-DECLARATION-UNPROVED", summary, pointer=where, hint=hint))
+    return found
+
+
+def physical_state(value: JsonObject, artifacts: Artifacts) -> Found:
+    """Of what stands where is spoken only where a picture was given."""
+    facts, state = facts_of(artifacts), value["physical_state"]
+    found = []
+    if state["available"] and not facts.frames:
+        found.append(("it is called available, and no frame was given", "/physical_state/available", "write false"))
+    if state["available"] and state["seen"] is None:
+        found.append(("it is available, and nothing is said to be seen", "/physical_state/seen", "say what is seen"))
+    if state["available"] and state["reason"] is not None:
+        found.append(("it is available, and a reason is given why not", "/physical_state/reason", "write null"))
+    if not state["available"] and state["seen"] is not None:
+        found.append(("it is not available, and something is said to be seen", "/physical_state/seen", "write null"))
+    if not state["available"] and not (state["reason"] or "").strip():
+        found.append(("it is not available, and no reason is given", "/physical_state/reason", "say why"))
+    if not state["available"]:
+        found += _on_frames(value, facts)
+    return [error("WATCH-PHYSICAL-STATE", summary, pointer=where, hint=hint) for summary, where, hint in found]
+
+
+def _on_frames(value: JsonObject, facts: DutyFacts) -> Iterator[tuple[str, str, str]]:
+    for where, cites in citations(value):
+        for identity in cites:
+            row = facts.reading(identity)
+            if row is not None and row["channel"] == FRAME and row["value"] is not None:
+                summary = f"it is not available, and {shown(identity)} is cited, which comes from a frame"
+                yield summary, f"{where}/cites", "leave out what rests on frames"
+
+
+RULES = (
+    Rule("WATCH-UNESCAPED-TEXT", text_rules.in_values("WATCH-UNESCAPED-TEXT")),
+    Rule("WATCH-UNKNOWN-READING", report_rules.unknown_reading("WATCH-UNKNOWN-READING")),
+    Rule("WATCH-UNKNOWN-NAME", report_rules.unknown_name("WATCH-UNKNOWN-NAME")),
+    Rule("WATCH-CITES-ELSEWHERE", report_rules.cites_elsewhere("WATCH-CITES-ELSEWHERE")),
+    Rule("WATCH-STATUS-CONTRADICTS", status_contradicts),
+    Rule("WATCH-HEALTH-UNCOVERED", health_uncovered),
+    Rule("WATCH-CLASS-UNPROVED", class_unproved),
+    Rule("WATCH-FAILURE-PASSED-OVER", failure_passed_over),
+    Rule("WATCH-PHYSICAL-STATE", physical_state),
+    Rule("WATCH-DECLARATION-UNPROVED", declaration_unproved),
+    Rule("WATCH-ORDERS", report_rules.orders("WATCH-ORDERS")),
+    *report_rules.rules("WATCH"),
+)

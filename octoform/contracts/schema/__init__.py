@@ -1,0 +1,1 @@
+"""JSON Schemas: held against values, and compared for what they accept."""
