@@ -6,13 +6,12 @@ A command's module is imported only when it is chosen; ``--help`` and a plan wit
 import os
 import sys
 from argparse import Namespace
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from importlib import import_module
 from pathlib import Path
 
-from octoform.cli.options import UsageError
-from octoform.cli.parser import parse
+from octoform.cli.parser import UsageError, parse
 from octoform.cli.signals import Stopped, orderly
 from octoform.diagnostics import Severity
 from octoform.views.format import console, problems
@@ -29,15 +28,17 @@ _READING = frozenset(
 _HERE = frozenset(("init", "simulate", "schema", "explain", "help", "version", "completion", "connect", "estop"))
 """Commands that need no project, make one, or find theirs by a rule of their own."""
 MANIFEST = "octopus.yaml"
-ROOMS = {
+GROUPS = {
     "project": "init validate schema explain graph doctor install profile spec simulate",
     "run": "plan apply destroy answer attempts",
     "state": "show state devices coverage accept force_unlock",
-    "endpoint": "start stop restart logs service tools call look connect clients token revoke estop audit limits",
+    "endpoint": "start stop restart logs service connect clients",
+    "tools": "tools call look",
+    "safety": "token revoke estop audit limits",
     "daemon": "watch status health heal claims confirm pause resume episodes",
     "about": "help version completion",
 }
-"""The folders below `octoform.cli.commands`, each with its modules, which have the names of their commands."""
+"""The modules of `octoform.cli.commands`, each with its commands; ``run_plan`` carries out ``plan``."""
 
 
 def dispatch(argv: Sequence[str]) -> int:
@@ -63,9 +64,13 @@ def dispatch(argv: Sequence[str]) -> int:
         return 1
 
 
-def room_of(name: str) -> str:
-    """The folder of a command's module."""
-    return next(room for room, names in ROOMS.items() if name in names.split())
+def command_of(name: str) -> Callable[[Namespace, Path, console.Console], int]:
+    """The function that carries out a command; only its module is loaded."""
+    name = name.replace("-", "_")
+    group = next(group for group, names in GROUPS.items() if name in names.split())
+    found: Callable[[Namespace, Path, console.Console], int]
+    found = getattr(import_module(f"octoform.cli.commands.{group}"), f"run_{name}")
+    return found
 
 
 def _run(arguments: Namespace, screen: console.Console) -> int:
@@ -74,9 +79,7 @@ def _run(arguments: Namespace, screen: console.Console) -> int:
         project = _project(arguments, screen)
         if arguments.command not in _READING:
             _hide(project, screen)
-        name = arguments.command.replace("-", "_")
-        command = import_module(f"octoform.cli.commands.{room_of(name)}.{name}")
-        status: int = command.run(arguments, project, screen)
+        status = command_of(arguments.command)(arguments, project, screen)
     except BrokenPipeError:
         raise
     except OSError as problem:

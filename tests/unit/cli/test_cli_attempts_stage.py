@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from octoform.cli.commands.run import attempts
-from octoform.cli.options import UsageError
+from octoform.cli.commands.run import run_attempts
+from octoform.cli.parser import UsageError
 from octoform.views.format.console import Console
 
 
@@ -16,10 +16,10 @@ def test_what_an_agent_is_started_for_can_be_asked_for(tmp_path: Path, stage: st
     (tmp_path / "octopus.yaml").write_text("version: 1\nhost: bench\n")
     console = Console(io.StringIO(), io.StringIO(), colour=False, colour_err=False, interactive=False)
     wanted = Namespace(verb=None, stage=stage, all=False, json=False)
-    assert attempts.run(wanted, tmp_path, console) == 0
+    assert run_attempts(wanted, tmp_path, console) == 0
 
 
 def test_what_no_agent_is_started_for_is_told_with_what_was_meant(tmp_path: Path) -> None:
     console = Console(io.StringIO(), io.StringIO(), colour=False, colour_err=False, interactive=False)
     with pytest.raises(UsageError, match="did you mean heal"):
-        attempts.run(Namespace(verb=None, stage="heel", all=False, json=False), tmp_path, console)
+        run_attempts(Namespace(verb=None, stage="heel", all=False, json=False), tmp_path, console)

@@ -12,7 +12,7 @@ from daemon_world import DaemonWorld
 import octoform
 from octoform.claims.ledger import Ledger
 from octoform.claims.model import State
-from octoform.cli.commands.daemon import confirm as command
+from octoform.cli.commands.daemon import run_confirm
 from octoform.cli.dispatch import dispatch
 from octoform.cli.parser import parse
 from octoform.daemon.model import Cause, Done, Repair
@@ -139,7 +139,7 @@ def test_a_declaration_needs_a_person_on_a_terminal(
         monkeypatch.setattr("sys.stdin", io.StringIO(typed))
         answer = io.StringIO()
         screen = Console(answer, io.StringIO(), colour=False, colour_err=False, interactive=True)
-        assert command.run(parse(["confirm", name]), host.project, screen) == code
+        assert run_confirm(parse(["confirm", name]), host.project, screen) == code
         claims = json.loads(run(capsys, "claims", "-json")[1])["claims"]
         assert [each["state"] for each in claims if each["id"] == name] == [left]
     assert run(capsys, "claims", "-retire", name)[0] == 0

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 import octoform
-from octoform.cli.completion import script
+from octoform.cli.commands.about import script
 from octoform.cli.main import main
 from octoform.engine.tools import example
 from octoform.views.endpoint import logs, tools

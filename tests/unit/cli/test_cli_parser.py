@@ -1,14 +1,14 @@
 """What can be typed: Terraform's single dashes and the usual double ones, durations, and errors with status 1."""
 
+from importlib import import_module
 from pathlib import Path
 
 import pytest
 
 from octoform.cli import commands
-from octoform.cli.dispatch import ROOMS
+from octoform.cli.dispatch import GROUPS, command_of
 from octoform.cli.main import main
-from octoform.cli.options import UsageError
-from octoform.cli.parser import build, parse, seconds
+from octoform.cli.parser import Unbuilt, UsageError, build, parse, seconds
 
 
 @pytest.mark.parametrize("dashes", ["-", "--"])
@@ -66,9 +66,24 @@ def test_json_of_call_is_an_object_or_only_the_form_of_the_answer() -> None:
     assert parse(["call", "t", "-json", '{"a": 1}']).json_arguments == '{"a": 1}'
 
 
-def test_each_command_has_its_module_in_a_room_and_each_module_is_a_command() -> None:
-    folder = Path(commands.__file__).parent
-    modules = {path.relative_to(folder).as_posix() for path in folder.rglob("*.py") if path.stem != "__init__"}
-    assert modules == {f"{room}/{name}.py" for room, names in ROOMS.items() for name in names.split()}
+def test_each_command_has_its_function_and_each_function_is_a_command() -> None:
+    modules = {path.stem for path in Path(commands.__file__).parent.glob("*.py") if path.stem != "__init__"}
+    assert modules == set(GROUPS)
     known = next(action for action in build()._actions if action.dest == "command").choices or ()
-    assert {name.replace("-", "_") for name in known} == {Path(path).stem for path in modules}
+    assert {name.replace("-", "_") for name in known} == {name for names in GROUPS.values() for name in names.split()}
+    assert [command_of(name).__name__ for name in known] == [f"run_{name.replace('-', '_')}" for name in known]
+    for group, names in GROUPS.items():
+        written = vars(import_module(f"octoform.cli.commands.{group}"))
+        assert {name for name in written if name.startswith("run_")} == {f"run_{name}" for name in names.split()}
+
+
+@pytest.mark.parametrize("before", [[], ["-chdir", "plan"], ["-chdir=x", "-no-color"]])
+def test_only_the_options_of_the_chosen_command_are_built(before: list[str]) -> None:
+    words = [*before, "apply", "-auto-approve"]
+    assert parse(words).auto_approve
+    names = next(action for action in build("apply")._actions if action.dest == "command").choices or {}
+    assert [name for name, parser in names.items() if not isinstance(parser, Unbuilt)] == ["apply"]
+
+
+def test_the_help_of_all_commands_is_the_same_with_none_of_them_built() -> None:
+    assert build("").format_help() == build().format_help()

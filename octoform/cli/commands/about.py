@@ -1,13 +1,23 @@
-"""Scripts by which a shell completes octoform's commands, verbs and options.
+"""Commands on octoform itself: help, version, completion.
 
-They hold all words by themselves: pressing a key must not start Python. They are made from the parser, so that they
-cannot tell another story than ``--help``.
+A command imports what it needs when it is chosen: all others cost nothing.
 """
 
-import argparse
-from collections.abc import Iterator
+from __future__ import annotations
 
-from octoform.cli.parser import build
+import argparse
+from argparse import Namespace
+from collections.abc import Iterator
+from pathlib import Path
+
+from octoform.cli.parser import build, parse
+from octoform.views.format import problems
+from octoform.views.format.console import Console
+
+# Scripts by which a shell completes octoform's commands, verbs and options.
+#
+# They hold all words by themselves: pressing a key must not start Python. They are made from the parser, so that they
+# cannot tell another story than ``--help``.
 
 _BASH = """\
 # octoform: source <(octoform completion bash)
@@ -83,3 +93,23 @@ def _fish() -> Iterator[str]:
 
 def _quoted(text: str) -> str:
     return "'" + text.replace("\\", "\\\\").replace("'", "\\'") + "'"
+
+
+def run_help(arguments: Namespace, _: Path, __: Console) -> int:
+    """Prints what ``octoform COMMAND --help`` prints."""
+    try:
+        parse([*arguments.words, "--help"])
+    except SystemExit:  # how argparse ends after its help
+        return 0
+    return 1
+
+
+def run_version(arguments: Namespace, _: Path, screen: Console) -> int:
+    """Exit code 0."""
+    return problems.version(screen, as_json=arguments.json)
+
+
+def run_completion(arguments: Namespace, _: Path, screen: Console) -> int:
+    """Prints the script; exit code 0."""
+    screen.line(script(arguments.shell))
+    return 0

@@ -1,1 +1,0 @@
-"""Commands on octoform itself: help, version, completion."""

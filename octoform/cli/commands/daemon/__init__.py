@@ -1,1 +1,0 @@
-"""Commands on the daemon: watch, status, health, repairs, claims, incidents."""

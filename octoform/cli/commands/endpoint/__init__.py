@@ -1,1 +1,0 @@
-"""Commands on the live endpoint: its process, tools, calls, clients, tokens and safety."""

@@ -1,1 +1,0 @@
-"""Commands that plan and change: plan, apply, destroy, answers, attempts."""

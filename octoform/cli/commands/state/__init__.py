@@ -1,1 +1,0 @@
-"""Commands on what was accepted: show, devices, coverage, nodes, the lock."""
