@@ -1,5 +1,6 @@
 """The run: the plan's actions in order, each journalled; what came out the same stops the wave (early cutoff)."""
 
+from collections import Counter
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
@@ -16,7 +17,7 @@ from octoform.apply.stage.attempt import Failed
 from octoform.apply.stage.attempt_loop import may_go_on, run_stage
 from octoform.apply.stage.attempt_record import state_usage
 from octoform.apply.stage.gate import Finished, Verdict
-from octoform.apply.stage.serve_feedback import JUDGE, MAKER, MOST_RETURNS, sent_back
+from octoform.apply.stage.serve_feedback import RETURNS, Return, sent_back
 from octoform.contracts.artifact_parser import parse
 from octoform.contracts.contract_check import has_shape
 from octoform.diagnostics import Diagnostic, has_errors
@@ -62,7 +63,7 @@ class _Again:
 
 def execute(context: Context, plan: Plan, allowed: Callable[[str], bool]) -> Tally:
     """Carry out the plan's work in order; stops at the first node that fails. ``allowed`` leaves nodes out."""
-    tally, returns, made = Tally(), 0, set[str]()
+    tally, returns, made = Tally(), Counter[str](), set[str]()
     for action in plan.work:
         if not allowed(action.node):
             continue
@@ -76,8 +77,10 @@ def execute(context: Context, plan: Plan, allowed: Callable[[str], bool]) -> Tal
             context.emit(events.NodeUnchanged(node.name, "its inputs came out the same"))
             continue
         _carry_out(context, node, action, tally)
-        while returns < MOST_RETURNS and MAKER in made and _mended(context, action, tally):
-            returns += 1
+        while (way := RETURNS.get(tally.failed or "")) is not None:
+            if returns[way.judge] >= way.most or way.maker not in made or not _mended(context, action, tally, way):
+                break
+            returns[way.judge] += 1
         if tally.failed:
             return tally
         made.add(node.name)
@@ -94,20 +97,20 @@ def _take_away(context: Context, node: str, tally: Tally) -> None:
         tally.destroyed += 1
 
 
-def _mended(context: Context, action: PlannedAction, tally: Tally) -> bool:
-    """Whether what failed is SERVE's to mend; then SERVE has run again, and the failed node after it."""
+def _mended(context: Context, action: PlannedAction, tally: Tally, way: Return) -> bool:
+    """Whether what failed is an earlier stage's to mend; then that has run again, and the failed node after it."""
     failed = sent_back(context, tally.failed, tally.diagnostics)
     if failed is None:
         return False
-    spent = [name for name in (MAKER, JUDGE) if not may_go_on(context, name)]
+    spent = [name for name in (way.maker, way.judge) if not may_go_on(context, name)]
     if spent:
-        text = f"the server is at fault, and the budget of {' and '.join(spent)} has nothing left to mend it with"
-        context.emit(events.Notice(JUDGE, text))
+        text = f"{way.fault}, and the budget of {' and '.join(spent)} has nothing left to mend it with"
+        context.emit(events.Notice(way.judge, text))
         return False
-    context.emit(events.Notice(JUDGE, "the server is at fault; SERVE is told and runs again"))
+    context.emit(events.Notice(way.judge, f"{way.fault}; {way.maker.upper()} is told and runs again"))
     tally.failed = None
     tally.diagnostics = [item for item in tally.diagnostics if item not in failed.standing]
-    for node, again in ((context.graph.node(MAKER), failed), (context.graph.node(JUDGE), None)):
+    for node, again in ((context.graph.node(way.maker), failed), (context.graph.node(way.judge), None)):
         if tally.failed is None:
             _carry_out(context, node, replace(action, node=node.name), tally, _Again(again))
     return True

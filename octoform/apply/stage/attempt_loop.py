@@ -18,7 +18,7 @@ from octoform.apply.stage.attempt import Failed, Prepared, SoFar, prepare, run
 from octoform.apply.stage.attempt_record import interrupted, record
 from octoform.apply.stage.gate import Finished, Verdict, cleared, ended_well, read_output
 from octoform.apply.stage.secret_scan import leaked, masked, without_secrets
-from octoform.apply.stage.serve_feedback import is_servers_fault, remembered
+from octoform.apply.stage.serve_feedback import is_earlier_fault, remembered
 from octoform.apply.stage.spec_copy import Edit
 from octoform.base import files
 from octoform.base.files import replace as replace_file
@@ -179,7 +179,7 @@ def _attempts(context: Context, assignment: Assignment, started: float, progress
         full = full_disk(context.layout)
         if full is not None:
             return replace(verdict, diagnostics=(full,))
-        if verdict.last or outcome.reason in HOPELESS or is_servers_fault(stage, verdict.diagnostics):
+        if verdict.last or outcome.reason in HOPELESS or is_earlier_fault(stage, verdict.diagnostics):
             return verdict
         if progress.attempts < budget.attempts:
             context.clock.sleep(_delay(outcome, progress.attempts))

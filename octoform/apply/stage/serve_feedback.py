@@ -4,11 +4,12 @@ An attempt begins with the last output that could be read, however the attempt t
 wrong with it. What the trial at DEPLOY finds wrong with the server goes back to SERVE, in the same run: some faults of
 generated code show only when its tools are called. No set of packages mends them, so DEPLOY is not tried
 again; the agent of SERVE gets the findings and the server that it was accepted with, and then DEPLOY runs once more.
-Only a server that was made in this very run is sent back: a run never remakes what its plan did not list.
+In the same way INTERFACE's agent can say what only IDENTIFY can mend, once in a run. Only what was made in this very
+run is sent back: a run never remakes what its plan did not list, and both stages stay within the budgets of one run.
 """
 
 from collections.abc import Iterable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 from octoform.apply.context import Context
@@ -20,7 +21,6 @@ from octoform.diagnostics import Diagnostic, has_errors
 from octoform.harness.port import ExitReason, Outcome, Task
 from octoform.state.files import read_regular
 
-MOST_RETURNS = 2
 MAKER, JUDGE = "serve", "deploy"
 SHOWN = frozenset(
     {"ENDPOINT-TOOL-BROKEN", "ENDPOINT-TOOLS-DIFFER", "ENDPOINT-CALL-NOT-LOGGED", "ENDPOINT-OUTPUT-INVALID"}
@@ -30,6 +30,28 @@ SHOWN = frozenset(
 """Faults of the server itself, seen when it was started and called."""
 TOLD = frozenset({"DEPLOY-STATUS-ERROR"})
 """DEPLOY's agent says that no set of packages works; it may be wrong, so it is asked again first."""
+
+BLAMED = frozenset({"INTERFACE-IDENTIFY-WRONG"})
+"""INTERFACE's agent says what only IDENTIFY can mend."""
+
+
+@dataclass(frozen=True, slots=True)
+class Return:
+    """The way from a stage back to the one before it, whose accepted output it found wrong."""
+
+    maker: str
+    judge: str
+    codes: frozenset[str]
+    at_once: frozenset[str]
+    most: int
+    fault: str
+
+
+RETURNS = {
+    JUDGE: Return(MAKER, JUDGE, SHOWN | TOLD, SHOWN, 2, "the server is at fault"),
+    "interface": Return("identify", "interface", BLAMED, BLAMED, 1, "what was identified is at fault"),
+}
+"""By the stage that failed. ``at_once``: another attempt of it cannot help; ``most``: how often in one run."""
 
 NOT_OF_OUTPUT = frozenset({"APPLY-OUTSIDE-WRITE", "ARTIFACT-MISSING"})
 """Why an attempt is refused whatever its output is like."""
@@ -74,15 +96,17 @@ def _right(value: Any, found: Iterable[Diagnostic]) -> str:
     return f"No finding is about {', '.join(said)}." if said else ""
 
 
-def is_servers_fault(stage: str, found: Iterable[Diagnostic]) -> bool:
-    """True when another attempt at the stage cannot help, since the server is at fault."""
-    return stage == JUDGE and any(item.code in SHOWN and has_errors([item]) for item in found)
+def is_earlier_fault(stage: str, found: Iterable[Diagnostic]) -> bool:
+    """True when another attempt at the stage cannot help, since what it stands on is at fault."""
+    way = RETURNS.get(stage)
+    return way is not None and any(item.code in way.at_once and has_errors([item]) for item in found)
 
 
 def sent_back(context: Context, failed: str | None, found: Iterable[Diagnostic]) -> Failed | None:
-    """What SERVE is told, when it is SERVE that has to mend why the run failed; else None."""
-    blamed = tuple(item for item in found if item.code in SHOWN | TOLD and has_errors([item]))
-    if failed != JUDGE or not blamed:
+    """What the earlier stage is told, when it is the one that has to mend why the run failed; else None."""
+    way = RETURNS.get(failed or "")
+    blamed = tuple(item for item in found if way is not None and item.code in way.codes and has_errors([item]))
+    if way is None or not blamed:
         return None
-    former = read_regular(context.layout.output(MAKER))[0]
-    return Failed((), None, context.specs[MAKER].text, former, standing=blamed)
+    former = read_regular(context.layout.output(way.maker))[0]
+    return Failed((), None, context.specs[way.maker].text, former, standing=blamed)

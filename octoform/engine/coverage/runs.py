@@ -10,7 +10,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple, TypeVar
 
 from octoform.apply.stage.escalation import merged
-from octoform.apply.stage.serve_feedback import JUDGE, MAKER
+from octoform.apply.stage.serve_feedback import RETURNS
 from octoform.engine.inspect.attempts import ACCEPTED, REUSE, Attempt
 from octoform.state.layout import STAGES
 
@@ -247,7 +247,8 @@ def _begins(item: Attempt, before: Sequence[Attempt]) -> bool:
     last = before[-1]
     if item.stage == last.stage:
         return _turn(item) <= _turn(last)
-    returned = (last.stage, item.stage) == (JUDGE, MAKER) and last.state != ACCEPTED
+    way = RETURNS.get(last.stage)
+    returned = way is not None and way.maker == item.stage and last.state != ACCEPTED
     return STAGES.index(item.stage) < STAGES.index(last.stage) and not returned
 
 

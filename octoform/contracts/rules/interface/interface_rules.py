@@ -18,6 +18,7 @@ from octoform.contracts.rules.interface.member_units import measured_without_uni
 from octoform.contracts.rules.text_rules import in_values
 from octoform.contracts.text import listed, pointer, shown
 from octoform.diagnostics import Diagnostic, did_you_mean, error, warning
+from octoform.escaping import escaped
 
 # Rules for INTERFACE about what clients read and give: words that name no unit, and results with members.
 #
@@ -176,6 +177,22 @@ def capability_without_tool(value: JsonObject, artifacts: Artifacts) -> list[Dia
         for name, owners in _owners(artifacts).items()
         if name not in served and not owners <= _spared(value, name)
     ]
+
+
+def identify_blamed(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
+    """What the agent says only IDENTIFY can mend is told to IDENTIFY; no interface stands on it."""
+    known, out = _known(artifacts), []
+    for index, item in enumerate(value.get("identify_errors", ())):
+        about = " and ".join(shown(item[name]) for name in ("capability", "device") if name in item)
+        where = pointer("identify_errors", index)
+        if item["device"] not in known:
+            summary = f"{shown(item['device'])} is no device of IDENTIFY, so nothing is wrong with it there"
+            out.append(error("INTERFACE-UNKNOWN-DEVICE", summary, pointer=where, hint="name a device of IDENTIFY"))
+            continue
+        summary = f"INTERFACE finds IDENTIFY wrong about {about}: {escaped(item['problem'])}"
+        hint = "IDENTIFY is told and runs again, once in a run that made it; else: octoform apply -replace identify"
+        out.append(error("INTERFACE-IDENTIFY-WRONG", summary, pointer=where, hint=hint))
+    return out
 
 
 def tool_without_capability(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
@@ -405,6 +422,7 @@ def duplicate_path(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
 
 RULES = (
     Rule("INTERFACE-UNKNOWN-DEVICE", unknown_device),
+    Rule("INTERFACE-IDENTIFY-WRONG", identify_blamed),
     Rule("INTERFACE-TOOL-WITHOUT-CAPABILITY", tool_without_capability),
     Rule("INTERFACE-CAPABILITY-WITHOUT-TOOL", capability_without_tool),
     Rule("INTERFACE-DUPLICATE-CAPABILITY", duplicate_capability),

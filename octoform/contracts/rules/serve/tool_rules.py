@@ -61,7 +61,8 @@ def tools_differ(value: str, artifacts: Artifacts) -> list[Diagnostic]:
     absent = sorted(wanted - set(present))
     if absent:
         summary = f"the server lacks {len(absent)} tools of INTERFACE: {listed(absent)}"
-        hint = "register each with @mcp.tool, or @mcp.tool(name=...) with a constant name"
+        hint = "register each with @mcp.tool, or @mcp.tool(name=...) with a constant name; where one "
+        hint += "cannot be written, INTERFACE has to be made anew: octoform apply -replace interface"
         out.append(error("SERVE-TOOLS-DIFFER", summary, span=Span(1, 1), hint=hint))
     return out
 

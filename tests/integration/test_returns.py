@@ -1,0 +1,68 @@
+"""INTERFACE finds that IDENTIFY is wrong: IDENTIFY is told and runs again, once, within the budgets of both."""
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+from projects import Project
+
+PROBLEM = "the board has no sensor of humidity; only its temperature can be read"
+OBJECTS: dict[str, Any] = {
+    "mutate": [
+        [["identify_errors"], [{"device": "hwmon-benchtemp", "capability": "read_temperature", "problem": PROBLEM}]]
+    ]
+}
+ANOTHER = {"mutate": [[["devices", 0, "capabilities", 0, "description"], "Read the temperature of the board."]]}
+
+
+@pytest.fixture
+def project(tmp_path: Path) -> Project:
+    return Project(tmp_path / "project", tmp_path / "outside")
+
+
+def ran(project: Project) -> tuple[int, int]:
+    stages = project.stages_run()
+    return stages.count("identify"), stages.count("interface")
+
+
+def test_identify_is_told_and_runs_again(project: Project) -> None:
+    project.script = {"identify": ["good"], "identify:told": [ANOTHER], "interface": [OBJECTS, "good"]}
+    done = project.apply("-target", "interface", status=0)
+    assert project.stages_run()[-4:] == ["identify", "interface", "identify", "interface"]
+    assert "what was identified is at fault; IDENTIFY is told and runs again" in done.text
+    prompt = (project.attempts("identify")[-1] / "prompt.md").read_text()
+    assert PROBLEM in prompt and "INTERFACE-IDENTIFY-WRONG" in prompt
+    assert "Read the temperature of the board." in (project.state / "identify" / "output.json").read_text()
+    assert {name: node["status"] for name, node in project.nodes().items()}["interface"] == "accepted"
+    assert done.events()[-1]["result"]["failed"] is None
+
+
+def test_who_always_objects_has_one_return_and_the_person_is_told_what_to_do(project: Project) -> None:
+    project.script = {"interface": [OBJECTS]}
+    done = project.apply("-target", "interface", status=1)
+    assert ran(project) == (2, 2)
+    assert "INTERFACE-IDENTIFY-WRONG" in done.text and "octoform apply -replace identify" in done.text
+    assert project.nodes()["identify"]["status"] == "accepted"
+
+    before = ran(project)
+    project.apply("-target", "interface", status=1)
+    assert ran(project) == (before[0], before[1] + 1), (
+        "what an earlier run identified is only remade when a plan says so"
+    )
+
+
+@pytest.mark.parametrize("stage", ["identify", "interface"])
+def test_a_return_has_the_budget_of_one_run(project: Project, stage: str) -> None:
+    project.script = {"interface": [OBJECTS, "good"]}
+    project.manifest = {"stages": f"{{{stage}: {{budget: {{attempts: 1}}}}}}"}
+    done = project.apply("-target", "interface", status=1)
+    assert ran(project) == (1, 1)
+    assert f"the budget of {stage} has nothing left to mend it with" in done.text
+
+
+def test_a_device_that_identify_does_not_have_is_no_objection(project: Project) -> None:
+    unknown = {"mutate": [[["identify_errors"], [{"device": "usb-dead-beef", "problem": PROBLEM}]]]}
+    project.script = {"interface": [unknown, "good"]}
+    done = project.apply("-target", "interface", status=0)
+    assert ran(project) == (1, 2)
+    assert "INTERFACE-UNKNOWN-DEVICE" in done.text
