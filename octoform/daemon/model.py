@@ -71,6 +71,8 @@ class Kind(StrEnum):
     """Kinds of hardware appeared or went that PROBE did not see: re-discovery."""
     TOOL_FAILING = "tool_failing"
     """Calls fail for a reason that code does not know: WATCH is asked."""
+    BEYOND_LIMIT = "beyond_limit"
+    """After a call a device reported a unit outside of its range, so nothing moves that unit: a person looks at it."""
     PICTURE_ODD = "picture_odd"
     TUNNEL_DOWN = "tunnel_down"
     STATE_DAMAGED = "state_damaged"

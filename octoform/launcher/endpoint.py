@@ -144,7 +144,8 @@ class Endpoint:
             tokens = Tokens(descriptor.run / "tokens.json")
             web = Web(self._server, descriptor, tokens, instance=self._owner.instance)
             daemon, latched = descriptor.run.parent / "daemon", lambda: self._latch.engaged() is not None
-            web.verdict = Verdict(daemon, self._owner.instance, latched, self._offer.presence.lacks)
+            lacks = self._offer.presence.lacks
+            web.verdict = Verdict(daemon, self._owner.instance, latched, lambda: lacks() or bool(self._ledger.held()))
             listening = web.open()
             self._url = listening.url + PATH
             doors.append(asyncio.create_task(web.serve(), name="of HTTP"))
@@ -220,6 +221,7 @@ class Endpoint:
             "gate": self._gate.status(),
             "estop": None if latched is None else {"by": latched.by, "reason": latched.reason, "since": latched.since},
             "restrictions": self._gate.restrictions.shown(),
+            "outside": self._ledger.held(),
             "tunnel": None if self._tunnel is None else dict(self._tunnel.status()),
         }
 

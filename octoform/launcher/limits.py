@@ -147,6 +147,11 @@ class Ledger:
         with self._lock:
             return {name: self._counters.of(name).shown(self._clock()) for name in sorted(self._counters.names)}
 
+    def held(self) -> dict[str, dict[str, str]]:
+        """By tool: the units that nothing moves, because the device reported them outside of their range."""
+        with self._lock:
+            return {name: dict(units) for name, units in self._outside.items() if units}
+
     def _judged(self, tool: str, arguments: Mapping[str, Any]) -> Refusal | None:
         policy = self._tools.get(tool)
         if policy is None:

@@ -24,7 +24,8 @@ MOST_BYTES = 4_000_000
 class Verdict:
     """Asked for one word. ``folder`` is the daemon's, ``instance`` this start of the endpoint.
 
-    ``latched`` tells whether the emergency stop is engaged, ``lacks`` whether a device is absent or closed to the user.
+    ``latched`` tells whether the emergency stop is engaged, ``lacks`` whether a device is absent, closed to the
+    user, or was reported outside of its range.
     """
 
     def __init__(self, folder: Path, instance: str, latched: Callable[[], bool], lacks: Callable[[], bool]) -> None:

@@ -302,7 +302,7 @@ def healed(bench: Bench, *rewrites: list[list[str]]) -> list[dict[str, object]]:
         "episode": "e1",
     }
     command = json.dumps([sys.executable, str(AGENT), str(bench.project.outside / "script.json")])
-    bench.project.manifest["stages"] = f"{{heal: {{harness: {{name: command, command: {command}}}}}}}"
+    bench.project.manifest["stages"] = f"{{heal: {{harness: {{name: command, command: {command}, sandbox: false}}}}}}"
     done = []
     for rewrite in rewrites:
         bench.project.script = {"heal": [{"rewrite": rewrite, "report": told}]}

@@ -188,7 +188,7 @@ def rewritten(bench: Bench, rewrite: list[list[str]]) -> str:
         "episode": "e1",
     }
     command = json.dumps([sys.executable, str(AGENT), str(bench.project.outside / "script.json")])
-    bench.project.manifest["stages"] = f"{{heal: {{harness: {{name: command, command: {command}}}}}}}"
+    bench.project.manifest["stages"] = f"{{heal: {{harness: {{name: command, command: {command}, sandbox: false}}}}}}"
     bench.project.script = {"heal": [{"rewrite": rewrite, "report": AGENT_WORDS}]}
     bench.project.write()
     done = heal(bench.project.folder, bench.project.environment(), brief)
@@ -248,6 +248,13 @@ def test_what_the_device_reports_stops_a_rewrite_that_makes_more_of_a_goal(bench
     assert [wrist, status, stop] == ["", "", ""]
     assert "the device reported elbow_flex" in bench.project.run("limits", status=1).out
     assert "OUTSIDE" in bench.project.run("audit").out
+    # A person learns of it without reading the audit log, with a daemon and without.
+    for words in ("status", "health"):
+        told = " ".join(bench.project.run(words).text.split())
+        assert f"the device reported {ELBOW}" in told and "limits -reset arm_move_joint" in told, told
+    bench.project.run("watch", "--once")
+    listed = " ".join(bench.project.run("episodes").text.split())
+    assert "arm_move_joint" in listed and f"the device reported {ELBOW}" in listed, listed
     bench.project.run("restart", status=0)
     assert "outside of its range" in bench.told(move)[0]
     bench.project.run("limits", "-reset", "arm_move_joint", status=0)

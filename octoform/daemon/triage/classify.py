@@ -244,7 +244,7 @@ def judge(
     # An edited file stays as long as its person wants it: the endpoint is started with it, or refuses and says why.
     awaited = [each for each in standing if _known(each, given_up).key not in given_up]
     serving = [*barred, *process.judged(facts, known, [*awaited, *barred]), *process.tunnel(facts)]
-    using = list(judge_tools(facts, known, [*standing, *plugged, *serving]))
+    using = [*process.beyond_limits(facts), *judge_tools(facts, known, [*standing, *plugged, *serving])]
     reported = judge_signals(facts, readings, known.failing, [*serving, *using])
     return _once([_known(each, given_up) for each in (*standing, *plugged, *serving, *using, *reported)])
 

@@ -292,3 +292,21 @@ def port(facts: Facts) -> Iterator[Finding]:
             Status.DOWN,
             detail=facts.start_failed,
         )
+
+
+def beyond_limits(facts: Facts) -> Iterator[Finding]:
+    """What the endpoint's process keeps still, because its device reported a place outside of a limit."""
+    outside = (facts.told or {}).get("outside")
+    for tool, units in sorted(outside.items()) if isinstance(outside, Mapping) else ():
+        for unit, text in sorted(units.items()) if isinstance(units, Mapping) else ():
+            place = str(text).partition(" (")[0]  # `octoform limits` has the source of the range
+            summary = f"the device reported {unit} {place} after {tool}; look at it, then octoform limits -reset {tool}"
+            yield Finding(
+                Kind.BEYOND_LIMIT,
+                FaultClass.NONE,
+                f"tool:{tool}",
+                escaped(summary),
+                (str(unit),),
+                Repair.PERSON,
+                data={"tool": tool, "unit": unit},
+            )

@@ -42,6 +42,6 @@ def test_the_filter_is_there_where_the_kernel_lists_its_actions() -> None:
 def test_a_kernel_that_refuses_the_calls_has_none(without: str) -> None:
     command = [sys.executable, older_kernel.__file__, without, sys.executable, "-c", ASKED]
     done = subprocess.run(command, capture_output=True, text=True, check=True)
-    filters, landlock = json.loads(f"[{done.stdout}]")
+    filters, landlock = json.loads(done.stdout)
     whole = kernel()
     assert (filters, landlock) == ((whole.filters, 0) if without == "landlock" else (False, whole.landlock))

@@ -44,6 +44,12 @@ ONE = [
         "tool:move",
         Repair.RESTART,
     ),
+    (
+        replace(WELL, told={"outside": {"move": {"elbow": "at 9000 raw, outside of its range"}}}),
+        Kind.BEYOND_LIMIT,
+        "tool:move",
+        Repair.PERSON,
+    ),
     (replace(WELL, disk_free=1_000_000), Kind.DISK_FULL, "disk", Repair.ROTATE),
     (replace(WELL, log_bytes={"server.log": 11_000_000}), Kind.LOG_OVERGROWN, "log:server.log", Repair.ROTATE),
     (
