@@ -348,7 +348,7 @@ class _Run:
             usage=RunUsage(**asdict(tally.usage)),
             seconds=seconds,
             failed=failed,
-            diagnostics=tuple([*found, *self._offers(artifacts)]),
+            diagnostics=tuple([*found, *self._offers(artifacts), *self._uncovered(artifacts)]),
             funnel=None if self.request.destroy else funnel(artifacts),
             questions=() if self.request.destroy else device_knowledge.questions(artifacts, compiled.manifest.answers),
             endpoint=None if self.request.destroy or failed else endpoint(compiled.layout, artifacts),
@@ -360,6 +360,10 @@ class _Run:
         if self.request.destroy or any(item.code == device_knowledge.OFFERED for item in self.outlook.diagnostics):
             return []
         return device_knowledge.offers(artifacts, self.outlook.compiled)
+
+    def _uncovered(self, artifacts: Mapping[str, Any]) -> list[Diagnostic]:
+        """What a chosen profile can do and the accepted INTERFACE does not offer."""
+        return [] if self.request.destroy else device_knowledge.uncovered(artifacts, self.outlook.compiled)
 
     def _keep(self) -> list[Diagnostic]:
         """Copies of what was accepted; a run without room for them has done its work all the same, and says so."""

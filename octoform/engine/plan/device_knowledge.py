@@ -7,15 +7,18 @@ from typing import Any
 from octoform.contracts.rules.identify.answer_rules import tier, wanted
 from octoform.diagnostics import Diagnostic, did_you_mean, warning
 from octoform.engine.plan.configuration import Compiled
+from octoform.escaping import escaped
 from octoform.graph.model import ANSWER
 from octoform.manifest.rules.profile_paths import shipped
 from octoform.plan.diff import Prior
 from octoform.plan.model import Action, NearProfile, OpenQuestion, ProfileUse, ToldDevice
 from octoform.profiles import Profile, contributions, load, near
+from octoform.profiles.selection import commands, devices_of
 
 Artifacts = Mapping[str, Any]
 STRAY = "PLAN-ANSWER-WITHOUT-DEVICE"
 OFFERED = "PROFILE-OFFERED"
+UNCOVERED = "PROFILE-COMMANDS-MISSING"
 
 
 @dataclass(frozen=True, slots=True)
@@ -117,6 +120,28 @@ def offered(artifacts: Artifacts, compiled: Compiled) -> tuple[Offer, ...]:
 def offers(artifacts: Artifacts, compiled: Compiled) -> list[Diagnostic]:
     """One warning for each profile that is `offered`."""
     return [warning(OFFERED, each.summary, hint=each.line) for each in offered(artifacts, compiled)]
+
+
+def uncovered(artifacts: Artifacts, compiled: Compiled) -> list[Diagnostic]:
+    """One warning for each chosen profile of whose commands some have no tool, with the reason that INTERFACE gives."""
+    interface, probe = artifacts.get("interface"), artifacts.get("probe")
+    if interface is None or probe is None:
+        return []
+    out = []
+    for profile in compiled.profiles:
+        ids = devices_of(profile, probe, compiled.manifest.answers)
+        served = {tool["capability"] for tool in interface["tools"] if not ids.isdisjoint(tool["devices"])}
+        absent = [command["tool"] for command in commands(profile) if command["tool"] not in served] if ids else []
+        if absent:
+            left = [item for item in interface["left_out"] if item["id"] in ids]
+            why = [
+                f"{item['id']}: {item['reason']}{' - ' + item['detail'] if 'detail' in item else ''}" for item in left
+            ]
+            summary = f"INTERFACE has no tool for {len(absent)} commands of the profile {profile.name}: "
+            hint = "octoform apply -replace interface; budget.tools in octopus.yaml says how many tools there may be"
+            detail = "\n".join(map(escaped, why)) or "INTERFACE gives no reason"
+            out.append(warning(UNCOVERED, summary + ", ".join(absent), detail=detail, hint=hint))
+    return out
 
 
 def stray(artifacts: Artifacts, answers: Mapping[str, str]) -> list[Diagnostic]:

@@ -115,3 +115,25 @@ def test_what_is_named_or_does_not_match_is_not_offered(tmp_path: Path) -> None:
 def test_the_owners_answer_makes_a_shipped_profile_match(tmp_path: Path) -> None:
     silent = {"raw_descriptor": "product: USB Serial"}
     assert offers(tmp_path, f"answers: {{{BOARD}: the SO-ARM101 on the bench}}\n", **silent) != []
+
+
+def uncovered(folder: Path, tools: list[str], left_out: list[dict[str, str]], manifest: str) -> list[Any]:
+    (folder / "octopus.yaml").write_text(f"version: 1\nhost: bench\n{manifest}")
+    compiled, found = compile_project(folder, {})
+    assert compiled is not None, found
+    interface = {"tools": [{"capability": name, "devices": [BOARD]} for name in tools], "left_out": left_out}
+    return device_knowledge.uncovered({"probe": {"devices": [ARM]}, "interface": interface}, compiled)
+
+
+def test_commands_of_a_chosen_profile_without_a_tool_are_told_with_the_reason(tmp_path: Path) -> None:
+    chosen = "profiles: [so-arm101]\n"
+    left = [{"id": BOARD, "reason": "tool_budget", "detail": "the camera is\x1b missed more"}]
+    (told,) = uncovered(tmp_path, ["arm_status", "arm_stop"], left, chosen)
+    assert told.code == "PROFILE-COMMANDS-MISSING"
+    assert "arm_move_joint" in told.summary and "arm_status" not in told.summary
+    assert told.detail == f"{BOARD}: tool_budget - the camera is\\x1b missed more"
+    (bare,) = uncovered(tmp_path, ["arm_stop"], [], chosen)
+    assert bare.detail == "INTERFACE gives no reason"
+    every = [*told.summary.partition(": ")[2].split(", "), "arm_status", "arm_stop"]
+    assert uncovered(tmp_path, every, [], chosen) == []
+    assert uncovered(tmp_path, [], [], "") == []
