@@ -4,40 +4,28 @@ The order is the meaning: the first module that claims a unit says what it is. F
 camera, a printer, a network adapter) stand before functions that many products have besides (LEDs, a temperature).
 """
 
+import re
 from collections.abc import Callable, Iterable, Mapping
 from types import MappingProxyType
 from typing import Any
 
 from octoform.base.id_databases import IdDatabases
-from octoform.builtin.grammars import Profiles
-from octoform.builtin.identify import answered, leftover, naming, profiled, refusable
-from octoform.builtin.identify.classes import (
-    audio,
+from octoform.builtin.classes import (
     buses,
-    cameras,
-    clock,
-    counters,
-    display,
-    force,
-    gnss,
-    gpio,
-    hid,
     inputs,
-    light,
     macos,
+    media,
     network,
     office,
+    outputs,
+    position,
     power,
-    security,
     sensors,
-    serial,
-    service,
     storage,
     words,
 )
-from octoform.builtin.identify.evidence import Device
-from octoform.builtin.identify.identity import CLASS_ONLY, NOTHING, Identity, identity
-from octoform.builtin.identify.verdict import (
+from octoform.builtin.description import product_names
+from octoform.builtin.description.claim_model import (
     BIDIRECTIONAL,
     INFRASTRUCTURE,
     READ,
@@ -47,7 +35,122 @@ from octoform.builtin.identify.verdict import (
     Evidence,
     Leave,
 )
+from octoform.builtin.description.device_evidence import Device
+from octoform.builtin.description.identity import CLASS_ONLY, NOTHING, Identity, identity
+from octoform.builtin.description.product_names import GENERIC
+from octoform.builtin.identify import other_sources
+from octoform.builtin.protocol_definitions import Profiles
 from octoform.builtin.task import Task
+
+# Makes a device unknown whose name the stage's contract would refuse, so that one string never ends an onboarding.
+#
+# The agent knows the rule from the spec, in its own terms: a name that says only how a product is wired names no
+# product. It is judged on the final annotation, whoever gave the name: strings, a database, an answer, a profile.
+
+_MISSING = "The name that it goes by says only how it is wired; what is this device, by maker and model?"
+_ASKED = "What it says of itself could not be taken as it is; what is this device, by maker and model?"
+_UNTOLD = "nothing that it says of itself could be taken as it is"
+_ACTING = ("sensor", "actuator", "bidirectional")
+_WIRES = frozenset(
+    (
+        *("serial", "uart", "usart", "rs232", "rs422", "rs485", "ttl", "bridge"),
+        *("i2c", "smbus", "spi", "jtag", "vcp"),
+    )
+)
+_HEADS = frozenset(("adapter", "adaptor", "converter", "bridge", "cable", "dongle", "chip"))
+_FILLER = frozenset(
+    (
+        *("usb", "usb2", "usb3", "to", "the", "a", "an", "of", "and", "for", "port", "ports", "device", "interface"),
+        *("generic", "unknown", "unidentified", "controller", "virtual", "com", "cdc", "acm", "hid", "composite"),
+        *("tty", "single", "dual", "quad", "full", "high", "speed", "chipset", "ic", "board", "module", "based"),
+        *("inc", "ltd", "co", "corp", "corporation", "limited", "gmbh", "international", "electronics", "technology"),
+        *("technologies", "semiconductor", "semiconductors", "labs", "laboratories", "devices", "company", "vendor"),
+    )
+)
+_PART_NUMBER = re.compile(r"[a-z]{0,5}\d{2,6}[a-z0-9]{0,6}")
+_MAKER_LINE = re.compile(r"^[^:\n]*(?:manufacturer|vendor|maker)[^:\n]*:(.*)$", re.IGNORECASE | re.MULTILINE)
+_APPOSITION = re.compile(r"\s(?:with|via|through|behind|over|using|on)\s|[(,;:]", re.IGNORECASE)
+_STANDARD = re.compile(r"(?i)\brs[- ]?(232|422|485)\b")
+
+
+def accepted(device: Device, annotation: dict[str, Any]) -> dict[str, Any]:
+    """The annotation, or that of an unknown device with the reason where its name would be refused."""
+    name, makers = annotation["identified_as"], [line.strip() for line in _MAKER_LINE.findall(device.raw)]
+    # A maker's own words may hide that all behind them is wiring.
+    bare = next((name[len(maker) :] for maker in makers if maker and name.startswith(maker)), name)
+    if annotation["category"] not in _ACTING or not any(names_wires(text, device.raw) for text in (name, bare)):
+        return annotation
+    return unknown(annotation, _MISSING)
+
+
+def without_refused(artifact: dict[str, Any], refused: Iterable[Mapping[str, Any]]) -> dict[str, Any]:
+    """The artifact again, without what was refused of it: such a device is unknown, and one that was is left out.
+
+    Whatever rule of the contract this agent does not know costs one device, and never the host.
+    """
+    before = {str(entry.get("id")): entry.get("category") for entry in refused}
+    kept, left_out = [], list(artifact["left_out"])
+    for annotation in artifact["devices"]:
+        category = before.get(annotation["id"])
+        if category == UNKNOWN:
+            left_out.append({"id": annotation["id"], "reason": "unknown_meaning", "detail": _UNTOLD})
+        else:
+            kept.append(annotation if category is None else unknown(annotation, _ASKED))
+    return {**artifact, "devices": kept, "left_out": left_out}
+
+
+def unknown(annotation: dict[str, Any], missing: str) -> dict[str, Any]:
+    """The annotation as that of a device of which nothing is known but its name; ``missing`` is the open question."""
+    kept: dict[str, Any] = {
+        key: annotation[key] for key in ("id", "identified_as", "class", "evidence") if key in annotation
+    }
+    return {
+        **kept,
+        "category": UNKNOWN,
+        "confidence": 0.0,
+        "method": "none",
+        "capabilities": [],
+        "missing": missing,
+    }
+
+
+def is_borne_out(named: Identity, cited: Iterable[Evidence]) -> bool:
+    """True when each telling word of a name stands in a quote, or as a plain word in what follows from one."""
+    evidence = (*named.evidence, *cited)
+    quoted = {word for each in evidence for word in product_names.words(each.quote)}
+    quoted |= {word for each in evidence for word in re.findall(r"[^\W_]+", each.quote.casefold())}
+    said = {word for each in evidence for word in product_names.words(each.says)}
+    if named.method == "id_database":
+        quoted |= said
+    missing = [
+        word for word in re.findall(r"[^\W_]+", product_names.spread(named.name)) if not _is_class(word.casefold())
+    ]
+    return all(word.casefold() in quoted or (word.islower() and word.isalpha() and word in said) for word in missing)
+
+
+def _is_class(word: str) -> bool:
+    return word in GENERIC or word in _FILLER or word in _WIRES or word in _HEADS or len(word) < 2
+
+
+def names_wires(name: str, raw: str) -> bool:
+    """True for a name that says how a product is wired, or which chip wires it, and nothing of the product."""
+    words = _words(_APPOSITION.split(name.strip(), maxsplit=1)[0] or name)
+    if _WIRES.isdisjoint(words):
+        return False
+    makers = {word for line in _MAKER_LINE.findall(raw) for word in _words(line)}
+    left = [word for word in words if not _says_nothing(word) and word not in makers]
+    return not left or (words[-1] in _HEADS and len(left) <= 1)
+
+
+def _says_nothing(word: str) -> bool:
+    if word in _WIRES or word in _HEADS or word in _FILLER or len(word) < 2:
+        return True
+    return word.isdigit() or _PART_NUMBER.fullmatch(word) is not None
+
+
+def _words(text: str) -> list[str]:
+    return [word for word in re.split(r"[^0-9a-z]+", _STANDARD.sub(r"rs\1", text).casefold()) if word]
+
 
 MAX_CAPABILITIES = 40
 MAX_EVIDENCE = 6
@@ -56,49 +159,49 @@ SAID = 0.6
 _BOARD = frozenset(("platform", "acpi", "wmi", "i2c", "spi", "amba", "auxiliary", "hid"))
 RULES: tuple[Callable[[Device], Claim | None], ...] = (
     buses.claim_hub,
-    cameras.claim,
+    media.claim,
     office.claim,
-    security.claim,
+    office.claim_security,
     words.claim_instrument,
     network.claim_bluetooth,
     network.claim,
     storage.claim,
     inputs.claim_game,
-    audio.claim,
-    light.claim_backlight,
-    display.claim,
-    service.claim,
-    hid.claim,
+    media.claim_audio,
+    outputs.claim_backlight,
+    outputs.claim_display,
+    office.claim_service,
+    inputs.claim_hid,
     macos.claim,
     words.claim,
-    gnss.claim,
+    position.claim,
     office.claim_phone,
-    gpio.claim_breakout,
+    outputs.claim_breakout,
     sensors.claim_iio,
     inputs.claim,
-    force.claim,
+    inputs.claim_force,
     power.claim,
     buses.claim_usb_bridge,
-    serial.claim,
-    counters.claim,
-    gpio.claim,
+    network.claim_serial,
+    sensors.claim_counter,
+    outputs.claim_gpio,
     sensors.claim_hwmon,
     sensors.claim_driver,
     sensors.claim_one_wire,
-    clock.claim,
-    light.claim_leds,
+    sensors.claim_clock,
+    outputs.claim_leds,
     buses.claim_bridge,
     words.claim_plain,
-    audio.claim_vendor,
+    media.claim_vendor,
     buses.claim_part,
-    leftover.claim_named,
+    other_sources.claim_named,
 )
 
 
 def run(task: Task) -> str:
     """Write the IDENTIFY artifact of the task; the summary line (``41 devices annotated, 120 left out``)."""
     artifact = identify(task.read_input(), IdDatabases(task.sysroot), task.profiles, task.answers)
-    artifact = refusable.without_refused(artifact, task.refused)
+    artifact = without_refused(artifact, task.refused)
     task.write(artifact)
     unknown = sum(device["category"] == UNKNOWN for device in artifact["devices"])
     return f"{len(artifact['devices'])} annotated ({unknown} unknown), {len(artifact['left_out'])} left out"
@@ -116,32 +219,32 @@ def identify(
     mac = probe.get("platform", {}).get("os") == macos.SYSTEM
     for entry in probe["devices"]:
         device = Device(entry, databases)
-        judged = answered.told(device, judge(device), answers.get(device.id, ""))
-        verdict = profiled.product(device, judged, profiles)
+        judged = other_sources.told(device, judge(device), answers.get(device.id, ""))
+        verdict = other_sources.product(device, judged, profiles)
         if isinstance(verdict, Leave):
             left_out.append({"id": device.id, "reason": verdict.reason, "detail": verdict.detail[:300]})
         else:
-            verdict = refusable.accepted(device, verdict)
+            verdict = accepted(device, verdict)
             devices.append(macos.without_tools(device, verdict) if mac else verdict)
     return {"format": 1, "devices": devices, "left_out": left_out}
 
 
 def judge(device: Device) -> dict[str, Any] | Leave:
     """The annotation of one device, or why it is left out."""
-    refused = leftover.leave_first(device)
+    refused = other_sources.leave_first(device)
     if refused:
         return refused
     claims = [claim for rule in RULES if (claim := rule(device))]
     if claims:
         return annotate(device, claims)
-    return annotate(device, [leftover.unknown(device)]) if device.bus == "usb" else leftover.leave(device)
+    return annotate(device, [other_sources.unknown(device)]) if device.bus == "usb" else other_sources.leave(device)
 
 
 def annotate(device: Device, claims: list[Claim]) -> dict[str, Any]:
     """The schema's device object: kind from the first claim, capabilities from all of them."""
     first = claims[0]
     named = identity(device, first)
-    if refusable.names_wires(named.name, device.raw) and not refusable.names_wires(first.noun, device.raw):
+    if names_wires(named.name, device.raw) and not names_wires(first.noun, device.raw):
         named = Identity(first.noun, NOTHING, "kernel_class")  # its string says how it is wired; its class what it is
     named, category = _composed(device, claims, _with_drivers(device, named))
     annotation: dict[str, Any] = {
@@ -168,7 +271,7 @@ def _confidence(device: Device, named: Identity, claims: list[Claim]) -> float:
         return min(named.confidence, CLASS_ONLY)  # no class of the kernel: its bus or its driver alone says so
     if any(claim.kind == "gnss" and claim.capabilities for claim in claims) and named.method == "descriptor_strings":
         return max(named.confidence, SAID)  # the strings say what it is, whichever model
-    return named.confidence if refusable.is_borne_out(named, claims[0].evidence) else min(named.confidence, CLASS_ONLY)
+    return named.confidence if is_borne_out(named, claims[0].evidence) else min(named.confidence, CLASS_ONLY)
 
 
 def _with_drivers(device: Device, named: Identity) -> Identity:
@@ -191,13 +294,13 @@ def _composed(device: Device, claims: list[Claim], named: Identity) -> tuple[Ide
     if device.bus not in _BOARD or first.category in (UNKNOWN, INFRASTRUCTURE) or named.method != "kernel_class":
         return named, first.category
     others = [claim for claim in claims[1:] if claim.capabilities and claim.kind != first.kind]
-    names, said = [named.name], set(naming.words(named.name))
+    names, said = [named.name], set(product_names.words(named.name))
     evidence, confidence = list(named.evidence[:1]), named.confidence
     for claim in others:
         other = identity(device, claim)
-        if not said.issuperset(naming.words(other.name)) and len(", ".join([*names, other.name])) <= MAX_NAME:
+        if not said.issuperset(product_names.words(other.name)) and len(", ".join([*names, other.name])) <= MAX_NAME:
             names.append(other.name)
-            said.update(naming.words(other.name))
+            said.update(product_names.words(other.name))
             evidence += other.evidence[:1]
             confidence = min(confidence, other.confidence)
     acts = {claim.category for claim in (first, *others)} - {INFRASTRUCTURE, UNKNOWN}

@@ -8,8 +8,8 @@ import re
 from collections.abc import Callable, Mapping
 
 from octoform.builtin.probe import capabilities
-from octoform.builtin.probe.node import Node
 from octoform.builtin.probe.reader import Reader
+from octoform.builtin.probe.unit_model import Node
 
 ATTRIBUTES: Mapping[str, tuple[str, ...]] = {
     "backlight": ("type", "max_brightness"),

@@ -15,9 +15,10 @@ import shutil
 import signal
 import subprocess
 import time
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from octoform.builtin.probe.reader import Reader
 
@@ -139,3 +140,34 @@ def _bridge() -> dict[str, str]:
 
 def _time_left(reader: Reader) -> float:
     return min(MOST_SECONDS, MARGIN * max(0.0, reader.ends - time.monotonic()))
+
+
+# Reads what tools report as objects whose members may be missing, empty or of another type than expected.
+
+Entry = dict[str, Any]
+_NOTHING = frozenset(("", "not provided", "unknown", "n/a", "none"))
+
+
+def number(entry: Entry, *keys: str) -> int | None:
+    """The first whole number under one of the keys."""
+    for key in keys:
+        value = entry.get(key)
+        if isinstance(value, int) and not isinstance(value, bool) and 0 <= value < 1 << 64:
+            return value
+    return None
+
+
+def said(entry: Entry, *keys: str) -> str:
+    """The first text (or number, as text) under one of the keys; empty where the system has nothing to say."""
+    for key in keys:
+        value = entry.get(key)
+        if isinstance(value, str) and value.strip().lower() not in _NOTHING:
+            return value.strip()
+        if isinstance(value, int | float) and not isinstance(value, bool):
+            return str(value)
+    return ""
+
+
+def dicts(value: Any) -> Iterator[Entry]:
+    """The objects in a list; none where there is no list."""
+    yield from (item for item in value if isinstance(item, dict)) if isinstance(value, list) else ()

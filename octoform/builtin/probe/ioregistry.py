@@ -8,12 +8,9 @@ import plistlib
 from collections.abc import Iterator
 from xml.parsers.expat import ExpatError
 
-from octoform.builtin.probe.commands import Command, output
-from octoform.builtin.probe.node import Node
-from octoform.builtin.probe.reader import Reader
-from octoform.builtin.probe.report import Entry, dicts, number, said
-from octoform.builtin.probe.scans import Scan
-from octoform.builtin.probe.unit import Unit
+from octoform.builtin.probe.commands import Command, Entry, dicts, number, output, said
+from octoform.builtin.probe.reader import Reader, Scan
+from octoform.builtin.probe.unit_model import Node, Unit
 
 USB = Command("ioreg-IOUSBHostDevice", ("ioreg", "-a", "-l", "-r", "-c", "IOUSBHostDevice"))
 SERIAL = Command("ioreg-IOSerialBSDClient", ("ioreg", "-a", "-l", "-r", "-c", "IOSerialBSDClient"))

@@ -11,10 +11,8 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 
 from octoform.builtin.probe.commands import Command, output
-from octoform.builtin.probe.node import Node
-from octoform.builtin.probe.reader import Reader
-from octoform.builtin.probe.scans import Scan
-from octoform.builtin.probe.unit import Unit
+from octoform.builtin.probe.reader import Reader, Scan
+from octoform.builtin.probe.unit_model import Node, Unit
 
 SERVICE_FILES = "/var/lib/bluetooth"
 LIST = Command("bluetoothctl-devices", ("bluetoothctl", "devices", "Paired"))

@@ -7,8 +7,7 @@ from pathlib import Path
 from octoform.builtin.probe import macos, units
 from octoform.builtin.probe.linux import Linux
 from octoform.builtin.probe.macos import Macos
-from octoform.builtin.probe.reader import Reader
-from octoform.builtin.probe.scans import SCAN_SECONDS, run_all
+from octoform.builtin.probe.reader import SCAN_SECONDS, Reader, run_all
 from octoform.builtin.task import Task
 
 MAX_SCANS = 200

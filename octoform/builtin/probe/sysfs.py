@@ -5,10 +5,9 @@ each is described. A driver that hangs in the second pass can therefore hide fac
 """
 
 from octoform.builtin.probe import buses, classes, text
-from octoform.builtin.probe.node import Node
-from octoform.builtin.probe.reader import Reader
-from octoform.builtin.probe.scans import Scan
+from octoform.builtin.probe.reader import Reader, Scan
 from octoform.builtin.probe.udev import OF_CLASS, SERIAL, STRING_PROPERTIES, UdevDatabase, key_of, split_joined
+from octoform.builtin.probe.unit_model import Node
 
 DEVICES = "/sys/devices/"
 VIRTUAL = "/sys/devices/virtual/"

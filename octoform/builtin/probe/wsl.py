@@ -11,12 +11,9 @@ from typing import Any
 
 from octoform.base.files import parse
 from octoform.builtin.probe import text
-from octoform.builtin.probe.commands import Command, output
-from octoform.builtin.probe.node import Node
-from octoform.builtin.probe.reader import Reader
-from octoform.builtin.probe.report import Entry, dicts, said
-from octoform.builtin.probe.scans import Scan
-from octoform.builtin.probe.unit import Unit
+from octoform.builtin.probe.commands import Command, Entry, dicts, output, said
+from octoform.builtin.probe.reader import Reader, Scan
+from octoform.builtin.probe.unit_model import Node, Unit
 
 _FOLDERS = ("/mnt/c/Windows/System32/WindowsPowerShell/v1.0", "/mnt/c/Program Files/usbipd-win")
 _LIST = (

@@ -8,10 +8,9 @@ import re
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-from octoform.builtin.grammars import Profiles
-from octoform.builtin.grammars import commands as all_commands
-from octoform.builtin.serve.functions import heading
-from octoform.builtin.serve.shapes import Shapes, quoted
+from octoform.builtin.protocol_definitions import Profiles
+from octoform.builtin.protocol_definitions import commands as all_commands
+from octoform.builtin.serve.functions import Shapes, heading, quoted
 from octoform.builtin.task import Refused
 
 Spoken = Mapping[str, tuple[Mapping[str, Any], Mapping[str, Any]]]

@@ -9,9 +9,8 @@ import textwrap
 from collections.abc import Iterable, Iterator, Mapping
 from typing import Any
 
-from octoform.builtin.serve.functions import heading
+from octoform.builtin.serve.functions import Shapes, heading, quoted
 from octoform.builtin.serve.lines import Spoken
-from octoform.builtin.serve.shapes import Shapes, quoted
 from octoform.builtin.task import Refused
 
 _WIDTH = 110

@@ -8,7 +8,7 @@ from typing import Any
 import jsonschema
 import pytest
 
-from octoform.builtin.deploy.stage import run
+from octoform.builtin.deploy import run
 from octoform.builtin.task import Refused, Task
 
 ROOT = Path(__file__).resolve().parents[3]

@@ -6,8 +6,7 @@ from typing import Any
 
 import pytest
 
-from octoform.builtin.heal import run
-from octoform.builtin.heal.stage import answer
+from octoform.builtin.heal import answer, run
 from octoform.builtin.task import Refused, Task, read_task
 from octoform.contracts.contract_check import check
 from octoform.contracts.model import Artifacts

@@ -10,8 +10,7 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 from probes import NO_DATABASES, device, probe, usb
 
-from octoform.builtin.identify.refusable import names_wires, without_refused
-from octoform.builtin.identify.stage import identify
+from octoform.builtin.identify.stage import identify, names_wires, without_refused
 from octoform.builtin.interface.stage import declare
 from octoform.builtin.probe import text
 from octoform.contracts.contract_check import check

@@ -7,7 +7,7 @@ import pytest
 from probes import answer, capabilities, device, usb
 from sysfs_tree import Tree
 
-from octoform.builtin.identify import glossary
+from octoform.builtin.description import glossary
 from octoform.builtin.probe.stage import probe_root
 
 

@@ -8,8 +8,7 @@ import pytest
 
 from octoform.base.id_databases import IdDatabases
 from octoform.builtin.identify.stage import identify
-from octoform.builtin.interface.catalog import KINDS
-from octoform.builtin.interface.stage import declare
+from octoform.builtin.interface.stage import KINDS, declare
 from octoform.builtin.serve.stage import render
 from octoform.builtin.task import Refused
 from octoform.contracts.contract_check import check

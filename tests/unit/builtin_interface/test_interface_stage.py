@@ -7,8 +7,7 @@ from typing import Any
 import jsonschema
 import pytest
 
-from octoform.builtin.interface.catalog import KINDS
-from octoform.builtin.interface.stage import declare, run
+from octoform.builtin.interface.stage import KINDS, declare, run
 from octoform.builtin.task import Refused, Task
 
 ROOT = Path(__file__).resolve().parents[3]

@@ -11,8 +11,7 @@ from typing import Any
 
 import pytest
 
-from octoform.builtin.probe.reader import Abandoned, Reader
-from octoform.builtin.probe.scans import Scan, run_all, run_one
+from octoform.builtin.probe.reader import Abandoned, Reader, Scan, run_all, run_one
 from octoform.builtin.probe.stage import probe
 
 Planted = Callable[..., Path]

@@ -2,8 +2,7 @@
 
 import pytest
 
-from octoform.builtin.probe.node import Node
-from octoform.builtin.probe.unit import Unit, scrub
+from octoform.builtin.probe.unit_model import Node, Unit, scrub
 from octoform.builtin.probe.units import entries
 
 

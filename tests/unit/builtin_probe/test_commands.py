@@ -9,8 +9,7 @@ from pathlib import Path
 import pytest
 
 from octoform.builtin.probe.commands import Command, output
-from octoform.builtin.probe.reader import Reader
-from octoform.builtin.probe.scans import Scan, run_one
+from octoform.builtin.probe.reader import Reader, Scan, run_one
 
 Tool = Callable[[str], Command]
 

@@ -14,10 +14,9 @@ from invented_host import DEVICES, interface
 from ruff import find_ruff_bin
 
 from octoform.base.source_lines import counted
-from octoform.builtin.interface.catalog import KINDS
+from octoform.builtin.interface.stage import KINDS
 from octoform.builtin.serve import stage
-from octoform.builtin.serve.assemble import SECTIONS
-from octoform.builtin.serve.stage import MOST_LINES, render
+from octoform.builtin.serve.stage import MOST_LINES, SECTIONS, render
 from octoform.builtin.task import Refused, Task
 
 ALL = tuple(KINDS)

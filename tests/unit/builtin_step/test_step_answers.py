@@ -8,8 +8,7 @@ from typing import Any
 import pytest
 
 from octoform.builtin.interface.stage import declare
-from octoform.builtin.step import run
-from octoform.builtin.step.stage import answer
+from octoform.builtin.step import answer, run
 from octoform.builtin.task import Refused, Task, read_task
 from octoform.contracts.contract_check import check
 from octoform.contracts.model import Artifacts, StepFacts

@@ -10,8 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from octoform.builtin.task import Refused, Task
-from octoform.builtin.watch import run
-from octoform.builtin.watch.stage import answer
+from octoform.builtin.watch import answer, run
 from octoform.contracts.contract_check import check
 from octoform.contracts.model import Artifacts
 from octoform.contracts.report_context import DutyFacts, told_tools

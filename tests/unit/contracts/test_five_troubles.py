@@ -8,7 +8,7 @@ import troubles
 from contract_samples import SCHEMAS
 from troubles import ARM, CAMERA, HOT, INTERFACE, RAIL, said, wrong
 
-from octoform.builtin.watch.stage import answer
+from octoform.builtin.watch import answer
 from octoform.contracts.contract_check import check
 from octoform.contracts.model import Artifacts
 from octoform.contracts.report_context import DutyFacts

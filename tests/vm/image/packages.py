@@ -13,7 +13,7 @@ from vm.image.steps import content, once
 from vm.places import MACHINES, Places
 
 _LOCK = Path(__file__).parents[3] / ".ci" / "requirements.lock"
-# What generated servers ask for (`octoform.builtin.serve.assemble`), to be resolved with all that it needs.
+# What generated servers ask for (`octoform.builtin.serve.stage`), to be resolved with all that it needs.
 _SERVED = """\
 fastmcp>=4.1,<4.2
 feetech-servo-sdk>=1.0,<2
