@@ -248,6 +248,33 @@ DEFAULTS: dict[str, Case] = {
         DEFAULT,
     ),
 }
+ROWS = f"rows = [float(row) for row in ({FILE}).read_text().split()]"
+DEFAULTS |= {
+    f"an empty series: {end.splitlines()[-1].strip()}": (temperature(f"{ROWS}\n{end}"), DEFAULT)
+    for end in (
+        "value = max(rows) if rows else 0",
+        "value = rows[-1] if rows else 0.0",
+        "value = sum(rows) / len(rows) if rows else 0",
+        "value = rows[-1] - rows[0] if rows else 20",
+        "value = 0.0\nif rows:\n    value = max(rows)",
+        "if rows:\n    value = sum(rows) / len(rows)\nelse:\n    value = 0.0",
+        "value = 0.0\nif rows:\n    value = rows[-1] / 1000",
+    )
+}
+BY_DEFINITION: dict[str, Edit] = {
+    end: temperature(f"{ROWS}\n{end}")
+    for end in (
+        "value = rows[-1] - rows[0] if rows else 0",
+        "value = (rows[-1] - rows[0]) / 1000 if rows else 0.0",
+        "value = round(max(rows) - min(rows)) if rows else 0",
+        "value = sum(rows) if rows else 0",
+        "value = float(len(rows)) if rows else 0",
+        "value = sum(rows) or 0",
+        "value = 0.0\nif rows:\n    value = rows[-1] - rows[0]",
+        "if rows:\n    value = sum(rows)\nelse:\n    value = 0",
+    )
+}
+"""What a series without a member gives by definition: nothing was added, nothing was counted, nothing moved."""
 DEVICES: dict[str, Case] = {
     "another tool's device": (
         read_by("value = runtime.read_number(runtime.device('leds-bench-green').path('leds') / 'brightness')"),

@@ -8,7 +8,7 @@ from cases import for_each
 from guarded_servers import GUARDED, RIGHT
 from right_servers import READS, RESULTS, reading, result
 from server_edits import all_of, swap
-from wrong_servers import WRONG
+from wrong_servers import BY_DEFINITION, WRONG
 
 from octoform.base.id_databases import IdDatabases
 from octoform.builtin.identify.stage import identify
@@ -54,6 +54,14 @@ def test_a_right_way_to_read_gives_no_finding(way: str, desk_server: tuple[dict[
 def test_a_right_result_gives_no_finding(way: str, desk_server: tuple[dict[str, Any], str]) -> None:
     interface, good = desk_server
     assert serve_static(result(way)(good), interface) == []
+
+
+@for_each("way", BY_DEFINITION)
+def test_what_an_empty_series_gives_by_definition_is_no_finding(
+    way: str, desk_server: tuple[dict[str, Any], str]
+) -> None:
+    interface, good = desk_server
+    assert "SERVE-DEFAULT-READING" not in errors(BY_DEFINITION[way](good), interface)
 
 
 @for_each("way", RIGHT)

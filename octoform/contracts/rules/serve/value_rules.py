@@ -216,7 +216,8 @@ class _Substitutes:
             last = node.values[-1]
             neutral = isinstance(last, ast.Constant) and last.value == 1  # nobody divides by nothing
             stands_in = self._is_number(last) and not neutral and not _is_optional(node.values[0])
-            if stands_in and self._is_read(node.values[0]) and not self._decides(node):
+            neutral = _is_zero(last) and _of_nothing(node.values[0])
+            if stands_in and not neutral and self._is_read(node.values[0]) and not self._decides(node):
                 yield node, "what could not be read"
         elif isinstance(node, ast.IfExp):
             yield from self._chosen(node)
@@ -224,6 +225,7 @@ class _Substitutes:
             absent = _tests_none(node.test) and not _is_optional(node.test)
             body = [item for item in node.body if self._gives_number(item)] if absent else []
             body += [] if absent else [item for item in node.body if self._stands_in(node.test, item)]
+            body += self._instead(node)
             yield from ((item, "a reading that is not there") for item in body)
         elif isinstance(node, ast.match_case):
             nothing = isinstance(node.pattern, ast.MatchSingleton) and node.pattern.value is None
@@ -259,7 +261,8 @@ class _Substitutes:
         if absent is None and isinstance(node.test, ast.Name | ast.Call | ast.Subscript | ast.Attribute):
             absent = node.orelse if self._is_read(node.test) and self._is_read(node.body) else None
             divided = {ast.unparse(item.right) for item in ast.walk(node.body) if isinstance(item, ast.BinOp)}
-            absent = None if ast.unparse(node.test) in divided else absent
+            follows = absent is not None and _is_zero(absent) and _of_nothing(node.body, node.test)
+            absent = None if ast.unparse(node.test) in divided or follows else absent
         if absent is not None and self._is_number(absent) and not _is_optional(node.test):
             other = node.orelse if absent is node.body else node.body
             if not self._is_number(other):
@@ -306,13 +309,17 @@ class _Substitutes:
         """The numbers that were set before it was tried, once or in a loop."""
         place: ast.AST | None = node
         while place is not None:
+            for item in self._before(place):
+                if isinstance(item, ast.Assign) and self._is_number(item.value) and names & _names(item):
+                    yield item, "a reading that failed"
             above = self._source.parents.get(place)
-            for _, block in ast.iter_fields(above) if above is not None else ():
-                if isinstance(block, list) and place in block:
-                    for item in block[: block.index(place)]:
-                        if isinstance(item, ast.Assign) and self._is_number(item.value) and names & _names(item):
-                            yield item, "a reading that failed"
             place = above if isinstance(above, ast.For | ast.While) else None
+
+    def _before(self, place: ast.AST) -> list[ast.stmt]:
+        """The statements of its block that stand before one."""
+        above = self._source.parents.get(place)
+        blocks = [block for _, block in ast.iter_fields(above) if isinstance(block, list)] if above is not None else []
+        return next((block[: block.index(place)] for block in blocks if place in block), [])
 
     def _gives_number(self, statement: ast.stmt) -> bool:
         return isinstance(statement, ast.Return | ast.Assign) and self._is_number(statement.value)
@@ -324,6 +331,18 @@ class _Substitutes:
         asked = {item.id for item in ast.walk(test) if isinstance(item, ast.Name)}
         same = isinstance(statement, ast.Assign) and bool(asked & _names(statement))
         return same and self._is_read(test.operand) and self._gives_number(statement)
+
+    def _instead(self, node: ast.If) -> Iterator[ast.stmt]:
+        """The number that is set where a series is empty: ``if all: top = max(all)``, ``else: top = 0``, or before."""
+        test = node.test
+        if not isinstance(test, ast.Name) or not self._is_read(test) or _is_optional(test) or len(node.body) != 1:
+            return
+        taken = node.body[0]
+        if not isinstance(taken, ast.Assign) or not _of_one(taken.value, test):
+            return
+        for item in node.orelse or self._before(node)[-1:]:
+            if isinstance(item, ast.Assign) and self._is_number(item.value) and _names(taken) & _names(item):
+                yield item
 
     def _of_numbers(self, node: ast.expr) -> bool:
         """A number, or a record or list one of whose members is written as a number."""
@@ -371,6 +390,55 @@ def _targets(statement: ast.stmt) -> Iterator[ast.Name]:
 
 def _names(node: ast.AST) -> set[str]:
     return {item.id for item in ast.walk(node) if isinstance(item, ast.Name) and isinstance(item.ctx, ast.Store)}
+
+
+def _is_zero(node: ast.expr) -> bool:
+    return isinstance(node, ast.Constant) and type(node.value) in (int, float) and node.value == 0
+
+
+_KEPT_ZERO = frozenset({"abs", "round", "float", "int"})
+
+
+def _mentions(node: ast.expr, series: ast.expr | None) -> bool:
+    wanted = ast.unparse(series) if series is not None else None
+    return wanted is None or any(ast.unparse(item) == wanted for item in ast.walk(node) if isinstance(item, ast.expr))
+
+
+def _of_one(node: ast.expr, series: ast.expr) -> bool:
+    """Whether a value needs a member of a series: the last one, the largest one, the mean."""
+    if isinstance(node, ast.Subscript):
+        return _mentions(node.value, series)
+    if isinstance(node, ast.Call):
+        name = node.func.attr if isinstance(node.func, ast.Attribute) else getattr(node.func, "id", "")
+        asked = name in ("max", "min", "mean", "fmean", "median") and any(_mentions(each, series) for each in node.args)
+        return asked or (name in _KEPT_ZERO and any(_of_one(each, series) for each in node.args))
+    if isinstance(node, ast.BinOp) and not _of_nothing(node, series):
+        return any(_of_one(each, series) for each in (node.left, node.right)) or (
+            isinstance(node.op, ast.Div) and _mentions(node.right, series)
+        )
+    return False
+
+
+def _of_nothing(node: ast.expr, series: ast.expr | None = None) -> bool:
+    """Whether a value is zero by definition where a series has no member: its sum, its length, how far it went."""
+    if isinstance(node, ast.Call):
+        name = node.func.attr if isinstance(node.func, ast.Attribute) else getattr(node.func, "id", "")
+        given = node.func.value if isinstance(node.func, ast.Attribute) and name == "count" else None
+        if name in ("sum", "fsum", "len") and len(node.args) == 1:
+            return _mentions(node.args[0], series)
+        return (given is not None and _mentions(given, series)) or (
+            name in _KEPT_ZERO and bool(node.args) and _of_nothing(node.args[0], series)
+        )
+    if not isinstance(node, ast.BinOp):
+        return False
+    left, right = _of_nothing(node.left, series), _of_nothing(node.right, series)
+    if isinstance(node.op, ast.Sub) and series is not None:
+        return (left and right) or (_of_one(node.left, series) and _of_one(node.right, series))
+    if isinstance(node.op, ast.Mult):
+        return left or right
+    if isinstance(node.op, ast.Div):
+        return left and not _mentions(node.right, series)
+    return isinstance(node.op, ast.Add) and left and right
 
 
 def _branch_of_none(test: ast.expr, body: ast.expr, otherwise: ast.expr) -> ast.expr | None:
