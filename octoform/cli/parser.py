@@ -37,6 +37,9 @@ class Parser(argparse.ArgumentParser):
         super().__init__(**given, add_help=False)
         self.add_argument("-h", "-help", "--help", action="help", help="show this help message and exit")
 
+    more: str = ""
+    """The command that says more than this one, for a command that has no ``-v``."""
+
     def error(self, message: str) -> NoReturn:
         """Raise UsageError."""
         raise UsageError(message, self.format_usage())
@@ -61,6 +64,10 @@ class Parser(argparse.ArgumentParser):
         near = did_you_mean(name, sorted({known.lstrip("-") for known in self._option_string_actions}))
         kind = "option" if word.startswith("-") else "word"
         said = f"did you mean -{near}?" if near and kind == "option" else f"{self.prog} --help lists what there is"
+        if kind == "word" and "=" in word and "-arg" in self._option_string_actions:
+            said = f"an argument of a tool is written -arg {word}"
+        elif kind == "option" and name in ("v", "verbose") and self.more:
+            said = f"{self.more} says more"
         raise UsageError(f"{self.prog} knows no {kind} {word!r}; {said}", self.format_usage())
 
     def _get_option_tuples(self, _: str) -> list[tuple[argparse.Action, str, str | None]]:
@@ -146,7 +153,8 @@ def _running(commands: Commands) -> None:
     stop = add(commands, "stop", "stop the endpoint: first gracefully, then firmly")
     stop.add_argument("host", metavar="HOST", nargs="?", help="another host of this folder, also a former one")
     add(commands, "restart", "stop the endpoint and start it again")
-    add(commands, "status", "tell whether the host is in sync and its endpoint healthy")
+    status = add(commands, "status", "tell whether the host is in sync and its endpoint healthy")
+    status.more = "octoform health"
     logs = add(commands, "logs", "show what the endpoint did: its calls and what it printed")
     logs.add_argument("-f", "--follow", action="store_true", dest="follow", help="go on as new lines come")
     value(logs, "n", "LINES", "so many of the latest lines", default="50")

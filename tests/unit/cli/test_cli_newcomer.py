@@ -46,6 +46,8 @@ def console(out: io.StringIO) -> Console:
         (["aply", "-auto-approve"], "did you mean apply?"),
         (["xyzzy"], "octoform help lists the commands"),
         (["state", "lst"], "there is no verb 'lst'; did you mean list?"),
+        (["call", "move", "x=1"], "octoform call knows no word 'x=1'; an argument of a tool is written -arg x=1"),
+        (["status", "-v"], "octoform status knows no option '-v'; octoform health says more"),
         (["plan", "-jsn"], "octoform plan knows no option '-jsn'; did you mean -json?"),
         (["apply", "--auto-aprove=1"], "did you mean -auto-approve?"),
     ],
