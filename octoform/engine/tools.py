@@ -9,7 +9,7 @@ from octoform.base.files import parse
 from octoform.diagnostics import Diagnostic, error, has_errors
 from octoform.endpoint.client.terminal import CallResult, Person, Wanted, list_tools, save_media
 from octoform.endpoint.client.terminal import call as call_tool
-from octoform.endpoint.files import CHECK
+from octoform.endpoint.files import CHECK, read_policy
 from octoform.endpoint.publish.expected_tools import promised
 from octoform.engine.plan import cache
 from octoform.state.files import foreign, read_regular
@@ -43,7 +43,7 @@ class Answer:
 def tools(
     project: Path, environ: Mapping[str, str], waiting: Callable[[], None] | None = None, *, revive: bool = False
 ) -> tuple[list[dict[str, Any]] | None, list[Diagnostic]]:
-    """The tools that the endpoint lists, with effect and devices from the INTERFACE artifact.
+    """The tools that the endpoint lists, with effect and devices from INTERFACE and the decision of the policy.
 
     The endpoint is started when nothing runs, and with ``revive`` also when a person stopped it; ``waiting`` is called
     when that takes more than a second.
@@ -54,9 +54,13 @@ def tools(
     listed, problems = list_tools(layout, waiting, revive=revive)
     if has_errors(problems):
         return None, list(problems)
-    known = promised(layout)
-    extra = ("effect", "devices")
-    return [{**tool, **{key: known.get(tool["name"], {}).get(key) for key in extra}} for tool in listed], []
+    known, decided = promised(layout), (read_policy(layout) or {"tools": {}})["tools"]
+    out = []
+    for tool in listed:
+        name, extra = tool["name"], ("effect", "devices")
+        told = {key: known.get(name, {}).get(key) for key in extra}
+        out.append({**tool, **told, "decision": decided.get(name, {}).get("decision")})
+    return out, []
 
 
 def call(

@@ -241,7 +241,8 @@ def test_what_hides_that_it_moves_is_served_and_called_by_nobody(tmp_path: Path,
 
     assert project.run("call", "read_angles").status != 0
     assert project.run("call", "listen_board").status == 0
-    project.run("tools", status=0)
+    listed = project.run("tools", status=0).text
+    assert "read_angles  read, a person approves each call" in listed and "listen_board  read\n" in listed
     project.run("watch", "-once")
     assert project.run("plan", "-detailed-exitcode").status == 0
     assert bench.moved() == before, "something called it"

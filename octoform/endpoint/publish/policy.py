@@ -152,7 +152,7 @@ def _range_source(found: Range) -> str:
 
 FORMAT = 1
 INTERFACE = "the interface of the tool"
-LINE = "it writes to a line without a profile"
+LINE = "it can write to a line without a profile"
 """Whose decision it is that a person is asked, whatever the effect: nobody knows what such a device does."""
 Holding = Sequence["tuple[Profile, Collection[str]]"]
 """Profiles, each with the ids of the devices that it holds for."""

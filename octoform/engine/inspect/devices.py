@@ -14,6 +14,7 @@ from typing import Any
 
 from octoform.base import files
 from octoform.contracts.artifact_parser import parse
+from octoform.contracts.rules.raw_line_rules import is_raw_line
 from octoform.diagnostics import Diagnostic, error, warning
 from octoform.endpoint.files import describe_closed, served_nodes
 from octoform.engine.plan import device_knowledge
@@ -57,6 +58,8 @@ class Row:
     pseudonym: str
     evidence: tuple[str, ...]
     missing: str
+    needs_profile: bool = False
+    """Only a raw line leads to it, no profile holds for it and no answer says what it is."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -114,6 +117,7 @@ def _listed(
             tools.setdefault(name, []).append(tool["name"])
     # Only Linux shows in files where a device is now.
     followed = annotated if str(artifacts["probe"]["platform"]["os"]).casefold() == "linux" else ()
+    lines = {device["id"] for device in artifacts["probe"]["devices"] if is_raw_line(device)}
     now = attached(layout, environ, {device["id"]: classes_of(known.get(device["id"])) for device in followed})
     rows = tuple(
         Row(
@@ -126,6 +130,7 @@ def _listed(
             pseudonym=str(committed.get(device["id"], {}).get("serial") or ""),
             evidence=tuple(item["quote"] for item in device["evidence"]),
             missing=str(device.get("missing") or ""),
+            needs_profile=device["id"] in lines and "profile" not in device and device["method"] != "user_answer",
         )
         for device in annotated
     )

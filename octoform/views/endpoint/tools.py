@@ -32,7 +32,8 @@ def tools(console: Console, listed: list[dict[str, Any]], *, as_json: bool) -> i
     for tool in listed:
         effect = tool.get("effect") or "?"
         colour = "green" if effect == "read" else "yellow"
-        console.line(f"{console.paint(tool['name'], 'bold')}  {console.paint(effect, colour)}")
+        asks = ", a person approves each call" if tool.get("decision") == "confirm" else ""
+        console.line(f"{console.paint(tool['name'], 'bold')}  {console.paint(f'{effect}{asks}', colour)}")
         console.wrapped("    ", one_line(tool.get("description") or "", _LONGEST), indent=4)
         for line in _parameters(tool["input_schema"]):
             console.wrapped("      ", line, indent=8)

@@ -45,6 +45,7 @@ def show(console: Console, found: Listing, *, as_json: bool, verbose: bool) -> i
 
 def _row(console: Console, row: Row, wide: int, *, verbose: bool) -> None:
     tools = counted(len(row.tools), "tool") if row.tools else "no tool"
+    tools += ", needs a profile" if row.needs_profile else ""
     what = one_line(f"{row.identified_as} ({row.category}, {tools})", _LONGEST)
     lead = f"{console.paint(f'{row.id:<{wide}}', 'bold')}  "
     console.wrapped(lead, f"{what}  {_where(console, row)}", indent=wide + 2)
@@ -53,6 +54,7 @@ def _row(console: Console, row: Row, wide: int, *, verbose: bool) -> None:
     details = [f"serial number: {row.serial}, committed as {row.pseudonym or 'nothing'}"] if row.serial else []
     details += [f"evidence: {quote}" for quote in row.evidence]
     details += [f"missing: {row.missing}"] if row.missing else []
+    details += [f"needs a profile: octoform profile new {row.id} drafts one"] if row.needs_profile else []
     details += [f"tools: {', '.join(row.tools)}"] if row.tools else []
     if row.now is not None:
         details += [f"{row.now.strength}: {_MEANS[row.now.strength]}"] if row.now.strength in _MEANS else []

@@ -24,7 +24,7 @@ FOUND = Listing(
         row("usb-1f00-00c1", STRONG, "capture_image", serial="CAM-0007", pseudonym="redacted-0123456789"),
         row("usb-1f00-00b1", DOUBTED, "ask", "move"),
         row("usb-1f00-00a1", ABSENT, missing="Say what it measures."),
-        row("usb-1f00-00d1", None),
+        row("usb-1f00-00d1", None, needs_profile=True),
     ),
     (LeftOut("pci-1f00-0001", "bus_infrastructure", "carries other devices"),),
     True,
@@ -43,7 +43,7 @@ def test_one_line_a_device_without_its_serial_number() -> None:
         "usb-1f00-00c1  Bench \\x1b[31mCam (sensor, 1 tool)  at 1-7 as /dev/video5 [strong]",
         "usb-1f00-00b1  Bench \\x1b[31mCam (sensor, 2 tools)  at 1-4 [weak, in doubt]",
         "usb-1f00-00a1  Bench \\x1b[31mCam (sensor, no tool)  absent",
-        "usb-1f00-00d1  Bench \\x1b[31mCam (sensor, no tool)  not known whether attached",
+        "usb-1f00-00d1  Bench \\x1b[31mCam (sensor, no tool, needs a profile)  not known whether attached",
         "4 devices, 2 attached now, 1 skipped; -v shows reasons, evidence and serial numbers",
     ]
 
@@ -55,6 +55,7 @@ def test_all_that_lies_behind_it_with_v() -> None:
         "evidence: product: Cam",
         "missing: Say what it measures.",
         "weak: only its kind tells what it is; with two of them attached, nothing is moved on a guess",
+        "needs a profile: octoform profile new usb-1f00-00d1 drafts one",
         "note: usb-1f00-00b1 may be any of 2 equal devices (1-4, 1-5)",
         "skipped: pci-1f00-0001: bus infrastructure (carries other devices)",
     ):
