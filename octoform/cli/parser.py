@@ -449,7 +449,7 @@ def _attempts(commands: Commands) -> None:
 def _coverage(commands: Commands) -> None:
     coverage = add(commands, "coverage", "show what of the hardware is usable, what is not and why")
     value(coverage, "html", "FILE", "write the report as a page of its own instead")
-    flag(coverage, "all", "every device that is left out, every disagreement, every run")
+    flag(coverage, "all", "every device that is skipped, every disagreement, every run")
 
 
 def _agents(commands: Commands) -> None:

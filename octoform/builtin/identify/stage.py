@@ -199,12 +199,12 @@ RULES: tuple[Callable[[Device], Claim | None], ...] = (
 
 
 def run(task: Task) -> str:
-    """Write the IDENTIFY artifact of the task; the summary line (``41 devices annotated, 120 left out``)."""
+    """Write the IDENTIFY artifact of the task; the summary line (``41 identified (2 unknown), 120 skipped``)."""
     artifact = identify(task.read_input(), IdDatabases(task.sysroot), task.profiles, task.answers)
     artifact = without_refused(artifact, task.refused)
     task.write(artifact)
     unknown = sum(device["category"] == UNKNOWN for device in artifact["devices"])
-    return f"{len(artifact['devices'])} annotated ({unknown} unknown), {len(artifact['left_out'])} left out"
+    return f"{len(artifact['devices'])} identified ({unknown} unknown), {len(artifact['left_out'])} skipped"
 
 
 def identify(

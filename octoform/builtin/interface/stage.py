@@ -162,11 +162,11 @@ Owners = dict[str, list[tuple[Device, Mapping[str, Any]]]]
 
 
 def run(task: Task) -> str:
-    """Write the INTERFACE artifact of the task's IDENTIFY artifact; the summary line (``7 tools, 31 left out``)."""
+    """Write the INTERFACE artifact of the task's IDENTIFY artifact; the summary line (``7 tools, 31 devices skipped``)."""
     artifact = declare(task.read_input(), task.tools_budget, task.profiles)
     task.write(artifact)
     tools, left_out = len(artifact["tools"]), len(artifact["left_out"])
-    return f"{tools} tool{'s' * (tools != 1)}, {left_out} device{'s' * (left_out != 1)} left out"
+    return f"{tools} tool{'s' * (tools != 1)}, {left_out} device{'s' * (left_out != 1)} skipped"
 
 
 def declare(identify: Mapping[str, Any], budget: int, profiles: Profiles = ()) -> dict[str, Any]:

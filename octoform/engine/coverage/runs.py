@@ -20,7 +20,7 @@ from octoform.state.layout import STAGES
 # looked for in what the contract holds: the device, what it is, and what it can do. A tool may have another name in
 # every run; where it serves the same capability of the same device, that is a rename and no disagreement.
 
-LEFT_OUT = "left out"
+LEFT_OUT = "skipped"
 MISSING = "missing"
 
 
@@ -142,10 +142,10 @@ def _abilities(run: Run) -> set[Ability]:
 
 
 def _differences(device: str, said: Sequence[Identity]) -> list[Disagreement]:
-    """In what the runs differ; of a device that some left out nothing else is told."""
-    left = ["left out" if item.category == LEFT_OUT else "annotated" for item in said]
+    """In what the runs differ; of a device that some skipped nothing else is told."""
+    left = ["skipped" if item.category == LEFT_OUT else "identified" for item in said]
     if len(set(left)) > 1:
-        return [Disagreement(device, "annotated", _counted(left))]
+        return [Disagreement(device, "identified", _counted(left))]
     told = {"identity": [item.identified_as for item in said], "category": [item.category for item in said]}
     found = [Disagreement(device, aspect, _counted(words)) for aspect, words in told.items() if len(set(words)) > 1]
     for name in dict.fromkeys(name for item in said for name in item.capabilities):

@@ -134,7 +134,7 @@ def _wrapped(text: str, width: int, indent: str = "  ") -> list[str]:
 
 def _funnel(found: Coverage, width: int, paint: Paint, block: str) -> Iterator[str]:
     funnel = found.funnel
-    steps = (("enumerated", funnel.enumerated), ("annotated", funnel.annotated), ("with tools", funnel.with_tools))
+    steps = (("discovered", funnel.enumerated), ("identified", funnel.annotated), ("with tools", funnel.with_tools))
     room = min(BAR, width - 22)
     for name, count in steps:
         if count is None:
@@ -266,7 +266,7 @@ def _left_out(found: Coverage, width: int, paint: Paint, everything: bool) -> It
         return
     yield from _head(f"skipped ({sum(map(len, groups.values()))})", paint)
     for code, devices in groups.items():
-        counts = "; onboardable" if devices[0].counted is Counted.ONBOARDABLE else ""
+        counts = "; eligible" if devices[0].counted is Counted.ONBOARDABLE else ""
         told = f"{words.reason(code)} ({one_line(code, 40)}{counts})"
         first, *rest = textwrap.wrap(told, width - 8, break_on_hyphens=False)
         yield f"  {len(devices):>4}  {first}"

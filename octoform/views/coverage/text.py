@@ -1,4 +1,4 @@
-"""Coverage in words: one place for what its figures mean and why a device is left out, for terminal, page and JSON."""
+"""Coverage in words: one place for what its figures mean and why a device is skipped, for terminal, page and JSON."""
 
 from collections.abc import Sequence
 
@@ -16,7 +16,7 @@ REASONS = {
     OFFERED: "a profile that comes with octoform matches it",
     "no_credentials": "wants a login that is not here",
     "network_neighbour": "is merely near, not part of this host",
-    "duplicate_path": "is another entry of a device that is annotated",
+    "duplicate_path": "is another entry of a device that is identified",
     "virtual": "has no hardware behind it",
     "unknown_meaning": "its meaning is missing",
     "not_permitted": "is not open to this user",
@@ -27,12 +27,10 @@ REASONS = {
 }
 TIERS = answer_rules.WORDS
 ENDPOINT = {"running": "the endpoint runs", "stopped": "the endpoint does not run", "absent": "no endpoint yet"}
-ONBOARDABLE = (
-    "Onboardable is what senses or acts, what is unknown, and what was left out although an agent could use it."
-)
-WITH_INFRASTRUCTURE = "Infrastructure is what was annotated as carrying others, such as disks, radios and hubs."
+ONBOARDABLE = "Eligible is what senses or acts, what is unknown, and what was skipped although an agent could use it."
+WITH_INFRASTRUCTURE = "Infrastructure is what was identified as carrying others, such as disks, radios and hubs."
 BESIDE = (
-    "Neither counts what IDENTIFY left out as a carrier, without function, virtual, another path of a device, "
+    "Neither counts what IDENTIFY skipped as a carrier, without function, virtual, another path of a device, "
     "a part of the computer itself, or a neighbour on the network."
 )
 USABLE = "Usable is a device that at least one tool serves."
@@ -61,8 +59,8 @@ PASSES = (
     Column("stages", right=True, goes=3),
     Column("retries", right=True),
     Column("time", right=True),
-    Column("enumerated", right=True),
-    Column("annotated", right=True),
+    Column("discovered", right=True),
+    Column("identified", right=True),
     Column("tools", right=True),
     Column("tokens in/out", right=True, goes=2),
     Column("cost", right=True, goes=4),
@@ -72,7 +70,7 @@ PASSES = (
 
 
 def reason(code: str) -> str:
-    """Why a device is left out; a code that is not known here stands for itself."""
+    """Why a device is skipped; a code that is not known here stands for itself."""
     return REASONS.get(code, code.replace("_", " "))
 
 
@@ -94,7 +92,7 @@ def figures(onboardable: Share, with_infrastructure: Share) -> tuple[tuple[str, 
     """Both figures as sentences."""
     verb = "is" if onboardable.of == 1 else "are"
     return (
-        (f"{onboardable.usable} of {counted(onboardable.of, 'onboardable device')} {verb} usable", onboardable),
+        (f"{onboardable.usable} of {counted(onboardable.of, 'eligible device')} {verb} usable", onboardable),
         (f"{with_infrastructure.usable} of {with_infrastructure.of}, counting infrastructure", with_infrastructure),
     )
 

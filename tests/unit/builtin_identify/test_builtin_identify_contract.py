@@ -48,5 +48,5 @@ def test_the_stage_runs_as_a_task_in_its_own_process(tmp_path: Path) -> None:
     environment = {**os.environ, "OCTOFORM_SYSROOT": str(tmp_path), "PYTHONPATH": str(ROOT)}
     command = [sys.executable, "-m", "octoform.builtin", str(task)]
     ended = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=30, check=False)
-    assert (ended.returncode, ended.stdout.strip()) == (0, "1 annotated (1 unknown), 0 left out")
+    assert (ended.returncode, ended.stdout.strip()) == (0, "1 identified (1 unknown), 0 skipped")
     assert json.loads(output.read_text(encoding="utf-8"))["devices"] == [answer(usb("product: USB Serial"))]

@@ -154,7 +154,7 @@ def test_a_devices_name_is_quoted_bounded_and_plain() -> None:
 def test_the_stage_writes_and_says_what_it_made(tmp_path: Path) -> None:
     source, output = tmp_path / "identify.json", tmp_path / "interface.json"
     source.write_text(json.dumps({"format": 1, "devices": [device("a", "read_clock")], "left_out": []}))
-    assert run(Task("interface", source, None, output, 30, Path("/"))) == "1 tool, 0 devices left out"
+    assert run(Task("interface", source, None, output, 30, Path("/"))) == "1 tool, 0 devices skipped"
     assert json.loads(output.read_text())["tools"][0]["name"] == "read_clock"
 
 

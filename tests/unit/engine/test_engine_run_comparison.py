@@ -54,7 +54,7 @@ def test_another_effect_of_a_capability_is_a_disagreement() -> None:
 
 def test_a_device_that_one_run_left_out_is_told_once() -> None:
     report = agreed(run([camera()]), run([], left("camera", "no_function")))
-    assert report.disagreements == (Disagreement("camera", "annotated", (("annotated", 1), ("left out", 1))),)
+    assert report.disagreements == (Disagreement("camera", "identified", (("identified", 1), ("skipped", 1))),)
 
 
 def test_reasons_for_leaving_out_may_differ() -> None:

@@ -92,12 +92,12 @@ def test_every_device_that_is_not_left_out_is_shown_and_all_of_them_with_all(lap
 def test_a_person_reads_funnel_figures_reasons_and_the_question() -> None:
     text = "\n".join(lines(sample(denied=frozenset({"capture_image"})), 100))
     for words in (
-        "  enumerated      5  ████",
-        "    25 %  1 of 4 onboardable devices are usable",
+        "  discovered      5  ████",
+        "    25 %  1 of 4 eligible devices are usable",
         "camera  Some Device (thing, tier 1, 0.8 by kernel_class Some Device)",
         "What is Some Device?",
         'octoform answer mystery "..."',
-        "no library or system interface reaches it (no_standard_interface; onboardable)",
+        "no library or system interface reaches it (no_standard_interface; eligible)",
         "identity over 2 runs (pi)",
         'camera: identity: "Some Device" in 1 run, "not Some Device" in 1',
         "1 tool denied to everybody by the policy: capture_image",
@@ -197,9 +197,9 @@ def test_a_device_may_call_itself_anything(name: str) -> None:
 def test_a_partial_report_says_what_is_not_known(laptop: dict[str, Any]) -> None:
     made = report({"probe": laptop["probe"]}, runs=[run_of("builtin", laptop["identify"], None)])
     text = "\n".join(lines(made))
-    assert "annotated   not known yet" in text
+    assert "identified  not known yet" in text
     assert "seen, not identified yet (25)" in text
-    assert "onboardable" not in text
+    assert "eligible" not in text
     assert "Not known before INTERFACE has decided the tools." in page(made)
 
 
