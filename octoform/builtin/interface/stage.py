@@ -162,7 +162,7 @@ Owners = dict[str, list[tuple[Device, Mapping[str, Any]]]]
 
 
 def run(task: Task) -> str:
-    """Write the INTERFACE artifact of the task's IDENTIFY artifact; the summary line (``7 tools, 31 devices skipped``)."""
+    """Write the INTERFACE artifact of the task's IDENTIFY artifact; the summary: ``7 tools, 31 devices skipped``."""
     artifact = declare(task.read_input(), task.tools_budget, task.profiles)
     task.write(artifact)
     tools, left_out = len(artifact["tools"]), len(artifact["left_out"])
