@@ -144,6 +144,9 @@ def test_a_package_that_cannot_be_built_costs_its_tools_alone(tmp_path: Path, co
 
 def test_a_program_that_is_not_here_costs_its_tools_alone(tmp_path: Path, compiled: Path) -> None:
     earlier, good = written(tmp_path / "host")
+    for tool in earlier["interface"]["tools"]:
+        if tool["name"] == "read_led":
+            tool["description"] += "\n\nThrough: the program benchlamp-level."
     server = all_of(
         swap("import re\n", "import re\nimport subprocess\n"),
         body(

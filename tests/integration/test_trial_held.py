@@ -47,7 +47,7 @@ LIED = all_of(
 # What was read first is kept, and told from then on.
 FROZEN = all_of(
     adds("KEPT = {}"),
-    read_by(f"time.sleep(0.05)\nvalue = KEPT.setdefault(device, runtime.read_number({FILE}))", "21.5 + 0 * value"),
+    read_by(f"time.sleep(0.05)\nvalue = KEPT.setdefault(device, runtime.read_number({FILE}))", "min(value, 21.5)"),
 )
 MUTE_TOOLS = (
     *("read_temperature", "read_brightness", "read_led", "read_storage", "list_camera_formats", "describe_input"),
