@@ -22,7 +22,21 @@ _WORDS = re.compile(r"[a-z]+|[0-9]+")
 _PLACEHOLDERS = frozenset(
     (
         *("applicable", "asset", "assigned", "available", "be", "board", "by", "chassis", "default", "dev", "device"),
-        *("empty", "example", "filled", "hw", "id", "invalid", "none", "not", "null", "num", "number"),
+        *(
+            "empty",
+            "example",
+            "filled",
+            "fixme",
+            "changeme",
+            "hw",
+            "id",
+            "invalid",
+            "none",
+            "not",
+            "null",
+            "num",
+            "number",
+        ),
         *("oem", "product", "rev", "revision", "sample", "serial", "sn", "specified", "string", "system", "tag"),
         *("test", "to", "unique", "unit", "unknown", "unset", "usb", "v", "ver", "version", "xx"),
         *("xxx", "xxxx"),
@@ -132,6 +146,9 @@ def _is_row(number: str) -> bool:
     """Whether it is a small number behind zeros, or the members of a row with equal distances."""
     if not number or len(number.lstrip("0")) <= len(number) // 3:
         return True
+    counted = sorted(map(_ORDER.index, number.replace("0", "")))
+    if 2 * len(counted) <= len(number) and all(b - a == 1 for a, b in pairwise(counted)):
+        return True  # each digit once, among zeros: 03000200-0400-0500-0006-000700080009 is on boards of many makers
     values = [_ORDER.index(symbol) for symbol in number]
     if len(values) > 2 and any(len({(b - a) % base for a, b in pairwise(values)}) == 1 for base in (10, 16)):
         return True

@@ -209,7 +209,7 @@ class Restrictions:
         try:
             self._entries, self.problem, self._read_before = self._read(place), None, True
         except (OSError, ValueError, LookupError, TypeError, AttributeError) as problem:
-            self._wrong(f"it cannot be read: {type(problem).__name__}: {problem}")
+            self._wrong(f"it cannot be read: {_words(problem)}")
 
     def _instead(self) -> tuple[Entry, ...]:
         """What holds without the file: what the ledger says, else what only a person ends."""
@@ -299,3 +299,9 @@ def _names(given: Any, values: tuple[Any, ...]) -> bool:
     if isinstance(given, list | tuple | set | frozenset):
         return any(_names(each, values) for each in given)
     return any(given == value and isinstance(given, bool) is isinstance(value, bool) for value in values)
+
+
+def _words(problem: Exception) -> str:
+    if isinstance(problem, OSError):
+        return problem.strerror or str(problem)
+    return str(problem) if isinstance(problem, ValueError) else "it has another form than the ledger of claims writes"

@@ -7,6 +7,7 @@ from hypothesis import strategies as st
 from octoform.base.serials import NONE, PATTERN, UNIQUE, same, tells_apart, weight
 
 DEFAULTS = [
+    *("03000200-0400-0500-0006-000700080009", "0100020003000400", "FIXME001", "changeme-01"),
     *(
         "0001",
         "0002",

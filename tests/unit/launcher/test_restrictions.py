@@ -188,3 +188,17 @@ def test_what_the_ledger_writes_is_what_counts_here_by_this_machines_own_clock(t
     clock.now += 1
     bench.read(50)
     assert made.in_force() == () and made.problem is None
+
+
+@pytest.mark.parametrize(("damage", "words"), [("pipe", "it is no regular file"), ("{}", "it "), ("[]", "it ")])
+def test_a_damaged_file_is_reported_in_words_of_octoform(watched: Watched, damage: str, words: str) -> None:
+    watched.write(ENTRY)
+    assert watched.refuses(joint="elbow")
+    watched.path.unlink()
+    if damage == "pipe":
+        os.mkfifo(watched.path)
+    else:
+        watched.path.write_text(damage)
+    watched.refuses(joint="elbow")
+    ((_, text),) = [item for item in watched.heard if "cannot be read" in item[1]]
+    assert words in text and "Error" not in text and "Errno" not in text and "object" not in text
