@@ -109,6 +109,7 @@ _INITIALS = re.compile(r"([a-z]{2,4})\d\d[a-z0-9]*")
 # A whole family of parts: the last digits are left open.
 _FAMILY = re.compile(r"[a-z]+\d+[a-z]?\d*xx")
 _WIRES = ("i2c", "smbus", "spi", "uart", "jtag", "gpio")
+_WIRED_PART = re.compile(r"(?:i2c|smbus|spi|uart)[a-z]{1,3}\d{3}")
 _NO_DISKS = frozenset(("webcam", "keyboard", "mouse", "headset", "microphone", "gamepad", "joystick", "oscilloscope"))
 _FEW, _LONG = 8, 32
 _OPEN = frozenset(("misc", "composite", "unknown", "undefined", "reserved", "oem"))
@@ -223,6 +224,11 @@ def describes_a_part(text: str) -> bool:
 def describes_wires(text: str) -> bool:
     """True where a string names a bus for chips or a serial line."""
     return describes_transport(text) or any(word.startswith(_WIRES) for word in words(text))
+
+
+def is_wired_part(word: str) -> bool:
+    """True for the number of a chip behind the name of its wire, in one word (i2cxy123z)."""
+    return bool(_WIRED_PART.match(word))
 
 
 def is_short(text: str) -> bool:

@@ -19,6 +19,11 @@ def test_what_is_true_of_a_generated_host_is_told_of_it(seed: int, tmp_path: Pat
     assert ids(tmp_path / "other") == ids(tmp_path / "host")
 
 
+def test_the_number_of_a_chip_behind_its_wire_is_no_product(tmp_path: Path) -> None:
+    made = generate(tmp_path / "host", 100_250, 25)
+    assert wrong(tmp_path / "host", made) == []
+
+
 def test_each_kind_and_each_form_of_strings_is_among_them(tmp_path: Path) -> None:
     made = [each for seed in range(20) for each in generate(tmp_path / "host", seed, 30)]
     assert {each.kind for each in made} == set(KINDS)
