@@ -38,6 +38,7 @@ from octoform.endpoint.process.estop import is_latched
 from octoform.endpoint.process.record import running
 from octoform.engine.apply import approval
 from octoform.engine.tools import layout_of
+from octoform.host.fingerprint import SYSROOT_VARIABLE
 from octoform.manifest.model import FILE_NAME
 from octoform.state.files import read_regular
 from octoform.state.layout import Layout
@@ -69,6 +70,7 @@ class Survey:
 
     ``paused`` is since when repairs are paused, empty where that is not known, None when they are not. ``todo`` are
     things that wait for a person and belong to no trouble: (command, why). ``untold`` are ways of telling that fail.
+    ``recorded`` is the folder of a recorded host.
     """
 
     health: Health
@@ -80,6 +82,7 @@ class Survey:
     todo: tuple[tuple[str, str], ...] = ()
     untold: tuple[Failing, ...] = ()
     said: tuple[Diagnostic, ...] = ()
+    recorded: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -118,6 +121,7 @@ def survey(project: Path, environ: Mapping[str, str]) -> tuple[Survey | None, li
         todo=tuple(_todo(layout, health, watched, paused)),
         untold=failing(layout),
         said=tuple(known.shelf.said),
+        recorded=environ.get(SYSROOT_VARIABLE) or "",
     )
     return made, found
 

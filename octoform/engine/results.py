@@ -57,8 +57,9 @@ class RunResult:
     """How an apply or a destroy ended; ``failed`` names the node that stopped it.
 
     ``questions`` are those that are open: one for each device whose meaning is missing. ``incomplete`` are the ids of
-    served devices that this user may not use, ``silent`` is an endpoint none of whose read tools answered: nothing
-    failed, and the host is degraded.
+    served devices that this user may not use, ``silent`` says that most of the endpoint's read tools did not answer in
+    this run, empty where they did: nothing failed, and the host is degraded. ``recorded`` is the folder of a recorded
+    host, whose devices cannot be opened.
     """
 
     operation: str
@@ -78,7 +79,8 @@ class RunResult:
     endpoint: EndpointSummary | None = None
     commit: str | None = None
     incomplete: tuple[str, ...] = ()
-    silent: bool = False
+    silent: str = ""
+    recorded: str = ""
 
 
 @dataclass(frozen=True, slots=True)

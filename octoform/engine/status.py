@@ -4,7 +4,7 @@ How the deployment is, no word is said of here: that verdict is one for all (`oc
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +20,7 @@ from octoform.endpoint.process.record import Running, running, running_beside
 from octoform.endpoint.publish.expected_tools import hidden, promised
 from octoform.engine.plan import cache
 from octoform.engine.plan.plan import Request, prepare
+from octoform.host.fingerprint import SYSROOT_VARIABLE
 from octoform.plan.model import Plan
 from octoform.state.layout import Layout
 
@@ -45,7 +46,8 @@ class Process:
 class Status:
     """In sync or not, and what was seen of the endpoint: ``reasons`` are what is not as apply left it.
 
-    ``others`` are hosts of the same folder whose endpoints run, and which the manifest no longer names.
+    ``recorded`` is the folder of a recorded host. ``others`` are hosts of the same folder whose endpoints run, and
+    which the manifest no longer names.
     """
 
     host: str
@@ -56,10 +58,15 @@ class Status:
     process: Process = field(default_factory=Process)
     diagnostics: tuple[Diagnostic, ...] = ()
     others: tuple[str, ...] = ()
+    recorded: str = ""
 
 
 def status(project: Path, environ: Mapping[str, str]) -> Status:
     """Compare with the manifest, and ask the endpoint; starts nothing."""
+    return replace(_status(project, environ), recorded=environ.get(SYSROOT_VARIABLE) or "")
+
+
+def _status(project: Path, environ: Mapping[str, str]) -> Status:
     plan = cache.recall(project, environ)
     if plan is None:
         outlook, found = prepare(Request(project, environ))

@@ -12,7 +12,7 @@ from datetime import UTC, datetime
 from typing import Any
 
 from octoform.diagnostics import Diagnostic
-from octoform.endpoint.client.check_verdict import CheckReport, TrialCall, judge_check
+from octoform.endpoint.client.check_verdict import CheckReport, TrialCall, has_content, judge_check
 from octoform.endpoint.client.sdk_client import Call, Client, Report, recorded_environment
 from octoform.endpoint.files import CHECK
 from octoform.endpoint.observe.logs import LoggedCall, calls_after, mark
@@ -264,7 +264,10 @@ def _record(report: CheckReport) -> bytes:
         "tools": sorted(tool["name"] for tool in report.tools),
         # What the devices said is theirs and the clients' business.
         "calls": [
-            {name: value for name, value in asdict(call).items() if name not in ("results", "raw")}
+            {
+                **{name: value for name, value in asdict(call).items() if name not in ("results", "raw")},
+                "content": any(map(has_content, call.results)) or bool(call.pictures),
+            }
             for call in report.calls
         ],
         "seconds": report.seconds,

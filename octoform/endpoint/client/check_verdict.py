@@ -79,6 +79,15 @@ def out_of_bounds(result: Any, schema: Any) -> list[str]:
     ]
 
 
+def has_content(result: Any) -> bool:
+    """Whether a result says anything: an empty list, null and a state called unknown prove no device."""
+    if isinstance(result, Mapping):
+        return any(has_content(value) for name, value in result.items() if name not in _NAMES)
+    if isinstance(result, list):
+        return any(map(has_content, result))
+    return result is not None and result not in ("", "unknown")
+
+
 def of_another(call: TrialCall, devices: frozenset[str]) -> str | None:
     """The id of another device that a result gives for its own; None where it gives its own, or none."""
     for result in call.results if call.device is not None else ():

@@ -33,6 +33,7 @@ from octoform.engine.results import EndpointSummary, Funnel, RunResult, RunUsage
 from octoform.events import Event, Notice
 from octoform.harness import logins
 from octoform.harness.containment.orphans import sweep
+from octoform.host.fingerprint import SYSROOT_VARIABLE
 from octoform.plan import model, planfile
 from octoform.plan.model import Plan
 from octoform.state.artifacts import reusable
@@ -126,8 +127,7 @@ def endpoint(layout: Layout, artifacts: Mapping[str, Any]) -> EndpointSummary | 
     tools = shown(layout, interface)["tools"]
     readers = [tool for tool in tools if tool["effect"] == "read"]
     calls = _trial_calls(layout)
-    failed = {call["tool"] for call in calls if not call.get("ok")}
-    good = {call["tool"]: call for call in calls if call["tool"] not in failed}
+    good = answering(calls)
     easy = [tool["name"] for tool in readers if not tool["input_schema"].get("required")]
     return EndpointSummary(
         command=f"octoform connect {layout.host}",
@@ -137,16 +137,25 @@ def endpoint(layout: Layout, artifacts: Mapping[str, Any]) -> EndpointSummary | 
         answered=_said(calls, good),
         token=next((token.name for token in listed(layout)[0] if not token.ended), None),
         denied=len(interface["tools"]) - len(tools),
-        example=next((name for name in easy if name in good), easy[0] if easy else None),
+        example=next((name for name in good if name in easy), easy[0] if easy else None),
     )
+
+
+def answering(calls: list[dict[str, Any]]) -> dict[str, dict[str, Any]]:
+    """The read tools none of whose calls failed; one that answered with nothing in it proves little and comes last."""
+    failed = {call["tool"] for call in calls if not call.get("ok")}
+    proven = {call["tool"] for call in calls if call.get("content", True)}
+    ordered = sorted(calls, key=lambda call: call["tool"] not in proven)
+    return {call["tool"]: call for call in ordered if call["tool"] not in failed}
 
 
 def rights(layout: Layout, result: RunResult, environ: Mapping[str, str]) -> RunResult:
     """The result with each served device that this user may not use; its tools answer with an error until then.
 
-    And with word of an endpoint none of whose read tools answered when they were tried.
+    And with word of an endpoint most of whose read tools did not answer when they were tried.
     """
-    result = replace(result, silent=any(item.code == NOTHING_ANSWERS for item in result.diagnostics))
+    silent = _silent(layout, result) if result.operation == "apply" else ""
+    result = replace(result, silent=silent, recorded=environ.get(SYSROOT_VARIABLE) or "")
     shut = lacking(layout, environ)
     told = (*result.diagnostics, *diagnostics(shut))
     return replace(result, diagnostics=told, incomplete=tuple(sorted(shut))) if shut else result
@@ -162,6 +171,16 @@ def outside(layout: Layout, result: RunResult) -> RunResult:
     if problem is not None:
         return replace(result, diagnostics=(*result.diagnostics, problem))
     return replace(result, endpoint=replace(told, public=through(tunnel, told.url or "")))
+
+
+def _silent(layout: Layout, result: RunResult) -> str:
+    """That more than half of the read tools did not answer in this run's check; empty where they did."""
+    if any(item.code == NOTHING_ANSWERS for item in result.diagnostics):
+        return "no read tool answered"
+    calls = _trial_calls(layout) if result.added or result.changed else []
+    tried = {call["tool"] for call in calls if call.get("skipped") is None}
+    failed = {call["tool"] for call in calls if call.get("skipped") is None and not call.get("ok")}
+    return f"{len(failed)} of {len(tried)} read tools did not answer" if 2 * len(failed) > len(tried) else ""
 
 
 def _trial_calls(layout: Layout) -> list[dict[str, Any]]:

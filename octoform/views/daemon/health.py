@@ -22,7 +22,7 @@ from octoform.views.daemon.event_log import EXIT, named
 from octoform.views.format import problems
 from octoform.views.format.console import Console
 from octoform.views.format.values import ago, clock, length, one_line
-from octoform.views.plan.text import counted
+from octoform.views.plan.text import counted, recorded
 
 STYLES = {
     Status.HEALTHY: ("green",),
@@ -47,6 +47,8 @@ def health(console: Console, found: Survey, *, as_json: bool, now: datetime | No
     now = now or datetime.now(UTC)
     problems.show(console, found.said)
     _first(console, found, now)
+    if found.recorded:
+        console.wrapped("  ", recorded(found.recorded), indent=4)
     troubles = sorted(found.troubles, key=_rank)
     for trouble in troubles[:MOST]:
         console.line()
@@ -89,6 +91,7 @@ def document(found: Survey) -> dict[str, Any]:
             for each in found.troubles
         ],
         "todo": [{"command": command, "why": why} for command, why in found.todo],
+        "recorded": bool(found.recorded),
         "untold": [asdict(each) for each in found.untold],
         "diagnostics": [to_json(problems.near(item)) for item in found.said],
     }

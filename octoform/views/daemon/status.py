@@ -34,6 +34,8 @@ def status(console: Console, found: Status, surveyed: Survey, *, as_json: bool) 
     console.line(f"host {found.host}: {sync}, {console.paint(str(verdict), STYLES[verdict])}")
     if found.plan is not None and not found.sync:
         console.line(f"  {plan_text.summary(found.plan).splitlines()[0]}  (octoform plan tells why)")
+    if found.recorded:
+        console.wrapped("  ", one_line(plan_text.recorded(found.recorded), WIDTH), indent=4)
     for reason in reasons:
         console.wrapped("  ", one_line(reason, WIDTH), indent=4)
     if found.tools:
@@ -74,6 +76,7 @@ def _document(found: Status, surveyed: Survey, reasons: Sequence[str]) -> dict[s
         "estop": process.estop,
         "tokens": process.tokens,
         "others": list(found.others),
+        "recorded": bool(found.recorded),
     }
 
 

@@ -356,3 +356,8 @@ def _edited(item: Reason) -> bool:
 def counted(number: int, what: str) -> str:
     """``1 tool``, ``2 tools``."""
     return f"{number} {what}" if number == 1 else f"{number} {what}s"
+
+
+def recorded(folder: str) -> str:
+    """What holds of a recorded host, whatever else is said of it."""
+    return f"The host is the recorded one in {folder} (OCTOFORM_SYSROOT): its devices cannot be opened."

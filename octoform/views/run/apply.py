@@ -203,6 +203,8 @@ class RunHuman:
         say()
         style = "red" if result.failed else "yellow" if result.incomplete or result.silent else "green"
         say(paint(closing(result), "bold", style))
+        if result.recorded:
+            say(plan_text.recorded(result.recorded))
         if _is_made(result.failed) and result.operation == "apply":
             say("What was accepted stays accepted; the next apply goes on from there.")
         used = spent(result.usage.input_tokens, result.usage.output_tokens, result.usage.cost_usd)
@@ -286,7 +288,7 @@ def closing(result: RunResult) -> str:
         shut = plan_text.counted(len(result.incomplete), "device")
         return f"Apply incomplete: this user may not use {shut}, see above. Resources: {counts}."
     if result.silent:
-        return f"Apply incomplete: no read tool answered, see above. Resources: {counts}."
+        return f"Apply incomplete: {result.silent}, see above. Resources: {counts}."
     return f"Apply complete! Resources: {counts}."
 
 

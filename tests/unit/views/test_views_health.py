@@ -288,3 +288,10 @@ def test_the_audit_and_the_attempts_fit_80_columns(monkeypatch: pytest.MonkeyPat
     assert [line for line in lines if line.startswith("2026")] == ["2026-11-25", "2026-11-26"]
     assert "     4  21:32:06Z  allowed     read_network_interfaces(" in lines
     assert lines[2].strip().startswith("device=usb-1f00-00b1-virtio-0001)")
+
+
+def test_a_recorded_host_is_called_one() -> None:
+    out = io.StringIO()
+    console = Console(out, io.StringIO(), colour=False, colour_err=False, interactive=False)
+    health_view.health(console, survey(Status.UNKNOWN, recorded="/hosts/x"), as_json=False)
+    assert "The host is the recorded one in /hosts/x (OCTOFORM_SYSROOT)" in " ".join(out.getvalue().split())

@@ -51,6 +51,12 @@ def status(told: Mapping[str, Any] | None = None, **more: Any) -> Status:
     return Status("bench", True, tools=("a", "b"), process=process, **more)
 
 
+def test_a_recorded_host_is_called_one() -> None:
+    told = shown(status(recorded="/hosts/x"), verdict=Verdict.UNKNOWN)[1].splitlines()[1]
+    assert told == "  The host is the recorded one in /hosts/x (OCTOFORM_SYSROOT): its devices cannot be opened."
+    assert json.loads(shown(status(recorded="/hosts/x"), as_json=True)[1])["recorded"] is True
+
+
 def test_a_healthy_host_tells_what_runs() -> None:
     code, text = shown(status())
     assert code == 0

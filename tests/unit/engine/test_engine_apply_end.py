@@ -1,0 +1,79 @@
+"""How an apply ends where read tools did not answer, and which tool its last lines offer."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from octoform.diagnostics import warning
+from octoform.endpoint.client.check_verdict import has_content
+from octoform.engine.apply import apply
+from octoform.engine.results import RunResult
+from octoform.state.layout import Layout
+from octoform.views.run.apply import closing
+
+
+def checked(project: Path, calls: list[dict[str, Any]]) -> Layout:
+    layout = Layout(project, "bench")
+    layout.endpoint.mkdir(parents=True)
+    (layout.endpoint / "check.json").write_text(json.dumps({"calls": calls}))
+    return layout
+
+
+def called(tool: str, ok: bool, **more: Any) -> dict[str, Any]:
+    return {"tool": tool, "ok": ok, "skipped": None, "ms": 4.0, **more}
+
+
+def ended(project: Path, well: int, badly: int, **more: Any) -> RunResult:
+    calls = [called(f"read_{at}", at < well) for at in range(well + badly)]
+    layout = checked(project, [*calls, {"tool": "skipped", "ok": False, "skipped": "needs an argument"}])
+    return apply.rights(layout, RunResult("apply", "bench", **{"added": 1, **more}), {})
+
+
+def test_an_apply_most_of_whose_read_tools_did_not_answer_is_incomplete(tmp_path: Path) -> None:
+    result = ended(tmp_path, 8, 17)
+    assert result.silent == "17 of 25 read tools did not answer"
+    assert closing(result).startswith("Apply incomplete: 17 of 25 read tools did not answer, see above.")
+
+
+@pytest.mark.parametrize(("well", "badly", "more"), [(2, 2, {}), (3, 0, {}), (0, 0, {}), (1, 9, {"added": 0})])
+def test_a_few_that_failed_and_a_check_of_another_run_leave_it_complete(
+    tmp_path: Path, well: int, badly: int, more: dict[str, int]
+) -> None:
+    result = ended(tmp_path, well, badly, **more)
+    assert (result.silent, closing(result).startswith("Apply complete!")) == ("", True)
+
+
+def test_an_endpoint_none_of_whose_tools_answered_is_told_by_its_finding(tmp_path: Path) -> None:
+    result = ended(tmp_path, 1, 0, diagnostics=(warning("ENDPOINT-NOTHING-ANSWERS", "0 of 3 read tools answered"),))
+    assert result.silent == "no read tool answered"
+
+
+def test_a_recorded_host_is_told_of(tmp_path: Path) -> None:
+    result = apply.rights(Layout(tmp_path, "bench"), RunResult("apply", "bench"), {"OCTOFORM_SYSROOT": "/hosts/x"})
+    assert result.recorded == "/hosts/x"
+
+
+@pytest.mark.parametrize(
+    ("result", "says"),
+    [
+        ({"formats": []}, False),
+        ({"device": "usb-1", "on": None}, False),
+        ({"state": "unknown", "level": ""}, False),
+        ([], False),
+        (None, False),
+        ({"lights": [{"on": None}]}, False),
+        ({"pressed": False}, True),
+        ({"temperature_celsius": 0}, True),
+        ({"lights": [{"on": None}, {"on": True}]}, True),
+        ("text", True),
+    ],
+)
+def test_an_answer_without_content_is_no_proof(result: Any, says: bool) -> None:
+    assert has_content(result) is says
+
+
+def test_the_last_lines_prefer_a_tool_whose_answer_has_content() -> None:
+    calls = [called("formats", True, content=False), called("broken", False), called("power", True, content=True)]
+    assert list(apply.answering(calls)) == ["power", "formats"]
