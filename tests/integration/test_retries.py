@@ -208,3 +208,17 @@ def test_no_record_of_an_attempt_has_a_key_that_its_agent_wrote_anywhere(project
     holding = {path.name for path in kept if key.encode() in path.read_bytes()}
     assert holding <= {"spec.md", "output.json"}, "what the agent wrote into its own folder, and nothing of octoform's"
     assert key.encode() not in project.local.joinpath("log", "octoform.jsonl").read_bytes()
+
+
+def test_the_state_names_system_program_and_specs_of_each_output(project: Project) -> None:
+    again = {"mutate": [[["devices", 0, "identified_as"], "Heron thermometer"]]}
+    project.script = {"identify": [{"exit": 3}, again, "good"]}
+    project.manifest = {"stages": "{probe: {harness: builtin}}"}
+    project.apply("-target", "identify", status=0)
+    probe = json.loads((project.state / "probe" / "output.json").read_text())
+    nodes = project.nodes()
+    for name in ("probe", "identify"):
+        assert nodes[name]["platform"] == probe["platform"]
+        assert nodes[name]["specs"].startswith("sha256:")
+    assert nodes["probe"]["program"].startswith("octoform ")
+    assert (nodes["identify"]["harness"], nodes["identify"]["attempts"]) == ("command", 3)
