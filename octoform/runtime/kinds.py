@@ -194,7 +194,9 @@ def serial(path: Path) -> str | None:
     """
     _, name = subsystem(path)
     if name in ("usb", "mmc"):
-        return (read_text(path / "serial") or "").removeprefix("0x")
+        shown = read_text(path / "serial")
+        # A USB device without a number has no such attribute. Every card has one: without it nothing is known of it.
+        return None if shown is None and name == "mmc" else (shown or "").removeprefix("0x")
     if name == "pci":
         return next((read_text(each) for each in files(path / "nvme", "nvme*/serial")), None)
     # A driver may fill it in when the device speaks for the first time.

@@ -130,7 +130,7 @@ class Sysfs:
             uevent = uevent | {"IFINDEX": reader.text(f"{node.path}/ifindex")}
         properties = self._udev.properties(reader, *key_of(node.subsystem, node.name, uevent))
         split_joined(properties)
-        serial = properties.pop(SERIAL, "")
+        serial = properties.pop(SERIAL, "").removeprefix("0x")  # as the runtime compares it
         node.serial = node.serial or serial
         target = self._input_device(node)
         said = {_plain(text) for _, text in target.lines}

@@ -340,3 +340,36 @@ def test_what_acts_is_looked_for_again_once_its_lock_is_held(tree: Tree, instanc
     # The lock was given back, and a reader may go on.
     with reading.bus(timeout=0.02):
         assert move(BOARD) == "1-3"
+
+
+def card(tree: Tree, serial: str | None) -> None:
+    """A memory card; every kernel shows its number, and a recording may lack the attribute."""
+    folder = tree.root / "sys/devices/platform/mmc0/mmc0:e624"
+    folder.mkdir(parents=True, exist_ok=True)
+    (folder / "uevent").write_text("MMC_TYPE=SD\nMMC_NAME=SU16G\n")
+    (folder / "type").write_text("SD")
+    (folder / "name").write_text("SU16G")
+    bus = tree.root / "sys/bus/mmc"
+    (bus / "devices").mkdir(parents=True, exist_ok=True)
+    links = ((folder / "subsystem", bus), (bus / "devices" / folder.name, folder))
+    for link, target in links:
+        if not link.is_symlink():
+            link.symlink_to(target)
+    (folder / "serial").unlink(missing_ok=True)
+    if serial is not None:
+        (folder / "serial").write_text(serial)
+
+
+def test_a_card_without_the_attribute_is_not_in_doubt_and_one_with_another_number_is_another(
+    tree: Tree, instances: Instances
+) -> None:
+    place = {"sysfs": "/sys/devices/platform/mmc0/mmc0:e624", "port": "mmc0:e624", "strength": "strong"}
+    instances({"mmc-sd-su16g": {**place, "serial": "0da36cd8"}})
+    for shown in (None, "0x0da36cd8"):
+        card(tree, shown)
+        assert move("mmc-sd-su16g") == "mmc0:e624"
+    card(tree, "")
+    refused("mmc-sd-su16g", "serial number")
+    card(tree, "0x1ff07a11")
+    with pytest.raises(runtime.DeviceAbsent):
+        runtime.device("mmc-sd-su16g", actuate=True)
