@@ -331,12 +331,12 @@ roll_back(Path(sys.argv[1]), os.environ, {"episode": "e1", "reason": "x"}, Ports
 TRIED = """
 import os, signal, sys
 from pathlib import Path
-from octoform.apply import adopting
+from octoform.apply.rewrite import promotion
 from octoform.daemon.repair import worker
 from octoform.engine.unattended.heal import heal
 import json
 
-offer = adopting.offer
+offer = promotion.offer
 
 def offered(*given):
     found = offer(*given)
@@ -344,7 +344,7 @@ def offered(*given):
     return found
 
 signal.signal(signal.SIGTERM, worker._end)
-adopting.offer = offered
+promotion.offer = offered
 heal(Path(sys.argv[1]), os.environ, json.loads(sys.argv[3]))
 """
 """A repair whose process gets a signal while its candidate is in service."""

@@ -216,7 +216,7 @@ def test_what_a_dead_octoform_left_is_ended_by_the_next_run(host: Host) -> None:
         hidden = int(planted(host).read_text().splitlines()[0])
         assert is_alive(hidden), "nothing is left to be swept"
         swept = host.call(
-            "from octoform.harness import orphans; from pathlib import Path; import json, sys;"
+            "from octoform.harness.containment import orphans; from pathlib import Path; import json, sys;"
             "print(json.dumps(orphans.sweep(Path(sys.argv[1])).ended))",
             str(host.workdir.parent),
         )
