@@ -12,7 +12,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
-from octoform.apply.context import Context, predecessor
+from octoform.apply.context import Context, accepted, predecessor
 from octoform.apply.stage.artifact_writer import runtime_files
 from octoform.apply.stage.gate import BYTES_QUOTED, Verdict, artifacts, judge, read_output, read_value, shown
 from octoform.apply.stage.secret_scan import blanked
@@ -20,13 +20,43 @@ from octoform.base.files import parse, replace
 from octoform.contracts.contract_check import check, has_shape
 from octoform.contracts.model import HostScan
 from octoform.contracts.rules.probe_host_rules import completed
-from octoform.diagnostics import Diagnostic, error, warning
+from octoform.contracts.text import shown as quoted
+from octoform.diagnostics import Diagnostic, Span, error, has_errors, warning
+from octoform.endpoint.environment.system_programs import chosen_programs
 from octoform.harness.llm.token_prices import OWNERS, price_of
 from octoform.harness.port import AgentEvent, ExitReason, Outcome, Price, Task, TaskLimits, Usage
 from octoform.harness.registry import resolve as resolve_harness
+from octoform.host.fingerprint import SYSROOT_VARIABLE
 from octoform.manifest.model import MODEL_FREE, Budget, HarnessSpec
 from octoform.manifest.references import resolve
 from octoform.protocol.prompt import tail
+
+
+def judge_server(context: Context, task: Task, data: bytes) -> tuple[Any, list[Diagnostic]]:
+    """SERVE: parse and rules, and whether the programs that it starts by its own choice are on this host."""
+    value, found = judge(context, task, data)
+    if not isinstance(value, str) or has_errors(found):
+        return value, found
+    path = shown(task.output)
+    return value, [*found, *absent_programs(value, accepted(context, "interface"), context.environ, path)]
+
+
+def absent_programs(text: str, interface: Any, environ: Mapping[str, str], path: str) -> list[Diagnostic]:
+    """A finding for each program that a server chose and that is not here; a recorded host has no programs."""
+    chosen = {} if environ.get(SYSROOT_VARIABLE) else chosen_programs(text, interface)
+    return [_absent(program, line, text, path) for program, line in chosen.items()]
+
+
+def _absent(program: str, line: int, text: str, path: str) -> Diagnostic:
+    summary = f"the server starts {quoted(program)}, which is not on this host, and INTERFACE does not name it"
+    hint = (
+        "read what the kernel says without it, or catch FileNotFoundError and raise ToolError with the program's name "
+    )
+    hint += "and the package that has it"
+    span = Span(line, 1)
+    source = text.splitlines()[line - 1]
+    return error("SERVE-PROGRAM-MISSING", summary, path=path, span=span, source=source, hint=hint)
+
 
 # The host's own scan beside another agent's PROBE: the embedded agent looks too, and its word is what that is held to.
 #
@@ -182,5 +212,6 @@ def of_stage(context: Context, stage: str) -> Assignment:
     by_another = stage == "probe" and harness.name not in MODEL_FREE
     # Who writes a server reads what it stands on; the embedded agent knows it.
     beside = runtime_files() if stage == "serve" and harness.name not in MODEL_FREE else {}
-    judged = judge_scan if by_another else judge
+    written = stage == "serve" and harness.name not in MODEL_FREE
+    judged = judge_scan if by_another else judge_server if written else judge
     return Assignment(stage, harness, manifest.model_for(stage), budget, judge=judged, beside=beside)

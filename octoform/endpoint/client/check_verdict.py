@@ -270,7 +270,9 @@ _ABSENT = {
     "unplugged meanwhile: plug it in and apply again",
     False: "plug it in, or run octoform apply -replace probe where it is gone for good",
 }
-_PROGRAM = "read what the kernel says without it, leave the tool out, or install it: the tool works from then on"
+_PROGRAM = (
+    "read what the kernel says without it, or raise ToolError with the program's name and the package that has it"
+)
 _REACHED = "a device that the kernel shows needs no network; one that is reached by it must answer from this host"
 _NETWORK = frozenset(
     {"ConnectionError", "ConnectionRefusedError", "ConnectionResetError", "ConnectionAbortedError", "gaierror"}

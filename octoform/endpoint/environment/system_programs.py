@@ -3,7 +3,7 @@
 import shutil
 
 from octoform.base import files
-from octoform.contracts.rules.serve.programs import tools_starting
+from octoform.contracts.rules.serve.programs import started_blindly, tools_starting
 from octoform.state.files import read_regular
 from octoform.state.layout import Layout
 
@@ -21,6 +21,20 @@ def missing_programs(layout: Layout) -> dict[str, list[str]]:
         if meant and not is_here(program):
             out[program] = meant
     return out
+
+
+def chosen_programs(text: str, interface: object) -> dict[str, int]:
+    """What a server starts of its own choice, that is not here, and whose absence it does not report: name to line."""
+    tools = interface.get("tools", []) if isinstance(interface, dict) else []
+    named = {word for tool in tools for word in _words(str(tool["description"]))}
+    return {
+        name: line for name, line in sorted(started_blindly(text).items()) if name not in named and not is_here(name)
+    }
+
+
+def _words(description: str) -> list[str]:
+    plain = f"{description} ".replace(". ", " ").replace(".\n", " ")
+    return plain.replace("`", " ").replace(",", " ").split()
 
 
 def _text(layout: Layout, stage: str) -> str:

@@ -27,6 +27,26 @@ def tools_starting(value: str) -> dict[str, list[str]]:
     return out
 
 
+def started_blindly(value: str) -> dict[str, int]:
+    """Each program that is started without a word for the case that it is missing, with the line where."""
+    source = needed_source(value)
+    out: dict[str, int] = {}
+    for call, name in _started(source):
+        looked = any(each == "shutil.which" and source.owner(one) is source.owner(call) for one, each in source.calls)
+        caught = any(
+            isinstance(above, ast.Try) and below in above.body and any(map(_catches_missing, above.handlers))
+            for above, below in source.above(call)
+        )
+        if not looked and not caught:
+            out.setdefault(name, call.lineno)
+    return out
+
+
+def _catches_missing(handler: ast.ExceptHandler) -> bool:
+    kinds = ast.walk(handler.type) if handler.type else ()
+    return not handler.type or any(isinstance(item, ast.Name) and item.id in _MISSING for item in kinds)
+
+
 def _started(source: Source) -> list[tuple[ast.Call, str]]:
     out = []
     for call, name in source.calls:
