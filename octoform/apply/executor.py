@@ -104,7 +104,7 @@ def _mended(context: Context, action: PlannedAction, tally: Tally, way: Return) 
         return False
     spent = [name for name in (way.maker, way.judge) if not may_go_on(context, name)]
     if spent:
-        text = f"{way.fault}, and the budget of {' and '.join(spent)} has nothing left to mend it with"
+        text = f"{way.fault}, and the budget of {' and '.join(spent)} has nothing left to fix it with"
         context.emit(events.Notice(way.judge, text))
         return False
     context.emit(events.Notice(way.judge, f"{way.fault}; {way.maker.upper()} is told and runs again"))

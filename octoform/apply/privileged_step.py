@@ -228,7 +228,7 @@ def _objection(ground: Ground, devices: tuple[str, ...]) -> Diagnostic | None:
     if step.profile is None:
         return None
     if not devices:
-        return _uncorroborated(step, f"no device of this host is corroborated by the profile {step.profile}")
+        return _uncorroborated(step, f"no device of this host is matched by the profile {step.profile}")
     if len(devices) > 1:
         return error(
             "STEP-SEVERAL-DEVICES",

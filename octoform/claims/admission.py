@@ -358,7 +358,7 @@ def _restricting(case: _Case) -> Diagnostic | None:
             return error(
                 "CLAIM-RESTRICTS-READING",
                 f"{each.tool} is {kind}, which nothing may ever restrict",
-                hint="restrict what moves; without readings nobody could take a claim back",
+                hint="restrict what moves; without readings no one could take a claim back",
             )
         if (why := _too_wide(case.proposal.target, each, facts)) is not None:
             return error("CLAIM-TOO-WIDE", why, hint="restrict what the claim is about, and nothing beside it")
@@ -458,7 +458,7 @@ def _of(signal: Signal) -> str:
 
 def _value(reading: Reading) -> str:
     if reading.value is None:
-        return f"it could not be read ({_shown(reading.why) or 'nobody said why'})"
+        return f"it could not be read ({_shown(reading.why) or 'no one said why'})"
     return f"{_of(reading.signal)} is {_shown(str(reading.value))}"
 
 

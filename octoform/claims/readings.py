@@ -161,7 +161,7 @@ class Readings:
         said = [] if data.endswith(b"\n") else self._start(self._kept.values())
         if not damaged:
             return said
-        text = f"{damaged} of {len(lines) - 1} remembered readings cannot be read and are left out"
+        text = f"{damaged} of {len(lines) - 1} remembered readings cannot be read and are skipped"
         return [*said, self._damaged(text)]
 
     def _append(self, readings: Iterable[Reading]) -> list[Diagnostic]:

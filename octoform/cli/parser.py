@@ -224,7 +224,7 @@ def _access(commands: Commands) -> None:
 
 
 def _guarding(commands: Commands) -> None:
-    estop = add(commands, "estop", "refuse every actuator at once and run the stop actions; latched until cleared")
+    estop = add(commands, "estop", "refuse every actuator at once and run the stop actions; engaged until cleared")
     flag(estop, "clear", "allow actuators again")
     value(estop, "reason", "TEXT", "why; it is kept in the audit log")
     audit = add(commands, "audit", "show what was allowed, refused and approved")
@@ -356,7 +356,7 @@ def _reading(commands: Commands) -> None:
     graph.add_argument("-type", "--type", choices=("dot", "mermaid"), default="dot", help="the drawing language")
 
 
-_TIER1 = "as if nobody had said anything of the hardware: without profiles and answers"
+_TIER1 = "as if no one had said anything of the hardware: without profiles and answers"
 
 
 def _working(commands: Commands) -> None:

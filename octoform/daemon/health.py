@@ -161,7 +161,7 @@ def _process(facts: Facts) -> Iterable[Part]:
     elif facts.process is None:
         yield Part("endpoint", Status.DOWN, "its process does not run")
     elif facts.answers is None:
-        yield Part("endpoint", Status.UNKNOWN, "nobody has asked yet whether it answers")
+        yield Part("endpoint", Status.UNKNOWN, "no one has asked yet whether it answers")
     elif not facts.answers:
         yield Part("endpoint", Status.DOWN, "its process does not answer")
     else:

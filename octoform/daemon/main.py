@@ -408,7 +408,7 @@ def _run(
         composed = compose(found, environ, workers, shown)
     except OSError as problem:
         workers.end()
-        summary = f"the system lets nobody watch files: {problem.strerror}"
+        summary = f"the system lets no one watch files: {problem.strerror}"
         hint = "often too many watches are in use: sysctl fs.inotify.max_user_instances, fs.inotify.max_user_watches"
         return error("DAEMON-NO-EVENTS", summary, hint=hint)
     try:

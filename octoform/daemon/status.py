@@ -242,7 +242,7 @@ def _of_the_world(kind: Kind) -> str:
 
 def _of_finding(episode: Episode) -> Trouble:
     do = (episode.hint if episode.outcome is Outcome.SURFACED else "") or _of_the_world(episode.kind)
-    return Trouble(episode.target, episode.summary, None, episode, "nobody watches, so nothing is done about it", do)
+    return Trouble(episode.target, episode.summary, None, episode, "no one watches, so nothing is done about it", do)
 
 
 def _recall(shelf: Shelf) -> Recall:
@@ -260,7 +260,7 @@ def _todo(layout: Layout, health: Health, watched: Record | None, paused: str | 
     if record.is_marked(layout):
         yield "octoform start", "a person stopped the endpoint"
     if is_latched(layout):
-        yield "octoform estop -clear", "the emergency stop is latched"
+        yield "octoform estop -clear", "the emergency stop is engaged"
     if paused is not None:
         yield "octoform resume", "a person paused repairs"
     for name in health.pending:
@@ -270,4 +270,4 @@ def _todo(layout: Layout, health: Health, watched: Record | None, paused: str | 
     if question is not None:
         yield "octoform apply", f"takes up the hardware that changed; not done by itself: {'; '.join(question.why)}"
     if watched is None:
-        yield "octoform watch", "nobody watches: what breaks now stays broken"
+        yield "octoform watch", "no one watches: what breaks now stays broken"

@@ -150,7 +150,7 @@ def _token_notes(client: Client) -> list[str]:
 def _written(done: Outcome) -> Diagnostic:
     return warning(
         "CLIENT-TOKEN-WRITTEN",
-        f"the value of the token stands in {done.file.name}: {done.client.title} cannot refer to a variable",
+        f"the value of the token is in {done.file.name}: {done.client.title} cannot refer to a variable",
         path=str(done.file),
         hint="the file has mode 0600 now; keep it out of backups and git, or install with -transport stdio",
     )

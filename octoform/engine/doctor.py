@@ -225,7 +225,7 @@ class _Rounds:
             hint = (
                 f"prices: {{{agent.model}: {{input: ..., output: ...}}}} in octopus.yaml, dollars for a million tokens"
             )
-            return (failed("price", f"budget.usd is set, and nobody knows what {agent.model} costs", hint),)
+            return (failed("price", f"budget.usd is set, and no one knows what {agent.model} costs", hint),)
         whose = "octopus.yaml" if price.source == "manifest" else price.source
         return (passed("price", f"{price.input:g} and {price.output:g} dollars for a million tokens, by {whose}"),)
 

@@ -137,7 +137,7 @@ def unit_of(project: Path, environ: Mapping[str, str], *, own: bool) -> tuple[Un
     if layout is None:
         return None, found
     if not systemd.fits(layout):
-        return None, [error("SERVICE-PATH", "a path with a line break cannot stand in a unit", path=str(project))]
+        return None, [error("SERVICE-PATH", "a path with a line break cannot be in a unit", path=str(project))]
     name, account = systemd.unit_name(layout), getpass.getuser()
     path = systemd.unit_path(layout, environ) if own else SYSTEM_FOLDER / name
     programs, user = environ.get("PATH") or os.defpath, None if own else account

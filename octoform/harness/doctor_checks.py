@@ -87,7 +87,7 @@ def program_checks(harness: ProgramHarness, environ: Mapping[str, str]) -> tuple
 def _version(pin: Pin, located: Located, environ: Mapping[str, str], install: str) -> Check:
     stated = stated_version(located, environ)
     if stated.version is None:
-        return failed("version", f"{pin.binary} --version: {stated.problem}", f"install it anew: {install}")
+        return failed("version", f"{pin.binary} --version: {stated.problem}", f"install it again: {install}")
     if stated.version != pin.version:
         detail = f"{stated.version}; octoform was tried with {pin.version}"
         return unknown("version", detail, f"if it makes trouble: {install}, and no `command` in octopus.yaml")
@@ -172,7 +172,7 @@ def model_checks(
         first = failed("key", f"{key_name} is not set", f"export {key_name}, or name another variable in `key`")
     elif not is_sendable(key):
         first = failed(
-            "key", f"{key_name} holds blanks or characters that no request can carry", f"set {key_name} anew"
+            "key", f"{key_name} holds blanks or characters that no request can carry", f"set {key_name} again"
         )
     else:
         proxies = _proxies(environ, passed_on)

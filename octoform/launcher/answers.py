@@ -28,7 +28,7 @@ def estop(stop: Estop) -> Refused:
     """Nothing that moves is called while the emergency stop is latched."""
     return Refused(
         "estop",
-        f"emergency stop: latched by {stop.by} at {stop.since or 'an unknown time'} "
+        f"emergency stop: engaged by {stop.by} at {stop.since or 'an unknown time'} "
         f"({stop.reason or 'no reason given'}). "
         "Nothing that moves is called until a person runs octoform estop -clear",
     )
@@ -38,7 +38,7 @@ def overtaken() -> Refused:
     """An emergency stop came, and was cleared perhaps, while the call waited."""
     return Refused(
         "estop",
-        "emergency stop: it came after this call did, so the call is not made, whoever approved it before. "
+        "emergency stop: it came after this call did, so the call is not made, no matter who approved it before. "
         "Call the tool again if it still has to be done",
     )
 

@@ -97,7 +97,7 @@ class _Check:
         elif number != self._seq + 1 or prev != self._hash.encode("ascii"):
             self._wrong(self._misplaced(number))
         elif any(seal and number == seal[0] and digest != seal[1] for seal in (self._seal, self._witness)):
-            self._wrong(f"record {number} is not the one that was sealed: the log was written anew")
+            self._wrong(f"record {number} is not the one that was sealed: the log was written again")
         elif found["event"] == b"audit_seal_lost":
             self._wrong(f"the seal was missing when record {number} was written: the end may have been cut off before")
         self._records, self._seq, self._hash = self._records + 1, number, digest

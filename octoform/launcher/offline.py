@@ -94,7 +94,7 @@ def _emergency(folder: Path, *, stopping: bool) -> Any:
         actions, wrong = policy.stop_actions(folder / "policy.json")
         problems.extend(wrong)
     place = latch.Latch(_beside(folder, "run") / "estop.json")
-    unwritten = "the latch could not be written, so nothing is latched"
+    unwritten = "the latch could not be written, so nothing is engaged"
     return _module("stopping").Emergency(place, log, actions, tuple(problems), unwritten)
 
 

@@ -26,7 +26,7 @@ class Throttle(logging.Filter):
             if self._clock() - self._began >= WINDOW_SECONDS:
                 held, self._held, self._lines, self._began = self._held, 0, 0, self._clock()
                 if held:
-                    record.msg = f"({held} lines like this one were left out before it) {record.getMessage()}"
+                    record.msg = f"({held} lines like this one were omitted before it) {record.getMessage()}"
                     record.args = ()
             self._lines += 1
             if self._lines > MOST_LINES:

@@ -96,7 +96,7 @@ class Entry:
         if not self.claim:
             return (
                 "nothing moves: what a person has forbidden cannot be read, neither in the ledger of claims nor in "
-                f"{NAME}. A person looks at octoform claims, which starts both anew, and says what goes on"
+                f"{NAME}. A person looks at octoform claims, which starts both again, and says what goes on"
             )
         if self.expires is None:
             kind = f"the permanent restriction {self.kind}" if self.kind else "a permanent restriction"

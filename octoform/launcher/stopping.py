@@ -87,7 +87,7 @@ class Emergency:
         with _told(problems, self.unwritten):
             self.latch.engage(by, reason)
         if (why := self.latch.wordless) is not None:
-            problems.append(f"the latch stands, but has no room for who latched it and why: {_sentence(why)}")
+            problems.append(f"the latch stands, but has no room for who engaged it and why: {_sentence(why)}")
         running = _interrupted(interrupt, problems)
         act = partial(_begin, self.actions, find or node_of)
         jobs = act()
@@ -138,7 +138,7 @@ class Emergency:
                     self.latch.clear(by)
             latched = self.latch.engaged() is not None
         if latched:
-            problems.append("the emergency stop stays latched")
+            problems.append("the emergency stop stays engaged")
         return {"ok": not latched, "latched": latched, "estop": _words(estop), "problems": problems}
 
     def _record(self, problems: list[str], event: str, **fields: Any) -> bool:

@@ -57,9 +57,9 @@ class Tokens:
         try:
             tokens = read(self._path)
         except FileNotFoundError:
-            say("there are no tokens, so nobody gets in over the network; octoform token create makes one")
+            say("there are no tokens, so no one gets in over the network; octoform token create makes one")
             return {}
         except (OSError, ValueError) as problem:
-            say(f"the tokens cannot be read ({problem!r}), so nobody gets in over the network: {self._path}")
+            say(f"the tokens cannot be read ({problem!r}), so no one gets in over the network: {self._path}")
             return {}
         return {token.sha256: token for token in tokens}

@@ -128,7 +128,7 @@ def picture_of(tool: str, result: CallResult) -> tuple[bytes, str] | Diagnostic:
     block = next((item for item in result.content if item.get("type") == "image"), None)
     if block is None:
         kinds = ", ".join(sorted({str(item.get("type")) for item in result.content})) or "nothing"
-        hint = "a camera's tool gives its picture as image content; octoform apply -replace serve writes it anew"
+        hint = "a camera's tool gives its picture as image content; octoform apply -replace serve writes it again"
         summary = f"the answer of {tool} holds no picture"
         return error("PERCEPTION-NO-PICTURE", summary, detail=f"it holds: {kinds}", hint=hint)
     try:
@@ -146,5 +146,5 @@ def judged(tool: str, data: bytes, mime: str, seen: Decoded | None) -> Taken | D
 
 
 def _broken(tool: str, reason: str) -> Diagnostic:
-    hint = "take another one; if it stays so, octoform apply -replace serve writes the tool anew"
+    hint = "take another one; if it stays so, octoform apply -replace serve writes the tool again"
     return error("PERCEPTION-BROKEN-PICTURE", f"the picture of {tool} is broken", detail=reason, hint=hint)

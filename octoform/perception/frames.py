@@ -273,7 +273,7 @@ def read(layout: Layout) -> tuple[Record | None, list[Diagnostic]]:
     try:
         return Record.model_validate_json(data), []
     except ValidationError:
-        summary = "this is no record of frames; it is begun anew"
+        summary = "this is no record of frames; it is begun again"
         return None, [warning("PERCEPTION-FRAMES", summary, path=shown(path), hint="nothing has to be done")]
 
 

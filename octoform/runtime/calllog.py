@@ -123,7 +123,7 @@ def _now() -> str:
 def _write(line: dict[str, Any]) -> None:
     text = json.dumps(line, ensure_ascii=True)
     if len(text) > LINE_CHARS and "arguments" in line:
-        text = json.dumps({**line, "arguments": {"...": f"{len(line['arguments'])} arguments left out"}})
+        text = json.dumps({**line, "arguments": {"...": f"{len(line['arguments'])} arguments omitted"}})
     data = text.encode("ascii") + b"\n"
     place = os.environ.get("OCTOFORM_CALL_LOG")
     try:

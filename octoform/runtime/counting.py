@@ -19,7 +19,7 @@ from typing import Any, NamedTuple
 from . import stops
 from .faults import DeviceFault
 
-ANEW = "the device was attached anew"
+ANEW = "the device was attached again"
 
 
 class Step(NamedTuple):

@@ -107,7 +107,7 @@ def device(device_id: str, actuate: bool = False) -> Device:
 
 def _unknown_specimen(device_id: str) -> str:
     return (
-        f"which specimen {device_id} is cannot be read on this machine, and what moves something is not guessed; "
+        f"which unit {device_id} is cannot be read on this machine, and what moves something is not guessed; "
         "run `octoform apply -replace probe`"
     )
 

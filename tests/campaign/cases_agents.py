@@ -132,8 +132,8 @@ def _stopped_while(stage: str, bench: Bench) -> None:
     bench.undo.append(partial(bench.project.run, "estop", "-clear"))
     time.sleep(PAUSE + 4.0)
     assert (bench.layout.run / "estop.json").exists(), "the emergency stop is gone"
-    assert _asked(bench, "heal") == healed, "HEAL is asked while an emergency stop is latched"
-    assert bench.protected() == bench.before, "something is exchanged while an emergency stop is latched"
+    assert _asked(bench, "heal") == healed, "HEAL is asked while an emergency stop is engaged"
+    assert bench.protected() == bench.before, "something is exchanged while an emergency stop is engaged"
     bench.project.run("estop", "-clear", status=0)
 
 

@@ -105,7 +105,7 @@ def _unwatched(bench: Bench) -> None:
 
 def _told_of_watches(bench: Bench) -> list[str]:
     """A daemon that sees less says so."""
-    found = [] if "DAEMON-FEW-WATCHES" in bench.log.read_text() else ["nobody was told that folders are not watched"]
+    found = [] if "DAEMON-FEW-WATCHES" in bench.log.read_text() else ["no one was told that folders are not watched"]
     bench.end_daemon()
     bench.watch()
     return found

@@ -135,7 +135,7 @@ CASES = (
     told("HEAL writes a server that does not compile", "F15", HEALING, watch=watch(), heal=heal("broken")),
     told("HEAL deletes a tool", "F16", HEALING, watch=watch(), heal=heal("without_tool")),
     Case(
-        "HEAL mends the tool",
+        "HEAL fixes the tool",
         lambda bench: broken(bench, watch=watch(), heal=heal("mended")),
         FAILING,
         HEALING,

@@ -83,7 +83,7 @@ def _waits(case: Case, bench: Bench, result: Result, known: set[str], began: flo
     mended = time.monotonic()
     right = case.right or Bench.serves
     if not until(lambda: right(bench), case.repair * PATIENCE):
-        result.missed.append("it does not work although the world mended it")
+        result.missed.append("it does not work although the world fixed it")
         return
     result.repaired = time.monotonic() - mended
     _closes(bench, result, known)

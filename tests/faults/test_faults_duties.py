@@ -205,7 +205,7 @@ def test_a_report_is_held_to_what_was_given_and_changes_nothing(bench: Bench) ->
     assert server.read_text() == BROKEN and bench.process == pid
     given = json.loads((bench.project.attempts("watch")[-1] / "input.json").read_text())
     assert given["readings"] == [READING] and given["failures"] == [FAILURE]
-    reason = "perception is off: nobody looks through a camera"
+    reason = "perception is off: no one looks through a camera"
     assert given["perception"] == {"available": False, "reason": reason, "summary": None}
     assert "OSError" in given["log"] and len(given["log"].encode()) <= 16384
     assert [tool["name"] for tool in given["tools"]] == [TOOL]

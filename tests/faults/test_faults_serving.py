@@ -127,5 +127,5 @@ def test_a_stage_that_is_sent_back_to_has_the_budget_of_one_run(project: Project
     project.manifest = {"stages": f"{{{stage}: {{budget: {{attempts: 1}}}}}}"}
     done = project.apply(status=1)
     assert (project.stages_run().count("serve"), project.stages_run().count("deploy")) == (1, 1)
-    assert f"the budget of {stage} has nothing left to mend it with" in done.text
+    assert f"the budget of {stage} has nothing left to fix it with" in done.text
     assert "ENDPOINT-TOOL-BROKEN" in done.text

@@ -51,7 +51,7 @@ CASES = {
     "broken arguments": Case([{"malformed": "json"}, *WORK], FINISHED),
     "unknown tool": Case([{"malformed": "unknown_tool"}, *WORK], FINISHED),
     "missing arguments": Case([{"malformed": "missing_args"}, *WORK], FINISHED),
-    "same call for ever": Case([{"shell": "true"}], Expected(ExitReason.TURN_LIMIT), {"turns": 6}),
+    "same call permanently": Case([{"shell": "true"}], Expected(ExitReason.TURN_LIMIT), {"turns": 6}),
     "cut": Case([{"text": "half of this is lost", "drop": "mid"}], UNREACHABLE, waits=True),
     "words only": Case([{"text": "All is well."}], Expected(ExitReason.FINISHED)),
 }

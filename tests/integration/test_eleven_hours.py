@@ -291,7 +291,7 @@ def registers(rig: VirtualRig) -> dict[str, Any]:
 
 def skipped(joint: dict[str, Any]) -> dict[str, Any]:
     """A joint's part of a result of a server that leaves it out."""
-    kept = {"joint": joint["joint"], "id": joint["id"], "skipped": "left out because it gets hot"}
+    kept = {"joint": joint["joint"], "id": joint["id"], "skipped": "skipped because it gets hot"}
     return {**dict.fromkeys(joint), **kept}
 
 

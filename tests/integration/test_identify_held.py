@@ -184,7 +184,7 @@ WRONG: dict[str, tuple[Change, str, str]] = {
         "IDENTIFY-QUOTE-NOT-VERBATIM",
         "copy it",
     ),
-    "a profile that nobody has": (
+    "a profile that no one has": (
         named(RELAY, "Bench Relay", "profile", "product: Bench Relay", profile="relay"),
         "IDENTIFY-PROFILE-EVIDENCE",
         "relay",

@@ -96,7 +96,7 @@ WRONG: dict[str, tuple[Change, str, str]] = {
         WAIT,
         "at most 60",
     ),
-    "a wait for ever": (takes("read_temperature", "timeout", {"type": "number", "default": 1}), WAIT, "for ever"),
+    "a wait permanently": (takes("read_temperature", "timeout", {"type": "number", "default": 1}), WAIT, "permanently"),
     "a wait in milliseconds": (
         takes("set_led", "timeout_ms", {"type": "integer", "minimum": 0, "maximum": 120_000, "default": 9}),
         WAIT,

@@ -207,7 +207,7 @@ def test_status_tells_of_a_latched_emergency_stop_also_when_nothing_runs(bench: 
         json.dumps({"format": 1, "by": "anna", "reason": "smoke \x1b[1m", "since": "2026-01-01T00:00:00Z"})
     )
     try:
-        words = "emergency stop latched by anna at 2026-01-01T00:00:00Z: smoke \\x1b[1m"
+        words = "emergency stop engaged by anna at 2026-01-01T00:00:00Z: smoke \\x1b[1m"
         assert words in octoform(bench, "status").stdout
         bench.stop()
         assert words in octoform(bench, "status").stdout

@@ -122,7 +122,7 @@ def test_what_was_given_up_costs_nothing_more_and_stays_so_until_a_person_asks(b
     # A person mends it while HEAL is still thinking: the call that works then is the end of the trouble.
     broken(bench, heal={**heal("broken"), "sleep": 3.0})
     bench.project.run("heal", "-retry", TARGET, status=0)
-    assert until(lambda: asked(bench)[spent:].count("heal") >= 1, LONG), "nobody is asked although a person wants it"
+    assert until(lambda: asked(bench)[spent:].count("heal") >= 1, LONG), "no one is asked although a person wants it"
     assert until(lambda: any(bench.layout.attempts.glob("*-heal-*/input.json")), LONG)
     failures = given(bench, "heal")["failures"]
     assert [each["tool"] for each in failures] == ["weigh"] and failures[0]["count"] >= 1

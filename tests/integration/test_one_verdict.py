@@ -181,7 +181,7 @@ def test_a_daemon_that_died_vouches_for_nothing(bench: Bench) -> None:
         daemon.communicate(timeout=30)
     assert becomes(bench.http, "unknown") == "unknown"
     assert bench.status() == bench.health() == "healthy", "these two look themselves"
-    assert "octoform watch" in bench.project.run("health").out, "nobody watches it, and that is said"
+    assert "octoform watch" in bench.project.run("health").out, "no one watches it, and that is said"
     lines = bench.metrics.read_text().splitlines()
     written = next(line for line in lines if line.startswith("octoform_last_round_timestamp_seconds"))
     assert 0 <= time.time() - float(written.split()[-1]) < 60, "the file tells how old it is"

@@ -70,7 +70,7 @@ WRONG: dict[str, tuple[Callable[[Probe], None], str, str]] = {
     "an invented device": (invented, "PROBE-DEVICE-UNKNOWN", "the host shows no device"),
     "other numbers": (changed(CAMERA, pid="00c2"), "PROBE-CONTRADICTED", "'00c1'"),
     "one device twice": (doubled, "PROBE-DEVICE-UNKNOWN", "one too many"),
-    "a camera left out": (camera_left_out, "PROBE-DEVICE-MISSING", "Bench Cam"),
+    "a camera skipped": (camera_left_out, "PROBE-DEVICE-MISSING", "Bench Cam"),
     "an interpretation": (added("kind: pan and tilt robot"), "PROBE-TEXT-NOT-OF-HOST", "'robot'"),
     "an interpretation as a key": (added("robot arm: bench"), "PROBE-TEXT-NOT-OF-HOST", "'arm'"),
     "a name from memory": (changed(CAMERA, name="Example BRIO"), "PROBE-TEXT-NOT-OF-HOST", "'brio'"),
@@ -83,7 +83,7 @@ WRONG: dict[str, tuple[Callable[[Probe], None], str, str]] = {
     ),
     "the number of an ACPI id": (changed(f"{BUS}-2", id=f"{BUS}-1"), "PROBE-DEVICE-UNKNOWN", f"calls it '{BUS}-2'"),
     "the class of another unit": (changed(STICK, classes=["block"]), "PROBE-CONTRADICTED", "none"),
-    "a class left out": (changed(CAMERA, classes=[]), "PROBE-CONTRADICTED", "video4linux"),
+    "a class skipped": (changed(CAMERA, classes=[]), "PROBE-CONTRADICTED", "video4linux"),
     "another driver": (changed(CAMERA, drivers=["gspca"]), "PROBE-CONTRADICTED", "uvcvideo"),
     "another serial number": (
         changed(CAMERA, instance={"serial": "CAM-99999"}),
@@ -92,9 +92,9 @@ WRONG: dict[str, tuple[Callable[[Probe], None], str, str]] = {
     ),
     "a device called a neighbour": (changed(CAMERA, context=True), "PROBE-CONTRADICTED", "context"),
     "another system": (relabelled, "PROBE-CONTRADICTED", "'12'"),
-    "a scan left out": (scans_left_out, "PROBE-SCAN-UNTOLD", "'usb'"),
+    "a scan skipped": (scans_left_out, "PROBE-SCAN-UNTOLD", "'usb'"),
     "devices of a scan that was denied": (scan_denied, "PROBE-SCAN-UNTOLD", "'usb'"),
-    "listed and left out": (twice, "PROBE-LEFT-OUT", "listed as well"),
+    "listed and skipped": (twice, "PROBE-LEFT-OUT", "listed as well"),
 }
 
 

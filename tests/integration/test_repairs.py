@@ -29,7 +29,7 @@ from octoform.state.store.store import StateStore
 
 pytestmark = pytest.mark.dear
 
-NOT_WANTED = [["left_out"], [{"id": CAMERA, "reason": "a camera that nobody here asks for"}]]
+NOT_WANTED = [["left_out"], [{"id": CAMERA, "reason": "a camera that no one here asks for"}]]
 OTHERWISE: dict[str, object] = {
     "probe": [{"mutate": [NOT_WANTED, [["scan_methods", 1, "status"], "ok"]]}],
     "identify": [{"mutate": [[["devices", 0, "confidence"], 0.75]]}],

@@ -119,7 +119,7 @@ def test_what_a_trial_found_stands_until_the_next_trial_however_many_servers_are
     first, told, last = project.attempts("serve")
     assert "ENDPOINT-TOOL-BROKEN" not in prompt(first)
     assert "ENDPOINT-TOOL-BROKEN" in prompt(told) and "no_such_clock" in (told / "former-server.py").read_text()
-    assert "ENDPOINT-TOOL-BROKEN" in prompt(last), "nobody has tried another one yet"
+    assert "ENDPOINT-TOOL-BROKEN" in prompt(last), "no one has tried another one yet"
     assert "Why the earlier attempt was refused" in prompt(last) and "eval" in prompt(last)
     assert (last / "seen").read_text() == (project.outside / "refused.py").read_text()
 

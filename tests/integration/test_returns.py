@@ -57,7 +57,7 @@ def test_a_return_has_the_budget_of_one_run(project: Project, stage: str) -> Non
     project.manifest = {"stages": f"{{{stage}: {{budget: {{attempts: 1}}}}}}"}
     done = project.apply("-target", "interface", status=1)
     assert ran(project) == (1, 1)
-    assert f"the budget of {stage} has nothing left to mend it with" in done.text
+    assert f"the budget of {stage} has nothing left to fix it with" in done.text
 
 
 def test_a_device_that_identify_does_not_have_is_no_objection(project: Project) -> None:

@@ -106,8 +106,8 @@ def test_the_plan_tells_beforehand(lender: Project) -> None:
     assert [then[node]["loan"]["certain"] for node in ("identify", "interface")] == [True, True]
     assert [then[node]["calls_agent"] for node in ("identify", "interface")] == [False, False]
     text = other.run("plan", "-target", "interface", status=0).out
-    assert "taken over from host bench, verified here; no agent runs" in text
-    assert "Agent runs: none; all is taken over." in text
+    assert "reused from host bench, verified here; no agent runs" in text
+    assert "Agent runs: none; all is reused." in text
 
 
 def test_no_reuse_runs_every_agent(lender: Project) -> None:
@@ -258,7 +258,7 @@ def test_outside_a_repository_the_projects_own_hosts_lend(lender: Project) -> No
 
 
 def test_what_was_never_promoted_is_lent_once_it_is(lender: Project) -> None:
-    line = "Every quote stands in quotation marks."
+    line = "Every quote is in quotation marks."
     lender.script = {"identify": [{"write": "no json"}, {"edit_spec": line}]}
     lender.apply("-target", "identify", "-replace", "identify", status=0)
     lender.script = {}
@@ -340,7 +340,7 @@ def test_behind_five_that_do_not_hold_the_agent_is_asked(lender: Project) -> Non
     before = len(lender.agent_runs())
     done = other.apply("-target", "identify", status=0)
     assert lender.stages_run()[before:] == ["probe", "identify"]
-    assert notices(done).count("not taken over") == 5
+    assert notices(done).count("not reused") == 5
 
 
 def test_another_spec_harness_or_model_is_another_key(lender: Project) -> None:

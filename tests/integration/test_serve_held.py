@@ -437,7 +437,7 @@ RIGHT = {
                     problem = found
             raise ToolError(f"{name} gave no reading in three tries: {problem}")
         """,
-    "channels that fail are left out": """
+    "channels that fail are skipped": """
         def reads(name):
             values, failed = [], 0
             for path in runtime.files(runtime.device(name).path("hwmon"), "temp*_input"):

@@ -177,7 +177,7 @@ def test_a_unit_is_shown_asked_for_written_and_given_to_systemd(systemd: Systemd
     assert systemd.told()[:2] == [["daemon-reload"], ["enable", "--now", NAME]]
     assert systemd.told()[-1] == ["enable", "--now", WATCH]
     assert (systemd.units / WATCH).stat().st_mode & 0o777 == 0o600
-    assert bench.process.pid != before, "the process that belonged to nobody was stopped first"
+    assert bench.process.pid != before, "the process that belonged to no one was stopped first"
     assert bench.process.pid == int((systemd.folder / "pid").read_text())
 
 
@@ -234,7 +234,7 @@ def test_uninstall_stops_the_endpoint_and_leaves_nothing(systemd: Systemd, bench
     assert systemd.told()[-1] == ["daemon-reload"]
     assert "was not installed" in octoform(systemd, bench, "service", "uninstall", "-user").stdout
     assert octoform(systemd, bench, "service", "install", "-user", "-auto-approve").returncode == 0
-    assert not is_marked(bench.layout), "whoever installs it wants it to run"
+    assert not is_marked(bench.layout), "anyone who installs it wants it to run"
 
 
 @pytest.mark.parametrize("verb", ["install", "uninstall"])

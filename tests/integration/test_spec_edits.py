@@ -6,7 +6,7 @@ from typing import Any
 import pytest
 from projects import SHIPPED, Project
 
-LINE = "Every quote stands in quotation marks."
+LINE = "Every quote is in quotation marks."
 
 
 @pytest.fixture

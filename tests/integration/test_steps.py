@@ -135,7 +135,7 @@ def test_each_joint_was_moved_and_came_back_and_nothing_is_left_to_do(bench: Ben
 def test_a_step_without_a_device_is_skipped_and_no_agent_runs(bench: Bench) -> None:
     node = bench.project.nodes()["step.rail"]
     assert node["status"] == "accepted" and node["attempts"] == 0
-    assert node["detail"]["skipped"] == "no device of this host is corroborated by the profile camera-rail"
+    assert node["detail"]["skipped"] == "no device of this host is matched by the profile camera-rail"
     assert bench.project.attempts("step.rail") == []
 
 

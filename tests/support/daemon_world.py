@@ -234,7 +234,7 @@ class DaemonWorld:
         """Carry it out, as ``mends`` has it."""
         self.made.append((self.now, repair, finding.target))
         mend = self.mends.get(repair)
-        return Done(False, "nobody can do that here", again=False) if mend is None else mend(self, finding)
+        return Done(False, "no one can do that here", again=False) if mend is None else mend(self, finding)
 
     def sample(self) -> Iterable[Reading]:
         """The sensors; nothing where no process runs."""

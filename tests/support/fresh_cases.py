@@ -23,7 +23,7 @@ PROBE_WRONG: dict[str, tuple[str, Any]] = {
     "what hangs on it": ("bench", probe.line(LINE, "connected: SO-ARM101 servo bus")),
     "one camera counted as two": ("rig", probe.again(CAMERA, f"{CAMERA}-2")),
     "a network's name": ("laptop", probe.line(WIFI, "ssid: HomeNet-5G")),
-    "a sensor that nobody bound": (
+    "a sensor that no one bound": (
         "raspberry",
         probe.add("i2c-bme280", "bme280", "i2c", "name: bme280\ndriver: bme280", classes=["iio"]),
     ),
@@ -78,7 +78,7 @@ IDENTIFY_WRONG: dict[str, tuple[str, Any]] = {
     ),
     "a camera that is unknown": ("laptop", identify.unknown(KESTREL, "What is this camera?")),
     "a quote of two lines": ("laptop", put(KESTREL, evidence=cited("driver: uvcvideo product: Kestrel"))),
-    "an answer that nobody gave": ("bench", called(LINE, "heater of the bench", method="user_answer")),
+    "an answer that no one gave": ("bench", called(LINE, "heater of the bench", method="user_answer")),
     "two questions": ("bench", identify.unknown(LINE, "What is connected to it? And who built it?")),
     "a shell": ("laptop", more(KEYS, "run_shortcut", description="Run any command by its key.", effect="actuate")),
     "a sound card that listens for a word": (
@@ -148,7 +148,7 @@ INTERFACE_WRONG: dict[str, Any] = {
         "read_brightness", "device", {**TEXT, "enum": ["left panel", "right panel"]}
     ),
     "all devices at once": interface.takes("read_brightness", "device", {**TEXT, "enum": [*interface.PANELS, "all"]}),
-    "a device that is served and left out": interface.left(interface.CAMERA, "no_function"),
+    "a device that is served and skipped": interface.left(interface.CAMERA, "no_function"),
     "a picture's number instead of its camera": interface.takes(
         "capture_image", "device_path", {**TEXT, "maxLength": 40, "default": "0"}
     ),

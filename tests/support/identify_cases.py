@@ -690,7 +690,7 @@ WRONG: dict[str, tuple[str, Change, str, str]] = {
         "drop",
     ),
     # Profiles and answers.
-    "a profile that nobody has": ("rig", put(ARM, profile="so-arm100"), PROFILE, "so-arm101"),
+    "a profile that no one has": ("rig", put(ARM, profile="so-arm100"), PROFILE, "so-arm101"),
     "a profile of another device": (
         "rig",
         put(CAMERA, profile="camera-rail", method="profile"),
@@ -741,7 +741,7 @@ WRONG: dict[str, tuple[str, Change, str, str]] = {
         GRAMMAR,
         'write \\"stops\\": false',
     ),
-    "an answer that nobody gave": (
+    "an answer that no one gave": (
         "bench",
         called(LINE, "a robot arm", USB_SERIAL, method="user_answer"),
         "IDENTIFY-ANSWER-INVENTED",
@@ -1176,7 +1176,7 @@ RIGHT: dict[str, tuple[str, Change]] = {
     "a node's pattern in its way": ("laptop", more(KESTREL, "read_zoom_level", via="V4L2 (/dev/video*), v4l2-ctl")),
     "a light that is switched": ("raspberry", put(LEDS, category="actuator")),
     "a query with an object": ("laptop", more(BATTERY, "query_charge_level", description="How full the battery is.")),
-    "a board that is left out": ("laptop", out(BOARD, "out_of_scope", detail="the computer itself")),
+    "a board that is skipped": ("laptop", out(BOARD, "out_of_scope", detail="the computer itself")),
     "a serial line left to its owner": (
         "bench",
         out(LINE, "not_permitted", detail="the node belongs to another group"),

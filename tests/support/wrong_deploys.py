@@ -101,7 +101,7 @@ WRONG: dict[str, tuple[Any, str]] = {
     "a package with an empty reason": (requires("requests", "2.32.0", " "), UNUSED),
     "an import that is not there": (both(requires("requests", "2.32.0"), imports("requests", "requests")), NOT_THERE),
     "an import of another spelling": (imports("pyserial", "pyserial"), NOT_THERE),
-    "an import left out": (lambda value: value["imports"].pop(2), LACKS),
+    "an import skipped": (lambda value: value["imports"].pop(2), LACKS),
     "a provider that is not required": (provider(2, "serial"), PROVIDER),
     "the standard library for a package": (provider(3, "python"), PROVIDER),
     "the runtime for a package": (provider(1, "runtime"), PROVIDER),
@@ -125,7 +125,7 @@ WRONG: dict[str, tuple[Any, str]] = {
         lambda value: value.update(programs=[{"name": "ffmpeg"}]),
         "DEPLOY-PROGRAMS-DIFFER",
     ),
-    "a failure of what nobody asked for": (failed("torch"), "DEPLOY-FAILED-UNKNOWN"),
+    "a failure of what no one asked for": (failed("torch"), "DEPLOY-FAILED-UNKNOWN"),
 }
 
 

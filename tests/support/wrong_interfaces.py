@@ -85,7 +85,7 @@ WRONG: dict[str, tuple[Any, str]] = {
     ),
     "bounds beyond all sense": (number({"type": "number", "minimum": -1e300, "maximum": 1e300}), BOUNDS),
     "an hour": (takes("read_input_events", "seconds", {"type": "number", "minimum": 0, "maximum": 3600}), WAIT),
-    "for ever": (takes("read_temperature", "timeout", {"type": "number", "default": 1}), WAIT),
+    "permanently": (takes("read_temperature", "timeout", {"type": "number", "default": 1}), WAIT),
     "two minutes in milliseconds": (
         takes("read_led", "timeout_ms", {"type": "integer", "maximum": 120_000, "default": 9}),
         WAIT,
@@ -172,7 +172,7 @@ WRONG: dict[str, tuple[Any, str]] = {
         "INTERFACE-DEVICE-PARAMETER",
     ),
     "any text for the device": (takes("read_brightness", "device", TEXT), "INTERFACE-DEVICE-PARAMETER"),
-    "a tool left out": (
+    "a tool skipped": (
         lambda value: value["tools"].remove(tool(value, "read_input_events")),
         "INTERFACE-CAPABILITY-WITHOUT-TOOL",
     ),

@@ -612,7 +612,7 @@ SHAPES: dict[str, Case] = {
         "SERVE-SHELL",
     ),
     "code from a device": (read_by(f"value = eval(({FILE}).read_text())"), "SERVE-DYNAMIC-CODE"),
-    "a tool left out": (swap("mcp.tool(runtime.logged(read_led), annotations=READ)\n", ""), "SERVE-TOOLS-DIFFER"),
+    "a tool skipped": (swap("mcp.tool(runtime.logged(read_led), annotations=READ)\n", ""), "SERVE-TOOLS-DIFFER"),
     "a tool without the log": (swap("mcp.tool(runtime.logged(read_led)", "mcp.tool(read_led"), "SERVE-TOOL-NOT-LOGGED"),
 }
 GROUPS = {

@@ -153,7 +153,7 @@ def _shared(path: Path) -> Diagnostic:
         "APPLY-OUTSIDE-WRITE",
         "a file of octoform's installation was changed while the agent ran; it was left as it is",
         path=str(path),
-        hint="if you have just installed another octoform, apply again; if not, install it anew",
+        hint="if you have just installed another octoform, apply again; if not, install it again",
     )
 
 

@@ -171,7 +171,7 @@ def _changed(old: Parts, new: Parts, reach: Reach, named: frozenset[str]) -> Ite
     gone |= _registered(old) - _registered(new)
     if gone:
         summary = f"the rewritten server no longer has {listed(sorted(gone))}"
-        yield error(CODE, summary, path="server.py", hint="a function is mended, never removed")
+        yield error(CODE, summary, path="server.py", hint="a function is fixed, never removed")
     for unit in _differing(new, old):
         names = _functions([unit])
         if not names:

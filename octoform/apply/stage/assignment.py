@@ -198,7 +198,7 @@ def unaffordable(context: Context, assignment: Assignment, left: float | None) -
     if assignment.harness.name not in UNMEASURED and assignment.price(context) is None:
         return error(
             "APPLY-PRICE-UNKNOWN",
-            f"budget.usd is set, and nobody knows what {assignment.model} costs",
+            f"budget.usd is set, and no one knows what {assignment.model} costs",
             hint=f"add it to octopus.yaml: prices: {{{assignment.model}: {{input: ..., output: ...}}}}",
         )
     return None

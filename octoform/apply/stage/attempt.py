@@ -66,7 +66,7 @@ echo "$key" > {REQUEST}.new && mv {REQUEST}.new {REQUEST} || exit 2
 tenths=0
 while [ "$(head -n 1 {SAID} 2>/dev/null)" != "$key" ]; do
     tenths=$((tenths + 1))
-    [ "$tenths" -gt {_WAIT_TENTHS} ] && echo "nobody has answered; end when you are done" && exit 2
+    [ "$tenths" -gt {_WAIT_TENTHS} ] && echo "no one has answered; end when you are done" && exit 2
     sleep 0.1
 done
 tail -n +3 {SAID}

@@ -52,7 +52,7 @@ def take(context: Context, stage: str, key: str) -> Finished | None:
             first = next(item for item in verdict.diagnostics if item.severity == "error")
             reason = f"does not hold here ({first.code}: {first.summary})"
         refused += 1
-        context.emit(events.Notice(stage, f"the output of host {donor.host} {reason}; not taken over"))
+        context.emit(events.Notice(stage, f"the output of host {donor.host} {reason}; not reused"))
     return None
 
 
@@ -65,7 +65,7 @@ def _verdict(context: Context, stage: str, donor: Donor, data: bytes) -> Verdict
     if not verdict.accepted:
         return verdict
     detail = {**verdict.detail, "reused": provenance(context, donor)}
-    return replace(verdict, detail=detail, found=f"{verdict.found}; taken over from host {donor.host}")
+    return replace(verdict, detail=detail, found=f"{verdict.found}; reused from host {donor.host}")
 
 
 def _gate(context: Context, task: Task, data: bytes) -> Verdict:

@@ -181,7 +181,7 @@ def _declared(context: Context, source: str) -> tuple[Environment | None, list[D
             environment, kept = tried, [*kept, item]
             continue
         said = "\n".join(problem.detail or problem.summary for problem in problems)
-        hint = "DEPLOY reports it as failed, and the tools that need it are left out"
+        hint = "DEPLOY reports it as failed, and the tools that need it are skipped"
         told.append(
             warning("SERVE-DEPENDENCY-FAILED", f"{shown_text(item)} cannot be had here", detail=said, hint=hint)
         )
@@ -231,7 +231,7 @@ def prove_deploy(context: Context, _: Task, deploy: Mapping[str, Any]) -> Proof:
         tools = listed(sorted(name for name, one in left.items() if one == package))
         reason = next(item["reason"] for item in deploy["deps_failed"] if item["name"] == package)
         summary = f"{shown_text(package)} could not be installed, so the endpoint has no {tools}"
-        hint = "octoform apply -replace serve makes the server anew, once the package can be had"
+        hint = "octoform apply -replace serve makes the server again, once the package can be had"
         found.append(warning("DEPLOY-DEPENDENCY-FAILED", summary, detail=reason, hint=hint))
     found += _programs_missing(context, deploy)
     context.emit(events.Checking("deploy", STARTING))

@@ -217,7 +217,7 @@ def _of_nothing() -> Diagnostic:
 
 
 def _not_approved() -> Diagnostic:
-    hint = "answer yes on a terminal, or give -auto-approve where nobody can be asked"
+    hint = "answer yes on a terminal, or give -auto-approve where no one can be asked"
     return error("CLAIM-NOT-APPROVED", "nothing was decided: it was not approved", hint=hint)
 
 

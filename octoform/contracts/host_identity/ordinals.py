@@ -138,5 +138,5 @@ def _content(device: JsonObject) -> tuple[Any, ...]:
 def _notice(base: str, missing: list[str]) -> str:
     return (
         f"which of the equal devices {', '.join(missing)} is which cannot be told any more: they have no serial number "
-        f"of their own and are in other ports; the ids of {base} are counted by port anew"
+        f"of their own and are in other ports; the ids of {base} are counted by port again"
     )

@@ -378,7 +378,7 @@ def deploy_lock(lock_text: str, deploy: JsonObject, path: str | None = None) -> 
     for item in deploy["requirements"]:
         version = locked.get(normalised(item["name"]))
         if version != item["version"]:
-            found = f"has version {version}" if version else "does not stand in the lock"
+            found = f"has version {version}" if version else "is not in the lock"
             summary = f"{shown(item['name'])} {found}; DEPLOY requires exactly {item['version']}"
             out.append(error("DEPLOY-LOCK-MISSING", summary, path=path, hint="resolve the lock again"))
     return out

@@ -56,7 +56,7 @@ def action_misfit(value: JsonObject, _: Artifacts) -> Found:
         problem = f"the status is {status}, and the action is {action}", "write none, or repaired"
     elif action not in (NONE, *allowed):
         hint = f"the class {value['class']} has {' or '.join(allowed)}" if allowed else "write none: a person is asked"
-        problem = f"the action {action} mends no error of the class {value['class']}", hint
+        problem = f"the action {action} fixes no error of the class {value['class']}", hint
     if problem is None:
         return []
     return [error("HEAL-ACTION-MISFIT", problem[0], pointer="/action", hint=problem[1])]
@@ -126,7 +126,7 @@ READS_LESS, INVENTS = "HEAL-READS-LESS", "HEAL-INVENTS"
 PATH = "server.py"
 _LASTING = frozenset({"runtime.device", "runtime.bus"})
 """What each tool begins with; the other names of the runtime may be asked for wrongly, like those of a library."""
-_KEEP = "mend what is asked wrongly, and go on asking; a tool that cannot be mended so is left as it is"
+_KEEP = "fix what is asked wrongly, and go on asking; a tool that cannot be fixed so is left as it is"
 _NO_VALUE = "return what was read, and let a failure be an error; no reading is invented or replaced by a default"
 
 

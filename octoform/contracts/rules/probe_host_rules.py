@@ -86,7 +86,7 @@ def missing_device(value: JsonObject, known: Artifacts) -> list[Diagnostic]:
     if not missing:
         return []
     count = f"{len(missing)} devices" if len(missing) > 1 else "1 device"
-    hint = "list each with what the system says of it; what cannot be listed stands in left_out, with a reason"
+    hint = "list each with what the system says of it; what cannot be listed is in left_out, with a reason"
     out = []
     # A prompt cuts a long finding, so that each names as many as it can show.
     for first in range(0, len(missing), LISTED_AT_ONCE):
@@ -112,16 +112,16 @@ def left_out(value: JsonObject, known: Artifacts) -> list[Diagnostic]:
     for index, item in enumerate(value.get("left_out", ())):
         name, where = shown(item["id"]), pointer("left_out", index, "id")
         if item["id"] in listed:
-            found = f"{name} is left out and listed as well", "take it out of one of the two"
+            found = f"{name} is skipped and listed as well", "take it out of one of the two"
         elif _FILTER.search(item["reason"]):
-            found = f"{name} is left out because {shown(item['reason'])}: PROBE does not choose", "list it"
+            found = f"{name} is skipped because {shown(item['reason'])}: PROBE does not choose", "list it"
         else:
             continue
         out.append(error("PROBE-LEFT-OUT", found[0], pointer=where, hint=found[1]))
     count = sum(item["id"] in (true or {}) for item in value.get("left_out", ()))
     units = sum(map(_stands_alone, (true or {}).values()))
     if true is not None and count > max(FEW, units // 4):
-        summary = f"{count} of the {units} devices of the host are left out"
+        summary = f"{count} of the {units} devices of the host are skipped"
         hint = "list them; what cannot be listed for a reason of its own is one device, or two"
         out.append(error("PROBE-LEFT-OUT", summary, pointer="/left_out", hint=hint))
     return out

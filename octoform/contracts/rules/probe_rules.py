@@ -256,7 +256,7 @@ _COPY = (
     "copy what the system says, letter by letter; what the device is, the next stage says, and a reading that changes "
     "stands nowhere"
 )
-_ALONE = "it stands in `instance` alone, so that two hosts of the same kind say the same; take it out of the text"
+_ALONE = "it is in `instance` alone, so that two hosts of the same kind say the same; take it out of the text"
 _WORD = re.compile(r"[^\W_]+")
 _ESCAPE = re.compile(r"\\x[0-9a-f]{2}|\\u[0-9a-f]{4}|\\U[0-9a-f]{8}|<\w+>")
 _NUMBERED = re.compile(r"[A-Za-z][A-Za-z0-9]*?\d+(?:[a-z]\d+)*")

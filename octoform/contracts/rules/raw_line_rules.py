@@ -153,14 +153,14 @@ def unsafe_known(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
         if name in held:
             why = f"the profile {shown(held[name])} says how it is driven"
             hint = f"add {'a tool for each command of its grammar' if name in commanded else 'its tools'}"
-            hint += "; its limits bind every call, and what nobody is to call is denied in the `policy` of octopus.yaml"
+            hint += "; its limits bind every call, and what no one is to call is denied in the `policy` of octopus.yaml"
         elif name in artifacts.answers:
             why = f"its owner says what it is: {shown(artifacts.answers[name])}"
-            hint = "add its tools, with limits; what nobody is to call is denied in the `policy` of octopus.yaml"
+            hint = "add its tools, with limits; what no one is to call is denied in the `policy` of octopus.yaml"
         else:
             why = "it is reached by an interface of the system and not by a raw line alone"
             hint = "add its tools, each with the effect that it has, or give the reason that is true of it"
-        summary = f"{shown(item.get('capability', name))} is left out as unsafe"
+        summary = f"{shown(item.get('capability', name))} is skipped as unsafe"
         summary += f" on {shown(name)}, and {why}" if "capability" in item else f", and {why}"
         out.append(error(UNSAFE, summary, pointer=pointer("left_out", index, "reason"), hint=hint))
     return out

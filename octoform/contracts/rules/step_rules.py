@@ -169,7 +169,7 @@ def _unfit(part: str, item: JsonObject | None, own: list[str]) -> tuple[str, str
     if part in ("view", "camera"):
         return None if takes_pictures(item) else ("takes no pictures", "use the tool of a camera of input.json")
     if item["name"] not in own:
-        return "does not belong to the device of this step", "use a tool of that device: they stand in input.json"
+        return "does not belong to the device of this step", "use a tool of that device: they are in input.json"
     wanted = "actuate" if part in _VARYING else "read"
     if item["effect"] != wanted:
         return f"has the effect {item['effect']}, and a {part} has {wanted}", f"choose a tool with the effect {wanted}"

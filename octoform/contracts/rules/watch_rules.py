@@ -120,7 +120,7 @@ def failure_passed_over(value: JsonObject, artifacts: Artifacts) -> Found:
             "WATCH-FAILURE-PASSED-OVER",
             f"no error cites {shown(row['id'])}, a failure of {shown(row['tool'])} that nothing shows to be over",
             pointer="/errors",
-            hint="cite it in an error; where nobody knows why it failed, the class is none",
+            hint="cite it in an error; where no one knows why it failed, the class is none",
         )
         for row in facts_of(artifacts).lasting()
         if row["id"] not in cited and not (row["tool"] in named and _cited_alike(row, cited, artifacts))

@@ -87,7 +87,7 @@ def _families(picture: Picture) -> Iterator[tuple[str, str, tuple[str, ...], Row
         ("claims", "claims in force", len(health.claims)),
         ("claims_pending", "claims that wait for a person", len(health.pending)),
         ("troubles_frozen", "troubles that are not tried any more and wait for a person", picture.frozen),
-        ("messages_lost", "messages that reached nobody since the last that did", picture.untold),
+        ("messages_lost", "messages that reached no one since the last that did", picture.untold),
     ):
         yield name, text, (), {(): float(value)}
     lasting = (Outcome.OPEN, Outcome.FROZEN, Outcome.SURFACED)

@@ -212,7 +212,7 @@ def diagnostic_of(each: Failing) -> Diagnostic:
     """A way that fails, as every problem is told."""
     return warning(
         "DAEMON-NOT-NOTIFIED",
-        f"nobody was told by the {each.way} since {each.since}: {each.why}",
+        f"no one was told by the {each.way} since {each.since}: {each.why}",
         hint=f"look at daemon.notify.{each.way} in octopus.yaml",
     )
 
@@ -342,9 +342,9 @@ _BY_HAND = {
 
 def advice(kind: Kind, target: str) -> str:
     """What to do once it was given up, with the command."""
-    return _BY_HAND.get(kind) or f"mend the cause, then: octoform heal -retry {target}"
+    return _BY_HAND.get(kind) or f"fix the cause, then: octoform heal -retry {target}"
 
 
 def hint(kind: Kind, target: str) -> str:
     """The same for a message of one line."""
-    return _BY_HAND.get(kind) or f"octoform heal -retry {target} tries again once the cause is mended"
+    return _BY_HAND.get(kind) or f"octoform heal -retry {target} tries again once the cause is fixed"

@@ -212,7 +212,7 @@ def barred(repair: Repair, facts: Facts, paused: bool, *, ours: bool) -> str | N
     if facts.stopped_by is not None and repair not in HARMLESS:
         return f"stopped by {facts.stopped_by}"
     if facts.latched and repair in MOVING:
-        return "an emergency stop is latched"
+        return "an emergency stop is engaged"
     return None
 
 

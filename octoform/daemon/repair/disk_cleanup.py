@@ -97,5 +97,5 @@ def rotate(layout: Layout, name: str) -> Done:
         return Done(True, f"there is no {path.name}")
     except OSError as problem:
         where = mount_point(path.parent)
-        return Done(False, f"{path.name} cannot be set aside: {problem.strerror or problem} (on {where})")
-    return Done(True, f"{path.name} ({size // 1000} kB) was set aside as {path.name}.1")
+        return Done(False, f"{path.name} cannot be moved away: {problem.strerror or problem} (on {where})")
+    return Done(True, f"{path.name} ({size // 1000} kB) was moved to {path.name}.1")

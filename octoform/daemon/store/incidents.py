@@ -203,7 +203,7 @@ def read(shelf: Shelf) -> list[Episode]:
         else:
             found[episode.id] = episode
     if bad:
-        detail = f"{bad} of its lines are none of this version, or half ones; they are left out"
+        detail = f"{bad} of its lines are none of this version, or half ones; they are skipped"
         shelf.said.append(warning("DAEMON-MEMORY-DAMAGED", "it is damaged", path=shown(path), detail=detail))
     return list(found.values())
 

@@ -87,11 +87,11 @@ class Shelf:
         kept = path.with_name(f"{path.name}.damaged")
         try:
             path.rename(kept)
-            detail = f"it was set aside as {kept.name}"
+            detail = f"it was moved to {kept.name}"
         except OSError as problem:
-            detail = f"it cannot be set aside: {problem.strerror}"
+            detail = f"it cannot be moved away: {problem.strerror}"
         self.wrote(path.name)
-        hint = "nothing is to be done; what it told is begun anew"
+        hint = "nothing is to be done; what it told is begun again"
         item = warning("DAEMON-MEMORY-DAMAGED", why, path=shown(path), detail=detail, hint=hint)
         self.said.append(item)
 

@@ -98,7 +98,7 @@ def _recall(shelf: Shelf, boot: str) -> Recall:
         found = from_json(document["recall"])
     except (LookupError, TypeError, ValueError, AttributeError, OverflowError):
         path = shelf.path(RECALL)
-        shelf.said.append(warning("DAEMON-MEMORY-DAMAGED", "it is damaged", path=shown(path), hint="it is begun anew"))
+        shelf.said.append(warning("DAEMON-MEMORY-DAMAGED", "it is damaged", path=shown(path), hint="it is begun again"))
         return Recall()
     # Uptimes of another boot mean nothing, and its process is gone with it.
     return found if document.get("boot") == boot else Recall(failing=found.failing, places=found.places)

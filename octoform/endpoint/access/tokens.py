@@ -198,7 +198,7 @@ def _meant(word: str, known: Sequence[str]) -> str | None:
 
 
 def _damaged(layout: Layout, problem: Exception) -> Diagnostic:
-    hint = "nobody gets in with a token now; remove the file and make the tokens again with octoform token create"
+    hint = "no one gets in with a token now; remove the file and make the tokens again with octoform token create"
     path = str(layout.run / RECORD)
     return error("TOKEN-FILE", "the tokens cannot be read", detail=_reason(problem), path=path, hint=hint)
 

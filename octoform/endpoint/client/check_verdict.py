@@ -247,7 +247,7 @@ def _failure(call: TrialCall, *, known: bool, seen: bool) -> list[Diagnostic]:
         summary = f"{call.tool} gives a result that its own output schema refuses"
         return [error("ENDPOINT-OUTPUT-INVALID", summary, detail=text)]
     if kind in DEFECTS or kind in ("Protocol", "BadArgument"):
-        hint = "another set of packages may mend it; to have the server written again: octoform apply -replace serve"
+        hint = "another set of packages may fix it; to have the server written again: octoform apply -replace serve"
         return [error("ENDPOINT-TOOL-BROKEN", f"{call.tool} fails in its own code: {kind}: {text}", hint=hint)]
     if not known:  # an error that the log does not hold was told already
         return []

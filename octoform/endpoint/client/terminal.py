@@ -191,7 +191,7 @@ def call(layout: Layout, wanted: Wanted, person: Person | None = None) -> Called
             return None, (_unknown(wanted.tool, [str(tool["name"]) for tool in tools]),)
         return _Call(wire, wanted, somebody).made(known)
     except _NobodyAsked:
-        words = "nobody could be asked: there is no terminal; -auto-approve approves"
+        words = "no one could be asked: there is no terminal; -auto-approve approves"
         return None, (error("ENDPOINT-CALL-NOT-APPROVED", f"{wanted.tool} wants an approval", detail=words),)
     except WireError as problem:
         return None, (_broken(wanted, problem),)

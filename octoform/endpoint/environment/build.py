@@ -145,7 +145,7 @@ def _failed(summary: str, detail: str) -> Diagnostic:
         "ENDPOINT-BUILD-FAILED",
         summary,
         detail=detail or None,
-        hint="the lock stands in state/<host>/deploy/requirements.txt; nothing of the old environment was changed",
+        hint="the lock is in state/<host>/deploy/requirements.txt; nothing of the old environment was changed",
     )
 
 

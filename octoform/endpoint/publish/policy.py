@@ -227,7 +227,7 @@ def _decision(policy: Policy, tool: Tool) -> tuple[str, str]:
             return rule.decision, f"policy.rules[{index}]"
     effect = tool["effect"]
     if tool.get("stops") and policy.decision_for(effect) == "confirm":
-        return "allow", "what stops a movement waits for nobody"
+        return "allow", "what stops a movement waits for no one"
     chosen = policy.decision_for(effect)
     is_default = chosen == Policy().decision_for(effect)
     return chosen, f"default for {effect} tools" if is_default else f"policy.{effect}"

@@ -174,7 +174,7 @@ def _unreported(policy: Policy, tools: Sequence[Tool]) -> Iterator[Diagnostic]:
         yield warning(
             "POLICY-UNREPORTED",
             f"whether the device keeps its range is unknown after {_listed(silent)}: no result says where it is",
-            hint="the limit is held against what a caller says; run the stage interface anew for tools that report",
+            hint="the limit is held against what a caller says; run the stage interface again for tools that report",
         )
 
 

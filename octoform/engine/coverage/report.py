@@ -318,7 +318,7 @@ def _of(state: NodeState, used: bool, digest: str | None) -> Iterator[str]:
     if used and digest != state.file_digest:
         yield "its accepted output was edited by hand; what lies there is shown"
     if not used and state.output_digest:
-        left = "gone" if digest is None else "left aside, for it or what it rests on cannot be read"
+        left = "gone" if digest is None else "skipped, for it or what it rests on cannot be read"
         yield f"its accepted output is {left}; octoform apply makes it again"
 
 

@@ -299,9 +299,9 @@ def known_sum(values: Iterable[Number | None]) -> Number | None:
 
 
 def agent_of(item: Attempt) -> str:
-    """Who worked: ``pi, openai/x``, or that an output was taken over."""
+    """Who worked: ``pi, openai/x``, or that an output was reused."""
     if item.told.role == REUSE:
-        return "taken over"
+        return "reused"
     return f"{item.told.harness}, {item.told.model}" if item.told.model else item.told.harness
 
 

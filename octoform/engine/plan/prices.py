@@ -27,7 +27,7 @@ def unpriced(manifest: Manifest, environ: Mapping[str, str], plan: Plan | None =
     for model in models:
         price = _price(manifest, model, environ)
         if price is None:
-            summary = f"budget.usd is set, and nobody knows what {model} costs"
+            summary = f"budget.usd is set, and no one knows what {model} costs"
             hint = f"add it to octopus.yaml: prices: {{{model}: {{input: ..., output: ...}}}}, or take `usd` out"
             found.append(error("APPLY-PRICE-UNKNOWN", summary, hint=hint))
             continue

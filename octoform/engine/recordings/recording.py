@@ -282,14 +282,14 @@ def _output_bytes(item: Attempt) -> bytes:
 
 def _missing(stage: str) -> Diagnostic:
     hint = "apply it again with -replace to record it; a replay of this recording cannot make it"
-    return warning("RECORD-INCOMPLETE", f"there is no whole accepted run of {stage}; it is left out", hint=hint)
+    return warning("RECORD-INCOMPLETE", f"there is no whole accepted run of {stage}; it is skipped", hint=hint)
 
 
 def _instances(gathered: _Gathered, covering: Veil) -> list[Diagnostic]:
     return [
         error(
             "RECORD-PERSONAL",
-            "something of this one host would stand in the recording; nothing was written",
+            "something of this one host would be in the recording; nothing was written",
             path=name,
             hint="look at that file of the attempt; replace the stage and record again",
         )
@@ -302,7 +302,7 @@ def _secrets(gathered: _Gathered, values: Mapping[str, str]) -> list[Diagnostic]
     return [
         error(
             "RECORD-SECRET",
-            f"{what} would stand in the recording; nothing was written",
+            f"{what} would be in the recording; nothing was written",
             path=name,
             hint="replace the stage and record again; if an agent has printed a secret, change that secret",
         )

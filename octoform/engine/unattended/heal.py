@@ -134,7 +134,7 @@ def _restarted(layout: Layout, _: Mapping[str, str], _left: Left) -> Answer:
     process, problem = lifecycle.start(layout)
     if process is None:
         return refusal([problem] if problem is not None else [])
-    return Answer(ok=True, detail="the endpoint was started anew")
+    return Answer(ok=True, detail="the endpoint was started again")
 
 
 def _redeployed(layout: Layout, environ: Mapping[str, str], _left: Left) -> Answer:

@@ -268,11 +268,11 @@ def redeploy(layout: Layout, environ: Mapping[str, str]) -> Answer:
     with taken_back(lambda: mine.former):
         result = apply(request, Options(consent=mine, lock_seconds=LOCK_SECONDS), Unwatched())
     if mine.why:
-        return Answer(ok=False, detail=f"the packages are not decided anew: {mine.why}", again=False)
+        return Answer(ok=False, detail=f"the packages are not decided again: {mine.why}", again=False)
     usage = Usage(result.usage.input_tokens, None, result.usage.output_tokens, result.usage.cost_usd)
     if result.failed is None:
         forget(layout)
-        detail = "the packages of the endpoint were decided anew, and it serves from them"
+        detail = "the packages of the endpoint were decided again, and it serves from them"
         return Answer(ok=True, detail=detail, changed=True, calls=result.agent_runs, usage=usage)
     return Answer(ok=False, detail=_redeploy_undone(mine.former, result), calls=result.agent_runs, usage=usage)
 

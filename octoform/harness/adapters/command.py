@@ -104,7 +104,7 @@ def _placeholders(command: list[str], prompt_via: str) -> Diagnostic | None:
     if prompt_via != "argument" and any("prompt" in names(item) for item in command):
         return error(
             "HARNESS-PROMPT-VIA",
-            "{prompt} stands in the command, but the prompt is not passed as an argument",
+            "{prompt} is in the command, but the prompt is not passed as an argument",
             hint="set prompt_via: argument, or use {prompt_file}",
         )
     return None

@@ -222,7 +222,7 @@ def _shown(log: Path, size: int) -> str:
         return end
     beginning = redacted(_head(log, min(HEAD_BYTES, size - TAIL_BYTES)))
     left_out = max(0, size - TAIL_BYTES - HEAD_BYTES)
-    return f"{beginning}\n[... {left_out} bytes left out ...]\n{end}"
+    return f"{beginning}\n[... {left_out} bytes omitted ...]\n{end}"
 
 
 def _head(log: Path, size: int) -> str:

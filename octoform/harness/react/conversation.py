@@ -42,7 +42,7 @@ class HeadAndTail:
         head, tail = bytes(self._head), bytes(self._tail)
         if not self._left_out:
             return readable(head + tail)
-        return f"{readable(head)}\n[... {self._left_out} bytes left out ...]\n{readable(tail)}"
+        return f"{readable(head)}\n[... {self._left_out} bytes omitted ...]\n{readable(tail)}"
 
     def _drop(self, count: int) -> None:
         del self._tail[:count]
@@ -99,7 +99,7 @@ class Conversation:
     def messages(self) -> list[dict[str, Any]]:
         """All that is sent next."""
         self._fit()
-        note = f"[{self._dropped} earlier steps of this conversation are left out.]"
+        note = f"[{self._dropped} earlier steps of this conversation are omitted.]"
         dropped = [{"role": "user", "content": note}] if self._dropped else []
         return [*self._opening, *dropped, *(message for step in self._steps for message in step)]
 
@@ -200,5 +200,5 @@ def _noted(message: Mapping[str, Any]) -> dict[str, Any] | None:
     size = len(str(message["content"] or "").encode("utf-8", "replace"))
     if message["role"] != "tool" or size <= SHORTEST_REPLACED:
         return None
-    note = f"[{size} bytes of this result are left out here; use the tool again if you need them]"
+    note = f"[{size} bytes of this result are omitted here; use the tool again if you need them]"
     return {**message, "content": note}

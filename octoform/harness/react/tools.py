@@ -225,7 +225,7 @@ def _edited(text: str, old: str, new: str, which: str) -> str:
         raise Refused(f"{which}: old is empty")
     found = text.count(old)
     if found != 1:
-        what = "does not stand in the file" if not found else f"stands in the file {found} times"
+        what = "is not in the file" if not found else f"is in the file {found} times"
         more = "read the file and copy the text exactly" if not found else "add what stands around the one you mean"
         raise Refused(f"{which}: old {what}; {more}")
     return text.replace(old, new)

@@ -13,7 +13,7 @@ from octoform.manifest.source import tree
 from octoform.manifest.source.report import Report
 from octoform.manifest.source.tree import Loc, Node, Scalar, Table
 
-_WHERE = "variables may stand in `model`, `base_url`, `webhook` and the `command` of an agent only"
+_WHERE = "variables may be in `model`, `base_url`, `webhook` and the `command` of an agent only"
 _KEY_NAME = re.compile("[A-Z_][A-Z0-9_]{0,99}")
 _REFERENCE = re.compile(r"(?<!\$)\$\{[^{}]*\}?")
 
@@ -131,7 +131,7 @@ def _check_one(loc: Loc, scalar: Scalar, environ: Mapping[str, str], report: Rep
         if not environ.get(name):
             state = "is empty" if name in environ else "is not set"
             if loc == tree.WEBHOOK:  # nothing but a message depends on it
-                what = f"the variable {name} {state}; the daemon can tell nobody at this URL"
+                what = f"the variable {name} {state}; the daemon can tell no one at this URL"
                 report.warning("MANIFEST-ENV-UNSET", what, span, hint=f"export {name}=...")
                 continue
             report.error("MANIFEST-ENV-UNSET", f"the variable {name} {state}", span, hint=f"export {name}=...")

@@ -98,7 +98,7 @@ def _answer(value: str) -> str:
             f"an answer has words, in 2 to {LONGEST_ANSWER} characters", "say in a sentence what the device is"
         )
     if any(is_hidden(character) and character not in "\n\t" for character in value):
-        raise problem("the answer holds a character that does not show", "write it anew, as plain text")
+        raise problem("the answer holds a character that does not show", "write it again, as plain text")
     return value
 
 

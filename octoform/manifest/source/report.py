@@ -80,7 +80,7 @@ class Report:
         shown = [replace(item, source=self.source(item.span)) for item in ordered[:MOST]]
         if len(ordered) > MOST:
             rest, span = f"{len(ordered) - MOST} more problems begin here and are not shown", ordered[MOST].span
-            hint = "mend those above first"
+            hint = "fix those above first"
             shown.append(Diagnostic(Severity.ERROR, "MANIFEST-MORE", rest, path=self.path, span=span, hint=hint))
         return shown
 
@@ -126,7 +126,7 @@ def text_of(content: bytes, report: Report) -> str | None:
         line, column = _line_and_column(text, match.start())
         report.error(
             "MANIFEST-CONTROL-CHARACTER",
-            f"the character {name_of(match.group())} may not stand in a manifest",
+            f"the character {name_of(match.group())} may not be in a manifest",
             Span(line, column, column + 1),
             hint="delete it; inside a quoted text write an escape such as \\t if you really mean one",
         )

@@ -228,7 +228,7 @@ def _line(found: Found, given: object, place: Place) -> Line:
         found.add((*place, "ending"), "the ending of a line is none that is known", r'write "\n", "\r" or "\r\n"')
     ok = found.text(line, "ok", place) if "ok" in line else None
     if set(ok or "") & set("{}"):
-        found.add((*place, "ok"), "`ok` has a placeholder", "what an answer says stands in the `reply` of a command")
+        found.add((*place, "ok"), "`ok` has a placeholder", "what an answer says is in the `reply` of a command")
     error = found.text(line, "error", place) if "error" in line else None
     if error and (set(_names(error)) - {"message"} or not _well_formed(error)):
         found.add(
@@ -265,7 +265,7 @@ def _command(found: Found, given: object, place: Place) -> Command:
         _closed(found, value, effect, (*place, "parameters", value.name))
     for value in fields:
         if value.minimum is not None or value.maximum is not None:
-            hint = "bounds are for parameters; nobody keeps a product to what it answers"
+            hint = "bounds are for parameters; no one keeps a product to what it answers"
             found.add((*place, "fields", value.name), f"the field {value.name!r} has bounds", hint)
     return Command(tool, send, about, str(effect), parameters, tuple(reply), fields)
 

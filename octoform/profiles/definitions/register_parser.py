@@ -412,7 +412,7 @@ def numbered(found: Found, given: Mapping[str, Any], place: Place) -> dict[str, 
     for name in given:
         number = found.whole(given, name, place, (0, MOST_ID))
         if number in ids.values() and number == given[name]:
-            hint = "two units with one id answer at once, and nobody is understood"
+            hint = "two units with one id answer at once, and no one is understood"
             found.add((*place, name), f"the id {number} of {name!r} is another unit's already", hint)
         ids[str(name)] = number
     return ids

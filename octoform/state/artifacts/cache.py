@@ -290,5 +290,5 @@ def read_instances(layout: Layout) -> tuple[dict[str, object] | None, list[Diagn
         found = None
     if fits(found, FORM) and found["format"] == FORMAT:
         return found["devices"], []
-    hint = "run `octoform apply -replace probe`: PROBE writes it anew"
+    hint = "run `octoform apply -replace probe`: PROBE writes it again"
     return None, [error("STATE-INSTANCES", "this is no ledger of instances", path=shown(layout.instances), hint=hint)]

@@ -189,7 +189,7 @@ def _first(layout: Layout, reading: Reading) -> Snapshot:
 def _stale(layout: Layout, count: int) -> Diagnostic:
     return warning(
         "STATE-JOURNAL-STALE",
-        f"{count} steps in the journal continue another state file than the one that is there; they are left out",
+        f"{count} steps in the journal continue another state file than the one that is there; they are skipped",
         path=shown(layout.journal),
         detail="the state file was replaced (a pull, a checkout, a copy) after a run that did not end",
         hint="the plan compares artifacts with the state that is there; what does not fit is shown as edited",
@@ -207,6 +207,6 @@ def _history(layout: Layout, base: Snapshot | None) -> list[Diagnostic]:
         return [warning("STATE-MISSING", summary, path=shown(layout.snapshot), hint=recovery(layout))]
     if document.get("lineage") != base.lineage:
         summary = f"the state has lineage {base.lineage}; this machine last wrote {document.get('lineage')}"
-        hint = "if nobody started this host's state anew on purpose, restore the former one from git"
+        hint = "if no one started this host's state again on purpose, restore the former one from git"
         return [warning("STATE-LINEAGE", summary, path=shown(layout.snapshot), pointer="/lineage", hint=hint)]
     return []

@@ -195,7 +195,7 @@ class StateStore:
             "the state file was replaced while this run was going on; it is not overwritten",
             path=shown(self._layout.snapshot),
             detail=f"opened at serial {self._folded.serial}, now at serial {there.serial if there else '(none)'}",
-            hint="the steps of this run are in the journal; restore the state file to fold them in, or plan anew",
+            hint="the steps of this run are in the journal; restore the state file to fold them in, or plan again",
         )
 
     def _settle(self, snapshot: Snapshot) -> list[Diagnostic]:

@@ -62,7 +62,7 @@ def healed(console: Console, known: GivenUp, retried: Sequence[str], status: str
 def _list(console: Console, known: GivenUp, frozen: Sequence[Breaker]) -> None:
     if not frozen:
         return
-    console.line(f"\n{counted(len(frozen), 'trouble')} given up, until a person mends the cause:")
+    console.line(f"\n{counted(len(frozen), 'trouble')} given up, until a person fixes the cause:")
     for each in frozen:
         since = f" at {clock(each.since)} ({ago(each.since)} ago)" if each.since else ""
         console.line(f"  {one_line(each.target, 60)}  {one_line(each.frozen or '', WIDTH)}{since}")

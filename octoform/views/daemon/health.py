@@ -222,7 +222,7 @@ def _basis(console: Console, found: Survey, now: datetime) -> Iterator[str]:
 def _untold(each: Failing, now: datetime) -> str:
     """A way of telling that fails."""
     lost = counted(each.lost, "message")
-    return f"nobody was told by the {each.way} since {clock(each.since, now)} ({lost} lost): {each.why}"
+    return f"no one was told by the {each.way} since {clock(each.since, now)} ({lost} lost): {each.why}"
 
 
 def _reporting(health: Health) -> str:

@@ -82,7 +82,7 @@ def _document(found: Status, surveyed: Survey, reasons: Sequence[str]) -> dict[s
 
 def _watched(daemon: Record | None) -> str:
     if daemon is None:
-        return "nobody watches it: octoform watch keeps it alive"
+        return "no one watches it: octoform watch keeps it alive"
     return f"a daemon watches it: process {daemon.process.pid} since {daemon.since}; octoform health tells what it sees"
 
 
@@ -130,4 +130,4 @@ def _tunnel(tunnel: Mapping[str, Any]) -> str:
 def _estop(estop: Mapping[str, Any]) -> str:
     reason = f": {estop['reason']}" if estop.get("reason") else ""
     since = f" at {estop['since']}" if estop.get("since") else ""
-    return f"latched by {estop.get('by')}{since}{reason} (octoform estop -clear opens it)"
+    return f"engaged by {estop.get('by')}{since}{reason} (octoform estop -clear opens it)"

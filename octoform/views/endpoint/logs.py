@@ -208,9 +208,9 @@ def _estop(record: Record) -> list[str]:
     reason = f": {record['reason']}" if record.get("reason") else ", who gave no reason"
     latch = record.get("latched")
     if not latch:
-        return ["estop", f"emergency stop by {record['by']}{reason}; NOT latched"]
+        return ["estop", f"emergency stop by {record['by']}{reason}; NOT engaged"]
     earlier = (latch.get("by"), latch.get("reason")) != (record["by"], record.get("reason"))
-    first = f"; latched already, since {latch.get('since')} by {latch.get('by')}" if earlier else ""
+    first = f"; engaged already, since {latch.get('since')} by {latch.get('by')}" if earlier else ""
     return ["estop", f"emergency stop by {record['by']}{reason}{first}"]
 
 

@@ -100,7 +100,7 @@ def approves(console: Console, question: str) -> bool:
 
 def not_approved() -> Diagnostic:
     """The person did not say yes."""
-    hint = "answer yes, or give -auto-approve where nobody can be asked"
+    hint = "answer yes, or give -auto-approve where no one can be asked"
     return error("SERVICE-NOT-APPROVED", "nothing was changed: it was not approved", hint=hint)
 
 

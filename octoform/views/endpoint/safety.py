@@ -36,7 +36,7 @@ def _stopped(console: Console, done: Estop) -> None:
         console.problem(console.paint(head, "red"))
     else:
         console.line(console.paint(head, "bold"))
-        console.line(f"  latched by {_by(done)}")
+        console.line(f"  engaged by {_by(done)}")
     if done.direct:
         tried = "did" if done.latched else "tried"
         console.line(f"  no process of the endpoint answered, so octoform {tried} it itself")
@@ -54,9 +54,9 @@ def _stopped(console: Console, done: Estop) -> None:
 def _held(done: Estop) -> str:
     """How far the stop holds: for good, until the process ends, or not at all."""
     if not done.latched:
-        return "NOT latched. Actuators can be called, now or once the endpoint runs."
+        return "NOT engaged. Actuators can be called, now or once the endpoint runs."
     if not done.lasting:
-        return "stopped while its process runs; NOT latched beyond that. Actuators can be called once it is restarted."
+        return "stopped while its process runs; NOT engaged beyond that. Actuators can be called once it is restarted."
     return "stopped. Nothing that moves is called until it is cleared."
 
 
@@ -68,10 +68,10 @@ def cleared(console: Console, done: Sequence[Estop], found: Sequence[Diagnostic]
         return 0 if ok else 1
     for item in done:
         if item.by is None and not item.latched:
-            console.line(f"{item.host}: was not latched.")
+            console.line(f"{item.host}: was NOT engaged.")
         else:
-            state = "still latched" if item.latched else "cleared, actuators can be called again"
-            console.line(f"{item.host}: {state}. It was latched by {_by(item)}")
+            state = "still engaged" if item.latched else "cleared, actuators can be called again"
+            console.line(f"{item.host}: {state}. It was engaged by {_by(item)}")
         for text in item.problems:
             console.problem(f"  {escape(text)}")
     problems.show(console, found)
@@ -158,7 +158,7 @@ def reset(console: Console, tool: str, *, as_json: bool) -> int:
     if as_json:
         return document(console, {"format": 1, "reset": tool})
     what = "all tools" if tool == "all" else escape(tool)
-    console.line(f"What was counted for {what} is forgotten: sums, last values and times of calls begin anew.")
+    console.line(f"What was counted for {what} is forgotten: sums, last values and times of calls begin again.")
     return 0
 
 
@@ -184,7 +184,7 @@ def listed(console: Console, tokens: Sequence[Token], *, as_json: bool) -> int:
     if as_json:
         return document(console, {"format": 1, "tokens": [_facts(token) for token in tokens]})
     if not tokens:
-        console.line("There are no tokens: nobody gets in over the network. octoform token create NAME makes one.")
+        console.line("There are no tokens: no one gets in over the network. octoform token create NAME makes one.")
         return 0
     width = max(len(token.name) for token in tokens)
     for token in tokens:

@@ -29,7 +29,7 @@ def show(console: Console, found: Listing, *, as_json: bool, verbose: bool) -> i
         console.raw(escaped_json(json.dumps(_document(found, verbose), ensure_ascii=False, indent=2)))
         return 0
     if not found.ledger:
-        console.line("This machine does not know which specimens it has; `octoform apply` lets PROBE look again.")
+        console.line("This machine does not know which units it has; `octoform apply` lets PROBE look again.")
     wide = min(_WIDEST_ID, max((len(row.id) for row in found.devices), default=0))
     for row in found.devices:
         _row(console, row, wide, verbose=verbose)

@@ -131,8 +131,8 @@ def _because(rule: Judged, answer: str) -> str:
     if rule.kind != "text":
         return f", it has {met}" if met else f", it has {', '.join(rule.seen) or 'none'} and not {wanted}"
     if met:
-        return f", {met} stands in {'the answer about it' if set(rule.words) <= set(rule.answered) else 'its text'}"
-    return f", none of {wanted} stands in its text{' or in the answer' if answer else ', and nobody said what it is'}"
+        return f", {met} is in {'the answer about it' if set(rule.words) <= set(rule.answered) else 'its text'}"
+    return f", none of {wanted} is in its text{' or in the answer' if answer else ', and no one said what it is'}"
 
 
 def _met_json(met: Met) -> dict[str, Any]:

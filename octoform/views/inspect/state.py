@@ -97,7 +97,7 @@ def show(console: Console, snapshot: Snapshot, *, as_json: bool) -> int:
         dirty = f" with uncommitted {', '.join(snapshot.git.dirty)}" if snapshot.git.dirty else ""
         console.line(_line(f"revision {snapshot.git.revision[:12]}{dirty}"))
     if snapshot.tier1:
-        console.line("made as if nobody had said anything of its devices (-tier1)")
+        console.line("made as if no one had said anything of its devices (-tier1)")
     for name, state in snapshot.nodes.items():
         console.line()
         _node(console, name, state)

@@ -120,7 +120,7 @@ class PlanHuman:
         text = f"host {plan.host}"
         if plan.targets:
             text += f", only {plan_text.listed(plan.targets, 'and')} (-target)"
-        text += ", as if nobody had said anything of its devices (-tier1)" if plan.tier1 else ""
+        text += ", as if no one had said anything of its devices (-tier1)" if plan.tier1 else ""
         if plan.revision:
             text += f", revision {plan.revision[:12]}"
             text += f" with uncommitted {', '.join(plan.dirty)}" if plan.dirty else ""

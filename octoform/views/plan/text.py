@@ -97,7 +97,7 @@ def _what(step: StepOutlook) -> str:
 def _skipped(step: StepOutlook) -> str:
     if step.profile is None:
         return "is skipped: there is no camera"
-    text = f"is skipped: no device is corroborated by {step.profile}"
+    text = f"is skipped: no device is matched by {step.profile}"
     if step.near is None:
         return text
     return f"{text}; {one_line(step.near, WIDTH)} lacks a word such as {one_line(step.word or '', WIDTH)}"
@@ -155,7 +155,7 @@ _CAUSES = {
     Cause.ARTIFACT_EDITED: "its accepted artifact {place} was edited by hand",
     Cause.ARTIFACT_LINK: "its accepted artifact {place} was replaced by a link",
     Cause.CONTRACT: "its accepted artifact no longer passes its contract",
-    Cause.INSTANCES_GONE: "this machine does not know its own specimens (serial numbers, ports); PROBE tells them",
+    Cause.INSTANCES_GONE: "this machine does not know its own units (serial numbers, ports); PROBE tells them",
     Cause.ENDPOINT: "drift",
     Cause.REMOVED: "octopus.yaml no longer names it under privileged_steps",
 }
@@ -189,8 +189,8 @@ def agent(harness: str, model: str | None) -> str:
 
 _OPENS = {
     "local": "; only clients of this machine, no network socket",
-    "intranet": "; opens HTTP without TLS to whoever is on the network and has a token",
-    "internet": "; opens HTTP on the network and a tunnel from the internet, to whoever has a token",
+    "intranet": "; opens HTTP without TLS to anyone who is on the network and has a token",
+    "internet": "; opens HTTP on the network and a tunnel from the internet, to anyone who has a token",
 }
 """What a scope means, where a plan changes it."""
 
@@ -300,9 +300,7 @@ def _agents(plan: Plan) -> str:
     certain = sum(1 for item in runs if surely_runs(item))
     models = sum(1 for item in runs if item.calls_model)
     if not runs:
-        return (
-            "Agent runs: none." if not any(item.loan for item in plan.work) else "Agent runs: none; all is taken over."
-        )
+        return "Agent runs: none." if not any(item.loan for item in plan.work) else "Agent runs: none; all is reused."
     count = f"{certain}" if certain == len(runs) else f"at most {len(runs)}, maybe {certain}"
     who = f"{models} of them" if models < len(runs) else "each" if len(runs) > 1 else "it"
     return f"Agent runs: {count}; {f'{who} may call a model' if models else 'no model is called'}."
@@ -316,8 +314,8 @@ def surely_runs(item: PlannedAction) -> bool:
 def loan(lent: Loan) -> str:
     """What another host's output means for a node."""
     if lent.certain:
-        return f"taken over from host {lent.host}, verified here; no agent runs"
-    return f"taken over from host {lent.host} if its inputs come out the same"
+        return f"reused from host {lent.host}, verified here; no agent runs"
+    return f"reused from host {lent.host} if its inputs come out the same"
 
 
 def counts(plan: Plan) -> tuple[int, int, int]:

@@ -250,7 +250,7 @@ class RunHuman:
             )
             say(f"              {endpoint.url}, with a token ({opened})")
         if endpoint.public:
-            say(f"              {endpoint.public} from the internet, until the tunnel starts anew")
+            say(f"              {endpoint.public} from the internet, until the tunnel starts again")
         offered = plan_text.counted(len(endpoint.tools), "tool")
         offered += f", {endpoint.denied} more denied by the policy" if endpoint.denied else ""
         say(f"              scope {endpoint.scope}, {offered}")

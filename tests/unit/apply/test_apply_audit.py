@@ -158,7 +158,7 @@ def test_what_came_to_a_room_is_taken_away_and_in_the_installation_only_told(
     found = file_integrity.end(watch, project / ".undone")
     assert [(item.severity, Path(item.path or "").parent) for item in found] == [("error", own), ("error", theirs)]
     assert not (own / "planted.pth").exists() and (theirs / "planted.pth").exists()
-    assert (own / "__pycache__").is_dir(), "whoever imports leaves bytecode"
+    assert (own / "__pycache__").is_dir(), "anyone who imports leaves bytecode"
 
 
 def test_octoform_knows_what_its_own_interpreter_starts_with() -> None:

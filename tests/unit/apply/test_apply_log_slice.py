@@ -40,7 +40,7 @@ def test_errors_come_first_each_once_and_the_newest_lines_after_them() -> None:
     assert "(200 times)" in text and "no answer after 19907 ms" in text and "the one that is different" in text
     assert text.index("the one that is different") < text.index("# newest lines")
     assert f'"{19_999:016x}"' in text and f'"{5:016x}"' not in text
-    assert "older ones are left out" in text
+    assert "older ones are omitted" in text
 
 
 def test_without_a_model_or_with_one_that_fails_the_slice_is_bounded_all_the_same() -> None:

@@ -72,7 +72,7 @@ def outcome(
 @pytest.mark.parametrize(
     ("probe", "identify", "tools", "told"),
     [
-        ([], [], [], "no device of this host is corroborated by the profile so-arm101"),
+        ([], [], [], "no device of this host is matched by the profile so-arm101"),
         ([probed(FIRST, "QinHeng")], [annotated(FIRST)], [moving(FIRST)], "no device"),
         ([probed(FIRST)], [annotated(FIRST, None)], [moving(FIRST)], "no device"),
         ([probed(FIRST)], [annotated(FIRST)], [moving("other")], f"{FIRST} has no tool"),

@@ -95,7 +95,7 @@ class Arm:
         return Answer({"joint": joint, "goal": arguments["position"]})
 
     def look(self, view: Mapping[str, Any]) -> Seen:
-        raise AssertionError(f"nobody looks: {view}")
+        raise AssertionError(f"no one looks: {view}")
 
 
 def an_arm(**more: Any) -> Arm:
@@ -215,7 +215,7 @@ def test_a_unit_that_the_tool_skips_is_a_finding() -> None:
 def test_a_refusal_of_the_endpoint_is_told_as_such_and_an_emergency_stop_ends_all() -> None:
     one = tried(an_arm(refusal=Answer(None, "arm_move_joint is denied by policy.tools", refused=True)))
     assert codes(one) == ["STEP-CALL-REFUSED"] and not one.over
-    arm = an_arm(refusal=Answer(None, "emergency stop: latched", refused=True, over=True))
+    arm = an_arm(refusal=Answer(None, "emergency stop: engaged", refused=True, over=True))
     one = tried(arm)
     assert codes(one) == ["STEP-CALL-REFUSED"] and one.over
     assert [name for name, _ in arm.calls] == ["arm_read_joint", "arm_move_joint"]
@@ -225,13 +225,13 @@ def test_an_emergency_stop_on_the_way_back_is_no_success() -> None:
     class Latched(Arm):
         def call(self, tool: str, arguments: Mapping[str, Any]) -> Answer:
             if tool == "arm_move_joint" and any(name == tool for name, _ in self.calls):
-                return Answer(None, "emergency stop: latched", refused=True, over=True)
+                return Answer(None, "emergency stop: engaged", refused=True, over=True)
             return super().call(tool, arguments)
 
     time = Time()
     one = tried(Latched(time, ServoBus(RIG["arm"], lambda: time.now)))
     assert codes(one) == ["STEP-NOT-BACK"] and one.over
-    assert one.found[0].detail == "emergency stop: latched"
+    assert one.found[0].detail == "emergency stop: engaged"
 
 
 def test_what_a_tool_says_of_a_unit_that_stays_is_kept() -> None:
@@ -257,7 +257,7 @@ def test_a_failed_trial_is_restored_too_unless_nothing_can_be_called() -> None:
     arm.bus.servos[3].fault = "stuck"
     one = restored(arm)
     assert codes(one) == ["STEP-NOT-MOVED"] and one.restored and not arm.bus.servos[3].torque
-    arm = an_arm(refusal=Answer(None, "emergency stop: latched", refused=True, over=True))
+    arm = an_arm(refusal=Answer(None, "emergency stop: engaged", refused=True, over=True))
     one = restored(arm)
     assert codes(one) == ["STEP-CALL-REFUSED"] and one.over
     assert arm.calls[-1][0] == "arm_move_joint"
@@ -272,7 +272,7 @@ def test_what_is_not_restored_is_a_warning() -> None:
     assert told.detail == "denied by policy.tools" and not one.restored and one.back is not None
     one = restored(an_arm(keeps=Answer({})))
     assert codes(one) == ["STEP-NOT-RESTORED"] and one.found[0].detail is None
-    one = restored(an_arm(keeps=Answer(None, "emergency stop: latched", refused=True, over=True)))
+    one = restored(an_arm(keeps=Answer(None, "emergency stop: engaged", refused=True, over=True)))
     assert codes(one) == ["STEP-NOT-RESTORED"] and one.over and "is unknown now" in one.found[0].summary
 
 

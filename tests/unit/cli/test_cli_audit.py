@@ -69,7 +69,7 @@ def test_calls_are_told_in_sentences_with_what_came_of_them(tmp_path: Path, caps
         r"  failed      move_rail answered with an error after \d+ ms: octoform logs has the exception under \w{8}$",
         r"  estop       emergency stop by .+ at the terminal: smoke$",
         r"  estop       no profile names a stop action: nothing was sent to any device$",
-        r"  refused     move_rail\(steps=4\) for local \(.+\): emergency stop: latched by ",
+        r"  refused     move_rail\(steps=4\) for local \(.+\): emergency stop: engaged by ",
     ):
         assert re.search(pattern, said, re.MULTILINE), (pattern, said)
     assert "private words" not in said and "{" not in said
@@ -85,7 +85,7 @@ def test_an_approval_is_told_with_who_was_asked(
         move = [*words, "call", "move_rail", "-arg", "steps=3"]
         assert main([*move, "-auto-approve"]) == 0
         assert main(move) == 1
-        assert "nobody could be asked: there is no terminal; -auto-approve approves" in capsys.readouterr().err
+        assert "no one could be asked: there is no terminal; -auto-approve approves" in capsys.readouterr().err
         assert main([*words, "audit"]) == 0
         said = [line[30:] for line in capsys.readouterr().out.splitlines()[1:]]
     client = rf'local \("octoform -auto-approve {re.escape(octoform.__version__)}", pid \d+ of uid \d+\)'
@@ -96,7 +96,7 @@ def test_an_approval_is_told_with_who_was_asked(
     marks = rf"\(approval {asked[1]}\)"
     assert re.fullmatch(rf"allowed     move_rail\(steps=3\) for {client}: approved by -auto-approve {marks}", said[1])
     assert re.match(rf"asked       move_rail\(steps=3\) for local {ME}: a person has to approve it \(approval", said[3])
-    assert len(said) == 4, "nobody was asked, so nobody's word is told"
+    assert len(said) == 4, "no one was asked, so no one's word is told"
 
 
 def test_every_answer_of_a_person_has_its_words() -> None:
@@ -185,10 +185,10 @@ def test_an_emergency_stop_that_came_second_names_the_first() -> None:
     latched = {"by": "anna", "reason": "smoke", "since": "2026-05-04T11:00:00Z"}
     (told,) = lines({"event": "estop", "by": "ben", "reason": "", "latched": latched})
     assert told[42:] == (
-        "emergency stop by ben, who gave no reason; latched already, since 2026-05-04T11:00:00Z by anna"
+        "emergency stop by ben, who gave no reason; engaged already, since 2026-05-04T11:00:00Z by anna"
     )
     (told,) = lines({"event": "estop", "by": "ben", "reason": "hot", "latched": None})
-    assert told[42:] == "emergency stop by ben: hot; NOT latched"
+    assert told[42:] == "emergency stop by ben: hot; NOT engaged"
 
 
 @pytest.mark.parametrize(

@@ -33,4 +33,4 @@ def test_it_needs_no_endpoint_and_shows_what_is_plugged_in_elsewhere(tmp_path: P
     assert "HW-12-0042" not in json.dumps(listed)
     assert "serial number: HW-12-0042, committed as redacted-" in project.run("devices", "-v", status=0).out
     (project.local / "instances.json").unlink()
-    assert "does not know which specimens it has" in project.run("devices", status=0).out
+    assert "does not know which units it has" in project.run("devices", status=0).out

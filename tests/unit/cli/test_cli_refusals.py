@@ -140,9 +140,9 @@ def test_a_restart_in_a_read_only_project_leaves_the_endpoint_as_it_is(stopped: 
 def test_an_emergency_stop_that_nothing_latched_does_not_say_so(stopped: Layout) -> None:
     done = octoform(stopped.project, "estop", "-reason", "hot", prefix=read_only(stopped.project))
     assert done.returncode == 1
-    assert "bench: NOT latched. Actuators can be called" in done.stderr
-    assert "so nothing is latched" in done.stderr and "in this process alone" not in done.stderr
-    assert "stopped" not in done.stdout and "latched by" not in done.stdout
+    assert "bench: NOT engaged. Actuators can be called" in done.stderr
+    assert "so nothing is engaged" in done.stderr and "in this process alone" not in done.stderr
+    assert "stopped" not in done.stdout and "engaged by" not in done.stdout
     done = octoform(stopped.project, "estop", "-json", prefix=read_only(stopped.project))
     (told,) = json.loads(done.stdout)["endpoints"]
     assert (told["latched"], told["lasting"], told["ok"], told["by"]) == (False, False, False, None)
@@ -170,4 +170,4 @@ def test_an_emergency_stop_on_a_full_disk_keeps_its_reason(tmp_path: Path) -> No
     assert done.stderr == "True\n"
     assert (told["latched"], told["ok"]) == (True, False)
     assert (told["estop"]["by"], told["estop"]["reason"]) == ("anna", "hot")
-    assert any("no room for who latched it and why: No space left on device" in text for text in told["problems"])
+    assert any("no room for who engaged it and why: No space left on device" in text for text in told["problems"])

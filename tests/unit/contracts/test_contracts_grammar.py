@@ -96,12 +96,12 @@ CASES: dict[str, tuple[str, Callable[[Tools], Any], str]] = {
         lambda tools: tools["arm_home"]["input_schema"].update(required=["speed"]),
         "requires 'speed'",
     ),
-    "a goal that may be left out": (
+    "a goal that may be skipped": (
         "so-arm101",
         lambda tools: tools["arm_move_joints"]["input_schema"]["required"].remove("gripper"),
         "lets a caller leave out 'gripper'",
     ),
-    "steps that may be left out": (
+    "steps that may be skipped": (
         "camera-rail",
         lambda tools: tools["rail_move_x"]["input_schema"].pop("required"),
         "lets a caller leave out 'steps'",

@@ -66,7 +66,7 @@ WRONG: dict[str, Callable[[Tool], Any]] = {
     "a word that means none": lambda units: units.update(names={"pan": ["1"], "elbow": []}),
     "a place of no unit": lambda units: units["goal"].update(fixed={"pan": 1, "elbow": 2, "wrist": 3}),
     "a report by no member": lambda units: units["reports"].update(field="place"),
-    "a report of nobody knows which unit": lambda units: units["reports"].pop("unit"),
+    "a report of no one knows which unit": lambda units: units["reports"].pop("unit"),
     "a report by no list": lambda units: units["reports"].update(records="position"),
     "a list that does not name its units": lambda units: units["reports"].update(records="all"),
     "a unit without a place": lambda units: units["goal"].update(fixed={"pan": 1}),

@@ -217,7 +217,7 @@ def test_a_capability_is_left_out_as_unsafe_alone_or_with_its_device() -> None:
 _ARM = {"tool": "read_angle", "effect": "read", "parameters": {}}
 # What is known of the line, and what the finding says; None where the reason is accepted.
 UNSAFE: dict[str, tuple[dict[str, Any], str | None]] = {
-    "a line that nobody knows": ({}, None),
+    "a line that no one knows": ({}, None),
     "such a line beside a class": ({"classes": ["tty", "video4linux"]}, None),
     "a class of the kernel": ({"classes": ["video4linux"], "raw_descriptor": "product: Acme Arm"}, "effect"),
     "an answer": ({"answers": ANSWER}, "an Acme Arm"),

@@ -156,7 +156,7 @@ def test_what_was_given_up_tells_since_when_what_was_tried_and_the_command(tmp_p
     assert trouble.episode is not None
     assert [made.repair for made in trouble.episode.tries] == ["restart", "restart", "rebuild"]
     assert trouble.waits == "given up: 3 tries did not help"
-    assert trouble.do == "mend the cause, then: octoform heal -retry endpoint"
+    assert trouble.do == "fix the cause, then: octoform heal -retry endpoint"
 
 
 def test_what_a_person_holds_back_is_told_with_its_command(watched: Layout) -> None:

@@ -373,7 +373,7 @@ def test_a_limit_below_a_default_is_told_and_its_refusal_names_both(tmp_path: Pa
 @pytest.mark.parametrize("policy", [Policy(), Policy(actuate="confirm")])
 def test_nobody_is_asked_before_something_stops(policy: Policy) -> None:
     found = resolved(policy, tool(effect="actuate", stops=True))["tools"]["move_joint"]
-    assert (found["decision"], found["source"]) == ("allow", "what stops a movement waits for nobody")
+    assert (found["decision"], found["source"]) == ("allow", "what stops a movement waits for no one")
 
 
 def test_a_person_may_deny_what_stops() -> None:

@@ -195,8 +195,8 @@ def test_a_call_that_nobody_approves_is_not_made(bench: Launched, answer: bool |
     records = [json.loads(line) for line in (bench.layout.logs / "audit.jsonl").read_text().splitlines()]
     last = [each for each in records if each["event"] == "decision"][-1]
     if answer is None:
-        assert problem.detail == "nobody could be asked: there is no terminal; -auto-approve approves"
-        assert last["decision"] == "ask", "no word of a person is on the log that nobody gave"
+        assert problem.detail == "no one could be asked: there is no terminal; -auto-approve approves"
+        assert last["decision"] == "ask", "no word of a person is on the log that no one gave"
     else:
         assert str(problem.detail).startswith("the person declined this call")
         assert last["code"] == "declined"

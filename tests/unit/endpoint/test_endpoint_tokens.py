@@ -211,7 +211,7 @@ def test_damaged_record_lets_nobody_in_and_says_so_once(
     (layout.run / "tokens.json").write_text(text)
     assert [door.find(value) for _ in range(5)] == [None] * 5
     if "{}" not in text:
-        assert capfd.readouterr().err.count("nobody gets in") == 1
+        assert capfd.readouterr().err.count("no one gets in") == 1
 
 
 def test_complaint_that_finds_no_room_lets_nobody_in_and_breaks_nothing(
@@ -268,7 +268,7 @@ def test_changes_at_once_lose_none(layout: Layout) -> None:
 
 def test_commands(project: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert octoform(project, "token", "list") == 0
-    assert "nobody gets in" in capsys.readouterr().out
+    assert "no one gets in" in capsys.readouterr().out
     assert octoform(project, "token", "create", "laptop", "-effects", "read,actuate", "-expires", "24h", "-json") == 0
     document: dict[str, Any] = json.loads(capsys.readouterr().out)
     value = document["value"]

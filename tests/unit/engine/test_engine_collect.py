@@ -137,9 +137,7 @@ def test_what_is_out_of_date_or_edited_is_said(host: Host, laptop: Artifacts) ->
 def test_what_cannot_be_read_is_not_taken_for_what_never_was(host: Host, laptop: Artifacts) -> None:
     host.accept(laptop)
     host.folders.accept("identify", b"garbage")
-    aside = (
-        "its accepted output is left aside, for it or what it rests on cannot be read; octoform apply makes it again"
-    )
+    aside = "its accepted output is skipped, for it or what it rests on cannot be read; octoform apply makes it again"
     missing = "not there yet: SERVE, DEPLOY; octoform apply makes it"
     assert host.report().notes == (f"IDENTIFY: {aside}", f"INTERFACE: {aside}", missing)
     host.folders.layout.output("identify").unlink()
@@ -242,7 +240,7 @@ def test_what_was_taken_over_is_no_run_and_no_attempt(host: Host, laptop: Artifa
     host.accept(laptop)
     host.add("identify", laptop["identify"], 0, role="reuse", reason="reused", seconds=0.0)
     report = host.report()
-    assert [(item.agents, item.attempts, item.retries) for item in report.passes] == [(("taken over",), 0, 0)]
+    assert [(item.agents, item.attempts, item.retries) for item in report.passes] == [(("reused",), 0, 0)]
     assert report.stability is not None and report.stability.runs == 1
 
 

@@ -86,4 +86,4 @@ def test_the_agents_of_the_daemon_are_counted_too(
     (tmp_path / "octopus.yaml").write_text(f"version: 1\nhost: bench\nbudget: {{usd: 3}}\n{agent}")
     assert main([f"-chdir={tmp_path}", command]) == 1
     told = capsys.readouterr()
-    assert "nobody knows what anthropic/nobody-knows-1 costs" in told.out + told.err
+    assert "no one knows what anthropic/nobody-knows-1 costs" in told.out + told.err

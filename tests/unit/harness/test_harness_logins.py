@@ -56,7 +56,7 @@ def test_the_token_of_codex_with_the_account_that_it_is_of(tmp_path: Path) -> No
     assert set(found.variables) == {"CODEX_ACCESS_TOKEN", "CODEX_ACCOUNT_ID"}
     assert found.variables["CODEX_ACCOUNT_ID"] == "account-7"
     assert found.until == NOW + 86_400
-    assert "rt-1" not in str(found.variables), "whoever renews a login makes its owner's void"
+    assert "rt-1" not in str(found.variables), "anyone who renews a login makes its owner's void"
 
 
 def test_a_variable_that_the_person_has_set_comes_first(tmp_path: Path) -> None:

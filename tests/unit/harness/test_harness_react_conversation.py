@@ -51,7 +51,7 @@ def test_old_results_give_way_and_the_rest_stays() -> None:
     text = content(messages)
     assert size_of(messages) <= LIMIT_BYTES
     assert messages[0]["content"] == INSTRUCTIONS and messages[1]["content"] == TASK
-    assert "result 0 " not in text and "[20009 bytes of this result are left out here" in text
+    assert "result 0 " not in text and "[20009 bytes of this result are omitted here" in text
     assert all(f"step {number}\n" in text for number in range(20))
     assert all(f"result {number} " in text for number in range(20 - RECENT, 20))
 
@@ -78,7 +78,7 @@ def test_steps_that_went_are_told_of() -> None:
     for number in range(3000):
         step(conversation, number, "r" * 190)
     messages = conversation.messages()
-    assert "earlier steps of this conversation are left out.]" in messages[2]["content"]
+    assert "earlier steps of this conversation are omitted.]" in messages[2]["content"]
     assert size_of(messages) <= LIMIT_BYTES
 
 

@@ -122,9 +122,9 @@ def test_replacements_in_their_order(folder: Path) -> None:
 @pytest.mark.parametrize(
     ("edits", "told"),
     [
-        ([{"old": "x", "new": "y"}], "edit 1 of 1: old does not stand in the file; read the file"),
-        ([{"old": "b", "new": "y"}], "edit 1 of 1: old stands in the file 2 times; add what stands around"),
-        ([{"old": "a", "new": "c"}, {"old": "a", "new": "y"}], "edit 2 of 2: old does not stand in the file"),
+        ([{"old": "x", "new": "y"}], "edit 1 of 1: old is not in the file; read the file"),
+        ([{"old": "b", "new": "y"}], "edit 1 of 1: old is in the file 2 times; add what stands around"),
+        ([{"old": "a", "new": "c"}, {"old": "a", "new": "y"}], "edit 2 of 2: old is not in the file"),
         ([{"old": "", "new": "y"}], "edit 1 of 1: old is empty"),
         ([], "edits is empty"),
     ],

@@ -42,7 +42,7 @@ def test_a_flood_is_bounded_with_its_beginning_and_its_end(shell: Shell) -> None
     assert len(said.text) < OUTPUT_BYTES + 200
     assert said.text.startswith("first\n")
     assert said.text.endswith("\nlast")
-    assert "bytes left out ...]" in said.text
+    assert "bytes omitted ...]" in said.text
 
 
 def test_bytes_that_are_no_text_and_signs_that_hide(shell: Shell) -> None:

@@ -136,7 +136,7 @@ def test_trouble_that_passes_is_forgotten() -> None:
     assert run.at(0, b"limited") is None
     assert run.at(19, b"turn") is None
     assert run.at(30, b"limited") is None
-    assert run.at(49) is None, "patience begins anew"
+    assert run.at(49) is None, "patience begins again"
     assert run.watcher.trouble == EVENTS[b"limited"]
 
 

@@ -314,7 +314,7 @@ def test_nothing_moves_while_nobody_can_read_what_a_person_has_forbidden(tmp_pat
     assert "cannot be read" in gone.against(call).words  # type: ignore[union-attr]
     (run / NAME).write_text("{")
     damaged = Restrictions(run / NAME, clock=lambda: clock.now, boot="b", ledger=Standing(ledger, "b"))
-    assert "octoform claims, which starts both anew" in damaged.against(call).words  # type: ignore[union-attr]
+    assert "octoform claims, which starts both again" in damaged.against(call).words  # type: ignore[union-attr]
     assert "nothing moves" in str(damaged.problem)
     ledger.write_text(json.dumps({"format": 1, "boot": "b", "claims": []}))
     assert damaged.in_force() == ()

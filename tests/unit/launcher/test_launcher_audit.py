@@ -111,7 +111,7 @@ def test_fields_are_bounded_and_secrets_left_out(tmp_path: Path) -> None:
     assert len(line) < 4000 and len(wide) < 20_000
     assert b"hunter2" not in line
     assert found["arguments"]["text"] == "x" * 200 + "... (100000 characters)"
-    assert found["arguments"]["token"] == "(left out)"
+    assert found["arguments"]["token"] == "(omitted)"
     assert found["arguments"]["number"] == "nan"
     assert found["arguments"]["yes"] is True
     assert abridged["abridged"] is True
@@ -200,7 +200,7 @@ def test_a_log_that_was_written_anew_does_not_fit_its_seal(tmp_path: Path) -> No
     for _ in range(5):
         other.write("harmless")
     (tmp_path / "b/audit.jsonl").replace(tmp_path / "a/audit.jsonl")
-    assert verify(tmp_path / "a").problem == "record 5 is not the one that was sealed: the log was written anew"
+    assert verify(tmp_path / "a").problem == "record 5 is not the one that was sealed: the log was written again"
 
 
 def test_a_deleted_log_shows_although_the_process_goes_on(tmp_path: Path) -> None:
@@ -357,7 +357,7 @@ def test_a_log_of_the_same_length_does_not_fit_the_witness(tmp_path: Path) -> No
     for _ in range(3):
         other.write("harmless")
     assert verify(tmp_path / "log").ok
-    assert "the log was written anew" in verify(tmp_path / "log", tmp_path / "witness").problem
+    assert "the log was written again" in verify(tmp_path / "log", tmp_path / "witness").problem
 
 
 def test_a_log_from_before_there_was_a_witness_goes_on(tmp_path: Path) -> None:

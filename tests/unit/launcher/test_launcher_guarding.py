@@ -100,7 +100,7 @@ def test_estop_of_a_running_endpoint(bench: Launched, line: Line) -> None:
     status, cleared = answer(bench, "estop", "-clear")
     assert (status, cleared["ok"], cleared["endpoints"][0]["reason"]) == (0, True, "smoke")
     assert call(bench, "move_rail", steps=1) == ""
-    assert "was not latched" in octoform(bench, "estop", "-clear").out
+    assert "was NOT engaged" in octoform(bench, "estop", "-clear").out
     events = [record["event"] for record in answer(bench, "audit")[1]["records"]]
     assert [event for event in events if event.startswith("estop")] == ["estop", "estop_actions", "estop_cleared"]
 

@@ -47,6 +47,6 @@ def test_another_fault_is_raised(monkeypatch: pytest.MonkeyPatch) -> None:
         broken = io.TextIOWrapper(raw, encoding="utf-8", write_through=True)
         monkeypatch.setattr(sys, "stderr", broken)
         with pytest.raises(BrokenPipeError):
-            say("nobody reads")
+            say("no one reads")
         monkeypatch.undo()
         broken.detach()

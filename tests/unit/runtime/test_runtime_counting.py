@@ -79,7 +79,7 @@ def test_a_device_that_was_attached_anew_is_unknown_and_let_go_of(line: int) -> 
     assert os.ttyname(kept) == os.ttyname(line) and not os.get_inheritable(kept)
     master, other = pty.openpty()
     try:
-        assert where(other)["unknown"] == "the device was attached anew; rail_home makes it known"
+        assert where(other)["unknown"] == "the device was attached again; rail_home makes it known"
         done(line, HOME)
         done(other, Step("x", 5))
         assert where(other)["x"] is None

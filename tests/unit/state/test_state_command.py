@@ -150,7 +150,7 @@ def test_nothing_that_the_repository_names_is_run(planted: Planted, way: Callabl
     assert not planted.mark.exists(), planted.mark.read_text()
     assert revision is not None
     done = call(str(planted.root), ["show", f"{revision}:state/a"])
-    assert done.stdout == b"another\n", "what is committed is what stands in the file"
+    assert done.stdout == b"another\n", "what is committed is what is in the file"
 
 
 def test_a_person_signs_with_their_own_program_and_never_with_the_repositorys(planted: Planted) -> None:

@@ -70,7 +70,7 @@ def bad_night() -> Survey:
         stamp(7500),
         episode(),
         "given up: 3 tries did not help",
-        "mend the cause, then: octoform heal -retry endpoint",
+        "fix the cause, then: octoform heal -retry endpoint",
     )
     gone = episode(
         target="device:usb-1", summary="usb-1 is not there", status=Status.DEGRADED, tries=[], outcome="open"
@@ -102,7 +102,7 @@ def test_a_person_at_night_reads_it_in_one_screen() -> None:
         f"    since  {since} (2 h 5 min)",
         "    tried  restart 3 times; the last one 2 h 4 min ago failed: ModuleNotFoundError: No module named 'cv2'",
         "    now    given up: 3 tries did not help",
-        "    do     mend the cause, then: octoform heal -retry endpoint",
+        "    do     fix the cause, then: octoform heal -retry endpoint",
         "",
         "  device:usb-1",
         "    usb-1 is not there",
@@ -116,7 +116,7 @@ def test_a_person_at_night_reads_it_in_one_screen() -> None:
         "",
         "  no signal is read while the endpoint is down; claims in force: c1 (octoform claims)",
         f"  watched by process {myself().pid} since {clock(stamp(9000))}; last look 4.0 s ago",
-        f"  nobody was told by the webhook since {untold} (4 messages lost): it answered with 404",
+        f"  no one was told by the webhook since {untold} (4 messages lost): it answered with 404",
     ]
 
 

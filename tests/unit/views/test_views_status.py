@@ -70,7 +70,7 @@ def test_a_healthy_host_tells_what_runs() -> None:
         "  stuck: move_rail for 12.5 s, which keeps usb-1 (octoform restart ends it)",
         "  2 calls waiting for an approval",
         "  the audit log cannot be written: No space left on device",
-        "  nobody watches it: octoform watch keeps it alive",
+        "  no one watches it: octoform watch keeps it alive",
     ]
 
 
@@ -112,7 +112,7 @@ def test_nothing_that_is_told_acts_on_the_terminal() -> None:
     code, text = shown(Status("bench", True, ("why \x1b[2J",), process=process), verdict=Verdict.DOWN)
     assert code == 5
     assert "\x1b" not in text and "\x07" not in text
-    assert "  emergency stop latched by \\x1b[1manna: smoke host bench: in sync" in text
+    assert "  emergency stop engaged by \\x1b[1manna: smoke host bench: in sync" in text
 
 
 def test_a_program_reads_everything_that_the_process_told() -> None:

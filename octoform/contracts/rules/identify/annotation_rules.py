@@ -100,7 +100,7 @@ def reason_false(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
             continue  # another rule's finding
         why = _contradicted(item["reason"], entry, kept, artifacts)
         if why is not None:
-            summary = f"{shown(item['id'])} is left out as {item['reason']}, and PROBE shows {why[0]}"
+            summary = f"{shown(item['id'])} is skipped as {item['reason']}, and PROBE shows {why[0]}"
             where = pointer("left_out", index, "reason")
             out.append(error("IDENTIFY-REASON-FALSE", summary, pointer=where, hint=why[1]))
     return out
@@ -234,7 +234,7 @@ def _contradicted(
 ) -> tuple[str, str] | None:
     """What PROBE shows against a reason, and what to write; None where nothing does."""
     evident = _evident(entry, artifacts)
-    annotate = "annotate it: what is left out has nothing to offer, or is another entry's"
+    annotate = "annotate it: what is skipped has nothing to offer, or is another entry's"
     place = str(entry.get("instance", {}).get("sysfs", ""))
     if reason == "network_neighbour" and not entry.get("context") and _ATTACHED.search(place):
         return f"it on {entry['interface']}, without context", annotate

@@ -47,7 +47,7 @@ def answer_invented(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]
     return [
         error(
             "IDENTIFY-ANSWER-INVENTED",
-            f"{shown(device['id'])} was identified by an answer that nobody gave",
+            f"{shown(device['id'])} was identified by an answer that no one gave",
             pointer=pointer("devices", index, "method"),
             hint="name the method that decided, or leave the device unknown",
         )
@@ -107,7 +107,7 @@ def line_left_out(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
     return [
         warning(
             "IDENTIFY-LINE-LEFT-OUT",
-            f"{shown(item['id'])} has a serial line and is left out, so nobody is asked what is connected to it",
+            f"{shown(item['id'])} has a serial line and is skipped, so no one is asked what is connected to it",
             pointer=pointer("left_out", index),
             hint="annotate it as unknown with the one question that would settle it",
         )

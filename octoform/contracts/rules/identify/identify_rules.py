@@ -63,7 +63,7 @@ def device_unaccounted(value: JsonObject, artifacts: Artifacts) -> list[Diagnost
     silent = [name for name in _probed(artifacts) if name not in told]
     if not silent:
         return []
-    summary = f"{len(silent)} of PROBE's devices are neither annotated nor left out: {listed(silent)}"
+    summary = f"{len(silent)} of PROBE's devices are neither annotated nor skipped: {listed(silent)}"
     hint = "put each of them into devices, or into left_out with a reason"
     return [error("IDENTIFY-DEVICE-UNACCOUNTED", summary, pointer="/left_out", hint=hint)]
 
@@ -82,7 +82,7 @@ def quote_not_verbatim(value: JsonObject, artifacts: Artifacts) -> list[Diagnost
                 summary = f"the quote {shown(quote)} begins or ends inside of a word of {shown(device['id'])}"
                 hint = "quote whole words: a piece of a word names something else"
             else:
-                summary = f"the quote {shown(quote)} does not stand in PROBE's text of {shown(device['id'])}"
+                summary = f"the quote {shown(quote)} is not in PROBE's text of {shown(device['id'])}"
                 hint = "copy it letter by letter from that device's name or raw_descriptor; say what follows in `says`"
             where = pointer("devices", index, "evidence", at, "quote")
             out.append(error("IDENTIFY-QUOTE-NOT-VERBATIM", summary, pointer=where, hint=hint))
@@ -168,7 +168,7 @@ def neighbour_promoted(value: JsonObject, artifacts: Artifacts) -> list[Diagnost
             "IDENTIFY-NEIGHBOUR-PROMOTED",
             f"{shown(capability['name'])} of {shown(device['id'])} searches what is merely near",
             pointer=pointer("devices", index, "capabilities", at),
-            hint="leave the capability out: whom a port of the network belongs to nobody here knows",
+            hint="leave the capability out: whom a port of the network belongs to no one here knows",
         )
         for index, at, device, capability in capabilities(value)
         if _searches(capability)
@@ -278,7 +278,7 @@ def many_devices(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
     if able <= MANY_DEVICES:
         return []
     summary = f"{able} devices have capabilities, more than an agent can choose from"
-    hint = "leave out what nobody would ask an agent to use"
+    hint = "leave out what no one would ask an agent to use"
     return [warning("IDENTIFY-MANY-DEVICES", summary, pointer="/devices", hint=hint)]
 
 

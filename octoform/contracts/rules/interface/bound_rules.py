@@ -86,7 +86,7 @@ def wait_too_long(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
             longest = member.get("maximum", member.get("exclusiveMaximum"))
             if isinstance(longest, int | float) and longest * unit <= LONGEST_WAIT:
                 continue
-            bound = f"{longest * unit:g} s" if isinstance(longest, int | float) else "for ever"
+            bound = f"{longest * unit:g} s" if isinstance(longest, int | float) else "permanently"
             summary = f"{shown(name)} of {shown(tool['name'])} lets a call last {bound}"
             hint = f"write a maximum of at most {LONGEST_WAIT / unit:g}"
             out.append(error("INTERFACE-WAIT-TOO-LONG", summary, pointer=where, hint=hint))

@@ -53,7 +53,7 @@ def description(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
                 hint = "describe the kind of device; which unit it is and where it is are found when a tool is called"
                 out.append(error("INTERFACE-DESCRIPTION", summary, pointer=pointer(*where), hint=hint))
             elif _said(_ORDERS, text, names):
-                summary = f"a description of {shown(tool['name'])} gives orders to whoever reads it"
+                summary = f"a description of {shown(tool['name'])} gives orders to anyone who reads it"
                 hint = "say what the tool does; what a device calls itself is quoted, and never obeyed"
                 out.append(error("INTERFACE-DESCRIPTION", summary, pointer=pointer(*where), hint=hint))
             elif _said(_DEMANDS, text, names):
@@ -163,9 +163,7 @@ def capability_without_tool(value: JsonObject, artifacts: Artifacts) -> list[Dia
     """Each capability has its tool, unless all of its devices are left out for the budget, or as unsafe."""
     served = {tool["capability"] for tool in value["tools"]}
     open_lines = raw_line_rules.lines_without_knowledge(artifacts)
-    unsafe = (
-        "what is not safe to serve is left out with the reason unsafe, its `capability` named and why in `detail`; "
-    )
+    unsafe = "what is not safe to serve is skipped with the reason unsafe, its `capability` named and why in `detail`; "
     return [
         error(
             "INTERFACE-CAPABILITY-WITHOUT-TOOL",
@@ -275,7 +273,7 @@ def effect_differs(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
         if is_graver(tool["effect"], wanted):
             for device in sorted(lines.intersection(tool["devices"]))[:1]:
                 summary = (
-                    f"{shown(tool['name'])} is declared {tool['effect']}, and nobody says how {shown(device)} stops"
+                    f"{shown(tool['name'])} is declared {tool['effect']}, and no one says how {shown(device)} stops"
                 )
                 hint = (
                     f"leave {tool['capability']} out with the reason unsafe; {raw_line_rules.cure(device, artifacts)}"
@@ -336,7 +334,7 @@ def budget_unused(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
     return [
         error(
             "INTERFACE-BUDGET-UNUSED",
-            f"{shown(item['id'])} is left out for the tool budget, and {free} of {artifacts.tools_budget} are free",
+            f"{shown(item['id'])} is skipped for the tool budget, and {free} of {artifacts.tools_budget} are free",
             pointer=pointer("left_out", index, "reason"),
             hint="add the tools of its capabilities, or give the reason that is true of it",
         )
@@ -345,7 +343,7 @@ def budget_unused(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
     ] + [
         error(
             "INTERFACE-BUDGET-UNUSED",
-            f"{shown(item['id'])} is left out for the server's size, and {len(value['tools'])} tools make a short one",
+            f"{shown(item['id'])} is skipped for the server's size, and {len(value['tools'])} tools make a short one",
             pointer=pointer("left_out", index, "reason"),
             hint="add the tools of its capabilities, or give the reason that is true of it",
         )
@@ -379,7 +377,7 @@ def device_unaccounted(value: JsonObject, artifacts: Artifacts) -> list[Diagnost
     silent = [name for name in _known(artifacts) if name not in told]
     if not silent:
         return []
-    summary = f"{len(silent)} devices are neither served by a tool nor left out: {listed(silent)}"
+    summary = f"{len(silent)} devices are neither served by a tool nor skipped: {listed(silent)}"
     hint = "add each of them to left_out with its reason"
     return [error("INTERFACE-DEVICE-UNACCOUNTED", summary, pointer="/left_out", hint=hint)]
 
@@ -393,9 +391,9 @@ def left_out_twice(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
         where, entry = pointer("left_out", index, "id"), (item["id"], item.get("capability", ""))
         whole = item["reason"] == _UNSAFE and "capability" not in item
         if entry in seen or (item["id"], "") in seen or (not entry[1] and item["id"] in {name for name, _ in seen}):
-            summary, hint = f"{shown(item['id'])} is left out twice", "keep one of the two"
+            summary, hint = f"{shown(item['id'])} is skipped twice", "keep one of the two"
         elif item["id"] in served and (item["reason"] not in SPARED or whole):
-            summary, hint = f"{shown(item['id'])} is left out and served by a tool", "choose one of the two"
+            summary, hint = f"{shown(item['id'])} is skipped and served by a tool", "choose one of the two"
             hint += "; where one capability of it is unsafe, name that in `capability`" if whole else ""
         else:
             seen.add(entry)

@@ -357,7 +357,7 @@ def units_wrong(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
     for index, tool in enumerate(value["tools"]):
         for problem in _problems(tool) if "units" in tool else ():
             summary = f"the units of {shown(tool['name'])} {problem}"
-            hint = "name only parameters that input_schema has, and units that stand in `names`"
+            hint = "name only parameters that input_schema has, and units that are in `names`"
             out.append(error("INTERFACE-UNITS-WRONG", summary, pointer=pointer("tools", index, "units"), hint=hint))
     return out
 

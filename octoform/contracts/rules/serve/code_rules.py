@@ -139,7 +139,7 @@ def unsafe_loads(value: str, _: Artifacts) -> list[Diagnostic]:
     source = needed_source(value)
     hint = "use json, struct or plain text"
     return [
-        source.problem("SERVE-UNSAFE-LOADS", call, f"{shown(name)} can run code that stands in the data", hint)
+        source.problem("SERVE-UNSAFE-LOADS", call, f"{shown(name)} can run code that is in the data", hint)
         for call, name in source.calls
         if _UNSAFE_LOADS.fullmatch(name) and not _safe_loader(call)
     ]

@@ -68,7 +68,7 @@ def line_written(value: str, artifacts: Artifacts) -> list[Diagnostic]:
         if tool["effect"] != "read" or not devices:
             continue
         for node, what in _writing(source, _reached(source, site)):
-            summary = f"{what}, and nobody knows what {shown(devices[0])} does with it"
+            summary = f"{what}, and no one knows what {shown(devices[0])} does with it"
             hint = f"in a tool that reads send a constant question, or listen; {cure(devices[0], artifacts)}"
             out.setdefault(node, source.problem(CODE, node, summary, hint))
     return list(out.values())

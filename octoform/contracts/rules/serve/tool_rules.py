@@ -62,7 +62,7 @@ def tools_differ(value: str, artifacts: Artifacts) -> list[Diagnostic]:
     if absent:
         summary = f"the server lacks {len(absent)} tools of INTERFACE: {listed(absent)}"
         hint = "register each with @mcp.tool, or @mcp.tool(name=...) with a constant name; where one "
-        hint += "cannot be written, INTERFACE has to be made anew: octoform apply -replace interface"
+        hint += "cannot be written, INTERFACE has to be made again: octoform apply -replace interface"
         out.append(error("SERVE-TOOLS-DIFFER", summary, span=Span(1, 1), hint=hint))
     return out
 

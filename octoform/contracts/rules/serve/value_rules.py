@@ -48,7 +48,7 @@ def default_reading(value: str, artifacts: Artifacts) -> list[Diagnostic]:
     for node in source.nodes:
         if source.owner(node) in used:
             out += [
-                source.problem("SERVE-DEFAULT-READING", place, f"a made-up value stands in for {why}", hint)
+                source.problem("SERVE-DEFAULT-READING", place, f"a made-up value replaces {why}", hint)
                 for place, why in _Substitutes(source, flow).at(node)
             ]
     return out

@@ -64,7 +64,7 @@ def test_repairs_and_what_agents_cost_are_counted(tmp_path: Path) -> None:
     assert found["octoform_repairs", (host, ("repair", "restart"), ("result", "failed"))] == 1
     assert found["octoform_agent_calls", (host,)] == 1
     assert found["octoform_agent_tokens", (("direction", "input"), host)] == 100
-    assert not any(name == "octoform_agent_usd" for name, _ in found), "a cost that nobody knows is no zero"
+    assert not any(name == "octoform_agent_usd" for name, _ in found), "a cost that no one knows is no zero"
 
 
 def test_the_file_is_whole_readable_and_leaves_nothing_beside(tmp_path: Path) -> None:

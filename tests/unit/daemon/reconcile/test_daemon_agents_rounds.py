@@ -72,7 +72,7 @@ def test_watch_and_heal_are_given_their_briefs(world: DaemonWorld) -> None:
     assert any(item["path"] == "/volts" and item["value"] == 7.4 for item in watch["readings"])
     assert heal["error"]["class"] == "broken_tool" and heal["target"] == f"tool:{TOOL}"
     assert heal["episode"].startswith("e")
-    assert (watch["since"], heal["since"]) == ("", ""), "nobody was asked before: all of the log counts"
+    assert (watch["since"], heal["since"]) == ("", ""), "no one was asked before: all of the log counts"
     asked = watch
     world.fail("another")
     world.happens(Cause.LOG)

@@ -244,7 +244,7 @@ def test_what_nobody_can_tell_counts_as_spent(shelf: Shelf) -> None:
         assert again.left(11.0, STAMP) == 0 and again.free_at(11.0, STAMP) == 3610.0
     dear = Purse(shelf, "b2", 6, 1.0)
     run(dear, 5000.0, Spent(1, 0, 0, None))
-    assert dear.free_at(5001.0, STAMP) is not None, "nobody knows what it cost"
+    assert dear.free_at(5001.0, STAMP) is not None, "no one knows what it cost"
 
 
 def test_no_agent_is_asked_where_that_cannot_be_written_down(shelf: Shelf) -> None:

@@ -245,7 +245,7 @@ def test_what_a_call_said_of_a_device_is_over_once_all_of_them_are_certain(error
     ):
         assert "move" in remember(known, replace(WELL, devices=sightings)).failing, sightings
     there = replace(WELL, devices={"a": Sighting(True), "b": Sighting(True)})
-    assert remember(known, there).failing == {}, "nobody has to move something to find out"
+    assert remember(known, there).failing == {}, "no one has to move something to find out"
     assert "move" in remember(known, replace(there, failures=failed("move", error))).failing
     broken = remember(Recall(), replace(WELL, failures=failed("move", "KeyError")))
     assert "move" in remember(broken, there).failing
@@ -253,7 +253,7 @@ def test_what_a_call_said_of_a_device_is_over_once_all_of_them_are_certain(error
 
 def test_a_tool_that_is_not_offered_any_more_fails_no_more() -> None:
     known = remember(Recall(), replace(WELL, failures=failed("gone_by", "KeyError")))
-    assert "gone_by" in remember(known, WELL).failing, "nobody knows what is offered"
+    assert "gone_by" in remember(known, WELL).failing, "no one knows what is offered"
     assert "gone_by" in remember(known, replace(WELL, offered=frozenset({"gone_by", "look"}))).failing
     assert remember(known, replace(WELL, offered=frozenset({"look"}))).failing == {}
 
