@@ -14,8 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from octoform.simulation.control import HELP, Refused, changed, obey, shown
-from octoform.simulation.descriptions import RigInvalid, load, names
-from octoform.simulation.rig import Rig
+from octoform.simulation.rig import Rig, RigInvalid, load, names
 
 MEMORY = Path("/dev/shm")
 """Where the folder is made when it can be: the camera's file is replaced several times a second."""

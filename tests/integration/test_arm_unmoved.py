@@ -13,8 +13,7 @@ from octoform.base.id_databases import IdDatabases
 from octoform.builtin.identify.stage import identify
 from octoform.builtin.interface.stage import declare
 from octoform.builtin.probe.stage import probe_root
-from octoform.simulation.descriptions import load
-from octoform.simulation.rig import Rig
+from octoform.simulation.rig import Rig, load
 
 ARM = "usb-1a86-55d3"
 READ = {"readOnlyHint": True, "destructiveHint": False, "idempotentHint": True, "openWorldHint": False}

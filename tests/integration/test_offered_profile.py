@@ -7,8 +7,7 @@ from pathlib import Path
 import pytest
 from projects import Project
 
-from octoform.simulation.descriptions import load
-from octoform.simulation.rig import Rig
+from octoform.simulation.rig import Rig, load
 
 pytestmark = pytest.mark.dear
 

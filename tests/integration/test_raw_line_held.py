@@ -17,8 +17,7 @@ from projects import Project
 from octoform.base.id_databases import IdDatabases
 from octoform.builtin.identify.stage import identify
 from octoform.builtin.probe.stage import probe_root
-from octoform.simulation.descriptions import load
-from octoform.simulation.rig import Rig
+from octoform.simulation.rig import Rig, load
 
 pytestmark = pytest.mark.dear
 

@@ -19,8 +19,7 @@ from projects import OCTOFORM, Project
 
 from octoform.perception.capture import take
 from octoform.perception.image_quality import difference
-from octoform.simulation.descriptions import load
-from octoform.simulation.rig import Rig
+from octoform.simulation.rig import Rig, load
 from octoform.state.layout import Layout
 
 pytestmark = pytest.mark.dear

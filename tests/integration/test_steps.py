@@ -13,8 +13,7 @@ from typing import Any
 import pytest
 from projects import Done, Project
 
-from octoform.simulation.descriptions import load
-from octoform.simulation.rig import Rig
+from octoform.simulation.rig import Rig, load
 from octoform.simulation.servos import ServoBus
 
 pytestmark = pytest.mark.dear

@@ -20,8 +20,7 @@ from octoform.claims.model import Channel, Claim, Condition, Restriction, Signal
 from octoform.claims.settings import settings_of
 from octoform.daemon.observe.clock import SystemClock
 from octoform.engine.unattended.heal import heal
-from octoform.simulation.descriptions import load
-from octoform.simulation.rig import Rig
+from octoform.simulation.rig import Rig, load
 from octoform.state.layout import Layout
 
 TOP = Path(__file__).parents[2]

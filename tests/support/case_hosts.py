@@ -16,7 +16,7 @@ from octoform.builtin.probe.stage import probe_root
 from octoform.contracts.model import ProfileFacts
 from octoform.profiles import commands, devices_of, for_task
 from octoform.profiles.parser import load
-from octoform.simulation import descriptions
+from octoform.simulation import rig as descriptions
 from octoform.simulation.rig import Rig
 from octoform.simulation.tree import Planter
 

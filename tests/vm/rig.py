@@ -12,8 +12,8 @@ from vm.devices.scene import SceneCamera
 from vm.devices.serial import CdcAcm
 from vm.guest import Guest
 
-from octoform.simulation.descriptions import load
 from octoform.simulation.rail_firmware import LineDevice
+from octoform.simulation.rig import load
 from octoform.simulation.scene import Scene
 from octoform.simulation.servos import ServoBus
 

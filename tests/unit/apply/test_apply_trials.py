@@ -17,8 +17,8 @@ from octoform.endpoint.scripts.picture import digest, grain_of
 from octoform.perception.image_quality import Picture
 from octoform.protocol.model import Proof
 from octoform.simulation import servo
-from octoform.simulation.descriptions import load
 from octoform.simulation.rail_firmware import LineDevice
+from octoform.simulation.rig import load
 from octoform.simulation.scene import Scene, Sensor
 from octoform.simulation.servos import ServoBus
 

@@ -22,7 +22,7 @@ from octoform.contracts.rules.serve.serve_rules import ACTUATE_RULES
 from octoform.profiles import for_task, load
 from octoform.runtime import DeviceFault
 from octoform.simulation import servo
-from octoform.simulation.descriptions import load as rig
+from octoform.simulation.rig import load as rig
 from octoform.simulation.servo import Reader, packet
 from octoform.simulation.servos import ServoBus
 

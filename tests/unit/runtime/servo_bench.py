@@ -9,7 +9,7 @@ from octoform.runtime import registers
 from octoform.runtime.registers import Field, Map, Motion, NoReply, Protect
 from octoform.runtime.units import Units
 from octoform.simulation import servo
-from octoform.simulation.descriptions import load
+from octoform.simulation.rig import load
 from octoform.simulation.servo import Reader, packet
 from octoform.simulation.servos import ServoBus
 

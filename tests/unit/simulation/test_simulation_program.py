@@ -11,8 +11,7 @@ from typing import Any
 import pytest
 
 from octoform.simulation.control import Refused, changed, obey, shown
-from octoform.simulation.descriptions import RigInvalid, load, names
-from octoform.simulation.rig import Rig
+from octoform.simulation.rig import Rig, RigInvalid, load, names
 
 GIVEN = load("reference")
 

@@ -4,8 +4,8 @@ from typing import Any
 
 import pytest
 
-from octoform.simulation.descriptions import load
 from octoform.simulation.rail_firmware import LineDevice, Unplugged
+from octoform.simulation.rig import load
 
 RAIL: dict[str, Any] = load("reference")["devices"]["rail"]
 STEP = 2 * RAIL["half_period"]

@@ -11,8 +11,7 @@ import pytest
 import scservo_sdk as sdk
 from scservo_sdk import port_handler
 
-from octoform.simulation.descriptions import load
-from octoform.simulation.rig import Rig
+from octoform.simulation.rig import Rig, load
 
 GIVEN = load("reference")
 FIELDS = GIVEN["devices"]["arm"]["registers"]["fields"]

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from octoform.simulation.descriptions import load
 from octoform.simulation.rail_firmware import LineDevice
+from octoform.simulation.rig import load
 from octoform.simulation.scene import Camera, Scene
 from octoform.simulation.servos import ServoBus
 

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from octoform.simulation.descriptions import load
+from octoform.simulation.rig import load
 from octoform.simulation.servo import (
     ACTION,
     ANGLE,
