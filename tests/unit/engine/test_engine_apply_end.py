@@ -50,9 +50,10 @@ def test_an_endpoint_none_of_whose_tools_answered_is_told_by_its_finding(tmp_pat
     assert result.silent == "no read tool answered"
 
 
-def test_a_recorded_host_is_told_of(tmp_path: Path) -> None:
-    result = apply.rights(Layout(tmp_path, "bench"), RunResult("apply", "bench"), {"OCTOFORM_SYSROOT": "/hosts/x"})
-    assert result.recorded == "/hosts/x"
+def test_a_recorded_host_is_told_of_and_what_cannot_be_opened_there_is_no_fault_of_the_apply(tmp_path: Path) -> None:
+    layout = checked(tmp_path, [called("read_1", True), called("read_2", False), called("read_3", False)])
+    result = apply.rights(layout, RunResult("apply", "bench", added=1), {"OCTOFORM_SYSROOT": "/hosts/x"})
+    assert (result.recorded, result.silent) == ("/hosts/x", "")
 
 
 @pytest.mark.parametrize(
