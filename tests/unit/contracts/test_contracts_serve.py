@@ -327,10 +327,8 @@ def test_the_header_is_read() -> None:
 
 
 def _report() -> dict[str, object]:
-    tools = [
-        {"name": tool["name"], "input_schema": tool["input_schema"], "annotations": tool["annotations"]}
-        for tool in good("interface")["tools"]
-    ]
+    told = ("name", "input_schema", "output_schema", "annotations")
+    tools = [{key: tool[key] for key in told if key in tool} for tool in good("interface")["tools"]]
     return {"tools": tools, "violations": [], "error": None}
 
 

@@ -76,7 +76,8 @@ def test_two_different_servers_satisfy_one_interface() -> None:
     for text in (first, second):
         assert check("serve", text, artifacts(serve=None), SCHEMAS) == []
     # Imported, each declares what INTERFACE promised, whatever the order.
-    told = [{key: tool[key] for key in ("name", "input_schema", "annotations")} for tool in good("interface")["tools"]]
+    members = ("name", "input_schema", "output_schema", "annotations")
+    told = [{key: tool[key] for key in members if key in tool} for tool in good("interface")["tools"]]
     assert serve_dynamic({"tools": told}, good("interface")) == []
     assert serve_dynamic({"tools": told[::-1]}, good("interface")) == []
 
