@@ -136,7 +136,7 @@ def abuse(endpoint: Launched, folder: Path) -> tuple[list[Row], list[str]]:
     audit = [
         PYTHON,
         "-I",
-        str(endpoint.layout.endpoint / "octoform/launcher/chain.py"),
+        str(endpoint.layout.endpoint / "octoform/server/audit/chain.py"),
         "verify",
         str(endpoint.layout.logs),
     ]

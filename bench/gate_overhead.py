@@ -51,12 +51,12 @@ TOOL = {"effect": "read", "decision": "allow", "source": "default", "timeout": 3
 
 async def main(port, folder):
     if folder != "-":
-        from octoform.launcher import policy
-        from octoform.launcher.audit import Audit
-        from octoform.launcher.gate import Gate
-        from octoform.launcher.latch import Latch
-        from octoform.launcher.limits import Ledger
-        from octoform.launcher.offering import offer
+        from octoform.server.policy import tool_policy as policy
+        from octoform.server.audit.audit_log import Audit
+        from octoform.server.gate.gate import Gate
+        from octoform.server.estop.latch import Latch
+        from octoform.server.policy.limits import Ledger
+        from octoform.server.catalog.setup import offer
         place = Path(folder)
         tools = {"read_voltage": TOOL, "read_level": TOOL}
         rules = policy.parse({"format": 1, "mode": "enforce", "tools": tools})

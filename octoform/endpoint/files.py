@@ -22,7 +22,7 @@ PROGRAM = "octoform"
 """The folder of what runs in the endpoint's process: the launcher and what it stands on, named as here."""
 POLICY = "policy.json"
 _SOURCE = Path(__file__).parents[1]
-_PACKAGES = ("launcher", "base")
+_PACKAGES = ("server", "base")
 PACKAGES = tuple(_SOURCE / name for name in _PACKAGES)
 """The packages that are copied there as files; the core never imports the launcher."""
 CLIENTS = "clients"
@@ -65,7 +65,7 @@ def files_below(folder: Path) -> dict[str, str]:
 
 def program_files() -> dict[str, bytes]:
     """Name below the endpoint's folder to bytes of the program around the server; OSError when it cannot be read."""
-    paths = [_SOURCE / "__init__.py", *(path for folder in PACKAGES for path in sorted(folder.glob("*.py")))]
+    paths = [_SOURCE / "__init__.py", *(path for folder in PACKAGES for path in sorted(folder.rglob("*.py")))]
     return {f"{PROGRAM}/{path.relative_to(_SOURCE).as_posix()}": read(path) for path in paths}
 
 

@@ -7,9 +7,9 @@ ROOT = Path(__file__).parents[2] / "octoform"
 MODULES = [path.relative_to(ROOT) for path in sorted(ROOT.rglob("*.py")) if path.stem not in ("__init__", "__main__")]
 MAX_MODULES = 16
 # Folders that have no rooms yet; the list may only become shorter.
-FLAT = {"launcher", "runtime"}
+FLAT = {"runtime"}
 # Packages whose modules do not have the names of the field yet.
-UNNAMED = {"launcher", "runtime"}
+UNNAMED = {"runtime"}
 # Words that end as a gerund and are the field's own nouns.
 NOUNS = {"by_reading", "device_binding", "escaping", "polling", "recording", "reporting", "spelling", "wiring"}
 

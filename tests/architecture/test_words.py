@@ -20,7 +20,7 @@ RETIRED = re.compile(
 CODE = re.compile(r"```.*?```|`[^`\n]*`|\"\w+\"(?=:)", re.DOTALL)
 QUOTING = ("docs/decisions/", "docs/paper.md")
 # The embedded agent's texts are held by its recordings, and the island of the server is read by endpoints in service.
-OTHERS = {"builtin", "launcher", "runtime", "simulation", "protocol"}
+OTHERS = {"builtin", "protocol", "runtime", "server", "simulation"}
 
 
 def pages() -> Iterator[Path]:

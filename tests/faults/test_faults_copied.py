@@ -19,7 +19,8 @@ from octoform.base import marks
 from octoform.base.place import KEY, place_of
 from octoform.endpoint.process.record import running
 from octoform.harness.containment import orphans
-from octoform.launcher import addresses, revoking
+from octoform.server.transport import addresses
+from octoform.server.tunnel import termination
 from octoform.state.layout import Layout
 from octoform.state.store.lock import Lock, acquire
 
@@ -216,8 +217,8 @@ def test_agents_and_tunnels_of_the_original_are_none_of_the_copys(tmp_path: Path
     run = tmp_path / "run"
     run.mkdir()
     record = {"pid": 1, "start": 1, "boot": "b", "instance": "i", "mark": "m", "url": None}
-    revoking.publish(run, record)
-    assert revoking.read(run) is not None and revoking.read(copied(run)) is None
+    termination.publish(run, record)
+    assert termination.read(run) is not None and termination.read(copied(run)) is None
     attempt = tmp_path / "attempt"
     attempt.mkdir()
     orphans.write(attempt, orphans.Record(marks.new(), 1, 1))

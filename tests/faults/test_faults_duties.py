@@ -191,7 +191,7 @@ def test_a_report_is_held_to_what_was_given_and_changes_nothing(bench: Bench) ->
         log.write(b'{"event": "result", "id": "x", "tool": "t", "ok": false, "error": "OSError", "message": "\xff"}\n')
     layout = bench.layout
     layout.daemon.mkdir(mode=0o700, exist_ok=True)
-    touched = [server, layout.endpoint / "policy.json", layout.endpoint / "octoform/launcher/gate.py"]
+    touched = [server, layout.endpoint / "policy.json", layout.endpoint / "octoform/server/gate/gate.py"]
     touched += [layout.daemon / "claims.json", layout.daemon / "breakers.json", layout.local / "adopting.json"]
     touched += [layout.kept / "index.json"]
     before = {path: path.read_bytes() if path.exists() else None for path in touched}

@@ -104,7 +104,7 @@ def test_a_document_of_900_levels_ends_no_command(subject: Subject, inside: str,
         "state/bench/deploy/requirements.txt",
         "state/bench/serve/runtime/units.py",
         "state/bench/serve/server.py",
-        f"{HERE}/endpoint/octoform/launcher/gate.py",
+        f"{HERE}/endpoint/octoform/server/gate/gate.py",
         f"{HERE}/run/process.json",
     ],
 )

@@ -56,8 +56,8 @@ PLANTS = {
     ".env": "echo 'GIT_EXTERNAL_DIFF=touch {mark}' > {project}/.env",
     "state/bench/serve/__pycache__/server.cpython-311.pyc": "mkdir -p {project}/state/bench/serve/__pycache__; "
     "echo x > {project}/state/bench/serve/__pycache__/server.cpython-311.pyc",
-    ".octoform/bench/endpoint/octoform/launcher/__pycache__/main.cpython-311.pyc": "d={project}/.octoform/bench; "
-    "d=$d/endpoint/octoform/launcher/__pycache__; mkdir -p $d; echo x > $d/main.cpython-311.pyc",
+    ".octoform/bench/endpoint/octoform/server/__pycache__/main.cpython-311.pyc": "d={project}/.octoform/bench; "
+    "d=$d/endpoint/octoform/server/__pycache__; mkdir -p $d; echo x > $d/main.cpython-311.pyc",
     "uv.toml": "echo '' > {project}/uv.toml",
     "{home}/.pip/pip.conf": "mkdir -p {home}/.pip; echo '[global]' > {home}/.pip/pip.conf",
     "{home}/.config/environment.d/x.conf": "mkdir -p {home}/.config/environment.d; "

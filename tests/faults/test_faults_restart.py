@@ -8,7 +8,7 @@ import pytest
 from projects import Project
 
 from octoform.endpoint.process.record import running
-from octoform.launcher.owner import RECORD, Owner, command_line, start_of
+from octoform.server.process.instance_lock import RECORD, Owner, command_line, start_of
 from octoform.state.layout import Layout
 
 FULL = ["sh", "-c", 'ulimit -f 0 && exec "$@"', "sh"]

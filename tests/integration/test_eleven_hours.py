@@ -29,11 +29,11 @@ from octoform.daemon.observe.samples import flattened
 from octoform.daemon.reconcile.supervisor import Round, Supervisor
 from octoform.diagnostics import Diagnostic
 from octoform.endpoint.files import POLICY
-from octoform.launcher.entries import Entries
-from octoform.launcher.policy import read
-from octoform.launcher.restrictions import Restrictions
 from octoform.manifest.model import Daemon
 from octoform.profiles.definitions.registers import RegisterGrammar
+from octoform.server.gate.registry import Entries
+from octoform.server.policy.restrictions import Restrictions
+from octoform.server.policy.tool_policy import read
 from octoform.state.layout import Layout
 
 DAY, HOUR, MINUTE = 86400.0, 3600.0, 60.0

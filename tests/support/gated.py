@@ -10,12 +10,12 @@ from typing import Any
 
 from fastmcp import Client, FastMCP
 
-from octoform.launcher import policy as policies
-from octoform.launcher.audit import Audit
-from octoform.launcher.gate import Gate
-from octoform.launcher.guarding import Patience
-from octoform.launcher.latch import Latch
-from octoform.launcher.limits import Ledger
+from octoform.server.audit.audit_log import Audit
+from octoform.server.estop.latch import Latch
+from octoform.server.execution.work import Patience
+from octoform.server.gate.gate import Gate
+from octoform.server.policy import tool_policy as policies
+from octoform.server.policy.limits import Ledger
 
 QUICK = Patience(answer=0.05, stuck=0.1, again=0.05)
 MODES = ("auto", "legacy")

@@ -24,8 +24,8 @@ from mcp_types import (
     ToolListChangedNotification,
 )
 
-from octoform.launcher.offering import Offer, offer
-from octoform.launcher.policy import Policy, ToolPolicy
+from octoform.server.catalog.setup import Offer, offer
+from octoform.server.policy.tool_policy import Policy, ToolPolicy
 
 ERAS = ("legacy", "auto")
 PICTURE = b"\x89PNG\r\n\x1a\n" + bytes(range(200))

@@ -16,10 +16,10 @@ from typing import Any
 from fastmcp import Client, FastMCP
 from fastmcp.client.transports import StreamableHttpTransport
 
-from octoform.launcher.descriptor import Descriptor
-from octoform.launcher.principal import current
-from octoform.launcher.tokens import Tokens
-from octoform.launcher.web import Web
+from octoform.server.process.descriptor import Descriptor
+from octoform.server.process.principal import current
+from octoform.server.transport.authentication import Tokens
+from octoform.server.transport.http import Web
 
 INSTANCE = "0123456789abcdef"
 ALL = ("read", "actuate", "irreversible")

@@ -15,23 +15,23 @@ from typing import Any
 from octoform.base.files import parse
 from octoform.state.layout import Layout
 
-LAUNCHER = Path(__file__).resolve().parents[2] / "launcher"
+SERVER = Path(__file__).resolve().parents[2] / "server"
 SEAL = "audit.head"
 """In the folder of the logs, and in that of what the process keeps, which is the witness."""
 SECONDS = 20.0
 
 
 def ask(layout: Layout, verb: str, asked: Mapping[str, Any]) -> dict[str, Any]:
-    """What ``launcher/offline.py VERB`` answers: ``ok``, ``problems`` and what the verb has.
+    """What ``server/offline.py VERB`` answers: ``ok``, ``problems`` and what the verb has.
 
     When it answers nothing that can be read, ``ok`` is false and ``problems`` says why.
     """
-    return run(LAUNCHER / "offline.py", verb, str(layout.endpoint), json.dumps(asked))
+    return run(SERVER / "offline.py", verb, str(layout.endpoint), json.dumps(asked))
 
 
 def verify(layout: Layout) -> dict[str, Any]:
-    """The verdict of ``launcher/chain.py verify`` on this host's audit log, or ``ok`` false with ``problems``."""
-    return run(LAUNCHER / "chain.py", "verify", str(layout.logs), str(layout.run / SEAL))
+    """The verdict of ``server/audit/chain.py verify`` on this host's audit log, or ``ok`` false with ``problems``."""
+    return run(SERVER / "audit" / "chain.py", "verify", str(layout.logs), str(layout.run / SEAL))
 
 
 def run(program: Path, *arguments: str) -> dict[str, Any]:

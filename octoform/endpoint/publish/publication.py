@@ -112,7 +112,7 @@ def write_endpoint(
     private_folder(layout.logs)
     descriptor = _descriptor(layout, service, os.environ if environ is None else environ)
     files = _files(layout, environment, service, descriptor)
-    for name in (CLIENTS, PROGRAM, *(f"{PROGRAM}/{package.name}" for package in PACKAGES)):
+    for name in sorted({CLIENTS, *(part.as_posix() for each in files for part in Path(each).parents)}):
         private_folder(folder / name)
     for name, (data, mode) in files.items():
         make_way(folder / name)
@@ -131,9 +131,17 @@ def write_endpoint(
     }
     if problem := write_atomic(folder / MANIFEST, _json(manifest), 0o600):
         return [problem]
+    _remove_former(folder / PROGRAM)
     kept = keep(layout, ENDPOINT, {**{name: data for name, (data, _) in files.items()}, MANIFEST: _json(manifest)})
     prune(layout, {Path(str(manifest[name])) for name in ("environment", "previous_environment") if manifest[name]})
     return [] if kept is None else [replace(kept, severity=Severity.WARNING)]
+
+
+def _remove_former(program: Path) -> None:
+    """Packages of an earlier octoform that are no part of this one: nobody imports them, and nobody checks them."""
+    for place in program.iterdir():
+        if place.name not in {package.name for package in PACKAGES} and place.is_dir() and not place.is_symlink():
+            shutil.rmtree(place, ignore_errors=True)
 
 
 def is_published(layout: Layout, service: Service, environ: Mapping[str, str] | None = None) -> bool:

@@ -9,7 +9,7 @@ HERE = Path(__file__).resolve().parent
 def run() -> int:
     """Serve the endpoint in this file's folder."""
     sys.path.insert(0, str(HERE))
-    from octoform.launcher.main import main
+    from octoform.server.main import main
 
     status: int = main(HERE)
     return status

@@ -12,7 +12,7 @@ from launched import launched, tool
 
 import octoform
 from octoform.cli.main import main
-from octoform.launcher.audit import Audit
+from octoform.server.audit.audit_log import Audit
 from octoform.views.endpoint import logs
 from octoform.views.format.console import Console
 
@@ -37,7 +37,7 @@ def read_gpio() -> str:
 '''
 TOOLS = [tool("move_rail", "actuate"), tool("read_gpio")]
 ME = rf'\("octoform {re.escape(octoform.__version__)}", pid \d+ of uid {os.getuid()}\)'
-LAUNCHER = Path(__file__).parents[3] / "octoform" / "launcher"
+SERVER = Path(__file__).parents[3] / "octoform" / "server"
 
 
 def lines(*records: dict[str, Any]) -> list[str]:
@@ -207,7 +207,7 @@ def test_nothing_in_a_record_acts_on_the_terminal() -> None:
 
 def test_every_event_that_the_launcher_writes_has_a_sentence() -> None:
     written = set()
-    for path in LAUNCHER.glob("*.py"):
+    for path in SERVER.rglob("*.py"):
         text = path.read_text()
         written |= set(re.findall(r"(?:write|_record)\(\s*(?:problems, )?\"(\w+)\"", text))
         written |= set(re.findall(r"\(\(?\"(audit_\w+)\"", text))

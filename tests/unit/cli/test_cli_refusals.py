@@ -150,7 +150,7 @@ def test_an_emergency_stop_that_nothing_latched_does_not_say_so(stopped: Layout)
 
 @with_mounts
 def test_an_emergency_stop_on_a_full_disk_keeps_its_reason(tmp_path: Path) -> None:
-    program = Path(__file__).parents[3] / "octoform" / "launcher" / "offline.py"
+    program = Path(__file__).parents[3] / "octoform" / "server" / "offline.py"
     script = (
         "import os, subprocess, sys\n"
         "run = sys.argv[1] + '/run'\n"

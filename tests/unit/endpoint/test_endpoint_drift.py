@@ -22,7 +22,7 @@ from octoform.endpoint.publish.publication import remove
 from octoform.runtime import stops
 from octoform.state.layout import Layout
 
-PIPED = "octoform/launcher/unix.py"
+PIPED = "octoform/server/transport/unix_socket.py"
 
 
 @pytest.fixture
@@ -104,8 +104,8 @@ def test_an_endpoint_as_it_was_left_gives_no_reason(applied: Layout) -> None:
         (lambda at: write_check(at, tools=("read_clock", "x")), "tools differ: +x -read_voltage"),
         (lambda at: (at.endpoint / "policy.json").write_text("{}"), "the resolved policy was changed"),
         (
-            lambda at: (at.endpoint / "octoform/launcher/unix.py").unlink(),
-            "the endpoint's octoform/launcher/unix.py is missing",
+            lambda at: (at.endpoint / "octoform/server/transport/unix_socket.py").unlink(),
+            "the endpoint's octoform/server/transport/unix_socket.py is missing",
         ),
         (lambda at: (at.run / "process.json").unlink(), "the endpoint is not running"),
         (lambda at: another_start(at), "the endpoint is not running"),

@@ -20,9 +20,9 @@ from raw_mcp import request
 from octoform.endpoint.process import lifecycle
 from octoform.endpoint.process.record import running
 from octoform.endpoint.publish.publication import Service
-from octoform.launcher.descriptor import read
-from octoform.launcher.endpoint import Endpoint
-from octoform.launcher.owner import Owner
+from octoform.server.process.descriptor import read
+from octoform.server.process.instance_lock import Owner
+from octoform.server.wiring import Endpoint
 from octoform.state.layout import Layout
 
 SOURCE = '''
@@ -235,7 +235,7 @@ def test_a_process_that_nobody_could_find_any_more_ends(tmp_path: Path, monkeypa
     from fastmcp import FastMCP
 
     layout = write(tmp_path, SOURCE, Service(TOOLS, policy(TOOLS)))
-    monkeypatch.setattr("octoform.launcher.endpoint.LOOK_SECONDS", 0.01)
+    monkeypatch.setattr("octoform.server.wiring.LOOK_SECONDS", 0.01)
     owner = Owner.take(layout.run)
     assert owner is not None
     endpoint = Endpoint(read(layout.endpoint), owner, FastMCP("bench"))

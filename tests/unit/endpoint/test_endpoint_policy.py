@@ -11,12 +11,12 @@ from hypothesis import strategies as st
 
 from octoform.endpoint.publish.policy import resolve
 from octoform.endpoint.publish.policy_check import doubts
-from octoform.launcher import policy as launcher
-from octoform.launcher.limits import Ledger
 from octoform.manifest.model import Limit, Policy, Rule
 from octoform.profiles import Profile
 from octoform.profiles.match_rule import Rule as Evidence
 from octoform.profiles.model import Stop
+from octoform.server.policy import tool_policy as launcher
+from octoform.server.policy.limits import Ledger
 
 
 def tool(name: str = "move_joint", effect: str = "actuate", **more: Any) -> dict[str, Any]:

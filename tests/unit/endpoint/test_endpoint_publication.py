@@ -65,7 +65,7 @@ def test_edited_code_is_refused_in_one_line(layout: Layout, serving: Environment
     ]
 
 
-@pytest.mark.parametrize("name", ["policy.json", "connection.json", "octoform/launcher/gate.py", "serve.py"])
+@pytest.mark.parametrize("name", ["policy.json", "connection.json", "octoform/server/gate/gate.py", "serve.py"])
 def test_what_guards_the_endpoint_is_not_edited_unseen(layout: Layout, serving: Environment, name: str) -> None:
     publish(layout, serving)
     path = layout.endpoint / name

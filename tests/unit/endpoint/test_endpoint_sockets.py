@@ -11,8 +11,8 @@ import pytest
 
 from octoform.endpoint.proxy.stdio import pipe
 from octoform.endpoint.sockets import GREETING, greeted
-from octoform.launcher import unix
-from octoform.launcher.socketfile import listen
+from octoform.server.process.local_socket import listen
+from octoform.server.transport import unix_socket
 
 
 @pytest.fixture
@@ -22,7 +22,7 @@ def door(tmp_path: Path) -> Iterator[socket.socket]:
 
 
 def test_both_sides_know_the_same_greeting() -> None:
-    assert GREETING == unix.GREETING
+    assert GREETING == unix_socket.GREETING
 
 
 def test_the_greeting_is_waited_for_and_taken_away(door: socket.socket, tmp_path: Path) -> None:

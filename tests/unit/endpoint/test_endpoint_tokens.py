@@ -15,7 +15,7 @@ from octoform.cli.main import main
 from octoform.diagnostics import Severity
 from octoform.endpoint.access import tokens
 from octoform.engine.safety import person
-from octoform.launcher.tokens import Tokens
+from octoform.server.transport.authentication import Tokens
 from octoform.state.layout import Layout
 
 MANIFEST = "version: 1\nhost: bench\nharness: builtin\nscope: intranet\n"

@@ -18,8 +18,8 @@ from mcp_types import (
 )
 from offered import DEVICES, ERAS, heard_all, hearing, offered, picture
 
-from octoform.launcher import changes, listing
-from octoform.launcher.principal import Principal
+from octoform.server.catalog import notifications, setup
+from octoform.server.process.principal import Principal
 
 FRAME = "octoform://frames/capture_image"
 
@@ -86,7 +86,7 @@ async def test_what_is_no_longer_wanted_is_no_longer_told() -> None:
 @pytest.mark.parametrize("era", ERAS)
 @pytest.mark.anyio
 async def test_a_token_that_may_not_read_hears_of_no_resource(era: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(changes, "current", lambda: Principal("actor", frozenset({"actuate"}), "http"))
+    monkeypatch.setattr(notifications, "current", lambda: Principal("actor", frozenset({"actuate"}), "http"))
     server, offer = offered()
     if era == "legacy":
         async with Client(server, mode=era) as client:
@@ -107,7 +107,7 @@ async def test_pictures_of_a_tool_that_a_token_may_not_know_of_are_not_told(
     era: str, tool: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     guest = Principal("guest", frozenset({"read"}), "http")
-    for module in (changes, listing):
+    for module in (notifications, setup):
         monkeypatch.setattr(module, "current", lambda: guest)
     server, offer = offered()
     offer.frames.keep(tool, picture())
@@ -127,11 +127,11 @@ async def test_pictures_of_a_tool_that_a_token_may_not_know_of_are_not_told(
 @pytest.mark.anyio
 async def test_subscriptions_are_bounded() -> None:
     server, _ = offered()
-    uris = [f"octoform://other/{number}" for number in range(changes.MOST_URIS + 1)]
+    uris = [f"octoform://other/{number}" for number in range(notifications.MOST_URIS + 1)]
     async with Client(server, mode="legacy") as client:
         for uri in uris[:-1]:
             await subscribe(client, uri)
-        for uri in (uris[-1], "octoform://" + "x" * changes.LONGEST_URI):
+        for uri in (uris[-1], "octoform://" + "x" * notifications.LONGEST_URI):
             with pytest.raises(MCPError, match="at most"):
                 await subscribe(client, uri)
     async with Client(server) as client:
@@ -153,7 +153,7 @@ class Deaf:
 
 @pytest.mark.anyio
 async def test_a_client_that_does_not_read_holds_up_nobody_and_is_given_up(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(changes, "SECONDS", 0.05)
+    monkeypatch.setattr(notifications, "SECONDS", 0.05)
     server, offer = offered()
     deaf = Deaf()
     async with hearing(partial(Client, server), "legacy") as (_, heard):

@@ -20,13 +20,13 @@ from raw_mcp import RawClient, call, connected
 from octoform.endpoint.access.audit_log import latest
 from octoform.endpoint.process.record import is_it
 from octoform.endpoint.publish.publication import Service
-from octoform.launcher import control as module
-from octoform.launcher import unix
-from octoform.launcher.control import Control
-from octoform.launcher.descriptor import read
-from octoform.launcher.endpoint import Endpoint
-from octoform.launcher.owner import Owner
-from octoform.launcher.socketfile import listen
+from octoform.server.process import control as module
+from octoform.server.process.control import Control
+from octoform.server.process.descriptor import read
+from octoform.server.process.instance_lock import Owner
+from octoform.server.process.local_socket import listen
+from octoform.server.transport import unix_socket
+from octoform.server.wiring import Endpoint
 
 SOURCE = """
 import os, resource, socket
@@ -82,7 +82,7 @@ def said(monkeypatch: pytest.MonkeyPatch) -> list[str]:
         def emit(self, record: logging.LogRecord) -> None:
             lines.append(record.getMessage())
 
-    for logger in (module.LOGGER, unix.LOGGER):
+    for logger in (module.LOGGER, unix_socket.LOGGER):
         monkeypatch.setattr(logger, "handlers", [Kept()])
         monkeypatch.setattr(logger, "filters", [])
     return lines
@@ -230,7 +230,7 @@ def test_a_door_that_ends_ends_the_process(tmp_path: Path) -> None:
 
 
 def test_every_door_is_watched(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("octoform.launcher.endpoint.LOOK_SECONDS", 0.01)
+    monkeypatch.setattr("octoform.server.wiring.LOOK_SECONDS", 0.01)
     layout = write(tmp_path, SOURCE, Service(TOOLS, policy_of(TOOLS)))
     owner = Owner.take(layout.run)
     assert owner is not None

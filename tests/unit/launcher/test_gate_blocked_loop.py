@@ -95,7 +95,7 @@ import uvicorn
 sys.path[:0] = sys.argv[1:]
 from fastmcp.server.auth import StaticTokenVerifier
 from gated import gated, tool_policy
-from octoform.launcher.watchdog import WATCHDOG
+from octoform.server.execution.watchdog import WATCHDOG
 from served import *
 
 async def main():

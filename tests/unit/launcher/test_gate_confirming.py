@@ -12,9 +12,9 @@ from fastmcp.client.elicitation import ElicitResult
 from gated import MODES, Gated, gated, tool_policy
 from mcp.shared.exceptions import MCPError
 
-from octoform.launcher import principal
-from octoform.launcher.asking import Approvals
-from octoform.launcher.principal import LOCAL, Principal
+from octoform.server.gate.elicitation import Approvals
+from octoform.server.process import principal
+from octoform.server.process.principal import LOCAL, Principal
 
 ASKED = tool_policy("irreversible", decision="confirm", source="default for irreversible tools")
 RATE = {"kind": "rate", "calls": 1, "seconds": 60.0, "source": "policy.limits[0]"}

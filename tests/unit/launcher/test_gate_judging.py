@@ -8,9 +8,9 @@ import pytest
 from fastmcp.exceptions import ToolError
 from gated import MODES, Gated, gated, tool_policy
 
-from octoform.launcher import principal
-from octoform.launcher.audit import verify
-from octoform.launcher.principal import Principal
+from octoform.server.audit.audit_log import verify
+from octoform.server.process import principal
+from octoform.server.process.principal import Principal
 
 READER = Principal("reader", frozenset({"read"}), "http")
 RANGE = {"kind": "range", "parameter": "steps", "minimum": -100, "maximum": 100, "unit": "steps", "source": "profile"}

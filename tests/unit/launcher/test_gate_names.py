@@ -7,8 +7,8 @@ import anyio
 import pytest
 from gated import MODES, gated, tool_policy
 
-from octoform.launcher import principal
-from octoform.launcher.principal import LOCAL, Principal
+from octoform.server.process import principal
+from octoform.server.process.principal import LOCAL, Principal
 
 GUEST = Principal("guest", frozenset({"read"}), "http")
 HELD: list[threading.Event] = []

@@ -13,7 +13,7 @@ import pytest
 from gated import MODES, Gated, gated, tool_policy
 from mcp.shared.exceptions import MCPError
 
-from octoform.launcher.calls import HELD
+from octoform.server.gate.calls import HELD
 
 place: list[Path] = []
 moved: list[int] = []

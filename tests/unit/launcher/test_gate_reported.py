@@ -6,8 +6,8 @@ from typing import Any
 
 from gated import gated, tool_policy
 
-from octoform.launcher import policy as policies
-from octoform.launcher.limits import Ledger
+from octoform.server.policy import tool_policy as policies
+from octoform.server.policy.limits import Ledger
 
 factor = 1
 

@@ -10,9 +10,8 @@ import pytest
 from fastmcp.client.elicitation import ElicitResult
 from gated import MODES, Gated, gated, tool_policy
 
-from octoform.launcher.buses import Holder, release, take_free
-from octoform.launcher.restrictions import NAME, Restrictions, Subject
-from octoform.launcher.standing import WITNESS, Forbidden, Standing
+from octoform.server.execution.buses import Holder, release, take_free
+from octoform.server.policy.restrictions import NAME, WITNESS, Forbidden, Restrictions, Standing, Subject
 
 moved: list[Any] = []
 

@@ -21,9 +21,9 @@ from jsonschema import Draft202012Validator
 from mcp.shared.exceptions import MCPError
 from pydantic import BaseModel
 
-from octoform.launcher import beating
-from octoform.launcher.shapes import check, coercion
-from octoform.launcher.sizes import at_least, exceeds
+from octoform.server.execution import progress as beating
+from octoform.server.execution.result_size import at_least, exceeds
+from octoform.server.gate.validation import check, coercion
 
 SMALL = tool_policy("read", result_bytes=2000)
 
@@ -142,7 +142,7 @@ def test_what_a_tool_did_not_mean_to_say_is_a_reference(
             result = await client.call_tool(tool, {"kind": "told"}, raise_on_error=False)
             assert result.is_error and result.content[0].text == "the arm is folded"
 
-    with caplog.at_level(logging.ERROR, logger="octoform.launcher"):
+    with caplog.at_level(logging.ERROR, logger="octoform.server"):
         asyncio.run(scenario())
 
 

@@ -15,12 +15,12 @@ from launched import launched, tool
 from launcher_lines import Line
 from raw_mcp import RawClient, call
 
-from octoform.launcher import stopping
-from octoform.launcher.audit import Audit
-from octoform.launcher.latch import Latch
-from octoform.launcher.policy import StopAction
-from octoform.launcher.stopping import Emergency
-from octoform.launcher.workers import Interrupted, Job, Workers
+from octoform.server.audit.audit_log import Audit
+from octoform.server.estop import actions as stopping
+from octoform.server.estop.actions import Emergency
+from octoform.server.estop.latch import Latch
+from octoform.server.execution.watchdog import Interrupted, Job, Workers
+from octoform.server.policy.tool_policy import StopAction
 
 STOP = b"STOP"
 RATE = {"kind": "rate", "calls": 1000, "seconds": 60.0, "source": "bench"}

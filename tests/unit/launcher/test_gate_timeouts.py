@@ -10,8 +10,8 @@ from typing import Any
 import pytest
 from gated import MODES, Gated, gated, tool_policy
 
-from octoform.launcher.guarding import Patience
-from octoform.launcher.workers import Interrupted, Job, Worker, Workers
+from octoform.server.execution.watchdog import Interrupted, Job, Worker, Workers
+from octoform.server.execution.work import Patience
 
 HASTE = {"timeout": 0.2, "buses": ["rail"]}
 ended = threading.Event()

@@ -11,8 +11,8 @@ import pytest
 from gated import MODES, gated, tool_policy
 from pydantic import AliasChoices, Field
 
-from octoform.launcher.guarding import current
-from octoform.launcher.shapes import coercion
+from octoform.server.execution.work import current
+from octoform.server.gate.validation import coercion
 
 RANGE = {"kind": "range", "parameter": "steps", "minimum": 0, "maximum": 100, "unit": "", "source": "bench"}
 begun, may_end = threading.Event(), threading.Event()

@@ -17,11 +17,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from octoform.launcher import audit as module
-from octoform.launcher import chain
-from octoform.launcher.audit import Audit, AuditFailed, verify
+from octoform.server.audit import audit_log as module
+from octoform.server.audit import chain
+from octoform.server.audit.audit_log import Audit, AuditFailed, verify
 
-ROOT = str(Path(module.__file__).parent.parent.parent)
+ROOT = str(Path(module.__file__).parents[3])
 CALL = {
     "id": "0123456789abcdef",
     "tool": "move_joint",
@@ -235,7 +235,7 @@ def test_a_torn_line_is_closed_off_and_the_chain_goes_on(tmp_path: Path) -> None
 
 DYING = """
 import sys; from pathlib import Path; sys.path.insert(0, sys.argv[1])
-from octoform.launcher.audit import Audit
+from octoform.server.audit.audit_log import Audit
 audit = Audit.open(Path(sys.argv[2]))
 print("ready", flush=True)
 while True: audit.write("call", arguments={"x": "y" * 100})
@@ -257,7 +257,7 @@ def test_a_killed_process_leaves_a_log_that_verifies(tmp_path: Path) -> None:
 
 WRITER = """
 import sys; from pathlib import Path; sys.path.insert(0, sys.argv[1])
-from octoform.launcher.audit import Audit
+from octoform.server.audit.audit_log import Audit
 audit = Audit.open(Path(sys.argv[2]), rotate_bytes=20_000)
 for number in range(200): audit.write("call", by=sys.argv[3], number=number)
 """
@@ -288,7 +288,7 @@ def test_a_full_disk_is_told_and_leaves_no_fragment(tmp_path: Path) -> None:
     program = f"""
 import sys; from pathlib import Path; sys.path.insert(0, {ROOT!r})
 import resource, signal
-from octoform.launcher.audit import Audit, AuditFailed
+from octoform.server.audit.audit_log import Audit, AuditFailed
 signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
 audit = Audit.open(Path({str(tmp_path)!r}))
 resource.setrlimit(resource.RLIMIT_FSIZE, (3000, resource.RLIM_INFINITY))

@@ -8,7 +8,7 @@ import pytest
 from launched import launched, tool
 
 from octoform.endpoint.process import lifecycle
-from octoform.launcher.folders import NotOursError, private
+from octoform.server.main import NotOursError, private
 
 SOURCE = """
 from fastmcp import FastMCP

@@ -17,7 +17,7 @@ from launched import Launched, launched, tool
 from launcher_lines import STOP, Line, plant
 from projects import OCTOFORM, Done
 
-from octoform.launcher.control import Control
+from octoform.server.process.control import Control
 
 SOURCE = '''
 from fastmcp import FastMCP
@@ -221,7 +221,7 @@ def test_the_audit_log_at_the_terminal(bench: Launched) -> None:
 
 def test_the_latest_records_come_from_logs_set_aside_too(tmp_path: Path) -> None:
     from octoform.endpoint.access import audit_log
-    from octoform.launcher.audit import Audit
+    from octoform.server.audit.audit_log import Audit
     from octoform.state.layout import Layout
 
     layout = Layout(tmp_path, "bench")

@@ -15,8 +15,8 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from octoform.launcher import policy
-from octoform.launcher.limits import Ledger, exact
+from octoform.server.policy import tool_policy
+from octoform.server.policy.limits import Ledger, exact
 
 RANGE = {
     "kind": "range",
@@ -63,8 +63,8 @@ class Time:
         self.wall += timedelta(seconds=seconds)
 
 
-def policy_of(*limits: Mapping[str, Any], **more: list[Mapping[str, Any]]) -> policy.Policy:
-    return policy.parse(
+def policy_of(*limits: Mapping[str, Any], **more: list[Mapping[str, Any]]) -> tool_policy.Policy:
+    return tool_policy.parse(
         {
             "format": 1,
             "mode": "enforce",
@@ -316,7 +316,7 @@ def test_a_full_disk_counts_nothing_and_leaves_a_whole_file(tmp_path: Path) -> N
     program = f"""
 import resource, signal, sys
 from pathlib import Path
-sys.path[:0] = [{str(Path(__file__).parent)!r}, {str(Path(policy.__file__).parents[2])!r}]
+sys.path[:0] = [{str(Path(__file__).parent)!r}, {str(Path(tool_policy.__file__).parents[3])!r}]
 from test_launcher_limits import SUM, Time, ledger
 signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
 found = ledger(Path({str(tmp_path)!r}), Time(), SUM)
@@ -449,7 +449,7 @@ def test_what_is_kept_is_what_was_counted(
     tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.MonkeyPatch, steps: list[tuple[str, int, bool]]
 ) -> None:
     """Through restarts, and through the file being written anew."""
-    monkeypatch.setattr("octoform.launcher.counters._COMPACT_BYTES", 900)
+    monkeypatch.setattr("octoform.server.policy.counters._COMPACT_BYTES", 900)
     folder, time = tmp_path_factory.mktemp("kept"), Time()
     tools = {"a": [RATE], "b": [{**RATE, "calls": 20}, {**SUM, "most": 10**9}], "c": [STEP, COOLDOWN]}
     found = ledger(folder, time, **tools)

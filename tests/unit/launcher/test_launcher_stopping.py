@@ -14,12 +14,12 @@ from typing import Any
 import pytest
 from launcher_lines import STOP, Line, host
 
-from octoform.launcher import stopping
-from octoform.launcher.audit import Audit, verify
-from octoform.launcher.latch import Latch
-from octoform.launcher.policy import Policy, StopAction
+from octoform.server.audit.audit_log import Audit, verify
+from octoform.server.estop import actions as stopping
+from octoform.server.estop.latch import Latch
+from octoform.server.policy.tool_policy import Policy, StopAction
 
-LAUNCHER = Path(stopping.__file__).parent
+LAUNCHER = Path(stopping.__file__).parents[1]
 DATA = bytes.fromhex(STOP)
 
 
@@ -116,8 +116,8 @@ def test_a_rate_that_cannot_be_set_is_told(lines: list[Line]) -> None:
 EXCLUSIVE = """
 import fcntl, json, os, sys, termios
 sys.path.insert(0, sys.argv[2])
-from octoform.launcher import stopping
-from octoform.launcher.policy import Policy, StopAction
+from octoform.server.estop import actions as stopping
+from octoform.server.policy.tool_policy import Policy, StopAction
 if os.geteuid() == 0:
     os.setgroups([]), os.setgid(65534), os.setuid(65534)  # who may do anything is kept out of nothing
 line = os.open(sys.argv[1], os.O_RDWR | os.O_NOCTTY)
@@ -281,9 +281,9 @@ MANY = """
 import json, sys
 sys.path.insert(0, sys.argv[2])
 from pathlib import Path
-from octoform.launcher.audit import Audit
-from octoform.launcher.latch import Latch
-from octoform.launcher.stopping import Emergency
+from octoform.server.audit.audit_log import Audit
+from octoform.server.estop.latch import Latch
+from octoform.server.estop.actions import Emergency
 folder = Path(sys.argv[1])
 mine = Emergency(Latch(folder / "run/estop.json"), Audit.open(folder / "log"), ())
 for number in range(15):

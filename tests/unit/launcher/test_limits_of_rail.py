@@ -14,10 +14,10 @@ from hypothesis import strategies as st
 from rig.rail import DEVICE, FARTHEST, HOT, MOST, Rail
 
 from octoform.endpoint.publish.policy import resolve
-from octoform.launcher import policy
-from octoform.launcher.limits import Ledger
 from octoform.manifest.model import Limit, Policy
 from octoform.profiles import load
+from octoform.server.policy import tool_policy
+from octoform.server.policy.limits import Ledger
 
 (PROFILE,), _ = load([Path(__file__).parents[3] / "profiles" / "camera-rail.md"])
 LINES = {"rail_move_x": "MOVE_X {steps}", "rail_move_y": "MOVE_Y {steps}", "rail_home": "HOME"}
@@ -42,7 +42,7 @@ class Endpoint:
 
     def __init__(self, folder: Path, given: Policy | None = None, devices: Sequence[str] = (DEVICE,)) -> None:
         document = resolve(given or Policy(), tools(*devices), [(PROFILE, list(devices))])
-        self.policy, self._path = policy.parse(document), folder / "limits.json"
+        self.policy, self._path = tool_policy.parse(document), folder / "limits.json"
         self._path.unlink(missing_ok=True)
         self.rail, self.refused = Rail(), 0
         self.start()
@@ -159,5 +159,5 @@ def test_a_policy_file_with_a_strange_zero_is_refused(zero: object) -> None:
     document = resolve(Policy(), tools(DEVICE), [(PROFILE, [DEVICE])])
     document["tools"]["rail_move_x"]["limits"][1]["zero"] = zero
     if zero:
-        with pytest.raises(policy.PolicyInvalid, match="zero"):
-            policy.parse(document)
+        with pytest.raises(tool_policy.PolicyInvalid, match="zero"):
+            tool_policy.parse(document)

@@ -10,9 +10,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from octoform.endpoint.publish.policy import resolve
-from octoform.launcher import policy
-from octoform.launcher.limits import Ledger, exact
 from octoform.manifest.model import Limit, Policy
+from octoform.server.policy import tool_policy
+from octoform.server.policy.limits import Ledger, exact
 
 BOUNDS = {"pan": (-40, 60), "lift": (0, 30), "grip": (-5, 5)}
 FARTHEST = {"pan": 100, "lift": 45, "grip": 12}
@@ -38,14 +38,14 @@ TOOLS = [
 NO_NUMBERS = [float("nan"), float("inf"), -float("inf"), True, False, "10", "", None, [1], {"value": 1}, 10**400]
 
 
-def rules() -> policy.Policy:
+def rules() -> tool_policy.Policy:
     """What INTERFACE and manifest give, and sums that begin again at home as a profile's limits do."""
     given = Policy(limits=tuple(Limit("turn", name, cumulative=most) for name, most in FARTHEST.items()))
     document = resolve(given, TOOLS, ())
     for limit in document["tools"]["turn"]["limits"]:
         if limit["kind"] == "cumulative":
             limit["zero"] = "home"
-    return policy.parse(document)
+    return tool_policy.parse(document)
 
 
 RULES = rules()

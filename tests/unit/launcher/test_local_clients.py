@@ -19,8 +19,8 @@ from mcp_types import jsonrpc_message_adapter
 from raw_mcp import call
 
 from octoform.endpoint.sockets import connect, greeted
-from octoform.launcher import unix
-from octoform.launcher.socketfile import listen
+from octoform.server.process.local_socket import listen
+from octoform.server.transport import unix_socket
 
 
 @pytest.fixture
@@ -32,8 +32,8 @@ def said(monkeypatch: pytest.MonkeyPatch) -> list[str]:
         def emit(self, record: logging.LogRecord) -> None:
             lines.append(record.getMessage())
 
-    monkeypatch.setattr(unix.LOGGER, "handlers", [Kept()])
-    monkeypatch.setattr(unix.LOGGER, "filters", [])
+    monkeypatch.setattr(unix_socket.LOGGER, "handlers", [Kept()])
+    monkeypatch.setattr(unix_socket.LOGGER, "filters", [])
     return lines
 
 
@@ -62,7 +62,7 @@ class Talkative:
 async def talking(folder: Path, requests: int) -> AsyncIterator[tuple[Talkative, socket.socket]]:
     """A client of it that sent so many requests; it reads only if the test does, but for the greeting."""
     server = Talkative()
-    door = asyncio.create_task(unix.LocalClients(server).serve(listen(folder / "endpoint.sock")))
+    door = asyncio.create_task(unix_socket.LocalClients(server).serve(listen(folder / "endpoint.sock")))
     try:
         with await asyncio.to_thread(greeted, folder / "endpoint.sock", 20) as client:
             client.setblocking(False)
@@ -78,7 +78,7 @@ async def talking(folder: Path, requests: int) -> AsyncIterator[tuple[Talkative,
 def test_a_client_that_does_not_read_fills_no_memory(
     tmp_path: Path, said: list[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(unix, "MOST_WAITING", 5_000_000)
+    monkeypatch.setattr(unix_socket, "MOST_WAITING", 5_000_000)
 
     async def scenario() -> None:
         async with talking(tmp_path, 40) as (server, _):
@@ -92,7 +92,7 @@ def test_a_client_that_does_not_read_fills_no_memory(
 def test_a_client_that_takes_nothing_is_sent_away(
     tmp_path: Path, said: list[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(unix, "READ_SECONDS", 0.05)
+    monkeypatch.setattr(unix_socket, "READ_SECONDS", 0.05)
 
     async def scenario() -> None:
         async with talking(tmp_path, 10) as (server, _):  # more than the socket itself holds: 2 * SEND_BYTES
@@ -104,7 +104,7 @@ def test_a_client_that_takes_nothing_is_sent_away(
 
 def test_a_client_that_reads_gets_everything(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Also when it closes its own side as soon as it has asked."""
-    monkeypatch.setattr(unix, "MOST_WAITING", 50_000_000)
+    monkeypatch.setattr(unix_socket, "MOST_WAITING", 50_000_000)
 
     async def scenario() -> None:
         async with talking(tmp_path, 20) as (server, client):
@@ -121,7 +121,7 @@ def test_a_client_that_reads_gets_everything(tmp_path: Path, monkeypatch: pytest
 
 def test_a_full_house_is_told_as_such(tmp_path: Path, said: list[str], monkeypatch: pytest.MonkeyPatch) -> None:
     """And not taken for a dead one, in whose place another would be started."""
-    monkeypatch.setattr(unix, "MOST_CLIENTS", 1)
+    monkeypatch.setattr(unix_socket, "MOST_CLIENTS", 1)
 
     async def scenario() -> None:
         async with talking(tmp_path, 0) as (_, first):
@@ -138,7 +138,7 @@ def test_a_client_that_left_while_it_waited_is_no_trouble(tmp_path: Path, said: 
     async def scenario() -> None:
         listener = listen(tmp_path / "endpoint.sock")
         connect(tmp_path / "endpoint.sock", 20).close()
-        door = asyncio.create_task(unix.LocalClients(Talkative()).serve(listener))
+        door = asyncio.create_task(unix_socket.LocalClients(Talkative()).serve(listener))
         (await asyncio.to_thread(greeted, tmp_path / "endpoint.sock", 20)).close()
         door.cancel()
         await asyncio.gather(door, return_exceptions=True)
@@ -171,7 +171,7 @@ class Pipe:
 def test_a_slow_client_is_kept_as_long_as_it_takes_something(said: list[str]) -> None:
     async def scenario() -> None:
         pipe, left = Pipe(), []
-        outbox = unix._Outbox(pipe, lambda: left.append(True))  # type: ignore[arg-type]
+        outbox = unix_socket._Outbox(pipe, lambda: left.append(True))  # type: ignore[arg-type]
         outbox.put(b"x" * 1000)
         for _ in range(50):
             pipe.waiting -= 10  # it took a little until the next look, while more came

@@ -9,8 +9,8 @@ import pytest
 from offered import runtime_beside, until
 from plugged import CAMERA, SENSOR, Host
 
-from octoform.launcher import presence
-from octoform.launcher.presence import Presence
+from octoform.server.process import device_presence as presence
+from octoform.server.process.device_presence import Presence
 
 DEVICES = [{"id": CAMERA, "name": "C270 HD Webcam"}, {"id": SENSOR, "name": ""}]
 TOOLS = [{"name": "capture_image", "devices": [CAMERA]}, {"name": "read_both", "devices": [SENSOR, CAMERA]}]

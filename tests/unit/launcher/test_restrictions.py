@@ -9,8 +9,8 @@ from typing import Any
 import pytest
 from ledgers import ARM, Bench, Clock
 
-from octoform.launcher.restrictions import LONGEST, NAME, Restrictions, Subject, boottime
-from octoform.launcher.units import Units
+from octoform.server.policy.restrictions import LONGEST, NAME, Restrictions, Subject, boottime
+from octoform.server.policy.tool_policy import Units
 
 ENTRY: dict[str, Any] = {
     "claim": "c1",

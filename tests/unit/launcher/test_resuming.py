@@ -5,8 +5,8 @@ from typing import Any
 import pytest
 from mcp_types import JSONRPCResponse
 
-from octoform.launcher import resuming
-from octoform.launcher.resuming import Recent
+from octoform.server.transport import http
+from octoform.server.transport.http import Recent
 
 pytestmark = pytest.mark.anyio
 
@@ -43,8 +43,8 @@ async def test_what_came_later_in_the_same_stream_is_sent_again() -> None:
 
 
 async def test_the_oldest_is_dropped_when_there_is_too_much(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(resuming, "MOST_BYTES", 10_000)
-    monkeypatch.setattr(resuming, "MOST_EVENTS", 10)
+    monkeypatch.setattr(http, "MOST_BYTES", 10_000)
+    monkeypatch.setattr(http, "MOST_EVENTS", 10)
     store = Recent()
     kept = [await store.store_event("one", answer(number, "x" * 4000)) for number in range(4)]
     assert await replayed(store, kept[1]) == (None, [])

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from octoform.launcher.saying import Said, say
+from octoform.server.process.stderr_log import Said, say
 
 
 def test_a_line_is_said(capsys: pytest.CaptureFixture[str]) -> None:

@@ -18,8 +18,8 @@ from web_doors import until
 from octoform.cli.main import main
 from octoform.endpoint.access import tunnel
 from octoform.engine.safety import person
-from octoform.launcher import revoking
-from octoform.launcher.owner import boot, start_of
+from octoform.server.process.instance_lock import boot, start_of
+from octoform.server.tunnel import termination
 
 PROGRAM = str(Path(__file__).parents[2] / "support" / "local_tunnel.py")
 SOURCE = '''
@@ -51,12 +51,12 @@ def test_tunnel_is_ended_and_stays_so_until_a_person_starts_it(
     bench: Launched, capsys: pytest.CaptureFixture[str]
 ) -> None:
     url, instance = address(bench), bench.process.instance
-    assert revoking.answers(url, instance)
+    assert termination.answers(url, instance)
     assert main([f"-chdir={bench.layout.project}", "revoke"]) == 0
     out = capsys.readouterr().out
     assert "The tunnel was ended: no process of it lives" in out
     assert f"{url} no longer answers as this endpoint." in out
-    assert not revoking.answers(url, instance)
+    assert not termination.answers(url, instance)
     assert bench.ask("status")["tunnel"]["state"] == "revoked"
     # The endpoint itself goes on, and a start by a client does not open it again.
     bench.stop()
@@ -77,12 +77,12 @@ def test_tunnel_that_was_ended_before_is_looked_at_again(bench: Launched, capsys
 
 def test_killed_endpoint_takes_its_tunnel_along(bench: Launched, capsys: pytest.CaptureFixture[str]) -> None:
     url, instance = address(bench), bench.process.instance
-    until(lambda: bool((revoking.read(bench.layout.run) or {}).get("answered")))
-    record = revoking.read(bench.layout.run)
+    until(lambda: bool((termination.read(bench.layout.run) or {}).get("answered")))
+    record = termination.read(bench.layout.run)
     assert record is not None
     os.kill(bench.process.pid, signal.SIGKILL)
-    until(lambda: not list(revoking.members(record)))
-    assert not revoking.answers(url, instance)
+    until(lambda: not list(termination.members(record)))
+    assert not termination.answers(url, instance)
     assert main([f"-chdir={bench.layout.project}", "revoke"]) == 0
     assert "was not running" in capsys.readouterr().out
 

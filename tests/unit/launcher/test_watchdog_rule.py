@@ -8,13 +8,12 @@ from types import FrameType
 
 import pytest
 
-from octoform.launcher import watchdog as module
-from octoform.launcher.watchdog import Blocked, Fault, Watchdog
-from octoform.launcher.workers import Interrupted
+from octoform.server.execution import watchdog as module
+from octoform.server.execution.watchdog import Blocked, Fault, Interrupted, Watchdog
 
 PLACES = {
     "ours": str(Path(module.__file__).parent / "any.py"),
-    "call": str(Path(module.__file__).parent / "guarding.py"),
+    "call": str(Path(module.__file__).parents[1] / "gate" / "gate.py"),
     "generated": "/project/state/bench/serve/server.py",
     "runtime": "/project/state/bench/serve/runtime/locks.py",
     "library": "/env/lib/python3/site-packages/driver.py",

@@ -14,10 +14,9 @@ import pytest
 from starlette.applications import Starlette
 from web_doors import ALL, INITIALIZE, Door, bearer, door, server, until, write_tokens
 
-from octoform.launcher.admission import LEAST_OPEN, MOST_OPEN, Open
-from octoform.launcher.changes import Changes
-from octoform.launcher.connections import MOST_CONNECTIONS, Connection
-from octoform.launcher.tokens import Tokens
+from octoform.server.catalog.notifications import Changes
+from octoform.server.transport.authentication import LEAST_OPEN, MOST_OPEN, Open, Tokens
+from octoform.server.transport.http import MOST_CONNECTIONS, Connection
 
 MEGABYTE = 1 << 20
 

@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 from web_doors import door
 
-from octoform.launcher.addresses import Listening, NoAddressError, addresses_of, listen
+from octoform.server.transport.addresses import Listening, NoAddressError, addresses_of, listen
 
 
 @contextmanager
@@ -93,7 +93,7 @@ def test_folder_in_the_place_of_the_record_is_moved_to_another_name(tmp_path: Pa
 
 
 def test_no_free_port_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("octoform.launcher.addresses.PORTS", 2)
+    monkeypatch.setattr("octoform.server.transport.addresses.PORTS", 2)
     with taken(FIRST, FIRST + 1), pytest.raises(NoAddressError, match=f"no port from {FIRST} to {FIRST + 1} is free"):
         listen(network(), tmp_path, 16)
 

@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 from web_doors import ALL, INITIALIZE, INSTANCE, Door, bearer, door, until, write_tokens
 
-from octoform.launcher.quiet import Throttle
-from octoform.launcher.web import LOGGER
+from octoform.server.process.stderr_log import Throttle
+from octoform.server.transport.http import LOGGER
 
 TOKENS = {
     "all": ("value-of-all", ALL, None),

@@ -1,0 +1,1 @@
+"""What may be called, within which limits, and what of it is used up."""

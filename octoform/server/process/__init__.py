@@ -1,0 +1,1 @@
+"""What the process is: its descriptor, its lock, its log, its local sockets."""

@@ -1,0 +1,120 @@
+"""One process owns the devices of a host: who it is, so that nobody else is ever taken for it. Standard library only.
+
+Ownership is a file lock, which the kernel gives back however the process ends. The record beside it says who holds
+it (pid, start time, boot, command line), because a pid alone may be anybody's by the time it is read.
+"""
+
+import contextlib
+import fcntl
+import json
+import os
+import secrets
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+from octoform.base import files
+from octoform.base.place import KEY, place_of
+from octoform.base.shape import fits
+
+from .stderr_log import say
+
+RECORD = "process.json"
+MARK = "OCTOFORM_ENDPOINT"
+"""The variable by which what tools leave behind is known; whoever starts this process sets it."""
+_LOCK = "owner.lock"
+
+
+class Owner:
+    """The ownership of one host's endpoint, held until `release` or the end of the process."""
+
+    def __init__(self, folder: Path, descriptor: int) -> None:
+        self._folder = folder
+        self._lock = descriptor
+        self.instance = secrets.token_hex(8)
+        """Tells this start of the endpoint from any other."""
+        self._document = b""
+
+    @staticmethod
+    def take(folder: Path) -> "Owner | None":
+        """Ownership, or None when another process has it. OSError when the folder cannot be written."""
+        folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+        lock = os.open(folder / _LOCK, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC | os.O_NOFOLLOW, 0o600)
+        try:
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            os.close(lock)
+            return None
+        return Owner(folder, lock)
+
+    def record(self, **facts: Any) -> None:
+        """Write who owns the endpoint and what it serves; called once it does, and whenever a fact changes."""
+        document = {
+            "format": 1,
+            "pid": os.getpid(),
+            "start": start_of(os.getpid()),
+            "boot": boot(),
+            "argv": command_line(os.getpid()),
+            "instance": self.instance,
+            "mark": os.environ.get(MARK),
+            KEY: place_of(self._folder),
+            "since": datetime.now(UTC).isoformat(timespec="seconds"),
+            **facts,
+        }
+        self._document = json.dumps(document, indent=1).encode()
+        files.replace(self._folder / RECORD, self._document)
+
+    def is_recorded(self) -> bool:
+        """False once the record is gone or tells of another start; one that was damaged is written again.
+
+        Nobody finds a process whose record cannot be read, and none other can be started beside it.
+        """
+        path = self._folder / RECORD
+        try:
+            data = files.read(path, follow=False)
+            if data == self._document:
+                return True
+            found = files.parse(data)
+            if fits(found, {"instance": str}) and found["instance"] != self.instance:
+                return False
+        except FileNotFoundError:
+            return False
+        except (OSError, ValueError) as problem:
+            say(f"the record of this process was damaged ({problem}) and is written again")
+        if self._document:
+            with contextlib.suppress(OSError):  # tried again with the next look
+                files.make_way(path)
+                files.replace(path, self._document)
+        return True
+
+    def release(self) -> None:
+        """Take the record away and let the next one own the endpoint."""
+        if self.is_recorded():
+            (self._folder / RECORD).unlink(missing_ok=True)
+        os.close(self._lock)
+
+
+def boot() -> str:
+    """The kernel's name of this boot; empty where it tells none."""
+    try:
+        return Path("/proc/sys/kernel/random/boot_id").read_text().strip()
+    except OSError:
+        return ""
+
+
+def start_of(pid: int) -> int | None:
+    """When a process started, in clock ticks since boot (proc(5), field 22 of stat); None when there is none."""
+    try:
+        text = Path(f"/proc/{pid}/stat").read_text(errors="replace")
+        return int(text[text.rindex(")") + 2 :].split()[19])
+    except (OSError, ValueError, IndexError):
+        return None
+
+
+def command_line(pid: int) -> list[str]:
+    """The arguments that a process was started with; empty when it is gone."""
+    try:
+        data = Path(f"/proc/{pid}/cmdline").read_bytes()
+    except OSError:
+        return []
+    return [os.fsdecode(word) for word in data.split(b"\0")[:-1]]

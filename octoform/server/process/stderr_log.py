@@ -1,0 +1,68 @@
+"""What the process says to whoever reads its log, which may stand on the very disk that has no room left.
+
+The log of the process and the audit log share a disk. A sentence that cannot be written there must not break what it
+is about: no call, no door and no emergency stop ends because its complaint found no room.
+"""
+
+import errno
+import logging
+import sys
+import threading
+import time
+from collections.abc import Callable
+
+_NO_ROOM = frozenset({errno.ENOSPC, errno.EDQUOT, errno.EFBIG})
+
+
+def say(text: str) -> None:
+    """Print one line to stderr, at once, with its time in front (RFC 3339, UTC), by which `octoform logs` sorts it.
+
+    Without room on the disk it is lost; every other OSError is raised.
+    """
+    now = time.time()
+    stamp = f"{time.strftime('%Y-%m-%dT%H:%M:%S', time.gmtime(now))}.{int(now % 1 * 1000):03d}Z"
+    try:
+        print(f"{stamp} octoform: {text}", file=sys.stderr, flush=True)
+    except OSError as problem:
+        if problem.errno not in _NO_ROOM:
+            raise
+
+
+class Said(logging.Handler):
+    """Says what is logged, so that every line of this package has one form."""
+
+    def emit(self, record: logging.LogRecord) -> None:
+        """Say one record."""
+        say(self.format(record))
+
+
+# Log lines that strangers can cause are few, so that nobody fills a disk by knocking. Standard library only.
+
+MOST_LINES = 60
+WINDOW_SECONDS = 60.0
+
+
+class Throttle(logging.Filter):
+    """Lets so many records of a logger through in a minute, and tells how many it held back before the next one."""
+
+    def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
+        super().__init__()
+        self._clock = clock
+        self._lock = threading.Lock()
+        self._began = clock()
+        self._lines = 0
+        self._held = 0
+
+    def filter(self, record: logging.LogRecord) -> bool:
+        """True for a record that may be written."""
+        with self._lock:
+            if self._clock() - self._began >= WINDOW_SECONDS:
+                held, self._held, self._lines, self._began = self._held, 0, 0, self._clock()
+                if held:
+                    record.msg = f"({held} lines like this one were omitted before it) {record.getMessage()}"
+                    record.args = ()
+            self._lines += 1
+            if self._lines > MOST_LINES:
+                self._held += 1
+                return False
+            return True

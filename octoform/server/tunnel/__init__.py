@@ -1,0 +1,1 @@
+"""The tunnel to the endpoint, watched and ended."""

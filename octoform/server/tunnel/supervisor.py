@@ -1,0 +1,270 @@
+"""Scope internet: an outbound tunnel through a program of the person's choice, watched, shown, and ended on request.
+
+Any program will do that prints the address which it opened. It has a thread of its own here, so that it can be revoked
+whatever the event loop is doing. Without the program, or without a network, scope intranet goes on and the reason is
+told. Standard library only.
+"""
+
+import ipaddress
+import os
+import re
+import select
+import shutil
+import subprocess
+import sys
+import threading
+import time
+from collections import deque
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+from urllib.parse import urlsplit
+
+from octoform.base import marks
+from octoform.server.process import instance_lock
+from octoform.server.process.instance_lock import boot, start_of
+from octoform.server.process.stderr_log import say
+
+from . import termination
+from .termination import MARK, Proof
+
+FIRST_DELAY, LONGEST_DELAY = 1.0, 300.0
+STEADY_SECONDS = 60.0
+"""A program that ran so long is started again at once when it ends."""
+LOOK_SECONDS = 0.25
+HEAR_SECONDS = (3.0, 5.0, 10.0, 20.0, 40.0, 80.0, 160.0, 300.0)
+"""Pauses between the tries to hear the endpoint through its address; a provider's names take a moment to be there."""
+REVOKED = ("revoked", "revoked; octoform start opens a new one")
+"""State and reason of a tunnel that a person has ended."""
+_LINE_BYTES = 4096
+_LINES_KEPT = 20
+_ADDRESS = re.compile(r"https?://[^\s|\"'`<>()\[\]{},;]+")
+_ESCAPES = re.compile(r"\x1b\[[0-9;?]*[A-Za-z]")
+_HOST = re.compile(r"[a-z0-9]([a-z0-9.-]*[a-z0-9])?")
+_WARDEN = Path(__file__).with_name("warden.py")
+
+
+class Tunnel:
+    """The tunnel of one start of the endpoint; all methods may be called from any thread.
+
+    ``changed`` is called with the public URL whenever it is another, with None when there is none.
+    """
+
+    def __init__(
+        self, command: Sequence[str], run: Path, *, local_url: str, instance: str, changed: Callable[[str | None], None]
+    ) -> None:
+        self._command = [word.replace("{url}", local_url) for word in command]
+        self._run = run
+        self._local_url = local_url
+        self._instance = instance
+        self._changed = changed
+        self._lock = threading.Lock()
+        self._stopping = threading.Event()
+        self._wake = threading.Event()
+        self._thread = threading.Thread(target=self._keep, name="tunnel", daemon=True)
+        self._facts: dict[str, Any] = {"state": "starting", "url": None, "since": None, "reason": None, "starts": 0}
+
+    def start(self) -> None:
+        """Start it and keep it; one that was revoked is told as that from the first moment on."""
+        if termination.forbidden(self._run):
+            self._tell(*REVOKED)
+        self._thread.start()
+
+    def stop(self) -> None:
+        """End it with the endpoint; the next start of the endpoint may start it again."""
+        self._stopping.set()
+        self._wake.set()
+        record = termination.read(self._run)
+        if record is not None and record["instance"] == self._instance:
+            termination.end(record)
+        self._thread.join(termination.GRACE_SECONDS)
+
+    def status(self) -> Mapping[str, Any]:
+        """``state`` (starting, running, not running, revoked), ``url``, ``since``, ``reason``, ``starts``."""
+        return dict(self._facts)
+
+    def revoke(self) -> Proof:
+        """End it at once and for good, with proof; takes up to some seconds."""
+        with self._lock:
+            termination.forbid(self._run)
+        self._changed(None)
+        self._wake.set()
+        proof = termination.revoke(self._run)
+        self._tell(*REVOKED)
+        return proof
+
+    def _keep(self) -> None:
+        former = termination.read(self._run)
+        if former is not None and former["instance"] != self._instance:
+            termination.end(former)  # of a process that could not end it any more
+        delay = FIRST_DELAY
+        while not self._stopping.is_set():
+            if termination.forbidden(self._run):
+                self._tell(*REVOKED)
+                self._stopping.wait(LOOK_SECONDS)
+                delay = FIRST_DELAY
+                continue
+            began = time.monotonic()
+            self._once()
+            if time.monotonic() - began > STEADY_SECONDS:
+                delay = FIRST_DELAY
+            self._wake.clear()
+            if not self._over():
+                self._wake.wait(delay)
+            delay = min(delay * 2, LONGEST_DELAY)
+
+    def _over(self) -> bool:
+        return self._stopping.is_set() or termination.forbidden(self._run)
+
+    def _once(self) -> None:
+        """One run of the program, from its start to its end."""
+        program = shutil.which(self._command[0])
+        if program is None:
+            name = self._command[0]
+            self._tell("not running", f"there is no program {name!r}; install it, or name another as tunnel.command")
+            return
+        started = self._spawn([program, *self._command[1:]])
+        if started is None:
+            return
+        process, record = started
+        lines: deque[str] = deque(maxlen=_LINES_KEPT)
+        for line in _lines_of(process):
+            lines.append(line)
+            if record["url"] is None:
+                self._look_for_address(line, record)
+        termination.end(record)
+        status = process.wait()
+        _close(process)
+        # The record stays: whoever revokes later looks whether that address is really silent.
+        termination.publish(self._run, {**record, "ended": _now()})
+        self._changed(None)
+        if not self._over():
+            last = next((line for line in reversed(lines) if line.strip()), "it printed nothing")
+            shown = ascii(_ESCAPES.sub("", last).strip())[1:-1][:300]
+            self._tell("not running", f"{self._command[0]} ended with status {status}: {shown}")
+
+    def _spawn(self, command: Sequence[str]) -> tuple["subprocess.Popen[bytes]", dict[str, Any]] | None:
+        """Start the program below its warden; None when the tunnel was revoked in this very moment."""
+        mark = marks.new(16)
+        with self._lock:
+            if self._over():
+                return None
+            process = subprocess.Popen(
+                [sys.executable, "-I", "-S", str(_WARDEN), *command],
+                stdin=subprocess.PIPE,
+                stdout=subprocess.PIPE,
+                stderr=subprocess.STDOUT,
+                env={**{key: value for key, value in os.environ.items() if key != instance_lock.MARK}, MARK: mark},
+                start_new_session=True,
+            )
+            marks.put_on(mark, process.pid)  # it outlives the endpoint's end, whose mark it has inherited
+            record: dict[str, Any] = {
+                "format": 1,
+                "pid": process.pid,
+                "start": start_of(process.pid),
+                "boot": boot(),
+                "mark": mark,
+                "instance": self._instance,
+                "command": list(command),
+                "url": None,
+                "since": _now(),
+            }
+            termination.publish(self._run, record)
+            self._facts = {**self._facts, "starts": self._facts["starts"] + 1}
+        self._tell("starting", "it has printed no address yet", since=record["since"])
+        if termination.forbidden(self._run):
+            # Revoked from outside of this process between the look and the start.
+            termination.end(record)
+        return process, record
+
+    def _look_for_address(self, line: str, record: dict[str, Any]) -> None:
+        url = public_address(line, self._local_url)
+        if url is None:
+            return
+        with self._lock:
+            if termination.forbidden(self._run):
+                return
+            record["url"] = url
+            termination.publish(self._run, record)
+            self._changed(url)
+        self._tell("running", None, url=url, since=record["since"])
+        threading.Thread(target=self._hear, args=(url, record), name="tunnel-heard", daemon=True).start()
+
+    def _hear(self, url: str, record: dict[str, Any]) -> None:
+        """See whether the address leads here, so that its silence means something when the tunnel is revoked."""
+        for pause in HEAR_SECONDS:
+            if self._stopping.wait(pause) or self._facts["url"] != url:
+                return
+            if termination.answers(url, self._instance):
+                with self._lock:
+                    if self._facts["url"] == url:
+                        record["answered"] = True
+                        termination.publish(self._run, record)
+                return
+
+    def _tell(self, state: str, reason: str | None, *, url: str | None = None, since: str | None = None) -> None:
+        before = self._facts
+        self._facts = {**before, "state": state, "reason": reason, "url": url, "since": since}
+        if (before["state"], before["reason"], before["url"]) != (state, reason, url):
+            say(f"tunnel: {state}: {url or reason}")
+
+
+def public_address(line: str, local_url: str) -> str | None:
+    """The address in a line of output that leads here from outside; None when there is none.
+
+    Programs print other addresses as well: their terms, their documentation, their own status page, and the one that
+    was given to them. What they open for us has no path, and is not on this machine's loopback.
+    """
+    for found in _ADDRESS.findall(_ESCAPES.sub("", line)):
+        try:
+            parts = urlsplit(found.rstrip(".:!?"))
+            port = parts.port
+        except ValueError:
+            continue
+        host = (parts.hostname or "").lower()
+        plain = parts.path in ("", "/") and not parts.query and not parts.fragment and "@" not in parts.netloc
+        if plain and _HOST.fullmatch(host) and not _is_here(host, port, local_url):
+            return f"{parts.scheme}://{host}" + (f":{port}" if port is not None else "")
+    return None
+
+
+def _is_here(host: str, port: int | None, local_url: str) -> bool:
+    local = urlsplit(local_url)
+    if (host, port) == (local.hostname, local.port) or host == "localhost":
+        return True
+    try:
+        address = ipaddress.ip_address(host)
+    except ValueError:
+        return False
+    return address.is_loopback or address.is_unspecified
+
+
+def _now() -> str:
+    return datetime.now(UTC).isoformat(timespec="seconds")
+
+
+def _close(process: "subprocess.Popen[bytes]") -> None:
+    for pipe in (process.stdin, process.stdout):
+        if pipe is not None:
+            pipe.close()
+
+
+def _lines_of(process: "subprocess.Popen[bytes]") -> Iterator[str]:
+    """What the program prints, line by line, each of bounded length, until it has ended and the pipe is empty."""
+    if process.stdout is None:
+        return
+    descriptor = process.stdout.fileno()
+    rest = b""
+    while True:
+        readable, _, _ = select.select([descriptor], [], [], LOOK_SECONDS)
+        part = os.read(descriptor, 65536) if readable else b""
+        if (readable and not part) or (not readable and process.poll() is not None):
+            break
+        *lines, rest = (rest + part).split(b"\n")
+        if len(rest) > _LINE_BYTES:
+            lines, rest = [*lines, rest], b""
+        for line in lines:
+            yield line[:_LINE_BYTES].decode("utf-8", "replace")
+    if rest:
+        yield rest[:_LINE_BYTES].decode("utf-8", "replace")
