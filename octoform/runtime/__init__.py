@@ -13,9 +13,8 @@ stopped; without it a stop ends with its process), OCTOFORM_SYSROOT (the root of
 
 from . import channels, counting, evdev, gpio, lines, nmea, registers, units, v4l2
 from .calllog import logged
-from .devices import Device, device
+from .devices import Bus, Device, bus, device
 from .faults import AmbiguousDevice, BusBusy, DeviceAbsent, DeviceFault, sentence
-from .locks import Bus, bus
 from .sysfs import (
     files,
     free_bytes,

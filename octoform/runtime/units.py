@@ -5,12 +5,293 @@ that the owner disabled is ``skipped`` with the owner's reason and never written
 """
 
 from collections.abc import Iterable, Mapping
+from contextlib import suppress
 from functools import partial
 from typing import Any
 
 from .faults import DeviceFault
-from .movement import NEAR, Move, carried_out, energised, held, motion_of, planned
-from .registers import Bank, UnitFault
+from .registers import Bank, Motion, Talk, UnitFault
+
+# Movements of units on a bus: what is checked before, how the end is waited for, and what makes one end early.
+#
+# An acknowledgement is no proof of motion, so each movement is judged by the position that the unit reports afterwards.
+# The bus is held for one exchange at a time: a reading, a stop and an emergency stop come between. Nothing is written
+# before all goals were found to be within the limits: those of the product, those that the unit itself holds, and the
+# calibrated range. What went wrong is a DeviceFault that names each unit it concerns.
+
+NEAR = 20
+"""Counts from the goal at which a unit is taken to be there: it holds against a load with a small error."""
+JITTER = 2
+POLL = 0.05
+STILL = 4
+"""Polls without motion after which a movement has ended."""
+MOVING = "moving"
+"""The field that is 0 while a unit stands, where the product has one."""
+
+
+class Move:
+    """One unit's movement, all in counts; ``fault`` says what went wrong, in words for a client.
+
+    ``under_way`` from before its goal is written until it was seen to stand or was told to hold.
+    """
+
+    def __init__(self, name: str, start: int, goal: int) -> None:
+        """From where it starts to its goal."""
+        self.name, self.start, self.goal = name, start, goal
+        self.position = start
+        self.fault = ""
+        self.under_way = False
+        self._still = 0
+
+    def seen(self, position: int, moving: bool) -> bool:
+        """Take a fresh reading; whether the movement has ended."""
+        stands = not moving and abs(position - self.position) <= JITTER
+        self._still = self._still + 1 if stands else 0
+        self.position = position
+        ended = self._still >= (1 if self.arrived else STILL)
+        self.under_way = not ended
+        return ended
+
+    @property
+    def arrived(self) -> bool:
+        """Whether it is where it should go."""
+        return abs(self.position - self.goal) <= NEAR
+
+    def moved(self, least: int) -> bool:
+        """Whether it went as far as was to be seen: ``least`` counts, fewer where the goal is nearer than that."""
+        wanted = abs(self.goal - self.start)
+        return abs(self.position - self.start) >= min(least, max(1, wanted - NEAR))
+
+    def failed(self, least: int) -> bool:
+        """Whether it stayed where it was, with a goal farther off than ``least``."""
+        return abs(self.goal - self.start) > least > abs(self.position - self.start)
+
+
+def motion_of(bank: Bank) -> Motion:
+    """How the units move; DeviceFault for a product of which that is not known."""
+    if bank.map.motion is None:
+        raise DeviceFault(bank.device, f"{bank.device}: nothing is known of how its units move")
+    return bank.map.motion
+
+
+def planned(bank: Bank, goals: Mapping[str, int], alone: bool) -> tuple[dict[str, str], dict[str, Move]]:
+    """Why units are not moved, and the movements of all others. DeviceFault when a goal is outside of the limits.
+
+    A unit that is hot or silent is skipped with that reason, or a fault where it is meant ``alone``.
+    """
+    calibrated = bank.calibration()
+    if calibrated.wrong:
+        raise DeviceFault(bank.device, f"{bank.device}: nothing was moved: {calibrated.note}")
+    skipped: dict[str, str] = {}
+    moves: dict[str, Move] = {}
+    refused = []
+    for name, goal in goals.items():
+        if name in bank.map.disabled:
+            skipped[name] = bank.map.disabled[name]
+            continue
+        try:
+            start, low, high = bank.exchange(name, "whether it may be moved; nothing was", partial(_ready, bank))
+        except UnitFault as problem:
+            if alone:
+                raise
+            skipped[name] = bank.told(problem)
+            continue
+        if extent := calibrated.ranges.get(name):
+            low, high = max(low, extent.low), min(high, extent.high)
+        if not low <= goal <= high:
+            refused.append(f"{goal} is outside of the limits of {name}, {low} to {high}")
+        moves[name] = Move(name, start, goal)
+    if refused:
+        raise DeviceFault(bank.device, f"{bank.device}: {'; '.join(refused)}; nothing was moved")
+    return skipped, moves
+
+
+def carried_out(bank: Bank, moves: Iterable[Move], speed: int | None, stops: int) -> None:
+    """Begin these movements and wait for all of them; DeviceFault for those that failed, when the others have ended.
+
+    ``stops`` is how often the device had been stopped when the call began: one stop more ends it.
+    """
+    moves = list(moves)
+    try:
+        _watched(bank, moves, speed, stops)
+    except DeviceFault as problem:
+        _none_goes_on(bank, moves)
+        if left := [f"{move.name} goes on to {move.goal}" for move in moves if move.under_way]:
+            raise type(problem)(bank.device, f"{problem}; not known: whether {', '.join(left)}") from problem
+        raise
+    except BaseException:  # the call was given up: nothing moves on that nobody watches
+        _none_goes_on(bank, moves)
+        raise
+    _none_goes_on(bank, moves)
+    for move in moves:
+        if not move.fault:
+            _tried(bank, move, "whether it is limp", partial(_judged, bank, move))
+    if faults := [move.fault for move in moves if move.fault]:
+        done = [f"{move.name} is at {move.position}" for move in moves if not move.fault]
+        raise UnitFault(bank.device, f"{bank.device}: {'; '.join(faults + done)}")
+
+
+def _watched(bank: Bank, moves: list[Move], speed: int | None, stops: int) -> None:
+    """Begin all of them and look until each has ended."""
+    motion = motion_of(bank)
+    for move in moves:
+        _tried(bank, move, f"whether it goes to {move.goal}", partial(_begun, bank, move, speed, stops))
+    waiting = [move for move in moves if not move.fault]
+    end = bank.clock() + motion.within
+    while waiting and bank.clock() < end:
+        bank.sleep(POLL)
+        unstopped(bank, stops)
+        waiting = [move for move in waiting if not _tried(bank, move, "whether it moves", partial(_seen, bank, move))]
+    unstopped(bank, stops)
+    for move in waiting:
+        _tried(bank, move, "whether it stopped", partial(_late, bank, move))
+
+
+def _none_goes_on(bank: Bank, moves: list[Move]) -> None:
+    """Tell each unit that is still under way to hold, as far as the bus lets.
+
+    Whoever ends a call may interrupt it more than once: the second time does not keep the units from being held.
+    """
+    for last in (False, True):
+        try:
+            for move in moves:
+                if move.under_way:
+                    with suppress(UnitFault):  # its own fault was told; the others are held all the same
+                        bank.exchange(move.name, "whether it stopped", partial(held, bank))
+                    move.under_way = False
+            return
+        except DeviceFault:  # the bus is gone, and how the call ended is what is told
+            return
+        except BaseException:
+            if last:
+                raise
+
+
+def held(bank: Bank, talk: Talk) -> int:
+    """Make a unit hold where it is: its position becomes its goal. The position.
+
+    UnitFault for one that is farther outside of its range than it wavers: told the nearest goal, it would set off.
+    """
+    motion = motion_of(bank)
+    position = talk.count(motion.present)
+    goal = min(max(position, motion.minimum), motion.maximum)
+    if abs(goal - position) > NEAR:
+        span = f"{motion.minimum} to {motion.maximum}"
+        raise bank.fault(f"{talk.name} is at {position}, where it cannot be told to hold: that is only from {span}")
+    talk.write(motion.goal, goal)
+    return position
+
+
+def energised(bank: Bank, talk: Talk) -> None:
+    """Switch a unit on where it is; UnitFault for one that is too hot, or that stays off."""
+    motion = motion_of(bank)
+    limp = dict(motion.release)
+    wanted = [(field, value) for field, value in motion.before if field in limp and isinstance(value, int)]
+    _cool(bank, talk)
+    held(bank, talk)  # whatever goal it had before it was made limp must not be gone to
+    talk.set(wanted)
+    held(bank, talk)  # some units take no goal while they are limp
+
+
+def unstopped(bank: Bank, stops: int) -> None:
+    """DeviceFault when the device was stopped since."""
+    if bank.known.stops != stops:
+        raise DeviceFault(
+            bank.device, f"{bank.device}: stopped: the movement was ended, and its units hold their places"
+        )
+
+
+def _tried(bank: Bank, move: Move, what: str, do: partial[bool]) -> bool:
+    """Whether the movement has ended; one that faults has."""
+    try:
+        return bank.exchange(move.name, what, do)
+    except UnitFault as problem:
+        move.fault = bank.told(problem)
+        return True
+
+
+def _cool(bank: Bank, talk: Talk) -> None:
+    protect = bank.map.protect
+    if protect is None:
+        return
+    value = talk.read(protect.field)
+    if talk.name in bank.known.hot:
+        reading = f"its {protect.field} is {value:g} {protect.unit}".rstrip()
+        span = f"it was at {protect.refuse_at:g} or above, and is moved again below {protect.resume_below:g}"
+        raise bank.fault(f"{talk.name} is too hot to be moved: {reading}; {span}")
+
+
+def _ready(bank: Bank, talk: Talk) -> tuple[int, int, int]:
+    """Where a unit is, and between which counts it may go."""
+    motion = motion_of(bank)
+    _cool(bank, talk)
+    low = max(motion.minimum, talk.count(motion.lowest)) if motion.lowest else motion.minimum
+    high = min(motion.maximum, talk.count(motion.highest)) if motion.highest else motion.maximum
+    if low >= high:
+        raise bank.fault(f"{talk.name} reports limits that leave it no way, {low} to {high}; it was not moved")
+    return talk.count(motion.present), low, high
+
+
+def _begun(bank: Bank, move: Move, speed: int | None, stops: int, talk: Talk) -> bool:
+    """Write what comes before the goal, see that the unit is switched on, and write the goal."""
+    motion = motion_of(bank)
+    unstopped(bank, stops)
+    before = [(field, speed if isinstance(value, str) else value) for field, value in motion.before]
+    limp = dict(motion.release)
+    if any(talk.count(field) == value for field, value in limp.items()):
+        held(bank, talk)  # switched on, it would first go to the goal that it had before
+    flags = 0
+    for field, value in before:
+        flags |= talk.write(field, value) if value is not None else 0
+    for field, value in before:
+        if field in limp and (found := talk.count(field)) != value:
+            told = f"{move.name} is not switched on: its {field} is {found} after {value} was written"
+            raise bank.fault(f"{told}; it was not moved")
+    if flags:
+        raise bank.fault(f"{move.name} reports a fault of its own (flags 0x{flags:02x}); it was not moved")
+    unstopped(bank, stops)
+    move.under_way = True
+    talk.write(motion.goal, move.goal)
+    return False
+
+
+def _seen(bank: Bank, move: Move, talk: Talk) -> bool:
+    """Look at a unit under way; whether it has ended. One that is too hot is stopped."""
+    motion, protect = motion_of(bank), bank.map.protect
+    position = talk.count(motion.present)
+    moving = MOVING in bank.map.fields and talk.count(MOVING) != 0
+    if protect is not None and (value := talk.read(protect.field)) >= protect.refuse_at:
+        move.position = held(bank, talk)
+        move.under_way = False
+        reading = f"its {protect.field} is {value:g} {protect.unit}".rstrip()
+        raise bank.fault(f"{move.name} was stopped at {move.position} on its way to {move.goal}: {reading}")
+    return move.seen(position, moving)
+
+
+def _late(bank: Bank, move: Move, talk: Talk) -> bool:
+    """Stop a unit that is still under way when its time is over; UnitFault says where, unless it came or sticks."""
+    motion = motion_of(bank)
+    move.position = held(bank, talk)
+    move.under_way = False
+    if not move.arrived and not move.failed(motion.moved):
+        told = f"{move.name} was stopped at {move.position} on its way to {move.goal}: {motion.within:g} s were over"
+        raise bank.fault(f"{told}; move it on with another call, or faster")
+    return True
+
+
+def _judged(bank: Bank, move: Move, talk: Talk) -> bool:
+    """UnitFault for a unit that did not move at all, and for one that is limp now, wherever it came to."""
+    motion = motion_of(bank)
+    limp = [f"its {field} is {value}" for field, value in motion.release if talk.count(field) == value]
+    why = f"{', '.join(limp)}, so something made it limp meanwhile" if limp else ""
+    if move.failed(motion.moved):
+        held(bank, talk)  # what blocks it may give way later, and nobody watches then
+        told = f"{move.name} acknowledged the goal {move.goal} and did not move: from {move.start} to {move.position}"
+        raise bank.fault(f"{told}; {why}" if why else told)
+    if limp:
+        raise bank.fault(f"{move.name} was at {move.position} on its way to {move.goal}: {why}")
+    return True
+
 
 Record = dict[str, Any]
 

@@ -12,10 +12,9 @@ from typing import Any
 
 from .devices import device
 from .faults import AmbiguousDevice, DeviceFault
-from .places import path_of
 from .plainfiles import parse
 from .rights import refused
-from .sysfs import sysroot
+from .sysfs import path_of, sysroot
 
 
 def main() -> int:

@@ -180,7 +180,7 @@ CASES = (
     accepted("server.py deleted", "serve/server.py", _gone),
     accepted("server.py emptied, endpoint dead", "serve/server.py", lambda path: path.write_text(" \n"), stopped=True),
     accepted("runtime module changed", "serve/runtime/devices.py", _torn),
-    accepted("runtime module deleted, endpoint dead", "serve/runtime/locks.py", _gone, stopped=True),
+    accepted("runtime module deleted, endpoint dead", "serve/runtime/devices.py", _gone, stopped=True),
     accepted("runtime folder deleted", "serve/runtime", _gone),
     Case(
         "interface artifact edited",

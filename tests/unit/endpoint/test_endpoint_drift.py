@@ -19,7 +19,7 @@ from octoform.endpoint.files import CHECK
 from octoform.endpoint.observe.drift import Expected, observe
 from octoform.endpoint.process import systemd
 from octoform.endpoint.publish.publication import remove
-from octoform.runtime import stops
+from octoform.runtime import counting
 from octoform.state.layout import Layout
 
 PIPED = "octoform/server/transport/unix_socket.py"
@@ -200,13 +200,13 @@ def test_an_emergency_stop_outlives_its_endpoint(applied: Layout, words: str) ->
 def test_the_stop_of_a_device_outlives_its_endpoint(applied: Layout, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("OCTOFORM_STOPS", str(applied.run))
     applied.run.mkdir(mode=0o700, exist_ok=True)
-    assert stops.put("usb-2341-804f", "rail_home") == ""
+    assert counting.put("usb-2341-804f", "rail_home") == ""
     (applied.run / "limits.json").touch()
     remove(applied)
     assert [path.name for path in applied.run.iterdir()] == ["stopped-usb-2341-804f.json"]
     [found] = left_behind(applied)
     assert found.code == "DESTROY-STOP-KEPT" and found.severity is Severity.WARNING
-    stopped = stops.seen("usb-2341-804f")
+    stopped = counting.seen("usb-2341-804f")
     assert stopped is not None and stopped.until == "rail_home"
 
 

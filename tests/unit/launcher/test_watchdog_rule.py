@@ -15,7 +15,7 @@ PLACES = {
     "ours": str(Path(module.__file__).parent / "any.py"),
     "call": str(Path(module.__file__).parents[1] / "gate" / "gate.py"),
     "generated": "/project/state/bench/serve/server.py",
-    "runtime": "/project/state/bench/serve/runtime/locks.py",
+    "runtime": "/project/state/bench/serve/runtime/devices.py",
     "library": "/env/lib/python3/site-packages/driver.py",
 }
 Step = Callable[..., object]

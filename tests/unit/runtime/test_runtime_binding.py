@@ -9,7 +9,7 @@ from sysfs_tree import Tree
 
 from octoform import runtime
 from octoform.base import serials
-from octoform.runtime.places import place, socket
+from octoform.runtime.sysfs import place, socket
 
 BOARD, TWIN = "usb-1f00-00c1", "usb-1f00-00c1-2"
 Instances = Callable[[dict[str, Any]], Path]

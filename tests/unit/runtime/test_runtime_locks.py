@@ -12,7 +12,7 @@ import pytest
 from sysfs_tree import Tree
 
 from octoform import runtime
-from octoform.runtime import locks
+from octoform.runtime import devices
 
 HOLDER = """
 import sys
@@ -26,7 +26,7 @@ with runtime.bus(sys.argv[1]):
 @pytest.fixture(autouse=True)
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """Locks of this test only; other processes of the test use names that nobody else has."""
-    monkeypatch.setattr(locks, "_folder", lambda: tmp_path)
+    monkeypatch.setattr(devices, "_folder", lambda: tmp_path)
     return tmp_path
 
 
@@ -101,7 +101,7 @@ def test_another_process_holds_the_bus_until_it_ends(monkeypatch: pytest.MonkeyP
         other.wait()
         with runtime.bus(name, timeout=5):
             pass
-    locks._file(name).unlink()
+    devices._file(name).unlink()
 
 
 def test_tasks_of_one_loop_take_turns() -> None:
@@ -133,6 +133,6 @@ def test_a_folder_of_another_user_is_refused(tmp_path: Path, monkeypatch: pytest
     place.symlink_to(tmp_path)
     try:
         with pytest.raises(PermissionError, match="private folder"):
-            locks._folder()
+            devices._folder()
     finally:
         place.unlink()

@@ -15,7 +15,7 @@ from sysfs_tree import Tree
 
 from octoform import runtime
 from octoform.builtin.probe.stage import probe_root
-from octoform.runtime import kinds
+from octoform.runtime import binding
 
 Planted = Callable[..., Path]
 WORDS = st.sampled_from(
@@ -104,9 +104,9 @@ def unresolved(root: Path) -> list[str]:
             found = runtime.device(name).folder
             if found != folder:
                 wrong.append(f"{name} is {folder}, not {found}")
-            if folder not in kinds.kind_of(name)[1]:
-                wrong.append(f"{name}: {folder.name} is not of the kind: {sorted(kinds.kinds(folder))}")
-            if not kinds.matches(folder, name):
+            if folder not in binding.kind_of(name)[1]:
+                wrong.append(f"{name}: {folder.name} is not of the kind: {sorted(binding.kinds(folder))}")
+            if not binding.matches(folder, name):
                 wrong.append(f"{name} does not match {folder.name}")
     return wrong
 

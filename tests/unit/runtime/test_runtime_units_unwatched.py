@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 from servo_bench import Bench
 
-from octoform.runtime import DeviceFault, calibration
+from octoform.runtime import DeviceFault, registers
 
 ELBOW, WRIST = "elbow_flex", "wrist_flex"
 
@@ -86,5 +86,5 @@ def test_no_calibration_file_keeps_a_call_waiting_or_breaks_it(bench: Bench, tmp
         place.write_text("[" * 60000)
     else:
         place.symlink_to("/dev/zero")
-    found = calibration.find([str(tmp_path / "*.json")], bench.map.units)
+    found = registers.find([str(tmp_path / "*.json")], bench.map.units)
     assert found.ranges == {} and "no calibration file that can be used" in found.note
