@@ -14,6 +14,7 @@ from collections.abc import Callable, Mapping
 from functools import partial
 from typing import Any
 
+import anyio
 from fastmcp.exceptions import NotFoundError
 from fastmcp.exceptions import ValidationError as ArgumentsInvalid
 from fastmcp.server.dependencies import fastmcp_request_ctx
@@ -26,7 +27,6 @@ from pydantic import ValidationError
 from octoform.server.audit.audit_log import Audit
 from octoform.server.estop.latch import Latch
 from octoform.server.execution.buses import Busy, Holder, abandon, release, take, take_free
-from octoform.server.execution.progress import Beat
 from octoform.server.execution.result_size import of_result
 from octoform.server.execution.watchdog import WATCHDOG, Workers
 from octoform.server.execution.work import FRAMES, Patience, Stopped, TooLarge, Work, current, masked
@@ -41,6 +41,38 @@ from . import messages
 from .calls import Call, Records, Refused, held
 from .elicitation import Approvals, Question, Reply, overhear
 from .registry import Entries, Entry, innermost, pin, straight
+
+# A sign of life every second while a tool works that sends none itself.
+#
+# Many clients give up on a call that says nothing. Only a call that came with a progress token hears anything, and only
+# when its tool cannot report by itself; the last sign is sent before the answer.
+
+EVERY = 1.0
+
+
+class Beat:
+    """Sends the elapsed seconds, which only grow, with ``words()`` as the message; from now to `stop`."""
+
+    def __init__(self, context: Any, words: Callable[[], str], every: float = EVERY) -> None:
+        self._context = context
+        self._words = words
+        self._every = every
+        self._begun = time.monotonic()
+        self._task = asyncio.get_running_loop().create_task(self._send())
+
+    def stop(self) -> None:
+        """Nothing is sent from here on."""
+        self._task.cancel()
+
+    async def _send(self) -> None:
+        while True:
+            await asyncio.sleep(self._every)
+            elapsed = round(time.monotonic() - self._begun, 3)
+            try:
+                await self._context.report_progress(elapsed, None, self._words())
+            except (anyio.ClosedResourceError, anyio.BrokenResourceError):  # nobody listens any more
+                return
+
 
 Context = MiddlewareContext[CallToolRequestParams]
 Next = CallNext[CallToolRequestParams, ToolResult]

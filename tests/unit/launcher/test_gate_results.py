@@ -21,8 +21,8 @@ from jsonschema import Draft202012Validator
 from mcp.shared.exceptions import MCPError
 from pydantic import BaseModel
 
-from octoform.server.execution import progress as beating
 from octoform.server.execution.result_size import at_least, exceeds
+from octoform.server.gate import gate as beating
 from octoform.server.gate.validation import check, coercion
 
 SMALL = tool_policy("read", result_bytes=2000)
