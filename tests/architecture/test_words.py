@@ -17,7 +17,7 @@ RETIRED = re.compile(
     r"|left out|left aside|set aside|mend(?:s|ed|ing)?|purses?|veils?|beheld|sightings?)\b(?!_)",
     re.IGNORECASE,
 )
-CODE = re.compile(r"```.*?```|`[^`\n]*`|\"\w+\"(?=:)", re.DOTALL)
+CODE = re.compile(r"```.*?```|`[^`\n]*`|\"\w+\"(?=:)|\b[A-Z]+(?:-[A-Z]+)+\b", re.DOTALL)
 QUOTING = ("docs/decisions/", "docs/paper.md")
 # The embedded agent's texts are held by its recordings, and the island of the server is read by endpoints in service.
 OTHERS = {"builtin", "protocol", "runtime", "server", "simulation"}
