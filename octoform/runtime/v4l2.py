@@ -38,23 +38,19 @@ def formats(node: str) -> list[dict[str, Any]]:
     Of a file of pictures in the place of a camera it is the one of the file; OSError for what is no camera.
     """
     found: list[dict[str, Any]] = []
-    if not stat.S_ISCHR(Path(node).stat().st_mode):
-        return [_film(node)]
     with Path(node).open("rb", 0) as camera:
         for flags, words, code in _formats(camera, CAPTURED):
             answers = _answers(camera, _ENUM_FRAMESIZES, code)
             sizes = [_size(*struct.unpack_from("=8x6I", answer)) for answer in answers]
             names = {"pixel_format": _text(code), "description": _text(words)}
             found.append({**names, "compressed": bool(flags & 1), "sizes": sizes})
-    return found
+    return found or _film(node)
 
 
 def codes(node: str, queues: tuple[int, ...]) -> list[str]:
     """The pixel formats of a node's queues of these kinds."""
-    if not stat.S_ISCHR(Path(node).stat().st_mode):
-        raise OSError(errno.ENOTTY, os.strerror(errno.ENOTTY), node)
     with Path(node).open("rb", 0) as codec:
-        return [_text(code) for _, _, code in _formats(codec, queues)]
+        return [_text(code) for _, _, code in _formats(codec, queues)] or _nothing(node)
 
 
 def control(node: str, number: int) -> tuple[int, int, int]:
@@ -73,14 +69,22 @@ def set_control(node: str, number: int, value: int) -> None:
         fcntl.ioctl(part, _SET_CTRL, struct.pack("=Ii", number, value))
 
 
-def _film(node: str) -> dict[str, Any]:
+def _film(node: str) -> list[dict[str, Any]]:
     """The format of a file of the kind YUV4MPEG2 by its first line, such as ``YUV4MPEG2 W640 H480 F30:1``."""
-    with Path(node).open("rb", 0) as film:
-        head = re.match(rb"YUV4MPEG2 (?:\S+ )*?W(\d+) H(\d+)", film.read(128))
-    if head is None:
+    if stat.S_ISREG(Path(node).stat().st_mode):
+        with Path(node).open("rb", 0) as film:
+            if head := re.match(rb"YUV4MPEG2 (?:\S+ )*?W(\d+) H(\d+)", film.read(128)):
+                size = f"{int(head[1])}x{int(head[2])}"
+                names = {"pixel_format": "I420", "description": "pictures of a file"}
+                return [{**names, "compressed": False, "sizes": [size]}]
+    return _nothing(node)
+
+
+def _nothing(node: str) -> list[Any]:
+    """No answer is one of a node of the kernel; of any other file it is an OSError."""
+    if not stat.S_ISCHR(Path(node).stat().st_mode):
         raise OSError(errno.ENOTTY, os.strerror(errno.ENOTTY), node)
-    size = f"{int(head[1])}x{int(head[2])}"
-    return {"pixel_format": "I420", "description": "pictures of a file", "compressed": False, "sizes": [size]}
+    return []
 
 
 def _formats(file: Any, queues: tuple[int, ...]) -> Iterator[tuple[int, bytes, bytes]]:
