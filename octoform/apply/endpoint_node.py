@@ -3,12 +3,12 @@
 import shutil
 from collections.abc import Mapping
 
-from octoform import digest, events
+from octoform import events
 from octoform.apply.context import CANDIDATE, Context
 from octoform.apply.stage.artifact_writer import counted
 from octoform.apply.stage.gate import Finished, Verdict
 from octoform.apply.stage.serve_proof import STARTING, calls_said, publish, service_of
-from octoform.base import files
+from octoform.base import digest, files
 from octoform.diagnostics import Diagnostic, error, has_errors
 from octoform.endpoint.environment.build import build
 from octoform.endpoint.observe.drift import observe

@@ -5,7 +5,7 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
-from octoform import __version__, digest, events
+from octoform import __version__, events
 from octoform.apply.context import Context, Tally, accepted
 from octoform.apply.destroy import take_away
 from octoform.apply.endpoint_node import run_endpoint
@@ -18,6 +18,7 @@ from octoform.apply.stage.attempt_loop import may_go_on, run_stage
 from octoform.apply.stage.attempt_record import state_usage
 from octoform.apply.stage.gate import Finished, Verdict
 from octoform.apply.stage.serve_feedback import RETURNS, Return, sent_back
+from octoform.base import digest
 from octoform.contracts.artifact_parser import parse
 from octoform.contracts.contract_check import has_shape
 from octoform.diagnostics import Diagnostic, has_errors

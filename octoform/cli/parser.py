@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from functools import partial
 from typing import Any, NoReturn, TypeAlias
 
-from octoform import durations
+from octoform.base import durations
 from octoform.diagnostics import did_you_mean
 
 # The words of which all commands' options are made.

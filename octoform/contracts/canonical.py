@@ -7,7 +7,7 @@ value and schema together and drops them. It is light, because a plan with nothi
 from pathlib import Path
 from typing import Any
 
-from octoform import digest
+from octoform.base import digest
 from octoform.base.files import read_json
 
 _DROPPED = ("x-instance", "x-volatile")

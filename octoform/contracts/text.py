@@ -4,7 +4,7 @@ A product string can hold control characters, right-to-left overrides or a megab
 a terminal and into the next prompt, so nothing foreign enters one except through `shown`.
 """
 
-from octoform.escaping import escaped, is_hidden
+from octoform.base.escaping import escaped, is_hidden
 
 
 def flattened(text: str) -> str:

@@ -10,8 +10,8 @@ from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from typing import Any, Protocol
 
+from octoform.base.digest import of_value, short
 from octoform.claims.model import Reading, Signal
-from octoform.digest import of_value, short
 from octoform.endpoint.observe.logs import LoggedCall
 from octoform.endpoint.process.record import Running
 

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from octoform.base.escaping import escaped
 from octoform.claims.ledger import Ledger
 from octoform.claims.model import Claim
 from octoform.claims.settings import settings_of
@@ -17,7 +18,6 @@ from octoform.daemon.store.instance_lock import Record
 from octoform.daemon.store.json_store import Shelf
 from octoform.diagnostics import Diagnostic, did_you_mean, error
 from octoform.engine.tools import layout_of
-from octoform.escaping import escaped
 from octoform.manifest.loader import load
 from octoform.manifest.model import FILE_NAME, Daemon
 from octoform.state.layout import Layout

@@ -9,10 +9,10 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from octoform.base.digest import of_bytes, of_value
 from octoform.base.files import read, read_json
 from octoform.base.shape import fits
 from octoform.diagnostics import Diagnostic, error
-from octoform.digest import of_bytes, of_value
 from octoform.state.layout import Layout
 
 CONNECTION = "connection.json"

@@ -9,13 +9,12 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from octoform import digest
 from octoform.apply.stage.spec_copy import unified
-from octoform.base import files
+from octoform.base import digest, files
+from octoform.base.escaping import is_hidden
 from octoform.diagnostics import Diagnostic, did_you_mean, error, has_errors
 from octoform.engine.inspect.state import Found, change, open_project
 from octoform.engine.plan.configuration import Compiled
-from octoform.escaping import is_hidden
 from octoform.graph.model import key_of
 from octoform.protocol import DUTIES, STAGES, STEP, Spec, own_path, step_paths
 from octoform.protocol.loader import load_one, load_step

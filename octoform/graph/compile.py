@@ -3,7 +3,7 @@
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 
-from octoform import digest
+from octoform.base import digest
 from octoform.graph import endpoint_parts
 from octoform.graph.model import ANSWER, Agent, Graph, Node, NodeKind
 from octoform.manifest.model import MODEL_FREE, HarnessSpec, Manifest

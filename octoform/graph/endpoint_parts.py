@@ -9,7 +9,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import asdict
 from typing import TYPE_CHECKING
 
-from octoform import digest
+from octoform.base import digest
 from octoform.manifest.model import Limit, Manifest, Network, Policy, Tunnel
 
 if TYPE_CHECKING:  # the package brings the YAML reader with it

@@ -9,8 +9,8 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
 
-from octoform import digest
-from octoform.escaping import escaped
+from octoform.base import digest
+from octoform.base.escaping import escaped
 
 ANSWER = "answer."
 """How the key part of a person's answer begins; the device's id follows."""

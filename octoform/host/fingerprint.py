@@ -20,7 +20,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
-from octoform.digest import of_bytes
+from octoform.base.digest import of_bytes
 
 SYSROOT_VARIABLE = "OCTOFORM_SYSROOT"
 MODALIAS_BYTES = 1024

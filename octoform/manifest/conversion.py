@@ -10,8 +10,8 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Literal
 
-from octoform import digest
-from octoform.durations import hours, rate, seconds
+from octoform.base import digest
+from octoform.base.durations import hours, rate, seconds
 from octoform.manifest import addresses, references
 from octoform.manifest.credentials import LOGINS, Provider, split_model
 from octoform.manifest.model import (

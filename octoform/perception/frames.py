@@ -15,11 +15,11 @@ from typing import Any, Literal
 
 from pydantic import BaseModel, ConfigDict, ValidationError
 
+from octoform.base.digest import of_bytes
+from octoform.base.escaping import escaped
 from octoform.diagnostics import Diagnostic, error, has_errors, warning
-from octoform.digest import of_bytes
 from octoform.endpoint.client.jsonrpc import ending_of
 from octoform.endpoint.files import not_ours, private_folder
-from octoform.escaping import escaped
 from octoform.perception.capture import Taken
 from octoform.perception.image_quality import (
     CHANGED,

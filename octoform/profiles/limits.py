@@ -8,7 +8,7 @@ import math
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-from octoform import durations
+from octoform.base import durations
 
 FIELDS = (
     *("tool", "parameter", "minimum", "maximum", "unit"),

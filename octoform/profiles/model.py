@@ -37,8 +37,8 @@ class Profile:
 
     ``text`` is the whole file, ``body`` its prose, ``digest`` that of its text. ``evidence`` is the rule over what
     PROBE saw. Each of ``limits`` has at least one of ``minimum``, ``maximum``, ``step``, ``cumulative`` (numbers, with
-    their ``parameter``), ``rate``, ``cooldown`` and ``quiet_hours`` (texts, see `octoform.durations`), and may have
-    ``tool`` (a glob over the names of tools and capabilities) and ``unit``; the bounds of the grammar's parameters
+    their ``parameter``), ``rate``, ``cooldown`` and ``quiet_hours`` (texts, see `octoform.base.durations`), and may
+    have ``tool`` (a glob over the names of tools and capabilities) and ``unit``; the bounds of the grammar's parameters
     are among them, and those of the rig come last. ``stop`` is what the emergency stop does, ``grammar`` the commands
     of a product that is driven by lines or by registers, as it is on this rig. ``product`` is the product's own name,
     empty where ``about`` says it. ``rig`` is what is true of the owner's own copy alone.

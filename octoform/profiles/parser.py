@@ -10,7 +10,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from octoform import digest, frontmatter
+from octoform import frontmatter
+from octoform.base import digest
 from octoform.diagnostics import Diagnostic, did_you_mean, error, has_errors, warning
 from octoform.frontmatter import Document, Place
 from octoform.profiles import limits, match_rule

@@ -9,7 +9,8 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
-from octoform import digest, durations, frontmatter
+from octoform import frontmatter
+from octoform.base import digest, durations
 from octoform.diagnostics import Diagnostic, did_you_mean, error, warning
 from octoform.frontmatter import Document
 from octoform.protocol.model import (

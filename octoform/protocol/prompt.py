@@ -11,9 +11,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from octoform.base.escaping import escaped
 from octoform.base.files import stream
 from octoform.diagnostics import Diagnostic, Severity
-from octoform.escaping import escaped
 from octoform.protocol.model import DUTIES, STEP, Spec
 
 # Foreign text in a prompt: bounded, made visible, and inside a fence that its content cannot close.

@@ -11,7 +11,7 @@ from dataclasses import asdict, dataclass
 from enum import StrEnum
 from pathlib import Path
 
-from octoform import digest
+from octoform.base import digest
 from octoform.base.files import read
 
 PROC = Path("/proc")

@@ -17,7 +17,7 @@ from typing import Any
 from projects import OCTOFORM, Project
 from replugged import Host
 
-from octoform.digest import of_bytes
+from octoform.base.digest import of_bytes
 from octoform.endpoint.client.terminal import Wanted, call
 from octoform.endpoint.environment.model import packages_of
 from octoform.endpoint.process import control

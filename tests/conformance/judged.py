@@ -15,12 +15,12 @@ from hosts.plant import plant
 from launched import LOOPBACK, Launched, launched, tool
 from suites import HANDSHAKE, INSPECTOR, LATER, Report, judge, run
 
+from octoform.base.digest import of_bytes
 from octoform.base.id_databases import IdDatabases
 from octoform.builtin.identify.stage import identify
 from octoform.builtin.interface.stage import declare
 from octoform.builtin.probe.stage import probe_root
 from octoform.builtin.serve.stage import render
-from octoform.digest import of_bytes
 
 HERE = Path(__file__).parent
 FIXTURES = HERE / "fixture_server.py"

@@ -2,8 +2,8 @@
 
 from pathlib import Path
 
-from octoform import digest
 from octoform.apply.endpoint_node import made_of
+from octoform.base import digest
 from octoform.graph.model import Graph, Node, NodeKind, key_of
 from octoform.state.artifacts.accepted import accept, file_digest
 from octoform.state.layout import Layout

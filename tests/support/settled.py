@@ -17,7 +17,8 @@ from typing import Any
 from endings import record_running
 from launched import policy_of
 
-from octoform import digest, host
+from octoform import host
+from octoform.base import digest
 from octoform.contracts.canonical import output_digest
 from octoform.endpoint.environment.model import MARKER, Environment, locate, packages_of
 from octoform.endpoint.files import CHECK

@@ -12,9 +12,9 @@ from dataclasses import dataclass, field, replace
 from datetime import datetime
 from typing import Any
 
+from octoform.base.escaping import escaped
 from octoform.diagnostics import Diagnostic
 from octoform.endpoint.observe.logs import CALLS, Line, Logs, logs_of
-from octoform.escaping import escaped
 from octoform.harness.llm.completion import Completion
 from octoform.harness.port import Usage
 from octoform.manifest.model import Perception

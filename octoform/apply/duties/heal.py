@@ -10,7 +10,7 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from octoform import digest, events
+from octoform import events
 from octoform.apply.context import HEALED, Context, accepted
 from octoform.apply.duties import agent_input
 from octoform.apply.duties.outcome import Answer, refusal
@@ -24,6 +24,7 @@ from octoform.apply.stage.attempt_loop import fulfil
 from octoform.apply.stage.gate import Finished, Verdict, artifacts, digest_of, shown
 from octoform.apply.stage.secret_scan import leaked
 from octoform.apply.stage.serve_proof import Judge as CheckJudge
+from octoform.base import digest
 from octoform.base.files import parse as parse_json
 from octoform.contracts.artifact_parser import MAX_SOURCE_BYTES, parse
 from octoform.contracts.contract_check import check

@@ -5,8 +5,8 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from octoform.apply.stage.gate import Finished
+from octoform.base.escaping import escaped
 from octoform.diagnostics import Diagnostic, Severity
-from octoform.escaping import escaped
 from octoform.harness.port import Usage
 
 DETAIL_CHARACTERS = 600

@@ -10,9 +10,9 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from octoform import digest
 from octoform.apply.rewrite.scope import Unit, divided
 from octoform.apply.stage.artifact_writer import text_of
+from octoform.base import digest
 from octoform.base.files import parse
 from octoform.diagnostics import Diagnostic, error
 from octoform.state.files import make_folders, read_regular, refused, spending, write_atomic

@@ -12,13 +12,13 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from octoform import digest, events
+from octoform import events
 from octoform.apply.context import CANDIDATE, Context
 from octoform.apply.endpoint_node import made_of
 from octoform.apply.protect import file_integrity, paths
 from octoform.apply.stage.artifact_writer import runtime_files, text_of
 from octoform.apply.stage.serve_proof import STARTING, Judge, prove_import, publish
-from octoform.base import files
+from octoform.base import digest, files
 from octoform.diagnostics import Diagnostic, error, has_errors
 from octoform.endpoint.client.check import judge_check
 from octoform.endpoint.environment.build import build

@@ -22,9 +22,9 @@ from octoform.apply.stage.assignment import Assignment
 from octoform.apply.stage.gate import read_output
 from octoform.apply.stage.secret_scan import leaked, without_secrets
 from octoform.base import files, shortage
+from octoform.base.digest import of_large_file
 from octoform.base.files import parse, replace
 from octoform.diagnostics import Diagnostic, has_errors, to_json
-from octoform.digest import of_large_file
 from octoform.harness.llm.completion import Excerpt, LiteLLMCompletion, condense
 from octoform.harness.port import (
     AgentEvent,

@@ -11,8 +11,8 @@ from octoform.apply.stage.assignment import Assignment
 from octoform.apply.stage.attempt import FORMER, PROGRAM, SAID, Prepared, SoFar
 from octoform.apply.stage.gate import Verdict
 from octoform.apply.stage.spec_copy import Edit
+from octoform.base.digest import of_large_file
 from octoform.diagnostics import Diagnostic, to_json
-from octoform.digest import of_large_file
 from octoform.harness.attempt import read_usage
 from octoform.harness.containment import agent_environment
 from octoform.harness.port import ExitReason, Outcome, Task, Usage

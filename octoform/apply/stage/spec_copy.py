@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from octoform import digest
+from octoform.base import digest
 from octoform.base.files import replace
 from octoform.harness.plain_file import read_plain
 from octoform.redaction import redacted

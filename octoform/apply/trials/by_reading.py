@@ -11,8 +11,8 @@ from typing import Any
 
 from octoform.apply.context import Clock
 from octoform.apply.trials.tool_client import Answer, Hand, Restoring, at
+from octoform.base.escaping import escaped
 from octoform.diagnostics import Diagnostic, error, warning
-from octoform.escaping import escaped
 from octoform.protocol.model import Proof
 
 POLL_SECONDS = 0.1

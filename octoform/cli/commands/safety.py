@@ -10,7 +10,7 @@ from argparse import Namespace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from octoform import durations
+from octoform.base import durations
 from octoform.cli.parser import UsageError, seconds
 from octoform.views.format import problems
 from octoform.views.format.console import Console

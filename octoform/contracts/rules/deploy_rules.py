@@ -7,6 +7,7 @@ index happens to offer on the day of a repair. Light.
 import re
 from collections.abc import Collection, Iterator, Mapping
 
+from octoform.base.escaping import escaped
 from octoform.contracts.model import Artifacts, JsonObject, Rule
 from octoform.contracts.rules.serve.code_rules import is_standard
 from octoform.contracts.rules.serve.programs import programs_of
@@ -15,7 +16,6 @@ from octoform.contracts.script_header import declared_names, declared_requiremen
 from octoform.contracts.server_source import Source, imported_modules, read_source
 from octoform.contracts.text import flattened, listed, pointer, shown
 from octoform.diagnostics import Diagnostic, Span, error, warning
-from octoform.escaping import escaped
 
 _BUILDS = frozenset({"headless", "contrib", "gpu", "cpu", "full", "lite", "nogui"})
 """Words by which builds of one library are told apart in its name."""

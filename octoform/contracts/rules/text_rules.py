@@ -8,10 +8,10 @@ no width. PROBE writes such characters as escapes; nobody after it needs any oth
 from collections.abc import Collection, Iterator
 from typing import Any
 
+from octoform.base.escaping import escaped, is_hidden
 from octoform.contracts.model import Artifacts, RuleCheck
 from octoform.contracts.text import pointer
 from octoform.diagnostics import Diagnostic, Span, error
-from octoform.escaping import escaped, is_hidden
 
 _KEPT = "\n\t"
 

@@ -23,11 +23,11 @@ from html import escape as for_markup
 from pathlib import Path
 
 from octoform.base import shortage
+from octoform.base.escaping import escaped
 from octoform.base.files import parse
 from octoform.daemon.model import Alert, Kind
 from octoform.daemon.store.json_store import FORMAT, Shelf
 from octoform.diagnostics import Diagnostic, warning
-from octoform.escaping import escaped
 from octoform.manifest.model import Notify
 from octoform.manifest.references import names, resolve
 from octoform.redaction import found_in

@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from octoform import digest
+from octoform.base import digest
 from octoform.base.files import read
 from octoform.endpoint.environment.model import MARKER, at, intact, packages_of
 from octoform.endpoint.files import PACKAGES, read_manifest

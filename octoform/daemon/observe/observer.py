@@ -10,6 +10,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
+from octoform.base.escaping import escaped
 from octoform.base.files import parse
 from octoform.daemon.model import Cause, Clock, Facts
 from octoform.daemon.observe.file_integrity import Standing
@@ -21,7 +22,6 @@ from octoform.endpoint.process import record
 from octoform.endpoint.process.estop import is_latched
 from octoform.endpoint.process.record import Running, running
 from octoform.endpoint.publish.expected_tools import published
-from octoform.escaping import escaped
 from octoform.manifest.model import FILE_NAME
 from octoform.state.files import read_regular, write_atomic
 from octoform.state.layout import STEP, Layout

@@ -11,13 +11,13 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from octoform.base.escaping import escaped
 from octoform.claims.model import Channel, Reading, Signal, Value
 from octoform.diagnostics import Diagnostic
 from octoform.endpoint.client.jsonrpc import Wire, WireError, sender
 from octoform.endpoint.process.record import running
 from octoform.endpoint.proxy.dial import knock
 from octoform.endpoint.publish.expected_tools import hidden, promised, untried
-from octoform.escaping import escaped
 from octoform.state.layout import Layout
 
 NAME = "octoform watch"

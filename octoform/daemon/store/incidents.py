@@ -10,11 +10,11 @@ from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
+from octoform.base.escaping import escaped
 from octoform.base.files import parse
 from octoform.daemon.model import Cause, Facts, FaultClass, Finding, Kind, Outcome, Repair, Spent, Status
 from octoform.daemon.store.json_store import FORMAT, LIMIT, Shelf, number
 from octoform.diagnostics import warning
-from octoform.escaping import escaped
 from octoform.state.files import read_regular, refused, shown, write_atomic
 
 FILE = "episodes.jsonl"

@@ -7,8 +7,8 @@ readings); what it says is still an agent's word, so it changes nothing that cod
 from collections.abc import Iterator, Mapping
 from typing import Any
 
+from octoform.base.escaping import escaped
 from octoform.daemon.model import Facts, FaultClass, Finding, Kind, Repair, Status
-from octoform.escaping import escaped
 
 MOST = 20
 TEXT_CHARS, SUMMARY_CHARS = 300, 600

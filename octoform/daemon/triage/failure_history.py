@@ -8,9 +8,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
+from octoform.base.escaping import escaped
 from octoform.daemon.model import Facts
 from octoform.endpoint.observe.logs import LoggedCall
-from octoform.escaping import escaped
 
 MOST_TOOLS = 200
 MOST_ENDS = 20

@@ -4,9 +4,9 @@ import re
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
 
+from octoform.base.escaping import escaped
 from octoform.daemon.model import Facts, FaultClass, Finding, Kind, Repair, Status
 from octoform.daemon.triage.failure_history import Recall
-from octoform.escaping import escaped
 
 CRASHES = 3
 """Short lives in the window after which it is a loop, and another start alone no repair."""

@@ -12,9 +12,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from octoform.base.digest import of_value, short
 from octoform.base.files import read_json
 from octoform.base.shape import fits
-from octoform.digest import of_value, short
 from octoform.state.layout import Layout
 
 MARKER = "octoform-complete.json"

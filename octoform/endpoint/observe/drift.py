@@ -10,9 +10,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from octoform.base.digest import of_value
 from octoform.base.files import read_json
 from octoform.base.shape import fits
-from octoform.digest import of_value
 from octoform.endpoint.environment.model import Environment, at, intact
 from octoform.endpoint.files import (
     CHECK,

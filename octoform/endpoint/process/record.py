@@ -10,12 +10,12 @@ from dataclasses import dataclass
 from datetime import UTC, datetime
 from typing import Any
 
+from octoform.base.escaping import escaped
 from octoform.base.files import parse, read_json
 from octoform.base.place import is_from
 from octoform.base.shape import fits
 from octoform.diagnostics import Diagnostic, error
 from octoform.endpoint.files import private_folder
-from octoform.escaping import escaped
 from octoform.state.files import read_regular, refused, write_atomic
 from octoform.state.layout import Layout
 from octoform.state.lock_holder import PROC, start_time

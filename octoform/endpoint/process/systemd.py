@@ -12,8 +12,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from octoform.base.digest import of_bytes
 from octoform.base.files import read
-from octoform.digest import of_bytes
 from octoform.endpoint.files import LAUNCHER
 from octoform.endpoint.process.record import MARK, unmark
 from octoform.state.layout import Layout

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from fnmatch import fnmatchcase
 from typing import TYPE_CHECKING, Any
 
-from octoform import durations
+from octoform.base import durations
 from octoform.manifest.model import Limit, Policy
 
 if TYPE_CHECKING:

@@ -15,9 +15,9 @@ from pathlib import Path
 from typing import Any
 
 import octoform
+from octoform.base.digest import of_bytes
 from octoform.base.files import make_way, parse, read, read_json
 from octoform.diagnostics import Diagnostic, Severity
-from octoform.digest import of_bytes
 from octoform.endpoint.environment.build import prune
 from octoform.endpoint.environment.model import FOLDER_NAME, MARKER, Environment, at
 from octoform.endpoint.files import (

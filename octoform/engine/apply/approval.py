@@ -7,9 +7,9 @@ import json
 from dataclasses import asdict, dataclass
 from datetime import UTC, datetime
 
+from octoform.base.digest import of_value
 from octoform.base.files import parse
 from octoform.diagnostics import Diagnostic
-from octoform.digest import of_value
 from octoform.state.files import read_regular, write_atomic
 from octoform.state.layout import Layout
 

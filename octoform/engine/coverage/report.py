@@ -10,7 +10,7 @@ from enum import StrEnum
 from pathlib import Path
 from typing import Any
 
-from octoform import digest
+from octoform.base import digest
 from octoform.contracts.artifact_parser import parse
 from octoform.contracts.contract_check import has_shape
 from octoform.contracts.rules.identify.answer_rules import tier, wanted

@@ -14,8 +14,8 @@ from pathlib import Path
 from typing import Any
 
 import octoform
-from octoform import digest, host
-from octoform.base import files
+from octoform import host
+from octoform.base import digest, files
 from octoform.endpoint.observe.drift import observe
 from octoform.endpoint.process.record import running_beside
 from octoform.plan.model import Plan, from_json, to_json

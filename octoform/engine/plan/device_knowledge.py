@@ -4,10 +4,10 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
+from octoform.base.escaping import escaped
 from octoform.contracts.rules.identify.answer_rules import tier, wanted
 from octoform.diagnostics import Diagnostic, did_you_mean, warning
 from octoform.engine.plan.configuration import Compiled
-from octoform.escaping import escaped
 from octoform.graph.model import ANSWER
 from octoform.manifest.rules.profile_paths import shipped
 from octoform.plan.diff import Prior

@@ -6,9 +6,9 @@ from pathlib import Path
 from typing import Any
 
 import octoform
-from octoform import digest, host
+from octoform import host
 from octoform.apply.stage.gate import offered
-from octoform.base import files
+from octoform.base import digest, files
 from octoform.base.shape import fits
 from octoform.contracts.artifact_parser import parse
 from octoform.contracts.canonical import schema_path

@@ -14,9 +14,9 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any, Protocol
 
+from octoform.base.escaping import escaped
 from octoform.base.files import head, replace
 from octoform.diagnostics import Diagnostic, warning
-from octoform.escaping import escaped
 from octoform.harness.containment import agent_environment
 from octoform.harness.containment.contained_run import Ended, Limits, Program, run
 from octoform.harness.event_parser import count, json_object, one_line, trouble

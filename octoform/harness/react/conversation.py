@@ -7,8 +7,8 @@ steps always stay. What enters is bounded as well, so that the last steps alone 
 from collections.abc import Mapping
 from typing import Any
 
+from octoform.base.escaping import escaped
 from octoform.base.files import parse
-from octoform.escaping import escaped
 from octoform.harness.llm.client import Reply, size_of
 
 # Text of bounded size: the beginning and the end of what a tool said, the middle left out.

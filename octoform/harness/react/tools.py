@@ -20,8 +20,8 @@ from functools import cache, partial
 from pathlib import Path, PurePosixPath
 from typing import Any
 
+from octoform.base.escaping import escaped
 from octoform.base.files import parse
-from octoform.escaping import escaped
 from octoform.harness.llm.client import Call
 from octoform.harness.react.conversation import ARGUMENT_BYTES, KEPT, HeadAndTail, parsed
 from octoform.redaction import redacted

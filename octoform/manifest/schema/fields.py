@@ -9,8 +9,8 @@ from typing import Annotated, Any, Literal
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field
 from pydantic_core import PydanticCustomError
 
-from octoform.durations import HINT, LONGEST_SECONDS, PATTERN, seconds
-from octoform.escaping import is_hidden
+from octoform.base.durations import HINT, LONGEST_SECONDS, PATTERN, seconds
+from octoform.base.escaping import is_hidden
 from octoform.manifest import addresses
 from octoform.manifest.references import NAME
 

@@ -9,7 +9,7 @@ from typing import Annotated, Literal
 
 from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 
-from octoform.durations import HOURS_PATTERN, RATE_PATTERN, hours, rate
+from octoform.base.durations import HOURS_PATTERN, RATE_PATTERN, hours, rate
 from octoform.manifest import addresses
 from octoform.manifest.model import EVERY_INTERFACE, FIRST_PORT, RESULT_BYTES, TIMEOUT, TUNNEL_COMMAND, TUNNEL_URL
 from octoform.manifest.schema.fields import (

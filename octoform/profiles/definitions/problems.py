@@ -7,7 +7,7 @@ from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from octoform import durations
+from octoform.base import durations
 from octoform.diagnostics import did_you_mean
 from octoform.frontmatter import Place
 

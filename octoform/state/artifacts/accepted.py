@@ -10,7 +10,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path, PurePosixPath
 
-from octoform import digest
+from octoform.base import digest
 from octoform.base.files import TEMPORARY, sync_folder
 from octoform.diagnostics import Diagnostic
 from octoform.state.files import (

@@ -15,8 +15,7 @@ from enum import StrEnum
 from pathlib import Path
 from typing import Any
 
-from octoform import digest
-from octoform.base import files
+from octoform.base import digest, files
 from octoform.base.files import parse
 from octoform.base.shape import INSTANCES as FORM
 from octoform.base.shape import fits

@@ -5,15 +5,14 @@ can be seen. Each line carries a checksum, so a line is either exactly what was 
 local; it names the snapshot that it continues, so it is never folded onto another one (a pull, a checkout). Light.
 """
 
-import json
 import os
 from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path
 
-from octoform import digest
-from octoform.base.files import sync_folder, write_all, parse
+from octoform.base import digest
+from octoform.base.files import parse, sync_folder, write_all
 from octoform.diagnostics import Diagnostic, error, warning
 from octoform.state.files import (
     SIZE_LIMIT,

@@ -9,7 +9,6 @@ kernel lock on the file itself: it proves life across containers. Light.
 import contextlib
 import errno
 import fcntl
-import json
 import os
 import time
 import uuid
@@ -19,14 +18,13 @@ from datetime import UTC, datetime
 from pathlib import Path
 from types import TracebackType
 
-from octoform import digest
+from octoform.base import digest, locks
+from octoform.base.files import parse, sync_folder, write_all
 from octoform.base.place import KEY, is_from, place_of
 from octoform.diagnostics import Diagnostic, error
-from octoform.base import locks
-from octoform.base.files import sync_folder, write_all, parse
 from octoform.state.files import make_folders, read_regular, refused, shown
-from octoform.state.lock_holder import PROC, Liveness, Process, from_json, liveness, myself, to_json
 from octoform.state.layout import Layout
+from octoform.state.lock_holder import PROC, Liveness, Process, from_json, liveness, myself, to_json
 
 _LIMIT = 64 * 1024
 _GUARD_SECONDS = 5.0

@@ -4,12 +4,12 @@ import json
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
+from octoform.base.escaping import escaped_json
 from octoform.claims.codec import to_json as claim_json
 from octoform.claims.model import Claim, State
 from octoform.daemon.requests import GivenUp
 from octoform.daemon.store.backoff import Breaker
 from octoform.daemon.store.instance_lock import Record
-from octoform.escaping import escaped_json
 from octoform.views.format.console import Console
 from octoform.views.format.values import ago, clock, one_line
 from octoform.views.plan.text import counted

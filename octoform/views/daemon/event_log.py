@@ -9,12 +9,12 @@ from contextlib import suppress
 from statistics import median
 from typing import Any
 
+from octoform.base.escaping import escaped_json
 from octoform.daemon.model import Outcome, Status
 from octoform.daemon.reconcile.supervisor import Round
 from octoform.daemon.store.incidents import Episode, Try
 from octoform.daemon.store.incidents import to_json as episode_json
 from octoform.diagnostics import Diagnostic
-from octoform.escaping import escaped_json
 from octoform.views.format import problems, table
 from octoform.views.format.console import Console
 from octoform.views.format.output import JsonStream

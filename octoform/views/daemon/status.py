@@ -5,10 +5,10 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict
 from typing import Any
 
+from octoform.base.escaping import escaped_json
 from octoform.daemon.status import Survey
 from octoform.daemon.store.instance_lock import Record
 from octoform.engine.status import Process, Status
-from octoform.escaping import escaped_json
 from octoform.views.daemon.event_log import EXIT, STYLES, named
 from octoform.views.format.console import Console
 from octoform.views.format.values import one_line

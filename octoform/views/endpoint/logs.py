@@ -6,10 +6,10 @@ import select
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any
 
+from octoform.base.escaping import escaped, escaped_json
 from octoform.endpoint.client.terminal import BEFOREHAND
 from octoform.endpoint.observe.logs import SERVER, Line, moment
 from octoform.engine.inspect.state import Entry
-from octoform.escaping import escaped, escaped_json
 from octoform.views.format.console import Console
 from octoform.views.format.output import document
 from octoform.views.format.values import one_line

@@ -6,12 +6,12 @@ from collections.abc import Sequence
 from dataclasses import asdict
 from typing import Any
 
+from octoform.base.escaping import escaped_json
 from octoform.diagnostics import Diagnostic, error, to_json
 from octoform.endpoint.mcp_clients.install import Outcome, Sight
 from octoform.endpoint.process.record import Running
 from octoform.engine.clients import Listing, Printed, notes
 from octoform.engine.endpoint_process import Started, Stopped, Unit
-from octoform.escaping import escaped_json
 from octoform.views.format import problems
 from octoform.views.format.console import Console
 from octoform.views.format.values import escape

@@ -9,10 +9,10 @@ from pathlib import Path
 from shutil import get_terminal_size
 from typing import Any
 
+from octoform.base.escaping import escaped_json
 from octoform.diagnostics import Diagnostic, to_json
 from octoform.engine.snapshot import Look
 from octoform.engine.tools import Answer
-from octoform.escaping import escaped_json
 from octoform.perception.frames import words
 from octoform.views.format import problems
 from octoform.views.format.console import Console

@@ -6,8 +6,8 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 import octoform
+from octoform.base.escaping import escaped_json
 from octoform.diagnostics import Diagnostic, has_errors, to_json
-from octoform.escaping import escaped_json
 from octoform.views.format import problems
 from octoform.views.format.console import Console
 from octoform.views.format.diagnostics import summary

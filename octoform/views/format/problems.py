@@ -7,8 +7,8 @@ from dataclasses import replace
 from pathlib import Path
 
 import octoform
+from octoform.base.escaping import escaped_json
 from octoform.diagnostics import Diagnostic, has_errors, to_json
-from octoform.escaping import escaped_json
 from octoform.views.format.console import Console
 
 GOES_ON = "what was accepted stays accepted, the next apply goes on from there"

@@ -7,7 +7,7 @@ Tokens and money as words: short enough for a line that moves, honest about what
 
 from datetime import UTC, datetime
 
-from octoform.escaping import escaped
+from octoform.base.escaping import escaped
 
 
 def spent(input_tokens: int | None, output_tokens: int | None, cost_usd: float | None) -> str:

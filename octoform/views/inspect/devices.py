@@ -7,8 +7,8 @@ import json
 from dataclasses import asdict
 from typing import Any
 
+from octoform.base.escaping import escaped_json
 from octoform.engine.inspect.devices import LeftOut, Listing, Row
-from octoform.escaping import escaped_json
 from octoform.views.format.console import Console
 from octoform.views.format.values import one_line
 from octoform.views.plan.text import counted

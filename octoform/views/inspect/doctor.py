@@ -4,9 +4,9 @@ import json
 from collections.abc import Callable, Sequence
 from dataclasses import asdict
 
+from octoform.base.escaping import escaped_json
 from octoform.diagnostics import to_json
 from octoform.engine.doctor import Diagnosis, Group, Installed, InstallResult
-from octoform.escaping import escaped_json
 from octoform.harness.doctor_checks import Check, Status
 from octoform.views.format import problems
 from octoform.views.format.console import Console

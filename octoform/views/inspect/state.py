@@ -5,8 +5,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict
 from typing import Any
 
+from octoform.base.escaping import escaped_json
 from octoform.engine.spec_edits import Shown
-from octoform.escaping import escaped_json
 from octoform.state.model import NodeState, Snapshot
 from octoform.views.format.console import Console
 from octoform.views.format.output import document

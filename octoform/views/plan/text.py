@@ -7,7 +7,7 @@ import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
-from octoform import digest
+from octoform.base import digest
 from octoform.graph.endpoint_parts import SCOPE, in_force
 from octoform.graph.model import ANSWER, STEP
 from octoform.plan.model import Action, Cause, Change, Loan, Plan, PlannedAction, Reason, StepOutlook

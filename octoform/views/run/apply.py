@@ -12,9 +12,9 @@ from dataclasses import asdict, dataclass, fields, replace
 from typing import TYPE_CHECKING, Any
 
 from octoform import events
+from octoform.base.escaping import escaped
 from octoform.diagnostics import Diagnostic, to_json
 from octoform.engine.results import RunResult
-from octoform.escaping import escaped
 from octoform.plan.model import Plan
 from octoform.state.layout import STAGES, STEP
 from octoform.views.format.console import Console

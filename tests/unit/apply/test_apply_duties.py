@@ -7,13 +7,13 @@ from typing import Any
 
 import pytest
 
-from octoform import digest
 from octoform.apply.duties import heal
 from octoform.apply.duties.agent_input import beheld, claims_of, failures_of, readings_of, since_of, summary_of
 from octoform.apply.duties.heal import Healed, no_worse
 from octoform.apply.duties.outcome import Answer, refusal
+from octoform.base import digest
+from octoform.base.digest import of_bytes
 from octoform.diagnostics import error
-from octoform.digest import of_bytes
 from octoform.endpoint.client.check import CheckReport, TrialCall
 from octoform.harness.port import Usage
 from octoform.manifest.model import Perception

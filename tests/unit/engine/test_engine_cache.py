@@ -13,8 +13,8 @@ import pytest
 from settled import Settled, sysroot, tree
 
 import octoform
+from octoform.base.digest import of_bytes
 from octoform.cli.main import main
-from octoform.digest import of_bytes
 from octoform.endpoint.files import CHECK
 from octoform.engine.plan import cache
 from octoform.state.layout import Layout

@@ -13,6 +13,7 @@ from typing import Any
 import pytest
 from hostile_strings import STRINGS, Hostile, laptop_named
 
+from octoform.base.escaping import is_hidden
 from octoform.base.id_databases import IdDatabases
 from octoform.builtin.identify.stage import identify
 from octoform.builtin.interface.stage import declare
@@ -22,7 +23,6 @@ from octoform.builtin.serve.stage import render
 from octoform.contracts.artifact_parser import parse
 from octoform.contracts.contract_check import check
 from octoform.contracts.model import Artifacts
-from octoform.escaping import is_hidden
 
 SCHEMAS = Path(__file__).parents[3] / "protocol" / "schemas"
 HIDING = [item for item in STRINGS if any(is_hidden(sign) and sign not in "\n\t" for sign in item.text)]

@@ -15,9 +15,9 @@ from hostile_strings import STRINGS, Hostile
 
 from octoform import events
 from octoform.apply.stage.attempt_record import attempts
+from octoform.base.escaping import is_hidden
 from octoform.diagnostics import Diagnostic, Span, error, to_json
 from octoform.engine.results import RunResult
-from octoform.escaping import is_hidden
 from octoform.graph.model import Graph, Node, NodeKind, to_dot, to_mermaid
 from octoform.harness.port import TaskLimits
 from octoform.harness.watcher import Watcher

@@ -2,7 +2,7 @@
 
 import pytest
 
-from octoform.durations import hours, rate, seconds
+from octoform.base.durations import hours, rate, seconds
 
 
 @pytest.mark.parametrize(

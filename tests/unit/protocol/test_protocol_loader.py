@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from octoform import digest
+from octoform.base import digest
 from octoform.protocol import DUTIES, STAGES
 from octoform.protocol.loader import load
 from octoform.protocol.model import schema_dir, shipped, spec_paths

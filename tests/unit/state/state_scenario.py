@@ -2,13 +2,13 @@
 
 from pathlib import Path
 
-from octoform import digest
+from octoform.base import digest
 from octoform.diagnostics import error, has_errors
 from octoform.state.artifacts.accepted import accept, file_digest
 from octoform.state.files import Checkpoint, check_writable
 from octoform.state.layout import Layout
-from octoform.state.store.lock import acquire
 from octoform.state.model import NodeState, Snapshot, Status
+from octoform.state.store.lock import acquire
 from octoform.state.store.store import Context, Ports, StateStore
 
 NODES = ("probe", "identify", "serve")

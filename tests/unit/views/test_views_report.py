@@ -12,9 +12,9 @@ from covered import declared, identified, known, left, onboarded, report, seen
 from hostile_strings import STRINGS
 from hosts.plant import plant
 
+from octoform.base.escaping import is_hidden
 from octoform.engine.coverage.report import Report
 from octoform.engine.coverage.runs import run_of
-from octoform.escaping import is_hidden
 from octoform.views.coverage import report as coverage_view
 from octoform.views.coverage.page import page
 from octoform.views.format.console import Console
