@@ -18,7 +18,7 @@ def is_hidden(character: str) -> bool:
 
 def escaped(text: str, keep: Collection[str] = "") -> str:
     """The text with every hidden character but those of ``keep`` as its backslash escape (``\\x1b``, ``\\u202e``)."""
-    return "".join(_escape(char) if is_hidden(char) and char not in keep else char for char in text)
+    return "".join(escape_of(char) if is_hidden(char) and char not in keep else char for char in text)
 
 
 def escaped_json(text: str) -> str:
@@ -33,10 +33,12 @@ def _utf16(character: str) -> str:
     return "".join(f"\\u{units[at : at + 4]}" for at in range(0, len(units), 4))
 
 
-def _escape(character: str) -> str:
-    code = ord(character)
+def escape_of(character: str) -> str:
+    """The backslash escape of a character; a byte that surrogateescape carries is the escape of the byte."""
     if character in _NAMED:
         return _NAMED[character]
+    code = ord(character)
+    code -= 0xDC00 if 0xDC80 <= code <= 0xDCFF else 0
     if code <= 0xFF:
         return f"\\x{code:02x}"
     return f"\\u{code:04x}" if code <= 0xFFFF else f"\\U{code:08x}"

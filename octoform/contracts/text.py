@@ -23,8 +23,3 @@ def listed(values: list[str], limit: int = 5) -> str:
     """``'a', 'b' and 3 more``: the first few of them, each through `shown`."""
     first = ", ".join(shown(item) for item in values[:limit])
     return first if len(values) <= limit else f"{first} and {len(values) - limit} more"
-
-
-def pointer(*parts: str | int) -> str:
-    """RFC 6901 pointer of the parts."""
-    return "".join("/" + str(part).replace("~", "~0").replace("/", "~1") for part in parts)

@@ -11,12 +11,12 @@ from dataclasses import asdict, dataclass
 from enum import StrEnum
 from pathlib import Path
 
+from octoform.base.process_stat import process_stat
 from octoform.base import digest
 from octoform.base.files import read
 
 PROC = Path("/proc")
 _MACHINE_ID = Path("/etc/machine-id")
-_GONE = frozenset("ZX")
 
 
 class Liveness(StrEnum):
@@ -60,12 +60,8 @@ def myself(proc: Path = PROC) -> Process:
 
 def start_time(pid: int, proc: Path = PROC) -> int | None:
     """When a process started, in clock ticks since boot; None when it is gone, a zombie, or /proc is not there."""
-    try:
-        text = (proc / str(pid) / "stat").read_text(errors="replace")
-        fields = text[text.rindex(")") + 2 :].split()
-        return None if fields[0] in _GONE else int(fields[19])
-    except (OSError, ValueError, IndexError):
-        return None
+    found = process_stat(pid, proc)
+    return None if found is None or found.is_over else found.start
 
 
 def liveness(holder: Process, me: Process, proc: Path = PROC) -> Liveness:

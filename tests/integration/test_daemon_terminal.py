@@ -3,8 +3,7 @@
 import json
 import os
 import subprocess
-import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -12,6 +11,7 @@ import warm
 from launched import Launched, launched, tool
 from projects import OCTOFORM
 from terminals import Terminal
+from waiting import until
 
 from octoform.daemon.store import instance_lock
 
@@ -53,13 +53,6 @@ def bench(tmp_path: Path) -> Iterator[Launched]:
 
 def octoform(endpoint: Launched, *arguments: str) -> "subprocess.CompletedProcess[str]":
     return warm.completed(OCTOFORM, arguments, endpoint.layout.project, ENVIRON)
-
-
-def until(holds: Callable[[], object]) -> None:
-    end = time.monotonic() + 30
-    while not holds():
-        assert time.monotonic() < end
-        time.sleep(0.02)
 
 
 @pytest.mark.slow

@@ -7,13 +7,13 @@ import select
 import signal
 import subprocess
 import sys
-import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
 import pytest
 from projects import OCTOFORM, Project
+from waiting import until
 
 from octoform.harness.containment import orphans
 from octoform.state.files import reserve_path
@@ -74,13 +74,6 @@ def applying(working: Project) -> Iterator[Start]:
     for process in started:
         process.kill()
         process.wait()
-
-
-def until(condition: Callable[[], bool], what: str) -> None:
-    deadline = time.monotonic() + 60
-    while not condition():
-        assert time.monotonic() < deadline, what
-        time.sleep(0.02)
 
 
 def at_work(project: Project) -> orphans.Process:

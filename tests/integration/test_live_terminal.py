@@ -4,8 +4,7 @@ import json
 import os
 import signal
 import subprocess
-import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -13,6 +12,7 @@ import warm
 from launched import Launched, launched, tool
 from projects import OCTOFORM
 from terminals import Terminal
+from waiting import until
 
 SOURCE = '''
 """A bench with a meter and a rail."""
@@ -81,13 +81,6 @@ def on_terminal(endpoint: Launched, *arguments: str) -> Terminal:
 def logged(endpoint: Launched) -> str:
     log = endpoint.layout.call_log
     return log.read_text() if log.exists() else ""
-
-
-def until(holds: Callable[[], object]) -> None:
-    end = time.monotonic() + 20
-    while not holds():
-        assert time.monotonic() < end
-        time.sleep(0.02)
 
 
 def test_tools_tell_name_effect_and_parameters(bench: Launched) -> None:

@@ -3,13 +3,13 @@
 import json
 import signal
 import subprocess
-import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 from launched import Launched, launched, tool
 from projects import OCTOFORM
+from waiting import until
 
 from octoform.daemon.store import instance_lock
 from octoform.endpoint.process.record import running
@@ -32,15 +32,6 @@ def bench(tmp_path: Path) -> Iterator[Launched]:
     (tmp_path / "octopus.yaml").write_text("version: 1\nhost: bench\nharness: builtin\n")
     with launched(tmp_path, SOURCE, [tool("one")]) as endpoint:
         yield endpoint
-
-
-def until(what: Callable[[], bool], seconds: float = SECONDS) -> bool:
-    end = time.monotonic() + seconds
-    while not what():
-        if time.monotonic() > end:
-            return False
-        time.sleep(0.02)
-    return True
 
 
 class Daemons:

@@ -144,7 +144,7 @@ def names_its_chip(device: Device) -> bool:
     telling = product_names.model_words(product)
     if any(product_names.is_part_of_driver(word, device.drivers) or product_names.is_family(word) for word in telling):
         return True
-    if telling and all(map(product_names.is_wired_part, telling)):
+    if product_names.is_wire_and_part(product) or (telling and all(map(product_names.is_wired_part, telling))):
         return True
     parts = [word for word in telling if len(word) > _SUFFIX and word not in product_names.words(maker)]
     return bool(parts) and all(product_names.is_part_of_maker(word, maker) for word in parts)

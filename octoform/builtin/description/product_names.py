@@ -109,6 +109,7 @@ _INITIALS = re.compile(r"([a-z]{2,4})\d\d[a-z0-9]*")
 # A whole family of parts: the last digits are left open.
 _FAMILY = re.compile(r"[a-z]+\d+[a-z]?\d*xx")
 _WIRES = ("i2c", "smbus", "spi", "uart", "jtag", "gpio")
+_NUMBERED_PART = re.compile(r"[a-z]{0,5}\d{2,6}[a-z0-9]{0,6}")
 _WIRED_PART = re.compile(r"(?:i2c|smbus|spi|uart)[a-z]{1,3}\d{3}")
 _NO_DISKS = frozenset(("webcam", "keyboard", "mouse", "headset", "microphone", "gamepad", "joystick", "oscilloscope"))
 _FEW, _LONG = 8, 32
@@ -229,6 +230,13 @@ def describes_wires(text: str) -> bool:
 def is_wired_part(word: str) -> bool:
     """True for the number of a chip behind the name of its wire, in one word (i2cxy123z)."""
     return bool(_WIRED_PART.match(word))
+
+
+def is_wire_and_part(text: str) -> bool:
+    """True for the name of a wire beside the number of a part and nothing else that tells ('I2C XY2102N')."""
+    spelt = words(text)
+    others = [word for word in spelt if word not in _WIRES and not _says_nothing(word)]
+    return any(word in _WIRES for word in spelt) and all(map(_NUMBERED_PART.fullmatch, others))
 
 
 def is_short(text: str) -> bool:

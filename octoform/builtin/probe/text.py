@@ -6,6 +6,8 @@ unassigned code points) stays visible as an escape, so that a person sees that i
 
 import re
 
+from octoform.base.escaping import escape_of
+
 VALUE_CHARS = 240
 CUT = " [cut]"
 SLUG_CHARS = 72
@@ -18,15 +20,7 @@ def visible(text: str) -> str:
     r"""``text`` with every unprintable character as ``\xNN``, ``\uNNNN`` or ``\UNNNNNNNN``."""
     if text.isprintable():
         return text
-    return "".join(char if char.isprintable() else _escape(ord(char)) for char in text)
-
-
-def _escape(code: int) -> str:
-    if 0xDC80 <= code <= 0xDCFF:  # a byte that was no UTF-8, as surrogateescape carries it
-        code -= 0xDC00
-    if code <= 0xFF:
-        return f"\\x{code:02x}"
-    return f"\\u{code:04x}" if code <= 0xFFFF else f"\\U{code:08x}"
+    return "".join(char if char.isprintable() else escape_of(char) for char in text)
 
 
 def value(text: str, limit: int = VALUE_CHARS) -> str:

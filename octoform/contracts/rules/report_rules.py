@@ -10,10 +10,11 @@ from dataclasses import dataclass
 from typing import Any
 
 from octoform.base.conditions import holds, untestable
+from octoform.base.pointer import pointer
 from octoform.contracts.model import Artifacts, JsonObject, Rule, RuleCheck
 from octoform.contracts.report_context import SENSOR, DutyFacts, place_of
 from octoform.contracts.rules.step_rules import properties, tool, tools_of
-from octoform.contracts.text import listed, pointer, shown
+from octoform.contracts.text import listed, shown
 from octoform.diagnostics import Diagnostic, did_you_mean, error
 
 Found = list[Diagnostic]

@@ -9,8 +9,8 @@ from collections.abc import Collection, Iterator
 from typing import Any
 
 from octoform.base.escaping import escaped, is_hidden
+from octoform.base.pointer import pointer
 from octoform.contracts.model import Artifacts, RuleCheck
-from octoform.contracts.text import pointer
 from octoform.diagnostics import Diagnostic, Span, error
 
 _KEPT = "\n\t"

@@ -4,11 +4,12 @@ from collections.abc import Iterator
 from typing import Any
 
 from octoform.base.conditions import holds
+from octoform.base.pointer import pointer
 from octoform.contracts.model import Artifacts, JsonObject, Rule
 from octoform.contracts.report_context import FRAME, KERNEL, LOG, PROCESS, SENSOR, DutyFacts, place_of
 from octoform.contracts.rules import report_rules, text_rules
 from octoform.contracts.rules.report_rules import Found, Target, about, citations, facts_of
-from octoform.contracts.text import listed, pointer, shown
+from octoform.contracts.text import listed, shown
 from octoform.diagnostics import error
 
 _GRAVE = ("error", "down")

@@ -12,7 +12,8 @@ from jsonschema import Draft202012Validator
 from jsonschema.exceptions import best_match
 from referencing import Registry
 
-from octoform.contracts.text import pointer, shown
+from octoform.base.pointer import pointer
+from octoform.contracts.text import shown
 from octoform.diagnostics import Diagnostic, did_you_mean, error
 
 MAX_DIAGNOSTICS = 20

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from octoform.base.escaping import escaped
+from octoform.base.pointer import step
 from octoform.claims.model import Channel, Reading, Signal, Value
 from octoform.diagnostics import Diagnostic
 from octoform.endpoint.client.jsonrpc import Wire, WireError, sender
@@ -187,7 +188,7 @@ def _names(items: Sequence[object]) -> list[object]:
 
 
 def _part(name: object) -> str:
-    return _text(str(name)).replace("~", "~0").replace("/", "~1")
+    return step(_text(str(name)))
 
 
 def _said(content: Iterable[object]) -> str:

@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import Protocol
 
 from octoform.base import marks
+from octoform.base.process_stat import process_stat
 from octoform.diagnostics import Diagnostic, error
 from octoform.endpoint.files import LAUNCHER, not_ours, of_another
 from octoform.endpoint.process import systemd
@@ -150,11 +151,8 @@ def clear_left(process: Running, *, spare: bool = False) -> int:
 
 def is_stopped(pid: int) -> bool:
     """True while a process stands still because it was told to (proc(5): state T or t)."""
-    try:
-        text = Path(f"/proc/{pid}/stat").read_text(errors="replace")
-    except OSError:
-        return False
-    return text.rpartition(")")[2].split()[:1] in (["T"], ["t"])
+    found = process_stat(pid)
+    return found is not None and found.is_stopped
 
 
 def _signal(handle: int, number: int) -> None:

@@ -18,6 +18,7 @@ from pathlib import Path
 
 from octoform.base import files, marks
 from octoform.base.place import KEY, is_from, place_of
+from octoform.base.process_stat import process_stat
 from octoform.harness.containment.agent_environment import ATTEMPT, remove_private
 from octoform.harness.containment.reaper import children
 from octoform.harness.plain_file import read_plain
@@ -43,12 +44,8 @@ class Process:
 
 def look(pid: int) -> Process | None:
     """The process with that id as it is now (/proc/<pid>/stat); None when there is none."""
-    try:
-        text = (PROC / str(pid) / "stat").read_bytes()
-    except OSError:
-        return None
-    fields = text[text.rfind(b")") + 2 :].split()
-    return Process(pid, start=int(fields[19]), parent=int(fields[1]), state=fields[0].decode("ascii"))
+    found = process_stat(pid, PROC)
+    return None if found is None else Process(pid, start=found.start, parent=found.parent, state=found.state)
 
 
 def is_alive(pid: int, start: int) -> bool:

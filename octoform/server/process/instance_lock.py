@@ -15,6 +15,7 @@ from typing import Any
 
 from octoform.base import files
 from octoform.base.place import KEY, place_of
+from octoform.base.process_stat import process_stat
 from octoform.base.shape import fits
 
 from .stderr_log import say
@@ -104,11 +105,8 @@ def boot() -> str:
 
 def start_of(pid: int) -> int | None:
     """When a process started, in clock ticks since boot (proc(5), field 22 of stat); None when there is none."""
-    try:
-        text = Path(f"/proc/{pid}/stat").read_text(errors="replace")
-        return int(text[text.rindex(")") + 2 :].split()[19])
-    except (OSError, ValueError, IndexError):
-        return None
+    found = process_stat(pid)
+    return found.start if found else None
 
 
 def command_line(pid: int) -> list[str]:

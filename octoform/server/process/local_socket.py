@@ -10,6 +10,8 @@ from pathlib import Path
 
 from fastmcp.server.dependencies import FastMCPRequestContext
 
+from octoform.base.escaping import escape_of
+
 LONGEST = 100
 """Bytes of a path that every system takes for a socket (unix(7): 108 with the end)."""
 
@@ -123,14 +125,10 @@ def client_of(request: FastMCPRequestContext | None) -> Client:
 def _cut(text: str, most: int) -> str:
     """One line of printable characters; what is no such character stands as its escape."""
     flat = " ".join(text[: most * 4].split())
-    shown = "".join(letter if letter.isprintable() else _escape(letter) for letter in flat)
+    shown = "".join(letter if letter.isprintable() else escape_of(letter) for letter in flat)
     return shown if len(shown) <= most else f"{shown[: most - 3]}..."
 
 
 def _ascii(text: str) -> str:
     """The same in ASCII, without the quotes that stand around it: what looks like a letter and is none shows."""
-    return "".join(letter if " " <= letter <= "~" and letter != '"' else _escape(letter) for letter in text)
-
-
-def _escape(letter: str) -> str:
-    return f"\\u{ord(letter):04x}" if ord(letter) <= 0xFFFF else f"\\U{ord(letter):08x}"
+    return "".join(letter if " " <= letter <= "~" and letter != '"' else escape_of(letter) for letter in text)

@@ -25,6 +25,7 @@ from urllib.parse import urlsplit
 from octoform.base import marks
 from octoform.base.files import make_way, parse, read_json, replace
 from octoform.base.place import KEY, is_from, place_of
+from octoform.base.process_stat import ProcessStat, process_stat
 from octoform.server.process.instance_lock import boot
 
 RECORD = "tunnel.json"
@@ -193,23 +194,10 @@ def _gone_within(record: Mapping[str, Any], seconds: float) -> bool:
     return True
 
 
-@dataclass(frozen=True, slots=True)
-class _Stat:
-    """Of a process: its parent, its group, its start time (clock ticks since boot)."""
-
-    parent: int
-    group: int
-    start: int
-
-
-def _stat(pid: int) -> _Stat | None:
+def _stat(pid: int) -> ProcessStat | None:
     """What /proc says of a live process; None when there is none."""
-    try:
-        text = (_PROC / str(pid) / "stat").read_text(errors="replace")
-        fields = text[text.rindex(")") + 2 :].split()
-        return None if fields[0] in "ZX" else _Stat(int(fields[1]), int(fields[2]), int(fields[19]))
-    except (OSError, ValueError, IndexError):
-        return None
+    found = process_stat(pid, _PROC)
+    return None if found is None or found.is_over else found
 
 
 def main(run: Path) -> int:

@@ -87,6 +87,7 @@ def refused(entry: dict[str, Any]) -> list[str]:
 @example("USB to Serial", "", "usb")
 @example("Otter USB to Serial", "Otter", "usb")
 @example("USB-Serial Controller", "Otter Inc.", "usb")
+@example("I2C CP2102N", "A0", "usb")
 @example("I2C JTAG", "USB with", "usb")
 @example("I2C with X2", "USB with", "usb")
 def test_no_string_of_a_device_ends_in_a_refusal(shape: str, product: str, maker: str, bus: str) -> None:

@@ -1,11 +1,7 @@
 """Agents made of small real programs, and ways to wait for what they do without guessing a time."""
 
 import sys
-import time
-from collections.abc import Callable
 from pathlib import Path
-
-import pytest
 
 from octoform.harness.containment import orphans
 
@@ -25,15 +21,6 @@ def wait_for(name):
 def python(code: str) -> tuple[str, ...]:
     """An agent: a Python program with ``note(name)`` (writes own id and start time) and ``wait_for(name)``."""
     return (sys.executable, "-I", "-S", "-c", PRELUDE + code)
-
-
-def until(condition: Callable[[], bool], seconds: float = 20.0) -> None:
-    """Wait for a condition; fails loudly after the deadline."""
-    deadline = time.monotonic() + seconds
-    while not condition():
-        if time.monotonic() > deadline:
-            pytest.fail("the condition did not come true in time")
-        time.sleep(0.005)
 
 
 def noted(path: Path) -> orphans.Process:

@@ -7,7 +7,8 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from harness_agents import alive, noted, python, until
+from harness_agents import alive, noted, python
+from waiting import until
 
 from octoform.harness.containment import contained_run
 from octoform.harness.containment.contained_run import Ended

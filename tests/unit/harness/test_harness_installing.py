@@ -11,7 +11,8 @@ from pathlib import Path
 
 import pytest
 from fake_npm import PIN, Machine
-from harness_agents import alive, noted, until
+from harness_agents import alive, noted
+from waiting import until
 
 from octoform.diagnostics import Diagnostic
 from octoform.harness.install.installer import Installation, whole

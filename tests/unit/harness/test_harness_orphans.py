@@ -10,7 +10,8 @@ from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
-from harness_agents import alive, noted, python, until
+from harness_agents import alive, noted, python
+from waiting import until
 
 from octoform.base import marks
 from octoform.harness.containment import orphans

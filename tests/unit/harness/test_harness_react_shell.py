@@ -6,7 +6,8 @@ import time
 from pathlib import Path
 
 import pytest
-from harness_agents import alive, until
+from harness_agents import alive
+from waiting import until
 
 from octoform.harness.containment import orphans
 from octoform.harness.react.tools import OUTPUT_BYTES, Said, Shell

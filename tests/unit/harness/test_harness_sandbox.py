@@ -10,8 +10,9 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from harness_agents import PRELUDE, until
+from harness_agents import PRELUDE
 from harness_confined import Host
+from waiting import until
 
 from octoform.diagnostics import Diagnostic
 from octoform.harness.containment import sandbox

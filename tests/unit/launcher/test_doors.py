@@ -8,14 +8,14 @@ import os
 import resource
 import socket
 import threading
-import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 from fastmcp import FastMCP
 from launched import launched, policy_of, tool, write
 from raw_mcp import RawClient, call, connected
+from waiting import until
 
 from octoform.endpoint.access.audit_log import latest
 from octoform.endpoint.process.record import is_it
@@ -63,14 +63,6 @@ def shut(name: str) -> int:
     return shut
 """
 TOOLS = [tool("take"), tool("give"), tool("shut")]
-
-
-def until(true: Callable[[], bool], seconds: float = 20.0) -> None:
-    """Wait for something that has to come."""
-    end = time.monotonic() + seconds
-    while not true():
-        assert time.monotonic() < end
-        time.sleep(0.01)
 
 
 @pytest.fixture

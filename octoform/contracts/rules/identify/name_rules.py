@@ -10,6 +10,7 @@ said by the device. What an id database says is looked up in those of the host.
 import re
 from collections.abc import Iterable
 
+from octoform.base.pointer import pointer
 from octoform.contracts.device_kinds import KINDS, RAW, speaks_bytes
 from octoform.contracts.device_kinds import shown as ways_of
 from octoform.contracts.model import Artifacts, JsonObject, Rule
@@ -18,7 +19,7 @@ from octoform.contracts.name_words import has_digit, is_proper, missing, parts, 
 from octoform.contracts.rules.identify import answer_rules
 from octoform.contracts.rules.identify.answer_rules import stands_in
 from octoform.contracts.rules.identify.prose_rules import is_foreign
-from octoform.contracts.text import pointer, shown
+from octoform.contracts.text import shown
 from octoform.diagnostics import Diagnostic, error
 
 # From here on a name is claimed to be known; below, the kind of thing is all that is said.

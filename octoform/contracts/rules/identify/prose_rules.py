@@ -9,9 +9,10 @@ import re
 from collections.abc import Iterator
 from typing import Any
 
+from octoform.base.pointer import pointer
 from octoform.contracts.model import Artifacts, JsonObject, Rule
 from octoform.contracts.rules.identify import answer_rules
-from octoform.contracts.text import pointer, shown
+from octoform.contracts.text import shown
 from octoform.diagnostics import Diagnostic, error
 
 _ORDERS = re.compile(

@@ -14,9 +14,10 @@ from jsonschema import Draft202012Validator
 from jsonschema.exceptions import SchemaError, best_match
 
 from octoform.base.files import parse
+from octoform.base.pointer import pointer
 from octoform.contracts.model import Artifacts, JsonObject, Rule, effects_of, is_graver
 from octoform.contracts.schema.validation import Problem, validator
-from octoform.contracts.text import listed, pointer, shown
+from octoform.contracts.text import listed, shown
 from octoform.diagnostics import Diagnostic, error
 
 MAX_UNFOLDED = 5000

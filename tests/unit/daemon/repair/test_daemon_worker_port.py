@@ -7,11 +7,10 @@ import signal
 import subprocess
 import sys
 import threading
-import time
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from waiting import until
 
 from octoform.daemon.repair.worker_port import Workers
 from octoform.state.lock_holder import start_time
@@ -58,15 +57,6 @@ with _stopping() as told:
 
 def workers(folder: Path, code: str) -> Workers:
     return Workers(folder, os.environ, [sys.executable, "-c", code])
-
-
-def until(what: Callable[[], bool], seconds: float = 20.0) -> bool:
-    end = time.monotonic() + seconds
-    while not what():
-        if time.monotonic() > end:
-            return False
-        time.sleep(0.01)
-    return True
 
 
 def pids(folder: Path) -> list[int]:
