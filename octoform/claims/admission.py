@@ -10,11 +10,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-from octoform.base.conditions import OPERATORS
 from octoform.base.escaping import escaped
 from octoform.claims.model import Channel, Claim, Condition, Reading, Restriction, Signal, Value, holds, tighter
 from octoform.claims.readings import Readings
 from octoform.claims.settings import READ, Settings, ToolFacts
+from octoform.conditions import OPERATORS
 from octoform.diagnostics import Diagnostic, did_you_mean, error
 
 # A claim as somebody would like it: checked for its shape here, for its truth by the ledger. Light.

@@ -13,11 +13,11 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from octoform.base.conditions import OPERATORS
 from octoform.base.files import parse
 from octoform.claims import readings as reading_json
 from octoform.claims.admission import Level
 from octoform.claims.model import Channel, Claim, Condition, Reading, Restriction, Signal, State, holds
+from octoform.conditions import OPERATORS
 from octoform.diagnostics import Diagnostic, error
 from octoform.state.files import read_regular, shown, write_atomic
 

@@ -15,7 +15,6 @@ from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from pathlib import Path
 
-from octoform.base.conditions import is_number
 from octoform.base.escaping import escaped
 from octoform.claims import codec, lifecycle
 from octoform.claims.admission import Level, Proposal, Verdict, View, judge, outranked, problem_of
@@ -24,6 +23,7 @@ from octoform.claims.lifecycle import ENDED, Moment, as_ended, carried, in_force
 from octoform.claims.model import Channel, Claim, Condition, Reading, Signal, State, Value, holds
 from octoform.claims.readings import Readings, to_json
 from octoform.claims.settings import Clock, Settings
+from octoform.conditions import is_number
 from octoform.diagnostics import Diagnostic, error, warning
 from octoform.state.files import shown
 from octoform.state.layout import Layout

@@ -10,8 +10,8 @@ from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import Any
 
-from octoform.base import conditions
-from octoform.base.conditions import is_number
+from octoform import conditions
+from octoform.conditions import is_number
 
 Value = bool | int | float | str | None
 

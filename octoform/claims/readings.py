@@ -15,9 +15,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from octoform.base.conditions import is_number
 from octoform.base.files import parse, write_all
 from octoform.claims.model import Channel, Condition, Reading, Signal, holds
+from octoform.conditions import is_number
 from octoform.diagnostics import Diagnostic, warning
 from octoform.state.files import read_regular, refused, shown, write_atomic
 

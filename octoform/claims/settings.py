@@ -9,9 +9,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Protocol
 
-from octoform.base.conditions import is_number
 from octoform.base.files import read_json
 from octoform.claims.model import Condition, Signal, Value, holds
+from octoform.conditions import is_number
 from octoform.endpoint.files import POLICY, read_policy
 from octoform.endpoint.publish.expected_tools import promised
 from octoform.state.layout import Layout

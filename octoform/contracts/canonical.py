@@ -9,6 +9,7 @@ from typing import Any
 
 from octoform.base import digest
 from octoform.base.files import read_json
+from octoform.base.pointer import resolve
 
 _DROPPED = ("x-instance", "x-volatile")
 
@@ -77,8 +78,5 @@ def _resolved(schema: object, root: dict[str, Any]) -> object:
         reference = schema.get("$ref") if isinstance(schema, dict) else None
         if not isinstance(reference, str) or not reference.startswith("#"):
             return schema
-        schema = root
-        for part in reference[1:].split("/")[1:]:
-            key = part.replace("~1", "/").replace("~0", "~")
-            schema = schema.get(key, {}) if isinstance(schema, dict) else {}
+        schema = resolve(root, reference)
     raise ValueError("references of a schema go in a circle")

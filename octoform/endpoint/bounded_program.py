@@ -18,7 +18,7 @@ from functools import partial
 from pathlib import Path
 from typing import IO
 
-from octoform.base import marks, shortage
+from octoform.base import processes, shortage
 
 MARK = "OCTOFORM_RUN"
 OUTPUT_LIMIT = 8_000_000
@@ -61,7 +61,7 @@ def run(
 
     FileNotFoundError or PermissionError when it cannot start, BlockingIOError when it got no process or thread.
     """
-    mark = marks.new()
+    mark = processes.new()
     started = time.monotonic()
     with tempfile.TemporaryFile() as out, tempfile.TemporaryFile() as err, tempfile.TemporaryFile() as feed:
         feed.write(stdin.encode())
@@ -93,7 +93,7 @@ class Begun:
 
     def __init__(self, command: Sequence[str], *, cwd: Path, environment: Mapping[str, str]) -> None:
         """Start it; FileNotFoundError or PermissionError when that does not work."""
-        self._mark = marks.new()
+        self._mark = processes.new()
         with ExitStack() as opened:
             self._out = opened.enter_context(tempfile.TemporaryFile())
             self._err = opened.enter_context(tempfile.TemporaryFile())
@@ -150,7 +150,7 @@ def _marked(mark: str) -> Callable[[], object]:
 
     Nothing is imported, opened or locked there, so that other threads of this process cannot hold it up.
     """
-    return partial(marks.put_on, mark)
+    return partial(processes.put_on, mark)
 
 
 def _clear(process: "subprocess.Popen[bytes]", mark: str) -> int:
@@ -178,7 +178,7 @@ def marked(mark: str, variable: str = MARK) -> list[int]:
     except OSError:
         return []
     pids = (int(entry.name) for entry in entries if entry.name.isdigit())
-    return [pid for pid in pids if marks.bears(pid, mark, variable)]
+    return [pid for pid in pids if processes.bears(pid, mark, variable)]
 
 
 def _kill_group(leader: int) -> None:

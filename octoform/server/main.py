@@ -12,7 +12,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
-from octoform.base import files, marks
+from octoform.base import files, processes
 from octoform.base.shortage import TEXT, limits, printed
 
 from .audit.audit_log import AuditFailed
@@ -88,7 +88,7 @@ def main(folder: Path) -> int:
             say("another process serves this endpoint already")
             return TAKEN
         os.environ.update(descriptor.environment)
-        marks.put_on(os.environ.setdefault(MARK, marks.new(16)))  # who started it by hand has given none
+        processes.put_on(os.environ.setdefault(MARK, processes.new(16)))  # who started it by hand has given none
         from .wiring import (  # only now: FastMCP reads its settings from the environment as it is loaded
             DoorFailedError,
             Endpoint,

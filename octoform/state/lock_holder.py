@@ -11,9 +11,9 @@ from dataclasses import asdict, dataclass
 from enum import StrEnum
 from pathlib import Path
 
-from octoform.base.process_stat import process_stat
 from octoform.base import digest
 from octoform.base.files import read
+from octoform.base.processes import process_stat
 
 PROC = Path("/proc")
 _MACHINE_ID = Path("/etc/machine-id")

@@ -15,7 +15,7 @@ import pytest
 from ordinary import POSSIBLE, ordinary_user
 from projects import Project
 
-from octoform.base import marks
+from octoform.base import processes
 from octoform.base.place import KEY, place_of
 from octoform.endpoint.process.record import running
 from octoform.harness.containment import orphans
@@ -221,7 +221,7 @@ def test_agents_and_tunnels_of_the_original_are_none_of_the_copys(tmp_path: Path
     assert termination.read(run) is not None and termination.read(copied(run)) is None
     attempt = tmp_path / "attempt"
     attempt.mkdir()
-    orphans.write(attempt, orphans.Record(marks.new(), 1, 1))
+    orphans.write(attempt, orphans.Record(processes.new(), 1, 1))
     assert orphans.read(attempt) is not None and orphans.read(copied(attempt)) is None
 
 

@@ -47,7 +47,7 @@ def working(project: Project) -> Project:
     program = project.outside / "program.py"
     program.write_text(PROGRAM)
     command = json.dumps([sys.executable, str(program), str(project.outside)])
-    project.harness = f"{{name: pi, command: {command}, key: LOOP_KEY, base_url: 'http://127.0.0.1:9'}}"
+    project.harness = f"{{name: pi, command: {command}, key: LOOP_KEY, base_url: 'http://127.0.0.1:9', sandbox: false}}"
     project.manifest = {
         "model": "openai/scripted",
         "prices": "{openai/scripted: {input: 100, output: 1000}}",

@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from octoform.base.conditions import holds
+from octoform.conditions import holds
 
 
 @pytest.mark.parametrize(

@@ -14,6 +14,7 @@ from itertools import islice
 from typing import Any
 
 from octoform.base.files import parse
+from octoform.base.pointer import step
 from octoform.diagnostics import Diagnostic, Span, error, warning
 from octoform.harness.containment import agent_environment
 from octoform.harness.port import Task
@@ -143,7 +144,7 @@ def _strings(value: Any, pointer: str) -> Iterator[tuple[str, str]]:
         yield pointer, value
     elif isinstance(value, dict):
         for key, item in value.items():
-            place = f"{pointer}/{key.replace('~', '~0').replace('/', '~1')}"
+            place = f"{pointer}/{step(key)}"
             yield place, key
             yield from _strings(item, place)
     elif isinstance(value, list):

@@ -10,8 +10,9 @@ from pathlib import Path
 from typing import Any
 
 from octoform.apply.context import Clock
-from octoform.apply.trials.tool_client import Answer, Hand, Restoring, at
+from octoform.apply.trials.tool_client import Answer, Hand, Restoring
 from octoform.base.escaping import escaped
+from octoform.base.pointer import resolve
 from octoform.diagnostics import Diagnostic, error, warning
 from octoform.protocol.model import Proof
 
@@ -157,7 +158,7 @@ class Mover:
         return False
 
     def _is_skipped(self, value: Mapping[str, Any], pointer: str = "") -> bool:
-        reason = skipped(value) or skipped(at(value, pointer.rpartition("/")[0]))
+        reason = skipped(value) or skipped(resolve(value, pointer.rpartition("/")[0]))
         if reason is None:
             return False
         self.tried.blame(
@@ -226,7 +227,7 @@ class _ByReading(Mover):
             return None
         if self._is_skipped(answer.value, reading["value"]):
             return None
-        value = at(answer.value, reading["value"])
+        value = resolve(answer.value, reading["value"])
         if isinstance(value, bool) or not isinstance(value, int | float):
             text = f"the result of {reading['tool']} has no number at {reading['value'] or 'its top'}"
             hint = f"the result has: {', '.join(answer.value)}" if answer.value else "the result is empty"

@@ -8,6 +8,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Protocol
 
+from octoform.base.pointer import resolve
 from octoform.diagnostics import Diagnostic
 from octoform.endpoint.client.terminal import Nobody, Wanted, call
 from octoform.perception.capture import take
@@ -94,22 +95,6 @@ _OF_THE_CALL = frozenset({_TIMEOUT, "ENDPOINT-UNKNOWN-TOOL", "ENDPOINT-BAD-ARGUM
 """Problems of one call, which another call need not have."""
 
 
-# Values inside the result of a tool: a trial names the place by a JSON pointer, because results are of any shape.
-
-
-def at(value: object, pointer: str) -> object:
-    """What a JSON pointer points to; None where there is nothing."""
-    for part in pointer.split("/")[1:]:
-        key = part.replace("~1", "/").replace("~0", "~")
-        if isinstance(value, Mapping):
-            value = value.get(key)
-        elif isinstance(value, list) and key.isdigit() and int(key) < len(value):
-            value = value[int(key)]
-        else:
-            return None
-    return value
-
-
 # What a trial switches on by the way is put back: a unit that was limp before it is not left holding, and warming up.
 #
 # What that is, how it is read and how it is set says the trial itself; here it is a number or a boolean like any other.
@@ -164,7 +149,7 @@ class Restoring:
             return None
         read = self._wanted["read"]
         answer = self._call(read["tool"], read["arguments"])
-        value = at(answer.value, read["value"])
+        value = resolve(answer.value, read["value"])
         return value if isinstance(value, bool | int | float) else None
 
     def _set(self, value: Value) -> None:

@@ -8,7 +8,7 @@ no width. PROBE writes such characters as escapes; nobody after it needs any oth
 from collections.abc import Collection, Iterator
 from typing import Any
 
-from octoform.base.escaping import escaped, is_hidden
+from octoform.base.escaping import escaped, escaped_json, is_hidden
 from octoform.base.pointer import pointer
 from octoform.contracts.model import Artifacts, RuleCheck
 from octoform.diagnostics import Diagnostic, Span, error
@@ -57,7 +57,7 @@ def _summary(character: str) -> str:
 
 
 def _hint(character: str) -> str:
-    return f"write it as the six characters \\u{ord(character):04x}" if ord(character) < 0x10000 else "leave it out"
+    return f"write it as the six characters {escaped_json(character)}" if ord(character) < 0x10000 else "leave it out"
 
 
 def _strings(value: Any, where: tuple[str | int, ...]) -> Iterator[tuple[tuple[str | int, ...], str]]:

@@ -3,8 +3,8 @@
 from collections.abc import Iterator
 from typing import Any
 
-from octoform.base.conditions import holds
 from octoform.base.pointer import pointer
+from octoform.conditions import holds
 from octoform.contracts.model import Artifacts, JsonObject, Rule
 from octoform.contracts.report_context import FRAME, KERNEL, LOG, PROCESS, SENSOR, DutyFacts, place_of
 from octoform.contracts.rules import report_rules, text_rules

@@ -8,6 +8,7 @@ what changes the values that a caller may send counts as a difference. Light.
 from collections.abc import Mapping
 from typing import Any
 
+from octoform.base.pointer import resolve
 from octoform.contracts.artifact_parser import MAX_DEPTH, deeper_than
 from octoform.contracts.model import JsonObject
 from octoform.contracts.text import listed, shown
@@ -65,7 +66,7 @@ class _Normaliser:
             return schema
         reference = schema.get("$ref")
         if isinstance(reference, str) and reference.startswith("#") and self.left > 0:
-            target = _target(reference, self.root)
+            target = resolve(self.root, reference)
             if isinstance(target, dict):
                 self.left -= 1
                 beside = {name: item for name, item in schema.items() if name != "$ref"}
@@ -146,13 +147,6 @@ def _plain(value: Any) -> Any:
     if isinstance(value, dict):
         return {name: _plain(item) for name, item in value.items()}
     return value
-
-
-def _target(reference: str, root: dict[str, Any]) -> Any:
-    place: Any = root
-    for part in reference[1:].split("/")[1:]:
-        place = place.get(part.replace("~1", "/").replace("~0", "~")) if isinstance(place, dict) else None
-    return place
 
 
 def _differences(a: Any, b: Any, where: str) -> list[str]:

@@ -6,10 +6,9 @@ A process descriptor names one process for ever, so that a pid that was given ag
 import os
 from collections.abc import Callable, Mapping
 from contextlib import suppress
-from pathlib import Path
 from typing import Any
 
-from octoform.base.files import read
+from octoform.base.processes import PROC, process_stat
 from octoform.daemon.model import Cause
 from octoform.endpoint.process import control
 from octoform.endpoint.process.record import Running, is_it
@@ -156,11 +155,9 @@ def _ask(layout: Layout, seconds: float) -> Mapping[str, Any] | None:
 
 def wants_to_run(pid: int) -> bool:
     """Whether a thread of a process runs, or would if it got a processor (proc(5): state R)."""
-    for path in Path(f"/proc/{pid}/task").glob("*/stat"):
-        with suppress(OSError, IndexError):
-            if read(path, 4096).decode("utf-8", "replace").rpartition(")")[2].split()[0] == "R":
-                return True
-    return False
+    threads = PROC / str(pid) / "task"
+    found = (process_stat(int(path.name), threads) for path in threads.glob("[0-9]*"))
+    return any(thread is not None and thread.state == "R" for thread in found)
 
 
 def _greeted(layout: Layout, seconds: float) -> bool:

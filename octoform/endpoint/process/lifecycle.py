@@ -15,8 +15,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Protocol
 
-from octoform.base import marks
-from octoform.base.process_stat import process_stat
+from octoform.base import processes
+from octoform.base.processes import process_stat
 from octoform.diagnostics import Diagnostic, error
 from octoform.endpoint.files import LAUNCHER, not_ours, of_another
 from octoform.endpoint.process import systemd
@@ -205,7 +205,7 @@ class _Detached:
                 cwd=layout.run,
                 env={
                     **{name: os.environ[name] for name in PASSED if name in os.environ},
-                    MARK: marks.new(16),
+                    MARK: processes.new(16),
                     **MALLOC,
                 },
                 stdin=subprocess.DEVNULL,

@@ -19,7 +19,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import BinaryIO, Protocol
 
-from octoform.base import marks, shortage
+from octoform.base import processes, shortage
 from octoform.base.files import parse
 from octoform.harness.containment import orphans
 from octoform.harness.containment.agent_environment import ATTEMPT
@@ -117,7 +117,7 @@ def run(program: Program, limits: Limits, observer: Observer) -> Ended:
     An exception that comes meanwhile (an interrupt by the person, say) ends the tree and is passed on.
     """
     began = time.monotonic()
-    mark = marks.new()
+    mark = processes.new()
     with TaskLog(program.log, program.secrets, limits.log_bytes) as log:
         with _adopting() as adopted:
             session = _Session(program, limits, mark)
@@ -185,7 +185,7 @@ class _Session:
         finally:
             os.close(report_writer)
             os.close(control_reader)
-        marks.put_on(mark, self._process.pid)  # before the agent starts, which waits for the byte of `follow`
+        processes.put_on(mark, self._process.pid)  # before the agent starts, which waits for the byte of `follow`
         self._mark = mark
         self._report = report
         self._told = b""

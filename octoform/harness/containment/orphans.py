@@ -16,9 +16,9 @@ from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from octoform.base import files, marks
+from octoform.base import files, processes
 from octoform.base.place import KEY, is_from, place_of
-from octoform.base.process_stat import process_stat
+from octoform.base.processes import process_stat
 from octoform.harness.containment.agent_environment import ATTEMPT, remove_private
 from octoform.harness.containment.reaper import children
 from octoform.harness.plain_file import read_plain
@@ -132,7 +132,7 @@ class Record:
 
     def is_of(self, pid: int) -> bool:
         """Whether that process bears the attempt's mark."""
-        return marks.bears(pid, self.mark, ATTEMPT)
+        return processes.bears(pid, self.mark, ATTEMPT)
 
 
 @dataclass(frozen=True, slots=True)

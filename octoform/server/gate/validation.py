@@ -15,6 +15,8 @@ from typing import Any, NamedTuple, cast, get_type_hints
 from fastmcp.server.dependencies import without_injected_parameters
 from pydantic import TypeAdapter
 
+from octoform.base.pointer import resolve
+
 Check = Callable[[Any], str | None]
 """What is wrong with a value, as words that follow its place; None when it fits."""
 
@@ -122,9 +124,7 @@ class _Builder:
         if not isinstance(place, str) or not place.startswith("#"):
             return None
         if place not in self._built:
-            target: Any = self._document
-            for part in place[1:].strip("/").split("/") if len(place) > 1 else ():
-                target = target.get(part.replace("~1", "/").replace("~0", "~")) if isinstance(target, Mapping) else None
+            target = resolve(self._document, place)
             self._built[place] = lambda value: self._built[place](value)  # a schema may contain itself
             self._built[place] = self.build(target)
         return lambda value: self._built[place](value)

@@ -15,7 +15,7 @@ from typing import Any
 
 from octoform.base import files
 from octoform.base.place import KEY, place_of
-from octoform.base.process_stat import process_stat
+from octoform.base.processes import process_stat
 from octoform.base.shape import fits
 
 from .stderr_log import say

@@ -21,7 +21,7 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import urlsplit
 
-from octoform.base import marks
+from octoform.base import processes
 from octoform.server.process import instance_lock
 from octoform.server.process.instance_lock import boot, start_of
 from octoform.server.process.stderr_log import say
@@ -146,7 +146,7 @@ class Tunnel:
 
     def _spawn(self, command: Sequence[str]) -> tuple["subprocess.Popen[bytes]", dict[str, Any]] | None:
         """Start the program below its warden; None when the tunnel was revoked in this very moment."""
-        mark = marks.new(16)
+        mark = processes.new(16)
         with self._lock:
             if self._over():
                 return None
@@ -158,7 +158,7 @@ class Tunnel:
                 env={**{key: value for key, value in os.environ.items() if key != instance_lock.MARK}, MARK: mark},
                 start_new_session=True,
             )
-            marks.put_on(mark, process.pid)  # it outlives the endpoint's end, whose mark it has inherited
+            processes.put_on(mark, process.pid)  # it outlives the endpoint's end, whose mark it has inherited
             record: dict[str, Any] = {
                 "format": 1,
                 "pid": process.pid,

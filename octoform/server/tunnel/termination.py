@@ -22,10 +22,10 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import urlsplit
 
-from octoform.base import marks
+from octoform.base import processes
 from octoform.base.files import make_way, parse, read_json, replace
 from octoform.base.place import KEY, is_from, place_of
-from octoform.base.process_stat import ProcessStat, process_stat
+from octoform.base.processes import ProcessStat, process_stat
 from octoform.server.process.instance_lock import boot
 
 RECORD = "tunnel.json"
@@ -138,7 +138,7 @@ def members(record: Mapping[str, Any]) -> Iterator[int]:
             ours |= more
             more = {pid for pid, stat in alive.items() if stat.parent in ours} - ours
     for pid in sorted(alive):
-        if pid in ours or marks.bears(pid, mark, MARK):
+        if pid in ours or processes.bears(pid, mark, MARK):
             yield pid
 
 

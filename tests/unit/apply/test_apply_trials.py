@@ -12,7 +12,7 @@ import pytest
 from octoform.apply.context import Clock
 from octoform.apply.trials.by_camera import by_frame, by_view
 from octoform.apply.trials.by_reading import Bench, Tried, by_reading
-from octoform.apply.trials.tool_client import Answer, Seen, Value, at, fitting
+from octoform.apply.trials.tool_client import Answer, Seen, Value, fitting
 from octoform.endpoint.scripts.picture import digest, grain_of
 from octoform.perception.image_quality import Picture
 from octoform.protocol.model import Proof
@@ -307,11 +307,6 @@ def test_a_result_without_a_number_is_no_reading() -> None:
     wrong["read"]["value"] = "/joint"
     one = by_reading(bench(arm, READING), wrong, "/trials/4")
     assert codes(one) == ["STEP-NO-READING"] and one.found[0].pointer == "/trials/4/read/value"
-
-
-def test_pointers() -> None:
-    value = {"a/b": [{"~": 1}], "": 2}
-    assert (at(value, "/a~1b/0/~0"), at(value, "/a~1b/7"), at(value, "/x/y"), at(value, "")) == (1, None, None, value)
 
 
 @dataclass

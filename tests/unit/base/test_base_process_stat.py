@@ -8,7 +8,7 @@ from pathlib import Path
 
 from waiting import until
 
-from octoform.base.process_stat import process_stat
+from octoform.base.processes import process_stat
 
 SLEEPS = [sys.executable, "-c", "import time; time.sleep(60)"]
 

@@ -12,11 +12,11 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from ledgers import ELBOW_TARGET, SECONDS, STILL, Bench, Clock, heat, load
 
-from octoform.base.conditions import OPERATORS
 from octoform.claims import ledger as ledgers
 from octoform.claims.admission import DECLARATIONS, Proposal
 from octoform.claims.codec import evidence_of
 from octoform.claims.model import Claim, Condition, Reading, Restriction, Signal, State, holds, tighter
+from octoform.conditions import OPERATORS
 from octoform.server.policy.restrictions import Restrictions
 
 SIGNALS = (heat(), load(), heat("gripper"))

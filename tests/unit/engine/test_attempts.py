@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from attempt_folders import Folders
 
-from octoform.base import marks
+from octoform.base import processes
 from octoform.diagnostics import error, to_json, warning
 from octoform.engine.inspect import attempts as engine
 from octoform.harness.containment import orphans
@@ -76,11 +76,11 @@ def test_an_agent_whose_supervisor_lives_runs(folders: Folders) -> None:
     folder = folders.add("probe", 1, record=False)
     me = orphans.look(os.getpid())
     assert me is not None
-    orphans.write(folder, orphans.Record(marks.new(), me.pid, me.start))
+    orphans.write(folder, orphans.Record(processes.new(), me.pid, me.start))
     assert states(folders) == ["running"]
-    orphans.write(folder, orphans.Record(marks.new(), me.pid, me.start, ended=True))
+    orphans.write(folder, orphans.Record(processes.new(), me.pid, me.start, ended=True))
     assert states(folders) == ["interrupted"]
-    orphans.write(folder, orphans.Record(marks.new(), me.pid, me.start + 1))
+    orphans.write(folder, orphans.Record(processes.new(), me.pid, me.start + 1))
     assert states(folders) == ["interrupted"]
 
 

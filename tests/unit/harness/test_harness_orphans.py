@@ -13,7 +13,7 @@ import pytest
 from harness_agents import alive, noted, python
 from waiting import until
 
-from octoform.base import marks
+from octoform.base import processes
 from octoform.harness.containment import orphans
 from octoform.harness.containment.orphans import Record
 
@@ -79,7 +79,7 @@ def test_what_both_deaths_leave_is_swept_and_nothing_else(tmp_path: Path) -> Non
     other = attempts / "2-probe-1"
     bystander = subprocess.Popen([sys.executable, "-c", "import time; time.sleep(600)"], stdout=subprocess.DEVNULL)
     marked = subprocess.Popen(
-        [sys.executable, "-c", "import time; time.sleep(600)"], env={orphans.ATTEMPT: marks.new()}
+        [sys.executable, "-c", "import time; time.sleep(600)"], env={orphans.ATTEMPT: processes.new()}
     )
     try:
         with octoform_running(attempt) as driver:
@@ -94,7 +94,7 @@ def test_what_both_deaths_leave_is_swept_and_nothing_else(tmp_path: Path) -> Non
         assert all(alive(member) for member in members)
         # A record whose process id belongs to somebody else by now: its mark is nobody's.
         other.mkdir()
-        orphans.write(other, Record(marks.new(), bystander.pid, 1))
+        orphans.write(other, Record(processes.new(), bystander.pid, 1))
         swept = orphans.sweep(attempts)
         assert {member.pid for member in members} <= set(swept.ended)
         assert swept.left == ()
@@ -110,12 +110,12 @@ def test_what_both_deaths_leave_is_swept_and_nothing_else(tmp_path: Path) -> Non
 
 
 def test_a_process_older_than_the_attempt_is_not_ours(tmp_path: Path) -> None:
-    mark = marks.new()
+    mark = processes.new()
     older = subprocess.Popen([sys.executable, "-c", "import time; time.sleep(600)"], env={orphans.ATTEMPT: mark})
     try:
         found = orphans.look(older.pid)
         assert found is not None
-        until(lambda: marks.bears(older.pid, mark, orphans.ATTEMPT))
+        until(lambda: processes.bears(older.pid, mark, orphans.ATTEMPT))
         assert orphans.end_marked((Record(mark, 4_000_000, found.start + 1),)) == orphans.Swept()
         assert older.poll() is None
         assert orphans.end_marked((Record(mark, 4_000_000, found.start),)).ended == (older.pid,)
@@ -132,7 +132,7 @@ def test_a_spoilt_record_proves_nothing(tmp_path: Path, content: bytes) -> None:
 
 
 def test_a_record_that_is_a_link_is_not_read(tmp_path: Path) -> None:
-    orphans.write(tmp_path, Record(marks.new(), 1, 1))
+    orphans.write(tmp_path, Record(processes.new(), 1, 1))
     (tmp_path / orphans.RECORD).rename(tmp_path / "elsewhere.json")
     (tmp_path / orphans.RECORD).symlink_to(tmp_path / "elsewhere.json")
     assert orphans.read(tmp_path) is None

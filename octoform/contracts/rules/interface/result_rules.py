@@ -14,7 +14,7 @@ from jsonschema import Draft202012Validator
 from jsonschema.exceptions import SchemaError, best_match
 
 from octoform.base.files import parse
-from octoform.base.pointer import pointer
+from octoform.base.pointer import pointer, resolve
 from octoform.contracts.model import Artifacts, JsonObject, Rule, effects_of, is_graver
 from octoform.contracts.schema.validation import Problem, validator
 from octoform.contracts.text import listed, shown
@@ -226,11 +226,8 @@ def _unfolded(place: Any, root: JsonObject, sizes: dict[str, int]) -> int:
 
 
 def _target(reference: str, root: JsonObject) -> Any:
-    place: Any = root
     known = reference == "#" or reference.startswith("#/")
-    for part in reference.split("/")[1:] if known else ():
-        key = part.replace("~1", "/").replace("~0", "~")
-        place = place.get(key) if isinstance(place, dict) else None
+    place = resolve(root, reference) if known else None
     if not known or not isinstance(place, dict | bool):
         raise _Unusable(f"refers to {shown(reference)}, which is not in it")
     return place

@@ -1,9 +1,13 @@
-"""A mark that every process of one run carries, whatever it does with its parent, its session and its environment.
+"""Which process is meant: its line in /proc, and a mark that every process of one run carries.
 
-A variable in the environment is lost to a program that starts another with an empty one. So the mark is also a
-resource limit that Linux has not enforced since 2.4.25 (RLIMIT_LOCKS, setrlimit(2)): each process inherits it, and an
-ordinary user can lower it but not raise it, so nobody comes to bear the mark of another run. What root started outside
-of a sandbox can take the limit off. Standard library only; where there is no /proc, nothing bears a mark.
+A process id alone names nothing: ids are recycled. A process is known by its id together with the tick at which the
+kernel started it (proc(5), ``/proc/PID/stat``).
+
+A variable in the environment is lost to a program that starts another with an empty one. So the mark of a run is also a
+resource limit that Linux has not enforced since 2.4.25 (RLIMIT_LOCKS, setrlimit(2)): each process inherits it, whatever
+it does with its parent, its session and its environment, and an ordinary user can lower it but not raise it, so nobody
+comes to bear the mark of another run. What root started outside of a sandbox can take the limit off. Standard library
+only; where there is no /proc, nothing bears a mark and nothing is known of a process.
 """
 
 import os
@@ -11,12 +15,13 @@ import re
 import resource
 import secrets
 from pathlib import Path
+from typing import NamedTuple
 
 _LIMIT = 10  # RLIMIT_LOCKS, asm-generic/resource.h; Python has no name for it
 _DIGITS = 15
 _TOP = 16**_DIGITS
 _FORM = re.compile(rf"[0-9a-f]{{{_DIGITS},}}")
-_PROC = Path("/proc")
+PROC = Path("/proc")
 _LIMIT_LINE = b"Max file locks"
 _MOST_BYTES = 1 << 20
 """Read of an environment, which may be larger (execve(2)): the limit is there too."""
@@ -70,7 +75,7 @@ def _limit(pid: int) -> int | None:
 
 def _read(pid: int, name: str) -> bytes:
     try:
-        descriptor = os.open(_PROC / str(pid) / name, os.O_RDONLY | os.O_CLOEXEC)
+        descriptor = os.open(PROC / str(pid) / name, os.O_RDONLY | os.O_CLOEXEC)
     except OSError:
         return b""
     try:
@@ -78,3 +83,34 @@ def _read(pid: int, name: str) -> bytes:
             return stream.read(_MOST_BYTES)
     except OSError:
         return b""
+
+
+class ProcessStat(NamedTuple):
+    """State (one letter), ids of parent and group, number of threads, start in clock ticks since boot."""
+
+    state: str
+    parent: int
+    group: int
+    threads: int
+    start: int
+
+    @property
+    def is_over(self) -> bool:
+        """Whether it has ended, and only its parent has not asked for its status yet (a zombie)."""
+        return self.state in "ZX"
+
+    @property
+    def is_stopped(self) -> bool:
+        """Whether it stands still because a signal or a debugger told it to."""
+        return self.state in "Tt"
+
+
+def process_stat(pid: int, proc: Path = PROC) -> ProcessStat | None:
+    """What there is of a process now; None when there is none, or where there is no /proc."""
+    try:
+        text = (proc / str(pid) / "stat").read_text(errors="replace")
+        # The command name stands in parentheses and may hold anything, parentheses and blanks too.
+        fields = text[text.rindex(")") + 2 :].split()
+        return ProcessStat(fields[0], int(fields[1]), int(fields[2]), int(fields[17]), int(fields[19]))
+    except (OSError, ValueError, IndexError):
+        return None

@@ -1,0 +1,55 @@
+"""Some ideas stand once, in `base/`: a second copy drifts from the first, and the drift is a bug that nobody sees."""
+
+import ast
+import re
+from pathlib import Path
+
+from cases import for_each
+
+ROOT = Path(__file__).parents[2] / "octoform"
+FILES = [path for path in sorted(ROOT.rglob("*.py")) if not path.is_symlink()]
+# What gives an idea away in the source, and the module that holds it.
+IDEAS = {
+    "a token of a JSON pointer": (r"'~0'", "base/pointer.py"),
+    "the escape of a character": (r"\\\\[xuU]\{", "base/escaping.py"),
+    "the line of a process in /proc": (r"r(?:index|find|partition)\(b?'\)'\)", "base/processes.py"),
+}
+
+
+def is_program(text: str) -> bool:
+    """A program that is started by its file, where no package is on its path: it imports nothing of octoform."""
+    return "__name__ == '__main__'" in text and not re.search(r"^(?:from|import) (?:octoform|\.)", text, re.MULTILINE)
+
+
+def holders(pattern: str, texts: dict[str, str]) -> list[str]:
+    return [name for name, text in texts.items() if re.search(pattern, text) and not is_program(text)]
+
+
+def code(path: Path) -> str:
+    """The source without docstrings and comments, as Python itself would write it."""
+    tree = ast.parse(path.read_text())
+    for node in ast.walk(tree):
+        body = getattr(node, "body", None)
+        if (
+            isinstance(body, list)
+            and body
+            and isinstance(body[0], ast.Expr)
+            and isinstance(body[0].value, ast.Constant)
+        ):
+            body[0] = ast.Pass()
+    return ast.unparse(tree)
+
+
+@for_each("idea", sorted(IDEAS))
+def test_an_idea_of_the_base_has_no_second_copy(idea: str) -> None:
+    pattern, home = IDEAS[idea]
+    texts = {path.relative_to(ROOT).as_posix(): code(path) for path in FILES}
+    assert holders(pattern, texts) == [home]
+
+
+def test_a_second_copy_is_found() -> None:
+    pattern, _ = IDEAS["a token of a JSON pointer"]
+    first = "def step(part):\n    return part.replace('~', '~0')"
+    program = f"{first}\nif __name__ == '__main__':\n    step()"
+    assert holders(pattern, {"a.py": first, "b.py": first}) == ["a.py", "b.py"]
+    assert holders(pattern, {"a.py": first, "b.py": program}) == ["a.py"]
