@@ -343,7 +343,7 @@ def _mapping(value: Mapping[Any, Any], depth: int) -> dict[str, Any]:
             kept["..."] = f"{len(value)} items"
             break
         text = _cut(str(name))
-        kept[text] = "(left out)" if _secret(text) else _bounded(item, depth - 1)
+        kept[text] = "(omitted)" if _secret(text) else _bounded(item, depth - 1)
     return kept
 
 
