@@ -358,4 +358,4 @@ def counted(number: int, what: str) -> str:
 
 def recorded(folder: str) -> str:
     """What holds of a recorded host, whatever else is said of it."""
-    return f"The host is the recorded one in {folder} (OCTOFORM_SYSROOT): its devices cannot be opened."
+    return f"The host is the recorded or simulated one in {folder} (OCTOFORM_SYSROOT), not this machine."
