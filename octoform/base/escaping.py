@@ -18,7 +18,8 @@ def is_hidden(character: str) -> bool:
 
 def escaped(text: str, keep: Collection[str] = "") -> str:
     """The text with every hidden character but those of ``keep`` as its backslash escape (``\\x1b``, ``\\u202e``)."""
-    return "".join(escape_of(char) if is_hidden(char) and char not in keep else char for char in text)
+    hidden = (char for char in {*text} - {*keep} if is_hidden(char))
+    return text.translate({ord(char): _NAMED.get(char) or escape_of(char) for char in hidden})
 
 
 def escaped_json(text: str) -> str:
@@ -34,9 +35,7 @@ def _utf16(character: str) -> str:
 
 
 def escape_of(character: str) -> str:
-    """The backslash escape of a character; a byte that surrogateescape carries is the escape of the byte."""
-    if character in _NAMED:
-        return _NAMED[character]
+    """The backslash escape of a character by its number; of a byte that surrogateescape carries by that of the byte."""
     code = ord(character)
     code -= 0xDC00 if 0xDC80 <= code <= 0xDCFF else 0
     if code <= 0xFF:

@@ -294,4 +294,6 @@ def test_a_recorded_host_is_called_one() -> None:
     out = io.StringIO()
     console = Console(out, io.StringIO(), colour=False, colour_err=False, interactive=False)
     health_view.health(console, survey(Status.UNKNOWN, recorded="/hosts/x"), as_json=False)
-    assert "The host is the recorded or simulated one in /hosts/x (OCTOFORM_SYSROOT)" in " ".join(out.getvalue().split())
+    assert "The host is the recorded or simulated one in /hosts/x (OCTOFORM_SYSROOT)" in " ".join(
+        out.getvalue().split()
+    )
