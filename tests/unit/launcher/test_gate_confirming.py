@@ -271,7 +271,7 @@ def test_what_a_hostile_client_calls_itself_is_bounded_and_stays_between_its_quo
             (question,) = person.seen
             assert question.isascii() and question.isprintable() and len(question) < 600
             claim = question.partition('calls itself "')[2].partition('"')[0]
-            assert claim.startswith("\\u0022 of user 0). The owner") and "\\u001b" in claim
+            assert claim.startswith("\\x22 of user 0). The owner") and "\\x1b" in claim
             for record in gate.records("decision"):
                 assert len(record["client"]) <= 100 and record["client"].isprintable()
 
