@@ -5,6 +5,7 @@ import json
 import shlex
 import sys
 from pathlib import Path
+from typing import Any
 
 import pytest
 from agent_runs import KEY, SECRET, environment, nothing_left
@@ -21,7 +22,8 @@ COSTS = {"input": 1000, "cached": 400, "output": 50}
 
 def project_with(subject: Subject, server: ModelServer, folder: Path) -> Project:
     """A project whose only agent is the program, its model on loopback."""
-    settings = {"name": subject.name, "key": KEY, "base_url": server.url}
+    # The program's commands keep a diary outside of the project, which a sandbox would not let them.
+    settings: dict[str, Any] = {"name": subject.name, "key": KEY, "base_url": server.url, "sandbox": False}
     if subject.api is not None:
         settings["api"] = subject.api
     return Project(
