@@ -4,4 +4,4 @@ A compiler with a slow, untrusted back end: a manifest and prose specs go in, an
 stage's output counts only once its contract accepts it, and a live typed MCP endpoint comes out.
 """
 
-__version__ = "0.1.0"
+__version__ = "0.2.0"

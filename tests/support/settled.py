@@ -72,7 +72,7 @@ class Settled:
             elif node.name in compiled.steps:
                 self._step(compiled, node.name)
             else:
-                self._endpoint(compiled.layout)
+                self.publish(compiled.layout)
             outputs = {name: store.snapshot.nodes[name].output_digest for name in node.consumes}
             parts = key_parts(node, outputs, fingerprint.digest)
             assert store.success(node.name, self._state(compiled, node, parts)) == []
@@ -128,7 +128,8 @@ class Settled:
             detail={"contract": contract_digest(compiled.schemas)},
         )
 
-    def _endpoint(self, layout: Layout) -> None:
+    def publish(self, layout: Layout) -> None:
+        """The endpoint written, recorded as running, and seen to answer."""
         tools = value(layout, "interface")["tools"]
         assert write_endpoint(layout, environment(layout), Service(tools, policy_of(tools)), self.environ) == []
         record_running(layout.run)
