@@ -7,15 +7,14 @@ ends it at once, whoever made it. What a person made true ends by a person alone
 
 import contextlib
 import copy
-import fcntl
 import itertools
 import os
-import time
 from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from pathlib import Path
 
 from octoform.base.escaping import escaped
+from octoform.base.locks import acquire, lock_file
 from octoform.claims import codec, lifecycle
 from octoform.claims.admission import Level, Proposal, Verdict, View, judge, outranked, problem_of
 from octoform.claims.codec import EVIDENCE, SECONDS, Book
@@ -70,7 +69,7 @@ def changed_problem(path: Path) -> Diagnostic:
 
 CLAIMS, READINGS, LOCK = "claims.json", "readings.jsonl", "claims.lock"
 TEXT_CHARS = 300
-PATIENCE, STEP = 2.0, 0.005
+PATIENCE = 2.0
 """Seconds to wait for whoever has the lock, and between two looks. Everybody lets go of it in a moment."""
 _UNSEEN = (-1, -1, -1)
 _NOWHERE = Signal(Channel.LOG, "", "")
@@ -360,19 +359,11 @@ class Ledger:
 
     def _turn(self, lock: int) -> bool:
         """Whether the lock is had; who did not get it before does not wait for it again."""
-        end = time.monotonic() + (0.0 if self._standing_still else PATIENCE)
-        while True:
-            try:
-                fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            except BlockingIOError:
-                if time.monotonic() >= end:
-                    self.said.extend([] if self._standing_still else [taken_problem(self._lock)])
-                    self._standing_still = True
-                    return False
-                time.sleep(STEP)
-            else:
-                self._standing_still = False
-                return True
+        had = acquire(lock, 0.0 if self._standing_still else PATIENCE)
+        if not had and not self._standing_still:
+            self.said.append(taken_problem(self._lock))
+        self._standing_still = not had
+        return had
 
     def _refresh(self) -> None:
         """Read what another process wrote."""
@@ -421,12 +412,11 @@ class Ledger:
 
 
 def _opened(path: Path) -> int:
-    how = os.O_RDWR | os.O_CREAT | os.O_CLOEXEC | os.O_NOFOLLOW
     try:
-        return os.open(path, how, 0o600)
+        return lock_file(path)
     except FileNotFoundError:
         path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
-        return os.open(path, how, 0o600)
+        return lock_file(path)
 
 
 def _stamp(path: Path) -> tuple[int, int, int] | None:

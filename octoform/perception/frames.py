@@ -5,7 +5,6 @@ the last one old at once: what a camera showed before says nothing of what it wo
 """
 
 import base64
-import fcntl
 import os
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
@@ -17,6 +16,7 @@ from pydantic import BaseModel, ConfigDict, ValidationError
 
 from octoform.base.digest import of_bytes
 from octoform.base.escaping import escaped
+from octoform.base.locks import held_folder
 from octoform.diagnostics import Diagnostic, error, has_errors, warning
 from octoform.endpoint.client.jsonrpc import ending_of
 from octoform.endpoint.files import not_ours, private_folder
@@ -343,10 +343,6 @@ def _sweep(folder: Path, record: Record) -> None:
 @contextmanager
 def _locked(folder: Path) -> Iterator[Path]:
     """The folder for one writer at a time, closed to everybody else."""
-    descriptor = os.open(folder, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
-    try:
-        fcntl.flock(descriptor, fcntl.LOCK_EX)
+    with held_folder(folder) as descriptor:
         os.fchmod(descriptor, 0o700)
         yield folder
-    finally:
-        os.close(descriptor)

@@ -10,17 +10,16 @@ outlives the process: it is a file (`stops`), looked at before each command. Whe
 process alone, and the answer says so.
 """
 
-import contextlib
-import fcntl
 import json
 import os
 import threading
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any, NamedTuple
 from urllib.parse import quote
 
 from .faults import DeviceFault
+from .locks import held_folder
 from .plainfiles import parse, read, replace
 
 # A device's stop as a file: it has to outlive the process that took it, and be seen by every other one.
@@ -67,7 +66,7 @@ def put(device: str, until: str) -> str:
     # Two stops are never the same bytes: the command that ends one must not end a later one.
     told = {"format": FORMAT, "device": device, "until": until, "stop": os.urandom(8).hex()}
     try:
-        with _alone(place.parent):
+        with held_folder(place.parent):
             replace(place, json.dumps(told).encode("ascii") + b"\n")
     except OSError as problem:
         return f"{place} cannot be written ({_reason(problem)})"
@@ -83,7 +82,7 @@ def lift(device: str, stop: Stop | None) -> None:
     if stop is None or place is None:
         return
     try:
-        with _alone(place.parent):
+        with held_folder(place.parent):
             now = seen(device)
             if now is not None and now.mark == stop.mark:
                 place.unlink()
@@ -95,17 +94,6 @@ def lift(device: str, stop: Stop | None) -> None:
 def _place(device: str) -> Path | None:
     folder = os.environ.get("OCTOFORM_STOPS")
     return Path(folder) / f"stopped-{quote(device, safe='')}.json" if folder else None
-
-
-@contextlib.contextmanager
-def _alone(folder: Path) -> Iterator[None]:
-    """While no other thread or process changes a stop in it."""
-    descriptor = os.open(folder, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
-    try:
-        fcntl.flock(descriptor, fcntl.LOCK_EX)
-        yield
-    finally:
-        os.close(descriptor)
 
 
 def _status(place: Path) -> object:

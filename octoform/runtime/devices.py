@@ -6,7 +6,6 @@ id alone decides, by kind and ordinal (`binding` has the rules).
 """
 
 import asyncio
-import fcntl
 import hashlib
 import io
 import os
@@ -22,6 +21,7 @@ from typing import Any, Protocol
 from . import binding, calllog
 from .binding import bind, in_place
 from .faults import AmbiguousDevice, BusBusy, DeviceAbsent
+from .locks import acquire, lock_file
 from .plainfiles import read_json
 from .shape import INSTANCES, fits
 from .sysfs import members, read_text, subsystem, sysroot, uevent
@@ -128,18 +128,12 @@ def _file(name: str) -> Path:
 
 def _locked(path: Path) -> io.FileIO | None:
     """The file with its lock, or None when another one holds it."""
-    file = io.FileIO(path, "r+", opener=_opened)
-    try:
-        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except BlockingIOError:
+    file = io.FileIO(path, "r+", opener=lambda _, __: lock_file(path))
+    if not acquire(file.fileno()):
         file.close()
         return None
     os.pwrite(file.fileno(), f"{os.getpid()}\n".ljust(12).encode(), 0)
     return file
-
-
-def _opened(path: str, _: int) -> int:
-    return os.open(path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC | os.O_NOFOLLOW, 0o600)
 
 
 def _folder() -> Path:

@@ -10,6 +10,7 @@ ROOT = Path(__file__).parents[2] / "octoform"
 FILES = [path for path in sorted(ROOT.rglob("*.py")) if not path.is_symlink()]
 # What gives an idea away in the source, and the module that holds it.
 IDEAS = {
+    "a lock on a file": (r"\b(?:flock|lockf)\(", "base/locks.py"),
     "a token of a JSON pointer": (r"'~0'", "base/pointer.py"),
     "the escape of a character": (r"\\\\[xuU]\{", "base/escaping.py"),
     "the line of a process in /proc": (r"r(?:index|find|partition)\(b?'\)'\)", "base/processes.py"),

@@ -6,7 +6,6 @@ person write at any time (logs, counters, latches, what a person asks for) is no
 as long as none has been there; one that lives knows itself what it wrote.
 """
 
-import fcntl
 import os
 import sys
 import sysconfig
@@ -17,7 +16,8 @@ from pathlib import Path
 import octoform
 from octoform.apply.context import CANDIDATE, HEALED, Context
 from octoform.apply.protect import file_integrity
-from octoform.base.files import read
+from octoform.base.files import opened, read
+from octoform.base.locks import acquire
 from octoform.diagnostics import Diagnostic, warning
 from octoform.endpoint.environment.model import MARKER, packages_of
 from octoform.endpoint.files import (
@@ -366,15 +366,9 @@ def _installation() -> object:
 def _daemon(layout: Layout) -> bytes | None:
     """Which daemon was there last (empty: none ever was); None while one lives, or where that cannot be told."""
     try:
-        descriptor = os.open(layout.daemon_lock, os.O_RDONLY | os.O_CLOEXEC | os.O_NOFOLLOW | os.O_NONBLOCK)
+        with opened(layout.daemon_lock, follow=False) as descriptor:
+            return os.read(descriptor, 4096) if acquire(descriptor, shared=True) else None
     except FileNotFoundError:
         return b""
     except OSError:
         return None
-    try:
-        fcntl.flock(descriptor, fcntl.LOCK_SH | fcntl.LOCK_NB)
-        return os.read(descriptor, 4096)
-    except OSError:
-        return None
-    finally:
-        os.close(descriptor)

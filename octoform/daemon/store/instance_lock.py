@@ -6,18 +6,16 @@ notices every other file, so that asking works whether or not it runs. Light.
 """
 
 import contextlib
-import fcntl
 import json
 import os
 import sys
-import time
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from octoform.base.files import parse
-from octoform.base.locks import is_locked
+from octoform.base.locks import acquire, held, is_locked, lock_file
 from octoform.base.place import KEY, is_from, place_of
 from octoform.diagnostics import Diagnostic, error
 from octoform.state.files import hide_from_git, read_regular, refused, shown, write_atomic
@@ -189,35 +187,24 @@ def _asked(path: Path) -> tuple[str, ...]:
 @contextlib.contextmanager
 def _turn(layout: Layout, seconds: float = 2.0) -> Iterator[None]:
     """One at a time asks or takes up; TimeoutError (an OSError) when another one stands still in between."""
-    descriptor = os.open(layout.daemon / "asked.lock", os.O_RDWR | os.O_CREAT | os.O_CLOEXEC | os.O_NOFOLLOW, 0o600)
-    try:
-        end = time.monotonic() + seconds
-        while True:
-            try:
-                fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-                break
-            except BlockingIOError:
-                if time.monotonic() >= end:
-                    raise TimeoutError(None, "another octoform is asking") from None
-                time.sleep(0.005)
+    with held(layout.daemon / "asked.lock", seconds) as mine:
+        if not mine:
+            raise TimeoutError(None, "another octoform is asking")
         yield
-    finally:
-        os.close(descriptor)
 
 
 def _lock(layout: Layout) -> tuple[int | None, Diagnostic | None]:
     """The lock file, open and locked."""
     try:
         layout.daemon.mkdir(mode=0o700, parents=True, exist_ok=True)
-        descriptor = os.open(layout.daemon / LOCK, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC | os.O_NOFOLLOW, 0o600)
+        descriptor = lock_file(layout.daemon / LOCK)
     except OSError as problem:
         return None, refused(problem, layout.daemon / LOCK)
-    try:
-        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except OSError:
-        os.close(descriptor)
-        return None, _running(layout)
-    return descriptor, None
+    with contextlib.suppress(OSError):
+        if acquire(descriptor):
+            return descriptor, None
+    os.close(descriptor)
+    return None, _running(layout)
 
 
 def _sign(descriptor: int, record: bytes) -> None:

@@ -7,9 +7,7 @@ in any case. Light.
 """
 
 import contextlib
-import fcntl
 import hashlib
-import os
 import secrets
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -17,6 +15,7 @@ from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
 from octoform.base import files
+from octoform.base.locks import held
 from octoform.base.tokens import NAME, Token, encoded, read
 from octoform.diagnostics import Diagnostic, did_you_mean, error, warning
 from octoform.endpoint.process import offline_commands
@@ -139,12 +138,8 @@ def value_of(layout: Layout, name: str) -> tuple[str | None, list[Diagnostic]]:
 def _alone(layout: Layout) -> Iterator[None]:
     """Only one change at a time."""
     layout.run.mkdir(mode=0o700, parents=True, exist_ok=True)
-    descriptor = os.open(layout.run / _LOCK, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC | os.O_NOFOLLOW, 0o600)
-    try:
-        fcntl.flock(descriptor, fcntl.LOCK_EX)
+    with held(layout.run / _LOCK):
         yield
-    finally:
-        os.close(descriptor)
 
 
 def _recorded(layout: Layout, event: str, token: Token, by: str) -> Diagnostic | None:

@@ -73,7 +73,7 @@ def prune(layout: Layout, keep: Collection[Path]) -> list[Path]:
 def _drop(path: Path) -> bool:
     """Remove an environment unless someone builds in it right now."""
     lock = path.parent / f".{path.name}.lock"
-    with held(lock, wait=False) as mine:
+    with held(lock, 0.0) as mine:
         if not mine:
             return False
         shutil.rmtree(path, ignore_errors=True)

@@ -5,7 +5,6 @@ is proved to be that process is ever signalled, through a pidfd that was opened 
 pid is never hit.
 """
 
-import fcntl
 import os
 import signal
 import time
@@ -16,6 +15,7 @@ from pathlib import Path
 from typing import Protocol
 
 from octoform.base import processes
+from octoform.base.locks import held
 from octoform.base.processes import process_stat
 from octoform.diagnostics import Diagnostic, error
 from octoform.endpoint.files import LAUNCHER, not_ours, of_another
@@ -174,8 +174,7 @@ def _gone(process: Running, end: float) -> bool:
 def _turn(layout: Layout) -> Iterator[None]:
     """One start at a time; the kernel gives the lock back when its holder dies."""
     layout.run.mkdir(mode=0o700, parents=True, exist_ok=True)
-    with os.fdopen(_private(layout.run / "start.lock"), "ab") as file:
-        fcntl.flock(file, fcntl.LOCK_EX)
+    with held(layout.run / "start.lock"):
         yield
 
 

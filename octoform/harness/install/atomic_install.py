@@ -76,7 +76,7 @@ def _remove(folder: Path) -> None:
 @contextmanager
 def _alone(path: Path, waiting: Callable[[], None]) -> Iterator[None]:
     """Hold an exclusive lock on ``path``; ``waiting`` is called when somebody else holds it."""
-    with held(path, wait=False) as mine:
+    with held(path, 0.0) as mine:
         if mine:
             yield
             return

@@ -8,7 +8,6 @@ Records are one write to a descriptor opened for appending. Several processes ma
 endpoint hangs): each takes the file's lock for its write and goes on from the record that it finds last.
 """
 
-import fcntl
 import hashlib
 import json
 import os
@@ -20,6 +19,8 @@ from contextlib import suppress
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
+
+from octoform.base import locks
 
 from .chain import LOG, LONGEST_LINE, ORIGIN, RECORD, SEAL, SEAL_BYTES, Verdict, rule, sealed, verify
 
@@ -61,7 +62,7 @@ __all__ = ["Audit", "AuditFailed", "Verdict", "verify"]
 ROTATE_BYTES = 50_000_000
 TEXT_CHARS, ITEMS, DEPTH, LINE_BYTES = 200, 16, 3, 16_000
 
-_LOCK_SECONDS, _PAUSE = 1.0, 0.002
+_LOCK_SECONDS = 1.0
 _SECRET = re.compile(r"passw|passphrase|secret|token|credential|api_?key|private_?key|authorization|\bpin\b", re.I)
 _encode = json.JSONEncoder(ensure_ascii=True, separators=(",", ":"), allow_nan=False).encode
 _RESERVED = frozenset({"seq", "time", "event", "prev", "hash"})
@@ -177,7 +178,7 @@ class Audit:
 
     def _leave(self) -> None:
         if self._log is not None and self._log.held():
-            fcntl.flock(self._log.number, fcntl.LOCK_UN)
+            locks.release(self._log.number)
 
     @property
     def _file(self) -> int:
@@ -198,14 +199,8 @@ class Audit:
 
     def _take(self, descriptor: int) -> None:
         """Bounded, so that a process that was halted while it held the lock cannot hang this one."""
-        deadline = time.monotonic() + _LOCK_SECONDS
-        while True:
-            try:
-                return fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            except BlockingIOError as problem:
-                if time.monotonic() >= deadline:
-                    raise AuditFailed(f"{self._path}: another process holds the log and does not let go") from problem
-                time.sleep(_PAUSE)
+        if not locks.acquire(descriptor, _LOCK_SECONDS):
+            raise AuditFailed(f"{self._path}: another process holds the log and does not let go")
 
     def _append(self, records: Sequence[tuple[str, Mapping[str, Any]]], before: bytes = b"") -> None:
         """Records as one write. A write that the disk took only in part is taken back."""

@@ -5,7 +5,6 @@ latched, readable or not: a damaged latch must never set an arm free. Latching n
 """
 
 import contextlib
-import fcntl
 import json
 import os
 import time
@@ -14,10 +13,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from octoform.base import files
+from octoform.base.locks import acquire, lock_file
 
 _TEXT = 500
 _SIZE = 16 * 1024
-_PAUSE = 0.005
 
 
 @dataclass(frozen=True, slots=True)
@@ -98,12 +97,12 @@ class Latch:
         """
         try:
             self.path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
-            lock = os.open(self.path.with_suffix(".lock"), os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o600)
+            lock = lock_file(self.path.with_suffix(".lock"))
         except OSError:
             yield False
             return
         try:
-            yield _locked(lock, time.monotonic() + seconds)
+            yield acquire(lock, seconds)
         finally:
             os.close(lock)
 
@@ -144,17 +143,6 @@ class Latch:
 
 def _stamp(status: os.stat_result) -> tuple[int, int, int]:
     return status.st_ino, status.st_mtime_ns, status.st_size
-
-
-def _locked(lock: int, deadline: float) -> bool:
-    while True:
-        try:
-            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            return True
-        except BlockingIOError:
-            if time.monotonic() >= deadline:
-                return False
-            time.sleep(_PAUSE)
 
 
 def _utc(moment: float) -> str:

@@ -5,7 +5,6 @@ it (pid, start time, boot, command line), because a pid alone may be anybody's b
 """
 
 import contextlib
-import fcntl
 import json
 import os
 import secrets
@@ -14,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from octoform.base import files
+from octoform.base.locks import acquire, lock_file
 from octoform.base.place import KEY, place_of
 from octoform.base.processes import process_stat
 from octoform.base.shape import fits
@@ -40,13 +40,11 @@ class Owner:
     def take(folder: Path) -> "Owner | None":
         """Ownership, or None when another process has it. OSError when the folder cannot be written."""
         folder.mkdir(mode=0o700, parents=True, exist_ok=True)
-        lock = os.open(folder / _LOCK, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC | os.O_NOFOLLOW, 0o600)
-        try:
-            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
-            os.close(lock)
-            return None
-        return Owner(folder, lock)
+        lock = lock_file(folder / _LOCK)
+        if acquire(lock):
+            return Owner(folder, lock)
+        os.close(lock)
+        return None
 
     def record(self, **facts: Any) -> None:
         """Write who owns the endpoint and what it serves; called once it does, and whenever a fact changes."""

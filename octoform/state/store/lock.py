@@ -8,7 +8,6 @@ kernel lock on the file itself: it proves life across containers. Light.
 
 import contextlib
 import errno
-import fcntl
 import os
 import time
 import uuid
@@ -188,7 +187,7 @@ def _create(layout: Layout, operation: str, proc: Path) -> Lock:
     draft = layout.lock.with_name(f".{layout.lock.name}.{holder.id}")
     descriptor = os.open(draft, os.O_RDWR | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o600)
     try:
-        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        locks.acquire(descriptor)
         write_all(descriptor, digest.canonical_json(document) + b"\n")
         os.fsync(descriptor)
         _name(draft, layout.lock)
@@ -217,18 +216,10 @@ def _guard(layout: Layout, waiting: Waiting) -> Iterator[None]:
 
     TimeoutError (an OSError) when another process keeps it, which only one that was stopped in that moment can.
     """
-    flags = os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW | os.O_CLOEXEC
-    descriptor = os.open(layout.lock.with_name("lock.guard"), flags, 0o600)
+    descriptor = locks.lock_file(layout.lock.with_name("lock.guard"))
     try:
-        deadline = waiting.clock() + waiting.timeout
-        while True:
-            try:
-                fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-                break
-            except BlockingIOError:
-                if waiting.clock() >= deadline:
-                    raise TimeoutError(None, "another octoform keeps its guard file locked") from None
-                waiting.sleep(0.005)
+        if not locks.acquire(descriptor, waiting.timeout, clock=waiting.clock, sleep=waiting.sleep):
+            raise TimeoutError(None, "another octoform keeps its guard file locked")
         yield
     finally:
         os.close(descriptor)
