@@ -1,16 +1,18 @@
-"""Runs the command line without the third of a second that loading it takes: each run is a fork of a loaded process.
+"""Runs the command line without the second that loading it takes: each run is a fork of a loaded process.
 
 The forked process is octoform as a shell would start it: own folder, environment, streams and exit. Tests run it some
 hundred times, also from several threads. What a test starts and leaves running, or sends signals to, is started as a
 new program instead. A program of Python beside octoform (``.py``) can be run in the same way.
 """
 
+import atexit
 import contextlib
 import gc
 import importlib
 import json
 import os
 import pkgutil
+import re
 import runpy
 import selectors
 import socket
@@ -22,8 +24,12 @@ from collections.abc import Iterator, Mapping, Sequence
 from functools import cache
 from pathlib import Path
 
+import octoform
+
 LARGEST = 1 << 20
 _ONE = threading.Lock()
+_ENDED: list[int] = []
+"""In a fork that is done: its exit status."""
 
 
 def run(
@@ -95,10 +101,9 @@ def _keeper() -> socket.socket:
 
 def keep(orders: socket.socket) -> int:
     """The loaded process: fork for each order, tell the exit of each fork; 0 when there is nobody left to order."""
-    from octoform.cli import commands
-
-    for module in pkgutil.walk_packages(commands.__path__, f"{commands.__name__}."):
-        importlib.import_module(module.name)
+    atexit.register(_leave)  # the first, which is carried out last
+    for name in _core():
+        importlib.import_module(name)
     gc.freeze()  # a collection in a fork would copy all that is loaded
     selector = selectors.DefaultSelector()
     selector.register(orders, selectors.EVENT_READ)
@@ -117,17 +122,39 @@ def keep(orders: socket.socket) -> int:
                 selector.close()
                 orders.detach()
                 _become(json.loads(order), *descriptors[1:])
-                if sys.argv[0].endswith(".py"):
-                    runpy.run_path(sys.argv[0], run_name="__main__")
-                    return 0
-                from octoform.cli.main import main
-
-                return main()
+                _ENDED.append(_status())
+                return _ENDED[0]
             asker = socket.socket(fileno=descriptors[0])
             os.close(descriptors[1])
             os.close(descriptors[2])
             asker.send(str(pid).encode())
             selector.register(os.pidfd_open(pid), selectors.EVENT_READ, (pid, asker))
+
+
+def _core() -> Iterator[str]:
+    """The modules that a command may import, which it does late; the others run in processes of their own."""
+    elsewhere = re.compile(r"octoform\.(server|runtime|builtin|simulation|endpoint\.scripts)\b|.*\.__main__$")
+    for module in pkgutil.walk_packages(octoform.__path__, f"{octoform.__name__}."):
+        if not elsewhere.match(module.name):
+            yield module.name
+
+
+def _status() -> int:
+    """Do what the arguments say."""
+    if sys.argv[0].endswith(".py"):
+        runpy.run_path(sys.argv[0], run_name="__main__")
+        return 0
+    from octoform.cli.main import main
+
+    return main()
+
+
+def _leave() -> None:
+    """End a fork that came to its end by itself; to take apart all that is loaded would last as long as a command."""
+    if _ENDED:
+        sys.stdout.flush()
+        sys.stderr.flush()
+        os._exit(_ENDED[0])
 
 
 def _tell_end(pid: int, asker: socket.socket) -> None:
