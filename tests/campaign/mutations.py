@@ -69,6 +69,8 @@ _FOREIGN = re.compile(
 """What no sentence of octoform holds: the words of Python and of the kernel."""
 _QUOTES = ("episodes", "logs", "attempts", "attempts show 4")
 """Commands that quote what servers and agents printed."""
+_TOOL_FAILED = re.compile(r"octoform: reference [0-9a-f]{8}: the tool \S+ failed inside$")
+_CHAINED = re.compile(r"(The above exception was|During handling of the above)")
 
 
 def kind_of(inside: str) -> str:
@@ -76,6 +78,20 @@ def kind_of(inside: str) -> str:
     for pattern, name in _KINDS:
         inside = pattern.sub(name, inside)
     return inside
+
+
+def bare_tracebacks(printed: str) -> list[str]:
+    """The last line of each traceback that is the endpoint's own; one of a tool's stands under its reference."""
+    found, within = [], False
+    before = ""
+    for line in filter(str.strip, printed.splitlines()):
+        if "Traceback (most recent call last)" in line:
+            within = not (_TOOL_FAILED.search(before) or (not within and _CHAINED.match(before)))
+        elif within and not line.startswith((" ", "\t")) and not _CHAINED.match(line):
+            found.append(line.strip())
+            within = False
+        before = line
+    return found + (["a traceback without an end"] if within else [])
 
 
 @dataclass
@@ -151,9 +167,11 @@ class Subject:
         if not path.is_file() or path.is_symlink():
             self.restore()
         spoils(path)
+        printed = self._printed()
         for command in (*LOOKS, OTHERS[(case.number + len(case.file)) % len(OTHERS)]):
             self._run(case, command, self._seconds)
         if self._is_known(case):
+            self._judge_printed(case, printed)
             self.put_back(case.file)
             return case
         status = self._run(case, APPLY, self._apply_seconds)
@@ -162,9 +180,27 @@ class Subject:
         if status == 0 and after != 0:
             reasons = [line.strip() for line in case.read[-1].splitlines() if line.startswith("        ")]
             case.wrong.append(f"plan ends with {after} behind an apply that went well: {'; '.join(reasons)[:200]}")
+        self._judge_printed(case, printed)
         if after != 0:
             self.restore()
         return case
+
+    def _printed(self) -> tuple[int, int]:
+        """The log of the endpoint's process as it is: which file, and its length."""
+        log = self.project.local / "log/server.log"
+        if log.is_symlink() or not log.is_file():
+            return 0, 0
+        return log.stat().st_ino, log.stat().st_size
+
+    def _judge_printed(self, case: Case, before: tuple[int, int]) -> None:
+        """What the endpoint's process has printed since; `logs` quotes it, also what is older."""
+        inode, size = self._printed()
+        if inode:
+            printed = (self.project.local / "log/server.log").read_bytes()
+            new = printed[before[1] :] if inode == before[0] and size >= before[1] else printed
+            case.wrong += [
+                f"the endpoint printed: {told}" for told in bare_tracebacks(new.decode(errors="replace"))[:1]
+            ]
 
     def _is_known(self, case: Case) -> bool:
         """Whether an apply would make the endpoint again and has done so often enough after the same."""
@@ -187,7 +223,7 @@ class Subject:
             return None
         text = out + err
         case.read.append(re.sub(r"\d+", "0", text))
-        if "Traceback" in text:
+        if "Traceback" in (err if command == ("logs",) else text):
             last = [line for line in text.splitlines() if line.strip()][-1]
             where = [line.strip() for line in text.splitlines() if line.strip().startswith("File ")][-1:]
             case.wrong.append(f"{name}: {last[:160]} {' '.join(where)[-120:]}")

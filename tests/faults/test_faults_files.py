@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
-from campaign.mutations import MUTATIONS, Case, Subject
+from campaign.mutations import MUTATIONS, Case, Subject, bare_tracebacks
 from projects import Project
 
 pytestmark = pytest.mark.dear
@@ -145,3 +145,43 @@ def test_every_mutation_changes_what_stands_there(tmp_path: Path, mutation: obje
         else:
             path.unlink()
     assert changed >= 6
+
+
+OF_A_TOOL = """2026-01-01T10:00:00.000Z octoform: reference b77dc257: the tool weigh failed inside
+Traceback (most recent call last):
+  File "server.py", line 1, in weigh
+KeyError: '13'
+
+During handling of the above exception, another exception occurred:
+
+Traceback (most recent call last):
+  File "server.py", line 2, in weigh
+ValueError: too heavy
+"""
+OF_THE_ENDPOINT = """Traceback (most recent call last):
+  File "serve.py", line 1, in <module>
+TypeError: a list
+"""
+
+
+def test_a_traceback_of_a_tool_is_told_from_one_of_the_endpoint() -> None:
+    assert bare_tracebacks(OF_A_TOOL) == []
+    assert bare_tracebacks(OF_A_TOOL + OF_THE_ENDPOINT + OF_A_TOOL) == ["TypeError: a list"]
+    assert bare_tracebacks(OF_THE_ENDPOINT[:40]) == ["a traceback without an end"]
+
+
+def test_what_the_endpoint_prints_behind_a_mutation_is_judged_and_nothing_older(
+    subject: Subject, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    environment = subject.project.environment()
+
+    def printing() -> dict[str, str]:
+        with (subject.project.local / "log/server.log").open("a") as log:
+            log.write(OF_THE_ENDPOINT)
+        return environment
+
+    printing()
+    assert subject.judge(Case(INSTANCES, "nothing", 0), lambda path: None).wrong == []
+    monkeypatch.setattr(subject.project, "environment", printing)
+    case = subject.judge(Case(INSTANCES, "nothing", 0), lambda path: None)
+    assert case.wrong == ["the endpoint printed: TypeError: a list"]
