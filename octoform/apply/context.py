@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from octoform.base import files
+from octoform.base.clock import stamp
 from octoform.contracts.artifact_parser import parse
 from octoform.diagnostics import Diagnostic
 from octoform.events import EventSink
@@ -71,7 +72,7 @@ class Clock:
 
     def stamp(self) -> str:
         """RFC 3339 in UTC, to the second."""
-        return self.now().isoformat(timespec="seconds").replace("+00:00", "Z")
+        return stamp(self.now())
 
 
 @dataclass(frozen=True, slots=True)

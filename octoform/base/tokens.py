@@ -9,11 +9,11 @@ import re
 import time
 from collections.abc import Iterable
 from dataclasses import asdict, dataclass
-from datetime import datetime
 from pathlib import Path
 from typing import Any
 
 from octoform.base import files
+from octoform.base.clock import epoch, parse_stamp
 
 FORMAT = 1
 MAX_BYTES = 1 << 20
@@ -84,10 +84,10 @@ def _token(item: Any, place: str) -> Token:
 
 
 def _moment(text: Any, place: str = "an end") -> float:
-    try:
-        moment = datetime.fromisoformat(text)
-        if moment.tzinfo is not None:
-            return moment.timestamp()
-    except (TypeError, ValueError, OverflowError):
-        raise ValueError(f"{place} must be a time") from None
-    raise ValueError(f"{place} must have a time zone")
+    moment = parse_stamp(text, zone=None)
+    seconds = epoch(text, zone=None)
+    if moment is None or seconds is None:
+        raise ValueError(f"{place} must be a time")
+    if moment.tzinfo is None:
+        raise ValueError(f"{place} must have a time zone")
+    return seconds

@@ -3,9 +3,9 @@
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from datetime import UTC, datetime
 from typing import Any
 
+from octoform.base.clock import parse_stamp
 from octoform.builtin.task import Refused, Task
 
 # The input of WATCH as the embedded agent asks it: what is newest, what failed and is not over, what is attached.
@@ -75,7 +75,7 @@ class Given:
         ok = self.newest.get(("log", failure["tool"], "/ok"))
         if ok is None or ok["value"] is not True:
             return False
-        at, last = _moment(ok.get("at")), _moment(failure.get("last"))
+        at, last = parse_stamp(ok.get("at")), parse_stamp(failure.get("last"))
         return at is not None and last is not None and at >= last
 
 
@@ -84,14 +84,6 @@ def _rows(document: Row, name: str) -> tuple[Row, ...]:
     if not isinstance(value, list) or not all(isinstance(row, dict) for row in value):
         raise Refused(f"the input's {name} are no list of objects")
     return tuple(value)
-
-
-def _moment(stamp: object) -> datetime | None:
-    try:
-        found = datetime.fromisoformat(str(stamp))
-    except ValueError:
-        return None
-    return found if found.tzinfo is not None else found.replace(tzinfo=UTC)
 
 
 # The class of a failure, from the kind of its exception and its words; ``none`` where these do not decide.

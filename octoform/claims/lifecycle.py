@@ -8,10 +8,10 @@ import json
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from datetime import datetime, timedelta
 from pathlib import Path
 from typing import Any
 
+from octoform.base import clock
 from octoform.base.files import parse, read
 from octoform.claims import codec
 from octoform.claims.admission import Level
@@ -162,11 +162,11 @@ def _remember(book: Book, claim: Claim, clean: Reading | None) -> None:
 
 
 def _later(stamp: str, seconds: float) -> str:
+    moment = clock.epoch(stamp)
     try:
-        moment = datetime.fromisoformat(stamp) + timedelta(seconds=max(0.0, seconds))
+        return "" if moment is None else clock.stamp(moment + max(0.0, seconds))
     except (ValueError, OverflowError):
         return ""
-    return moment.isoformat(timespec="seconds").replace("+00:00", "Z")
 
 
 # What claims restrict, written for the endpoint: each with its end, so that it lets go by itself. Light.

@@ -6,8 +6,9 @@ does not exist for the report. (Light.)
 
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
-from datetime import UTC, datetime
 from typing import Any
+
+from octoform.base.clock import parse_stamp
 
 SENSOR, LOG, FRAME, KERNEL, PROCESS = "sensor", "log", "frame", "kernel", "process"
 _TOLD_OF_A_PARAMETER = ("type", "enum", "minimum", "maximum", "default")
@@ -97,14 +98,14 @@ class DutyFacts:
         return [row for row in self.failures if not self._over(row)]
 
     def _over(self, failure: Row) -> bool:
-        last = moment(failure.get("last"))
+        last = parse_stamp(failure.get("last"))
         own = [row for place, row in self.newest().items() if place[1] == failure["tool"]]
         if any(row["channel"] == LOG and row["path"] == "/ok" and row["value"] is False for row in own):
             return False
         for row in own:
             success = row["channel"] == LOG and row["path"] == "/ok" and row["value"] is True
             success = success or (row["channel"] == SENSOR and row["value"] is not None)
-            at = moment(row.get("at"))
+            at = parse_stamp(row.get("at"))
             if success and last is not None and at is not None and at >= last:
                 return True
         return False
@@ -113,15 +114,6 @@ class DutyFacts:
 def place_of(row: Row) -> Place:
     """The signal of a reading, or of the ``signal`` member of a claim."""
     return str(row["channel"]), str(row["source"]), str(row["path"])
-
-
-def moment(stamp: object) -> datetime | None:
-    """An RFC 3339 stamp as a moment; None for anything else."""
-    try:
-        found = datetime.fromisoformat(str(stamp))
-    except ValueError:
-        return None
-    return found if found.tzinfo is not None else found.replace(tzinfo=UTC)
 
 
 def told_tools(interface: Row) -> list[dict[str, Any]]:

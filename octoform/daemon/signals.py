@@ -2,9 +2,9 @@
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
-from datetime import UTC, datetime
 from typing import Any
 
+from octoform.base import clock
 from octoform.claims.model import Channel, Reading, Signal
 from octoform.daemon.observe.samples import tool_of
 from octoform.endpoint.publish.expected_tools import hidden, promised
@@ -230,4 +230,4 @@ def _made(layout: Layout) -> str:
         seconds = layout.output("interface").stat().st_mtime
     except OSError:
         return ""
-    return datetime.fromtimestamp(seconds, UTC).isoformat(timespec="milliseconds").replace("+00:00", "Z")
+    return clock.stamp(seconds, 3)

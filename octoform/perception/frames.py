@@ -8,12 +8,12 @@ import base64
 import os
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from datetime import datetime
 from pathlib import Path
 from typing import Any, Literal
 
 from pydantic import BaseModel, ConfigDict, ValidationError
 
+from octoform.base.clock import epoch
 from octoform.base.digest import of_bytes
 from octoform.base.escaping import escaped
 from octoform.base.locks import held_folder
@@ -220,7 +220,8 @@ def _repeats(before: Frame | None, picture: Picture, at: str) -> tuple[int, str]
 
 
 def _seconds(since: str, at: str) -> float:
-    return (datetime.fromisoformat(at) - datetime.fromisoformat(since)).total_seconds()
+    begin, end = epoch(since), epoch(at)
+    return end - begin if begin is not None and end is not None else 0.0
 
 
 def _changes(known: Record, before: Frame | None, frame: Frame) -> list[str]:

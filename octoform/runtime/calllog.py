@@ -19,6 +19,7 @@ from dataclasses import dataclass, field
 from pathlib import Path, PosixPath
 from typing import Any, ParamSpec, TypeVar, cast
 
+from .clock import stamp
 from .faults import DeviceFault, sentence
 
 # What one call of a tool asked of the host: the devices that it looked for, and the numbers that it read of them.
@@ -167,13 +168,19 @@ def _begin(
         arguments = {key: _bounded(value) for key, value in signature.bind(*args, **kwargs).arguments.items()}
     except TypeError:  # the call itself will say what is wrong with its arguments
         arguments = {}
-    _write({"event": "call", "id": identity, "time": _now(), "tool": name, "arguments": arguments})
+    _write({"event": "call", "id": identity, "time": stamp(digits=3), "tool": name, "arguments": arguments})
     return identity, name, time.perf_counter()
 
 
 def _end(entry: tuple[str, str, float], seen: Trace, problem: BaseException | None) -> None:
     identity, name, begun = entry
-    line: dict[str, Any] = {"event": "result", "id": identity, "time": _now(), "tool": name, "ok": problem is None}
+    line: dict[str, Any] = {
+        "event": "result",
+        "id": identity,
+        "time": stamp(digits=3),
+        "tool": name,
+        "ok": problem is None,
+    }
     if problem is not None:
         line["error"] = type(problem).__name__
         line["message"] = _cut(str(problem))
@@ -190,11 +197,6 @@ def _bounded(value: Any) -> Any:
 
 def _cut(text: str) -> str:
     return text if len(text) <= TEXT_CHARS else f"{text[:TEXT_CHARS]}... ({len(text)} characters)"
-
-
-def _now() -> str:
-    moment = time.time()
-    return time.strftime("%Y-%m-%dT%H:%M:%S", time.gmtime(moment)) + f".{int(moment % 1 * 1000):03d}Z"
 
 
 def _write(line: dict[str, Any]) -> None:

@@ -10,6 +10,8 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from octoform.base.clock import boot_id
+
 from .audit.audit_log import Audit, AuditFailed
 from .audit.chain import SEAL
 from .catalog.resources import DEVICES, FRAMES
@@ -22,7 +24,7 @@ from .policy import tool_policy
 from .policy.limits import Ledger
 from .policy.restrictions import CLAIMS_NAME as CLAIMS
 from .policy.restrictions import NAME as RESTRICTIONS
-from .policy.restrictions import WITNESS, Forbidden, Restrictions, Standing, this_boot
+from .policy.restrictions import WITNESS, Forbidden, Restrictions, Standing
 from .process.control import Control
 from .process.descriptor import Descriptor
 from .process.instance_lock import Owner
@@ -81,7 +83,7 @@ class Endpoint:
         self._offer = offer(server, descriptor.devices, descriptor.tools, rules)
         self._gate = Gate(rules, self._ledger, self._audit, self._latch, self._offer.presence)
         self._gate.on_result = self._offer.frames.keep
-        ledger = Standing(descriptor.run.parent / "daemon" / CLAIMS, this_boot())
+        ledger = Standing(descriptor.run.parent / "daemon" / CLAIMS, boot_id())
         self._gate.restrictions = Restrictions(descriptor.run / RESTRICTIONS, self._told, ledger=ledger)
         self._gate.restrictions.forbidden = Forbidden(descriptor.run.parent / WITNESS)
         server.add_middleware(self._gate)

@@ -12,6 +12,7 @@ from enum import StrEnum
 from pathlib import Path
 
 from octoform.base import digest
+from octoform.base.clock import boot_id
 from octoform.base.files import read
 from octoform.base.processes import process_stat
 
@@ -51,7 +52,7 @@ def myself(proc: Path = PROC) -> Process:
     return Process(
         pid=pid,
         start_time=found,
-        boot_id=_text(proc / "sys/kernel/random/boot_id"),
+        boot_id=boot_id(proc),
         machine=digest.short(digest.of_bytes(_text(_MACHINE_ID).encode())),
         namespace=_link(proc / "self/ns/pid"),
         host=os.uname().nodename,

@@ -10,6 +10,9 @@ ROOT = Path(__file__).parents[2] / "octoform"
 FILES = [path for path in sorted(ROOT.rglob("*.py")) if not path.is_symlink()]
 # What gives an idea away in the source, and the module that holds it.
 IDEAS = {
+    "a moment as text": (r"%Y-%m-%dT|\.isoformat\(|datetime\.fromisoformat\(", "base/clock.py"),
+    "the clock that goes on in sleep": (r"CLOCK_BOOTTIME", "base/clock.py"),
+    "which start of the machine this is": (r"random/boot_id|'boot_id'\)\.read", "base/clock.py"),
     "a lock on a file": (r"\b(?:flock|lockf)\(", "base/locks.py"),
     "a token of a JSON pointer": (r"'~0'", "base/pointer.py"),
     "the escape of a character": (r"\\\\[xuU]\{", "base/escaping.py"),

@@ -9,9 +9,9 @@ import re
 import time
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from datetime import datetime
 from typing import Any
 
+from octoform.base import clock
 from octoform.base.escaping import escaped
 from octoform.diagnostics import Diagnostic
 from octoform.endpoint.observe.logs import CALLS, Line, Logs, logs_of
@@ -73,10 +73,7 @@ def summary_of(brief: Mapping[str, Any]) -> str | None:
 
 def since_of(brief: Mapping[str, Any]) -> float:
     """The moment from which on the log counts, in seconds since 1970; 0 where none is given."""
-    try:
-        return datetime.fromisoformat(str(brief.get("since"))).timestamp()
-    except (ValueError, OverflowError):
-        return 0.0
+    return clock.epoch(brief.get("since")) or 0.0
 
 
 def _reading(item: Mapping[str, Any]) -> Iterable[Row]:

@@ -11,6 +11,7 @@ from octoform.apply.stage.assignment import Assignment
 from octoform.apply.stage.attempt import FORMER, PROGRAM, SAID, Prepared, SoFar
 from octoform.apply.stage.gate import Verdict
 from octoform.apply.stage.spec_copy import Edit
+from octoform.base.clock import stamp
 from octoform.base.digest import of_large_file
 from octoform.diagnostics import Diagnostic, to_json
 from octoform.harness.attempt import read_usage
@@ -157,5 +158,4 @@ def written_files(workdir: Path) -> list[str]:
 
 
 def _started(context: Context, outcome: Outcome) -> str:
-    began = context.clock.now() - timedelta(seconds=outcome.seconds)
-    return began.isoformat(timespec="seconds").replace("+00:00", "Z")
+    return stamp(context.clock.now() - timedelta(seconds=outcome.seconds))

@@ -8,7 +8,7 @@ import math
 import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict
-from datetime import datetime, timedelta
+from datetime import timedelta
 from typing import Any
 
 from octoform import events
@@ -16,6 +16,7 @@ from octoform.apply.context import Context, accepted
 from octoform.apply.stage.artifact_writer import counted, runtime_files
 from octoform.apply.stage.gate import fresh
 from octoform.base import files
+from octoform.base.clock import parse_stamp
 from octoform.base.files import replace
 from octoform.contracts.model import Artifacts, ProfileFacts
 from octoform.contracts.rules.deploy_rules import deploy_installed, deploy_lock
@@ -282,10 +283,8 @@ def publish(
 def _just_seen(context: Context) -> frozenset[str]:
     """The devices of a PROBE that was accepted a moment ago; none where it is older."""
     node = context.store.snapshot.nodes.get("probe")
-    if node is None or node.accepted_at is None:
-        return frozenset()
-    age = context.clock.now() - datetime.fromisoformat(node.accepted_at)
-    if age > timedelta(seconds=SEEN_SECONDS):
+    accepted_at = parse_stamp(node.accepted_at) if node is not None else None
+    if accepted_at is None or context.clock.now() - accepted_at > timedelta(seconds=SEEN_SECONDS):
         return frozenset()
     return frozenset(device["id"] for device in accepted(context, "probe")["devices"])
 

@@ -1,9 +1,9 @@
 """The stage itself: run every scan, make units of what they found, write the artifact."""
 
-import datetime
 import sys
 from pathlib import Path
 
+from octoform.base.clock import stamp
 from octoform.builtin.probe import macos, units
 from octoform.builtin.probe.linux import Linux
 from octoform.builtin.probe.macos import Macos
@@ -28,12 +28,11 @@ def probe(reader: Reader, seconds: float = SCAN_SECONDS) -> dict[str, object]:
     host = Macos() if macos.is_here(reader, sys.platform) else Linux(reader)
     reports = run_all(host.scans()[:MAX_SCANS], reader, seconds)
     found = units.entries(host.units())
-    now = datetime.datetime.now(datetime.UTC).replace(microsecond=0)
     return {
         "format": 1,
         "platform": host.platform,
         "hostname": host.hostname,
-        "timestamp": now.isoformat().replace("+00:00", "Z"),
+        "timestamp": stamp(),
         "scan_methods": [report.as_json() for report in reports],
         "devices": found[:MAX_DEVICES],
     }

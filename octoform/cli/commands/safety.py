@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from octoform.base import durations
+from octoform.base.clock import parse_stamp
 from octoform.cli.parser import UsageError, seconds
 from octoform.views.format import problems
 from octoform.views.format.console import Console
@@ -111,12 +112,11 @@ def _moment(text: str | None) -> datetime | None:
     back = durations.seconds(text)
     if back is not None:
         return datetime.now(UTC) - timedelta(seconds=back)
-    try:
-        moment = datetime.fromisoformat(text)
-    except ValueError:
+    moment = parse_stamp(text)
+    if moment is None:
         hint = "give a duration back from now, like 1h30m, or a time, like 2026-05-04T12:00:00Z"
-        raise UsageError(f"-since: {text!r} is neither a duration nor a time; {hint}", "") from None
-    return moment if moment.tzinfo else moment.replace(tzinfo=UTC)
+        raise UsageError(f"-since: {text!r} is neither a duration nor a time; {hint}", "")
+    return moment
 
 
 def run_limits(arguments: Namespace, project: Path, screen: Console) -> int:

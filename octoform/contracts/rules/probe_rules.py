@@ -6,8 +6,8 @@ here may reset a board or move an arm.
 
 import re
 from collections.abc import Iterator
-from datetime import datetime
 
+from octoform.base.clock import parse_stamp
 from octoform.base.pointer import pointer
 from octoform.contracts.host_identity.pseudonyms import secrets_of
 from octoform.contracts.model import Artifacts, HostScan, JsonObject, Rule
@@ -145,12 +145,10 @@ def device_opened(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
 
 def timestamp(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
     """The time is one, with its offset from UTC."""
-    try:
-        if datetime.fromisoformat(value["timestamp"]).tzinfo is not None:
-            return []
-        why = "has no offset"
-    except ValueError:
-        why = "is no time"
+    moment = parse_stamp(value["timestamp"], zone=None)
+    if moment is not None and moment.tzinfo is not None:
+        return []
+    why = "is no time" if moment is None else "has no offset"
     summary = f"the timestamp {shown(value['timestamp'])} {why}"
     hint = "write the time at which you looked, in UTC and in the form 2026-01-31T12:34:56Z"
     return [error("PROBE-TIMESTAMP", summary, pointer="/timestamp", hint=hint)]

@@ -5,7 +5,8 @@ in the distances of three clocks from each other, so nothing has to be woken for
 """
 
 import time
-from datetime import UTC, datetime
+
+from octoform.base.clock import boottime, stamp
 
 SLEPT_SECONDS = 2.0
 JUMPED_SECONDS = 5.0
@@ -17,11 +18,11 @@ class SystemClock:
 
     def uptime(self) -> float:
         """Seconds since the machine was started."""
-        return time.clock_gettime(time.CLOCK_BOOTTIME)
+        return boottime()
 
     def stamp(self) -> str:
         """RFC 3339 in UTC, to the millisecond."""
-        return datetime.now(UTC).isoformat(timespec="milliseconds").replace("+00:00", "Z")
+        return stamp(digits=3)
 
     def awake(self) -> float:
         """Seconds since the start during which the machine did not sleep."""

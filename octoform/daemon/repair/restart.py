@@ -14,6 +14,7 @@ from itertools import takewhile
 from pathlib import Path
 from typing import Any
 
+from octoform.base import clock
 from octoform.base.files import parse
 from octoform.daemon.model import Done
 from octoform.diagnostics import Diagnostic
@@ -61,8 +62,8 @@ class Start:
 class World:
     """What a restart asks of the machine, so that tests have their own."""
 
-    uptime: Callable[[], float] = lambda: time.clock_gettime(time.CLOCK_BOOTTIME)
-    boot: Callable[[], str] = lambda: _boot()
+    uptime: Callable[[], float] = clock.boottime
+    boot: Callable[[], str] = clock.boot_id
     sleep: Callable[[float], None] = time.sleep
     start: Callable[[Layout, float], tuple[Running | None, Diagnostic | None]] = lifecycle.start
     stop: Callable[[Layout], object] = lifecycle.stop
@@ -191,10 +192,3 @@ def _moved(before: str | None, process: Running) -> str:
     if before is None or process.url is None or process.url.startswith(before):
         return ""
     return f"; another program has its port, so clients of the network find it at {process.url} (before: {before})"
-
-
-def _boot() -> str:
-    try:
-        return Path("/proc/sys/kernel/random/boot_id").read_text().strip()
-    except OSError:
-        return ""

@@ -5,9 +5,9 @@ has still counted them. What cannot be written down is not spent, and what nobod
 """
 
 from dataclasses import dataclass, field
-from datetime import datetime
 from typing import Any
 
+from octoform.base.clock import parse_stamp
 from octoform.daemon.model import Spent
 from octoform.daemon.store.json_store import Shelf, number
 
@@ -104,10 +104,8 @@ class Purse:
         """Seconds since an entry. From before a reboot only wall time tells, and never less than since the boot."""
         if entry.boot == self.boot:
             return now - entry.at
-        try:
-            passed = (datetime.fromisoformat(stamp) - datetime.fromisoformat(entry.stamp)).total_seconds()
-        except (ValueError, TypeError):
-            passed = 0.0
+        present, then = parse_stamp(stamp), parse_stamp(entry.stamp)
+        passed = (present - then).total_seconds() if present is not None and then is not None else 0.0
         return max(passed, now)
 
     def save(self) -> bool:

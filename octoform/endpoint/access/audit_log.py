@@ -9,6 +9,7 @@ from datetime import datetime
 from pathlib import Path
 from typing import Any
 
+from octoform.base.clock import parse_stamp
 from octoform.base.files import parse, stream
 from octoform.diagnostics import Diagnostic, error
 from octoform.endpoint.process import offline_commands
@@ -58,10 +59,8 @@ class Wanted:
         """Whether the record, and every one before it, is too old."""
         if self.since is None:
             return False
-        try:
-            return datetime.fromisoformat(str(record.get("time"))) < self.since
-        except (ValueError, TypeError):  # no moment, or one without a zone: not known to be too old
-            return False
+        moment = parse_stamp(record.get("time"), zone=None)  # none, or one without a zone, is not known to be too old
+        return moment is not None and moment.tzinfo is not None and moment < self.since
 
     def _from(self, record: Record) -> bool:
         part = (self.client or "").casefold()

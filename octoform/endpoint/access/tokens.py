@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
-from octoform.base import files
+from octoform.base import clock, files
 from octoform.base.locks import held
 from octoform.base.tokens import NAME, Token, encoded, read
 from octoform.diagnostics import Diagnostic, did_you_mean, error, warning
@@ -81,9 +81,9 @@ def create(
             hint = f"octoform token rotate {name} gives it a new value; octoform token revoke {name} ends it"
             return None, [error("TOKEN-EXISTS", f"there is a token {name!r} already", hint=hint)]
         now = datetime.now(UTC)
-        ends = None if seconds is None else _text(now + timedelta(seconds=seconds))
+        ends = None if seconds is None else clock.stamp(now + timedelta(seconds=seconds))
         ordered = tuple(effect for effect in EFFECTS if effect in effects)
-        token = Token(name, "", ordered, _text(now), ends)
+        token = Token(name, "", ordered, clock.stamp(now), ends)
         refused = _recorded(layout, "token_created", token, by)
         return (None, [refused]) if refused is not None else _keep(layout, tokens, token)
 
@@ -200,7 +200,3 @@ def _damaged(layout: Layout, problem: Exception) -> Diagnostic:
 
 def _reason(problem: Exception) -> str:
     return (problem.strerror if isinstance(problem, OSError) else None) or str(problem)
-
-
-def _text(when: datetime) -> str:
-    return when.strftime("%Y-%m-%dT%H:%M:%SZ")

@@ -8,9 +8,9 @@ import json
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
-from datetime import UTC, datetime
 from typing import Any
 
+from octoform.base.clock import stamp
 from octoform.diagnostics import Diagnostic
 from octoform.endpoint.client.check_verdict import CheckReport, TrialCall, has_content, judge_check
 from octoform.endpoint.client.sdk_client import Call, Client, Report, recorded_environment
@@ -256,7 +256,7 @@ _PROBLEMS = {
 def _record(report: CheckReport) -> bytes:
     document = {
         "format": 1,
-        "at": datetime.now(UTC).isoformat(timespec="seconds"),
+        "at": stamp(),
         "answered": report.answered,
         "error": report.error,
         "protocol": report.protocol,

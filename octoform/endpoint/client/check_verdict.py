@@ -9,8 +9,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from octoform.base.quantities import BOUNDS, is_possible
-from octoform.base.unit_names import COUNTS, last_word, unit_in, unit_of_name, unit_of_text
+from octoform.base.quantities import BOUNDS, COUNTS, is_possible, last_word, unit_in, unit_of_name, unit_of_text
 from octoform.diagnostics import Diagnostic, error, has_errors, warning
 from octoform.endpoint.publish.policy import LINE
 

@@ -8,12 +8,12 @@ import json
 import time
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
-from datetime import UTC, datetime
 from functools import partial
 from socket import socket
 from typing import Any, Protocol
 
 from octoform.base import files
+from octoform.base.clock import stamp
 from octoform.diagnostics import Diagnostic, did_you_mean, error
 from octoform.endpoint.client.jsonrpc import Wire, WireError, save_media, sender
 from octoform.endpoint.files import CHECK, read_manifest
@@ -67,7 +67,7 @@ def record_sight(layout: Layout, asked: str | None, sight: Sight) -> None:
     seen = {"answered": sight.answered, "error": sight.error, "tools": list(sight.tools)}
     if {key: known.get(key) for key in ("answered", "tools")} == {key: seen[key] for key in ("answered", "tools")}:
         return
-    document = {**known, **seen, "at": datetime.now(UTC).isoformat(timespec="seconds")}
+    document = {**known, **seen, "at": stamp()}
     write_atomic(path, (json.dumps(document, indent=2) + "\n").encode(), 0o600)
 
 

@@ -11,10 +11,10 @@ import time
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import ExitStack
 from dataclasses import dataclass, field
-from datetime import UTC, datetime
 from pathlib import Path
 from typing import IO, Any
 
+from octoform.base import clock
 from octoform.base.files import parse, read, stream
 from octoform.endpoint.access.tokens import VALUES
 from octoform.redaction import Redactor
@@ -136,15 +136,7 @@ def _object(text: str) -> dict[str, Any] | None:
 
 def _seconds(stamp: str) -> float | None:
     """Seconds since 1970 of a time as logs have it; one without a zone is of this machine's."""
-    try:
-        return datetime.fromisoformat(stamp.replace(",", ".")).timestamp()
-    except (ValueError, OverflowError):
-        return None
-
-
-def moment(at: float) -> str:
-    """A time as octoform writes it: RFC 3339, UTC, to the millisecond."""
-    return datetime.fromtimestamp(at, UTC).isoformat(timespec="milliseconds").replace("+00:00", "Z")
+    return clock.epoch(stamp.replace(",", "."), zone=None)
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,9 +7,9 @@ import json
 import os
 import pwd
 from dataclasses import dataclass
-from datetime import UTC, datetime
 from typing import Any
 
+from octoform.base import clock
 from octoform.base.escaping import escaped
 from octoform.base.files import parse, read_json
 from octoform.base.place import is_from
@@ -74,7 +74,7 @@ def last_running(layout: Layout) -> Running | None:
         return None
     if not fits(record, _RECORD):
         return None
-    return _read(record) if record["boot"] == _boot() and is_from(record, layout.run) else None
+    return _read(record) if record["boot"] == clock.boot_id() and is_from(record, layout.run) else None
 
 
 def is_it(process: Running) -> bool:
@@ -93,13 +93,6 @@ def _read(record: dict[str, Any]) -> Running:
         url=record["url"],
         mark=record.get("mark"),
     )
-
-
-def _boot() -> str:
-    try:
-        return (PROC / "sys/kernel/random/boot_id").read_text().strip()
-    except OSError:
-        return ""
 
 
 def _command_line(pid: int) -> tuple[str, ...]:
@@ -135,7 +128,7 @@ class Stop:
 
 def mark(layout: Layout) -> Diagnostic | None:
     """Say that a person wants the endpoint stopped; why it could not be said, None when it is."""
-    document = {"format": 1, "by": _person(), "at": datetime.now(UTC).isoformat(timespec="seconds")}
+    document = {"format": 1, "by": _person(), "at": clock.stamp()}
     try:
         private_folder(layout.run)
     except OSError as problem:

@@ -5,8 +5,8 @@ One question at a time, and the same one as long as the hardware and the reason 
 
 import json
 from dataclasses import asdict, dataclass
-from datetime import UTC, datetime
 
+from octoform.base.clock import stamp
 from octoform.base.digest import of_value
 from octoform.base.files import parse
 from octoform.diagnostics import Diagnostic
@@ -44,7 +44,7 @@ def ask(layout: Layout, question: Question) -> tuple[bool, Diagnostic | None]:
         "format": FORMAT,
         **asdict(question),
         "hardware": question.hardware[:MOST],
-        "at": datetime.now(UTC).isoformat(timespec="seconds"),
+        "at": stamp(),
         "question": question.text,
     }
     layout.daemon.mkdir(mode=0o700, parents=True, exist_ok=True)

@@ -13,6 +13,7 @@ from typing import Any
 from octoform.apply.stage.attempt_record import state_usage
 from octoform.apply.stage.spec_copy import FILE_NAME as SPEC_COPY
 from octoform.apply.stage.spec_copy import MOST_SPEC_BYTES, unified
+from octoform.base.clock import stamp
 from octoform.diagnostics import Diagnostic, Severity, error, from_json
 from octoform.harness import transcript
 from octoform.harness.containment import orphans
@@ -182,7 +183,7 @@ def _so_far(folder: Path, state: str) -> AttemptRecord:
         role=role or "stage",
         harness=harness or "",
         model=model,
-        started_at=began.isoformat(timespec="seconds").replace("+00:00", "Z"),
+        started_at=stamp(began),
         seconds=round(seconds, 3),
         reason=state,
         turns=turns,

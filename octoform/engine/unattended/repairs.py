@@ -8,9 +8,9 @@ import shutil
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from datetime import UTC, datetime
 from pathlib import Path
 
+from octoform.base import clock
 from octoform.contracts.artifact_parser import parse
 from octoform.diagnostics import Diagnostic, has_errors
 from octoform.endpoint.client.check import check, judge_check
@@ -136,7 +136,7 @@ def _holds(layout: Layout) -> bool:
 
 def _mend_folder(layout: Layout, folder: Path, files: cache.Files, done: Mended, *, hold: bool) -> None:
     """Put the damaged ones of these files back; an edited one only where nothing has to ``hold`` it."""
-    stamp = datetime.now(UTC).strftime("%Y-%m-%dT%H:%M:%S.%fZ")
+    stamp = clock.stamp(digits=6)
     _free(layout, folder, stamp, done)
     for name, data in files.items():
         path = folder / name

@@ -16,7 +16,7 @@ from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from octoform.base import files, processes
+from octoform.base import clock, files, processes
 from octoform.base.place import KEY, is_from, place_of
 from octoform.base.processes import process_stat
 from octoform.harness.containment.agent_environment import ATTEMPT, remove_private
@@ -151,7 +151,7 @@ def write(workdir: Path, record: Record) -> None:
         "supervisor": {"pid": record.pid, "start": record.start},
         "ended": record.ended,
         KEY: place_of(workdir),
-        "written_at": time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime()),
+        "written_at": clock.stamp(),
     }
     files.make_way(workdir / RECORD)
     files.replace(workdir / RECORD, json.dumps(value).encode())

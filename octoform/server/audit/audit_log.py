@@ -20,7 +20,7 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
-from octoform.base import locks
+from octoform.base import clock, locks
 
 from .chain import LOG, LONGEST_LINE, ORIGIN, RECORD, SEAL, SEAL_BYTES, Verdict, rule, sealed, verify
 
@@ -86,7 +86,6 @@ class Audit:
         self._open = False
         self._size = -1
         self._seq, self._hash = 0, ORIGIN
-        self._second, self._clock = -1, ""
 
     @classmethod
     def open(cls, folder: Path, rotate_bytes: int = ROTATE_BYTES, witness: Path | None = None) -> "Audit":
@@ -289,11 +288,7 @@ class Audit:
         self._log, self._size = fresh, -1
 
     def _now(self) -> str:
-        moment = time.time()
-        second = int(moment)
-        if second != self._second:
-            self._second, self._clock = second, time.strftime("%Y-%m-%dT%H:%M:%S", time.gmtime(second))
-        return f"{self._clock}.{int(moment % 1 * 1000):03d}Z"
+        return clock.stamp(digits=3)
 
 
 def _last(log: int, size: int) -> tuple[int, str, bytes, bool]:

@@ -24,6 +24,7 @@ from mcp_types import (
 )
 from pydantic import AnyUrl
 
+from octoform.base.clock import stamp
 from octoform.server.process.device_presence import Presence
 from octoform.server.process.principal import current
 
@@ -162,7 +163,7 @@ def _missing(uri: str, text: str) -> MCPError:
 
 
 def _time(frame: Frame) -> str:
-    return frame.taken.isoformat(timespec="milliseconds")
+    return stamp(frame.taken, 3)
 
 
 def _frame_resource(tool: str, frame: Frame) -> Resource:

@@ -7,12 +7,12 @@ latched, readable or not: a damaged latch must never set an arm free. Latching n
 import contextlib
 import json
 import os
-import time
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from octoform.base import files
+from octoform.base import clock, files
+from octoform.base.clock import stamp
 from octoform.base.locks import acquire, lock_file
 
 _TEXT = 500
@@ -58,7 +58,7 @@ class Latch:
 
         OSError when no file can be made; the latch then holds in this object, hence in this process alone.
         """
-        estop = Estop(by[:_TEXT], reason[:_TEXT], _utc(time.time()))
+        estop = Estop(by[:_TEXT], reason[:_TEXT], stamp())
         try:
             self.path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
             self._create(estop)
@@ -138,12 +138,8 @@ class Latch:
             return Estop(str(words["by"]), str(words["reason"]), str(words["since"]))
         except (OSError, ValueError, LookupError, TypeError) as problem:
             reason = f"the latch {self.path} is there but cannot be read ({type(problem).__name__})"
-            return Estop("unknown", reason, _utc(changed))
+            return Estop("unknown", reason, clock.stamp(changed))
 
 
 def _stamp(status: os.stat_result) -> tuple[int, int, int]:
     return status.st_ino, status.st_mtime_ns, status.st_size
-
-
-def _utc(moment: float) -> str:
-    return time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime(moment))

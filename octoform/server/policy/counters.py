@@ -20,7 +20,7 @@ from pathlib import Path
 from typing import Any
 
 from octoform.base import files
-from octoform.server.process.instance_lock import boot
+from octoform.base.clock import boot_id
 
 HEADER = {"format": 1}
 _COMPACT_BYTES = 262_144
@@ -66,7 +66,7 @@ class Counters:
     def __init__(self, path: Path, names: set[str], clock: Callable[[], float], wall: Callable[[], float]) -> None:
         self.names = frozenset(names)
         self.damage = ""
-        self._path, self._clock, self._wall, self._boot = path, clock, wall, boot()
+        self._path, self._clock, self._wall, self._boot = path, clock, wall, boot_id()
         self._used: dict[str, Used] = {}
         self._compacted = 0
         """Bytes of the file when it was last written as a whole."""

@@ -11,13 +11,13 @@ Readings and tools that stop are never restricted, whatever the file says.
 import enum
 import os
 import threading
-import time
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from collections.abc import Set as AbstractSet
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from octoform.base.clock import boot_id, boottime
 from octoform.base.files import read_json
 from octoform.server.process.stderr_log import say
 
@@ -29,7 +29,6 @@ SIZE = 4 * 1024 * 1024
 LONGEST = 25 * 3600.0
 """Seconds beyond which no end is believed: octoform lets no claim hold longer than a day without a new reading."""
 SHOWN = 200
-_BOOT = Path("/proc/sys/kernel/random/boot_id")
 
 Tell = Callable[[str, Mapping[str, Any]], None]
 """Hears an event's name and its fields, for the audit log."""
@@ -158,7 +157,7 @@ class Restrictions:
     ) -> None:
         self._place = None if path is None else str(path)
         self._tell, self._clock, self._ledger = tell, clock or boottime, ledger
-        self._boot = this_boot() if boot is None else boot
+        self._boot = boot_id() if boot is None else boot
         self._lock = threading.Lock()
         self._seen: tuple[int, int, int] | None = None
         self._entries: tuple[Entry, ...] = ()
@@ -246,20 +245,6 @@ class Restrictions:
             for entry in entries:
                 if _same(entry) not in others:
                     self._tell(event, {name: value for name, value in entry.shown(0).items() if name != "seconds"})
-
-
-def boottime() -> float:
-    """Seconds since the machine was started, those of its sleep counted."""
-    clock = getattr(time, "CLOCK_BOOTTIME", None)
-    return time.monotonic() if clock is None else time.clock_gettime(clock)
-
-
-def this_boot() -> str:
-    """Which start of the machine this is; empty where the system does not say."""
-    try:
-        return _BOOT.read_text().strip()
-    except OSError:
-        return ""
 
 
 def _entry(item: Mapping[str, Any]) -> Entry:

@@ -8,11 +8,10 @@ import contextlib
 import json
 import os
 import secrets
-from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-from octoform.base import files
+from octoform.base import clock, files
 from octoform.base.locks import acquire, lock_file
 from octoform.base.place import KEY, place_of
 from octoform.base.processes import process_stat
@@ -52,12 +51,12 @@ class Owner:
             "format": 1,
             "pid": os.getpid(),
             "start": start_of(os.getpid()),
-            "boot": boot(),
+            "boot": clock.boot_id(),
             "argv": command_line(os.getpid()),
             "instance": self.instance,
             "mark": os.environ.get(MARK),
             KEY: place_of(self._folder),
-            "since": datetime.now(UTC).isoformat(timespec="seconds"),
+            "since": clock.stamp(),
             **facts,
         }
         self._document = json.dumps(document, indent=1).encode()
@@ -91,14 +90,6 @@ class Owner:
         if self.is_recorded():
             (self._folder / RECORD).unlink(missing_ok=True)
         os.close(self._lock)
-
-
-def boot() -> str:
-    """The kernel's name of this boot; empty where it tells none."""
-    try:
-        return Path("/proc/sys/kernel/random/boot_id").read_text().strip()
-    except OSError:
-        return ""
 
 
 def start_of(pid: int) -> int | None:

@@ -11,6 +11,8 @@ import threading
 import time
 from collections.abc import Callable
 
+from octoform.base.clock import stamp
+
 _NO_ROOM = frozenset({errno.ENOSPC, errno.EDQUOT, errno.EFBIG})
 
 
@@ -19,10 +21,8 @@ def say(text: str) -> None:
 
     Without room on the disk it is lost; every other OSError is raised.
     """
-    now = time.time()
-    stamp = f"{time.strftime('%Y-%m-%dT%H:%M:%S', time.gmtime(now))}.{int(now % 1 * 1000):03d}Z"
     try:
-        print(f"{stamp} octoform: {text}", file=sys.stderr, flush=True)
+        print(f"{stamp(digits=3)} octoform: {text}", file=sys.stderr, flush=True)
     except OSError as problem:
         if problem.errno not in _NO_ROOM:
             raise

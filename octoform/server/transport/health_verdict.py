@@ -9,6 +9,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+from octoform.base.clock import boottime
 from octoform.base.files import read_json
 from octoform.base.locks import is_locked
 
@@ -50,7 +51,7 @@ class Verdict:
             return UNKNOWN
         basis = {"instance": self._instance, "stopped": False, "latched": latched}
         try:
-            fresh = document["uptime"] <= time.clock_gettime(time.CLOCK_BOOTTIME) <= document["until"]
+            fresh = document["uptime"] <= boottime() <= document["until"]
             word = document["status"] if fresh and document["basis"] == basis else UNKNOWN
         except (LookupError, TypeError):
             return UNKNOWN

@@ -16,14 +16,13 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 from urllib.parse import urlsplit
 
-from octoform.base import processes
+from octoform.base import clock, processes
 from octoform.server.process import instance_lock
-from octoform.server.process.instance_lock import boot, start_of
+from octoform.server.process.instance_lock import start_of
 from octoform.server.process.stderr_log import say
 
 from . import termination
@@ -137,7 +136,7 @@ class Tunnel:
         status = process.wait()
         _close(process)
         # The record stays: whoever revokes later looks whether that address is really silent.
-        termination.publish(self._run, {**record, "ended": _now()})
+        termination.publish(self._run, {**record, "ended": clock.stamp()})
         self._changed(None)
         if not self._over():
             last = next((line for line in reversed(lines) if line.strip()), "it printed nothing")
@@ -163,12 +162,12 @@ class Tunnel:
                 "format": 1,
                 "pid": process.pid,
                 "start": start_of(process.pid),
-                "boot": boot(),
+                "boot": clock.boot_id(),
                 "mark": mark,
                 "instance": self._instance,
                 "command": list(command),
                 "url": None,
-                "since": _now(),
+                "since": clock.stamp(),
             }
             termination.publish(self._run, record)
             self._facts = {**self._facts, "starts": self._facts["starts"] + 1}
@@ -238,10 +237,6 @@ def _is_here(host: str, port: int | None, local_url: str) -> bool:
     except ValueError:
         return False
     return address.is_loopback or address.is_unspecified
-
-
-def _now() -> str:
-    return datetime.now(UTC).isoformat(timespec="seconds")
 
 
 def _close(process: "subprocess.Popen[bytes]") -> None:

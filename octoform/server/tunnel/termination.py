@@ -17,16 +17,14 @@ import sys
 import time
 from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass
-from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 from urllib.parse import urlsplit
 
-from octoform.base import processes
+from octoform.base import clock, processes
 from octoform.base.files import make_way, parse, read_json, replace
 from octoform.base.place import KEY, is_from, place_of
 from octoform.base.processes import ProcessStat, process_stat
-from octoform.server.process.instance_lock import boot
 
 RECORD = "tunnel.json"
 REVOKED = "tunnel-revoked.json"
@@ -91,7 +89,7 @@ def publish(run: Path, record: Mapping[str, Any]) -> None:
 
 def forbid(run: Path) -> None:
     """Let no tunnel start from now on."""
-    text = json.dumps({"format": 1, "since": datetime.now(UTC).isoformat(timespec="seconds")})
+    text = json.dumps({"format": 1, "since": clock.stamp()})
     make_way(run / REVOKED)
     replace(run / REVOKED, text.encode())
 
@@ -125,7 +123,7 @@ def end(record: Mapping[str, Any]) -> bool:
 
 def members(record: Mapping[str, Any]) -> Iterator[int]:
     """The live processes that are proved to be the record's, in whatever group or session they are."""
-    if record["boot"] != boot():
+    if record["boot"] != clock.boot_id():
         return
     leader, mark = int(record["pid"]), str(record["mark"])
     found = {int(entry.name): _stat(int(entry.name)) for entry in _PROC.iterdir() if entry.name.isdigit()}

@@ -40,7 +40,7 @@ _Index = dict[str, list[dict[str, str]]]
 
 
 def folder_digest(files: Files) -> str:
-    """The digest by which a node's files are known: `octoform.state.artifacts.accepted.file_digest` of the same files."""
+    """The digest by which a node's files are known: that of `artifacts.accepted.file_digest` for the same files."""
     return digest.of_value({name: digest.of_bytes(data) for name, data in files.items()})
 
 
@@ -226,7 +226,7 @@ def set_aside(layout: Layout, path: Path, stamp: str, why: Damage) -> tuple[Path
     """
     if not os.path.lexists(path):
         return None, None
-    # What somebody wrote into a committed file may be work, and is kept; what octoform alone writes is no place for any.
+    # What somebody wrote into a committed file may be work, and is kept; octoform alone writes the other files.
     kind = "edited" if why is Damage.EDITED and path.is_relative_to(layout.committed) else "damaged"
     try:
         inside = path.relative_to(layout.project)

@@ -12,11 +12,11 @@ from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
 
+from octoform.state.git.head import repository
 from octoform.state.git.repository import kept
 from octoform.state.layout import Layout
 from octoform.state.model import NodeState, Status
 from octoform.state.store.snapshot import read_snapshot
-from octoform.state.git.head import repository
 
 STAGES = ("identify", "interface", "serve", "deploy")
 """PROBE is left out: it tells the instances of its own host, which no other host can."""

@@ -35,8 +35,13 @@ _PROGRAM = re.compile(
     r"|gpg\.ssh\.defaultkeycommand|trailer\..*\.(cmd|command)|credential\..*\.helper)",
     re.DOTALL,
 )
-"""Keys with a name in their middle, or whose value is the person's own where it is not the repository's (git-config)."""
-_PLAIN = {"gpg.program": "gpg", "gpg.openpgp.program": "gpg", "gpg.x509.program": "gpgsm", "gpg.ssh.program": "ssh-keygen"}
+"""Keys with a name in their middle, or whose value is the person's where it is not the repository's (git-config)."""
+_PLAIN = {
+    "gpg.program": "gpg",
+    "gpg.openpgp.program": "gpg",
+    "gpg.x509.program": "gpgsm",
+    "gpg.ssh.program": "ssh-keygen",
+}
 
 
 class RepositoryRefused(Exception):
@@ -49,7 +54,7 @@ def command(root: str, environment: Mapping[str, str]) -> list[str]:
     ``environment`` is that of the call. OSError where there is no git, RepositoryRefused where a program cannot be
     switched off.
     """
-    words = ["git", "-C", os.path.abspath(root), "--no-pager", "--no-optional-locks"]
+    words = ["git", "-C", str(Path(root).absolute()), "--no-pager", "--no-optional-locks"]
     for setting in _OFF:
         words += ["-c", setting]
     named = [key for key in _listed(words, root, environment) if _PROGRAM.fullmatch(key)]

@@ -4,10 +4,11 @@ A plan names the revision it reads; starting git or importing a library for that
 with nothing to do. What these files do not tell (an unborn branch, a ref store of another kind) is None. Light.
 """
 
-from octoform.base.files import head, read
 import re
 from dataclasses import dataclass
 from pathlib import Path
+
+from octoform.base.files import head, read
 
 _REVISION = re.compile(r"^(?:[0-9a-f]{40}|[0-9a-f]{64})$")
 _DEPTH = 5

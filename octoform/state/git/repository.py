@@ -26,8 +26,25 @@ _INCLUDE = re.compile(r"include(if\..*)?\.path", re.DOTALL)
 _FILES = ("core.attributesfile", "core.excludesfile", "mailmap.file", "commit.template")
 _HOOKS = (
     *("applypatch-msg", "pre-applypatch", "post-applypatch", "pre-commit", "pre-merge-commit", "prepare-commit-msg"),
-    *("commit-msg", "post-commit", "pre-rebase", "post-checkout", "post-merge", "pre-push", "pre-auto-gc", "post-rewrite"),
-    *("pre-receive", "update", "proc-receive", "post-receive", "post-update", "push-to-checkout", "reference-transaction"),
+    *(
+        "commit-msg",
+        "post-commit",
+        "pre-rebase",
+        "post-checkout",
+        "post-merge",
+        "pre-push",
+        "pre-auto-gc",
+        "post-rewrite",
+    ),
+    *(
+        "pre-receive",
+        "update",
+        "proc-receive",
+        "post-receive",
+        "post-update",
+        "push-to-checkout",
+        "reference-transaction",
+    ),
     *("sendemail-validate", "fsmonitor-watchman", "p4-changelist", "p4-prepare-changelist", "p4-post-changelist"),
     *("p4-pre-submit", "post-index-change"),
 )
@@ -115,7 +132,14 @@ def repository_facts(project: Path, paths: Iterable[Path]) -> tuple[GitFacts | N
     inside = _inside(git.where, paths)
     dirty: tuple[str, ...] = ()
     if inside:
-        options = ("--porcelain=v1", "-z", "--no-renames", "--untracked-files=all", "--ignored=matching", "--ignore-submodules=all")
+        options = (
+            "--porcelain=v1",
+            "-z",
+            "--no-renames",
+            "--untracked-files=all",
+            "--ignored=matching",
+            "--ignore-submodules=all",
+        )
         failed, listing, complaints = git.run("status", *options, "--", *inside)
         if failed:
             return None, [_unusable(git.where, complaints)]
@@ -165,7 +189,7 @@ def _named(root: Path, source: Path, key: str, value: str) -> list[Path]:
     """The files that a setting names; an included one lies beside what includes it (git-config(1))."""
     if not value:
         return []
-    home = os.path.expanduser(value)
+    home = os.path.expanduser(value)  # noqa: PTH111 - a user that is not there stays as it is written
     if _INCLUDE.fullmatch(key):
         return [source.parent / home]
     if key == "core.hookspath":

@@ -13,11 +13,11 @@ import time
 import uuid
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from datetime import UTC, datetime
 from pathlib import Path
 from types import TracebackType
 
 from octoform.base import digest, locks
+from octoform.base.clock import stamp
 from octoform.base.files import parse, sync_folder, write_all
 from octoform.base.place import KEY, is_from, place_of
 from octoform.diagnostics import Diagnostic, error
@@ -32,7 +32,7 @@ _FIRST_PAUSE, _LONGEST_PAUSE = 0.1, 2.0
 
 @dataclass(frozen=True, slots=True)
 class Holder:
-    """What the lock file says: the lock's id, who holds it, for which operation, since when (RFC 3339), and in which folder."""
+    """What the lock file says: the lock's id, its holder, the operation, since when (RFC 3339), in which folder."""
 
     id: str
     process: Process
@@ -180,7 +180,7 @@ def is_locked(layout: Layout) -> bool:
 
 def _create(layout: Layout, operation: str, proc: Path) -> Lock:
     """Write the lock file whole and already locked, then give it its name; OSError when the disk refuses."""
-    created = datetime.now(UTC).strftime("%Y-%m-%dT%H:%M:%SZ")
+    created = stamp()
     holder = Holder(str(uuid.uuid4()), myself(proc), operation, created)
     document = {"id": holder.id, **to_json(holder.process), "operation": operation, "created": created}
     document[KEY] = place_of(layout.local)

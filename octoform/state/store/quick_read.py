@@ -4,12 +4,12 @@ A no-op plan may not wait for a validation library. The checks here are those of
 state, of this host, of a format that is understood); the heavy reader adds the fields. Light.
 """
 
-from octoform.base import files
 import json
 import re
 from pathlib import Path
 from typing import Any
 
+from octoform.base import files
 from octoform.diagnostics import Diagnostic, error
 from octoform.state.files import read_regular, shown
 from octoform.state.layout import Layout

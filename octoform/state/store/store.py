@@ -8,10 +8,10 @@ state with some nodes marked `interrupted`, or the new state. (Heavy: pydantic m
 import uuid
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
-from datetime import UTC, datetime
 from typing import Any
 
 from octoform import __version__
+from octoform.base.clock import stamp
 from octoform.diagnostics import Diagnostic, error, has_errors, to_json
 from octoform.state import files, model
 from octoform.state.files import (
@@ -33,11 +33,6 @@ _FAILURES_KEPT = 20
 _TEXT_KEPT = 4000
 
 
-def now() -> str:
-    """The present time as RFC 3339, UTC, to the second."""
-    return datetime.now(UTC).strftime("%Y-%m-%dT%H:%M:%SZ")
-
-
 @dataclass(frozen=True, slots=True)
 class Context:
     """What is true of a whole run: recorded in the snapshot, but no reason for a new serial (the manifest is one)."""
@@ -52,7 +47,7 @@ class Ports:
     """What a test may replace: the crash points and the clock."""
 
     checkpoint: Checkpoint = pass_by
-    clock: Callable[[], str] = field(default=now)
+    clock: Callable[[], str] = field(default=stamp)
 
 
 class StateStore:

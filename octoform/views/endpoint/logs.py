@@ -6,9 +6,10 @@ import select
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any
 
+from octoform.base.clock import stamp
 from octoform.base.escaping import escaped, escaped_json
 from octoform.endpoint.client.terminal import BEFOREHAND
-from octoform.endpoint.observe.logs import SERVER, Line, moment
+from octoform.endpoint.observe.logs import SERVER, Line
 from octoform.engine.inspect.state import Entry
 from octoform.views.format.console import Console
 from octoform.views.format.output import document
@@ -40,14 +41,14 @@ def nothing(console: Console) -> None:
 def human(console: Console, entries: Iterable[Entry]) -> None:
     """A line for each entry."""
     for entry in entries:
-        stamp = console.paint(moment(entry.at), "dim")
-        console.line(f"{stamp}  {_call(console, entry) if entry.call is not None else _other(console, entry.line)}")
+        at = console.paint(stamp(entry.at, 3), "dim")
+        console.line(f"{at}  {_call(console, entry) if entry.call is not None else _other(console, entry.line)}")
 
 
 def machine(console: Console, lines: Iterable[Line]) -> None:
     """An object for each line, as it stands in the call log; what was printed has ``time`` and ``text``."""
     for line in lines:
-        told = line.record or {"time": moment(line.at), "text": line.text}
+        told = line.record or {"time": stamp(line.at, 3), "text": line.text}
         console.raw(escaped_json(json.dumps({"log": line.log, **told}, ensure_ascii=False)))
 
 

@@ -6,6 +6,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 import octoform
+from octoform.base.clock import stamp
 from octoform.base.escaping import escaped_json
 from octoform.diagnostics import Diagnostic, has_errors, to_json
 from octoform.views.format import problems
@@ -92,8 +93,12 @@ class JsonStream:
 
     def emit(self, kind: str, message: str, *, level: str = "info", **fields: object) -> None:
         """One line of type ``kind``."""
-        stamp = self._clock().isoformat(timespec="milliseconds").replace("+00:00", "Z")
-        head: Mapping[str, object] = {"@level": level, "@message": message, "@timestamp": stamp, "type": kind}
+        head: Mapping[str, object] = {
+            "@level": level,
+            "@message": message,
+            "@timestamp": stamp(self._clock(), 3),
+            "type": kind,
+        }
         self._console.raw(escaped_json(json.dumps({**head, **fields}, ensure_ascii=False)))
 
     def diagnostics(self, items: list[Diagnostic] | tuple[Diagnostic, ...]) -> None:

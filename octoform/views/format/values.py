@@ -7,6 +7,7 @@ Tokens and money as words: short enough for a line that moves, honest about what
 
 from datetime import UTC, datetime
 
+from octoform.base.clock import parse_stamp
 from octoform.base.escaping import escaped
 
 
@@ -47,7 +48,7 @@ def money(dollars: float) -> str:
 
 def clock(stamp: str, now: datetime | None = None) -> str:
     """The local time of an RFC 3339 stamp: ``03:12:40``, on another day with its date; the text where it is none."""
-    at = _parsed(stamp)
+    at = parse_stamp(stamp)
     if at is None:
         return one_line(stamp, 30)
     local = at.astimezone()
@@ -57,7 +58,7 @@ def clock(stamp: str, now: datetime | None = None) -> str:
 
 def ago(stamp: str, now: datetime | None = None) -> str:
     """How long that is ago, ``2 h 5 min``; empty where the stamp is none or lies ahead."""
-    at = _parsed(stamp)
+    at = parse_stamp(stamp)
     seconds = ((now or datetime.now(UTC)) - at).total_seconds() if at is not None else -1.0
     return length(seconds) if seconds >= 0 else ""
 
@@ -70,14 +71,6 @@ def length(seconds: float) -> str:
     units = (("d", whole // 86400), ("h", whole // 3600 % 24), ("min", whole // 60 % 60), ("s", whole % 60))
     first = next(index for index, (_, count) in enumerate(units) if count)
     return " ".join(f"{count} {unit}" for unit, count in units[first : first + 2] if count)
-
-
-def _parsed(stamp: str) -> datetime | None:
-    try:
-        at = datetime.fromisoformat(stamp)
-    except ValueError:
-        return None
-    return at if at.tzinfo is not None else at.replace(tzinfo=UTC)
 
 
 def escape(text: str) -> str:

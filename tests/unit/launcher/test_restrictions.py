@@ -9,7 +9,8 @@ from typing import Any
 import pytest
 from ledgers import ARM, Bench, Clock
 
-from octoform.server.policy.restrictions import LONGEST, NAME, Restrictions, Subject, boottime
+from octoform.base.clock import boottime
+from octoform.server.policy.restrictions import LONGEST, NAME, Restrictions, Subject
 from octoform.server.policy.tool_policy import Units
 
 ENTRY: dict[str, Any] = {

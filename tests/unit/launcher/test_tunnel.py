@@ -15,7 +15,7 @@ from pathlib import Path
 import pytest
 from web_doors import ALL, INSTANCE, Door, door, until, write_tokens
 
-from octoform.server.process.instance_lock import boot
+from octoform.base.clock import boot_id
 from octoform.server.tunnel import supervisor as tunnel
 from octoform.server.tunnel import termination
 from octoform.server.tunnel.supervisor import Tunnel, public_address
@@ -130,7 +130,7 @@ def test_what_another_start_left_behind_is_ended_first(tmp_path: Path) -> None:
     environment = {**os.environ, termination.MARK: "f" * 16}
     left = subprocess.Popen([sys.executable, "-c", "import time; time.sleep(60)"], env=environment)
     try:
-        record = {"pid": 1 << 22, "start": 1, "boot": boot(), "mark": "f" * 16, "instance": "before", "url": None}
+        record = {"pid": 1 << 22, "start": 1, "boot": boot_id(), "mark": "f" * 16, "instance": "before", "url": None}
         (tmp_path / "run" / "tunnel.json").write_text(json.dumps(record))
         with opened(tmp_path) as found:
             assert found.url
@@ -155,7 +155,7 @@ def test_refusal_through_a_tunnel_that_filters_headers_is_an_answer_too(
 def gone_tunnel(run: Path, **more: object) -> None:
     """The record of a tunnel whose processes have ended, and whose address nobody answers."""
     url = "http://words.localhost:9"
-    record = {"pid": 1 << 22, "start": 1, "boot": boot(), "mark": "0" * 16, "instance": INSTANCE, "url": url, **more}
+    record = {"pid": 1 << 22, "start": 1, "boot": boot_id(), "mark": "0" * 16, "instance": INSTANCE, "url": url, **more}
     (run / "tunnel.json").write_text(json.dumps(record))
 
 

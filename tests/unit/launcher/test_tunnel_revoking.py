@@ -15,10 +15,11 @@ import pytest
 from launched import LOOPBACK, Launched, launched, tool
 from web_doors import until
 
+from octoform.base.clock import boot_id
 from octoform.cli.main import main
 from octoform.endpoint.access import tunnel
 from octoform.engine.safety import person
-from octoform.server.process.instance_lock import boot, start_of
+from octoform.server.process.instance_lock import start_of
 from octoform.server.tunnel import termination
 
 PROGRAM = str(Path(__file__).parents[2] / "support" / "local_tunnel.py")
@@ -95,7 +96,7 @@ def test_tunnel_that_outlived_its_endpoint_is_ended(tmp_path: Path, capsys: pyte
     record = {
         "pid": left.pid,
         "start": start_of(left.pid),
-        "boot": boot(),
+        "boot": boot_id(),
         "mark": "0" * 16,
         "instance": "i",
         "url": None,
@@ -133,7 +134,7 @@ def test_address_that_still_answers_is_no_proof(tmp_path: Path, capsys: pytest.C
     with HTTPServer(("127.0.0.1", 0), _Edge) as edge:
         threading.Thread(target=edge.serve_forever, daemon=True).start()
         url = f"http://words.localhost:{edge.server_port}"
-        record = {"pid": 1 << 22, "start": 1, "boot": boot(), "mark": "0" * 16, "instance": "i", "url": url}
+        record = {"pid": 1 << 22, "start": 1, "boot": boot_id(), "mark": "0" * 16, "instance": "i", "url": url}
         (run / "tunnel.json").write_text(json.dumps(record))
         assert main([f"-chdir={tmp_path}", "revoke"]) == 1
         edge.shutdown()
@@ -148,7 +149,7 @@ def test_address_that_was_never_heard_is_no_proof(tmp_path: Path, capsys: pytest
     run = tmp_path / ".octoform" / "bench" / "run"
     run.mkdir(parents=True)
     url = "http://words.localhost:9"
-    record = {"pid": 1 << 22, "start": 1, "boot": boot(), "mark": "0" * 16, "instance": "i", "url": url}
+    record = {"pid": 1 << 22, "start": 1, "boot": boot_id(), "mark": "0" * 16, "instance": "i", "url": url}
     (run / "tunnel.json").write_text(json.dumps(record))
     assert main([f"-chdir={tmp_path}", "revoke"]) == 1
     assert f"{url} was never heard to answer as this endpoint from here" in capsys.readouterr().err

@@ -23,7 +23,7 @@ class Planted:
         self.mark = root.parent / "ran"
         self.program = root.parent / "program"
         root.mkdir()
-        self.program.write_text(f"#!/bin/sh\necho \"$0 $*\" >> {self.mark}\ncat\n")
+        self.program.write_text(f'#!/bin/sh\necho "$0 $*" >> {self.mark}\ncat\n')
         self.program.chmod(0o755)
         self.git("init", "-q", "-b", "main")
         self.git("config", "user.name", "Ada")
@@ -111,7 +111,7 @@ def aliases(planted: Planted) -> None:
 
 def included(planted: Planted) -> None:
     other = planted.root.parent / "more.config"
-    other.write_text(f"[core]\n\tfsmonitor = {planted.program}\n[filter \"x\"]\n\tclean = {planted.program}\n")
+    other.write_text(f'[core]\n\tfsmonitor = {planted.program}\n[filter "x"]\n\tclean = {planted.program}\n')
     (planted.root / ".git" / "info" / "attributes").write_text("* filter=x\n")
     planted.git("config", "include.path", str(other))
 

@@ -11,8 +11,8 @@ from pathlib import Path
 
 import pytest
 
-from octoform.state.lock_holder import Liveness, Process, liveness, myself, start_time
 from octoform.state.layout import Layout
+from octoform.state.lock_holder import Liveness, Process, liveness, myself, start_time
 from octoform.state.store.lock import Holder, Lock, Waiting, acquire, force_unlock, read_holder
 
 

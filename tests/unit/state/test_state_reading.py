@@ -6,12 +6,12 @@ from pathlib import Path
 
 import pytest
 
+from octoform.base.files import read, read_json
 from octoform.endpoint.environment.model import MARKER, at
 from octoform.endpoint.files import POLICY, file_digest, files_below, folder_digest, read_manifest
-from octoform.endpoint.publish.expected_tools import published
 from octoform.endpoint.process.record import running
+from octoform.endpoint.publish.expected_tools import published
 from octoform.state.layout import Layout
-from octoform.base.files import read, read_json
 
 DEEP = "[" * 100_000
 

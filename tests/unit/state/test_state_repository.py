@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from octoform.state.git.repository import commit, repository_facts
 from octoform.state.git.head import head_revision
+from octoform.state.git.repository import commit, repository_facts
 
 TRAILERS = {"Octoform-Host": "bench", "Octoform-Serial": "3"}
 

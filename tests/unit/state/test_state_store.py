@@ -12,11 +12,11 @@ from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, rule
 
 from octoform.diagnostics import Diagnostic, error, has_errors
+from octoform.state.layout import Layout
+from octoform.state.model import GitRecord, NodeState, Snapshot, Status, encode, state_digest
 from octoform.state.store import journal
 from octoform.state.store import store as stores
 from octoform.state.store.journal import Reading
-from octoform.state.layout import Layout
-from octoform.state.model import GitRecord, NodeState, Snapshot, Status, encode, state_digest
 from octoform.state.store.quick_read import backup_path, peek
 from octoform.state.store.store import Context, Ports, StateStore
 

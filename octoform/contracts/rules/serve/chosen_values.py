@@ -7,7 +7,7 @@ is a state, a boolean or a word. A count or a level of a few steps may be chosen
 import ast
 from collections.abc import Iterable, Iterator
 
-from octoform.base.unit_names import last_word, unit_of_name, unit_of_text
+from octoform.base.quantities import last_word, unit_of_name, unit_of_text
 from octoform.contracts.rules.serve.flow import Flow
 from octoform.contracts.server_source import Source
 

@@ -8,7 +8,7 @@ import re
 from collections.abc import Iterator
 from typing import Any
 
-from octoform.base.unit_names import unit_in, unit_of_name
+from octoform.base.quantities import unit_in, unit_of_name
 from octoform.contracts.model import Artifacts, Rule
 from octoform.contracts.rules.serve.chosen_values import Chosen, is_measured
 from octoform.contracts.rules.serve.flow import Flow
