@@ -6,6 +6,7 @@ into a large value, and nothing is ever constructed but text, numbers, booleans,
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -64,21 +65,28 @@ def read(path: Path, code: str) -> tuple[Document | None, list[Diagnostic]]:
 
 def parse(path: Path, text: str, code: str) -> tuple[Document | None, list[Diagnostic]]:
     """The text of a file as a document; see `read`."""
+    document, found = _parsed(path, text, code)
+    return document, list(found)
+
+
+@lru_cache(maxsize=64)
+def _parsed(path: Path, text: str, code: str) -> tuple[Document | None, tuple[Diagnostic, ...]]:
+    """A run comes back to the same files again and again, and to parse one takes as long as a short plan."""
     lines = text.split("\n")
     if lines[0].rstrip() != FENCE:
         hint = f"begin the file with a line {FENCE}, the fields, and another line {FENCE}"
         where = Span(1, 1)
-        return None, [error(code, "there is no front matter", path=str(path), span=where, source=lines[0], hint=hint)]
+        return None, (error(code, "there is no front matter", path=str(path), span=where, source=lines[0], hint=hint),)
     end = next((number for number, line in enumerate(lines[1:], 1) if line.rstrip() == FENCE), None)
     if end is None:
         hint = f"close it with a line {FENCE}"
-        return None, [error(code, "the front matter has no end", path=str(path), span=Span(1, 1), hint=hint)]
+        return None, (error(code, "the front matter has no end", path=str(path), span=Span(1, 1), hint=hint),)
     body = "\n".join(lines[end + 1 :]).lstrip("\n")
     reading = _Reading(path, text, code)
     fields = reading.fields("\n".join(["", *lines[1:end]]) + "\n")
     if reading.found:
-        return None, reading.found
-    return Document(path, text, body, fields, reading.places), []
+        return None, tuple(reading.found)
+    return Document(path, text, body, fields, reading.places), ()
 
 
 class _Reading:

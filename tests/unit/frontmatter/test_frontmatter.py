@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from octoform import frontmatter
-from octoform.diagnostics import Span
+from octoform.diagnostics import Span, error
 
 PATH = Path("spec.md")
 
@@ -78,3 +78,12 @@ def test_any_text_is_a_document_or_a_diagnostic(text: str) -> None:
     for candidate in (text, f"---\n{text}\n---\nbody"):
         document, found = frontmatter.parse(PATH, candidate, "CODE")
         assert (document is None) == bool(found)
+
+
+def test_the_same_text_is_parsed_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    text = "---\nname: the same\n---\nbody\n"
+    document, found = frontmatter.parse(PATH, text, "CODE")
+    monkeypatch.setattr(frontmatter, "YAML", None)  # it is not asked again
+    assert frontmatter.parse(PATH, text, "CODE") == (document, found)
+    found.append(error("CODE", "of who asked first"))
+    assert frontmatter.parse(PATH, text, "CODE") == (document, [])
