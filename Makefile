@@ -14,6 +14,7 @@
 # make lock        renew the lock files of .ci/ from pyproject.toml
 
 PYTHON := .venv/bin/python
+FROM_TESTS := PYTHONPATH=tests:tests/support $(PYTHON)
 HARNESSES := pi
 CLIENTS :=
 ALL_HARNESSES := pi opencode claude-code codex gemini-cli qwen-code
@@ -53,13 +54,13 @@ test-harnesses: programs
 DEVICES := $(if $(SAMPLE),250,10000)
 recordings:
 	@.ci/setup recordings
-	@$(PYTHON) tests/recordings/run.py $(DIR) $(if $(SAMPLE),--sample $(SAMPLE))
-	@$(PYTHON) tests/recordings/generated.py --devices $(DEVICES)
+	@$(FROM_TESTS) -m recordings.run $(DIR) $(if $(SAMPLE),--sample $(SAMPLE))
+	@$(FROM_TESTS) -m recordings.generated --devices $(DEVICES)
 
 ARCHES := amd64 arm64
 vm:
 	@.ci/setup vm
-	@PYTHONPATH=tests $(PYTHON) -m vm.image $(ARCHES)
+	@$(FROM_TESTS) -m vm.image $(ARCHES)
 	@$(PYTHON) -m pytest -n0 -v --durations=5 -m vm -k "$(subst $() $(), or ,$(strip $(ARCHES)))" -o faulthandler_timeout=0 tests/vm
 
 TIMES := 5
@@ -68,7 +69,7 @@ MUTATIONS := 200
 SEED := 1
 WORKERS := 2
 SECONDS := 3600
-CAMPAIGN := PYTHONPATH=tests:tests/support $(PYTHON) -m campaign
+CAMPAIGN := $(FROM_TESTS) -m campaign
 faults: setup
 	@$(CAMPAIGN).run --times $(TIMES) --only $(ONLY)
 	@$(CAMPAIGN).mutations --mutations $(MUTATIONS) --seed $(SEED) --workers $(WORKERS) --only $(ONLY)

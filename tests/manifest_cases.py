@@ -13,6 +13,7 @@ import shutil
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 FOLDER = Path(__file__).parent / "cases" / "manifest"
 MANIFEST = "octopus.yaml"
@@ -35,8 +36,9 @@ class Case:
         return json.loads(file.read_text("utf-8")) if file.exists() else {}
 
     @property
-    def expected(self) -> Mapping[str, object]:
-        return json.loads((self.folder / "expected.json").read_text("utf-8"))
+    def expected(self) -> Mapping[str, Any]:
+        found: Mapping[str, Any] = json.loads((self.folder / "expected.json").read_text("utf-8"))
+        return found
 
     @property
     def rendered(self) -> str:

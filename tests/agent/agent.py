@@ -33,7 +33,9 @@ import shutil
 import subprocess
 import sys
 import time
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 GOOD = Path(__file__).parent / "good"
 NAMES = {"serve": "server.py"}
@@ -54,7 +56,7 @@ def found(name: str) -> str:
     return importlib.metadata.version(name)
 
 
-def mutate(stage: str, changes: list[list[object]]) -> str:
+def mutate(stage: str, changes: list[list[Any]]) -> str:
     """Each change is [path, value]; a value of "__drop__" removes."""
     document = json.loads(good(stage))
     for path, value in changes:
@@ -75,11 +77,12 @@ def leave_grandchild(seconds: float) -> None:
     process = subprocess.Popen(
         [sys.executable, "-c", SLEEPER.format(seconds)], start_new_session=True, stdout=subprocess.PIPE, text=True
     )
+    assert process.stdout is not None
     process.stdout.readline()
     Path("grandchild.pid").write_text(str(process.pid))
 
 
-def leak(stage: str, behaviour: dict[str, object]) -> str:
+def leak(stage: str, behaviour: dict[str, Any]) -> str:
     """The good output with the value of a variable in the text of its first device."""
     value = os.environ[behaviour["leak"]]
     place = ["devices", 0, "identified_as" if stage == "identify" else "raw_descriptor"]
@@ -98,7 +101,7 @@ def fill_disk(path: Path) -> None:
                 continue
 
 
-def speak(behaviour: dict[str, object]) -> None:
+def speak(behaviour: dict[str, Any]) -> None:
     if "say" in behaviour:
         print(behaviour["say"], flush=True)
     if "echo" in behaviour:
@@ -111,7 +114,7 @@ def speak(behaviour: dict[str, object]) -> None:
         sys.stdout.buffer.flush()
 
 
-def leave(behaviour: dict[str, object]) -> None:
+def leave(behaviour: dict[str, Any]) -> None:
     if "children" in behaviour:
         leave_children(behaviour["children"])
     if "replace_spec" in behaviour:
@@ -123,7 +126,12 @@ def leave(behaviour: dict[str, object]) -> None:
 def replace_spec(kind: str, target: str) -> None:
     copy = Path("spec.md")
     copy.unlink()
-    {"pipe": lambda: os.mkfifo(copy), "folder": copy.mkdir, "link": lambda: copy.symlink_to(target)}[kind]()
+    made: dict[str, Callable[[], object]] = {
+        "pipe": lambda: os.mkfifo(copy),
+        "folder": copy.mkdir,
+        "link": lambda: copy.symlink_to(target),
+    }
+    made[kind]()
 
 
 def name_all(name: str, output: Path) -> None:
@@ -164,7 +172,7 @@ def write_if_spec_holds(text: str, stage: str, output: Path) -> None:
 
 
 # What may stand in the place of the good output; the first that a behaviour names is done.
-OUTPUTS = {
+OUTPUTS: dict[str, Callable[[Any, str, Path], object]] = {
     "remove": remove,
     "sparse": write_sparse,
     "bytes": lambda text, stage, output: output.write_bytes(bytes.fromhex(text)),
@@ -178,7 +186,7 @@ OUTPUTS = {
 }
 
 
-def write_output(behaviour: dict[str, object], stage: str, output: Path) -> None:
+def write_output(behaviour: dict[str, Any], stage: str, output: Path) -> None:
     chosen = next((name for name in OUTPUTS if name in behaviour), None)
     if "leak" in behaviour:
         output.write_text(leak(stage, behaviour))
@@ -188,7 +196,7 @@ def write_output(behaviour: dict[str, object], stage: str, output: Path) -> None
         output.write_text(good(stage))
 
 
-def edit_spec(behaviour: dict[str, object]) -> None:
+def edit_spec(behaviour: dict[str, Any]) -> None:
     spec = Path("spec.md")
     if "edit_spec" in behaviour:
         spec.chmod(0o644)
@@ -205,7 +213,7 @@ def rewrite(changes: list[list[str]]) -> None:
         server.write_text(text.replace(old, new))
 
 
-def act(behaviour: dict[str, object], stage: str, output: Path) -> None:
+def act(behaviour: dict[str, Any], stage: str, output: Path) -> None:
     speak(behaviour)
     leave(behaviour)
     if "ballast" in behaviour:
@@ -224,7 +232,7 @@ def act(behaviour: dict[str, object], stage: str, output: Path) -> None:
     sys.exit(behaviour.get("exit", 0))
 
 
-def name_of(task: dict[str, object]) -> str:
+def name_of(task: dict[str, Any]) -> str:
     """``STAGE:told`` is a stage whose output a later one found at fault."""
     told = "it was found at fault when it was tried" in Path("prompt.md").read_text()
     return f"{task['stage']}:told" if told else str(task["stage"])

@@ -7,6 +7,7 @@ which they are written down, and whether the endpoint works is tried as a client
 import json
 import os
 import signal
+import socket
 import subprocess
 import time
 from collections.abc import Callable, Iterator
@@ -45,7 +46,7 @@ class Bench:
         self.daemon: subprocess.Popen[str] | None = None
         self.log = project.outside / "watch.log"
         """What the daemons have printed."""
-        self.undo: list[Callable[[], None]] = []
+        self.undo: list[Callable[[], object]] = []
         """What a case made of the world and its `mend` takes back."""
         self.daemons_started = 0
         self.before: dict[str, str] = {}
@@ -53,7 +54,7 @@ class Bench:
         self.nodes: dict[str, Any] = {}
         """The state's nodes before the fault."""
         self.strays: list[subprocess.Popen[bytes]] = []
-        self.holder: Any = None
+        self.holder: socket.socket | None = None
         self.forgets = True
         """False where no fault comes twice, so that none looks like the return of one before."""
         self.closing: Callable[[], object] = lambda: None
@@ -73,7 +74,7 @@ class Bench:
         health.unlink(missing_ok=True)
         log = self.log.open("ab")
         with log:
-            self.daemon = subprocess.Popen(
+            daemon = self.daemon = subprocess.Popen(
                 [*below, str(OCTOFORM), "watch"],
                 cwd=self.project.folder,
                 env=self.project.environment(),
@@ -82,8 +83,8 @@ class Bench:
                 stderr=log,
                 text=True,
             )
-        assert until(lambda: health.exists() or self.daemon.poll() is not None, LONG), "the daemon does not look"
-        assert self.daemon.poll() is None, self.said()
+        assert until(lambda: health.exists() or daemon.poll() is not None, LONG), "the daemon does not look"
+        assert daemon.poll() is None, self.said()
 
     def end_daemon(self, number: int = signal.SIGTERM) -> int:
         """End it and give back its status."""

@@ -86,12 +86,13 @@ def _everything_gone(bench: Bench) -> None:
 def _unknown_board(bench: Bench) -> None:
     """A kind that nobody knows: the scripted agent does not onboard it, so what is there must stay."""
     bench.host._usb("1-6", "00d9", "Unheard Of")
-    bench.undo.append(
-        lambda: (
-            (bench.host.tree.root / "sys/devices/pci0000:00/0000:00:14.0/usb1/1-6").exists()
-            and bench.host.unplug("1-6")
-        )
-    )
+    node = bench.host.tree.root / "sys/devices/pci0000:00/0000:00:14.0/usb1/1-6"
+
+    def undo() -> None:
+        if node.exists():
+            bench.host.unplug("1-6")
+
+    bench.undo.append(undo)
 
 
 def _same_nodes(bench: Bench) -> list[str]:

@@ -37,7 +37,7 @@ def _in_a_call(bench: Bench) -> None:
     path.write_text("200000\n")
     bench.undo.append(lambda: path.exists() and path.write_text("21500\n"))
     client = bench.project.start("call", "wait_for_sensor")
-    bench.undo.append(lambda: (client.kill(), client.wait()))
+    bench.undo += [client.wait, client.kill]  # undone from the end: killed, then waited for
     log = bench.layout.call_log
     size = log.stat().st_size if log.exists() else 0
     until(lambda: log.exists() and log.stat().st_size > size, 20.0)
@@ -71,7 +71,7 @@ def _stale_record(bench: Bench) -> None:
 def innocent(bench: Bench) -> "subprocess.Popen[bytes]":
     """A process that nobody may touch; whoever ends it is found out by `unharmed`."""
     stranger = subprocess.Popen(_SLEEP)
-    bench.undo.append(lambda: (stranger.kill(), stranger.wait()))
+    bench.undo += [stranger.wait, stranger.kill]  # undone from the end: killed, then waited for
     bench.strays.append(stranger)
     return stranger
 

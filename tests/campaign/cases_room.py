@@ -11,6 +11,7 @@ from campaign.model import QUIET, Case
 
 from octoform.daemon.model import Kind, Repair
 from octoform.daemon.triage.process import LEAST_FREE
+from octoform.endpoint.process.record import Running
 
 ROTATED = frozenset({Repair.ROTATE, Repair.RESTART})
 LITTLE = 40_000_000
@@ -105,10 +106,11 @@ def _roomy(bench: Bench) -> bool:
 
 def _holder(bench: Bench) -> None:
     """Another program takes the port while the endpoint is down."""
-    url = bench.process().url
-    port = int(url.split(":")[2].split("/")[0])
-    bench.daemon.send_signal(19)
-    bench.undo.append(partial(bench.daemon.send_signal, 18))  # whatever comes of this, it goes on
+    found, daemon = bench.process(), bench.daemon
+    assert found is not None and daemon is not None
+    port = _port(found)
+    daemon.send_signal(19)
+    bench.undo.append(partial(daemon.send_signal, 18))  # whatever comes of this, it goes on
     end(bench)
     holder = socket.socket()
     holder.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
@@ -116,7 +118,12 @@ def _holder(bench: Bench) -> None:
     holder.listen()
     bench.undo.append(holder.close)
     bench.holder = holder
-    bench.daemon.send_signal(18)
+    daemon.send_signal(18)
+
+
+def _port(found: Running) -> int:
+    assert found.url is not None
+    return int(found.url.split(":")[2].split("/")[0])
 
 
 def _bound(holder: socket.socket, port: int) -> bool:
@@ -130,10 +137,10 @@ def _bound(holder: socket.socket, port: int) -> bool:
 
 def _beside_holder(bench: Bench) -> bool:
     found = bench.process()
-    if found is None or not bench.serves():
+    if found is None or bench.holder is None or not bench.serves():
         return False
     with socket.create_connection(bench.holder.getsockname(), 1.0):
-        return bench.holder.getsockname()[1] != int(found.url.split(":")[2].split("/")[0])
+        return int(bench.holder.getsockname()[1]) != _port(found)
 
 
 CASES = (

@@ -34,7 +34,7 @@ class Case:
     repairs: frozenset[Repair] = frozenset()
     ends: str = REPAIRED
     right: "Callable[[Bench], bool] | None" = None
-    mend: "Callable[[Bench], None] | None" = None
+    mend: "Callable[[Bench], object] | None" = None
     detect: float = 3.0
     repair: float = 15.0
     may_change: tuple[str, ...] = ()

@@ -161,7 +161,7 @@ class Subject:
             Case(inside, mutation.__name__, number), lambda path: mutation(path, path.read_bytes(), chance)
         )
 
-    def judge(self, case: Case, spoils: Callable[[Path], None]) -> Case:
+    def judge(self, case: Case, spoils: Callable[[Path], object]) -> Case:
         """What all commands make of a file that was damaged in this way."""
         path = self.project.folder / case.file
         if not path.is_file() or path.is_symlink():

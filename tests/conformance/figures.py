@@ -1,33 +1,30 @@
 """Prints what the conformance suites and the Inspector say of the two endpoints that the tests judge:
 
-.venv/bin/python tests/conformance/figures.py
+PYTHONPATH=tests:tests/support .venv/bin/python -m conformance.figures
 """
 
-import sys
 from collections.abc import Set
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
-TESTS = Path(__file__).parents[1]
+from conformance import judged
+from conformance.suites import HANDSHAKE, INSPECTOR, LATER
 
 
 def main() -> None:
     """Judge both."""
-    sys.path[:0] = [str(TESTS), str(TESTS / "support")]
-    import judged
-
     with TemporaryDirectory(prefix="octoform-judged-") as name, judged.fixtures(Path(name)) as endpoint:
         print("A server with what the suites ask for by name:")
-        _all(judged.HANDSHAKE.version, judged.released(endpoint, Path(name, "released")))
-        _all(f"{judged.LATER.version}, {judged.REVISION}", judged.later(endpoint, Path(name, "later")))
-        _inspected(judged, endpoint)
+        _all(HANDSHAKE.version, judged.released(endpoint, Path(name, "released")))
+        _all(f"{LATER.version}, {judged.REVISION}", judged.later(endpoint, Path(name, "later")))
+        _inspected(endpoint)
     with TemporaryDirectory(prefix="octoform-judged-") as name, judged.generated(Path(name)) as endpoint:
         print("What the embedded agent wrote for an invented host:")
-        _any(judged.HANDSHAKE.version, judged.released(endpoint, Path(name, "released")), judged.FOR_ANY_SERVER)
+        _any(HANDSHAKE.version, judged.released(endpoint, Path(name, "released")), judged.FOR_ANY_SERVER)
         report = judged.later(endpoint, Path(name, "later"))
-        _any(f"{judged.LATER.version}, {judged.REVISION}", report, judged.FOR_ANY_SERVER_LATER)
-        _inspected(judged, endpoint)
+        _any(f"{LATER.version}, {judged.REVISION}", report, judged.FOR_ANY_SERVER_LATER)
+        _inspected(endpoint)
 
 
 def _all(suite: str, report: Any) -> None:
@@ -47,10 +44,10 @@ def _any(suite: str, report: Any, scenarios: Set[str]) -> None:
             print(f"    {failure}")
 
 
-def _inspected(judged: Any, endpoint: Any) -> None:
+def _inspected(endpoint: Any) -> None:
     for way, arguments in (("http", judged.over_http(endpoint)), ("pipe", endpoint.command)):
         status = judged.inspected(*arguments)[0]
-        print(f"  inspector {judged.INSPECTOR.version} --strict over {way}: exit status {status}", flush=True)
+        print(f"  inspector {INSPECTOR.version} --strict over {way}: exit status {status}", flush=True)
 
 
 if __name__ == "__main__":

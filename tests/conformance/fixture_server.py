@@ -24,7 +24,7 @@ from fastmcp.prompts import Message, PromptResult
 from fastmcp.resources import ResourceContent, ResourceResult
 from fastmcp.tools import Tool, ToolResult
 from mcp.shared.exceptions import MCPError
-from mcp_types import InputRequiredResult
+from mcp_types import InputRequests, InputRequiredResult
 from pydantic import Field
 
 mcp = FastMCP("conformance", version="1.0", dereference_schemas=False)
@@ -264,7 +264,7 @@ def test_input_required_result_multi_round(ctx: Context) -> Any:
         return f"{state[2:]} likes {(form_of(reply(ctx, 'step2')) or {}).get('color')}"
     if reply(ctx, "step1") is not None and state == "1":
         name = (form_of(reply(ctx, "step1")) or {}).get("name")
-        step = {"step2": ask("Step 2: What is your favorite color?", color)}
+        step: InputRequests = {"step2": ask("Step 2: What is your favorite color?", color)}
         return InputRequiredResult(input_requests=step, request_state=f"2:{name}")
     step = {"step1": ask("Step 1: What is your name?", NAME_FORM)}
     return InputRequiredResult(input_requests=step, request_state="1")
@@ -293,7 +293,7 @@ def test_missing_capability(ctx: Context) -> str:
     """Need the client's model."""
     able = ctx.session.client_capabilities
     if able is None or able.sampling is None:
-        needed = {"requiredCapabilities": {"sampling": {}}}
+        needed: dict[str, Any] = {"requiredCapabilities": {"sampling": {}}}
         raise MCPError(code=-32021, message="the client has to be able to sample", data=needed)
     return "sampling is there"
 

@@ -10,10 +10,10 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from bearer_proxy import bearer_proxy
+from conformance.bearer_proxy import bearer_proxy
+from conformance.suites import HANDSHAKE, INSPECTOR, LATER, Report, judge, run
 from hosts.plant import plant
 from launched import LOOPBACK, Launched, launched, tool
-from suites import HANDSHAKE, INSPECTOR, LATER, Report, judge, run
 
 from octoform.base.digest import of_bytes
 from octoform.base.id_databases import IdDatabases

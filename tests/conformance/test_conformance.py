@@ -5,10 +5,10 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-import judged
 import pytest
+from conformance import judged
+from conformance.suites import missing
 from launched import Launched
-from suites import missing
 
 
 @pytest.fixture(scope="module", autouse=True)

@@ -22,8 +22,7 @@ def main() -> None:
     def checkpoint(name: str) -> None:
         passed.append(name)
         if len(passed) == limit:
-            sys.__stdout__.write(f"killed at {name}\n")
-            sys.__stdout__.flush()
+            print(f"killed at {name}", file=sys.__stdout__, flush=True)
             os.kill(os.getpid(), signal.SIGKILL)
 
     with Path(os.devnull).open("w") as nowhere:

@@ -66,7 +66,7 @@ REPORT = {
     "claims": [],
     "declarations": [],
 }
-REPAIR = {
+REPAIR: dict[str, Any] = {
     "format": 1,
     "stage": "heal",
     "class": "broken_tool",
@@ -261,7 +261,10 @@ REFUSED: dict[str, tuple[list[list[str]], dict[str, Any], str]] = {
 
 def test_f15_f16_a_repair_that_goes_too_far_changes_nothing(bench: Bench) -> None:
     pid = bench.process
-    bench.duty("heal", *({"rewrite": changes, "report": {**REPAIR, **more}} for changes, more, _ in REFUSED.values()))
+    told: list[dict[str, Any]] = [
+        {"rewrite": changes, "report": {**REPAIR, **more}} for changes, more, _ in REFUSED.values()
+    ]
+    bench.duty("heal", *told)
     result = bench.heal()
     assert (result["ok"], result["changed"], result["spent"]["calls"]) == (False, False, len(REFUSED))
     found = dict(zip(REFUSED, bench.refusals("heal", len(REFUSED)), strict=True))

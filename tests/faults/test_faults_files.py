@@ -9,7 +9,8 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
-from campaign.mutations import MUTATIONS, Case, Subject, bare_tracebacks
+from campaign.mutations import Case, Subject, bare_tracebacks
+from campaign.spoiling import MUTATIONS
 from projects import Project
 
 pytestmark = pytest.mark.dear
@@ -77,7 +78,7 @@ WORDS = {
 
 @pytest.mark.parametrize("words", WORDS)
 def test_instances_of_another_form_are_told_and_written_anew(subject: Subject, words: str) -> None:
-    case = subject.judge(Case(INSTANCES, words, 0), lambda path: path.write_text(WORDS[words]) and None)
+    case = subject.judge(Case(INSTANCES, words, 0), lambda path: path.write_text(WORDS[words]))
     assert (case.wrong, case.told) == ([], "recovered")
 
 

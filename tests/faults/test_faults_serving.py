@@ -6,6 +6,7 @@ tests have.
 
 import json
 from pathlib import Path
+from typing import Any
 
 import pytest
 from projects import Done, Project
@@ -60,7 +61,7 @@ def project(tmp_path: Path, environments: Path) -> Project:
 
 def write(project: Project) -> None:
     """A manifest and a script in which each bad server is one attempt, and DEPLOY first says that it failed."""
-    attempts = []
+    attempts: list[Any] = []
     for name, text in BAD.items():
         path = project.outside / f"{name}.py"
         path.write_text(text)

@@ -1,6 +1,7 @@
 """A state that cannot be trusted is one clear error and stays as it is; two runs at once never mix."""
 
 import json
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
@@ -25,7 +26,9 @@ def applied(tmp_path_factory: pytest.TempPathFactory) -> Project:
 
 
 @pytest.mark.parametrize(("damage", "code"), DAMAGE)
-def test_a_damaged_state_is_one_error_and_nothing_is_lost(applied: Project, damage: object, code: str) -> None:
+def test_a_damaged_state_is_one_error_and_nothing_is_lost(
+    applied: Project, damage: Callable[[bytes], bytes], code: str
+) -> None:
     path = applied.state / "state.json"
     good = path.read_bytes()
     runs = len(applied.agent_runs())

@@ -4,6 +4,7 @@ import json
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 from agent_runs import PROMPT, Ran, environment, harness, nothing_left
@@ -16,7 +17,7 @@ from octoform.manifest.model import HarnessSpec
 def task_for(tmp_path: Path) -> Callable[..., Task]:
     """``task_for(model, turns=6)``: a task in a folder of its own; keywords are those of TaskLimits."""
 
-    def build(model: str = "openai/scripted", prompt: str = PROMPT, **limits: float) -> Task:
+    def build(model: str = "openai/scripted", prompt: str = PROMPT, **limits: Any) -> Task:
         folder = tmp_path / f"attempt-{len(list(tmp_path.iterdir())) + 1}"
         folder.mkdir(mode=0o700)
         (folder / "prompt.md").write_text(prompt, encoding="utf-8")

@@ -65,7 +65,7 @@ class Rig:
 
     def octoform(self, *words: str) -> str:
         """Run a command, which has to succeed."""
-        command = [OCTOFORM, f"-chdir={self.endpoint.layout.project}", *words]
+        command = [str(OCTOFORM), f"-chdir={self.endpoint.layout.project}", *words]
         done = subprocess.run(command, env=self.environ, capture_output=True, text=True, timeout=60, check=False)
         assert done.returncode == 0, done.stdout + done.stderr
         return done.stdout

@@ -11,7 +11,7 @@ from typing import Any
 
 import pytest
 from agent_runs import NOWHERE, WRITE, Ran, spec_for
-from matrix import PATIENT_PROGRAMS, PROGRAMS, Expected, Subject
+from harness.matrix import PATIENT_PROGRAMS, PROGRAMS, Expected, Subject
 from model_server import serve
 
 from octoform.harness.containment import orphans

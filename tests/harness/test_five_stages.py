@@ -12,7 +12,7 @@ from agent_runs import KEY, SECRET, environment, nothing_left
 from bench_host import bench_host
 from fastmcp import Client
 from fastmcp.client.transports import StdioTransport
-from matrix import PROGRAMS, Subject
+from harness.matrix import PROGRAMS, Subject
 from model_server import ModelServer, serve
 from projects import AGENT, Project
 

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import pytest
 from agent_runs import KEY, Ran, spec_for
-from matrix import PROGRAMS, Subject
+from harness.matrix import PROGRAMS, Subject
 from model_server import serve
 
 from octoform.harness.port import ExitReason, Price, Task

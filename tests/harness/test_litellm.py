@@ -6,7 +6,7 @@ tests/unit/harness without a process.
 
 import json
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import astuple, replace
 
 import pytest
 from agent_runs import KEY, SECRET, WRITE, Ran, spec_for
@@ -32,7 +32,7 @@ def test_its_work_its_usage_and_what_its_commands_do_not_get(
         asked = server.replies
     outcome = ran.outcome
     assert (outcome.reason, outcome.exit_status, outcome.turns) == (ExitReason.FINISHED, 0, 2), task.log.read_text()
-    assert outcome.usage == Usage(2000, 800, 100, pytest.approx((1200 + 80 + 200) / 1e6), "manifest")
+    assert astuple(outcome.usage) == (2000, 800, 100, pytest.approx((1200 + 80 + 200) / 1e6), "manifest")
     assert (outcome.program or "").startswith("litellm 1.")
     assert task.output.read_text() == '{"made": true}'
     told = [json.loads(line) for line in task.transcript.read_text().splitlines()]

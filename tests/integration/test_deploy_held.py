@@ -8,10 +8,10 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from bench_host import written
 from held import Change, Output, both, refusals
 from projects import Project
 from server_edits import all_of, body, swap
-from test_serve_held import written
 
 GOOD = Path(__file__).parents[1] / "agent" / "good"
 

@@ -47,7 +47,10 @@ def test_commands_of_examples_exist(path: Path) -> None:
 
 def test_every_command_is_documented() -> None:
     text = (ROOT / "docs" / "commands.md").read_text()
-    choices = build()._subparsers._group_actions[0].choices  # argparse has no public list of its commands
+    commands = build()._subparsers  # argparse has no public list of its commands
+    assert commands is not None
+    choices = commands._group_actions[0].choices
+    assert choices
     assert [name for name in choices if f"`{name}" not in text] == []
 
 

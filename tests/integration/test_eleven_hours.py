@@ -133,7 +133,7 @@ class ArmWorld(DaemonWorld):
             result["joints"] = [skipped(one) if one["joint"] == "elbow_flex" else one for one in result["joints"]]
         leaves = list(flattened(result))
         self.unit = next(path.rpartition("/")[0] for path, value, _ in leaves if value == "elbow_flex")
-        made = [self.ledger.make(Signal(Channel.SENSOR, "arm_status", path), *rest) for path, *rest in leaves]
+        made = [self.ledger.make(Signal(Channel.SENSOR, "arm_status", path), value, why) for path, value, why in leaves]
         self.elbow = next(each for each in made if each.signal == self.signal("temperature"))
         return made
 
@@ -355,10 +355,10 @@ def status(world: ArmWorld) -> Status:
 
 def never_tighter(world: ArmWorld) -> None:
     """Of all that was believed nothing is tighter than the profile's own bounds, or than what was believed first."""
-    heat = [claim.condition.value for claim in world.believed if claim.signal.path.endswith("/temperature")]
-    assert heat and min(float(value or 0) for value in heat) >= CLEAN_BELOW
+    heat = [float(claim.condition.value or 0) for claim in world.believed if claim.signal.path.endswith("/temperature")]
+    assert heat and min(heat) >= CLEAN_BELOW
     assert heat == sorted(heat)
-    load = [claim.condition.value for claim in world.believed if claim.signal.path.endswith("/load")]
+    load = [float(claim.condition.value or 0) for claim in world.believed if claim.signal.path.endswith("/load")]
     assert load == sorted(load, reverse=True)
     assert {claim.signal.path.rpartition("/")[0] for claim in world.believed} == {world.unit}
 

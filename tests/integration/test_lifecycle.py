@@ -7,6 +7,7 @@ import json
 import os
 import shutil
 from pathlib import Path
+from typing import Any
 
 import pytest
 from projects import Project
@@ -14,7 +15,7 @@ from projects import Project
 pytestmark = pytest.mark.dear
 
 
-def summary(project: Project, *arguments: str) -> dict[str, object]:
+def summary(project: Project, *arguments: str) -> dict[str, Any]:
     """The `change_summary` of a plan."""
     events = project.run("plan", "-json", *arguments, status=0).events()
     return next(event for event in events if event["type"] == "change_summary")

@@ -8,7 +8,7 @@ import asyncio
 import json
 import random
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -23,7 +23,7 @@ SERVO_FAULTS = (None, None, "mute", "stuck", "deaf_torque", "corrupt", "half")
 RAIL_FAULTS = (*(None,) * 10, "mute", "mute", "odd", "jammed", "late", "hot")
 CALIBRATED = {"elbow_flex": (1000, 3000), "gripper": (2000, 3400)}
 HOT = 69
-SOUND = {
+SOUND: dict[str, Callable[[random.Random], dict[str, object]]] = {
     "arm_move_joint": lambda dice: {"joint": dice.choice(JOINTS), "position": dice.randint(700, 3500)},
     "arm_move_joint_calibrated": lambda dice: {"joint": dice.choice(JOINTS), "percent": dice.uniform(-100, 100)},
     "arm_move_joints": lambda dice: {joint: dice.randint(900, 3000) for joint in JOINTS},
@@ -40,14 +40,15 @@ SOUND = {
 }
 OFTEN = {"rail_move_x": 40, "rail_move_y": 60, "arm_move_joint": 30, "arm_move_joint_calibrated": 9, "rail_stop": 1}
 OFTEN |= {"arm_set_torque": 9, "arm_read_joint": 9, "rail_position": 9, "rail_home": 5}
-MAD = (-1, 4096, 10**9, -(10**9), 2**63, 0.5, 4095.5, 1e300, "2048", "-1", None, True, [2048], {})
+MAD: tuple[object, ...] = (-1, 4096, 10**9, -(10**9), 2**63, 0.5, 4095.5, 1e300, "2048", "-1", None, True, [2048], {})
 
 
 class Witness:
     """What reached the hardware, checked as it arrives."""
 
     def __init__(self, bench: VirtualRig) -> None:
-        self.bench, self.broken, self.farthest = bench, [], 0
+        self.bench, self.farthest = bench, 0
+        self.broken: list[str] = []
         for number, servo in bench.arm.servos.items():
             servo.write = self._watched(number, servo.write)  # type: ignore[method-assign]
 
@@ -84,8 +85,8 @@ class Witness:
 @pytest.fixture
 def bench(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[VirtualRig]:
     plain = {number: {"start": 2048} for number in range(1, 7)}
-    changes = {"arm": {"servos": plain, "speedup": 30}, "rail": {"most": None, "farthest": None, "speedup": 20}}
-    with virtual_rig(tmp_path, described(**changes), monkeypatch) as found:
+    rail = {"most": None, "farthest": None, "speedup": 20}
+    with virtual_rig(tmp_path, described(arm={"servos": plain, "speedup": 30}, rail=rail), monkeypatch) as found:
         for servo in found.arm.servos.values():  # their own limits would hide a goal too far, and a joint too hot
             for name, value in {"lowest": 0, "highest": 4095, "highest_temperature": 150}.items():
                 servo._memory.put(name, value)
@@ -146,7 +147,7 @@ async def _commanded(bench: VirtualRig, folder: Path, dice: random.Random, witne
 
 def _asked(dice: random.Random) -> tuple[str, dict[str, object]]:
     tool = dice.choices(list(SOUND), [OFTEN.get(name, 1) for name in SOUND])[0]
-    arguments: dict[str, object] = SOUND[tool](dice)
+    arguments = SOUND[tool](dice)
     if arguments and dice.random() < 0.4:
         arguments[dice.choice(list(arguments))] = dice.choice(MAD)
     if dice.random() < 0.05:

@@ -6,19 +6,16 @@ judges every recording of `make recordings`; one whole state is searched by `git
 
 import os
 import subprocess
-import sys
 from pathlib import Path
 
 import embedded
 import pytest
+from hosts.plant import NAMES, plant
 from projects import Project
+from recordings.leaking import SHORTEST, leaks, secrets_of_tree
 
 from octoform.apply.stage import artifact_writer
 from octoform.contracts.host_identity import pseudonyms as instance
-
-sys.path[:0] = [str(Path(__file__).resolve().parents[1] / name) for name in ("", "recordings")]
-from hosts.plant import NAMES, plant  # noqa: E402
-from leaking import SHORTEST, leaks, secrets_of_tree  # noqa: E402
 
 
 @pytest.mark.parametrize("name", NAMES)

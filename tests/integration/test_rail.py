@@ -257,7 +257,11 @@ def test_what_watch_claims_keeps_any_client_from_the_call_and_never_from_a_stop_
 
 
 def test_what_holds_for_good_waits_for_a_person_who_can_also_take_it_back(bench: Bench) -> None:
-    told = {"kind": "disable_unit", "target": f"device:{DEVICE}", "statement": "The rail is worn out."}
+    told: dict[str, object] = {
+        "kind": "disable_unit",
+        "target": f"device:{DEVICE}",
+        "statement": "The rail is worn out.",
+    }
     ledger = reported(bench, claims=[], declarations=[told])
     assert ledger.active() == ()
     (waiting,) = ledger.pending()

@@ -17,8 +17,8 @@ from fastmcp import Client
 from fastmcp.client.transports import StdioTransport
 from projects import OCTOFORM, Project
 
-from octoform.perception.capture import take
-from octoform.perception.image_quality import difference
+from octoform.perception.capture import Taken, take
+from octoform.perception.image_quality import Picture, difference
 from octoform.simulation.rig import Rig, load
 from octoform.state.layout import Layout
 
@@ -56,10 +56,10 @@ class Bench:
 
         return asyncio.run(talk())
 
-    def picture(self) -> bytes:
+    def picture(self) -> Picture:
         """What the camera shows through the endpoint, as small as it is compared."""
         taken = take(self.layout, {"tool": "capture_image", "arguments": SIZE})
-        assert hasattr(taken, "picture"), taken
+        assert isinstance(taken, Taken), taken
         return taken.picture
 
 
@@ -104,6 +104,7 @@ def test_the_tools_of_the_rail_are_its_grammar(bench: Bench) -> None:
     tools = json.loads((bench.project.state / "interface" / "output.json").read_text())["tools"]
     of_rail = {tool["name"]: tool for tool in tools if tool["devices"] == [RAIL]}
     assert set(of_rail) == {"rail_move_x", "rail_move_y", "rail_home", "rail_position", "rail_stop"}
+    assert bench.rig.line is not None
     before = len(bench.rig.line.lines)
     bench.ask(("rail_home", {}), ("rail_move_x", {"steps": 120}), ("rail_move_y", {"steps": -80}))
     assert bench.rig.line.lines[before:] == ["HOME", "MOVE_X 120", "MOVE_Y -80"]
@@ -112,6 +113,7 @@ def test_the_tools_of_the_rail_are_its_grammar(bench: Bench) -> None:
 
 
 def test_a_real_client_moves_both_and_the_camera_sees_it(bench: Bench) -> None:
+    assert bench.rig.servos is not None and bench.rig.line is not None
     bench.ask(("rail_home", {}), ("arm_home", {}))
     first, still = bench.picture(), bench.picture()
     noise = difference(first, still)
@@ -128,6 +130,7 @@ def test_a_real_client_moves_both_and_the_camera_sees_it(bench: Bench) -> None:
 
 def test_two_clients_and_the_heartbeat_at_once_spoil_no_packet(bench: Bench) -> None:
     arm = bench.rig.servos
+    assert arm is not None
     before, spoilt = arm.received, arm.broken
 
     def looks() -> int:

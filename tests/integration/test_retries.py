@@ -54,7 +54,7 @@ def test_an_attempt_that_left_nothing_leaves_nothing_to_correct(project: Project
 
 
 POINTER = "/devices/0/capabilities/0/effect"
-UNFINISHED = {
+UNFINISHED: dict[str, dict[str, Any]] = {
     "crashed": {"exit": 7},
     "out of time": {"sleep": 60},
     "killed": {"shell": "kill -9 $PPID"},

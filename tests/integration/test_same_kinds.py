@@ -5,18 +5,15 @@ serial numbers and addresses are others of the same form, and whatever the kerne
 """
 
 import re
-import sys
 from pathlib import Path
 
 import embedded
 import pytest
+from hosts.plant import HERE, plant
 
 from octoform.contracts.canonical import output_digest
 
 ROOT = Path(__file__).resolve().parents[2]
-sys.path.insert(0, str(ROOT / "tests"))
-from hosts.plant import HERE, plant  # noqa: E402
-
 HOSTS = ("bench", "hostile", "laptop", "raspberry", "server")
 SERIAL = re.compile(r"(?:serial=|HID_UNIQ=|ID_SERIAL_SHORT=)([0-9A-Za-z][\w-]{5,})")
 ADDRESS = re.compile(r"(?<![0-9a-f:])(?:[0-9a-f]{2}:){5}[0-9a-f]{2}(?![0-9a-f:])", re.IGNORECASE)

@@ -9,15 +9,10 @@ import textwrap
 from pathlib import Path
 
 import pytest
-from bench_host import desk
+from bench_host import written
 from held import Edit, Output, refusals
 from server_edits import ASK, ASKED, CAMERA, FILE, FLUSHED, WHOLE, adds, all_of, body, line, read_by, swap, uses, warm
 
-from octoform.base.id_databases import IdDatabases
-from octoform.builtin.identify.stage import identify
-from octoform.builtin.interface.stage import declare
-from octoform.builtin.probe.stage import probe_root
-from octoform.builtin.serve.stage import render
 from octoform.contracts.rules.serve.serve_rules import serve_static
 
 # what is wrong -> (edit, code, words of the finding)
@@ -618,15 +613,6 @@ def reading_by(name: str, number: int) -> Edit:
     return all_of(
         adds(text), swap("    return readings(device, ", f"    reads_{number}(device)\n    return readings(device, ")
     )
-
-
-def written(root: Path) -> tuple[dict[str, Output], str]:
-    """What the stages before SERVE say of the desk, and the server that the embedded agent writes."""
-    host = desk(root)
-    probe = probe_root(host)
-    found = identify(probe, IdDatabases(host))
-    interface = declare(found, 1000)
-    return {"probe": probe, "identify": found, "interface": interface}, render(interface)
 
 
 IMPORTS = uses("contextlib", "logging", "os", "serial", "subprocess", "tempfile")

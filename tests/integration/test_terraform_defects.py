@@ -11,6 +11,7 @@ import signal
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import pytest
 from bench_host import bench_host
@@ -20,16 +21,16 @@ FILLING = Path(__file__).parent / "disk_filling.py"
 SECRET = 'hunter2-"quoted"-and-long'
 
 
-def planned(project: Project, *arguments: str) -> dict[str, object]:
+def planned(project: Project, *arguments: str) -> dict[str, Any]:
     """The actions of a plan, node to action word, and what the summary says."""
     events = project.run("plan", "-json", *arguments, status=0).events()
     actions = {event["change"]["node"]: event["change"] for event in events if event["type"] == "planned_change"}
     return {**actions, "summary": next(event for event in events if event["type"] == "change_summary")}
 
 
-def result(done: Done) -> dict[str, object]:
+def result(done: Done) -> dict[str, Any]:
     """The closing record of a run."""
-    found: dict[str, object] = done.events()[-1]["result"]
+    found: dict[str, Any] = done.events()[-1]["result"]
     return found
 
 

@@ -7,11 +7,10 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from bench_host import SENSOR
+from bench_host import SENSOR, written
 from held import Output
 from projects import Done, Project
 from server_edits import FILE, Edit, adds, all_of, body, read_by, uses, warm
-from test_serve_held import written
 
 PANEL = """
 folder = runtime.device(device).path("backlight")

@@ -8,8 +8,8 @@ those by construction. A share of few items says little, so below FEWEST a misse
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-import score
-from onboarding import Onboarded
+from recordings import score
+from recordings.onboarding import Onboarded
 
 FEWEST = 10
 LEAST_ONBOARDED = 0.95
@@ -58,27 +58,27 @@ def print_bounds(lines: Sequence[Bound]) -> None:
 
 
 def _precision(hand: Sequence[score.Mark], rule: Sequence[score.Mark]) -> Bound:
-    shares = [
+    by_hand, by_rule = (
         _share(_count(some, score.NAMED), _count(some, score.NAMED, score.MISIDENTIFIED)) for some in (hand, rule)
-    ]
+    )
     wrong = _count((*hand, *rule), score.MISIDENTIFIED)
-    return Bound("precision of named products", "1.000", *shares, MISSED if wrong else HELD)
+    return Bound("precision of named products", "1.000", by_hand, by_rule, MISSED if wrong else HELD)
 
 
 def _unknowns(hand: Sequence[score.Mark], rule: Sequence[score.Mark]) -> Bound:
     asked = [[mark for mark in some if mark.asked_unknown] for some in (hand, rule)]
     right = [_count(some, score.UNKNOWN_RIGHT) for some in asked]
-    shares = [_share(count, len(some)) for count, some in zip(right, asked, strict=True)]
+    by_hand, by_rule = (_share(count, len(some)) for count, some in zip(right, asked, strict=True))
     verdict = HELD if right[0] == len(asked[0]) else MISSED
-    return Bound("right unknowns of asked unknowns", "1.000", *shares, verdict)
+    return Bound("right unknowns of asked unknowns", "1.000", by_hand, by_rule, verdict)
 
 
 def _onboarded(hand: Sequence[score.Mark], rule: Sequence[score.Mark]) -> Bound:
     able = [[mark.usable for mark in some if mark.usable is not None] for some in (hand, rule)]
-    shares = [_share(sum(some), len(some)) for some in able]
+    by_hand, by_rule = (_share(sum(some), len(some)) for some in able)
     enough = not able[0] or sum(able[0]) >= LEAST_ONBOARDED * len(able[0])
     few = WARNED if len(able[0]) < FEWEST else MISSED
-    return Bound("recall of onboardable devices", f">= {LEAST_ONBOARDED}", *shares, HELD if enough else few)
+    return Bound("recall of onboardable devices", f">= {LEAST_ONBOARDED}", by_hand, by_rule, HELD if enough else few)
 
 
 def _probe(hosts: Sequence[Onboarded]) -> Bound:

@@ -1,4 +1,4 @@
-"""Score the embedded agent over hosts that are generated: ``generated.py [--devices 10000] [--seed 1]``.
+"""Score the embedded agent over generated hosts: ``python -m recordings.generated [--devices 10000] [--seed 1]``.
 
 Prints how many devices of how many hosts were made, and each invariant that did not hold. Exit status 1 if any did not.
 """
@@ -11,10 +11,7 @@ from collections import Counter
 from multiprocessing import Pool
 from pathlib import Path
 
-ROOT = Path(__file__).resolve().parents[2]
-sys.path.insert(0, str(ROOT / "tests" / "support"))
-
-from generated_hosts import generate, ids, wrong  # noqa: E402
+from generated_hosts import generate, ids, wrong
 
 OF_A_HOST = 25
 

@@ -18,7 +18,7 @@ serves what the device is for. Everything else is counted under one of the reaso
 
 import re
 
-from truth import Device, Item
+from recordings.truth import Device, Item
 
 ACTING = ("sensor", "actuator", "bidirectional")
 # Kernel classes whose interface is the same for every device of the class.

@@ -1,4 +1,4 @@
-"""Score the product on a folder of recorded hosts: `python tests/recordings/run.py DIR [-v]`.
+"""Score the product on a folder of recorded hosts: `python -m recordings.run DIR [-v]`, with `tests` on the path.
 
 Each recording DIR/<name> with a truth.json is made a tree in a temporary folder and onboarded by `octoform apply` as a
 process of its own, in a fresh project; recordings of whole hosts go on to SERVE, whose server is imported. Then the
@@ -28,13 +28,12 @@ from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
-sys.path.insert(0, str(Path(__file__).resolve().parent))
-import score
-from bounds import bounds, held, print_bounds
-from onboarding import STAGES, Onboarded, is_whole_host, onboard, serve, show_ids
-from sysroot.convert import convert
-from tables import print_details, print_excluded, print_funnel, print_hosts, print_marks
-from truth import Units, read_items
+from recordings import score
+from recordings.bounds import bounds, held, print_bounds
+from recordings.onboarding import STAGES, Onboarded, is_whole_host, onboard, serve, show_ids
+from recordings.sysroot.convert import convert
+from recordings.tables import print_details, print_excluded, print_funnel, print_hosts, print_marks
+from recordings.truth import Units, read_items
 
 IDS = {
     "usb.ids": ("var/lib/usbutils", "usr/share/hwdata", "usr/share/misc"),

@@ -11,8 +11,8 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any
 
-from onboardable import why_not
-from truth import Device, Item
+from recordings.onboardable import why_not
+from recordings.truth import Device, Item
 
 NAMED, UNKNOWN_RIGHT, MISIDENTIFIED = "named", "unknown as should", "misidentified"
 MISSED, LEFT_OUT, NOT_SEEN = "not named", "left out", "not seen"

@@ -4,9 +4,9 @@ import statistics
 from collections import defaultdict
 from collections.abc import Iterable, Sequence
 
-import score
-from onboardable import REASONS
-from onboarding import Onboarded, is_whole_host
+from recordings import score
+from recordings.onboardable import REASONS
+from recordings.onboarding import Onboarded, is_whole_host
 
 _HEAD = (
     "items",

@@ -1,8 +1,15 @@
 """The host that the scripted agent's good output is about: a thermometer of the board and a serial adapter on USB."""
 
 from pathlib import Path
+from typing import Any
 
 from sysfs_tree import Tree
+
+from octoform.base.id_databases import IdDatabases
+from octoform.builtin.identify.stage import identify
+from octoform.builtin.interface.stage import declare
+from octoform.builtin.probe.stage import probe_root
+from octoform.builtin.serve.stage import render
 
 ADAPTER = "pci0000:00/0000:00:14.0/usb1/1-1"
 SENSOR = "platform/benchtemp.0/hwmon/hwmon0"
@@ -96,3 +103,12 @@ def desk(root: Path) -> Path:
     tree.bus("platform/keys.0", "platform", {"modalias": "platform:keys"}, DRIVER="gpio-keys")
     tree.member("platform/keys.0/input/input9", "input", {"name": "gpio-keys", "capabilities/key": "1"})
     return root
+
+
+def written(root: Path) -> tuple[dict[str, dict[str, Any]], str]:
+    """What the stages before SERVE say of the desk, and the server that the embedded agent writes."""
+    host = desk(root)
+    probe = probe_root(host)
+    found = identify(probe, IdDatabases(host))
+    interface = declare(found, 1000)
+    return {"probe": probe, "identify": found, "interface": interface}, render(interface)

@@ -280,6 +280,16 @@ def _rotate(world: DaemonWorld, finding: Finding) -> Done:
     return Done(True, "rotated")
 
 
+def first(happens: Callable[["DaemonWorld"], None], done: Done) -> Mend:
+    """A repair during which this happens, whatever it says that it did."""
+
+    def mend(world: "DaemonWorld", _: Finding) -> Done:
+        happens(world)
+        return done
+
+    return mend
+
+
 MENDS: dict[Repair, Mend] = {
     Repair.RESTART: _restart,
     Repair.RESTORE: _restore,

@@ -7,7 +7,6 @@ machine. A kept project is never made again: a later version reads what was rele
 
 import os
 import shutil
-import sys
 import tempfile
 from pathlib import Path
 
@@ -52,4 +51,4 @@ def restored(version: str, folder: Path) -> tuple[Path, Path]:
 
 
 if __name__ == "__main__":
-    sys.exit(keep(KEPT / octoform.__version__))
+    keep(KEPT / octoform.__version__)

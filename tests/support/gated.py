@@ -3,6 +3,7 @@
 import contextlib
 import json
 import sys
+import time
 from collections.abc import AsyncIterator, Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -70,9 +71,9 @@ def tool_policy(effect: str = "actuate", **changes: Any) -> dict[str, Any]:
 @contextlib.asynccontextmanager
 async def gated(
     folder: Path,
-    tools: Mapping[Callable[..., Any], Mapping[str, Any]],
+    tools: Mapping[Any, Mapping[str, Any]],
     mode: str = "enforce",
-    clock: Callable[[], float] | None = None,
+    clock: Callable[[], float] = time.monotonic,
     patience: Patience = QUICK,
 ) -> AsyncIterator[Gated]:
     """Put these functions behind the gate, each with what policy.json says of it."""
@@ -84,7 +85,7 @@ async def gated(
     run, log = folder / "run", folder / "log"
     run.mkdir(exist_ok=True)
     latch = Latch(run / "estop.json")
-    ledger = Ledger(policy, run / "limits.json", **({"clock": clock} if clock else {}))
+    ledger = Ledger(policy, run / "limits.json", clock)
     there = There()
     gate = Gate(policy, ledger, Audit.open(log), latch, there)  # type: ignore[arg-type]
     gate.patience = patience

@@ -860,13 +860,19 @@ WRONG: dict[str, tuple[str, Change, str, str]] = {
     "a stop that moves nothing": ("laptop", more(KESTREL, "read_zoom_level", stops=True), "IDENTIFY-STOPS", "actuate"),
 }
 
+
+def no_stops(value: Output) -> None:
+    """Say of every capability of arm and rail that it is no stop."""
+    for name in (ARM, RAIL):
+        for each in device(value, name)["capabilities"]:
+            each.setdefault("stops", False)
+
+
 _RANGE: dict[str, Any] = {"range": [0, 1500], "unit": "raw", "channels": ["left", "right"]}
 RIGHT: dict[str, tuple[str, Change]] = {
     "movements that are said to be no stop": (
         "rig",
-        lambda value: [
-            each.setdefault("stops", False) for name in (ARM, RAIL) for each in device(value, name)["capabilities"]
-        ],
+        no_stops,
     ),
     "the product string as it stands": (
         "rig",

@@ -66,7 +66,7 @@ def main() -> int:
     print(f"INF Settings: map[url:{given.url}] metrics at http://127.0.0.1:20241", file=sys.stderr, flush=True)
     if given.exit is not None:
         print("ERR failed to request a tunnel: no network", file=sys.stderr, flush=True)
-        return given.exit
+        return int(given.exit)
     listener = socket.create_server(("127.0.0.1", 0))
     address = f"http://{secrets.token_hex(4)}.localhost:{listener.getsockname()[1]}"
     if not given.silent:

@@ -25,7 +25,7 @@ from mcp_types import (
 )
 
 from octoform.server.catalog.setup import Offer, offer
-from octoform.server.policy.tool_policy import Policy, ToolPolicy
+from octoform.server.policy.tool_policy import Mode, Policy, ToolPolicy
 
 ERAS = ("legacy", "auto")
 PICTURE = b"\x89PNG\r\n\x1a\n" + bytes(range(200))
@@ -33,7 +33,7 @@ DEVICES = [
     {"id": "usb-046d-0825", "name": "C270 HD Webcam", "category": "camera"},
     {"id": "hwmon-nct6775", "name": "Nuvoton NCT6775", "category": "sensor"},
 ]
-TOOLS = [
+TOOLS: list[dict[str, Any]] = [
     {"name": "read_temperature", "effect": "read", "devices": ["hwmon-nct6775"], "annotations": {"readOnlyHint": True}},
     {"name": "capture_image", "effect": "read", "devices": ["usb-046d-0825"], "annotations": {}},
     {
@@ -51,10 +51,10 @@ TOOLS = [
 ]
 
 
-def policy_of(mode: str = "enforce", deny: Sequence[str] = ()) -> Policy:
+def policy_of(mode: Mode = "enforce", deny: Sequence[str] = ()) -> Policy:
     """A policy over TOOLS that allows all but ``deny``."""
     return Policy(
-        mode,  # type: ignore[arg-type]
+        mode,
         {
             tool["name"]: ToolPolicy(tool["effect"], "deny" if tool["name"] in deny else "allow", "test", 30.0, 10**7)
             for tool in TOOLS
@@ -159,8 +159,10 @@ async def hearing(client: Callable[..., Any], era: str, *uris: str) -> AsyncIter
             await connected.ping()  # answered after the server knows that the handshake is over
             yield connected, heard
             return
-        wanted = {"tools_list_changed": True, "resources_list_changed": True, "resource_subscriptions": uris}
-        async with listen(connected.session, **wanted) as stream, anyio.create_task_group() as group:
+        listening = listen(
+            connected.session, tools_list_changed=True, resources_list_changed=True, resource_subscriptions=uris
+        )
+        async with listening as stream, anyio.create_task_group() as group:
             group.start_soon(read, stream)
             yield connected, heard
             group.cancel_scope.cancel()

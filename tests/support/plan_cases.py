@@ -107,7 +107,8 @@ class Case:
 
     @property
     def facts(self) -> Mapping[str, Any]:
-        return json.loads((self.folder / "case.json").read_text("utf-8"))
+        found: Mapping[str, Any] = json.loads((self.folder / "case.json").read_text("utf-8"))
+        return found
 
     @property
     def text(self) -> str:

@@ -46,9 +46,9 @@ def run(
             os.close(descriptor)
         pid = int(mine.recv(64))
         try:
-            printed = _read_all((out[0], err[0]), time.monotonic() + seconds)
+            printed, complained = _read_all((out[0], err[0]), time.monotonic() + seconds)
             mine.settimeout(seconds)
-            return int(mine.recv(64)), *printed
+            return int(mine.recv(64)), printed, complained
         except TimeoutError:
             os.kill(pid, 9)  # not reaped before its status was sent, so it is still this process
             raise subprocess.TimeoutExpired([str(program), *arguments], seconds) from None

@@ -2,6 +2,7 @@
 
 import sys
 from pathlib import Path
+from typing import Any
 
 from octoform.base.clock import stamp
 from octoform.builtin.probe import macos, units
@@ -38,6 +39,6 @@ def probe(reader: Reader, seconds: float = SCAN_SECONDS) -> dict[str, object]:
     }
 
 
-def probe_root(root: Path) -> dict[str, object]:
+def probe_root(root: Path) -> dict[str, Any]:
     """The PROBE artifact of a folder that holds sys, proc, dev and run, or a Mac's recorded reports."""
     return probe(Reader(str(root)))

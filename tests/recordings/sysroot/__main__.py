@@ -1,12 +1,12 @@
-"""`python -m sysroot ENTRY ROOT`, in the folder tests/recordings: make one tree, to look at it or to keep it."""
+"""`python -m recordings.sysroot ENTRY ROOT`, in the folder tests: make one tree, to look at it or to keep it."""
 
 import json
 import sys
 from pathlib import Path
 
-from sysroot.convert import convert
+from recordings.sysroot.convert import convert
 
-USAGE = "usage: python -m sysroot ENTRY ROOT"
+USAGE = "usage: python -m recordings.sysroot ENTRY ROOT"
 
 
 def main(arguments: list[str]) -> int:

@@ -2,7 +2,7 @@
 
 import re
 
-from sysroot.tree import Tree
+from recordings.sysroot.tree import Tree
 
 _CHIP = re.compile(
     r"^\s*([\w-]+?)-(isa|pci|i2c|acpi|virtual|hid|spi|mdio|scsi|nvme|usb)-(\S+)\n\s*Adapter: (.*)$", re.M

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
-from sysroot import (
+from recordings.sysroot import (
     boards,
     documents,
     files,
@@ -25,9 +25,9 @@ from sysroot import (
     ups,
     usbdevices,
 )
-from sysroot.formats import formats_of, is_archive, is_recording, read_text
-from sysroot.tree import Tree
-from sysroot.usb import Ports
+from recordings.sysroot.formats import formats_of, is_archive, is_recording, read_text
+from recordings.sysroot.tree import Tree
+from recordings.sysroot.usb import Ports
 
 # What a damaged or unforeseen recording raises in a reader; anything else is a bug of ours and may end the run.
 DAMAGE = (OSError, ValueError, LookupError, TypeError, AttributeError, EOFError, RecursionError)

@@ -5,9 +5,9 @@ import json
 import re
 from typing import Any
 
-from sysroot.tree import Tree, last
-from sysroot.udevdb import Record, load_records
-from sysroot.usb import UsbDevice, UsbInterface, put
+from recordings.sysroot.tree import Tree, last
+from recordings.sysroot.udevdb import Record, load_records
+from recordings.sysroot.usb import UsbDevice, UsbInterface, put
 
 _NOT_ATTRIBUTES = ("uevent", "subsystem", "device")
 

@@ -6,7 +6,7 @@ import tarfile
 from collections.abc import Iterator
 from pathlib import Path
 
-from sysroot.tree import Tree, above, last
+from recordings.sysroot.tree import Tree, above, last
 
 _ROOTS = re.compile(r"^(.*?/)?(sys|proc|dev|run|devices)(/|$)")
 _WANTED = re.compile(r"^(sys|proc|dev|run|etc|class|bus)(/|$)")

@@ -3,7 +3,7 @@
 import re
 import xml.etree.ElementTree as ET
 
-from sysroot.tree import Tree
+from recordings.sysroot.tree import Tree
 
 
 def load(tree: Tree, text: str) -> int:

@@ -2,7 +2,7 @@
 
 import re
 
-from sysroot.tree import Tree
+from recordings.sysroot.tree import Tree
 
 _IDS = re.compile(r"I: Bus=([0-9a-f]{4}) Vendor=([0-9a-f]{4}) Product=([0-9a-f]{4}) Version=([0-9a-f]{4})")
 _NAMES = {

@@ -5,8 +5,8 @@ Both are what people paste when they ask about one device; they tell ids, string
 
 import re
 
-from sysroot.tree import Tree, last
-from sysroot.usb import Ports, UsbDevice, put
+from recordings.sysroot.tree import Tree, last
+from recordings.sysroot.usb import Ports, UsbDevice, put
 
 _FOUND = "New USB device found"
 _NEW = re.compile(

@@ -3,8 +3,8 @@
 import re
 from collections.abc import Iterator
 
-from sysroot.tree import Tree, hex2
-from sysroot.usb import Ports, UsbDevice, UsbInterface, place, put
+from recordings.sysroot.tree import Tree, hex2
+from recordings.sysroot.usb import Ports, UsbDevice, UsbInterface, place, put
 
 _NO_TEXT = ("", "(error)", "--")
 _HEAD = re.compile(r"Bus (\d{3}) Device (\d{3}): ID ([0-9a-fA-F]{4}):([0-9a-fA-F]{4})")
@@ -31,7 +31,8 @@ def load_short(tree: Tree, text: str, ports: Ports) -> int:
 def read_tree(text: str) -> Ports:
     """`lsusb -t`: the name, the drivers and the speed of every device by bus and device number."""
     ports: dict[tuple[int, int], tuple[str, dict[int, str], str | None]] = {}
-    bus, above = None, []
+    bus: int | None = None
+    above: list[str] = []
     for line in text.splitlines():
         if head := re.match(r"^/:\s+Bus (\d+)\.Port (\d+): Dev (\d+), Class=([^,]*), Driver=([^,]*), ([\d.]+)M", line):
             bus, above = int(head[1]), []

@@ -8,7 +8,7 @@ import re
 from collections.abc import Callable, Iterator, Mapping
 from typing import Protocol
 
-from sysroot.tree import Tree, above, id4, unhex
+from recordings.sysroot.tree import Tree, above, id4, unhex
 
 Properties = Mapping[str, str]
 Attributes = Iterator[tuple[str, str | None]]

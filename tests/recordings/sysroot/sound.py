@@ -3,7 +3,7 @@
 import re
 from collections.abc import Iterator
 
-from sysroot.tree import Tree
+from recordings.sysroot.tree import Tree
 
 _CARDS = re.compile(r"!!Soundcards recognised by ALSA\n!!-+\n\n(.*?)(?:\n\n\n|\n!!)", re.S)
 _PCI = re.compile(r"!!PCI Soundcards installed in the system\n!!-+\n\n(.*?)(?:\n\n\n|\n!!)", re.S)

@@ -8,8 +8,8 @@ import re
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 
-from sysroot.properties import derive_attributes
-from sysroot.tree import Tree, above, is_bus, last
+from recordings.sysroot.properties import derive_attributes
+from recordings.sysroot.tree import Tree, above, is_bus, last
 
 # The properties that the kernel itself puts into the uevent file.
 _KERNEL_KEY = re.compile(

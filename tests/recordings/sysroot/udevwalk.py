@@ -2,7 +2,7 @@
 
 import re
 
-from sysroot.tree import Tree, last
+from recordings.sysroot.tree import Tree, last
 
 _BLOCK = re.compile(r"\n(?=\s*looking at (?:parent )?device ')")
 _PATH = re.compile(r"looking at (?:parent )?device '([^']+)'")

@@ -2,8 +2,8 @@
 
 import re
 
-from sysroot.tree import Tree
-from sysroot.usb import UsbDevice, put
+from recordings.sysroot.tree import Tree
+from recordings.sysroot.usb import UsbDevice, put
 
 _ID = re.compile(r"[0-9a-fA-F]{4}")
 

@@ -8,7 +8,7 @@ import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 
-from sysroot.tree import Tree
+from recordings.sysroot.tree import Tree
 
 # (bus, device number) -> (kernel name, driver of each interface number, speed in Mbit/s); from `lsusb -t` or a log.
 Ports = Mapping[tuple[int, int], tuple[str, Mapping[int, str], str | None]]

@@ -3,8 +3,8 @@
 import re
 from collections.abc import Iterator
 
-from sysroot.tree import Tree, hex2
-from sysroot.usb import UsbDevice, UsbInterface, put
+from recordings.sysroot.tree import Tree, hex2
+from recordings.sysroot.usb import UsbDevice, UsbInterface, put
 
 _TOPOLOGY = re.compile(
     r"T:\s+Bus=\s*(\d+) Lev=\s*(\d+) Prnt=\s*(\d+) Port=\s*(\d+) Cnt=\s*(\d+) Dev#=\s*(\d+) Spd=\s*([\d.]+)"

@@ -219,7 +219,7 @@ def _messages_events(reply: Reply, _asked: Asked) -> list[Event]:
     arguments = {call.id: call.arguments for call in reply.calls}
     for place, block in enumerate(final["content"]):
         if block["type"] == "text":
-            empty = {"type": "text", "text": ""}
+            empty: dict[str, Any] = {"type": "text", "text": ""}
             deltas = [{"type": "text_delta", "text": piece} for piece in _pieces(block["text"])]
         else:
             empty = {**block, "input": {}}

@@ -45,7 +45,7 @@ class Asked:
         found = [int(number) for number in CALL_ID.findall(self.raw)]
         if found:
             return max(found) + 1
-        results = sum(item.get("role") == "tool" for item in self.body.get("messages") or [])
+        results: int = sum(item.get("role") == "tool" for item in self.body.get("messages") or [])
         for item in self.body.get("contents") or []:
             results += any({"functionResponse", "function_response"} & set(part) for part in item.get("parts") or [])
         return results

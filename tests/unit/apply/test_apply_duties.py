@@ -7,6 +7,7 @@ from typing import Any
 
 import pytest
 
+from octoform.apply.context import HEALED
 from octoform.apply.duties import heal
 from octoform.apply.duties.agent_input import beheld, claims_of, failures_of, readings_of, since_of, summary_of
 from octoform.apply.duties.heal import Healed, no_worse
@@ -109,7 +110,7 @@ def test_the_way_back_of_an_episode_is_to_where_it_began(tmp_path: Path) -> None
     assert found is not None and found.source == "four", "the server was made again between the two"
     for number in range(20):
         assert heal.keep(layout, healed(f"n{number}", "a", "b")) is None
-    folder = layout.local / heal.HEALED
+    folder = layout.local / HEALED
     assert len(list(folder.iterdir())) == heal.KEEP
     assert {path.stat().st_mode & 0o777 for path in folder.iterdir()} == {0o600}
 
@@ -118,7 +119,7 @@ def test_the_way_back_of_an_episode_is_to_where_it_began(tmp_path: Path) -> None
 def test_a_damaged_way_back_is_set_aside_and_never_used(tmp_path: Path, damage: bytes) -> None:
     layout = Layout(tmp_path, "bench")
     heal.keep(layout, healed("e1", "one", "two"))
-    (path,) = (layout.local / heal.HEALED).iterdir()
+    (path,) = (layout.local / HEALED).iterdir()
     path.write_bytes(damage)
     assert heal.read(layout, "e1") is None
     assert [item.suffix for item in path.parent.iterdir()] == [".damaged"]
@@ -127,7 +128,7 @@ def test_a_damaged_way_back_is_set_aside_and_never_used(tmp_path: Path, damage: 
 def test_a_way_back_whose_text_is_not_that_of_its_digest_is_none(tmp_path: Path) -> None:
     layout = Layout(tmp_path, "bench")
     heal.keep(layout, healed("e1", "one", "two"))
-    (path,) = (layout.local / heal.HEALED).iterdir()
+    (path,) = (layout.local / HEALED).iterdir()
     path.write_text(path.read_text().replace('"source": "one"', '"source": "evil"'))
     assert heal.read(layout, "e1") is None
 

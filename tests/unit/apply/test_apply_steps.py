@@ -15,7 +15,7 @@ from octoform.apply.trials import tool_client as hands
 from octoform.apply.trials.tool_client import LiveHand
 from octoform.contracts.contract_check import has_shape
 from octoform.diagnostics import Diagnostic, error
-from octoform.endpoint.client.terminal import CallResult, Wanted
+from octoform.endpoint.client.terminal import CallResult, Person, Wanted
 from octoform.graph.model import Graph, Node, NodeKind
 from octoform.profiles import load
 from octoform.protocol import schema_dir, step_paths
@@ -122,7 +122,8 @@ def an_assignment(node: str) -> Any:
 
 
 def result(**more: Any) -> CallResult:
-    return CallResult(**({"content": (), "structured": {"n": 1}, "is_error": False, "message": "", "ms": 1.0} | more))
+    fields: dict[str, Any] = {"content": (), "structured": {"n": 1}, "is_error": False, "message": "", "ms": 1.0}
+    return CallResult(**{**fields, **more})
 
 
 @pytest.mark.parametrize(
@@ -144,7 +145,7 @@ def test_what_the_endpoint_says_of_a_call(
 ) -> None:
     seen: list[Wanted] = []
 
-    def call(layout: Layout, made: Wanted, person: hands.Nobody) -> Any:
+    def call(layout: Layout, made: Wanted, person: Person) -> Any:
         seen.append(made)
         assert person.approves("arm_move_joint", {}, "really?") is True
         return came

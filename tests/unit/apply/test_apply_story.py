@@ -2,13 +2,14 @@
 
 import json
 from pathlib import Path
+from typing import Any
 
 from octoform.apply.stage.attempt_loop import readable_log
 from octoform.harness.port import ExitReason, Outcome, Task, TaskLimits
 
 
 def task(folder: Path) -> Task:
-    names = {name: folder / name for name in ("prompt", "output", "log", "document")}
+    names: dict[str, Any] = {name: folder / name for name in ("prompt", "output", "log", "document")}
     return Task("probe", 1, folder, model=None, environment={}, limits=TaskLimits(1.0), **names)
 
 

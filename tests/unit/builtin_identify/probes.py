@@ -42,7 +42,9 @@ def probe(*devices: dict[str, Any]) -> dict[str, Any]:
 def answer(entry: dict[str, Any], databases: IdDatabases = NO_DATABASES) -> dict[str, Any]:
     """The annotation of the one device, or its entry of ``left_out``."""
     found = identify(probe(entry), databases)
-    return (found["devices"] or found["left_out"])[0]
+    entry = (found["devices"] or found["left_out"])[0]
+    assert isinstance(entry, dict)
+    return entry
 
 
 def capabilities(annotation: dict[str, Any]) -> dict[str, dict[str, Any]]:

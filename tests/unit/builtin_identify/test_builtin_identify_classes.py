@@ -3,7 +3,7 @@
 from typing import Any
 
 import pytest
-from probes import answer, capabilities, device, usb
+from unit.builtin_identify.probes import answer, capabilities, device, usb
 
 CAMERA = usb(
     "manufacturer: Kestrel",

@@ -7,7 +7,8 @@ import sys
 from pathlib import Path
 
 import pytest
-from probes import answer, usb
+from hosts.plant import NAMES, plant
+from unit.builtin_identify.probes import answer, usb
 
 from octoform.base.id_databases import IdDatabases
 from octoform.builtin.identify.stage import identify
@@ -16,8 +17,6 @@ from octoform.contracts.contract_check import check
 from octoform.contracts.model import Artifacts
 
 ROOT = Path(__file__).resolve().parents[3]
-sys.path.insert(0, str(ROOT / "tests"))
-from hosts.plant import NAMES, plant  # noqa: E402
 
 
 @pytest.mark.parametrize("name", NAMES)

@@ -3,7 +3,7 @@
 from pathlib import Path
 
 import pytest
-from probes import answer, device, probe, usb
+from unit.builtin_identify.probes import answer, device, probe, usb
 
 from octoform.base.id_databases import IdDatabases
 from octoform.builtin.identify.stage import identify

@@ -8,7 +8,8 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from generated_hosts import DEFAULT_SERIALS, KINDS, generate, ids, wrong
+from generated_hosts import DEFAULT_SERIALS, generate, ids, wrong
+from generated_kinds import KINDS
 
 
 @pytest.mark.parametrize("seed", range(4))

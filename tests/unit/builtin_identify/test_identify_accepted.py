@@ -8,7 +8,7 @@ import pytest
 from cases import for_each
 from hypothesis import example, given
 from hypothesis import strategies as st
-from probes import NO_DATABASES, device, probe, usb
+from unit.builtin_identify.probes import NO_DATABASES, device, probe, usb
 
 from octoform.builtin.identify.stage import identify, names_wires, without_refused
 from octoform.builtin.interface.stage import declare

@@ -7,7 +7,7 @@ All makers and products are invented; each row is a way in which real strings mi
 from typing import Any
 
 import pytest
-from probes import NO_DATABASES, answer, usb
+from unit.builtin_identify.probes import NO_DATABASES, answer, usb
 
 from octoform.base.id_databases import IdDatabases
 

@@ -4,8 +4,8 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from probes import NO_DATABASES, answer, capabilities, device, probe, usb
 from sysfs_tree import Tree
+from unit.builtin_identify.probes import NO_DATABASES, answer, capabilities, device, probe, usb
 
 from octoform.builtin.identify.stage import identify
 from octoform.builtin.probe.stage import probe_root
@@ -58,7 +58,8 @@ def test_a_usb_bridge_with_lines_is_a_product_also_beside_its_serial_line(name: 
     port = ("interface 00: class 02/02/01 driver=cdc_acm", "interface 02: class 03/00/00 driver=usbhid")
     entry = usb(
         *("manufacturer: Demo", f"product: {name}", *port, "gpio[0].label: demo"),
-        **{"nodes": (*NODE, ("tty", "ttyACM0")), "drivers": ["cdc_acm", "mcp2221", "usb"]},
+        nodes=(*NODE, ("tty", "ttyACM0")),
+        drivers=["cdc_acm", "mcp2221", "usb"],
     )
     document = probe(entry)
     artifact = identify(document, NO_DATABASES)

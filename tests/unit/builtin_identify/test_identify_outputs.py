@@ -1,10 +1,11 @@
 """Receivers, printers and converters: which of them get tools, and what PROBE must say for that."""
 
 from pathlib import Path
+from typing import Any
 
 import pytest
-from probes import answer, capabilities, device, usb
 from sysfs_tree import Tree
+from unit.builtin_identify.probes import answer, capabilities, device, usb
 
 from octoform.builtin.probe.stage import probe_root
 
@@ -32,7 +33,7 @@ def test_a_receiver_of_the_kernels_class_is_read() -> None:
         (("product: Demo LTE GNSS modem", *CDC), {"nodes": (*PORT, ("net", "wwan0"))}),
     ],
 )
-def test_no_other_serial_line_is_read(lines: tuple[str, ...], more: dict[str, object]) -> None:
+def test_no_other_serial_line_is_read(lines: tuple[str, ...], more: dict[str, Any]) -> None:
     assert "read_position" not in capabilities(answer(usb(*lines, **more)))
 
 
@@ -53,8 +54,8 @@ def test_only_whole_outputs_of_a_converter_are_set() -> None:
     found = capabilities(answer(device("spi-dac", "spi", "bus: spi", "iio[0].name: dac", *lines, nodes=node)))
     assert found["set_output_channel"]["parameters"] == {"outputs": ["out_voltage0"]}
     mixed = device("spi-mixed", "spi", "bus: spi", *lines, "iio[0].in_voltage0: raw,scale", nodes=node)
-    found = answer(mixed)
-    assert (found["class"], found["category"]) == ("converter", "bidirectional")
+    annotation = answer(mixed)
+    assert (annotation["class"], annotation["category"]) == ("converter", "bidirectional")
     assert {"read_voltage", "set_output_channel"} <= set(capabilities(found))
     light = device("i2c-light", "i2c", "bus: i2c", *lines, "iio[0].in_proximity: raw", nodes=node)
     assert "set_output_channel" not in capabilities(answer(light))

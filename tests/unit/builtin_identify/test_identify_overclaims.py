@@ -3,7 +3,7 @@
 from pathlib import Path
 
 import pytest
-from probes import answer, usb
+from unit.builtin_identify.probes import answer, usb
 
 from octoform.base.id_databases import IdDatabases
 

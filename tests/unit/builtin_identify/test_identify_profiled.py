@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from probes import NO_DATABASES, device, probe, usb
+from unit.builtin_identify.probes import NO_DATABASES, device, probe, usb
 
 from octoform.builtin.identify.stage import identify
 from octoform.contracts.contract_check import check

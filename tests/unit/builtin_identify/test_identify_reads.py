@@ -8,13 +8,11 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from hosts.plant import plant
 
 from octoform.builtin.probe.stage import probe_root
 
 ROOT = Path(__file__).resolve().parents[3]
-sys.path.insert(0, str(ROOT / "tests"))
-from hosts.plant import plant  # noqa: E402
-
 # Its folder, the host's root, the audit events and the output.
 Run = tuple[Path, Path, list[list[str]], dict[str, Any]]
 # Everything that a process can do to a device or to the world passes one of these audit events.

@@ -4,8 +4,8 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from probes import answer, capabilities, device, usb
 from sysfs_tree import Tree
+from unit.builtin_identify.probes import answer, capabilities, device, usb
 
 from octoform.builtin.description import glossary
 from octoform.builtin.probe.stage import probe_root
@@ -119,11 +119,11 @@ def test_a_panel_on_a_bus_for_chips_is_not_called_by_its_address(tmp_path: Path)
     tree = Tree(tmp_path)
     tree.bus("i2c0/i2c-1/1-0045", "i2c", {"name": "panel9"})
     tree.member("i2c0/i2c-1/1-0045/backlight/1-0045", "backlight", {"max_brightness": "255"})
-    ids = {each["id"] for each in probe_root(tmp_path)["devices"]}  # type: ignore[attr-defined]
+    ids = {each["id"] for each in probe_root(tmp_path)["devices"]}
     assert "backlight-device" in ids and not any("0045" in each for each in ids)
 
 
 def test_a_serial_number_that_repeats_the_kind_is_none(tmp_path: Path) -> None:
     Tree(tmp_path).usb("pci0/usb1/1-1", "1f00", "00c1", "1F0000C1")
-    [found] = probe_root(tmp_path)["devices"]  # type: ignore[misc]
+    [found] = probe_root(tmp_path)["devices"]
     assert "serial" not in found["instance"] and found["instance"]["strength"] == "positional"

@@ -11,7 +11,7 @@ from typing import Any
 
 import pytest
 from cases import for_each
-from probes import NO_DATABASES, answer, usb
+from unit.builtin_identify.probes import NO_DATABASES, answer, usb
 
 from octoform.base.id_databases import IdDatabases
 

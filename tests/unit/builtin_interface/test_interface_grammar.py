@@ -85,7 +85,7 @@ MIXED = LineGrammar(
                 (Value("percent", "number", minimum=0, maximum=80.5),
                  Value("fade", "string", choices=("slow", 'f"st')))),
         Command("lamp_state", "S {lamp}?", "what it does.", "read", (Value("lamp", "integer", minimum=1, maximum=4),),
-                "S {celsius};{percent} {mode}",
+                ("S {celsius};{percent} {mode}",),
                 (Value("celsius", "number", unit="C"), Value("percent", "integer"),
                  Value("mode", "string", choices=("on", "off")))),
         Command("lamp_burn", "BURN", "write the settings for good", "irreversible"),

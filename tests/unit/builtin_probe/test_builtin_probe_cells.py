@@ -3,10 +3,10 @@
 from pathlib import Path
 
 import pytest
+from sysfs_tree import Tree
 
 from octoform import runtime
 from octoform.builtin.probe.stage import probe_root
-from tests.support.sysfs_tree import Tree
 
 HUB = "devices/pci0000:00/usb1/1-4"
 HID = f"{HUB}/1-4:1.0/0003:1D9C:2A0B.0001"
@@ -29,7 +29,7 @@ def hub(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 def test_probe_lists_the_product_with_all_its_functions(hub: Path) -> None:
-    (device,) = probe_root(hub)["devices"]  # type: ignore[misc]
+    (device,) = probe_root(hub)["devices"]
     assert (device["id"], device["classes"]) == ("usb-1d9c-2a0b", ["hid", "iio"])
     assert "iio[1].name: als" in device["raw_descriptor"]
     assert device["instance"]["strength"] == "strong"

@@ -30,7 +30,7 @@ def canonical(artifact: dict[str, Any]) -> str:
 
 
 def lines(device: dict[str, Any]) -> list[str]:
-    return device["raw_descriptor"].split("\n")
+    return str(device["raw_descriptor"]).split("\n")
 
 
 @pytest.mark.parametrize("name", NAMES)

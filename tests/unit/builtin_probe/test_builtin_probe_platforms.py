@@ -39,7 +39,7 @@ def ids(artifact: Any) -> set[str]:
 
 
 def status(artifact: Any, words: str) -> str:
-    return next(scan["status"] for scan in artifact["scan_methods"] if scan["name"] == f"command:{words}")
+    return next(str(scan["status"]) for scan in artifact["scan_methods"] if scan["name"] == f"command:{words}")
 
 
 def report(name: str, items: Any) -> tuple[str, str]:

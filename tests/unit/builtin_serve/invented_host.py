@@ -172,7 +172,12 @@ def _machine(tree: Tree) -> None:
     tree.member(f"{disk}/sda1", "block", {"partition": "1", "size": "1024", "dev": "8:1"})
     (tree.root / "proc/self/mountinfo").write_text("22 1 8:1 / /dev rw - ext4 /dev/sda1 rw\n")
     tree.bus("pci0/0000:00:02.0", "pci", {"vendor": "0x1f01", "device": "0x0002"})
-    screen = {"status": "connected", "enabled": "enabled", "modes": "1920x1080\n1920x1080\n640x480", "edid": edid()}
+    screen: dict[str, str | bytes] = {
+        "status": "connected",
+        "enabled": "enabled",
+        "modes": "1920x1080\n1920x1080\n640x480",
+        "edid": edid(),
+    }
     tree.member("pci0/0000:00:02.0/drm/card0", "drm")
     tree.member("pci0/0000:00:02.0/drm/card0/card0-DP-1", "drm", screen)
     tree.bus("platform/encoder", "platform")

@@ -7,8 +7,8 @@ import struct
 from pathlib import Path
 
 import pytest
-from invented_host import KEYS
-from test_serve_live import Endpoint
+from unit.builtin_serve.generated_endpoint import Endpoint
+from unit.builtin_serve.invented_host import KEYS
 
 U16, S16 = ctypes.c_uint16, ctypes.c_int16
 

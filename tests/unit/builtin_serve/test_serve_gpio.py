@@ -4,11 +4,11 @@ import os
 from collections.abc import Iterator
 from pathlib import Path
 
-import kernel_gpio
 import pytest
-from invented_host import PINS
-from kernel_gpio import INPUT, OUTPUT, USED, Chip, Line
-from test_serve_live import Endpoint
+from unit.builtin_serve import kernel_gpio
+from unit.builtin_serve.generated_endpoint import Endpoint
+from unit.builtin_serve.invented_host import PINS
+from unit.builtin_serve.kernel_gpio import INPUT, OUTPUT, USED, Chip, Line
 
 SET, READ = "set_gpio_line", "read_gpio_line"
 

@@ -3,8 +3,8 @@
 import shutil
 from pathlib import Path
 
-from invented_host import ADAPTER
-from test_serve_live import Endpoint
+from unit.builtin_serve.generated_endpoint import Endpoint
+from unit.builtin_serve.invented_host import ADAPTER
 
 
 def test_network_interfaces_and_radios_are_read(tmp_path: Path) -> None:

@@ -12,8 +12,8 @@ from operator import xor
 from pathlib import Path
 
 import pytest
-from invented_host import CONVERTER, PRINTER, RECEIVER
-from test_serve_live import Endpoint
+from unit.builtin_serve.generated_endpoint import Endpoint
+from unit.builtin_serve.invented_host import CONVERTER, PRINTER, RECEIVER
 
 DAC = "sys/devices/spi0/spi0.0/iio:device1"
 GGA = "GNGGA,101530.00,4807.0380,N,01131.0000,W,1,08,0.9,545.4,M,46.9,M,,"

@@ -10,8 +10,8 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from invented_host import DEVICES, interface
 from ruff import find_ruff_bin
+from unit.builtin_serve.invented_host import DEVICES, interface
 
 from octoform.base.source_lines import counted
 from octoform.builtin.interface.stage import KINDS

@@ -66,7 +66,7 @@ def held(given: dict[str, Any], value: dict[str, Any], **facts: object) -> list[
     """The codes of what the contract finds."""
     proof = given["proof"]
     step = StepFacts(given["step"], proof["kind"], proof["minimum"], ("usb-1",))
-    capture = {"name": "capture_image", "capability": "capture_image", "effect": "read", "devices": []}
+    capture: dict[str, Any] = {"name": "capture_image", "capability": "capture_image", "effect": "read", "devices": []}
     capture["input_schema"] = {"type": "object", "properties": {"device": {"type": "string"}}}
     interface = {"tools": [*given["tools"], capture]}
     known = Artifacts(identify={"devices": [{"id": "usb-1"}]}, interface=interface, step=replace(step, **facts))  # type: ignore[arg-type]

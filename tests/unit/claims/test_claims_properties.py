@@ -177,9 +177,12 @@ def check(told: Told, step: str, made: Claim | None) -> None:
         assert holds(claim.condition, evidence.value) is True
         assert now < claim.expires <= evidence.uptime + SECONDS
         newest = told.newest(claim.signal)
-        assert newest is None or holds(claim.condition, newest.value) is not False  # what is measured outranks it
+        value = None if newest is None else newest.value
+        assert newest is None or holds(claim.condition, value) is not False  # what is measured outranks it
         if claim.signal == heat() and claim.id not in told.confirmed:
-            assert newest is None or newest.value is None or newest.value >= 60  # the profile calls the rest clean
+            assert (
+                newest is None or newest.value is None or float(newest.value) >= 60
+            )  # the profile calls the rest clean
     _check_growth(told, step, made, active)
     _check_ratchet(told, made)
     for claim in bench.ledger.recent():

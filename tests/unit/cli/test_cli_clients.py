@@ -15,7 +15,6 @@ from ruamel.yaml import YAML
 from octoform.cli.main import main
 from octoform.endpoint.access.tunnel import no_tunnel, tunnel_opened
 from octoform.endpoint.mcp_clients.formats import CLIENTS, of
-from octoform.endpoint.process import systemd
 from octoform.endpoint.publish.publication import client_command, snippets
 from octoform.engine.clients import left_behind
 from octoform.state.layout import Layout
@@ -75,7 +74,7 @@ def test_no_clients_file_names_a_cache_that_is_cleaned(
 ) -> None:
     passing = tmp_path / cache / "bin"
     passing.mkdir(parents=True)
-    monkeypatch.setattr(systemd.sys, "prefix", str(passing.parent))
+    monkeypatch.setattr(sys, "prefix", str(passing.parent))
     for folder in (passing, tmp_path / "shims"):
         folder.mkdir(exist_ok=True)
     (passing / "octoform").write_text("#!/bin/sh\n")

@@ -10,8 +10,10 @@ import pytest
 from daemon_world import DaemonWorld
 
 import octoform
+from octoform.claims.admission import Proposal
 from octoform.claims.ledger import Ledger
 from octoform.claims.model import State
+from octoform.claims.settings import Settings
 from octoform.cli.commands.daemon import run_confirm
 from octoform.cli.dispatch import dispatch
 from octoform.cli.parser import parse
@@ -108,10 +110,10 @@ def test_heal_asks_the_daemon_that_lives(watched: Layout, capsys: pytest.Capture
 def pending(host: Layout) -> str:
     """The id of a declaration that waits for a person, in the ledger that the commands open."""
     clock = SystemClock()
-    ledger = Ledger.open(host, clock, ledgers.Settings())
+    ledger = Ledger.open(host, clock, Settings())
     reading = ledger.make(ledgers.heat(), 75)
     ledger.record([reading])
-    proposal = ledgers.Proposal(
+    proposal = Proposal(
         target=ledgers.ELBOW_TARGET,
         fault="none",
         statement="the elbow may never be moved again",

@@ -81,7 +81,8 @@ def test_each_command_has_its_function_and_each_function_is_a_command() -> None:
 def test_only_the_options_of_the_chosen_command_are_built(before: list[str]) -> None:
     words = [*before, "apply", "-auto-approve"]
     assert parse(words).auto_approve
-    names = next(action for action in build("apply")._actions if action.dest == "command").choices or {}
+    names = next(action for action in build("apply")._actions if action.dest == "command").choices
+    assert isinstance(names, dict)
     assert [name for name, parser in names.items() if not isinstance(parser, Unbuilt)] == ["apply"]
 
 

@@ -4,7 +4,7 @@ import copy
 from collections.abc import Mapping
 from typing import Any
 
-from contract_samples import SCHEMAS
+from unit.contracts.contract_samples import SCHEMAS
 
 from octoform.contracts.contract_check import check
 from octoform.contracts.model import Artifacts

@@ -4,7 +4,7 @@ from dataclasses import replace
 from typing import Any
 
 import pytest
-from contract_samples import SCHEMAS, artifacts, good
+from unit.contracts.contract_samples import SCHEMAS, artifacts, good
 
 from octoform.contracts.contract_check import check
 from octoform.contracts.model import ProfileFacts
@@ -21,7 +21,7 @@ def codes(value: dict[str, Any], answers: dict[str, str]) -> list[str]:
 
 
 def with_device(name: str, **changes: Any) -> dict[str, Any]:
-    value = good("identify")
+    value: dict[str, Any] = good("identify")
     device = next(item for item in value["devices"] if item["id"] == name)
     device.update(changes)
     return value

@@ -4,9 +4,9 @@ import copy
 import json
 from typing import Any
 
-from contract_samples import PROBE, SCHEMAS, good
 from hypothesis import given
 from hypothesis import strategies as st
+from unit.contracts.contract_samples import PROBE, SCHEMAS, good
 
 from octoform.contracts import canonical, instances, output_digest, pseudonymise
 

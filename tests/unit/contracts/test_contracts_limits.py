@@ -3,7 +3,7 @@
 from typing import Any
 
 import pytest
-from contract_samples import PROFILES, SCHEMAS, artifacts, good
+from unit.contracts.contract_samples import PROFILES, SCHEMAS, artifacts, good
 
 from octoform.contracts.contract_check import check
 from octoform.contracts.model import ProfileFacts

@@ -1,7 +1,7 @@
 """When a name rests on what is cited for it: forms that a person would write, method by method, and their opposites."""
 
 import pytest
-from contract_samples import SCHEMAS, artifacts, good
+from unit.contracts.contract_samples import SCHEMAS, artifacts, good
 
 from octoform.contracts.contract_check import check
 
@@ -57,9 +57,8 @@ def found(name: str, method: str, cited: list[str], confidence: float) -> list[s
     camera = value["devices"][0]
     camera |= {"identified_as": name, "method": method, "confidence": confidence, "evidence": evidence}
     known = artifacts(probe=probe, registered={camera["id"]: ENTRY}, answers={camera["id"]: "anything at all"})
-    return [
-        item.code for item in check("identify", value, known, SCHEMAS) if item.pointer.startswith("/devices/0/ident")
-    ]
+    errors = check("identify", value, known, SCHEMAS)
+    return [item.code for item in errors if (item.pointer or "").startswith("/devices/0/ident")]
 
 
 @pytest.mark.parametrize(("name", "method", "cited"), RIGHT)

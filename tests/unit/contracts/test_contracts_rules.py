@@ -4,7 +4,7 @@ from collections.abc import Callable
 from typing import Any
 
 import pytest
-from contract_samples import READ, SCHEMAS, artifacts, good
+from unit.contracts.contract_samples import READ, SCHEMAS, artifacts, good
 
 from octoform.contracts.contract_check import MAX_PER_RULE, RULES, check
 from octoform.contracts.rules import probe_host_rules, probe_rules

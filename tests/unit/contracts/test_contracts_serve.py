@@ -3,7 +3,7 @@
 import inspect
 
 import pytest
-from contract_samples import READ, SCHEMAS, SERVER, artifacts, good
+from unit.contracts.contract_samples import READ, SCHEMAS, SERVER, artifacts, good
 
 from octoform import runtime
 from octoform.contracts.contract_check import RULES, check

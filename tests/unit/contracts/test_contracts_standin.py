@@ -6,9 +6,9 @@ import re
 from typing import Any
 
 import pytest
-from contract_samples import PROBE, SCHEMAS
 from hypothesis import given
 from hypothesis import strategies as st
+from unit.contracts.contract_samples import PROBE, SCHEMAS
 
 from octoform.contracts import Artifacts
 from octoform.contracts.contract_check import check

@@ -53,7 +53,7 @@ def test_ports_of_the_machine_are_no_shared_hub(camera: str, arm: str) -> None:
 
 def test_only_what_is_commanded_counts() -> None:
     places = ("/1-2/1-2.1", "/1-2/1-2.4", "/1-2")
-    plain = {"classes": ["sound"]}
+    plain: dict[str, Any] = {"classes": ["sound"]}
     assert shared_hub(identified("actuator", "audio_out"), artifacts(*places, **plain)) == []
     assert shared_hub(identified("sensor", "keyboard"), artifacts(*places, **plain)) == []
     assert shared_hub(identified("actuator", "machine"), artifacts(*places, **plain))

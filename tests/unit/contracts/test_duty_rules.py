@@ -5,8 +5,8 @@ from collections.abc import Callable
 from typing import Any
 
 import pytest
-from contract_samples import SCHEMAS
-from duty_samples import ARM, CAMERA, CLAIM, ERROR, HEAT, INTERFACE, codes, given, reading, report
+from unit.contracts.contract_samples import SCHEMAS
+from unit.contracts.duty_samples import ARM, CAMERA, CLAIM, ERROR, HEAT, INTERFACE, codes, given, reading, report
 
 from octoform.contracts.contract_check import RULES, check
 from octoform.contracts.model import Artifacts

@@ -4,9 +4,9 @@ from collections.abc import Callable
 from typing import Any
 
 import pytest
-import troubles
-from contract_samples import SCHEMAS
-from troubles import ARM, CAMERA, HOT, INTERFACE, RAIL, said, wrong
+from unit.contracts import troubles
+from unit.contracts.contract_samples import SCHEMAS
+from unit.contracts.troubles import ARM, CAMERA, HOT, INTERFACE, RAIL, said, wrong
 
 from octoform.builtin.watch import answer
 from octoform.contracts.contract_check import check
@@ -42,7 +42,7 @@ HONEST: list[tuple[Trouble, Report]] = [
 ]
 RAIL_FAILS = wrong("rail_status", RAIL, "none", "failed-rail_status")
 HOT_ARM = wrong("move_joint", ARM, "none", "failed-move_joint")
-ALL = [{"tool": tool, "arguments": {}, "effect": "deny"} for tool in ("halt", "move_joint")]
+ALL: list[dict[str, Any]] = [{"tool": tool, "arguments": {}, "effect": "deny"} for tool in ("halt", "move_joint")]
 TEMPTING: list[tuple[str, Trouble, Report, set[str]]] = [
     (
         "nothing is wrong because the arm works",

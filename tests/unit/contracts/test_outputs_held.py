@@ -10,8 +10,8 @@ import wrong_deploys
 import wrong_interfaces
 from bench_host import desk
 from cases import for_each
-from contract_samples import SCHEMAS
 from server_edits import WHOLE, adds, all_of, line
+from unit.contracts.contract_samples import SCHEMAS
 
 from octoform.base.id_databases import IdDatabases
 from octoform.builtin.identify.stage import identify
@@ -59,6 +59,7 @@ def test_a_wrong_interface_is_told_what_is_wrong(case: str, known: Artifacts) ->
 
 
 def test_a_right_interface_in_unusual_words_gives_no_finding(known: Artifacts) -> None:
+    assert known.interface is not None
     value = copy.deepcopy(known.interface)
     wrong_interfaces.RIGHT(value)
     assert severities("interface", value, known) == {}
@@ -140,6 +141,7 @@ def test_who_knows_the_line_may_send_more(known: Artifacts) -> None:
 
 def test_a_reading_over_an_unknown_line_takes_no_goal(known: Artifacts) -> None:
     _, behind = steered(known, SENT["a literal"][0])
+    assert known.interface is not None
     value = copy.deepcopy(known.interface)
     taken = wrong_interfaces.tool(value, "read_temperature")["input_schema"]["properties"]
     taken["channel"] = {"type": "string", "enum": ["in", "out"], "default": "in"}

@@ -4,7 +4,7 @@ import copy
 from typing import Any
 
 import pytest
-from contract_samples import IDENTIFY, PROBE, SCHEMAS, artifacts
+from unit.contracts.contract_samples import IDENTIFY, PROBE, SCHEMAS, artifacts
 
 from octoform.contracts.contract_check import check
 

@@ -9,7 +9,7 @@ from dataclasses import replace
 from typing import Any
 
 from cases import for_each
-from contract_samples import IDENTIFY, INTERFACE, PROBE, READ, SCHEMAS, artifacts
+from unit.contracts.contract_samples import IDENTIFY, INTERFACE, PROBE, READ, SCHEMAS, artifacts
 
 from octoform.contracts.contract_check import check
 from octoform.contracts.model import Artifacts, ProfileFacts

@@ -6,7 +6,7 @@ from dataclasses import replace
 from typing import Any
 
 import pytest
-from contract_samples import SCHEMAS, artifacts, good
+from unit.contracts.contract_samples import SCHEMAS, artifacts, good
 
 from octoform.contracts import Artifacts, ProfileFacts
 from octoform.contracts.contract_check import RULES, check

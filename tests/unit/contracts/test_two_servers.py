@@ -2,7 +2,7 @@
 
 import ast
 
-from contract_samples import SCHEMAS, artifacts, good
+from unit.contracts.contract_samples import SCHEMAS, artifacts, good
 
 from octoform.contracts.canonical import output_digest
 from octoform.contracts.contract_check import check

@@ -3,7 +3,7 @@
 from pathlib import Path
 
 import pytest
-from endpoint_servers import Wheelhouse
+from unit.endpoint.endpoint_servers import Wheelhouse
 
 from octoform.endpoint.environment.build import build
 from octoform.endpoint.environment.lockfile import resolve

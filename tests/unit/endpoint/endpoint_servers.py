@@ -88,7 +88,7 @@ def service_of(tools: Sequence[dict[str, Any]]) -> Service:
 
 def publish(layout: Layout, environment: Environment, source: str = GOOD, *tools: dict[str, Any]) -> dict[str, Any]:
     """Put the server into the state folder, write its endpoint, give the INTERFACE artifact."""
-    interface = {"format": 1, "tools": list(tools or (CLOCK, VOLTAGE)), "left_out": []}
+    interface: dict[str, Any] = {"format": 1, "tools": list(tools or (CLOCK, VOLTAGE)), "left_out": []}
     lay_out(layout.output("serve").parent, source)
     problems = write_endpoint(layout, environment, service_of(interface["tools"]), {})
     assert not problems

@@ -1,6 +1,6 @@
 """A tool for each way in which a tool can be wrong, all of one server, so that one check sees them all."""
 
-from endpoint_servers import CLOCK, HEADER, VOLTAGE, tool
+from unit.endpoint.endpoint_servers import CLOCK, HEADER, VOLTAGE, tool
 
 PLAIN = {**VOLTAGE, "input_schema": {"type": "object", "properties": {}}}
 NEEDS_WORD = {"type": "object", "properties": {"word": {"type": "string"}}, "required": ["word"]}

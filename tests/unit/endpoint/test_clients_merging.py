@@ -5,10 +5,10 @@ import tomllib
 from typing import Any
 
 import pytest
-from client_documents import documents
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from ruamel.yaml import YAML
+from unit.endpoint.client_documents import documents
 
 from octoform.endpoint.mcp_clients import json_edit, merge, toml_text, yaml_text
 from octoform.endpoint.mcp_clients.formats import CLIENTS, Client, form

@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from endpoint_servers import CLOCK, GOOD, HEADER, VOLTAGE, processes_of, publish, tool
-from endpoint_zoo import PLAIN, SOURCE, TOOLS
+from unit.endpoint.endpoint_servers import CLOCK, GOOD, HEADER, VOLTAGE, processes_of, publish, tool
+from unit.endpoint.endpoint_zoo import PLAIN, SOURCE, TOOLS
 
 from octoform.diagnostics import Diagnostic, Severity
 from octoform.endpoint.client.check import CheckReport, TrialCall, check, judge_check

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 from endings import record_running
-from endpoint_servers import publish
+from unit.endpoint.endpoint_servers import publish
 
 from octoform.apply.destroy import left_behind
 from octoform.diagnostics import Severity

@@ -3,7 +3,7 @@
 from pathlib import Path
 
 import pytest
-from endpoint_servers import GOOD, HEADER, lay_out, tool
+from unit.endpoint.endpoint_servers import GOOD, HEADER, lay_out, tool
 
 from octoform.endpoint.environment.import_check import ImportReport, check_import, judge_import
 from octoform.endpoint.environment.model import Environment

@@ -5,7 +5,7 @@ from threading import Thread
 from types import SimpleNamespace
 
 import pytest
-from endpoint_servers import Wheelhouse
+from unit.endpoint.endpoint_servers import Wheelhouse
 
 from octoform.diagnostics import Diagnostic
 from octoform.endpoint.bounded_program import run

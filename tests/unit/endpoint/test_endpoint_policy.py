@@ -37,7 +37,8 @@ def resolved(policy: Policy, *tools: dict[str, Any], holding: Any = ()) -> dict[
 
 
 def limits(policy: Policy, one: dict[str, Any], holding: Any = ()) -> list[dict[str, Any]]:
-    return resolved(policy, one, holding=holding)["tools"][one["name"]]["limits"]
+    found: list[dict[str, Any]] = resolved(policy, one, holding=holding)["tools"][one["name"]]["limits"]
+    return found
 
 
 def test_a_tool_without_any_limit() -> None:
@@ -111,7 +112,7 @@ def test_the_tighter_end_wins_and_each_end_is_named() -> None:
 
 
 def test_a_profile_binds_only_the_tools_of_its_devices() -> None:
-    bound = {"parameter": "position", "maximum": 5}
+    bound: dict[str, Any] = {"parameter": "position", "maximum": 5}
     for limit, devices, concerned in [
         (bound, ["arm"], True),
         (bound, ["arm", "other"], True),
@@ -182,7 +183,7 @@ def passes(value: float, bound: dict[str, float]) -> bool:
 @given(st.lists(bounds, max_size=3), st.lists(bounds, max_size=3), bounds | st.none(), st.lists(numbers, max_size=20))
 def test_what_passes_is_what_every_source_lets_pass(
     of_profiles: list[dict[str, float]],
-    of_policy: list[dict[str, float]],
+    of_policy: list[dict[str, Any]],
     of_interface: dict[str, float] | None,
     tried: list[float],
 ) -> None:

@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from endpoint_servers import CLOCK, VOLTAGE, publish, service_of
 from ruamel.yaml import YAML
+from unit.endpoint.endpoint_servers import CLOCK, VOLTAGE, publish, service_of
 
 from octoform.endpoint.environment.model import Environment
 from octoform.endpoint.publish.publication import write_endpoint

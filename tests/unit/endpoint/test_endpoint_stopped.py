@@ -8,12 +8,12 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from endpoint_servers import HEADER
-from endpoint_servers import tool as code
 from fastmcp import Client
 from fastmcp.client.transports import StdioTransport
 from launched import Launched, launched, tool
 from raw_mcp import request
+from unit.endpoint.endpoint_servers import HEADER
+from unit.endpoint.endpoint_servers import tool as code
 
 from octoform.cli.main import main
 from octoform.endpoint.client.terminal import Wanted, call, list_tools

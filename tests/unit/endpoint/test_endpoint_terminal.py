@@ -10,10 +10,10 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from endpoint_servers import HEADER, tool
-from endpoint_zoo import PICTURE
 from launched import Launched, launched
 from launched import tool as told
+from unit.endpoint.endpoint_servers import HEADER, tool
+from unit.endpoint.endpoint_zoo import PICTURE
 
 from octoform.endpoint.client.terminal import (
     Person,

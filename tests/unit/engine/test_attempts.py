@@ -4,6 +4,7 @@ import io
 import json
 import os
 from pathlib import Path
+from typing import Any
 
 import pytest
 from attempt_folders import Folders
@@ -12,13 +13,15 @@ from octoform.base import processes
 from octoform.diagnostics import error, to_json, warning
 from octoform.engine.inspect import attempts as engine
 from octoform.harness.containment import orphans
-from octoform.harness.port import Closed, ExitReason, Said, ToolCalled, ToolReturned, Trouble, Turn, Usage
+from octoform.harness.port import AgentEvent, Closed, ExitReason, Said, ToolCalled, ToolReturned, Trouble, Turn, Usage
 from octoform.state.artifacts.attempts import SpecEdit
 from octoform.state.store.lock import acquire
 from octoform.views.format.console import Console
 from octoform.views.run import attempts as views
 
-REFUSED = {"diagnostics": [to_json(error("PROBE-DUPLICATE-ID", "twice")), to_json(error("PROBE-NO-WORKING-SCAN", "x"))]}
+REFUSED: dict[str, Any] = {
+    "diagnostics": [to_json(error("PROBE-DUPLICATE-ID", "twice")), to_json(error("PROBE-NO-WORKING-SCAN", "x"))]
+}
 HOSTILE = "\x1b]0;owned\x07\u202eevil\r\nsecond line"
 
 
@@ -181,7 +184,12 @@ def test_an_attempt_without_a_record_can_be_shown(folders: Folders) -> None:
 
 
 def test_an_attempt_without_a_record_tells_what_it_has_used_so_far(folders: Folders) -> None:
-    replies = [Turn(Usage(1000, 400, 50)), ToolCalled("bash", "ls"), Turn(Usage(500, None, 7)), Said("x")]
+    replies: list[AgentEvent] = [
+        Turn(Usage(1000, 400, 50)),
+        ToolCalled("bash", "ls"),
+        Turn(Usage(500, None, 7)),
+        Said("x"),
+    ]
     folder = folders.add("identify", 2, record=False, events=replies)
     task = {"format": 1, "stage": "identify", "role": "escalate", "harness": "pi", "model": "openai/x"}
     (folder / "task.json").write_text(json.dumps(task))
@@ -209,7 +217,7 @@ def test_a_task_that_an_agent_has_spoilt_tells_nothing(folders: Folders, task: b
     assert json.loads(shown(folders, 1, as_json=True))["harness"] == ""
 
 
-EDITED = {"spec_edit": SpecEdit(digest="sha256:x", permitted=True, added=1, removed=0)}
+EDITED: dict[str, Any] = {"spec_edit": SpecEdit(digest="sha256:x", permitted=True, added=1, removed=0)}
 
 
 def test_an_edit_is_shown_against_what_the_attempt_was_given(folders: Folders) -> None:
@@ -225,7 +233,7 @@ def test_an_edit_is_shown_against_what_the_attempt_was_given(folders: Folders) -
 
 
 def test_an_edit_that_was_not_asked_for_is_said_and_does_not_count_for_the_next(folders: Folders) -> None:
-    unasked = {"spec_edit": SpecEdit(digest="sha256:x", permitted=False, added=1, removed=0)}
+    unasked: dict[str, Any] = {"spec_edit": SpecEdit(digest="sha256:x", permitted=False, added=1, removed=0)}
     folders.add("probe", 1, spec="# one\n", **REFUSED)
     folders.add("probe", 2, spec="# one\nmine\n", **unasked, **REFUSED)
     folders.add("probe", 3, spec="# one\nthree\n", **EDITED, **REFUSED)
@@ -237,7 +245,7 @@ def test_an_edit_that_was_not_asked_for_is_said_and_does_not_count_for_the_next(
 
 def test_an_edit_of_another_run_is_not_the_text_that_was_given(folders: Folders) -> None:
     folders.add("probe", 1, spec="# another run\n")
-    folders.add("probe", 1, spec="# mine\n", **{"spec_edit": SpecEdit(digest="x", permitted=False, added=1, removed=0)})
+    folders.add("probe", 1, spec="# mine\n", spec_edit=SpecEdit(digest="x", permitted=False, added=1, removed=0))
     found = detail(folders, 2).spec
     assert found is not None
     assert not found.certain, "the project's own spec is no longer what this attempt was given"

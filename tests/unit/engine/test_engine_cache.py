@@ -5,7 +5,7 @@ import os
 import shutil
 import subprocess
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -64,7 +64,7 @@ class Bench:
 
 
 @pytest.fixture
-def bench(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Iterator[Bench]:
+def bench(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Bench:
     project = tmp_path / "project"
     shutil.copytree(SHIPPED, project / "protocol")
     (project / "profiles").mkdir()
@@ -146,7 +146,7 @@ def upgraded(bench: Bench) -> None:
 
 
 STATE = "state/bench"
-MOVED = {
+MOVED: dict[str, Callable[[Bench], object]] = {
     "manifest": add_a_byte("octopus.yaml"),
     "spec": add_a_byte("protocol/identify.md"),
     "schema": add_a_byte("protocol/schemas/probe.v1.schema.json"),

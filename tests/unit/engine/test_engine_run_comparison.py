@@ -7,7 +7,7 @@ from covered import declared, identified, known, left
 from octoform.engine.coverage.runs import Disagreement, Renamed, Run, Stability, compare, run_of
 
 
-def run(devices: list[dict[str, Any]], *out: dict[str, Any], agent: str = "pi", **names: str) -> Run:
+def run(devices: list[dict[str, Any]], *out: dict[str, Any], agent: str = "pi", **names: Any) -> Run:
     identify = identified(devices, out)
     return run_of(agent, identify, declared(identify, **names))
 

@@ -44,7 +44,12 @@ def test_another_server_is_recorded_and_committed_where_the_manifest_says_so(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, commit: bool, wanted: list[str]
 ) -> None:
     layout, made = Layout(tmp_path, "bench"), list[str]()
-    monkeypatch.setattr(session, "commit_run", lambda layout, snapshot, name: (made.append(name), []))
+
+    def committed(layout: Layout, snapshot: object, name: str) -> tuple[None, list[Diagnostic]]:
+        made.append(name)
+        return None, []
+
+    monkeypatch.setattr(session, "commit_run", committed)
     assert session._recorded(held(layout, commit=commit), there(Store()), "heal", DONE) == DONE
     assert made == wanted
     assert session._recorded(held(layout, commit=commit), there(Store(unsettled=False)), "heal", DONE) == DONE

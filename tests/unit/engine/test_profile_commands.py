@@ -71,8 +71,8 @@ def test_product_and_rig_are_shown_apart(bench: Project) -> None:
     assert own.startswith("    Joint 1 is broken.\n    position at most 3000\n")
     told = json.loads(bench.run("profile", "check", "arm.md", "-json", status=0).out)["profile"]
     assert told["limits"][0]["maximum"] == 4095 and 3000 not in [limit["maximum"] for limit in told["limits"]]
-    own = {"facts": ["Joint 1 is broken."], "limits": [{"parameter": "position", "maximum": 3000}]}
-    assert told["rig"] == {**own, "disabled": {}, "units": {}}
+    rig_alone = {"facts": ["Joint 1 is broken."], "limits": [{"parameter": "position", "maximum": 3000}]}
+    assert told["rig"] == {**rig_alone, "disabled": {}, "units": {}}
 
 
 def test_the_bus_is_shown_as_it_is_on_the_rig(bench: Project) -> None:

@@ -15,7 +15,7 @@ from octoform.diagnostics import Diagnostic, error, to_json
 from octoform.engine.inspect.attempts import of_host
 from octoform.engine.recordings.recording import Recorded, record, runs
 from octoform.harness import transcript
-from octoform.harness.port import Said, ToolCalled
+from octoform.harness.port import AgentEvent, Said, ToolCalled
 from octoform.harness.recording import Recording, load
 from octoform.state.artifacts.attempts import SpecEdit
 from octoform.state.artifacts.cache import write_instances
@@ -37,7 +37,7 @@ PROBE: dict[str, Any] = {
     ],
 }
 TOKEN = "sk-abcdefghijklmnopqrstuvwx"
-REFUSED = {"diagnostics": [to_json(error("PROBE-SERIAL-IN-ID", "no"))]}
+REFUSED: dict[str, Any] = {"diagnostics": [to_json(error("PROBE-SERIAL-IN-ID", "no"))]}
 
 
 @pytest.fixture
@@ -145,7 +145,7 @@ def test_nothing_of_the_host_is_in_it(folders: Folders, target: Path) -> None:
         f"root@{HOST}: up",
         "x" * 195 + SERIAL[:5],
     ]
-    edit = {"spec_edit": SpecEdit(digest="x", permitted=True, added=1, removed=0)}
+    edit: dict[str, Any] = {"spec_edit": SpecEdit(digest="x", permitted=True, added=1, removed=0)}
     folders.add("probe", 1, output=text_of(bad), events=[*map(Said, said)], detail=f"in {where}", **REFUSED)
     folders.add(
         "probe", 2, output=text_of(PROBE), spec=f"# {SERIAL} in {folders.project}\n", events=[], accepted=True, **edit
@@ -168,7 +168,10 @@ def test_nothing_of_the_host_is_in_it(folders: Folders, target: Path) -> None:
 
 
 def test_a_short_name_of_the_host_is_hidden_in_what_was_said(folders: Folders, target: Path) -> None:
-    said = [ToolCalled("bash", "echo PI4 && ssh root@pi4 uptime"), Said("apis and pi42 are other words, pi4-x too")]
+    said: list[AgentEvent] = [
+        ToolCalled("bash", "echo PI4 && ssh root@pi4 uptime"),
+        Said("apis and pi42 are other words, pi4-x too"),
+    ]
     folders.add("probe", 1, output=text_of({**PROBE, "hostname": "pi4"}), events=said, accepted=True)
     made(folders, target)
     found = [transcript.text_of(item.event) for item in transcript.read(target / "probe-1/transcript.jsonl")]

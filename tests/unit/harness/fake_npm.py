@@ -5,6 +5,7 @@ import sys
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 from octoform.diagnostics import Diagnostic
 from octoform.harness.install.atomic_install import Setup
@@ -86,7 +87,7 @@ class Machine:
         values = {"LOG": str(self.folder / "npm.log"), "FOLDER": str(self.folder), "PROGRAM": program}
         script(path or self.folder / "bin" / "npm", NPM + code + "\n", values)
 
-    def calls(self) -> list[dict[str, list[str] | dict[str, str]]]:
+    def calls(self) -> list[dict[str, Any]]:
         """Each run of npm: ``argv`` and ``env``."""
         log = self.folder / "npm.log"
         return [json.loads(line) for line in log.read_text().splitlines()] if log.exists() else []

@@ -3,9 +3,10 @@
 import os
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pytest
-from program_streams import SECRET, invoked, lines, nowhere_in_files, of, recorded, without_turns
+from unit.harness.program_streams import SECRET, invoked, lines, nowhere_in_files, of, recorded, without_turns
 
 from octoform.harness.adapters.claude_code import ClaudeCode, ClaudeCodeDialect
 from octoform.harness.port import (
@@ -114,7 +115,7 @@ def test_a_refused_key_is_final_at_once_and_a_limit_of_the_rate_is_not() -> None
 
 
 def test_no_key_at_all() -> None:
-    told = {
+    told: dict[str, Any] = {
         "is_error": True,
         "subtype": "success",
         "api_error_status": None,

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from program_streams import SECRET, invoked, lines, nowhere_in_files, of, recorded, without_turns
+from unit.harness.program_streams import SECRET, invoked, lines, nowhere_in_files, of, recorded, without_turns
 
 from octoform.harness.adapters.codex import Codex, CodexDialect
 from octoform.harness.attempt import Invocation
@@ -91,7 +91,8 @@ def test_the_streams_have_no_order_so_what_is_tried_again_is_read_where_the_repl
         "type": "error",
         "message": "Reconnecting... 1/5 (unexpected status 401 Unauthorized: no, url: http://x)",
     }
-    assert [event.final for event in lines(dialect, "stdout", refused)] == [True]
+    (trouble,) = lines(dialect, "stdout", refused)
+    assert isinstance(trouble, Trouble) and trouble.final
     failed = {"type": "turn.failed", "error": {"message": "Connection failed: error sending request"}}
     assert len(lines(dialect, "stdout", failed)) == 1
     assert lines(dialect, "stderr", reply) == [], "nothing comes after the end"

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from harness_agents import alive, noted, python
+from unit.harness.harness_agents import alive, noted, python
 from waiting import until
 
 from octoform.harness.containment import contained_run

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -25,7 +26,7 @@ class Words:
 
 @pytest.fixture
 def task(tmp_path: Path) -> Task:
-    names = {name: tmp_path / name for name in ("prompt", "output", "log", "document")}
+    names: dict[str, Any] = {name: tmp_path / name for name in ("prompt", "output", "log", "document")}
     return Task("probe", 1, tmp_path, model=None, environment={"PATH": "/usr/bin:/bin"}, limits=TaskLimits(30), **names)
 
 

@@ -6,7 +6,7 @@ import sys
 from pathlib import Path
 
 import pytest
-from fake_npm import Machine
+from unit.harness.fake_npm import Machine
 
 from octoform.cli.main import main
 from octoform.engine.doctor import elsewhere

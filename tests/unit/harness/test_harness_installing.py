@@ -10,8 +10,8 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from fake_npm import PIN, Machine
-from harness_agents import alive, noted
+from unit.harness.fake_npm import PIN, Machine
+from unit.harness.harness_agents import alive, noted
 from waiting import until
 
 from octoform.diagnostics import Diagnostic
@@ -174,7 +174,7 @@ CUT_OFF = """
 import sys
 from pathlib import Path
 sys.path[:0] = {path!r}
-from fake_npm import Machine
+from unit.harness.fake_npm import Machine
 Machine(Path({folder!r})).install()
 """
 

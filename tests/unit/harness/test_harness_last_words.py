@@ -3,7 +3,7 @@
 from pathlib import Path
 
 import pytest
-from program_streams import SECRET, a_task
+from unit.harness.program_streams import SECRET, a_task
 
 from octoform.harness.adapters.pi import PiDialect
 from octoform.harness.attempt import Invocation, run_contained

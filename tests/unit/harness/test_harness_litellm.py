@@ -5,7 +5,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from program_streams import SECRET, lines
+from unit.harness.program_streams import SECRET, lines
 
 from octoform.harness.adapters.litellm import LiteLLMHarness, ReactDialect
 from octoform.harness.port import (
@@ -21,6 +21,7 @@ from octoform.harness.port import (
     Turn,
     Usage,
 )
+from octoform.harness.react.config import Config
 from octoform.manifest.model import HarnessSpec
 
 SPEC = HarnessSpec("litellm", key="LOOP_KEY", base_url="http://127.0.0.1:9")
@@ -92,6 +93,7 @@ def test_what_is_no_line_of_its_own_is_nothing() -> None:
 def test_what_a_process_is_given_holds_no_secret(task: Task) -> None:
     harness = LiteLLMHarness(replace(SPEC, env=("HTTPS_PROXY", "OTHER_TOKEN")))
     config = harness.configuration(task)
+    assert isinstance(config, Config)
     text = json.dumps([str(config), config.hidden])
     assert SECRET not in text
     assert set(config.hidden) >= {"LOOP_KEY", "OTHER_TOKEN", "LITELLM_LOCAL_MODEL_COST_MAP"}
@@ -109,6 +111,7 @@ def test_what_a_process_is_given_holds_no_secret(task: Task) -> None:
 )
 def test_a_command_ends_before_the_run_does(task: Task, limits: TaskLimits, usual: int, most: int) -> None:
     config = LiteLLMHarness(SPEC).configuration(replace(task, limits=limits))
+    assert isinstance(config, Config)
     assert (config.shell_seconds, config.most_shell_seconds) == (usual, most)
 
 

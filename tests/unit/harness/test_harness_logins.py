@@ -8,10 +8,9 @@ from typing import Any
 import pytest
 
 from octoform.diagnostics import Diagnostic
-from octoform.harness import logins
 from octoform.harness.llm.route import Access, access
 from octoform.harness.logins import Found, find
-from octoform.manifest.credentials import RESPONSES
+from octoform.manifest.credentials import LOGINS, RESPONSES
 from octoform.manifest.model import HarnessSpec
 
 NOW = 1_800_000_000.0
@@ -109,4 +108,4 @@ def test_a_token_that_says_nothing_of_its_end_is_taken(tmp_path: Path, token: st
 
 def test_a_subscription_of_codex_is_asked_elsewhere_than_the_api() -> None:
     way = access(HarnessSpec("codex", key="CODEX_ACCESS_TOKEN", login=True), "openai/model", (RESPONSES,), {})
-    assert isinstance(way, Access) and way.base_url == logins.LOGINS["codex"].url
+    assert isinstance(way, Access) and way.base_url == LOGINS["codex"].url

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from program_streams import SECRET, invoked, lines, nowhere_in_files, of, recorded, without_turns
+from unit.harness.program_streams import SECRET, invoked, lines, nowhere_in_files, of, recorded, without_turns
 
 from octoform.harness.adapters.opencode import PLUGIN, OpenCode, OpenCodeDialect
 from octoform.harness.port import ExitReason, Replying, Said, ToolCalled, ToolReturned, Trouble, Turn, Usage
@@ -68,7 +68,8 @@ def test_the_status_stands_above_the_words() -> None:
     told = {"octoform": "retry", "text": "Please come back tomorrow.", "status": 429}
     assert lines(OpenCodeDialect(), "stderr", told) == [Trouble(ExitReason.RATE_LIMIT, "Please come back tomorrow.")]
     unknown = {**told, "status": None}
-    assert lines(OpenCodeDialect(), "stderr", unknown)[0].reason is ExitReason.UNREACHABLE, "it would not try again"
+    (trouble,) = lines(OpenCodeDialect(), "stderr", unknown)
+    assert isinstance(trouble, Trouble) and trouble.reason is ExitReason.UNREACHABLE, "it would not try again"
 
 
 def test_after_its_error_nothing_that_came_before_it_counts() -> None:

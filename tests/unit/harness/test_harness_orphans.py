@@ -10,11 +10,12 @@ from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
-from harness_agents import alive, noted, python
+from unit.harness.harness_agents import alive, noted, python
 from waiting import until
 
 from octoform.base import processes
 from octoform.harness.containment import orphans
+from octoform.harness.containment.agent_environment import ATTEMPT
 from octoform.harness.containment.orphans import Record
 
 DRIVER = """
@@ -78,9 +79,7 @@ def test_what_both_deaths_leave_is_swept_and_nothing_else(tmp_path: Path) -> Non
     attempt = attempts / "1-probe-1"
     other = attempts / "2-probe-1"
     bystander = subprocess.Popen([sys.executable, "-c", "import time; time.sleep(600)"], stdout=subprocess.DEVNULL)
-    marked = subprocess.Popen(
-        [sys.executable, "-c", "import time; time.sleep(600)"], env={orphans.ATTEMPT: processes.new()}
-    )
+    marked = subprocess.Popen([sys.executable, "-c", "import time; time.sleep(600)"], env={ATTEMPT: processes.new()})
     try:
         with octoform_running(attempt) as driver:
             record = orphans.read(attempt)
@@ -111,11 +110,11 @@ def test_what_both_deaths_leave_is_swept_and_nothing_else(tmp_path: Path) -> Non
 
 def test_a_process_older_than_the_attempt_is_not_ours(tmp_path: Path) -> None:
     mark = processes.new()
-    older = subprocess.Popen([sys.executable, "-c", "import time; time.sleep(600)"], env={orphans.ATTEMPT: mark})
+    older = subprocess.Popen([sys.executable, "-c", "import time; time.sleep(600)"], env={ATTEMPT: mark})
     try:
         found = orphans.look(older.pid)
         assert found is not None
-        until(lambda: processes.bears(older.pid, mark, orphans.ATTEMPT))
+        until(lambda: processes.bears(older.pid, mark, ATTEMPT))
         assert orphans.end_marked((Record(mark, 4_000_000, found.start + 1),)) == orphans.Swept()
         assert older.poll() is None
         assert orphans.end_marked((Record(mark, 4_000_000, found.start),)).ended == (older.pid,)

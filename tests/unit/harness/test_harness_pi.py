@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from program_streams import SECRET, invoked, lines, nowhere_in_files, of, recorded
+from unit.harness.program_streams import SECRET, invoked, lines, nowhere_in_files, of, recorded
 
 from octoform.harness.adapters.pi import Pi, PiDialect
 from octoform.harness.port import (

@@ -4,7 +4,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from program_streams import a_task
+from unit.harness.program_streams import a_task
 
 from octoform.harness.adapters import litellm, pi
 from octoform.harness.port import ExitReason, Harness

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from program_streams import SECRET, invoked, lines, nowhere_in_files, of, recorded, without_turns
+from unit.harness.program_streams import SECRET, invoked, lines, nowhere_in_files, of, recorded, without_turns
 
 from octoform.harness.adapters.qwen_code import QwenCode, QwenCodeDialect
 from octoform.harness.port import (

@@ -6,7 +6,7 @@ import time
 from pathlib import Path
 
 import pytest
-from harness_agents import alive
+from unit.harness.harness_agents import alive
 from waiting import until
 
 from octoform.harness.containment import orphans

@@ -10,8 +10,8 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from harness_agents import PRELUDE
 from harness_confined import Host
+from unit.harness.harness_agents import PRELUDE
 from waiting import until
 
 from octoform.diagnostics import Diagnostic
@@ -35,7 +35,7 @@ def host(request: pytest.FixtureRequest) -> Iterator[Host]:
         shutil.rmtree(root)
 
 
-def sh(host: Host, script: str, confined: dict[str, bool] | None = None, **environ: str) -> Any:
+def sh(host: Host, script: str, confined: dict[str, bool] | None = None, **environ: Any) -> Any:
     return host.run(["sh", "-c", script], ON if confined is None else confined, **environ)
 
 

@@ -133,7 +133,7 @@ def _tools(server: str, folder: Path) -> list[dict[str, Any]]:
     return [tool.to_mcp_tool(name=tool.name).model_dump(mode="json", by_alias=True) for tool in tools]
 
 
-PLACES = {
+PLACES: dict[str, Any] = {
     "probe": [("devices", 0, "name"), ("devices", 0, "raw_descriptor"), ("scan_methods", 0, "detail")],
     "identify": [("devices", 0, "identified_as"), ("devices", 0, "capabilities", 0, "description")],
     "interface": [("tools", 0, "description"), ("tools", 0, "input_schema", "properties", "device", "description")],

@@ -14,7 +14,6 @@ from cases import for_each
 from hostile_strings import STRINGS, Hostile
 
 from octoform import events
-from octoform.apply.stage.attempt_record import attempts
 from octoform.base.escaping import is_hidden
 from octoform.diagnostics import Diagnostic, Span, error, to_json
 from octoform.engine.results import RunResult
@@ -24,6 +23,7 @@ from octoform.harness.watcher import Watcher
 from octoform.protocol import MOST_PROMPT_BYTES, STAGES, Prompt, render_prompt
 from octoform.protocol.loader import load
 from octoform.runtime import calllog
+from octoform.state.artifacts import attempts
 from octoform.state.artifacts.attempts import AttemptRecord
 from octoform.views.format.console import Console
 from octoform.views.format.output import JsonStream

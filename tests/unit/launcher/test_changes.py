@@ -155,9 +155,9 @@ class Deaf:
 async def test_a_client_that_does_not_read_holds_up_nobody_and_is_given_up(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(notifications, "SECONDS", 0.05)
     server, offer = offered()
-    deaf = Deaf()
+    deaf: Any = Deaf()
     async with hearing(partial(Client, server), "legacy") as (_, heard):
-        offer.changes._clients.add(deaf)  # type: ignore[arg-type]
+        offer.changes._clients.add(deaf)
         for _ in range(100):
             offer.changes.tools()
         await heard_all(heard, [("tools", "")])

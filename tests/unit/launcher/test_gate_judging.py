@@ -132,7 +132,7 @@ def test_shadow_mode_lets_pass_and_notes_what_would_be_refused(tmp_path: Path, m
                 assert (await client.call_tool("move", {"steps": 500})).data == 500
                 assert (await client.call_tool("look", {})).data == 7
             gate.gate.disarm()
-            noted = [each.get("shadow") for each in gate.records("decision")]
+            noted = [each["shadow"] for each in gate.records("decision")]
             assert [[text.partition(":")[0] for text in each] for each in noted] == [["range", "confirm"], ["denied"]]
 
     asyncio.run(scenario())

@@ -131,9 +131,9 @@ def test_an_approval_that_is_used_for_another_call_is_on_the_log(tmp_path: Path)
             params = mcp_types.CallToolRequestParams(name="move", arguments={"steps": 1})
             request = mcp_types.CallToolRequest(params=params)
             asked = await client.session.send_request(request, mcp_types.InputRequiredResult)
-            state, given = asked.request_state, {"approval": answer}
+            state = asked.request_state
             other = mcp_types.CallToolRequestParams(
-                name="move", arguments={"steps": 9}, request_state=state, input_responses=given
+                name="move", arguments={"steps": 9}, request_state=state, input_responses={"approval": answer}
             )
             with pytest.raises(MCPError):
                 await client.session.send_request(mcp_types.CallToolRequest(params=other), mcp_types.CallToolResult)

@@ -75,7 +75,7 @@ def test_a_report_outside_of_the_range_keeps_the_unit_still_until_a_person_sets_
 
             async def told(name: str, **arguments: Any) -> str:
                 done = await client.call_tool(name, arguments, raise_on_error=False)
-                return str(done.content[0].text) if done.is_error else ""  # type: ignore[union-attr]
+                return str(done.content[0].text) if done.is_error else ""
 
             assert await told("move", joint="elbow", position=102) == ""  # devices do not stop exactly
             assert "1030 raw" in await told("move", joint="3", position=103)

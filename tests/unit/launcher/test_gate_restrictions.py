@@ -204,7 +204,7 @@ OF_UNITS = {
     look: tool_policy("read", buses=["arm"]),
     stop: tool_policy(buses=["arm"], stops=True),
 }
-FOR_GOOD = {
+FOR_GOOD: dict[str, Any] = {
     "claim": "c7",
     "tool": "",
     "arguments": {},
@@ -266,7 +266,7 @@ def test_what_the_ledger_says_holds_where_the_file_is_gone_or_damaged(tmp_path: 
     run = tmp_path / "run"
     run.mkdir()
     ledger = tmp_path / "claims.json"
-    claim = {
+    claim: dict[str, Any] = {
         "id": "c7",
         "target": "device:arm/elbow",
         "statement": "its gear is broken",

@@ -12,8 +12,8 @@ import pytest
 from fastmcp.client.elicitation import ElicitResult
 from gated import Gated, gated, tool_policy
 from launched import launched, tool
-from launcher_lines import Line
 from raw_mcp import RawClient, call
+from unit.launcher.launcher_lines import Line
 
 from octoform.server.audit.audit_log import Audit
 from octoform.server.estop import actions as stopping
@@ -283,7 +283,7 @@ def erase() -> str:
 
 
 def test_clearing_voids_what_was_approved_before_another_process_latched(tmp_path: Path) -> None:
-    able = {"io.modelcontextprotocol/clientCapabilities": {"elicitation": {"form": {}}}}
+    able: dict[str, Any] = {"io.modelcontextprotocol/clientCapabilities": {"elicitation": {"form": {}}}}
     tools = [tool("erase", "irreversible", "usb-1")]
 
     async def scenario() -> None:

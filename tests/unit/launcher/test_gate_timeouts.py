@@ -4,6 +4,7 @@ import asyncio
 import threading
 import time
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +14,7 @@ from gated import MODES, Gated, gated, tool_policy
 from octoform.server.execution.watchdog import Interrupted, Job, Worker, Workers
 from octoform.server.execution.work import Patience
 
-HASTE = {"timeout": 0.2, "buses": ["rail"]}
+HASTE: dict[str, Any] = {"timeout": 0.2, "buses": ["rail"]}
 ended = threading.Event()
 begun = threading.Event()
 gate_open = threading.Event()
@@ -163,6 +164,10 @@ def test_a_call_that_is_taken_back_stops_the_device(tmp_path: Path, mode: str, t
     asyncio.run(scenario())
 
 
+def waits(bus: Any, calls: int) -> bool:
+    return len(bus._waiting) == calls
+
+
 def test_calls_of_a_bus_come_one_by_one_in_their_order(tmp_path: Path) -> None:
     async def scenario() -> None:
         tools = {deaf: tool_policy(buses=["rail", "arm"]), quick: tool_policy(buses=["arm"])}
@@ -174,7 +179,7 @@ def test_calls_of_a_bus_come_one_by_one_in_their_order(tmp_path: Path) -> None:
                 client = (one, two)[number % 2]
                 calls.append(asyncio.create_task(client.call_tool("quick", {"value": number})))
                 arm = gate.gate._entries._buses["arm"]
-                await until(lambda arm=arm, number=number: len(arm._waiting) == number + 1)
+                await until(partial(waits, arm, number + 1))
             assert log == []
             gate_open.set()
             assert (await first).data == "late"
@@ -271,10 +276,14 @@ def test_what_is_raised_in_a_thread_hits_its_own_job_alone() -> None:
             workers.start(job)
             return job, over
 
+        def slowly() -> threading.Thread:
+            time.sleep(0.05)
+            return threading.current_thread()
+
         first, over = start(threading.current_thread)
         thread, _ = await over
         first.interrupt()
-        second, over = start(lambda: (time.sleep(0.05), threading.current_thread())[1])
+        second, over = start(slowly)
         first.interrupt()
         assert await over == (thread, None)  # the same thread, and nothing was raised in it
 

@@ -143,7 +143,7 @@ def left() -> float:
 
 def test_what_moves_has_its_whole_time_however_long_it_waited(tmp_path: Path) -> None:
     async def scenario() -> None:
-        bus = {"timeout": 5.0, "buses": ["arm"]}
+        bus: dict[str, Any] = {"timeout": 5.0, "buses": ["arm"]}
         async with gated(tmp_path, {hold: tool_policy("read", **bus), left: tool_policy(**bus)}) as gate:
             async with gate.client() as one, gate.client() as two:
                 holding = asyncio.create_task(one.call_tool("hold", {}))

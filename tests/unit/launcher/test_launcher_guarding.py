@@ -14,8 +14,8 @@ from typing import Any
 import pytest
 import warm
 from launched import Launched, launched, tool
-from launcher_lines import STOP, Line, plant
 from projects import OCTOFORM, Done
+from unit.launcher.launcher_lines import STOP, Line, plant
 
 from octoform.server.process.control import Control
 

@@ -428,7 +428,7 @@ def held(limit: dict[str, Any], accepted: list[tuple[float, dict[str, Any]]]) ->
 def test_many_calls_of_many_tools_are_kept_and_read_again(tmp_path: Path, time: Time) -> None:
     """More of them than fitted into what was read once, which then counted as damaged."""
     often = {**RATE, "calls": 10_000, "seconds": 3600.0}
-    tools = {f"tool{number}": [often] for number in range(40)}
+    tools: dict[str, Any] = {f"tool{number}": [often] for number in range(40)}
     line: dict[str, Any] = {"boot": "another", "wall": time.wall.timestamp(), "clock": 1000.0, "sums": {}, "last": {}}
     calls = [990.0 + number * 0.0012345 for number in range(9000)]
     lines = [json.dumps({"tool": name, **line, "calls": calls, "damaged": False}) for name in tools]
@@ -451,7 +451,7 @@ def test_what_is_kept_is_what_was_counted(
     """Through restarts, and through the file being written anew."""
     monkeypatch.setattr("octoform.server.policy.counters._COMPACT_BYTES", 900)
     folder, time = tmp_path_factory.mktemp("kept"), Time()
-    tools = {"a": [RATE], "b": [{**RATE, "calls": 20}, {**SUM, "most": 10**9}], "c": [STEP, COOLDOWN]}
+    tools: dict[str, Any] = {"a": [RATE], "b": [{**RATE, "calls": 20}, {**SUM, "most": 10**9}], "c": [STEP, COOLDOWN]}
     found = ledger(folder, time, **tools)
     for name, gone, again in steps:
         time.on(gone)

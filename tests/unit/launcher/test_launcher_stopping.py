@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from launcher_lines import STOP, Line, host
+from unit.launcher.launcher_lines import STOP, Line, host
 
 from octoform.server.audit.audit_log import Audit, verify
 from octoform.server.estop import actions as stopping
@@ -159,7 +159,8 @@ def test_stop_latches_acts_and_records(tmp_path: Path, lines: list[Line]) -> Non
 
     answer = stop.stop("ada", "smoke", lambda *_: lines[0].node, interrupt)
     assert (answer["ok"], answer["latched"], answer["problems"]) == (True, True, [])
-    assert answer["estop"]["by"] == seen[0].by == "ada"
+    (latched,) = seen
+    assert latched is not None and answer["estop"]["by"] == latched.by == "ada"
     assert lines[0].received(8) == DATA
     again = stop.stop("bob", "more smoke", lambda *_: lines[0].node)
     assert (again["ok"], again["estop"]["by"]) == (True, "ada")

@@ -87,7 +87,7 @@ ARGUMENTS = st.one_of(
     st.fixed_dictionaries({}, optional=dict.fromkeys(BOUNDS, STEPS)),
 )
 SHARES = st.sampled_from([Fraction(0), Fraction(1, 3), Fraction(1)])
-CALL = st.one_of(
+CALL: st.SearchStrategy[tuple[str, dict[str, int], Fraction, bool]] = st.one_of(
     st.tuples(st.just("turn"), ARGUMENTS, SHARES, st.booleans()),
     st.tuples(st.just("turn"), st.sampled_from([{"pan": 60}, {"lift": 30, "grip": 5}]), SHARES, st.just(True)),
     st.tuples(st.just("turn"), st.sampled_from([{"pan": -40}, {"grip": -5}]), SHARES, st.just(True)),

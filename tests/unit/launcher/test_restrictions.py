@@ -65,8 +65,8 @@ def test_calls_with_these_arguments_are_restricted_and_others_are_not(watched: W
     watched.write(ENTRY)
     for joint in ("elbow", "3", Joint.ELBOW, ["wrist", "elbow"], {"elbow": 5, "wrist": 6}):
         assert watched.refuses(joint=joint), joint
-    for joint in ("wrist", 3, None, True, ["wrist"], {"wrist": "elbow"}):
-        assert not watched.refuses(joint=joint), joint
+    for other in ("wrist", 3, None, True, ["wrist"], {"wrist": "elbow"}):
+        assert not watched.refuses(joint=other), other
     assert not watched.refuses() and not watched.refuses("look", joint="elbow")
     watched.write({**ENTRY, "arguments": {}})
     assert watched.refuses() and watched.refuses(joint="wrist")

@@ -162,7 +162,7 @@ BLOCKS = (
     ("lifecycle:\n  ignore: [model]\n  prevent_destroy: true", ("lifecycle",)),
     ("stages:\n  probe:\n    budget: {attempts: 5}", ("stages",)),
 )
-EDITS = (
+EDITS: tuple[tuple[str, str | int | bool], ...] = (
     ("host", "rig"),
     ("budget.attempts", 7),
     ("git.commit", True),
@@ -175,7 +175,8 @@ EDITS = (
 @given(data=st.data())
 def test_comments_and_order_survive_or_nothing_is_written(data: st.DataObject, tmp_path: Path) -> None:
     chosen = data.draw(st.permutations(BLOCKS))
-    lines, seen = [data.draw(notes) or "# first", "version: 1"], set()
+    lines = [data.draw(notes) or "# first", "version: 1"]
+    seen: set[str] = set()
     for block, names in chosen:
         if seen.isdisjoint(names):
             seen |= set(names)

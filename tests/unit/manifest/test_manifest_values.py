@@ -5,10 +5,12 @@ import re
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from octoform.harness.adapters import command as command_harness
+from octoform.harness.port import Task, TaskLimits
 from octoform.manifest import model
 from octoform.manifest.loader import load
 from octoform.manifest.model import KEEPERS, Budget, Daemon, HarnessSpec, Manifest, Notify
@@ -192,8 +194,15 @@ def test_a_value_is_never_taken_for_a_placeholder(tmp_path: Path) -> None:
         assert command_harness.fill(resolve_argument(text, environ), task) == filled
 
 
-def test_placeholders_are_those_of_the_harness() -> None:
-    assert set(model.PLACEHOLDERS) == set(command_harness.PLACEHOLDERS)
+def test_the_harness_fills_every_placeholder(tmp_path: Path) -> None:
+    paths: dict[str, Any] = {name: tmp_path / name for name in ("prompt", "output", "log", "document")}
+    paths["prompt"].write_text("do it")
+    task = Task("probe", 1, tmp_path, **paths, model="vendor/m", environment={}, limits=TaskLimits(1.0))
+    harness = command_harness.CommandHarness(tuple(f"{{{name}}}" for name in model.PLACEHOLDERS), (), "argument")
+    assert dict(zip(model.PLACEHOLDERS, harness.arguments(task), strict=True)) == {
+        **{"prompt_file": str(paths["prompt"]), "task": str(paths["document"]), "output": str(paths["output"])},
+        **{"workdir": str(tmp_path), "model": "vendor/m", "stage": "probe", "prompt": "do it"},
+    }
 
 
 def test_every_code_has_a_page_and_every_page_a_code() -> None:

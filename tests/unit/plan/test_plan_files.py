@@ -1,6 +1,6 @@
 """Saved plans: exactly the units that moved are refused, by part; and a plan survives its own JSON."""
 
-from test_plan_diff import FILES, FINGERPRINT, GRAPH, OUTPUTS, observed, settled
+from unit.plan.settled_graph import FILES, FINGERPRINT, GRAPH, OUTPUTS, observed, settled
 
 from octoform.plan.diff import Observed, Prior, Wishes, diff
 from octoform.plan.model import (

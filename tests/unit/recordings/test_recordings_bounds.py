@@ -3,12 +3,11 @@
 from pathlib import Path
 from typing import Any
 
-import onboardable
 import pytest
-import score
-from bounds import bounds, held, print_bounds
-from onboarding import Onboarded, is_laptop
-from truth import Item
+from recordings import onboardable, score
+from recordings.bounds import bounds, held, print_bounds
+from recordings.onboarding import Onboarded, is_laptop
+from recordings.truth import Item
 
 CAMERA = Item("host", "usb f00d:0001", "Sample Eye", "sensor", (), "camera", ("capture_image",), (), "strings", True)
 

@@ -6,8 +6,8 @@ import tarfile
 from pathlib import Path
 
 import pytest
-from sysroot.convert import convert
-from sysroot.tree import Tree
+from recordings.sysroot.convert import convert
+from recordings.sysroot.tree import Tree
 
 LSUSB_LONG = """
 Bus 001 Device 004: ID f00d:0001 Invented Works Sample Gadget

@@ -4,8 +4,8 @@ from dataclasses import replace
 from typing import Any
 
 import pytest
-import score
-from truth import Item, Units
+from recordings import score
+from recordings.truth import Item, Units
 
 ITEM = Item(
     recording="bench",

@@ -3,7 +3,7 @@
 import json
 from pathlib import Path
 
-from leaking import leaks
+from recordings.leaking import leaks
 
 
 def test_an_artifact_above_a_mebibyte_is_read_to_its_end(tmp_path: Path) -> None:

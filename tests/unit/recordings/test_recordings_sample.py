@@ -2,8 +2,8 @@
 
 from pathlib import Path
 
-from onboarding import is_whole_host
-from run import sample
+from recordings.onboarding import is_whole_host
+from recordings.run import sample
 
 HOSTS = [Path(f"host-{number:02d}") for number in range(30)]
 DEVICES = [Path(f"dev-{number:02d}") for number in range(47)]

@@ -3,9 +3,9 @@
 from typing import Any
 
 import pytest
-import score
-from onboarding import is_whole_host
-from truth import Item, Units
+from recordings import score
+from recordings.onboarding import is_whole_host
+from recordings.truth import Item, Units
 
 UNIT = {
     "id": "usb-f00d-0001",

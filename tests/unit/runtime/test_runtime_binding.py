@@ -204,7 +204,7 @@ def test_a_port_alone_is_enough_where_no_path_was_recorded(tree: Tree, instances
 
 def keyboard(tree: Tree, number: int, unique: str = "", product: str = "0BBB") -> None:
     name = f"0003:1F00:{product}.{number:04X}"
-    known = {"HID_ID": f"0003:00001F00:0000{product}"} | ({"HID_UNIQ": unique} if unique else {})
+    known: dict[str, Any] = {"HID_ID": f"0003:00001F00:0000{product}"} | ({"HID_UNIQ": unique} if unique else {})
     tree.bus(f"pci0/usb1/1-1/{name}", "hid", **known)
 
 

@@ -61,7 +61,9 @@ def as_user(kind: str, path: Path, groups: list[int]) -> list[dict[str, Any]]:
     reader, writer = os.pipe()
     child = os.fork()
     if child == 0:
-        os.setgroups(groups), os.setgid(NOBODY), os.setuid(NOBODY)
+        os.setgroups(groups)
+        os.setgid(NOBODY)
+        os.setuid(NOBODY)
         os.write(writer, json.dumps(refused([(kind, str(path))])).encode())
         os._exit(0)
     os.close(writer)

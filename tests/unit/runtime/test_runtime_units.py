@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from servo_bench import ARM, Bench
+from unit.runtime.servo_bench import ARM, Bench
 
 from octoform.runtime import DeviceFault
 

@@ -4,7 +4,7 @@ import random
 from collections import Counter
 from collections.abc import Callable
 
-from servo_bench import ARM, NAMES, Bench
+from unit.runtime.servo_bench import ARM, NAMES, Bench
 
 from octoform.runtime import DeviceFault
 from octoform.simulation.servo import FAULTS

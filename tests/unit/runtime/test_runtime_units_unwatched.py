@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from servo_bench import Bench
+from unit.runtime.servo_bench import Bench
 
 from octoform.runtime import DeviceFault, registers
 

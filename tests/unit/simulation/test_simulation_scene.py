@@ -1,6 +1,5 @@
 """The camera's picture: arm, rail and clock are to be seen in it, and it is what a video library expects."""
 
-from collections.abc import Iterator
 from operator import sub
 from pathlib import Path
 
@@ -29,7 +28,7 @@ class Bench:
 
 
 @pytest.fixture
-def bench() -> Iterator[Bench]:
+def bench() -> Bench:
     return Bench()
 
 

@@ -1,5 +1,6 @@
 """A small apply over three nodes, which can be killed anywhere and run again until it is done."""
 
+from collections.abc import Sequence
 from pathlib import Path
 
 from octoform.base import digest
@@ -26,7 +27,7 @@ def files_of(node: str, version: int) -> dict[str, bytes]:
     return {"output.json": b'{"version": %d, "node": "%s"}\n' % (version, node.encode())}
 
 
-def must(found: list[object]) -> None:
+def must(found: Sequence[object]) -> None:
     assert found == [], found
 
 

@@ -9,7 +9,7 @@ from functools import partial
 from pathlib import Path
 
 import pytest
-from state_scenario import NODES, apply, files_of, settled
+from unit.state.state_scenario import NODES, apply, files_of, settled
 
 from octoform.base.files import TEMPORARY
 from octoform.state.artifacts.accepted import file_digest
@@ -73,7 +73,9 @@ def test_a_kill_at_any_point_is_survived(quick_path: Path, version: int) -> None
     shutil.copytree(clean, before)
     names = points(clean, version)
     assert len(names) > 40
-    wanted = content_digest(StateStore.open(Layout(clean, "bench"))[0].snapshot.model_copy(update={"lineage": "same"}))
+    store = StateStore.open(Layout(clean, "bench"))[0]
+    assert store is not None
+    wanted = content_digest(store.snapshot.model_copy(update={"lineage": "same"}))
     for number in range(len(names)):
         project = quick_path / f"kill{number}"
         shutil.copytree(before, project)

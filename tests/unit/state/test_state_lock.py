@@ -1,5 +1,6 @@
 """The lock: one holder at a time, a dead one's clears itself once, a live one's never."""
 
+from typing import Any
 import fcntl
 import json
 import os
@@ -287,7 +288,7 @@ class Racer:
             (proc / str(os.getpid())).symlink_to(f"/proc/{os.getpid()}")
             flock = fcntl.flock
 
-            def telling(descriptor: int, operation: int) -> None:
+            def telling(descriptor: Any, operation: int) -> None:
                 try:
                     flock(descriptor, operation)
                 except BlockingIOError:

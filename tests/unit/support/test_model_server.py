@@ -142,7 +142,7 @@ def test_the_turn_is_read_off_the_request_and_the_last_one_repeats(api: str) -> 
 def test_results_count_where_a_client_drops_the_ids() -> None:
     with serve(SCRIPT) as server:
         send(server, PATHS["ollama"], {"tools": TOOLS["ollama"], "messages": [{"role": "tool"}, {"role": "user"}]})
-        parts = [{"functionResponse": {}}]
+        parts: list[dict[str, Any]] = [{"functionResponse": {}}]
         send(server, PATHS["gemini"], {"tools": TOOLS["gemini"], "contents": [{"parts": parts}, {"parts": parts}]})
         assert [item["turn"] for item in server.replies] == [1, 2]
 
@@ -212,7 +212,8 @@ def test_several_calls_and_required_arguments_filled_in() -> None:
 def test_the_key_and_other_requests_are_recorded() -> None:
     with serve(SCRIPT) as server:
         ask(server, "chat", Authorization="Bearer one")
-        ask(server, "messages", **{"x-api-key": "two"})
+        key: dict[str, Any] = {"x-api-key": "two"}
+        ask(server, "messages", **key)
         send(server, PATHS["gemini"] + "?key=three", {"tools": TOOLS["gemini"]})
         assert json.loads(send(server, "/v1/models")[1])["data"][0]["id"] == "scripted"
         assert send(server, "/v1/models/scripted")[0] == 200

@@ -3,6 +3,7 @@
 import io
 import json
 from datetime import UTC, datetime
+from typing import TextIO
 
 import pytest
 
@@ -43,6 +44,11 @@ def console() -> Console:
     return Console(io.StringIO(), io.StringIO(), colour=False, colour_err=False, interactive=False)
 
 
+def printed(stream: TextIO) -> str:
+    assert isinstance(stream, io.StringIO)
+    return stream.getvalue()
+
+
 def shown(result: RunResult) -> tuple[str, str]:
     screen = console()
     view = RunHuman(screen)
@@ -50,7 +56,7 @@ def shown(result: RunResult) -> tuple[str, str]:
         for event in EVENTS:
             sink(event)
     view.ended(result)
-    return screen.out.getvalue(), screen.err.getvalue()
+    return printed(screen.out), printed(screen.err)
 
 
 def test_every_event_is_a_line_and_nothing_foreign_reaches_the_terminal() -> None:
@@ -87,7 +93,7 @@ def test_the_stream_has_a_version_first_and_one_object_a_line() -> None:
         for event in EVENTS:
             sink(event)
     view.ended(RESULT)
-    lines = [json.loads(line) for line in screen.out.getvalue().splitlines()]
+    lines = [json.loads(line) for line in printed(screen.out).splitlines()]
     assert lines[0]["type"] == "version"
     assert {line["@timestamp"] for line in lines} == {"2026-01-02T03:04:05.000Z"}
     assert [line["type"] for line in lines].count("attempt_errored") == 1
@@ -112,4 +118,4 @@ def test_the_stream_has_a_version_first_and_one_object_a_line() -> None:
 def test_a_run_that_did_nothing_does_not_speak_of_what_was_accepted(result: RunResult, words: str) -> None:
     screen = console()
     RunHuman(screen).ended(result)
-    assert screen.out.getvalue().strip() == words
+    assert printed(screen.out).strip() == words

@@ -82,7 +82,7 @@ def test_what_a_step_measured_is_told_line_by_line() -> None:
 
 def test_nothing_foreign_acts_on_the_terminal_or_fills_it() -> None:
     many = {f"{HOSTILE}{number}": HOSTILE for number in range(500)}
-    detail = {
+    detail: dict[str, Any] = {
         **many,
         "reused": dict.fromkeys(REUSED, HOSTILE),
         "escalated": dict.fromkeys(ESCALATED, HOSTILE),

@@ -71,7 +71,7 @@ def _environment(venv: Path, wheels: Path, target: list[str]) -> None:
     (venv / "pyvenv.cfg").write_text("home = /usr/bin\ninclude-system-site-packages = false\n")
     for name in ("python", "python3"):
         (programs / name).symlink_to("/usr/bin/python3.11")
-    offline = ["--no-index", "--find-links", wheels, "--no-deps", "--link-mode", "copy"]
+    offline: list[str | Path] = ["--no-index", "--find-links", wheels, "--no-deps", "--link-mode", "copy"]
     install = [sys.executable, "-m", "uv", "pip", "install", "-q", *target, *offline, "--target", packages]
     run([*install, "--require-hashes", "-r", _LOCK])
     for path in (packages / "bin").iterdir():

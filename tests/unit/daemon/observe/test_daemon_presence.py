@@ -11,7 +11,8 @@ from plugged import CAMERA, SENSOR, Host
 
 from octoform import host
 from octoform.daemon.model import Sighting
-from octoform.daemon.observe.presence import Presence, served_nodes
+from octoform.daemon.observe.presence import Presence, Seen
+from octoform.endpoint.files import served_nodes
 from octoform.endpoint.process.record import Running
 from octoform.state.artifacts.cache import write_instances
 from octoform.state.layout import Layout
@@ -50,19 +51,25 @@ def test_the_devices_of_tools_and_whether_something_moves_them(layout: Layout) -
     assert served_nodes(layout) == {}
 
 
+def look(presence: Presence, anew: bool = False) -> Seen:
+    seen = presence(anew=anew)
+    assert seen is not None
+    return seen
+
+
 def test_a_device_that_is_there_is_gone_and_comes_back_elsewhere(layout: Layout, rig: Host) -> None:
     presence = Presence(layout, environ(rig))
-    seen = presence().devices
+    seen = look(presence).devices
     assert seen[CAMERA] == Sighting(True, PLACE, None, PLACE)
     assert seen[SENSOR].there
     rig.unplug_camera()
-    assert presence().devices[CAMERA] == Sighting(False, None, None, PLACE)
+    assert look(presence).devices[CAMERA] == Sighting(False, None, None, PLACE)
     rig.plug(CAMERA)
     folder = rig.root / "sys/devices/usb1"
     (folder / "1-5").rename(folder / "1-7")
     (rig.root / "sys/bus/usb/devices/1-5").unlink()
     (rig.root / "sys/bus/usb/devices/1-7").symlink_to(folder / "1-7")
-    assert presence().devices[CAMERA] == Sighting(True, "/sys/devices/usb1/1-7", None, PLACE)
+    assert look(presence).devices[CAMERA] == Sighting(True, "/sys/devices/usb1/1-7", None, PLACE)
 
 
 class Where:
@@ -97,7 +104,7 @@ def test_what_does_not_answer_says_nothing_and_is_asked_again(layout: Layout, ri
     where = Where()
     where.answers = None
     presence = Presence(layout, environ(rig), where)
-    assert presence().devices[CAMERA] == Sighting(None, None, None, PLACE)
+    assert look(presence).devices[CAMERA] == Sighting(None, None, None, PLACE)
     presence()
     assert where.asked == 2
 
@@ -108,14 +115,14 @@ def test_what_was_never_there_is_not_gone_and_a_doubt_is_of_what_moves(layout: L
     doubtful = {"attached": True, "sysfs": PLACE, "doubt": "it may be another"}
     presence = Presence(layout, environ(rig), where)
     where.answers = {CAMERA: doubtful, SENSOR: absent}
-    seen = presence(anew=True).devices
+    seen = look(presence, anew=True).devices
     assert (seen[SENSOR].there, seen[SENSOR].doubt) == (None, None)
     assert seen[CAMERA].doubt == "it may be another"
     where.answers = {CAMERA: absent, SENSOR: doubtful}
-    seen = presence(anew=True).devices
+    seen = look(presence, anew=True).devices
     assert (seen[SENSOR].there, seen[SENSOR].doubt) == (True, None)
     where.answers = {CAMERA: absent, SENSOR: absent}
-    seen = presence(anew=True).devices
+    seen = look(presence, anew=True).devices
     assert (seen[SENSOR].there, seen[CAMERA].there) == (False, False)
 
 
@@ -142,12 +149,12 @@ def test_a_device_that_comes_back_while_the_runtime_is_asked_is_not_gone(layout:
 
 def test_kinds_that_came_or_went_since_probe(layout: Layout, rig: Host) -> None:
     presence = Presence(layout, environ(rig), Where())
-    assert presence().appeared == ()
+    assert look(presence).appeared == ()
     entries = host.fingerprint(rig.root).entries
     layout.fingerprint.write_text(json.dumps({"entries": [*entries, "usb:v1234"]}))
-    assert presence().gone == ("usb:v1234",)
+    assert look(presence).gone == ("usb:v1234",)
     silent = Where()
     silent.answers = None
-    assert Presence(layout, environ(rig), silent)().gone == (), "it may be a device of the endpoint"
+    assert look(Presence(layout, environ(rig), silent)).gone == (), "it may be a device of the endpoint"
     layout.fingerprint.write_text("{")
-    assert (presence().appeared, presence().gone) == ((), ())
+    assert (look(presence).appeared, look(presence).gone) == ((), ())

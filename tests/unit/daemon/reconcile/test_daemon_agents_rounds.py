@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from daemon_world import DaemonWorld
+from daemon_world import DaemonWorld, first
 
 from octoform.claims.model import State
 from octoform.daemon.model import Cause, Done, Finding, Outcome, Repair, Spent, Status
@@ -101,7 +101,7 @@ def test_a_heal_that_does_not_help_is_tried_three_times_and_frozen(world: Daemon
 
 def test_what_watch_says_is_missing_is_built_again_before_heal_is_asked(world: DaemonWorld) -> None:
     world.mends |= {Repair.WATCH: said("dependency"), Repair.HEAL: healed}
-    world.mends[Repair.REBUILD] = lambda world, finding: (broken(world), Done(True, "built"))[1]
+    world.mends[Repair.REBUILD] = first(broken, Done(True, "built"))
     world.start()
     broken(world)
     world.happens(Cause.LOG)
@@ -170,7 +170,7 @@ def test_claims_are_offered_and_declarations_wait_for_a_person(world: DaemonWorl
     def claiming(world: DaemonWorld, finding: Finding) -> Done:
         (reading,) = [item for item in finding.data["brief"]["readings"] if item["path"] == "/heat"]
         signal = {"channel": "sensor", "source": "status", "path": "/heat"}
-        claim = {"target": "device:arm", "fault": "none", "statement": "hot", "signal": signal}
+        claim: dict[str, Any] = {"target": "device:arm", "fault": "none", "statement": "hot", "signal": signal}
         claim |= {"condition": {"op": ">", "value": 60}, "cites": [reading["id"]], "seconds": 600, "restrictions": []}
         wild = {"kind": "fire_risk", "target": "device:arm", "statement": "fire", "cites": [reading["id"]]}
         bare = {**claim, "cites": []}

@@ -1,5 +1,6 @@
 """Health from the first round on: what is promised to report and has not is unknown, whoever is at work."""
 
+from collections.abc import Iterable
 from pathlib import Path
 
 import pytest
@@ -88,7 +89,12 @@ def test_a_sensor_that_never_answers_is_asked_at_the_interval_and_not_at_each_ro
     world.truth.sensors = {VOLTS: None}
     asked: list[float] = []
     sample = world.sample
-    world.sample = lambda: [asked.append(world.now), *sample()][1:]  # type: ignore[method-assign, func-returns-value]
+
+    def sampled() -> Iterable[Reading]:
+        asked.append(world.now)
+        return sample()
+
+    world.sample = sampled  # type: ignore[method-assign]
     world.begun()
     world.start()
     for _ in range(20):

@@ -5,7 +5,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from daemon_world import INTERVAL, DaemonWorld
+from daemon_world import INTERVAL, DaemonWorld, first
 
 from octoform.claims.model import Channel, Reading, Signal
 from octoform.daemon.model import Cause, Done, Facts, Finding, Repair, Sighting, Status
@@ -19,7 +19,7 @@ class Failing(DaemonWorld):
 
     error = "NameError"
     broken = True
-    sources = SOURCES
+    sources: tuple[str, ...] = SOURCES
 
     def promised(self) -> frozenset[Signal]:
         return frozenset(Signal(Channel.SENSOR, source, "") for source in self.sources)
@@ -178,7 +178,7 @@ def test_a_hang_that_is_ended_by_its_repair_is_one_trouble(tmp_path: Path) -> No
     world.start()
     bench.held = True
     world.truth.answers = False
-    world.mends[Repair.RESTART] = lambda world, finding: (world.die(), Done(True, "started"))[1]
+    world.mends[Repair.RESTART] = first(DaemonWorld.die, Done(True, "started"))
     world.happens(Cause.PING)
     world.happens(Cause.PROCESS)
     assert opened(world) == [("opened", "endpoint")]
@@ -192,8 +192,8 @@ def test_a_hang_whose_end_is_seen_later_is_one_trouble(tmp_path: Path) -> None:
     world = DaemonWorld(tmp_path)
     world.start()
     world.truth.answers = False
-    world.mends[Repair.RESTART] = lambda world, finding: (world.die(), Done(False, "no"))[1]
+    world.mends[Repair.RESTART] = first(DaemonWorld.die, Done(False, "no"))
     world.happens(Cause.PING)
-    world.mends[Repair.RESTART] = lambda world, finding: (world.live(), Done(True, "started"))[1]
+    world.mends[Repair.RESTART] = first(DaemonWorld.live, Done(True, "started"))
     world.advance(120)
     assert opened(world) == [("opened", "endpoint"), ("repaired", "endpoint")]

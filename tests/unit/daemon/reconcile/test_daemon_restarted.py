@@ -52,7 +52,7 @@ class Agent:
 def report(klass: str = "broken_tool", *, severity: str = "recoverable", more: str | None = None) -> Done:
     """WATCH names the tool, and perhaps another one."""
     names = [TOOL] if more is None else [TOOL, more]
-    errors = [
+    errors: list[dict[str, Any]] = [
         {"tool": name, "device": None, "class": klass, "message": "it is so", "severity": severity, "cites": []}
         for name in names
     ]

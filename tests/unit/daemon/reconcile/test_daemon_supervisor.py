@@ -3,7 +3,7 @@
 from pathlib import Path
 
 import pytest
-from daemon_world import DaemonWorld
+from daemon_world import DaemonWorld, first
 
 from octoform.daemon.model import Cause, Done, Finding, Outcome, Repair, Sighting, Spent, Status
 from octoform.daemon.store import instance_lock
@@ -174,7 +174,7 @@ def test_a_clock_that_is_set_back_and_a_sleep_of_eight_hours_do_no_harm(world: D
     world.advance(10)
     assert len(world.made) == 2
     assert len(world.rounds) - before < 10  # missed hours are not made up for
-    world.mends[Repair.REBUILD] = lambda world, finding: (world.live(), Done(True))[1]
+    world.mends[Repair.REBUILD] = first(DaemonWorld.live, Done(True))
     world.advance(120)
     assert outcomes(world) == [("endpoint", Outcome.REPAIRED)]
 

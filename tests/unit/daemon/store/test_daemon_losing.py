@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 from daemon_world import DaemonWorld
@@ -85,10 +86,15 @@ def test_readings_are_taken_once_when_the_process_is_back(world: DaemonWorld) ->
     world.truth.sensors[("status", "/volts")] = 7.4
     world.start()
     world.happens(Cause.PING)
-    taken = []
+    taken: list[float] = []
     sample = world.sample
     ports = world.supervisor._ports
-    world.supervisor._ports = replace(ports, sample=lambda: (taken.append(world.now), sample())[1])
+
+    def taking() -> Any:
+        taken.append(world.now)
+        return sample()
+
+    world.supervisor._ports = replace(ports, sample=taking)
     world.at(10, world.die, Cause.PROCESS)
     world.advance(60)
     assert taken == [1010.0]

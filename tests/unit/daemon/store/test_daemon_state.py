@@ -1,6 +1,7 @@
 """What the daemon remembers: never half written, never silently lost, and never tried for ever."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -174,7 +175,7 @@ def test_episodes_survive_a_torn_line_and_go_on_counting(shelf: Shelf) -> None:
     assert [item.code for item in shelf.said_since()] == ["DAEMON-MEMORY-DAMAGED"]
     assert list(later.open) == [FINDING.key]
     assert later.open[FINDING.key].tries == [Try("restore", STAMP, True, "\\x1b[31mdone", 0.5)]
-    second = later.begin(Finding(**{**_fields(), "target": "file:b"}), at(2.0))
+    second = later.begin(replace(FINDING, target="file:b"), at(2.0))
     later.end(later.open[FINDING.key], Outcome.REPAIRED, STAMP, 3.0)
     found = incidents.read(shelf)
     assert [(item.id, item.over) for item in found] == [("e1", True), (second.id, False)]
@@ -183,22 +184,18 @@ def test_episodes_survive_a_torn_line_and_go_on_counting(shelf: Shelf) -> None:
         assert line.startswith(b'{"format":1')
 
 
-def _fields() -> dict[str, object]:
-    return {name: getattr(FINDING, name) for name in FINDING.__dataclass_fields__}
-
-
 def test_a_grown_file_of_episodes_is_cut_and_keeps_what_lasts(shelf: Shelf, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(incidents, "GROWN", 5000)
     monkeypatch.setattr(incidents, "KEPT", 3)
     kept = Episodes(shelf, "b1")
     kept.begin(FINDING, at(0.0))
     for number in range(20):
-        other = kept.begin(Finding(**{**_fields(), "target": f"file:{number}"}), at(1.0))
+        other = kept.begin(replace(FINDING, target=f"file:{number}"), at(1.0))
         kept.end(other, Outcome.CLEARED, STAMP, 2.0)
     again = Episodes(shelf, "b1")
     again.load()
     assert [item.id for item in incidents.read(shelf)] == ["e1", "e19", "e20", "e21"]
-    assert again.begin(Finding(**{**_fields(), "target": "new"}), at(3.0)).id == "e22"
+    assert again.begin(replace(FINDING, target="new"), at(3.0)).id == "e22"
 
 
 def run(purse: Purse, now: float, spent: Spent) -> None:
