@@ -6,7 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from octoform.endpoint.observe.logs import CALLS, SERVER, TAIL_BYTES, Line, Tail, logs_of, moment
+from octoform.base.clock import stamp
+from octoform.endpoint.observe.logs import CALLS, SERVER, TAIL_BYTES, Line, Tail, logs_of
 from octoform.engine.inspect.state import PATIENCE_SECONDS, Pairing
 from octoform.state.layout import Layout
 
@@ -105,7 +106,7 @@ def test_both_logs_stand_in_the_order_of_their_times(layout: Layout) -> None:
     layout.call_log.write_text("".join(json.dumps(call) + "\n" for call in calls) + '{"event": "cal\n')
     layout.server_log.write_text("2026-01-01T00:00:02Z second\n  its second line\n[2026-01-01 00:00:09,5+00:00] last\n")
     lines = logs_of(layout).read()
-    assert [(line.log, moment(line.at)[17:21]) for line in lines] == [
+    assert [(line.log, stamp(line.at, 1)[17:21]) for line in lines] == [
         (CALLS, "01.5"),
         (SERVER, "02.0"),
         (SERVER, "02.0"),

@@ -1,6 +1,5 @@
 """The lock: one holder at a time, a dead one's clears itself once, a live one's never."""
 
-from typing import Any
 import fcntl
 import json
 import os
@@ -9,6 +8,7 @@ import signal
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 
