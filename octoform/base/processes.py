@@ -1,4 +1,4 @@
-"""Which process is meant: its line in /proc, and a mark that every process of one run carries.
+"""Which process is meant, and the end of exactly that one: its line in /proc, and a mark that a whole run carries.
 
 A process id alone names nothing: ids are recycled. A process is known by its id together with the tick at which the
 kernel started it (proc(5), ``/proc/PID/stat``).
@@ -14,8 +14,12 @@ import os
 import re
 import resource
 import secrets
+import signal
 from pathlib import Path
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
+
+if TYPE_CHECKING:  # who only asks what lives starts nothing
+    import subprocess
 
 _LIMIT = 10  # RLIMIT_LOCKS, asm-generic/resource.h; Python has no name for it
 _DIGITS = 15
@@ -114,3 +118,55 @@ def process_stat(pid: int, proc: Path = PROC) -> ProcessStat | None:
         return ProcessStat(fields[0], int(fields[1]), int(fields[2]), int(fields[17]), int(fields[19]))
     except (OSError, ValueError, IndexError):
         return None
+
+
+def start_of(pid: int, proc: Path = PROC) -> int | None:
+    """When a process started, in clock ticks since boot; None when it is gone, a zombie, or /proc is not there."""
+    found = process_stat(pid, proc)
+    return None if found is None or found.is_over else found.start
+
+
+def is_alive(pid: int, start: int | None, proc: Path = PROC) -> bool:
+    """Whether exactly that process still runs: a zombie does not, and neither does another one with its id."""
+    return start is not None and start_of(pid, proc) == start
+
+
+def command_line(pid: int, proc: Path = PROC) -> tuple[str, ...]:
+    """The arguments that a process was started with; empty when it is gone."""
+    try:
+        data = (proc / str(pid) / "cmdline").read_bytes()
+    except OSError:
+        return ()
+    return tuple(os.fsdecode(word) for word in data.split(b"\0")[:-1])
+
+
+def signal_one(pid: int, start: int | None, number: int = signal.SIGKILL) -> bool:
+    """Send a signal to exactly that process; False when it is gone, is another one by now, or may not be signalled.
+
+    Its id may be recycled between a look and a signal, so the look is at a process that is held already (pidfd).
+    """
+    try:
+        handle = os.pidfd_open(pid)
+    except OSError:
+        return False
+    try:
+        if not is_alive(pid, start):
+            return False
+        signal.pidfd_send_signal(handle, number)
+    except OSError:
+        return False
+    finally:
+        os.close(handle)
+    return True
+
+
+def signal_group(leader: "subprocess.Popen[bytes]", number: int = signal.SIGKILL) -> None:
+    """Send a signal to the process group that a child of ours leads, as long as the child was not waited for.
+
+    Until then its id, which is that of the group, cannot be another's.
+    """
+    if leader.returncode is None:
+        try:
+            os.killpg(leader.pid, number)
+        except ProcessLookupError:
+            return

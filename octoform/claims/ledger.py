@@ -15,6 +15,7 @@ from pathlib import Path
 
 from octoform.base.escaping import escaped
 from octoform.base.locks import acquire, lock_file
+from octoform.base.processes import PROC
 from octoform.claims import codec, lifecycle
 from octoform.claims.admission import Level, Proposal, Verdict, View, judge, outranked, problem_of
 from octoform.claims.codec import EVIDENCE, SECONDS, Book
@@ -26,7 +27,7 @@ from octoform.conditions import is_number
 from octoform.diagnostics import Diagnostic, error, warning
 from octoform.state.files import shown
 from octoform.state.layout import Layout
-from octoform.state.lock_holder import PROC, myself
+from octoform.state.lock_holder import myself
 
 # What the ledger says when it does not do what it was asked, and when somebody has changed its files. Light.
 

@@ -7,7 +7,6 @@ reader), the program gets its own process group, and every process that bears th
 
 import errno
 import os
-import signal
 import subprocess
 import tempfile
 import time
@@ -156,7 +155,7 @@ def _marked(mark: str) -> Callable[[], object]:
 def _clear(process: "subprocess.Popen[bytes]", mark: str) -> int:
     """Kill what is left of the run; gives the number of processes besides ``process`` itself."""
     if process.poll() is None:
-        _kill_group(process.pid)
+        processes.signal_group(process)
         process.wait()
     return clear(mark)
 
@@ -166,7 +165,7 @@ def clear(mark: str, variable: str = MARK, *, spared: int | None = None) -> int:
     killed: set[int] = set()
     while found := [pid for pid in marked(mark, variable) if pid not in killed and pid != spared]:
         for pid in found:
-            _kill(pid)
+            processes.signal_one(pid, processes.start_of(pid))
             killed.add(pid)
     return len(killed)
 
@@ -179,20 +178,6 @@ def marked(mark: str, variable: str = MARK) -> list[int]:
         return []
     pids = (int(entry.name) for entry in entries if entry.name.isdigit())
     return [pid for pid in pids if processes.bears(pid, mark, variable)]
-
-
-def _kill_group(leader: int) -> None:
-    try:
-        os.killpg(leader, signal.SIGKILL)
-    except ProcessLookupError:
-        return
-
-
-def _kill(pid: int) -> None:
-    try:
-        os.kill(pid, signal.SIGKILL)
-    except ProcessLookupError:
-        return
 
 
 def _head(file: IO[bytes]) -> str:

@@ -14,9 +14,8 @@ from pathlib import Path
 from octoform.base import digest
 from octoform.base.clock import boot_id
 from octoform.base.files import read
-from octoform.base.processes import process_stat
+from octoform.base.processes import PROC, start_of
 
-PROC = Path("/proc")
 _MACHINE_ID = Path("/etc/machine-id")
 
 
@@ -48,7 +47,7 @@ class Process:
 def myself(proc: Path = PROC) -> Process:
     """The calling process."""
     pid = os.getpid()
-    found = start_time(pid, proc)
+    found = start_of(pid, proc)
     return Process(
         pid=pid,
         start_time=found,
@@ -57,12 +56,6 @@ def myself(proc: Path = PROC) -> Process:
         namespace=_link(proc / "self/ns/pid"),
         host=os.uname().nodename,
     )
-
-
-def start_time(pid: int, proc: Path = PROC) -> int | None:
-    """When a process started, in clock ticks since boot; None when it is gone, a zombie, or /proc is not there."""
-    found = process_stat(pid, proc)
-    return None if found is None or found.is_over else found.start
 
 
 def liveness(holder: Process, me: Process, proc: Path = PROC) -> Liveness:
@@ -77,7 +70,7 @@ def liveness(holder: Process, me: Process, proc: Path = PROC) -> Liveness:
         return Liveness.HIDDEN if _same_machine(holder, me) else Liveness.ELSEWHERE
     if holder.namespace != me.namespace:
         return Liveness.HIDDEN
-    return Liveness.ALIVE if start_time(holder.pid, proc) == holder.start_time is not None else Liveness.DEAD
+    return Liveness.ALIVE if start_of(holder.pid, proc) == holder.start_time is not None else Liveness.DEAD
 
 
 def _same_machine(one: Process, other: Process) -> bool:

@@ -10,6 +10,8 @@ ROOT = Path(__file__).parents[2] / "octoform"
 FILES = [path for path in sorted(ROOT.rglob("*.py")) if not path.is_symlink()]
 # What gives an idea away in the source, and the module that holds it.
 IDEAS = {
+    "a signal to another process": (r"\bos\.kill(?:pg)?\(|pidfd_send_signal\(", "base/processes.py"),
+    "the command line of a process": (r"'cmdline'|/cmdline", "base/processes.py"),
     "a moment as text": (r"%Y-%m-%dT|\.isoformat\(|datetime\.fromisoformat\(", "base/clock.py"),
     "the clock that goes on in sleep": (r"CLOCK_BOOTTIME", "base/clock.py"),
     "which start of the machine this is": (r"random/boot_id|'boot_id'\)\.read", "base/clock.py"),

@@ -7,8 +7,9 @@ from pathlib import Path
 import pytest
 from projects import Project
 
+from octoform.base.processes import command_line, start_of
 from octoform.endpoint.process.record import running
-from octoform.server.process.instance_lock import RECORD, Owner, command_line, start_of
+from octoform.server.process.instance_lock import RECORD, Owner
 from octoform.state.layout import Layout
 
 FULL = ["sh", "-c", 'ulimit -f 0 && exec "$@"', "sh"]

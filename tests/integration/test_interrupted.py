@@ -15,6 +15,7 @@ import pytest
 from projects import OCTOFORM, Project
 from waiting import until
 
+from octoform.base.processes import is_alive
 from octoform.harness.containment import orphans
 from octoform.state.files import reserve_path
 from octoform.state.layout import Layout
@@ -92,7 +93,7 @@ def listed(project: Project) -> dict[str, Any]:
 
 def left_in_order(project: Project, tool: orphans.Process) -> None:
     """The tree is gone, nothing is held, and the record tells what was used."""
-    assert not orphans.is_alive(tool.pid, tool.start)
+    assert not is_alive(tool.pid, tool.start)
     layout = Layout(project.folder, "bench")
     assert not layout.journal.exists()
     assert not reserve_path(layout).exists()
@@ -195,7 +196,7 @@ def test_what_sigkill_leaves_is_told_and_then_removed(working: Project, applying
     assert "bash  sleep 300" in working.run("attempts", "show", "1", status=0).out
     process.kill()
     process.communicate(timeout=60)
-    until(lambda: not orphans.is_alive(tool.pid, tool.start), "the agent's tool lives on")
+    until(lambda: not is_alive(tool.pid, tool.start), "the agent's tool lives on")
     folder: Path = working.attempts("probe")[0]
     assert (folder / "home" / "login").exists()
     assert (folder / "tmp" / "large").exists()

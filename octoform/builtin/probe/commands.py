@@ -12,7 +12,6 @@ import errno
 import os
 import selectors
 import shutil
-import signal
 import subprocess
 import time
 from collections.abc import Iterator, Sequence
@@ -20,6 +19,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from octoform.base.processes import signal_group
 from octoform.builtin.probe.reader import Reader
 
 RECORDED = "/recorded/commands"
@@ -106,8 +106,7 @@ def _read(process: subprocess.Popen[bytes], ends: float, most: int) -> bytes:
 def _end(process: subprocess.Popen[bytes]) -> None:
     """Kill what is left of the tool's process group, and close the pipe."""
     if process.returncode is None:
-        # Its leader is not waited for yet, so the number of the group is still its own.
-        os.killpg(process.pid, signal.SIGKILL)
+        signal_group(process)
         process.wait()
     if process.stdout is not None:
         process.stdout.close()

@@ -10,7 +10,6 @@ import contextlib
 import json
 import os
 import select
-import signal
 import subprocess
 import sys
 import tempfile
@@ -25,6 +24,7 @@ from pathlib import Path
 from octoform.base import shortage
 from octoform.base.escaping import escaped
 from octoform.base.files import parse
+from octoform.base.processes import signal_group
 from octoform.daemon.model import Alert, Kind
 from octoform.daemon.store.json_store import FORMAT, Shelf
 from octoform.diagnostics import Diagnostic, warning
@@ -315,8 +315,7 @@ def _listen(process: "subprocess.Popen[bytes]", descriptor: int) -> bytes | None
 
 
 def _kill(process: "subprocess.Popen[bytes]") -> None:
-    with contextlib.suppress(ProcessLookupError):
-        os.killpg(process.pid, signal.SIGKILL)  # its own session, and not yet waited for: the number is still its
+    signal_group(process)
     process.wait()
 
 

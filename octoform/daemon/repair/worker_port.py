@@ -19,6 +19,7 @@ from typing import IO, Any
 
 from octoform.base import shortage
 from octoform.base.files import parse
+from octoform.base.processes import signal_group
 
 COMMAND = (sys.executable, "-m", "octoform.daemon.repair.worker")
 FORMAT = 1
@@ -112,8 +113,7 @@ def _gone(process: "subprocess.Popen[bytes]") -> None:
     try:
         process.wait(GRACE_SECONDS)
     except subprocess.TimeoutExpired:
-        with contextlib.suppress(ProcessLookupError):
-            os.killpg(process.pid, signal.SIGKILL)  # its own session, and not yet waited for: the number is still its
+        signal_group(process)
         process.wait()
 
 

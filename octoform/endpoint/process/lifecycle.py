@@ -1,8 +1,7 @@
 """Start and stop the process that serves a host's endpoint. Light until something is really started.
 
 It is started detached, from the launcher that apply wrote, or by systemd where a person had that installed. Only what
-is proved to be that process is ever signalled, through a pidfd that was opened before the proof, so that a recycled
-pid is never hit.
+is proved to be that process is ever signalled (`signal_one`), so that a recycled pid is never hit.
 """
 
 import os
@@ -16,7 +15,7 @@ from typing import Protocol
 
 from octoform.base import processes
 from octoform.base.locks import held
-from octoform.base.processes import process_stat
+from octoform.base.processes import process_stat, signal_one
 from octoform.diagnostics import Diagnostic, error
 from octoform.endpoint.files import LAUNCHER, not_ours, of_another
 from octoform.endpoint.process import systemd
@@ -123,21 +122,12 @@ def stop(layout: Layout, seconds: float = STOP_SECONDS) -> Stopped:
         if (former := last_running(layout)) is not None:
             clear_left(former)
         return Stopped(None)
-    try:
-        handle = os.pidfd_open(found.pid)
-    except ProcessLookupError:
-        return Stopped(None)
-    try:
-        if not is_it(found):
-            return Stopped(None)
-        if not systemd.stopped(layout):
-            _signal(handle, signal.SIGTERM)
-        firmly = is_stopped(found.pid) or not _gone(found, time.monotonic() + seconds)
-        if firmly:
-            _signal(handle, signal.SIGKILL)
-            _gone(found, time.monotonic() + seconds)
-    finally:
-        os.close(handle)
+    if not systemd.stopped(layout):
+        signal_one(found.pid, found.start, signal.SIGTERM)
+    firmly = is_stopped(found.pid) or not _gone(found, time.monotonic() + seconds)
+    if firmly:
+        signal_one(found.pid, found.start)
+        _gone(found, time.monotonic() + seconds)
     clear_left(found)
     return Stopped(found, firmly)
 
@@ -153,13 +143,6 @@ def is_stopped(pid: int) -> bool:
     """True while a process stands still because it was told to (proc(5): state T or t)."""
     found = process_stat(pid)
     return found is not None and found.is_stopped
-
-
-def _signal(handle: int, number: int) -> None:
-    try:
-        signal.pidfd_send_signal(handle, number)
-    except ProcessLookupError:
-        return
 
 
 def _gone(process: Running, end: float) -> bool:

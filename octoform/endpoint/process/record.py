@@ -13,12 +13,12 @@ from octoform.base import clock
 from octoform.base.escaping import escaped
 from octoform.base.files import parse, read_json
 from octoform.base.place import is_from
+from octoform.base.processes import command_line, is_alive
 from octoform.base.shape import fits
 from octoform.diagnostics import Diagnostic, error
 from octoform.endpoint.files import private_folder
 from octoform.state.files import read_regular, refused, write_atomic
 from octoform.state.layout import Layout
-from octoform.state.lock_holder import PROC, start_time
 
 RECORD = "process.json"
 MARK = "OCTOFORM_ENDPOINT"
@@ -79,7 +79,7 @@ def last_running(layout: Layout) -> Running | None:
 
 def is_it(process: Running) -> bool:
     """True when exactly that process lives: pid, start time and command line agree."""
-    return start_time(process.pid) == process.start and _command_line(process.pid) == process.argv
+    return is_alive(process.pid, process.start) and command_line(process.pid) == process.argv
 
 
 def _read(record: dict[str, Any]) -> Running:
@@ -93,14 +93,6 @@ def _read(record: dict[str, Any]) -> Running:
         url=record["url"],
         mark=record.get("mark"),
     )
-
-
-def _command_line(pid: int) -> tuple[str, ...]:
-    try:
-        data = (PROC / str(pid) / "cmdline").read_bytes()
-    except OSError:
-        return ()
-    return tuple(word.decode(errors="surrogateescape") for word in data.split(b"\0")[:-1])
 
 
 # A person's stop: a mark that lasts until the endpoint is wanted again, so that nothing starts it by itself. Light.

@@ -14,6 +14,7 @@ from octoform.apply.stage.attempt_record import state_usage
 from octoform.apply.stage.spec_copy import FILE_NAME as SPEC_COPY
 from octoform.apply.stage.spec_copy import MOST_SPEC_BYTES, unified
 from octoform.base.clock import stamp
+from octoform.base.processes import is_alive
 from octoform.diagnostics import Diagnostic, Severity, error, from_json
 from octoform.harness import transcript
 from octoform.harness.containment import orphans
@@ -159,7 +160,7 @@ def _attempt(folder: Path, *, live: bool) -> Attempt:
     if record is not None and (record.number, record.stage) != (number, stage):
         record = None  # not written by octoform: it says what its folder's name denies
     if record is None:
-        running = live or (process is not None and not process.ended and orphans.is_alive(process.pid, process.start))
+        running = live or (process is not None and not process.ended and is_alive(process.pid, process.start))
         told = _so_far(folder, RUNNING if running else INTERRUPTED)
         return Attempt(number, stage, attempt, folder, told.reason, told.started_at, None, told)
     return Attempt(number, stage, record.attempt, folder, _state(record), record.started_at, record, record)

@@ -9,7 +9,6 @@ it belongs to this user and is not older than the attempt. Names and ids alone p
 import json
 import os
 import re
-import signal
 import time
 from collections.abc import Iterator
 from contextlib import suppress
@@ -18,18 +17,16 @@ from pathlib import Path
 
 from octoform.base import clock, files, processes
 from octoform.base.place import KEY, is_from, place_of
-from octoform.base.processes import process_stat
+from octoform.base.processes import PROC, is_alive, process_stat, signal_one
 from octoform.harness.containment.agent_environment import ATTEMPT, remove_private
 from octoform.harness.containment.reaper import children
 from octoform.harness.plain_file import read_plain
 
-# What /proc says of a process, and signals that cannot hit another one.
+# What /proc says of a process.
 #
 # A process id alone names nothing: ids are recycled. A process is known by its id together with the tick at which the
-# kernel started it, and it is signalled through a pidfd that was opened before that was checked. On systems without
-# /proc nothing can be proved, so every question has the answer None and nothing is signalled.
-
-PROC = Path("/proc")
+# kernel started it. On systems without /proc nothing can be proved, so every question has the answer None and nothing
+# is signalled.
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,12 +43,6 @@ def look(pid: int) -> Process | None:
     """The process with that id as it is now (/proc/<pid>/stat); None when there is none."""
     found = process_stat(pid, PROC)
     return None if found is None else Process(pid, start=found.start, parent=found.parent, state=found.state)
-
-
-def is_alive(pid: int, start: int) -> bool:
-    """True when exactly that process still runs (a zombie does not)."""
-    found = look(pid)
-    return found is not None and found.start == start and found.state not in "ZX"
 
 
 def own() -> Iterator[Process]:
@@ -82,23 +73,6 @@ def _users(pid: str) -> tuple[int, ...]:
     _, _, line = text.partition(b"\nUid:\t")
     ids = line.partition(b"\n")[0].split()
     return (int(ids[0]), int(ids[2])) if len(ids) == 4 else ()
-
-
-def kill(process: Process) -> bool:
-    """SIGKILL to exactly that process; False when it is gone, is another one by now, or may not be signalled."""
-    try:
-        handle = os.pidfd_open(process.pid)
-    except OSError:
-        return False
-    try:
-        if not is_alive(process.pid, process.start):
-            return False
-        signal.pidfd_send_signal(handle, signal.SIGKILL)
-    except OSError:
-        return False
-    finally:
-        os.close(handle)
-    return True
 
 
 RECORD = "process.json"
@@ -210,7 +184,7 @@ def _hunt(adopted: Adopted, since: int) -> list[int]:
                 with suppress(ChildProcessError):
                     os.waitpid(pid, os.WNOHANG)
                 continue
-            quiet, met[pid] = 0, kill(process)
+            quiet, met[pid] = 0, signal_one(process.pid, process.start)
     return [pid for pid, ended in met.items() if ended]
 
 
@@ -228,7 +202,7 @@ def end_marked(records: tuple[Record, ...], adopted: Adopted | None = None) -> S
             break
         for process in found:
             seen.add(process)
-            if kill(process):
+            if signal_one(process.pid, process.start):
                 ended.append(process.pid)
     _await_end(seen)
     if adopted is not None:

@@ -22,6 +22,7 @@ from typing import Any
 
 from octoform.base.escaping import escaped
 from octoform.base.files import parse
+from octoform.base.processes import signal_group
 from octoform.harness.llm.client import Call
 from octoform.harness.react.conversation import ARGUMENT_BYTES, KEPT, HeadAndTail, parsed
 from octoform.redaction import redacted
@@ -111,10 +112,9 @@ def _read(descriptor: int, kept: HeadAndTail) -> bool:
 
 
 def _end(process: subprocess.Popen[bytes]) -> None:
-    """End the command's group, whose first process has not been waited for: its id cannot be another's."""
+    """Ask the command's group to end, and kill it when it does not."""
     for number, patience in ((signal.SIGTERM, GRACE_SECONDS), (signal.SIGKILL, None)):
-        with suppress(ProcessLookupError):
-            os.killpg(process.pid, number)
+        signal_group(process, number)
         with suppress(subprocess.TimeoutExpired):
             process.wait(patience)
             return

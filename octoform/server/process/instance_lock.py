@@ -14,7 +14,7 @@ from typing import Any
 from octoform.base import clock, files
 from octoform.base.locks import acquire, lock_file
 from octoform.base.place import KEY, place_of
-from octoform.base.processes import process_stat
+from octoform.base.processes import command_line, start_of
 from octoform.base.shape import fits
 
 from .stderr_log import say
@@ -90,18 +90,3 @@ class Owner:
         if self.is_recorded():
             (self._folder / RECORD).unlink(missing_ok=True)
         os.close(self._lock)
-
-
-def start_of(pid: int) -> int | None:
-    """When a process started, in clock ticks since boot (proc(5), field 22 of stat); None when there is none."""
-    found = process_stat(pid)
-    return found.start if found else None
-
-
-def command_line(pid: int) -> list[str]:
-    """The arguments that a process was started with; empty when it is gone."""
-    try:
-        data = Path(f"/proc/{pid}/cmdline").read_bytes()
-    except OSError:
-        return []
-    return [os.fsdecode(word) for word in data.split(b"\0")[:-1]]

@@ -21,8 +21,8 @@ from typing import Any
 from urllib.parse import urlsplit
 
 from octoform.base import clock, processes
+from octoform.base.processes import start_of
 from octoform.server.process import instance_lock
-from octoform.server.process.instance_lock import start_of
 from octoform.server.process.stderr_log import say
 
 from . import termination
@@ -161,7 +161,7 @@ class Tunnel:
             record: dict[str, Any] = {
                 "format": 1,
                 "pid": process.pid,
-                "start": start_of(process.pid),
+                "start": start_of(process.pid) or 0,  # one that has ended already is known by its mark alone
                 "boot": clock.boot_id(),
                 "mark": mark,
                 "instance": self._instance,

@@ -8,10 +8,8 @@ proof has two parts: none of these lives, and the public address no longer answe
 it was seen to do before. Silence of an address that was never heard proves nothing.
 """
 
-import contextlib
 import http.client
 import json
-import os
 import signal
 import sys
 import time
@@ -179,8 +177,7 @@ def _still_answers(url: str, instance: str) -> bool:
 
 def _signal(record: Mapping[str, Any], number: signal.Signals) -> None:
     for pid in members(record):
-        with contextlib.suppress(ProcessLookupError, PermissionError):
-            os.kill(pid, number)
+        processes.signal_one(pid, processes.start_of(pid), number)
 
 
 def _gone_within(record: Mapping[str, Any], seconds: float) -> bool:

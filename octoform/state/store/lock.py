@@ -20,10 +20,11 @@ from octoform.base import digest, locks
 from octoform.base.clock import stamp
 from octoform.base.files import parse, sync_folder, write_all
 from octoform.base.place import KEY, is_from, place_of
+from octoform.base.processes import PROC
 from octoform.diagnostics import Diagnostic, error
 from octoform.state.files import make_folders, read_regular, refused, shown
 from octoform.state.layout import Layout
-from octoform.state.lock_holder import PROC, Liveness, Process, from_json, liveness, myself, to_json
+from octoform.state.lock_holder import Liveness, Process, from_json, liveness, myself, to_json
 
 _LIMIT = 64 * 1024
 _GUARD_SECONDS = 5.0

@@ -3,6 +3,7 @@
 import sys
 from pathlib import Path
 
+from octoform.base.processes import is_alive
 from octoform.harness.containment import orphans
 
 PRELUDE = """
@@ -31,4 +32,4 @@ def noted(path: Path) -> orphans.Process:
 
 def alive(process: orphans.Process) -> bool:
     """True when exactly that process still runs."""
-    return orphans.is_alive(process.pid, process.start)
+    return is_alive(process.pid, process.start)

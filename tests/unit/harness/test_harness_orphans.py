@@ -14,6 +14,7 @@ from unit.harness.harness_agents import alive, noted, python
 from waiting import until
 
 from octoform.base import processes
+from octoform.base.processes import is_alive, signal_one
 from octoform.harness.containment import orphans
 from octoform.harness.containment.agent_environment import ATTEMPT
 from octoform.harness.containment.orphans import Record
@@ -89,7 +90,7 @@ def test_what_both_deaths_leave_is_swept_and_nothing_else(tmp_path: Path) -> Non
             driver.kill()
             driver.wait()
             os.kill(record.pid, signal.SIGKILL)
-        until(lambda: not orphans.is_alive(record.pid, record.start))
+        until(lambda: not is_alive(record.pid, record.start))
         assert all(alive(member) for member in members)
         # A record whose process id belongs to somebody else by now: its mark is nobody's.
         other.mkdir()
@@ -142,7 +143,7 @@ def test_a_recycled_process_id_is_not_signalled() -> None:
     try:
         found = orphans.look(child.pid)
         assert found is not None
-        assert not orphans.kill(orphans.Process(found.pid, found.start - 1, found.parent, "S"))
+        assert not signal_one(found.pid, found.start - 1)
         assert child.poll() is None
     finally:
         child.kill()

@@ -16,10 +16,10 @@ from launched import LOOPBACK, Launched, launched, tool
 from web_doors import until
 
 from octoform.base.clock import boot_id
+from octoform.base.processes import start_of
 from octoform.cli.main import main
 from octoform.endpoint.access import tunnel
 from octoform.engine.safety import person
-from octoform.server.process.instance_lock import start_of
 from octoform.server.tunnel import termination
 
 PROGRAM = str(Path(__file__).parents[2] / "support" / "local_tunnel.py")

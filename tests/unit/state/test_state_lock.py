@@ -12,8 +12,9 @@ from typing import Any
 
 import pytest
 
+from octoform.base.processes import start_of
 from octoform.state.layout import Layout
-from octoform.state.lock_holder import Liveness, Process, liveness, myself, start_time
+from octoform.state.lock_holder import Liveness, Process, liveness, myself
 from octoform.state.store.lock import Holder, Lock, Waiting, acquire, force_unlock, read_holder
 
 
@@ -55,7 +56,7 @@ def test_the_lock_file_tells_all(layout: Layout) -> None:
     with taken(layout) as lock:
         document = json.loads(layout.lock.read_bytes())
         assert document["pid"] == os.getpid()
-        assert document["start_time"] == start_time(os.getpid())
+        assert document["start_time"] == start_of(os.getpid())
         assert document["boot_id"] == Path("/proc/sys/kernel/random/boot_id").read_text().strip()
         assert (document["host"], document["operation"]) == (os.uname().nodename, "apply")
         assert (document["id"], lock.held()) == (lock.holder.id, True)

@@ -11,6 +11,7 @@ from pathlib import Path
 
 import pytest
 
+from octoform.base.processes import start_of
 from octoform.daemon.model import Cause, Facts
 from octoform.daemon.observe import file_events as daemon_paths
 from octoform.daemon.observe import hardware
@@ -20,7 +21,6 @@ from octoform.daemon.observe.process import ProcessEar
 from octoform.endpoint.process.record import Running
 from octoform.state.files import write_atomic
 from octoform.state.layout import Layout
-from octoform.state.lock_holder import start_time
 
 AT_MOST = 5.0
 """Seconds that a busy machine may take where the kernel takes milliseconds."""
@@ -58,7 +58,7 @@ def running(process: subprocess.Popen[bytes]) -> Running:
     command = Path(f"/proc/{process.pid}/cmdline")
     while not (words := command.read_bytes()):
         time.sleep(0.001)
-    began = start_time(process.pid)
+    began = start_of(process.pid)
     assert began is not None
     argv = tuple(word.decode() for word in words.split(b"\0")[:-1])
     return Running(process.pid, began, argv, "one", "now", "local", None)

@@ -18,6 +18,7 @@ from typing import Any
 import pytest
 from daemon_world import DaemonWorld
 
+from octoform.base.processes import start_of
 from octoform.daemon.model import Cause, Facts
 from octoform.daemon.observe.clock import SystemClock
 from octoform.daemon.observe.event_queue import EventSources, Timing
@@ -29,7 +30,7 @@ from octoform.daemon.observe.process import Answering, ProcessEar
 from octoform.endpoint.process.record import Running, running
 from octoform.state.artifacts.cache import write_instances
 from octoform.state.layout import Layout
-from octoform.state.lock_holder import myself, start_time
+from octoform.state.lock_holder import myself
 
 DEVICE = "usb-1a86-55d3"
 AT_MOST = 20.0
@@ -58,7 +59,7 @@ def layout(tmp_path: Path, endpoint: subprocess.Popen[bytes]) -> Layout:
     while not (words := Path(f"/proc/{endpoint.pid}/cmdline").read_bytes()):
         time.sleep(0.001)
     argv = [word.decode() for word in words.split(b"\0")[:-1]]
-    record = {"pid": endpoint.pid, "start": start_time(endpoint.pid), "argv": argv, "instance": "one"}
+    record = {"pid": endpoint.pid, "start": start_of(endpoint.pid), "argv": argv, "instance": "one"}
     told = {"boot": myself().boot_id, "since": "2026-11-22T12:00:00Z", "scope": "local", "url": None}
     (layout.run / "process.json").write_text(json.dumps({**record, **told}))
     return layout
@@ -90,7 +91,7 @@ def test_nobody_waits_for_the_runtime_once_the_process_has_ended(
     assert Asked(layout, {}, slow(layout, endpoint))([DEVICE], process) is None
     assert Asked(layout, {}, ("sleep", "60"))([DEVICE], process) is None
     assert time.monotonic() - began < AT_MOST
-    assert start_time(int((layout.run / "asked").read_text())) is None, "what was asked is still there"
+    assert start_of(int((layout.run / "asked").read_text())) is None, "what was asked is still there"
 
 
 def test_a_runtime_that_answers_and_one_that_fails(layout: Layout) -> None:

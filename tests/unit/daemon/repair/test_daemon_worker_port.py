@@ -12,8 +12,8 @@ from pathlib import Path
 import pytest
 from waiting import until
 
+from octoform.base.processes import start_of
 from octoform.daemon.repair.worker_port import Workers
-from octoform.state.lock_holder import start_time
 
 ECHO = """
 import json, sys
@@ -67,7 +67,7 @@ def pids(folder: Path) -> list[int]:
 
 
 def gone(found: list[int]) -> bool:
-    return all(start_time(pid) is None for pid in found)
+    return all(start_of(pid) is None for pid in found)
 
 
 def test_a_job_is_asked_and_its_last_line_is_the_result(tmp_path: Path) -> None:
