@@ -35,6 +35,28 @@ PLANTS = {
     ".git/info/attributes": "mkdir -p {project}/.git/info; echo '* filter=x' > {project}/.git/info/attributes",
     ".git/objects/info/alternates": "mkdir -p {project}/.git/objects/info; "
     "echo /tmp > {project}/.git/objects/info/alternates",
+    ".git/objects/info/http-alternates": "echo http://127.0.0.1:9/ > {project}/.git/objects/info/http-alternates",
+    ".git/branches/origin": "mkdir -p {project}/.git/branches; "
+    "echo 'ext::touch {mark}' > {project}/.git/branches/origin",
+    ".git/remotes/origin": "mkdir -p {project}/.git/remotes; "
+    "echo 'URL: ext::touch {mark}' > {project}/.git/remotes/origin",
+    ".git/modules/leg": "mkdir -p {project}/.git/modules/leg; printf '[core]\n\tfsmonitor = touch {mark}\n' > "
+    "{project}/.git/modules/leg/config",
+    ".git/modules/group/of/arms/config": "printf '[core]\n\tfsmonitor = touch {mark}\n' > "
+    "{project}/.git/modules/group/of/arms/config",
+    ".octoform/bench/attempts/000099-probe-1": "cp -a {project}/.octoform/bench/attempts/000001-probe-1 "
+    "{project}/.octoform/bench/attempts/000099-probe-1",
+    "{home}/../octopus.yaml": "echo 'version: 1' > {home}/../octopus.yaml",
+    ".windsurf": "mkdir {home}/elsewhere; ln -s {home}/elsewhere {project}/.windsurf",
+    ".zed": "ln -s {home}/elsewhere {project}/.zed",
+    ".devcontainer/devcontainer.json": "mkdir {project}/.devcontainer; "
+    "echo '{{}}' > {project}/.devcontainer/devcontainer.json",
+    "{home}/.gnupg": "ln -s {home}/elsewhere {home}/.gnupg; rmdir {home}/elsewhere",
+    "{home}/.local/bin/git": "mkdir -p {home}/.local/bin; printf '#!/bin/sh\ntouch {mark}\n' > {home}/.local/bin/git; "
+    "chmod +x {home}/.local/bin/git",
+    "{home}/.local/share/systemd/user/x.service": "mkdir -p {home}/.local/share/systemd/user; "
+    "echo '[Service]' > {home}/.local/share/systemd/user/x.service",
+    "{home}/.gemini/GEMINI.md": "mkdir -p {home}/.gemini; echo planted > {home}/.gemini/GEMINI.md",
     ".gitattributes": "echo '* filter=x' > {project}/.gitattributes",
     ".gitmodules": "echo '[submodule \"x\"]' > {project}/.gitmodules",
     ".git/HEAD": "git -C {project} symbolic-ref HEAD refs/heads/theirs",
@@ -122,9 +144,10 @@ class Attacked:
         subprocess.run(["git", "init", "-q", str(project.folder)], check=True)
         (project.folder / ".git" / "hooks" / "update").write_text("#!/bin/sh\n")
         (project.folder / ".git" / "hooks" / "update").chmod(0o755)
-        for place in ("worktrees/desk", "modules/arm"):
+        for place in ("worktrees/desk", "modules/arm", "modules/group/of/arms"):
             (project.folder / ".git" / place).mkdir(parents=True)
-        (project.folder / ".git" / "modules" / "arm" / "config").write_text("[core]\n")
+        for place in ("arm", "group/of/arms"):
+            (project.folder / ".git" / "modules" / place / "config").write_text("[core]\n")
         self.git("core.hooksPath", ".husky")
         for key, name in (
             ("include.path", "included"),
@@ -151,6 +174,15 @@ def user() -> Iterator[User]:
         yield made
 
 
+def of_user(user: User) -> Attacked:
+    project = Project(user.place / "project", user.place / "outside")
+    command = json.dumps([str(OPEN_PYTHON), str(AGENT), str(project.outside / "script.json")])
+    project.harness = f"{{name: command, command: {command}}}"
+    made = Attacked(project, user.place / "home", user.prefix)
+    user.owns_all()
+    return made
+
+
 def refused_paths(attacked: Attacked, attempt: int) -> set[str]:
     folder = attacked.project.attempts("probe")[attempt]
     found = json.loads((folder / "attempt.json").read_text())["diagnostics"]
@@ -164,7 +196,7 @@ def attack(attacked: Attacked) -> None:
     project.write()
     before = tree(project.folder, attacked.home)
     project.apply("-target", "probe", status=0)
-    assert refused_paths(attacked, 0) >= {attacked.words(name) for name in PLANTS}
+    assert refused_paths(attacked, 0) >= {os.path.normpath(attacked.words(name)) for name in PLANTS}
     assert project.nodes()["probe"]["attempts"] == 2
     after = tree(project.folder, attacked.home)
     assert {path: after.get(path) for path in before} == before
@@ -183,12 +215,69 @@ def test_every_planted_instruction_is_taken_away_and_told(attacked: Attacked) ->
 
 @pytest.mark.skipif(not POSSIBLE or not OPEN_PYTHON.exists(), reason="only root can become another user")
 def test_the_same_as_an_ordinary_user(user: User) -> None:
-    project = Project(user.place / "project", user.place / "outside")
-    command = json.dumps([str(OPEN_PYTHON), str(AGENT), str(project.outside / "script.json")])
-    project.harness = f"{{name: command, command: {command}}}"
-    made = Attacked(project, user.place / "home", user.prefix)
-    user.owns_all()
-    attack(made)
+    attack(of_user(user))
+
+
+MOVES = {
+    ".git": (
+        "mv {project}/.git {project}/.git2; echo 'gitdir: .git2' > {project}/.git",
+        "mv {project}/.git {home}/git",
+    ),
+    ".octoform": ("mv {project}/.octoform {home}/kept; ln -s {home}/kept {project}/.octoform",),
+    "state": ("mv {project}/state {home}/kept; mkdir {project}/state; echo '{{}}' > {project}/state/state.json",),
+}
+
+
+def moved(attacked: Attacked) -> None:
+    """Each folder is found where the agent has put it, and is whole again in its own place."""
+    project = attacked.project
+    identity = ("-c", "user.name=x", "-c", "user.email=x@y", "-c", f"safe.directory={project.folder}")
+    git = ["git", "-C", str(project.folder), *identity, "-c", "core.hooksPath=/dev/null"]
+    subprocess.run([*git, "commit", "-q", "--allow-empty", "-m", "kept"], check=True)
+    if project.prefix:
+        subprocess.run(["chown", "-R", f"--reference={project.folder}", str(project.folder / ".git")], check=True)
+    project.apply("-target", "probe", status=0)
+    for folder, ways in MOVES.items():
+        for way in ways:
+            project.script = {"probe": [{"shell": attacked.words(way)}, "good"]}
+            before = (project.folder / folder).stat().st_ino
+            project.apply("-replace", "probe", "-target", "probe", status=0)
+            assert folder in refused_paths(attacked, -2), way
+            assert (project.folder / folder).stat().st_ino == before, way
+    assert b"kept" in subprocess.run([*git, "log", "--oneline"], check=True, capture_output=True).stdout
+
+
+def test_a_folder_that_an_agent_moves_away_is_moved_back(attacked: Attacked) -> None:
+    moved(attacked)
+
+
+@pytest.mark.skipif(not POSSIBLE or not OPEN_PYTHON.exists(), reason="only root can become another user")
+def test_a_folder_is_moved_back_for_an_ordinary_user(user: User) -> None:
+    moved(of_user(user))
+
+
+def test_a_repository_that_an_agent_deletes_is_named_as_lost(attacked: Attacked) -> None:
+    project = attacked.project
+    project.script = {"probe": [{"shell": f"rm -rf {project.folder}/.git"}, "good"]}
+    project.write()
+    text = project.run("apply", "-auto-approve", "-target", "probe").text
+    assert "could not be put back" in text and "--> .git\n" in text
+
+
+def test_what_a_rejected_attempt_leaves_standing_is_told_by_name(attacked: Attacked) -> None:
+    project = attacked.project
+    plant = (
+        f"echo x > {project.folder}/AGENTS.md; mkdir {project.folder}/.idea; echo x > {project.folder}/.idea/run.xml"
+    )
+    run = project.local / "run"
+    plant += f"; mkdir -p {run} {attacked.home}/.claude; echo '{{}}' > {run}/tokens.json"
+    plant += f"; echo '{{}}' > {attacked.home}/.claude/settings.json"
+    project.script = {"probe": [{"shell": plant}, "good"]}
+    project.write()
+    text = project.run("apply", "-auto-approve", "-target", "probe", status=0).text
+    left = (f"{attacked.home}/.claude/settings.json", ".octoform/bench/run/tokens.json", ".idea/run.xml")
+    for path in ("AGENTS.md", *left):
+        assert f"--> {path}" in text, text
 
 
 def test_a_repository_that_an_agent_makes_is_moved_away(project: Project, tmp_path: Path) -> None:

@@ -6,6 +6,7 @@ project, and what is new in the person's home folder, are told, since a person m
 reason nothing that is undone is lost: it is kept in the attempt's folder.
 """
 
+import contextlib
 import os
 import shutil
 import stat
@@ -17,7 +18,12 @@ from octoform.base import files
 from octoform.diagnostics import Diagnostic, error, warning
 
 MOST_FILES = 5000
-_SKIPPED = {"node_modules", "__pycache__"}
+_MAX_TOLD = 20
+_SKIPPED = frozenset((".git", ".octoform", "node_modules"))
+"""Folders that other programs fill all the time."""
+_MARKS = ("pyvenv.cfg", "CACHEDIR.TAG")
+"""Files that say of a folder that a program made it and may make it again: an environment, a cache."""
+_HANDLE = getattr(os, "O_PATH", os.O_RDONLY) | os.O_DIRECTORY | os.O_NOFOLLOW | os.O_CLOEXEC
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,8 +43,8 @@ class Guarded:
     """What is to be as it was: files and whole folders, none of which need exist.
 
     No folder of ``rooms`` may get another entry, and none of ``starts`` another file that an interpreter runs at its
-    start; an entry in ``home`` is told. What is ``installed``, a file or a room, is told and never put back.
-    ``spared`` tells, at the beginning and at the end, where another run is at work.
+    start; an entry in ``home`` is told, and a change of a file of ``noted``. What is ``installed``, a file or a room,
+    is told and never put back. ``spared`` tells, at the beginning and at the end, where another run is at work.
     """
 
     files: Iterable[Path]
@@ -48,6 +54,28 @@ class Guarded:
     installed: frozenset[Path] = frozenset()
     spared: Callable[[], tuple[Path, ...]] = tuple
     starts: Iterable[Path] = ()
+    noted: Iterable[Path] = ()
+
+
+class _Held:
+    """A folder that is found again wherever it has been moved to."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self._handle = os.open(path, _HANDLE)
+
+    def __del__(self) -> None:
+        with contextlib.suppress(AttributeError, OSError):  # it could not be opened
+            os.close(self._handle)
+
+    def elsewhere(self) -> Path | None:
+        """Where it lies now; None while it is in its place, once it is gone, or where the system does not say."""
+        try:
+            facts, now = os.fstat(self._handle), Path(f"/proc/self/fd/{self._handle}").readlink()
+            moved = not self.path.is_dir() or not os.path.samestat(facts, self.path.lstat())
+            return now if moved and os.path.samestat(facts, now.lstat()) else None
+        except OSError:
+            return None
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,7 +83,8 @@ class Watch:
     """What lies at the guarded paths (None: nothing) and what else lay in the project, by size and time.
 
     ``real`` are the folders at and above the guarded paths that were no links; every path below ``folders`` that is in
-    neither of both was not there.
+    neither of both was not there. None of ``ways``, which lead to the guarded paths, was a link. ``held`` are the
+    project's folder and those in it that lead there.
     """
 
     project: Path
@@ -69,6 +98,9 @@ class Watch:
     busy: tuple[Path, ...]
     spared: Callable[[], tuple[Path, ...]]
     starts: Mapping[Path, frozenset[str]]
+    noted: Mapping[Path, _There | None]
+    ways: frozenset[Path]
+    held: tuple[_Held, ...]
 
 
 def begin(project: Path, wanted: Guarded) -> Watch:
@@ -84,8 +116,24 @@ def begin(project: Path, wanted: Guarded) -> Watch:
     starts = {room: _names(room, _at_start) for room in wanted.starts}
     home = (wanted.home, _names(wanted.home)) if wanted.home else None
     listing, busy = _listing(project), wanted.spared()
-    kept = (wanted.installed, busy, wanted.spared, starts)
+    noted = {path: _look(path) for path in wanted.noted}
+    held = _held((project, *sorted(place for place in real if place.parent == project)))
+    kept = (wanted.installed, busy, wanted.spared, starts, noted, _ways(project, wanted, (*guarded, *rooms)), held)
     return Watch(project, guarded, real, folders, rooms, home, listing, *kept)
+
+
+def _ways(project: Path, wanted: Guarded, paths: Iterable[Path]) -> frozenset[Path]:
+    """The places, there or not, that lead to ``paths`` and are no links; not those above a project or a home."""
+    above = {*project.parents, *((wanted.home, *wanted.home.parents) if wanted.home else ())}
+    return frozenset({place for path in paths for place in path.parents if not place.is_symlink()} - above)
+
+
+def _held(folders: Iterable[Path]) -> tuple[_Held, ...]:
+    found = []
+    for folder in folders:
+        with contextlib.suppress(OSError):  # closed to this user
+            found.append(_Held(folder))
+    return tuple(found)
 
 
 def end(watch: Watch, undone: Path) -> list[Diagnostic]:
@@ -94,7 +142,7 @@ def end(watch: Watch, undone: Path) -> list[Diagnostic]:
     ``undone`` is a folder, made when it is needed, for what the changed files had become.
     """
     watch = replace(watch, busy=(*watch.busy, *watch.spared()))
-    found = []
+    found = [*_moved_back(watch, undone), *_unlinked(watch, undone)]
     for path, before in watch.guarded.items():
         if _look(path) == before or _is_spared(watch, path):
             continue
@@ -105,11 +153,45 @@ def end(watch: Watch, undone: Path) -> list[Diagnostic]:
             continue  # a new folder: what is in it goes below
         kept = _keep(watch, path, undone)
         _restore(watch, path, before)
-        found.append(_touched(watch, path, kept))
+        whole = before is None or before.kind != "other" or path in watch.folders
+        found.append(_touched(watch, path, kept) if whole else _lost(watch, path, "what else lay in it is gone"))
     for folder in watch.folders:
         found += _new(watch, folder, undone)
     found += _entered(watch, undone)
-    found += _strangers(watch)
+    found += _strangers(watch, undone)
+    return found
+
+
+def _moved_back(watch: Watch, undone: Path) -> list[Diagnostic]:
+    """Put folders that were moved back into their places; what has come there meanwhile is kept."""
+    now = watch.held[0].elsewhere() if watch.held else None
+    if now is not None:  # what lies in it is still together
+        return [_lost(watch, watch.project, f"it is {now} now")]
+    found = []
+    for folder in watch.held[1:]:
+        now = folder.elsewhere()
+        if now is None:
+            continue
+        kept = _keep(watch, folder.path, undone)
+        _clear(folder.path)
+        try:
+            now.rename(folder.path)
+        except OSError as problem:
+            found.append(_lost(watch, folder.path, f"{problem.strerror}: {now}"))
+        else:
+            found.append(_touched(watch, folder.path, kept))
+    return found
+
+
+def _unlinked(watch: Watch, undone: Path) -> list[Diagnostic]:
+    """Take away each link that has come into a place that leads to a guarded path, which would then lie elsewhere."""
+    found = []
+    for place in sorted(watch.ways):
+        if place.is_symlink() and not _is_spared(watch, place):
+            found.append(_touched(watch, place, _keep(watch, place, undone)))
+            place.unlink()
+            if place in watch.real:
+                place.mkdir()
     return found
 
 
@@ -187,26 +269,44 @@ def _touched(watch: Watch, path: Path, kept: Path | None) -> Diagnostic:
     )
 
 
-def _strangers(watch: Watch) -> list[Diagnostic]:
+def _lost(watch: Watch, path: Path, detail: str) -> Diagnostic:
+    return error(
+        "APPLY-OUTSIDE-WRITE",
+        "a folder was taken away while the agent ran, and it could not be put back",
+        path=_name(watch.project, path),
+        detail=detail,
+        hint="put it back yourself, from where it is now or from your backup",
+    )
+
+
+def _strangers(watch: Watch, undone: Path) -> list[Diagnostic]:
     now = _listing(watch.project)
-    changed = sorted(path for path, facts in now.items() if watch.seen.get(path) != facts and path not in watch.guarded)
+    new = (path for path, facts in now.items() if watch.seen.get(path) != facts and not path.is_relative_to(undone))
+    changed = [path for path, before in watch.noted.items() if _look(path) != before]
+    changed += sorted(path for path in new if path not in watch.guarded)
     if watch.home is not None:
         folder, names = watch.home
         above = {place for path in (watch.project, *watch.guarded) for place in (path, *path.parents)}
         changed += [path for path in (folder / name for name in sorted(_names(folder) - names)) if path not in above]
-    return [
-        warning(
-            "APPLY-OUTSIDE-WRITE",
-            "a file outside of the attempt's folder was written while the agent ran; it was left as it is",
-            path=_name(watch.project, path),
-            hint="see whether it is yours; an agent that runs in a sandbox cannot write there",
-        )
-        for path in changed[:20]
-    ]
+    hint = "see whether it is yours; an agent that runs in a sandbox cannot write there"
+    summary = "a file outside of the attempt's folder was written while the agent ran; it was left as it is"
+    named = [_name(watch.project, path) for path in changed]
+    found = [warning("APPLY-OUTSIDE-WRITE", summary, path=name, hint=hint) for name in named[:_MAX_TOLD]]
+    more = named[_MAX_TOLD:]
+    if more:
+        summary = f"{len(more)} more files outside of the attempt's folder were written; they were left as they are"
+        found.append(warning("APPLY-OUTSIDE-WRITE", summary, detail=_listed(more), hint=hint))
+    return found
+
+
+def _listed(names: list[str]) -> str:
+    """Names, as many as a person reads; where there are more, the folders in which they lie."""
+    shown = names if len(names) <= _MAX_TOLD else list(dict.fromkeys(str(Path(name).parent) for name in names))
+    return ", ".join(shown[:_MAX_TOLD]) + (", ..." if len(shown) > _MAX_TOLD else "")
 
 
 def _name(project: Path, path: Path) -> str:
-    return str(path.relative_to(project)) if path.is_relative_to(project) else str(path)
+    return str(path.relative_to(project)) if project in path.parents else str(path)
 
 
 def _look(path: Path) -> _There | None:
@@ -292,19 +392,26 @@ def _own_streams() -> set[tuple[int, int]]:
 
 
 def _listing(project: Path) -> dict[Path, tuple[int, int]]:
-    """Size and time of the project's visible files, bounded; hidden folders (git, environments) are left out."""
+    """Size and time of the project's files, bounded; of what programs fill themselves only that the folder is there."""
     found: dict[Path, tuple[int, int]] = {}
     own = _own_streams()
     for root, folders, names in os.walk(project):
-        folders[:] = sorted(name for name in folders if not name.startswith(".") and name not in _SKIPPED)
-        for name in names:
+        place = Path(root)
+        whole = [name for name in folders if (place / name).is_symlink() or _is_filled(place / name)]
+        folders[:] = sorted(name for name in folders if name not in whole and name != "__pycache__")
+        for path in (place / name for name in (*names, *whole)):
             if len(found) >= MOST_FILES:
                 return found
-            path = Path(root) / name
             try:
                 facts = path.lstat()
             except FileNotFoundError:  # gone since the folder was read: nothing to compare
                 continue
-            if (facts.st_dev, facts.st_ino) not in own:
+            if stat.S_ISDIR(facts.st_mode):
+                found[path] = (0, 0)
+            elif (facts.st_dev, facts.st_ino) not in own:
                 found[path] = (facts.st_size, facts.st_mtime_ns)
     return found
+
+
+def _is_filled(folder: Path) -> bool:
+    return folder.name in _SKIPPED or any((folder / mark).exists() for mark in _MARKS)

@@ -19,6 +19,7 @@ from octoform.apply.protect import file_integrity
 from octoform.base.files import opened, read
 from octoform.base.locks import acquire
 from octoform.diagnostics import Diagnostic, warning
+from octoform.endpoint.access.tokens import RECORD as TOKENS
 from octoform.endpoint.environment.model import MARKER, packages_of
 from octoform.endpoint.files import (
     CLIENTS,
@@ -32,6 +33,7 @@ from octoform.endpoint.files import (
 )
 from octoform.endpoint.process.systemd import unit_path, watch_path
 from octoform.harness.port import Task
+from octoform.manifest.model import FILE_NAME
 from octoform.state.artifacts import attempts
 from octoform.state.git.head import head_revision, on_branch, repository
 from octoform.state.git.repository import configuration_files
@@ -48,8 +50,9 @@ SERVED = (LAUNCHER, CONNECTION, SERVE_SCRIPT, MANIFEST, POLICY)
 _GIT = (".gitattributes", ".gitignore", ".gitmodules", ".mailmap")
 _PACKAGES = ("uv.toml", "pyproject.toml", ".python-version", ".npmrc")
 _OF_A_TREE = ("config.worktree", "commondir", "gitdir")
-_OF_A_REPOSITORY = (*_OF_A_TREE, "config", "objects/info/alternates", "shallow")
-_FOLDERS_OF_A_REPOSITORY = ("hooks", "info", "refs/replace")
+_ALTERNATES = ("objects/info/alternates", "objects/info/http-alternates")
+_OF_A_REPOSITORY = (*_OF_A_TREE, *_ALTERNATES, "config", "shallow")
+_FOLDERS_OF_A_REPOSITORY = ("hooks", "info", "refs/replace", "branches", "remotes")
 _OF_A_PERSON = ("git/config", "git/attributes", "git/ignore", "uv/uv.toml", "pip/pip.conf")
 _OF_THE_MACHINE = ("gitconfig", "gitattributes", "uv/uv.toml", "pip.conf")
 _OF_A_LOGIN = (
@@ -58,13 +61,27 @@ _OF_A_LOGIN = (
     *(".bash_aliases", ".inputrc", ".xinitrc", ".xsessionrc", ".config/direnv/direnvrc", ".tmux.conf", ".screenrc"),
     *(".ssh/authorized_keys", ".ssh/authorized_keys2", ".ssh/config", ".ssh/rc", ".shosts", ".rhosts", ".k5login"),
     *(".vimrc", ".exrc", ".gdbinit", ".config/nvim/init.lua", ".config/nvim/init.vim", ".npmrc"),
-    *(".claude/CLAUDE.md", ".codex/AGENTS.md", ".config/opencode/AGENTS.md"),
+    *(".config/tmux/tmux.conf", ".ssh/environment", ".gnupg/gpg.conf", ".gnupg/gpg-agent.conf"),
+    *(".claude/CLAUDE.md", ".codex/AGENTS.md", ".codex/AGENTS.override.md", ".config/opencode/AGENTS.md"),
+    *(".gemini/GEMINI.md", ".qwen/QWEN.md", ".pi/agent/AGENTS.md"),
 )
 """What runs, lets somebody in, or gives an agent orders, when a person logs in and works. Not what programs rewrite."""
 _FOLDERS_OF_A_LOGIN = (
     *(".config/autostart", ".config/fish/conf.d", ".config/fish/functions", ".config/systemd/user"),
-    *(f".claude/{name}" for name in ("agents", "commands", "hooks", "skills")),
+    *(".local/share/systemd/user", ".local/share/dbus-1/services", ".config/plasma-workspace/env"),
+    *(".ipython/profile_default/startup", ".oh-my-zsh/custom"),
+    *(f".claude/{name}" for name in ("agents", "commands", "hooks", "rules", "skills")),
+    *(".codex/prompts", ".codex/skills", ".gemini/commands", ".qwen/commands", ".pi/agent/extensions"),
+    *(f".config/opencode/{name}" for name in ("agent", "agents", "command", "commands", "plugin", "plugins", "tools")),
 )
+_NOTED_OF_A_LOGIN = (
+    *(f".{name}/settings.json" for name in ("claude", "gemini", "qwen", "pi/agent")),
+    *(".codex/config.toml", ".cursor/mcp.json", ".config/opencode/opencode.json", ".config/opencode/opencode.jsonc"),
+    *(f".config/Code/User/{name}.json" for name in ("settings", "mcp", "tasks")),
+)
+"""Settings that name programs, and that the programs of a person write themselves: told, and left."""
+_BINARIES = (".local/bin", "bin")
+"""Where a login looks for programs before all others (the usual ~/.profile)."""
 _PROGRAMS = ("uv", "bwrap", "git", "node", "npm", "npx", "systemctl", "loginctl", "ssh", "sh", "true", "python3")
 """What octoform calls by name."""
 _MINORS = range(8, 20)
@@ -73,6 +90,7 @@ _AGENTS = (
     *("AGENTS.md", "AGENTS.override.md", "CLAUDE.md", "CLAUDE.local.md", "GEMINI.md", "QWEN.md", ".mcp.json", ".env"),
     *("opencode.json", "opencode.jsonc", ".envrc", ".cursorrules", ".windsurfrules", ".goosehints", ".aider.conf.yml"),
     *(".github/copilot-instructions.md", ".cursor/mcp.json", ".vscode/mcp.json", ".vscode/tasks.json", ".roo/mcp.json"),
+    *(".vscode/launch.json", ".devcontainer.json", ".devcontainer/devcontainer.json", ".zed/tasks.json"),
     *(f".claude/{name}" for name in ("CLAUDE.md", "settings.json", "settings.local.json")),
     *(f".{name}/settings.json" for name in ("gemini", "qwen", "pi")),
     *(".codex/config.toml", ".opencode/opencode.json", ".opencode/opencode.jsonc"),
@@ -84,7 +102,8 @@ _FOLDERS_OF_AGENTS = (
         f".opencode/{name}"
         for name in ("agent", "agents", "command", "commands", "plugin", "plugins", "skills", "tools")
     ),
-    *(".cursor/rules", ".clinerules", ".github/instructions"),
+    *(".cursor/rules", ".clinerules", ".github/instructions", ".windsurf/rules", ".amazonq/rules", ".kiro/steering"),
+    *(".continue/rules", ".junie"),
     *(".agents", ".gemini/commands", ".gemini/extensions", ".qwen/commands", ".pi/extensions", ".pi/skills"),
 )
 _STARTS = ("pyvenv.cfg", "pip.conf")
@@ -110,6 +129,8 @@ def sources(context: Context) -> Places:
     folders += [home(context.environ) / name for name in _FOLDERS_OF_A_LOGIN]
     folders += [project / name for name in _FOLDERS_OF_AGENTS]
     rooms = [project / ".octoform"]
+    if _daemon(layout) is not None:  # it keeps its agents' folders there as well
+        rooms.append(layout.attempts)
     for each in (layout, *_others(layout)):
         started, packages = _environments(each)
         files += started
@@ -122,6 +143,7 @@ def sources(context: Context) -> Places:
         of_git = _git(found.folder)
         files += of_git.files
         folders += of_git.folders
+        rooms += of_git.rooms
     return Places(*(tuple(dict.fromkeys(paths)) for paths in (files, folders, rooms)))
 
 
@@ -149,7 +171,7 @@ def _git(folder: Path) -> Places:
     Not what a commit or a fetch of the person's moves: references, the index.
     """
     shared = _shared(folder)
-    modules = [config.parent for depth in ("*", "*/*") for config in shared.glob(f"modules/{depth}/config")]
+    modules = _modules(shared / "modules")
     files, folders = [], []
     for place in {folder, shared, *modules}:
         files += [place / name for name in _OF_A_REPOSITORY]
@@ -157,7 +179,17 @@ def _git(folder: Path) -> Places:
     files += [place / name for place in shared.glob("worktrees/*") for name in _OF_A_TREE]
     if on_branch(folder):  # otherwise a commit of the person's changes it
         files.append(folder / "HEAD")
-    return Places(tuple(files), tuple(folders), ())
+    return Places(tuple(files), tuple(folders), (shared / "modules",))
+
+
+def _modules(folder: Path) -> list[Path]:
+    """The repositories of submodules, whose names may have slashes."""
+    found = []
+    for root, folders, names in os.walk(folder):
+        if "config" in names or "HEAD" in names:
+            found.append(Path(root))
+            folders[:] = [name for name in folders if name == "modules"]
+    return found
 
 
 def _environments(layout: Layout) -> tuple[list[Path], list[Path]]:
@@ -196,7 +228,8 @@ def _around(layout: Layout) -> Iterator[Path]:
     yield from (place / name for place in below for name in _PACKAGES)
     looked = (project, layout.local.parent, layout.local, layout.attempts)
     yield from (place / name for place in looked for name in _AGENTS)
-    yield from (place / name for place in project.parents for name in _AGENTS if "/" not in name)
+    above = (FILE_NAME, *(name for name in _AGENTS if "/" not in name))
+    yield from (place / name for place in project.parents for name in above)
 
 
 def _personal(layout: Layout, environ: Mapping[str, str]) -> Iterator[Path]:
@@ -215,6 +248,8 @@ def _personal(layout: Layout, environ: Mapping[str, str]) -> Iterator[Path]:
 
 def _shadows(environ: Mapping[str, str]) -> Iterator[Path]:
     """Where a program would stand before the one that octoform calls by that name; none of them is there."""
+    own = [home(environ) / name for name in _BINARIES]
+    yield from (folder / name for folder in own for name in _PROGRAMS if not (folder / name).exists())
     named = [Path(name) for name in environ.get("PATH", "").split(os.pathsep) if name.startswith("/")]
     # Nothing in a folder that is closed to this user is started, nor put there by an agent that has the same rights.
     folders = [folder for folder in named if not _closed(folder)]
@@ -283,7 +318,9 @@ class Guard:
         if self.daemon is None or _daemon(self.layout) != self.daemon:
             # A daemon that came meanwhile wrote its own files, and goes on from what it finds.
             memory = self.layout.memory()
-            watch = replace(watch, guarded={path: it for path, it in watch.guarded.items() if path not in memory})
+            guarded = {path: it for path, it in watch.guarded.items() if path not in memory}
+            rooms = {room: names for room, names in watch.rooms.items() if room != self.layout.attempts}
+            watch = replace(watch, guarded=guarded, rooms=rooms)
         if _installation() == self.installation:
             # Nobody has brought it up to date meanwhile, so a difference is the agent's.
             watch = replace(watch, installed=watch.installed - self.specs)
@@ -325,6 +362,8 @@ def _begun(
     context: Context, files: Iterable[Path], folders: Iterable[Path], rooms: Iterable[Path]
 ) -> file_integrity.Watch:
     project, own = context.layout.project, context.layout.host
+    noted = (home(context.environ) / name for name in _NOTED_OF_A_LOGIN)
+    tokens = (each.run / TOKENS for each in (context.layout, *_others(context.layout)))
     started = of_octoform()
     installed = _installed(context) | {*started.files, *started.rooms}
     wanted = file_integrity.Guarded(
@@ -335,6 +374,7 @@ def _begun(
         installed,
         lambda: _at_work(project, own),
         starts(context.environ),
+        (*noted, *tokens),
     )
     return file_integrity.begin(project, wanted)
 

@@ -33,6 +33,10 @@ if TYPE_CHECKING:
 PULSE_SECONDS = 9.0
 INDENT = 24
 """Columns before the text of a line that tells what an agent does, the widest of them."""
+STAYS = "APPLY-OUTSIDE-WRITE"
+"""Tells, as a warning, what an attempt has left standing, also one whose output is not used."""
+MAX_PATHS = 5
+"""Files that are named beside a reason why an attempt was rejected."""
 
 
 def _visible(event: events.Event) -> events.Event:
@@ -185,9 +189,15 @@ class RunHuman:
 
     def _attempt_failed(self, event: events.AttemptFailed) -> None:
         self._say(f"{self._console.paint('!', 'yellow')} {event.node:<10} attempt {event.number} refused")
+        told: dict[str, list[str]] = {}
         for item in event.diagnostics:
-            if item.severity == "error":
-                self._say(f"             {one_line(f'{item.code}: {item.summary}', self._console.width - INDENT)}")
+            if item.severity == "error" or item.code == STAYS:
+                told.setdefault(f"{item.code}: {item.summary}", []).extend([item.path] if item.path else [])
+        for text, paths in told.items():
+            more = [f"and {len(paths) - MAX_PATHS} more, which `octoform attempts show` lists"]
+            where = [f"--> {path}" for path in paths[:MAX_PATHS]] + (more if len(paths) > MAX_PATHS else [])
+            for line in (text, *where):
+                self._say(f"             {one_line(line, self._console.width - INDENT)}")
 
     def _say(self, text: str) -> None:
         if self._moving is not None:

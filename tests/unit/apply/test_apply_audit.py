@@ -182,3 +182,18 @@ def test_what_is_new_in_the_home_folder_is_told_and_left(
     told = [(item.severity.value, item.path) for item in file_integrity.end(watch, project / ".undone")]
     assert told == [("error", str(home / ".profile")), ("warning", str(home / "notes.txt"))]
     assert (home / "notes.txt").exists() and (home / ".profile").read_text() == "old\n"
+
+
+def test_more_new_files_than_a_person_reads_are_counted_and_hidden_ones_are_told_as_well(project: Path) -> None:
+    watch = file_integrity.begin(project, file_integrity.Guarded([], []))
+    places = [project / ".idea" / "run.xml", *(project / "made" / f"{number}.txt" for number in range(30))]
+    for path in places:
+        path.parent.mkdir(exist_ok=True)
+        path.write_text("new\n")
+    cache = project / ".cache"
+    cache.mkdir()
+    (cache / "CACHEDIR.TAG").write_text("Signature: 8a477f597d28d172789f06886806bc55\n")
+    (cache / "more").write_text("new\n")
+    *named, last = file_integrity.end(watch, project / ".octoform" / "undone")
+    assert [item.path for item in named][:2] == [".cache", ".idea/run.xml"] and len(named) == 20
+    assert last.summary.startswith("12 more files") and "made/9.txt" in (last.detail or "")
