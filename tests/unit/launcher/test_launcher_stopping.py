@@ -159,7 +159,7 @@ def test_stop_latches_acts_and_records(tmp_path: Path, lines: list[Line]) -> Non
 
     answer = stop.stop("ada", "smoke", lambda *_: lines[0].node, interrupt)
     assert (answer["ok"], answer["latched"], answer["problems"]) == (True, True, [])
-    (latched,) = seen
+    latched = seen[0]
     assert latched is not None and answer["estop"]["by"] == latched.by == "ada"
     assert lines[0].received(8) == DATA
     again = stop.stop("bob", "more smoke", lambda *_: lines[0].node)
