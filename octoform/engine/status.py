@@ -19,7 +19,6 @@ from octoform.endpoint.process.estop import LATCH
 from octoform.endpoint.process.record import Running, running, running_beside
 from octoform.endpoint.publish.expected_tools import hidden, promised
 from octoform.engine.plan import cache
-from octoform.engine.plan.plan import Request, prepare
 from octoform.host.fingerprint import SYSROOT_VARIABLE
 from octoform.plan.model import Plan
 from octoform.state.layout import Layout
@@ -69,6 +68,8 @@ def status(project: Path, environ: Mapping[str, str]) -> Status:
 def _status(project: Path, environ: Mapping[str, str]) -> Status:
     plan = cache.recall(project, environ)
     if plan is None:
+        from octoform.engine.plan.plan import Request, prepare  # heavy, and only what has changed pays for it
+
         outlook, found = prepare(Request(project, environ))
         if outlook is None:
             return Status("", None, diagnostics=tuple(found))

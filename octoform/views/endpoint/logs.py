@@ -1,19 +1,23 @@
 """The logs for a person, one line for each call with its result, and for a program, one object for each line."""
 
+from __future__ import annotations
+
 import json
 import re
 import select
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from octoform.base.clock import stamp
 from octoform.base.escaping import escaped, escaped_json
 from octoform.endpoint.client.terminal import BEFOREHAND
 from octoform.endpoint.observe.logs import SERVER, Line
-from octoform.engine.inspect.state import Entry
 from octoform.views.format.console import Console
 from octoform.views.format.output import document
 from octoform.views.format.values import one_line
+
+if TYPE_CHECKING:
+    from octoform.engine.inspect.state import Entry
 
 POLL_MILLISECONDS = 200
 _TOLD = ("found", "reason", "what", "text", "harness", "number", "action")

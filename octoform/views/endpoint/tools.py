@@ -1,5 +1,7 @@
 """The live endpoint for a person and for a program: its tools, an answer."""
 
+from __future__ import annotations
+
 import json
 import sys
 import time
@@ -7,16 +9,17 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from shutil import get_terminal_size
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from octoform.base.escaping import escaped_json
 from octoform.diagnostics import Diagnostic, to_json
-from octoform.engine.snapshot import Look
 from octoform.engine.tools import Answer
-from octoform.perception.frames import words
 from octoform.views.format import problems
 from octoform.views.format.console import Console
 from octoform.views.format.values import escape, one_line
+
+if TYPE_CHECKING:
+    from octoform.engine.snapshot import Look
 
 _LONGEST = 20_000
 """Characters of a foreign text: enough for every description, and no flood."""
@@ -219,6 +222,8 @@ def _since(look: Look) -> str:
 
 
 def _document(look: Look, saved: Path | None) -> dict[str, Any]:
+    from octoform.perception.frames import words  # heavy, and only a look pays for it
+
     frame = look.record.current if look.record else None
     taken = look.outcome
     picture = None

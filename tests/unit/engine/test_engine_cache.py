@@ -265,11 +265,12 @@ def test_an_apply_that_leaves_work_keeps_no_memo(bench: Bench) -> None:
     assert not bench.memo.exists()
 
 
-def test_a_plan_with_a_memo_imports_nothing_heavy(bench: Bench) -> None:
+@pytest.mark.parametrize("command", ["plan", "status", "health", "tools", "audit"])
+def test_with_a_memo_nothing_heavy_is_imported(bench: Bench, command: str) -> None:
     script = "import sys; from octoform.cli.main import main; main(sys.argv[1:]); print(sorted(sys.modules))"
-    command = [sys.executable, "-c", script, "-chdir", str(bench.project), "plan"]
-    done = subprocess.run(command, capture_output=True, text=True, check=True, env=dict(os.environ))
-    assert "No changes." in done.stdout
+    assert bench.hit()
+    program = [sys.executable, "-c", script, "-chdir", str(bench.project), command]
+    done = subprocess.run(program, capture_output=True, text=True, check=True, env=dict(os.environ))
     imported = {name.partition(".")[0] for name in json.loads(done.stdout.splitlines()[-1].replace("'", '"'))}
     assert imported.isdisjoint(HEAVY)
 
