@@ -10,6 +10,8 @@
 #                  (docs/faults.md); ONLY="words" takes the cases with one of these words in their names. Then spoil
 #                  every file of a host MUTATIONS times (default 200; 0 leaves that out)
 # make soak        random faults at a high rate for SECONDS (default 3600): memory, processes, files and locks stay flat
+# make coverage    pass the unit tests and print how much of each package they reach; TESTS="tests/unit tests/faults" takes
+#                  other ones (docs/testing.md)
 # make bench       print the measurements of bench/
 # make lock        renew the lock files of .ci/ from pyproject.toml
 
@@ -28,7 +30,7 @@ WORKERS := $(shell expr $$(nproc) + 1)
 # Where an image forbids bytecode, every process of the tests would compile what it imports again.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: setup test test-harnesses programs lint recordings vm faults soak bench lock
+.PHONY: setup test test-harnesses programs lint recordings vm faults soak coverage bench lock
 
 setup:
 	@.ci/setup dev
@@ -76,6 +78,13 @@ faults: setup
 
 soak: setup
 	@$(CAMPAIGN).soak --seconds $(SECONDS)
+
+TESTS := tests/unit
+coverage: setup
+	@$(PYTHON) -m coverage erase
+	@$(PYTHON) -m coverage run -m pytest -n $(WORKERS) --dist worksteal -m "$(MARKED)" $(TESTS)
+	@$(PYTHON) -m coverage combine -q
+	@$(PYTHON) -m coverage json -q -o - | $(PYTHON) tests/coverage_table.py
 
 bench: setup
 	@$(PYTHON) bench/run.py
