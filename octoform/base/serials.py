@@ -21,28 +21,29 @@ _WORDS = re.compile(r"[a-z]+|[0-9]+")
 # Words that stand in for a number, or before one.
 _PLACEHOLDERS = frozenset(
     (
-        *("applicable", "asset", "assigned", "available", "be", "board", "by", "chassis", "default", "dev", "device"),
+        *("adapter", "applicable", "asset", "assigned", "available", "be", "board", "bridge", "build", "by", "chassis"),
         *(
+            "controller",
+            "converter",
+            "date",
+            "default",
+            "demo",
+            "dev",
+            "device",
             "empty",
             "example",
+            "factory",
             "filled",
-            "fixme",
-            "changeme",
-            "hw",
-            "id",
-            "invalid",
-            "none",
-            "not",
-            "null",
-            "num",
-            "number",
         ),
-        *("oem", "product", "rev", "revision", "sample", "serial", "sn", "specified", "string", "system", "tag"),
-        *("test", "to", "unique", "unit", "unknown", "unset", "usb", "v", "ver", "version", "xx"),
+        *("fixme", "changeme", "fw", "hw", "id", "invalid", "mfg", "model", "none", "not", "null", "num", "number"),
+        *("oem", "product", "prototype", "rev", "revision", "sample", "serial", "sn", "specified", "string", "system"),
+        *("tag", "test", "to", "uart", "unique", "unit", "unknown", "unset", "usb", "v", "ver", "version", "xx"),
         *("xxx", "xxxx"),
+        *("jan", "feb", "mar", "apr", "may", "jun", "jul", "aug", "sep", "oct", "nov"),
     )
 )
-_DATE = re.compile(r"(?:19|20)\d\d(?:0[1-9]|1[0-2])(?:0[1-9]|[12]\d|3[01])")
+_DAY, _MONTH, _AGE = "(?:0[1-9]|[12]\\d|3[01])", "(?:0[1-9]|1[0-2])", "(?:19|20|99)\\d\\d"
+_DATE = re.compile(f"{_AGE}{_MONTH}{_DAY}|{_DAY}{_MONTH}{_AGE}|{_MONTH}{_DAY}{_AGE}|{_AGE}w[0-5]\\d")
 _YEAR = re.compile(r"(?:19|20)\d\d")
 # A vendor and a product, an address on PCI, a port on USB, a version: none is a number of a unit.
 _OTHER_FORMS = re.compile(
@@ -50,13 +51,17 @@ _OTHER_FORMS = re.compile(
     r"|v?\d{1,3}(?:\.\d{1,3})+(?:-.*)?"
 )
 _VERSION = re.compile(r"(?<![0-9a-z])v?\d{1,3}(?:\.\d{1,3})+(?![0-9a-z])")
+# Of what a maker calls a chip or a product: letters that are no hexadecimal digits, a number, at most one letter more.
+_MODEL = re.compile(r"(?=[a-z]*[g-z])[a-z]{2,4}\d{3,4}[a-z]?")
 # What people write where any number would do: words of hexadecimal digits, rows of a keyboard, constants.
 _TYPED = re.compile(
     r"deadbeef|badc0ffee0ddf00d|baadf00d|badf00d|c0ffee|c0de|cafebabe|feedface|0d15ea5e|d15ea5e|f00d|beef|cafe|babe|dead"
-    r"|qwerty|qwertz|azerty|asdf|zxcv|1q2w3e|31415926|3141592|2718281|8675309"
+    r"|qwerty|qwertz|azerty|asdf|zxcv|1q2w3e|31415926|3141592|2718281|8675309|1618033|11235813(?:2134)?|1248163264"
+    r"|1qaz(?:2wsx)?|zaq1(?:2wsx)?|789456123|147258369|741852963|159753|0?13579(?:24680?)?|0?2468(?:013579|13579)"
 )
 _UNNAMED = frozenset(("na", "nil", "tbd", "none", "null", "tobefilled", "tobefilledbyoem", "notapplicable"))
 _LEAST_NAME = 4
+_LEAST_GROUP = 4
 _NOT_SERIAL = re.compile(r"[^0-9a-z]+")
 
 
@@ -83,10 +88,12 @@ def weight(serial: str, said: Iterable[str] = ()) -> int:
         return NONE
     # Zeros in front only fill the width.
     filled, number = number, number.lstrip("0")
-    if len(number) >= _LEAST_SYMBOLS and _is_counted(filled):
+    if (len(number) >= _LEAST_SYMBOLS and _is_counted(filled)) or _is_worded(filled) or _is_grouped(serial):
         return PATTERN
     unforeseen = _unforeseen(number)
-    if len(number) >= _LEAST_SYMBOLS and unforeseen >= _LEAST_UNFORESEEN:
+    # One of sixteen hexadecimal numbers begins with a zero that fills nothing.
+    whole = number if len(number) >= _LEAST_SYMBOLS or unforeseen < len(number) else filled
+    if len(whole) >= _LEAST_SYMBOLS and unforeseen >= _LEAST_UNFORESEEN and not _MODEL.fullmatch(number):
         return UNIQUE
     return SHORT if unforeseen >= 2 and 2 * unforeseen >= len(number) else PATTERN
 
@@ -140,6 +147,18 @@ def _is_counted(number: str) -> bool:
         return True
     fronts = [re.match("[a-z]{1,4}(?=.{4})", number), _YEAR.match(number), re.match("", number)]
     return any(_is_row(number[front.end() :]) for front in fronts if front is not None)
+
+
+def _is_worded(number: str) -> bool:
+    """Whether it is letters and then a row: a word and a count."""
+    parts = re.fullmatch("([a-z]+)([0-9]{3,})", number)
+    return parts is not None and (_is_row(parts[2]) or _unforeseen(parts[2]) <= 1)
+
+
+def _is_grouped(serial: str) -> bool:
+    """Whether each of its groups goes on from symbol to symbol, as in a UUID that somebody typed."""
+    groups = _NOT_SERIAL.split(_plain(serial))
+    return len(groups) > 2 and all(len(group) >= _LEAST_GROUP and _unforeseen(group) <= 2 for group in groups)
 
 
 def _is_row(number: str) -> bool:

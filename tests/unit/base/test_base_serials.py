@@ -60,6 +60,29 @@ TYPED = [
         "314159265",
     ),
     *("DEADBEEF", "BADC0FFEE0DDF00D", "CAFEBABE0001", "QWERTY123", "asdf1234", "00e04c000001", "00E04C680001"),
+    *("01012020", "31122019", "12/31/2019", "01/01/1970", "99991231", "Jan 1 2020", "2019W52", "build 20210517"),
+    *(
+        "FW20210517",
+        "TESTSERIAL001",
+        "PROTO001",
+        "DEMO001",
+        "Factory0001",
+        "SERIALNUMBER12345",
+        "hello123",
+        "foobar123",
+    ),
+    *("12345678-1234-5678-9abc-def012345678", "12345678-1234-5678-90ab-cddeefaabbcc", "1357924680", "135792468"),
+    *(
+        "0246813579",
+        "16180339",
+        "11235813",
+        "112358132134",
+        "1248163264",
+        "1qaz2wsx",
+        "zaq12wsx",
+        "159753",
+        "789456123",
+    ),
     *("\u0661\u0662\u0663\u0664\u0665\u0666", "\uff10\uff10\uff10\uff11", "\u0d67\u0d68\u0d69\u0d6a\u0d6b\u0d6c"),
 ]
 """Of what people and programs write where a number should stand: ids, places, versions, rows, words; in any script."""
@@ -87,6 +110,13 @@ GOOD = [
     "A5-0001",
     "FT4UKM93",
     "482913",
+    "3F2A9C",
+    "0F6A31",
+    "CB2104",
+    "83650274",
+    "DM01Q7ZT",
+    "2021-0938-6172",
+    "123e4567-e89b-42d3-a456-426614174000",
 ]
 
 
@@ -108,6 +138,11 @@ def test_a_short_number_counts_where_units_show_different_ones() -> None:
     assert not tells_apart("A5")
     assert tells_apart("A5", ["B7"])
     assert not tells_apart("A5", ["B7", "0001"])
+
+
+@pytest.mark.parametrize("serial", ["CP2102", "FT232R", "CP2102N USB to UART"])
+def test_what_reads_like_the_name_of_a_chip_needs_another_that_differs(serial: str) -> None:
+    assert not tells_apart(serial)
 
 
 @pytest.mark.parametrize("said", ["Otter Cam 3000-X2", "1f00 00c1"])
