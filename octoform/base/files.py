@@ -15,6 +15,7 @@ import re
 import stat
 from collections.abc import Callable, Iterator
 from io import BufferedReader, BufferedWriter
+from itertools import takewhile
 from pathlib import Path
 from typing import Any
 
@@ -91,6 +92,18 @@ def make_way(path: Path) -> None:
     with contextlib.suppress(FileNotFoundError):
         if not stat.S_ISREG(path.lstat().st_mode):
             path.rename(path.with_name(f"{path.name}.aside-{os.urandom(3).hex()}"))
+
+
+def private_folder(path: Path) -> Path:
+    """Make a folder that is closed to others, and those above it that are missing; one that is there stays as it is.
+
+    OSError when that cannot be, or something else has its name. A folder above is closed as well: whoever may replace
+    it replaces what is in it.
+    """
+    missing = takewhile(lambda each: not each.is_dir(), (path, *path.parents))
+    for each in reversed([*missing]):
+        each.mkdir(mode=0o700, exist_ok=True)
+    return path
 
 
 def write_all(descriptor: int, data: bytes) -> None:
@@ -208,6 +221,25 @@ def parse(data: bytes | str, *, any_text: bool = True) -> Any:
     _bounded(value)
     if not any_text and _UNFIT.search(raw):
         _printable(value)
+    return value
+
+
+class OtherFormatError(ValueError):
+    """A record that another version of octoform wrote; ``is_newer`` where a later one did."""
+
+    def __init__(self, found: object, known: int) -> None:
+        """What was ``found`` in place of the format that is ``known``."""
+        super().__init__(f"it has format {str(found)[:20]}, and this octoform reads {known}")
+        self.is_newer = isinstance(found, int) and found > known
+
+
+def record(value: Any, known: int) -> dict[str, Any]:
+    """A parsed record in the format that its reader knows; ValueError for what is no object, OtherFormatError."""
+    if not isinstance(value, dict):
+        raise ValueError("it is no JSON object")
+    found = value.get("format")
+    if isinstance(found, bool) or found != known:
+        raise OtherFormatError(found, known)
     return value
 
 

@@ -47,9 +47,7 @@ class Token:
 
 def read(path: Path) -> tuple[Token, ...]:
     """The tokens in a file; OSError when it cannot be read, ValueError when any of it cannot be understood."""
-    document = files.read_json(path, MAX_BYTES, follow=False)
-    if not isinstance(document, dict) or document.get("format") != FORMAT:
-        raise ValueError("it is no list of tokens in a format that is known")
+    document = files.record(files.read_json(path, MAX_BYTES, follow=False), FORMAT)
     items = document.get("tokens")
     if not isinstance(items, list):
         raise ValueError("`tokens` must be a list")

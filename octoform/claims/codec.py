@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from octoform.base.files import parse
+from octoform.base.files import parse, record
 from octoform.claims import readings as reading_json
 from octoform.claims.admission import Level
 from octoform.claims.model import Channel, Claim, Condition, Reading, Restriction, Signal, State, holds
@@ -53,9 +53,7 @@ def read(path: Path) -> Read:
         return Read(Book())
     if problem is None and data is not None:
         try:
-            document = parse(data)
-            if document["format"] != FORMAT:
-                raise ValueError(f"it has format {document['format']!r}, and this octoform reads {FORMAT}")
+            document = record(parse(data), FORMAT)
             return Read(_book(document), str(document["boot"]))
         except (ValueError, KeyError, TypeError, AttributeError, OverflowError) as wrong:
             problem = _damaged(path, f"{type(wrong).__name__}: {wrong}")

@@ -14,6 +14,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from octoform.base.escaping import escaped
+from octoform.base.files import private_folder
 from octoform.base.locks import acquire, lock_file
 from octoform.base.processes import PROC
 from octoform.claims import codec, lifecycle
@@ -416,7 +417,7 @@ def _opened(path: Path) -> int:
     try:
         return lock_file(path)
     except FileNotFoundError:
-        path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
+        private_folder(path.parent)
         return lock_file(path)
 
 

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from octoform.base import clock
-from octoform.base.files import parse, read
+from octoform.base.files import parse, private_folder, read
 from octoform.claims import codec
 from octoform.claims.admission import Level
 from octoform.claims.codec import EVIDENCE, Book
@@ -199,7 +199,7 @@ def publish(path: Path, data: bytes) -> Diagnostic | None:
     except OSError:
         pass  # whatever is wrong with it, it is replaced
     try:
-        path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
+        private_folder(path.parent)
     except OSError as problem:
         return refused(problem, path)
     return write_atomic(path, data, 0o600)

@@ -15,7 +15,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from octoform.base.files import parse, write_all
+from octoform.base.files import parse, record, write_all
 from octoform.claims.model import Channel, Condition, Reading, Signal, holds
 from octoform.conditions import is_number
 from octoform.diagnostics import Diagnostic, warning
@@ -145,8 +145,9 @@ class Readings:
 
     def _load(self, data: bytes) -> list[Diagnostic]:
         lines = data.decode("utf-8", "replace").splitlines()
-        header = _object(lines[0]) if lines else None
-        if header is None or header.get("format") != FORMAT:
+        try:
+            header = record(parse(lines[0] if lines else b""), FORMAT)
+        except ValueError:
             return self._aside()
         if header.get("boot") != self._boot:
             return self._start(())

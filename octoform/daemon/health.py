@@ -8,6 +8,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, Protocol
 
+from octoform.base.files import record
 from octoform.claims.model import Claim, Reading, Signal, State, holds
 from octoform.daemon.model import Facts, Kind, Outcome, Status
 from octoform.daemon.signals import Silence, answered, newest, reporting, silent
@@ -96,8 +97,7 @@ class Health:
 
 def from_json(value: Mapping[str, Any]) -> Health:
     """The opposite of `Health.as_json`; LookupError, TypeError or ValueError for what is none."""
-    if value["format"] != FORMAT:
-        raise ValueError("a record of health of another format")
+    record(value, FORMAT)
     return Health(
         str(value["host"]),
         str(value["at"]),

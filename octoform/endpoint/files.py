@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from octoform.base.digest import of_bytes, of_value
-from octoform.base.files import read, read_json
+from octoform.base.files import read, read_json, record
 from octoform.base.shape import fits
 from octoform.diagnostics import Diagnostic, error
 from octoform.state.layout import Layout
@@ -87,14 +87,6 @@ def file_digest(path: Path) -> str | None:
         return None
 
 
-def private_folder(path: Path) -> Path:
-    """Make the folder with mode 0700 (parents too, as far as they are missing) and give it back."""
-    if not path.is_dir():
-        path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
-        path.mkdir(mode=0o700, exist_ok=True)
-    return path
-
-
 def not_ours(folder: Path) -> str | None:
     """Why nothing may be written below the folder: a link or another user's; None when it is ours, or not there.
 
@@ -148,10 +140,10 @@ def of_another(layout: Layout) -> Diagnostic | None:
 def read_manifest(layout: Layout) -> dict[str, Any] | None:
     """The manifest of the applied endpoint; None when nothing is applied or the file is no manifest of ours."""
     try:
-        value = read_json(layout.endpoint / MANIFEST)
+        value = record(read_json(layout.endpoint / MANIFEST), 1)
     except (OSError, ValueError):
         return None
-    return value if fits(value, _MANIFEST) and value["format"] == 1 else None
+    return value if fits(value, _MANIFEST) else None
 
 
 def read_policy(layout: Layout) -> dict[str, Any] | None:

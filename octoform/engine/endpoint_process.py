@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
+from octoform.base.files import private_folder
 from octoform.diagnostics import Diagnostic, did_you_mean, error
 from octoform.endpoint.access import tunnel
 from octoform.endpoint.files import LAUNCHER, of_another
@@ -188,7 +189,7 @@ def install(unit: Unit) -> tuple[Running | None, list[Diagnostic]]:
     """Write the units, hand the endpoint over to systemd and wait until it serves; then its daemon."""
     record.mark(unit.layout)  # or a daemon that runs already would start it again at once
     lifecycle.stop(unit.layout)
-    unit.path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
+    private_folder(unit.path.parent)
     for path, text in ((unit.path, unit.text), (unit.watch.path, unit.watch.text)):
         if problem := write_atomic(path, text.encode(), 0o600):
             return None, [problem]

@@ -13,7 +13,7 @@ from typing import Literal
 
 from pydantic import Field, ValidationError
 
-from octoform.base.files import parse
+from octoform.base.files import parse, record
 from octoform.diagnostics import Diagnostic, error
 from octoform.harness.port import ExitReason
 from octoform.state.files import read_regular, shown
@@ -98,10 +98,10 @@ def load(folder: Path) -> Recording | Diagnostic:
         value = parse(data)
     except ValueError:
         return _broken(folder, "recording.json is not JSON")
-    if not isinstance(value, dict):
-        return _broken(folder, "recording.json holds no object")
-    if value.get("format") != FORMAT:
-        return _broken(folder, f"it has format {str(value.get('format'))[:20]!r}; this octoform reads format {FORMAT}")
+    try:
+        record(value, FORMAT)
+    except ValueError as problem:
+        return _broken(folder, str(problem))
     try:
         recording = Recording.model_validate_json(data)
     except ValidationError as refusal:

@@ -16,10 +16,11 @@ from pydantic import BaseModel, ConfigDict, ValidationError
 from octoform.base.clock import epoch
 from octoform.base.digest import of_bytes
 from octoform.base.escaping import escaped
+from octoform.base.files import private_folder
 from octoform.base.locks import held_folder
 from octoform.diagnostics import Diagnostic, error, has_errors, warning
 from octoform.endpoint.client.jsonrpc import ending_of
-from octoform.endpoint.files import not_ours, private_folder
+from octoform.endpoint.files import not_ours
 from octoform.perception.capture import Taken
 from octoform.perception.image_quality import (
     CHANGED,

@@ -20,7 +20,7 @@ from urllib.parse import quote
 
 from .faults import DeviceFault
 from .locks import held_folder
-from .plainfiles import parse, read, replace
+from .plainfiles import parse, read, record, replace
 
 # A device's stop as a file: it has to outlive the process that took it, and be seen by every other one.
 #
@@ -47,10 +47,10 @@ def seen(device: str) -> Stop | None:
     data = b""
     try:
         data = read(place, _SIZE, follow=False)
-        told = parse(data)
+        told = record(parse(data), FORMAT)
         until = told["until"]
-        if told["format"] != FORMAT or told["device"] != device or not isinstance(until, str) or not until:
-            raise ValueError("it is of another device or format")
+        if told["device"] != device or not isinstance(until, str) or not until:
+            raise ValueError("it is of another device")
     except FileNotFoundError:
         return None
     except (OSError, ValueError, LookupError, TypeError) as problem:

@@ -10,6 +10,14 @@ ROOT = Path(__file__).parents[2] / "octoform"
 FILES = [path for path in sorted(ROOT.rglob("*.py")) if not path.is_symlink()]
 # What gives an idea away in the source, and the module that holds it.
 IDEAS = {
+    "the check of a record's format": (
+        r"raise OtherFormatError|\['format'\] (?:[<>=!]=|<|>) [F\d]|\.get\('format'\) [=!]= [F\d]",
+        "base/files.py",
+    ),
+    "a private folder": (
+        r"def private_folder|mkdir\((?=[^)]*mode=448)(?=[^)]*parents=True)",
+        "base/files.py",
+    ),
     "a signal to another process": (r"\bos\.kill(?:pg)?\(|pidfd_send_signal\(", "base/processes.py"),
     "the command line of a process": (r"'cmdline'|/cmdline", "base/processes.py"),
     "a moment as text": (r"%Y-%m-%dT|\.isoformat\(|datetime\.fromisoformat\(", "base/clock.py"),

@@ -26,6 +26,7 @@ from octoform.apply.stage.secret_scan import leaked
 from octoform.apply.stage.serve_proof import Judge as CheckJudge
 from octoform.base import digest
 from octoform.base.files import parse as parse_json
+from octoform.base.files import record
 from octoform.contracts.artifact_parser import MAX_SOURCE_BYTES, parse
 from octoform.contracts.contract_check import check
 from octoform.contracts.model import Artifacts
@@ -89,10 +90,10 @@ def read(layout: Layout, episode: str) -> Healed | None:
     if data is None:
         return None
     try:
-        told = parse_json(data)
+        told = record(parse_json(data), 1)
         names = ("episode", "at", "tool", "base", "digest", "source")
         found = Healed(*(str(told[name]) for name in names))
-        whole = told["format"] == 1 and found.episode == episode
+        whole = found.episode == episode
     except (ValueError, LookupError, TypeError):
         found, whole = None, False
     if found is not None and whole and digest.of_bytes(found.source.encode()) == found.base:

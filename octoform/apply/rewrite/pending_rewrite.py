@@ -13,7 +13,7 @@ from typing import Any
 from octoform.apply.rewrite.scope import Unit, divided
 from octoform.apply.stage.artifact_writer import text_of
 from octoform.base import digest
-from octoform.base.files import parse
+from octoform.base.files import parse, record
 from octoform.diagnostics import Diagnostic, error
 from octoform.state.files import make_folders, read_regular, refused, spending, write_atomic
 from octoform.state.layout import Layout
@@ -94,9 +94,9 @@ def _whole(path: Path) -> Rewrite | None:
     """The rewrite of a file; None where it is not whole, or not what its id says."""
     data, _ = read_regular(path)
     try:
-        told = parse(data or b"{}")
+        told = record(parse(data or b"{}"), 1)
         found = Rewrite(*(str(told[name]) for name in _NAMES))
-        whole = told["format"] == 1 and found.id == identity_of(found.source)
+        whole = found.id == identity_of(found.source)
     except (ValueError, LookupError, TypeError):
         return None
     return found if whole else None

@@ -19,6 +19,7 @@ from octoform.apply.protect import file_integrity, paths
 from octoform.apply.stage.artifact_writer import runtime_files, text_of
 from octoform.apply.stage.serve_proof import STARTING, Judge, prove_import, publish
 from octoform.base import digest, files
+from octoform.base.files import private_folder
 from octoform.diagnostics import Diagnostic, error, has_errors
 from octoform.endpoint.client.check import judge_check
 from octoform.endpoint.environment.build import build
@@ -161,7 +162,7 @@ def published(context: Context, *, smoke: bool = True) -> list[Diagnostic]:
 
 def _write(trial: Layout, source: str) -> Diagnostic | None:
     shutil.rmtree(trial.local / CANDIDATE, ignore_errors=True)
-    trial.runtime.mkdir(parents=True, mode=0o700)
+    private_folder(trial.runtime)
     for name, data in {"server.py": source.encode(), **runtime_files()}.items():
         problem = write_atomic(trial.local / CANDIDATE / name, data, 0o600)
         if problem is not None:

@@ -23,7 +23,7 @@ from octoform.apply.stage.gate import read_output
 from octoform.apply.stage.secret_scan import leaked, without_secrets
 from octoform.base import files, shortage
 from octoform.base.digest import of_large_file
-from octoform.base.files import parse, replace
+from octoform.base.files import parse, private_folder, replace
 from octoform.diagnostics import Diagnostic, has_errors, to_json
 from octoform.harness.llm.completion import Excerpt, LiteLLMCompletion, condense
 from octoform.harness.port import (
@@ -277,7 +277,7 @@ def run(context: Context, assignment: Assignment, harness: Harness, task: Task, 
 
 
 def _folder(context: Context, stage: str, number: int) -> Path:
-    context.layout.attempts.mkdir(parents=True, exist_ok=True, mode=0o700)
+    private_folder(context.layout.attempts)
     present = folders(context.layout)
     for path in present[: max(0, len(present) - KEEP)]:
         shutil.rmtree(path)

@@ -10,8 +10,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
+from octoform.base import files
 from octoform.base.escaping import escaped
-from octoform.base.files import parse
 from octoform.daemon.model import Cause, Clock, Facts
 from octoform.daemon.observe.file_integrity import Standing
 from octoform.daemon.observe.log_events import Hearing
@@ -167,10 +167,9 @@ def _places(layout: Layout) -> Mapping[str, Any]:
     """Where the last daemon was; a file that tells nothing is as good as none, and written anew."""
     data, _ = read_regular(layout.daemon / PLACES, _LIMIT)
     try:
-        document = parse(data or b"")
+        return files.record(files.parse(data or b""), 1)
     except ValueError:
         return {}
-    return document if isinstance(document, dict) and document.get("format") == 1 else {}
 
 
 def _instance(process: Running | None) -> str | None:

@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from octoform.base import clock
-from octoform.base.files import parse
+from octoform.base.files import parse, private_folder, record
 from octoform.daemon.model import Done
 from octoform.diagnostics import Diagnostic
 from octoform.endpoint.process import lifecycle
@@ -141,9 +141,7 @@ def read(layout: Layout) -> list[Start]:
     """The starts that are remembered, oldest first; what is no record of ours counts as none."""
     data, _ = read_regular(layout.daemon / RECORD)
     try:
-        document = parse(data or b"")
-        if document["format"] != FORMAT:
-            return []
+        document = record(parse(data or b""), FORMAT)
         return [_start(each) for each in document["starts"]]
     except (ValueError, LookupError, TypeError):
         return []
@@ -156,7 +154,7 @@ def _start(told: Mapping[str, Any]) -> Start:
 
 def _write(layout: Layout, starts: Iterable[Start]) -> None:
     """Remember them; on a full disk the loop's own breakers are what is left."""
-    layout.daemon.mkdir(mode=0o700, parents=True, exist_ok=True)
+    private_folder(layout.daemon)
     document = {"format": FORMAT, "starts": [asdict(one) for one in [*starts][-_KEPT:]]}
     write_atomic(layout.daemon / RECORD, json.dumps(document, indent=1).encode(), 0o600)
 

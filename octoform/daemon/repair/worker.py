@@ -15,7 +15,7 @@ from collections.abc import Mapping
 from types import FrameType
 from typing import Any
 
-from octoform.base.files import parse
+from octoform.base.files import OtherFormatError, parse, record
 from octoform.daemon.repair.jobs import JOBS
 
 FORMAT = 1
@@ -35,14 +35,13 @@ def main() -> int:
     out = os.fdopen(os.dup(1), "w", encoding="utf-8")
     os.dup2(2, 1)  # whatever prints meanwhile is no result
     try:
-        asked = parse(sys.stdin.buffer.read(LIMIT))
+        asked = record(parse(sys.stdin.buffer.read(LIMIT)), FORMAT)
         job, brief, parent = asked["job"], asked["brief"], int(asked["parent"])
-        work = JOBS[job] if asked["format"] == FORMAT else None
-        project = str(asked["project"])
+        work, project = JOBS[job], str(asked["project"])
+    except OtherFormatError:
+        return _tell(out, {"ok": False, "detail": "the job is of another version", "again": False}, BAD_JOB)
     except (ValueError, LookupError, TypeError) as problem:
         return _tell(out, {"ok": False, "detail": f"this is no job: {problem!r}", "again": False}, BAD_JOB)
-    if work is None:
-        return _tell(out, {"ok": False, "detail": "the job is of another version", "again": False}, BAD_JOB)
     try:
         _bind_to(parent)
         result = work(project, brief)

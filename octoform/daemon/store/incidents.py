@@ -11,7 +11,7 @@ from dataclasses import asdict, dataclass, field
 from typing import Any
 
 from octoform.base.escaping import escaped
-from octoform.base.files import parse
+from octoform.base.files import parse, private_folder, record
 from octoform.daemon.model import Cause, Facts, FaultClass, Finding, Kind, Outcome, Repair, Spent, Status
 from octoform.daemon.store.json_store import FORMAT, LIMIT, Shelf, number
 from octoform.diagnostics import warning
@@ -156,7 +156,7 @@ class Episodes:
         self.shelf.is_mine(FILE)
         line = json.dumps(to_json(episode), separators=(",", ":")).encode() + b"\n"
         try:
-            path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
+            private_folder(path.parent)
             flags = os.O_RDWR | os.O_APPEND | os.O_CREAT | os.O_CLOEXEC | os.O_NOFOLLOW
             with os.fdopen(os.open(path, flags, 0o600), "r+b", buffering=0) as file:
                 if _torn(file.fileno()):
@@ -287,8 +287,7 @@ def _ordinal(name: str) -> int:
 
 def _decoded(line: bytes) -> Episode | None:
     try:
-        entry = parse(line)
-        return _episode(entry) if entry["format"] == FORMAT else None
+        return _episode(record(parse(line), FORMAT))
     except (ValueError, LookupError, TypeError, AttributeError, OverflowError):
         return None
 

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from octoform.base.files import parse
+from octoform.base.files import parse, private_folder
 from octoform.base.locks import acquire, held, is_locked, lock_file
 from octoform.base.place import KEY, is_from, place_of
 from octoform.diagnostics import Diagnostic, error
@@ -127,7 +127,7 @@ def pause(layout: Layout, stamp: str) -> Diagnostic | None:
     """Let no repair be begun until `resume`; looking and saying go on."""
     document = {"format": FORMAT, "since": stamp, "by": os.environ.get("USER") or str(os.getuid())}
     try:
-        layout.daemon.mkdir(mode=0o700, parents=True, exist_ok=True)
+        private_folder(layout.daemon)
     except OSError as problem:
         return refused(problem, layout.daemon)
     return write_atomic(layout.daemon / PAUSED, _encoded(document), 0o600)
@@ -160,7 +160,7 @@ def paused_since(layout: Layout) -> str | None:
 def ask(layout: Layout, targets: Iterable[str]) -> Diagnostic | None:
     """Ask the daemon to thaw these targets and to try again; ``*`` is every one of them."""
     try:
-        layout.daemon.mkdir(mode=0o700, parents=True, exist_ok=True)
+        private_folder(layout.daemon)
         with _turn(layout):
             wanted = list(dict.fromkeys([*_asked(layout.daemon / ASKED), *targets]))[:_TARGETS]
             return write_atomic(layout.daemon / ASKED, _encoded({"format": FORMAT, "targets": wanted}), 0o600)
@@ -196,7 +196,7 @@ def _turn(layout: Layout, seconds: float = 2.0) -> Iterator[None]:
 def _lock(layout: Layout) -> tuple[int | None, Diagnostic | None]:
     """The lock file, open and locked."""
     try:
-        layout.daemon.mkdir(mode=0o700, parents=True, exist_ok=True)
+        private_folder(layout.daemon)
         descriptor = lock_file(layout.daemon / LOCK)
     except OSError as problem:
         return None, refused(problem, layout.daemon / LOCK)

@@ -14,7 +14,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from octoform.base.files import parse
+from octoform.base.files import OtherFormatError, parse, private_folder, record
 from octoform.diagnostics import Diagnostic, warning
 from octoform.state.files import read_regular, shown, write_atomic
 from octoform.state.layout import Layout
@@ -45,13 +45,12 @@ class Shelf:
         self.wrote(name)
         if data is None and problem is None:
             return {}
-        document = None
-        if data is not None:
-            with contextlib.suppress(ValueError):
-                document = parse(data)
-        if isinstance(document, dict) and document.get("format") == FORMAT:
-            return document
-        self.aside(path, "it was written by another version" if isinstance(document, dict) else "it is damaged")
+        try:
+            return record(parse(data or b""), FORMAT)
+        except OtherFormatError:
+            self.aside(path, "it was written by another version")
+        except ValueError:
+            self.aside(path, "it is damaged")
         return {}
 
     def write(self, name: str, document: Mapping[str, Any]) -> bool:
@@ -59,7 +58,7 @@ class Shelf:
         path = self.path(name)
         self.is_mine(name)
         with contextlib.suppress(OSError):  # the write says what is wrong
-            path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
+            private_folder(path.parent)
         data = json.dumps({"format": FORMAT, **document}, separators=(",", ":")).encode() + b"\n"
         if problem := write_atomic(path, data, 0o600):
             self.said.append(problem)

@@ -15,6 +15,7 @@ from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
 from octoform.base import clock, files
+from octoform.base.files import private_folder
 from octoform.base.locks import held
 from octoform.base.tokens import NAME, Token, encoded, read
 from octoform.diagnostics import Diagnostic, did_you_mean, error, warning
@@ -137,7 +138,7 @@ def value_of(layout: Layout, name: str) -> tuple[str | None, list[Diagnostic]]:
 @contextlib.contextmanager
 def _alone(layout: Layout) -> Iterator[None]:
     """Only one change at a time."""
-    layout.run.mkdir(mode=0o700, parents=True, exist_ok=True)
+    private_folder(layout.run)
     with held(layout.run / _LOCK):
         yield
 
@@ -159,7 +160,7 @@ def _keep(layout: Layout, others: Sequence[Token], token: Token) -> tuple[Made |
     digest = hashlib.sha256(value.encode()).hexdigest()
     kept = Token(token.name, digest, token.effects, token.created, token.expires)
     path = path_of(layout, token.name)
-    path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
+    private_folder(path.parent)
     refused = write_atomic(path, value.encode() + b"\n", 0o600) or _write(layout, [*others, kept])
     return (None, [refused]) if refused is not None else (Made(kept, value, path), [])
 

@@ -13,7 +13,7 @@ from typing import Any
 from urllib.parse import urlsplit
 
 from octoform.base import files
-from octoform.base.files import parse
+from octoform.base.files import parse, private_folder
 from octoform.diagnostics import Diagnostic, error, warning
 from octoform.endpoint.files import CONNECTION
 from octoform.endpoint.process import control, offline_commands
@@ -45,7 +45,7 @@ def allow(layout: Layout) -> None:
 
 def revoke(layout: Layout, by: str) -> tuple[Revocation | None, list[Diagnostic]]:
     """End the tunnel for good, as ``by`` wants; a Revocation only when it is proved to be gone."""
-    layout.run.mkdir(mode=0o700, parents=True, exist_ok=True)
+    private_folder(layout.run)
     told = ask(layout, {"op": "revoke_tunnel", "by": by}, ASK_SECONDS)
     # In isolated mode, by the module's name: the launcher is no part of the core, and its word is read as text.
     command = [sys.executable, "-I", "-m", "octoform.server.tunnel.termination", str(layout.run)]

@@ -15,9 +15,8 @@ from pathlib import Path
 from typing import Any
 
 import octoform
-from octoform.base.files import parse
+from octoform.base.files import parse, private_folder
 from octoform.diagnostics import Diagnostic, error
-from octoform.endpoint.files import private_folder
 from octoform.state.files import write_atomic
 
 VERSION = "2026-07-28"

@@ -14,7 +14,7 @@ from pathlib import Path
 from threading import Thread
 
 from octoform.base import shortage
-from octoform.base.files import replace
+from octoform.base.files import private_folder, replace
 from octoform.base.locks import held
 from octoform.diagnostics import Diagnostic, error
 from octoform.endpoint.bounded_program import base_environment, run
@@ -32,7 +32,6 @@ from octoform.endpoint.environment.model import (
     packages_of,
     pins,
 )
-from octoform.endpoint.files import private_folder
 from octoform.state.files import write_atomic
 from octoform.state.layout import Layout
 

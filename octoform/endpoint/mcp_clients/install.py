@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from octoform.base import files
+from octoform.base.files import private_folder
 from octoform.diagnostics import Diagnostic, Span, error
 from octoform.endpoint.access.tokens import PREFIX
 from octoform.endpoint.mcp_clients import formats, merge
@@ -130,7 +131,7 @@ def keep(found: ConfigFile) -> Path | Diagnostic:
 def replace_file(found: ConfigFile, data: bytes | None, mode: int) -> Diagnostic | bool:
     """Put the new bytes in the place of the file (None: remove it); False when it is no longer what was read."""
     try:
-        found.target.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
+        private_folder(found.target.parent)
         if _now(found.target) != found.data:
             return False
         if data is None:

@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Protocol
 
 from octoform.base import processes
+from octoform.base.files import private_folder
 from octoform.base.locks import held
 from octoform.base.processes import process_stat, signal_one
 from octoform.diagnostics import Diagnostic, error
@@ -89,7 +90,7 @@ def obstacle(layout: Layout, size: int = ROOM_BYTES) -> Diagnostic | None:
         return _left(refusal(problem))
     for folder in (layout.endpoint, layout.run, layout.logs):
         try:
-            folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+            private_folder(folder)
             require_room(folder, size)
         except OSError as problem:
             return _left(refused(problem, folder))
@@ -156,7 +157,7 @@ def _gone(process: Running, end: float) -> bool:
 @contextmanager
 def _turn(layout: Layout) -> Iterator[None]:
     """One start at a time; the kernel gives the lock back when its holder dies."""
-    layout.run.mkdir(mode=0o700, parents=True, exist_ok=True)
+    private_folder(layout.run)
     with held(layout.run / "start.lock"):
         yield
 
@@ -207,7 +208,7 @@ class _Detached:
 
 
 def _start(layout: Layout, end: float) -> tuple[Running | None, Diagnostic | None]:
-    layout.logs.mkdir(mode=0o700, parents=True, exist_ok=True)
+    private_folder(layout.logs)
     _set_aside(layout.server_log)
     with os.fdopen(_private(layout.server_log), "ab") as log:
         mark = log.tell()

@@ -11,12 +11,11 @@ from typing import Any
 
 from octoform.base import clock
 from octoform.base.escaping import escaped
-from octoform.base.files import parse, read_json
+from octoform.base.files import parse, private_folder, read_json
 from octoform.base.place import is_from
 from octoform.base.processes import command_line, is_alive
 from octoform.base.shape import fits
 from octoform.diagnostics import Diagnostic, error
-from octoform.endpoint.files import private_folder
 from octoform.state.files import read_regular, refused, write_atomic
 from octoform.state.layout import Layout
 

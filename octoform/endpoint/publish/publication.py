@@ -16,7 +16,7 @@ from typing import Any
 
 import octoform
 from octoform.base.digest import of_bytes
-from octoform.base.files import make_way, parse, read, read_json
+from octoform.base.files import make_way, parse, private_folder, read, read_json
 from octoform.diagnostics import Diagnostic, Severity
 from octoform.endpoint.environment.build import prune
 from octoform.endpoint.environment.model import FOLDER_NAME, MARKER, Environment, at
@@ -32,7 +32,6 @@ from octoform.endpoint.files import (
     SERVE_SCRIPT,
     files_below,
     folder_digest,
-    private_folder,
     program_digest,
     program_files,
     read_manifest,

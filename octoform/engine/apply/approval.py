@@ -8,7 +8,7 @@ from dataclasses import asdict, dataclass
 
 from octoform.base.clock import stamp
 from octoform.base.digest import of_value
-from octoform.base.files import parse
+from octoform.base.files import parse, private_folder, record
 from octoform.diagnostics import Diagnostic
 from octoform.state.files import read_regular, write_atomic
 from octoform.state.layout import Layout
@@ -47,7 +47,7 @@ def ask(layout: Layout, question: Question) -> tuple[bool, Diagnostic | None]:
         "at": stamp(),
         "question": question.text,
     }
-    layout.daemon.mkdir(mode=0o700, parents=True, exist_ok=True)
+    private_folder(layout.daemon)
     return True, write_atomic(layout.daemon / ASKS, json.dumps(document, indent=1).encode(), 0o600)
 
 
@@ -55,9 +55,7 @@ def read(layout: Layout) -> Question | None:
     """The question that waits; None when there is none, or none that can be read."""
     data, _ = read_regular(layout.daemon / ASKS)
     try:
-        told = parse(data or b"")
-        if told["format"] != FORMAT:
-            return None
+        told = record(parse(data or b""), FORMAT)
         hardware, nodes, why = (tuple(str(one) for one in told[name]) for name in ("hardware", "nodes", "why"))
         return Question(hardware, nodes, why, str(told["at"]))
     except (ValueError, LookupError, TypeError):

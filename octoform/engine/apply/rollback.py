@@ -19,7 +19,7 @@ from typing import Any
 
 from octoform.apply.context import CANDIDATE
 from octoform.apply.rewrite import promotion
-from octoform.base.files import parse
+from octoform.base.files import parse, record
 from octoform.diagnostics import Diagnostic, error, has_errors
 from octoform.endpoint.files import CHECK, LAUNCHER, MANIFEST, read_manifest
 from octoform.endpoint.process import lifecycle
@@ -206,8 +206,7 @@ def _bytes(files: Mapping[str, str]) -> dict[str, bytes]:
 
 def _read(layout: Layout, told: Mapping[str, Any]) -> Former:
     """What `keep` wrote; ValueError, LookupError, TypeError or AttributeError when it is none of ours."""
-    if told["format"] != FORMAT:
-        raise ValueError(told["format"])
+    record(told, FORMAT)
     nodes = {str(name): NodeState.model_validate(node) for name, node in told["nodes"].items()}
     files = {str(name): _bytes(each) for name, each in told["files"].items()}
     return Former(layout, nodes, files, _bytes(told["local"]), _bytes(told["endpoint"]), bool(told["ran"]))

@@ -12,7 +12,7 @@ from pathlib import Path
 
 from octoform.apply.context import Clock, Context
 from octoform.apply.rewrite.promotion import resume
-from octoform.base.files import make_way, write_all
+from octoform.base.files import make_way, private_folder, write_all
 from octoform.diagnostics import Diagnostic, has_errors, to_json
 from octoform.engine.apply.rollback import settle
 from octoform.engine.plan.configuration import Compiled, compile_project
@@ -189,7 +189,7 @@ class _Log:
         self._told = False
         self._descriptor: int | None = None
         try:
-            path.parent.mkdir(parents=True, exist_ok=True, mode=0o700)
+            private_folder(path.parent)
             make_way(path)
             how = os.O_WRONLY | os.O_APPEND | os.O_CREAT | os.O_NONBLOCK | os.O_CLOEXEC | os.O_NOFOLLOW
             self._descriptor = os.open(path, how, 0o600)

@@ -71,8 +71,10 @@ def _read(path: Path) -> dict[str, Any] | None:
         return None  # no memo: the long way
     if seal.decode("ascii", "replace") != digest.of_bytes(text):
         return None  # cut or edited: the long way tells what is wrong, if anything is
-    memo: dict[str, Any] = files.parse(text)
-    return memo if memo.get("format") == FORMAT else None
+    try:
+        return files.record(files.parse(text), FORMAT)
+    except ValueError:
+        return None
 
 
 def _same(memo: Mapping[str, Any], project: Path, environ: Mapping[str, str]) -> bool:

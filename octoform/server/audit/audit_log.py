@@ -21,6 +21,7 @@ from pathlib import Path
 from typing import Any
 
 from octoform.base import clock, locks
+from octoform.base.files import private_folder
 
 from .chain import LOG, LONGEST_LINE, ORIGIN, RECORD, SEAL, SEAL_BYTES, Verdict, rule, sealed, verify
 
@@ -96,7 +97,7 @@ class Audit:
         audit = cls(folder, rotate_bytes, witness)
         try:
             for path in audit._sealed_at:
-                path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
+                private_folder(path.parent)
             audit._open = True
             audit._enter()
             try:

@@ -13,6 +13,7 @@ from pathlib import Path
 
 from octoform.base import clock, files
 from octoform.base.clock import stamp
+from octoform.base.files import private_folder
 from octoform.base.locks import acquire, lock_file
 
 _TEXT = 500
@@ -60,7 +61,7 @@ class Latch:
         """
         estop = Estop(by[:_TEXT], reason[:_TEXT], stamp())
         try:
-            self.path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
+            private_folder(self.path.parent)
             self._create(estop)
         except OSError:
             self._forced = estop
@@ -96,7 +97,7 @@ class Latch:
         Waits up to ``seconds``, then goes on with False: an emergency stop waits for nobody.
         """
         try:
-            self.path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
+            private_folder(self.path.parent)
             lock = lock_file(self.path.with_suffix(".lock"))
         except OSError:
             yield False

@@ -21,6 +21,7 @@ from typing import Any
 
 from octoform.base import files
 from octoform.base.clock import boot_id
+from octoform.base.files import private_folder
 
 HEADER = {"format": 1}
 _COMPACT_BYTES = 262_144
@@ -157,7 +158,7 @@ class Counters:
     def _replace(self, used: Mapping[str, Used]) -> None:
         data = b"".join([_encoded(HEADER), *(self._line(name, item) for name, item in used.items())])
         try:
-            self._path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
+            private_folder(self._path.parent)
             files.replace(self._path, data, synced=False)
         except OSError as problem:
             raise self._unwritable(problem) from problem

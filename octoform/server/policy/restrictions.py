@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import Any
 
 from octoform.base.clock import boot_id, boottime
-from octoform.base.files import read_json
+from octoform.base.files import read_json, record
 from octoform.server.process.stderr_log import say
 
 from .tool_policy import Units
@@ -232,9 +232,7 @@ class Restrictions:
             self._tell("restrictions_unreadable", {"text": text})
 
     def _read(self, place: str) -> tuple[Entry, ...]:
-        document = read_json(Path(place), SIZE, follow=False, any_text=True)
-        if document["format"] != FORMAT:
-            raise ValueError(f"format {document['format']!r} is not known; this launcher reads {FORMAT}")
+        document = record(read_json(Path(place), SIZE, follow=False, any_text=True), FORMAT)
         here, latest = document["boot"] == self._boot, self._clock() + LONGEST
         entries = [_entry(item) for item in document["restrictions"]]
         return tuple(entry for entry in entries if entry.expires is None or (here and entry.expires <= latest))
@@ -350,9 +348,7 @@ class Standing:
         return self._entries
 
     def _read(self) -> Iterator[Entry]:
-        document = read_json(self._path, CLAIMS_SIZE, follow=False, any_text=True)
-        if document["format"] != FORMAT:
-            raise ValueError(f"format {document['format']!r} is not known")
+        document = record(read_json(self._path, CLAIMS_SIZE, follow=False, any_text=True), FORMAT)
         here = document["boot"] == self._boot
         for claim in document["claims"]:
             if claim["state"] == "active" and (here or claim["expires"] is None):

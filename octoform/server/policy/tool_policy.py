@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal, cast, get_args
 
-from octoform.base.files import read_json
+from octoform.base.files import read_json, record
 
 # Which units of a device a call acts on: joints of an arm, axes of a rail. Restrictions and ranges are about units.
 #
@@ -207,8 +207,10 @@ def read(path: Path) -> Policy:
 def parse(document: Any) -> Policy:
     """The policy in an object as JSON gives it; PolicyInvalid names the place that is wrong."""
     whole = _object(document, "the policy")
-    if whole.get("format") != FORMAT:
-        raise PolicyInvalid(f"format {whole.get('format')!r} is not known; this launcher reads format {FORMAT}")
+    try:
+        record(whole, FORMAT)
+    except ValueError as problem:
+        raise PolicyInvalid(str(problem)) from None
     mode = cast(Mode, _one_of(whole, "mode", get_args(Mode), "the policy"))
     tools = {name: _tool(item, f"tools.{name}") for name, item in _object(whole.get("tools"), "tools").items()}
     stop = tuple(_stop(item, f"stop[{index}]") for index, item in enumerate(_array(whole.get("stop", []), "stop")))

@@ -51,9 +51,7 @@ class Descriptor:
 def read(folder: Path) -> Descriptor:
     """The descriptor of an endpoint's folder; RefusedError when it cannot be read or is another format's."""
     try:
-        value = files.read_json(folder / "connection.json")
-        if value["format"] != FORMAT:
-            raise RefusedError("the connection descriptor is of another version of octoform; run octoform apply")
+        value = files.record(files.read_json(folder / "connection.json"), FORMAT)
         return Descriptor(
             folder=folder,
             host=value["host"],

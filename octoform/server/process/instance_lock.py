@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from octoform.base import clock, files
+from octoform.base.files import private_folder
 from octoform.base.locks import acquire, lock_file
 from octoform.base.place import KEY, place_of
 from octoform.base.processes import command_line, start_of
@@ -38,7 +39,7 @@ class Owner:
     @staticmethod
     def take(folder: Path) -> "Owner | None":
         """Ownership, or None when another process has it. OSError when the folder cannot be written."""
-        folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+        private_folder(folder)
         lock = lock_file(folder / _LOCK)
         if acquire(lock):
             return Owner(folder, lock)

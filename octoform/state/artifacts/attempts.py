@@ -9,6 +9,7 @@ from typing import Any, Literal
 
 from pydantic import Field, ValidationError
 
+from octoform.base.files import private_folder
 from octoform.diagnostics import Diagnostic
 from octoform.protocol.model import DUTIES
 from octoform.state.files import read_regular, write_atomic
@@ -111,7 +112,7 @@ class PendingEdit(Persisted):
 def keep_edit(layout: Layout, edit: PendingEdit) -> Diagnostic | None:
     """Keep an edit in place of the stage's former one; None when it stands."""
     path = layout.spec_edit(edit.stage)
-    path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
+    private_folder(path.parent)
     return write_atomic(path, edit.model_dump_json(indent=1).encode() + b"\n", 0o600)
 
 

@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from octoform.base import digest, files
-from octoform.base.files import parse
+from octoform.base.files import parse, private_folder
 from octoform.base.shape import INSTANCES as FORM
 from octoform.base.shape import fits
 from octoform.diagnostics import Diagnostic, error
@@ -136,8 +136,7 @@ def _read(layout: Layout) -> _Index:
     """The index; empty where there is none that can be used. Copies are believed by their digests, never by it."""
     data, _ = read_regular(layout.kept / _INDEX)
     try:
-        document: Any = files.parse(data or b"")
-        nodes = document["nodes"] if document["format"] == FORMAT else {}
+        nodes: Any = files.record(files.parse(data or b""), FORMAT)["nodes"]
         return {
             str(node): [{str(name): str(one) for name, one in each.items()} for each in generations]
             for node, generations in nodes.items()
@@ -234,7 +233,7 @@ def set_aside(layout: Layout, path: Path, stamp: str, why: Damage) -> tuple[Path
         inside = Path(path.name)
     target = _aside(layout) / f"{stamp.replace(':', '')}-{kind}" / inside
     try:
-        target.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
+        private_folder(target.parent)
         while os.path.lexists(target):
             target = target.with_name(f"{target.name}.again")
         shutil.move(path, target)
@@ -284,10 +283,10 @@ def read_instances(layout: Layout) -> tuple[dict[str, object] | None, list[Diagn
     if data is None:
         return None, [problem] if problem is not None else []
     try:
-        found = parse(data, any_text=False)
+        found = files.record(files.parse(data, any_text=False), FORMAT)
     except ValueError:
-        found = None
-    if fits(found, FORM) and found["format"] == FORMAT:
+        found = {}
+    if fits(found, FORM):
         return found["devices"], []
     hint = "run `octoform apply -replace probe`: PROBE writes it again"
     return None, [error("STATE-INSTANCES", "this is no ledger of instances", path=shown(layout.instances), hint=hint)]

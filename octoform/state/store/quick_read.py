@@ -94,13 +94,15 @@ def _cut(problem: Exception) -> bool:
 def _container(document: object, layout: Layout) -> tuple[dict[str, Any] | None, list[Diagnostic]]:
     if not isinstance(document, dict) or not isinstance(document.get("format"), int):
         return None, [_bad(layout, "STATE-NOT-STATE", "the file is JSON but no octoform state (it has no `format`)")]
-    if document["format"] > FORMAT:
+    try:
+        files.record(document, FORMAT)
+    except files.OtherFormatError as other:
+        if not other.is_newer:
+            return None, [_bad(layout, "STATE-NOT-STATE", f"there is no state format {document['format']}")]
         writer = document.get("octoform", "a newer one")
         summary = f"the state has format {document['format']}, written by octoform {writer}; this one knows {FORMAT}"
         hint = "use that octoform or a newer one; an older one could drop what it does not know"
         return None, [error("STATE-NEWER", summary, path=shown(layout.snapshot), hint=hint)]
-    if document["format"] < FORMAT:
-        return None, [_bad(layout, "STATE-NOT-STATE", f"there is no state format {document['format']}")]
     if document.get("host") != layout.host:
         summary = f"this is the state of host {document.get('host')!r}, not of {layout.host!r}"
         hint = "move the folder back to that host's name, or give the manifest's `host` that name"
@@ -135,10 +137,10 @@ def recovery(layout: Layout) -> str:
 
 def _serial(data: bytes, host: str) -> int | None:
     try:
-        document = files.parse(data)
+        document = files.record(files.parse(data), FORMAT)
     except ValueError:
         return None
-    if not isinstance(document, dict) or document.get("format") != FORMAT or document.get("host") != host:
+    if document.get("host") != host:
         return None
     serial = document.get("serial")
     return serial if isinstance(serial, int) else None

@@ -2,6 +2,8 @@
 
 import errno
 import os
+import signal
+import socket
 import stat
 from pathlib import Path
 from typing import Any
@@ -147,3 +149,88 @@ def test_a_head_is_bounded_where_a_whole_is_refused(tmp_path: Path) -> None:
 def test_room_is_asked_for_and_given_back(tmp_path: Path) -> None:
     files.require_room(tmp_path, 4_096)
     assert [each.name for each in tmp_path.iterdir()] == []
+
+
+def test_a_signal_in_the_middle_of_a_write_costs_no_byte(tmp_path: Path) -> None:
+    """A handler runs while the kernel writes (EINTR), again and again."""
+    data, heard = os.urandom(1 << 20) * 8, []
+    former = signal.signal(signal.SIGALRM, lambda *_: heard.append(1))
+    signal.setitimer(signal.ITIMER_REAL, 0.001, 0.001)
+    try:
+        files.replace(tmp_path / "record", data, synced=False)
+        assert files.read(tmp_path / "record") == data
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0.0)
+        signal.signal(signal.SIGALRM, former)
+    assert heard
+
+
+@pytest.mark.parametrize("refusal", [errno.ENOSPC, errno.EDQUOT, errno.EIO, errno.EROFS])
+def test_a_refusal_at_any_call_leaves_the_former_file(
+    tmp_path: Path, refusal: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = tmp_path / "record"
+    files.replace(path, b"former")
+
+    def refused(*_: Any, **__: Any) -> None:
+        raise OSError(refusal, os.strerror(refusal))
+
+    for owner, name in ((os, "open"), (os, "write"), (os, "fsync"), (Path, "replace")):
+        with monkeypatch.context() as broken:
+            broken.setattr(owner, name, refused)
+            with pytest.raises(OSError, match=os.strerror(refusal)):
+                files.replace(path, b"new")
+        assert path.read_bytes() == b"former", name
+        assert [each.name for each in tmp_path.iterdir()] == ["record"], name
+    monkeypatch.setattr(os, "write", lambda *_: 0)
+    with pytest.raises(OSError, match="No space left"):
+        files.replace(path, b"new")
+
+
+def test_a_device_and_a_socket_are_no_files(tmp_path: Path) -> None:
+    with socket.socket(socket.AF_UNIX) as door:
+        door.bind(str(tmp_path / "door"))
+        for place in (Path("/dev/null"), Path("/dev/zero"), Path("/proc/self/fd"), tmp_path / "door"):
+            with pytest.raises(OSError):
+                files.read(place)
+
+
+def test_a_file_that_grows_while_it_is_read_is_bounded(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path, plain = tmp_path / "log", os.read
+    path.write_bytes(b"12")
+
+    def growing(descriptor: int, size: int) -> bytes:
+        with path.open("ab") as log:
+            log.write(b"3456")
+        return plain(descriptor, size)
+
+    monkeypatch.setattr(os, "read", growing)
+    with pytest.raises(OSError, match="more than 8 bytes"):
+        files.read(path, 8)
+
+
+def test_a_record_is_an_object_of_the_format_that_is_known() -> None:
+    assert files.record({"format": 2, "a": 1}, 2) == {"format": 2, "a": 1}
+    broken: list[Any] = [None, [], "x", {}, {"format": "2"}, {"format": None}, {"format": 1}, {"format": 3}]
+    for value in broken:
+        with pytest.raises(ValueError):
+            files.record(value, 2)
+    with pytest.raises(files.OtherFormatError, match="it has format 3, and this octoform reads 2") as later:
+        files.record({"format": 3}, 2)
+    with pytest.raises(files.OtherFormatError) as other:
+        files.record({"format": True}, 1)
+    assert later.value.is_newer and not other.value.is_newer
+
+
+def test_a_private_folder_is_closed_with_all_that_was_missing_above(tmp_path: Path) -> None:
+    tmp_path.chmod(0o755)
+    made = files.private_folder(tmp_path / "a" / "b" / "c")
+    assert [stat.S_IMODE(each.stat().st_mode) for each in (made, *made.parents[:3])] == [0o700] * 3 + [0o755]
+    made.chmod(0o750)
+    assert files.private_folder(made) == made and stat.S_IMODE(made.stat().st_mode) == 0o750
+    (tmp_path / "file").write_bytes(b"")
+    (tmp_path / "nowhere").symlink_to(tmp_path / "gone")
+    for taken in (tmp_path / "file", tmp_path / "file" / "below", tmp_path / "nowhere"):
+        with pytest.raises(OSError):
+            files.private_folder(taken)
+    assert not (tmp_path / "gone").exists()

@@ -58,7 +58,7 @@ def tool(**changes: Any) -> Callable[[dict[str, Any]], None]:
 
 
 BROKEN: list[tuple[Callable[[dict[str, Any]], None], str]] = [
-    (lambda document: document.update(format=2), "format 2 is not known"),
+    (lambda document: document.update(format=2), "it has format 2, and this octoform reads 1"),
     (lambda document: document.update(mode="off"), "mode is 'off'"),
     (lambda document: document.pop("tools"), "tools is no object"),
     (tool(effect="harmless"), "tools.move.effect is 'harmless'"),
