@@ -7,6 +7,7 @@ import pytest
 from daemon_world import DaemonWorld
 
 from octoform.daemon.model import Cause, Done, Finding, Repair, Spent
+from octoform.daemon.reconcile.policy import rediscovers
 from octoform.manifest.model import Daemon
 
 
@@ -62,3 +63,20 @@ def test_one_that_ends_without_a_word_may_have_used_all_that_it_was_given(world:
     world.advance(1200)
     assert world.repairs().count(repair) == 1
     assert world.memory.purse.left(world.now, world.stamp()) == 0
+
+
+@pytest.mark.parametrize(
+    ("repair", "report", "expected"),
+    [
+        (Repair.REDISCOVER, None, True),
+        (Repair.HEAL, {"action": "rediscover"}, True),
+        (Repair.HEAL, {"action": "rewrite"}, False),
+        (Repair.HEAL, None, False),
+        (Repair.RESTART, {"action": "rediscover"}, False),
+        (None, None, False),
+    ],
+)
+def test_a_try_counts_as_a_rediscovery_by_its_repair_or_what_heal_asks_for(
+    repair: Repair | None, report: dict[str, str] | None, expected: bool
+) -> None:
+    assert rediscovers(repair, Done(True, report=report)) is expected
