@@ -8,6 +8,7 @@ import pytest
 from sysfs_tree import Tree
 
 from octoform import runtime
+from octoform.runtime import where
 
 CAMERA = "usb-1f00-00c1"
 Instances = Callable[[dict[str, Any]], Path]
@@ -145,3 +146,20 @@ def test_a_keyboard_behind_a_receiver_is_not_the_receivers(tree: Tree) -> None:
         tree.member(f"pci0/usb1/1-1/{name}/input/input{number}", "input", {"name": "keys"})
     assert [path.name for path in runtime.device("usb-1f00-0aaa").paths("input")] == ["input1"]
     assert [path.name for path in runtime.device("hid-1f00-0bbb").paths("input")] == ["input2"]
+
+
+def test_a_device_that_goes_away_while_it_is_looked_for_is_not_attached(
+    tree: Tree, instances: Instances, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    camera(tree, "1-2", 0)
+    instances({CAMERA: at("1-2")})
+    assert where.whereabouts(CAMERA)["attached"]
+
+    def unplugged_meanwhile(node_id: str, actuate: bool = False) -> runtime.Device:
+        if actuate:
+            tree.unplug("pci0/usb1/1-2")
+        return runtime.device(node_id, actuate=actuate)
+
+    monkeypatch.setattr(where, "device", unplugged_meanwhile)
+    found = where.whereabouts(CAMERA)
+    assert (found["attached"], found["port"]) == (False, "1-2")

@@ -9,11 +9,12 @@ from typing import Any
 import pytest
 
 from octoform.daemon.model import Done, FaultClass, Finding, Kind, Repair
-from octoform.daemon.repair import disk_cleanup
+from octoform.daemon.repair import device_binding, disk_cleanup
 from octoform.daemon.repair.device_binding import rebind
 from octoform.daemon.repair.disk_cleanup import free, rotate
 from octoform.daemon.repair.dispatch import Repairs, done
 from octoform.daemon.repair.jobs import JOBS
+from octoform.diagnostics import error
 from octoform.endpoint.environment.model import MARKER
 from octoform.state.artifacts.cache import read_instances, write_instances
 from octoform.state.layout import Layout
@@ -165,6 +166,12 @@ def test_a_place_is_written_down_only_where_it_is_certain(
     if written:
         assert after["usb-1f00-00b1"] == {"port": "1-8", "sysfs": "/sys/devices/usb1/1-8", "strength": "weak"}
         assert rebind(layout, "usb-1f00-00b1", where).detail.endswith("is where it was written down: 1-8")
+
+
+def test_a_place_that_could_not_be_written_down_is_reported(layout: Layout, monkeypatch: pytest.MonkeyPatch) -> None:
+    write_instances(layout, {"usb-1f00-00b1": {"port": "1-1", "sysfs": "/sys/devices/usb1/1-1"}})
+    monkeypatch.setattr(device_binding, "write_instances", lambda *_: [error("STATE-WRITE-FAILED", "the disk is full")])
+    assert rebind(layout, "usb-1f00-00b1", lambda ids: {ids[0]: told()}) == Done(False, "the disk is full")
 
 
 def test_a_device_that_this_machine_does_not_know_is_for_a_person(layout: Layout) -> None:
