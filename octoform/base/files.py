@@ -28,6 +28,7 @@ TEMPORARY = ".octoform-tmp"
 _FLAGS = os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC
 _NEW = os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW | os.O_CLOEXEC
 _BLOCK = 1 << 20
+_IRREGULAR = "it is no regular file"
 _UNFIT = re.compile(rb"\\u(?:0000|[dD][89a-fA-F])")
 """Escapes of characters that no file name and no output can hold; a pair of surrogates is one character, and fits."""
 
@@ -169,12 +170,14 @@ def opened(path: Path, *, follow: bool = True) -> Iterator[int]:
     except ValueError:  # a NUL in the name
         raise OSError(errno.ENOENT, "it has a name that no file can have", repr(str(path))) from None
     except OSError as problem:
-        if follow or problem.errno != errno.ELOOP:
-            raise
-        raise OSError(errno.ELOOP, "it is a symlink", str(path)) from None
+        if problem.errno == errno.ELOOP:
+            raise OSError(errno.ELOOP, "it is a link to itself" if follow else "it is a symlink", str(path)) from None
+        if problem.errno == errno.ENXIO:  # a socket
+            raise OSError(errno.EINVAL, _IRREGULAR, str(path)) from None
+        raise
     try:
         if not stat.S_ISREG(os.fstat(descriptor).st_mode):
-            raise OSError(errno.EINVAL, "it is no regular file", str(path))
+            raise OSError(errno.EINVAL, _IRREGULAR, str(path))
         yield descriptor
     finally:
         os.close(descriptor)

@@ -4,7 +4,6 @@ Lines are attached only at the end: a secret found late must also be masked in a
 """
 
 import re
-import stat
 from dataclasses import replace
 from pathlib import Path
 
@@ -141,16 +140,16 @@ def name_of(char: str) -> str:
 def read(path: Path, report: Report) -> bytes | None:
     """The bytes of the manifest, or None with the reason in the report."""
     try:
-        kind = path.stat().st_mode
-        if not stat.S_ISREG(kind):
-            report.error("MANIFEST-UNREADABLE", "the manifest is no regular file")
-            return None
         content, size = head(path, LIMIT + 1, follow=True), path.stat().st_size
     except FileNotFoundError:
         report.error("MANIFEST-NOT-FOUND", f"there is no {path.name} here", hint=_where_else(path))
         return None
     except OSError as problem:
-        report.error("MANIFEST-UNREADABLE", f"the manifest cannot be read: {problem.strerror or problem}")
+        report.error(
+            "MANIFEST-UNREADABLE",
+            f"the manifest cannot be read: {problem.strerror or problem}",
+            hint=f"`ls -l {path.name}` shows what it is; put a text file there that this user may read",
+        )
         return None
     if len(content) > LIMIT:
         report.error(

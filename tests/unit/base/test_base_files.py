@@ -1,5 +1,6 @@
 """One writer that leaves no half file, and one reader that nothing in a file's place can hold up or end."""
 
+import contextlib
 import errno
 import os
 import signal
@@ -94,6 +95,28 @@ def test_whatever_stands_in_a_file_s_place_is_refused_at_once(tmp_path: Path, tr
     if trap is not _link:
         with pytest.raises(OSError):
             files.read_json(tmp_path / "record", 1_000)
+
+
+def _socket(path: Path) -> None:
+    with socket.socket(socket.AF_UNIX) as door, contextlib.chdir(path.parent):
+        door.bind(path.name)
+
+
+@pytest.mark.parametrize(
+    ("trap", "words"),
+    [
+        (_pipe, "it is no regular file"),
+        (_socket, "it is no regular file"),
+        (Path.mkdir, "it is no regular file"),
+        (lambda path: path.symlink_to("/dev/zero"), "it is no regular file"),
+        (lambda path: path.symlink_to(path.name), "it is a link to itself"),
+    ],
+)
+def test_what_is_no_file_is_named_in_our_own_words(tmp_path: Path, trap: Any, words: str) -> None:
+    trap(tmp_path / "record")
+    with pytest.raises(OSError) as refusal:
+        files.read(tmp_path / "record")
+    assert refusal.value.strerror == words
 
 
 def test_a_name_with_a_nul_is_no_file() -> None:

@@ -167,9 +167,17 @@ def test_a_missing_manifest_says_what_to_do(tmp_path: Path) -> None:
 def test_what_is_no_file_is_refused_without_waiting(tmp_path: Path) -> None:
     (tmp_path / "folder").mkdir()
     os.mkfifo(tmp_path / "fifo")
-    for name in ("folder", "fifo"):
+    (tmp_path / "loop").symlink_to("loop")
+    for name, words in (
+        ("folder", "it is no regular file"),
+        ("fifo", "it is no regular file"),
+        ("loop", "it is a link to itself"),
+    ):
         _, found = load(tmp_path / name, {})
-        assert [item.code for item in found] == ["MANIFEST-UNREADABLE"]
+        assert [(item.code, item.summary) for item in found] == [
+            ("MANIFEST-UNREADABLE", f"the manifest cannot be read: {words}")
+        ]
+        assert found[0].hint is not None and f"ls -l {name}" in found[0].hint
 
 
 def test_references() -> None:
