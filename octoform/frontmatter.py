@@ -50,7 +50,8 @@ def read(path: Path, code: str) -> tuple[Document | None, list[Diagnostic]]:
     try:
         data = files.head(path, MOST_BYTES + 1, follow=True)
     except OSError as reason:
-        return None, [error(code, f"the file cannot be read: {reason.strerror}", path=str(path))]
+        hint = "put a text file in its place that this user may read"
+        return None, [error(code, f"the file cannot be read: {reason.strerror}", path=str(path), hint=hint)]
     if len(data) > MOST_BYTES:
         return None, [error(code, f"the file is larger than {MOST_BYTES} bytes", path=str(path), hint="shorten it")]
     try:
@@ -72,6 +73,11 @@ def parse(path: Path, text: str, code: str) -> tuple[Document | None, list[Diagn
 @lru_cache(maxsize=64)
 def _parsed(path: Path, text: str, code: str) -> tuple[Document | None, tuple[Diagnostic, ...]]:
     """A run comes back to the same files again and again, and to parse one takes as long as a short plan."""
+    at = text.find("\0")
+    if at >= 0:  # no program takes it in an argument, and a prompt is one
+        line, column = text.count("\n", 0, at) + 1, at - text.rfind("\n", 0, at)
+        where, summary = Span(line, column), "the character U+0000 may not be in the file"
+        return None, (error(code, summary, path=str(path), span=where, source=_line(text, line), hint="delete it"),)
     lines = text.split("\n")
     if lines[0].rstrip() != FENCE:
         hint = f"begin the file with a line {FENCE}, the fields, and another line {FENCE}"

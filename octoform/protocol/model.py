@@ -1,6 +1,7 @@
 """A spec as a value."""
 
 from dataclasses import dataclass
+from os.path import lexists
 from pathlib import Path, PurePosixPath
 
 STAGES = ("probe", "identify", "interface", "serve", "deploy")
@@ -33,7 +34,8 @@ class Spec:
 
 # Where specs and schemas lie: the project's own where it has them, the shipped ones otherwise.
 #
-# Light on purpose: which files matter must be known without reading YAML.
+# Light on purpose: which files matter must be known without reading YAML. A link that leads nowhere is the project's
+# own as well: whoever made it wants no shipped spec.
 
 SCHEMAS = "schemas"
 PRIVILEGED = "privileged"
@@ -50,13 +52,13 @@ def spec_paths(folder: Path | None) -> dict[str, Path]:
     """The spec file of each stage and duty; a project's ``protocol/`` folder may hold some, all or none of them."""
     names = (*STAGES, *DUTIES)
     own = {} if folder is None else {name: folder / f"{name}.md" for name in names}
-    return {name: own[name] if name in own and own[name].exists() else shipped() / f"{name}.md" for name in names}
+    return {name: own[name] if name in own and lexists(own[name]) else shipped() / f"{name}.md" for name in names}
 
 
 def schema_dir(folder: Path | None) -> Path:
     """The folder of all schemas: the project's if it has one, else the shipped one."""
     own = folder / SCHEMAS if folder is not None else None
-    return own if own is not None and own.is_dir() else shipped() / SCHEMAS
+    return own if own is not None and lexists(own) else shipped() / SCHEMAS
 
 
 def step_paths(folder: Path | None) -> dict[str, Path]:

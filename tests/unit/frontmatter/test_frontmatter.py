@@ -61,7 +61,8 @@ def test_files_that_cannot_be_read(tmp_path: Path) -> None:
     large = tmp_path / "large.md"
     large.write_bytes(b"---\nname: x\n---\n" + b"x" * frontmatter.MOST_BYTES)
     assert "larger than" in frontmatter.read(large, "CODE")[1][0].summary
-    assert "cannot be read" in frontmatter.read(tmp_path / "absent.md", "CODE")[1][0].summary
+    absent = frontmatter.read(tmp_path / "absent.md", "CODE")[1][0]
+    assert "cannot be read" in absent.summary and "put a text file in its place" in str(absent.hint)
 
 
 def test_byte_order_mark_and_line_ends_do_not_matter(tmp_path: Path) -> None:
@@ -87,3 +88,12 @@ def test_the_same_text_is_parsed_once(monkeypatch: pytest.MonkeyPatch) -> None:
     assert frontmatter.parse(PATH, text, "CODE") == (document, found)
     found.append(error("CODE", "of who asked first"))
     assert frontmatter.parse(PATH, text, "CODE") == (document, [])
+
+
+def test_a_nul_is_told_with_its_place_wherever_it_stands() -> None:
+    for text, place in (("---\na: \0\n---\nbody\n", Span(2, 4)), ("---\na: b\n---\n\nbo\0dy\n", Span(5, 3))):
+        document, found = frontmatter.parse(PATH, text, "CODE")
+        assert document is None
+        assert [(item.summary, item.span, item.hint) for item in found] == [
+            ("the character U+0000 may not be in the file", place, "delete it")
+        ]

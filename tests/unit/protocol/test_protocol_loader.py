@@ -102,10 +102,17 @@ def test_a_spec_without_text_is_refused(folder: Path) -> None:
     assert [item.code for item in load(folder)[1]] == ["PROTOCOL-EMPTY"]
 
 
-def test_a_link_to_nowhere_is_not_replaced_by_the_shipped_spec(folder: Path) -> None:
-    (folder / "identify.md").unlink()
-    (folder / "identify.md").mkdir()
-    assert [item.code for item in load(folder)[1]] == ["PROTOCOL-FRONT-MATTER"]
+@pytest.mark.parametrize("target", [None, "nowhere.md", "identify.md"])
+def test_a_folder_or_a_link_to_nowhere_is_not_replaced_by_the_shipped_spec(folder: Path, target: str | None) -> None:
+    own = folder / "identify.md"
+    own.unlink()
+    own.mkdir() if target is None else own.symlink_to(target)
+    assert [(item.code, item.path) for item in load(folder)[1]] == [("PROTOCOL-FRONT-MATTER", str(own))]
+
+
+def test_a_link_to_nowhere_is_not_replaced_by_the_shipped_schemas(folder: Path) -> None:
+    (folder / "schemas").symlink_to("nowhere")
+    assert {item.code for item in load(folder)[1]} == {"PROTOCOL-NO-SCHEMA"}
 
 
 def test_a_misspelt_file_is_a_warning(folder: Path) -> None:
