@@ -5,7 +5,6 @@ was seen (`sysfs`, `port`), its serial number where it has one, and how strong t
 id alone decides, by kind and ordinal (`binding` has the rules).
 """
 
-import asyncio
 import hashlib
 import io
 import os
@@ -68,6 +67,8 @@ class Bus:
 
     async def __aenter__(self) -> "Bus":
         """Wait for the lock while other tasks go on."""
+        import asyncio  # here, so that a question where a device is does not load it
+
         end, step = time.monotonic() + self.timeout, _STEP
         while not self._try():
             self._give_up_after(end)
