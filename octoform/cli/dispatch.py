@@ -91,7 +91,7 @@ def _run(arguments: Namespace, screen: console.Console) -> int:
 
 def _project(arguments: Namespace, screen: console.Console) -> Path:
     """The folder to work in: the one that was named, else this one or the nearest above that is a project of ours."""
-    here = Path(arguments.chdir or ".").resolve()
+    here = Path(os.path.realpath(arguments.chdir or "."))  # of a link to itself, too
     if not here.is_dir():
         raise UsageError(f"-chdir: {arguments.chdir} is not a folder", "")
     if arguments.chdir is not None or arguments.command in _HERE:

@@ -125,7 +125,7 @@ def _disk_full(problem: OSError, path: Path) -> Diagnostic:
 
 def mount_point(path: Path) -> Path:
     """The root of the file system that holds ``path`` (which need not exist)."""
-    current = path.resolve()
+    current = Path(os.path.realpath(path))  # of a link to itself, too
     while not current.is_mount() and current != current.parent:
         current = current.parent
     return current

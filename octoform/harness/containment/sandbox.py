@@ -60,15 +60,20 @@ def belongings(argv: Sequence[str], variables: Mapping[str, str]) -> Iterator[Pa
 
 def _program(path: Path) -> Iterator[Path]:
     """A program, what its links lead to, and the interpreter in its first line."""
-    for place in dict.fromkeys((path, path.resolve())):
+    for place in dict.fromkeys((path, _real(path))):
         yield place
         yield from _folder(place.parent)
         if MODULES in place.parts:
             yield Path(*place.parts[: place.parts.index(MODULES) + 1])
     interpreter = _interpreter(path)
     if interpreter is not None:
-        for place in dict.fromkeys((interpreter, interpreter.resolve())):
+        for place in dict.fromkeys((interpreter, _real(interpreter))):
             yield from _folder(place.parent)
+
+
+def _real(path: Path) -> Path:
+    """The path without links; of a link to itself as it is, where `Path.resolve` raises."""
+    return Path(os.path.realpath(path))
 
 
 def _folder(folder: Path) -> Iterator[Path]:
@@ -77,7 +82,7 @@ def _folder(folder: Path) -> Iterator[Path]:
     above = folder.parent
     if folder.name == SHIMS or (above / ENVIRONMENT).is_file():
         yield above
-        python = (folder / "python").resolve()
+        python = _real(folder / "python")
         yield from (python.parent, *(python.parent.parent / name for name in BESIDE))
     elif folder.name in ("bin", "sbin"):
         yield from (above / name for name in BESIDE)
@@ -406,7 +411,7 @@ def _named_in_task(document: Path) -> Iterator[Path]:
 
 def _forms(path: Path) -> list[Path]:
     """The path as it is written and as it is without links."""
-    return list(dict.fromkeys((path.absolute(), path.resolve())))
+    return list(dict.fromkeys((path.absolute(), _real(path))))
 
 
 def _shown(wanted: Iterable[Path], hidden: Sequence[Path]) -> list[Path]:

@@ -229,7 +229,7 @@ def _blobs(listing: str) -> Iterator[tuple[str, str, str]]:
 
 def _inside(where: Repository, paths: Iterable[Path]) -> list[str]:
     """The paths that lie in the working tree, relative to its root."""
-    places = (path.parent.resolve() / path.name for path in paths)
+    places = (Path(os.path.realpath(path.parent)) / path.name for path in paths)
     return [str(place.relative_to(where.root)) for place in places if place.is_relative_to(where.root)]
 
 

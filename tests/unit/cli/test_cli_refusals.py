@@ -171,3 +171,10 @@ def test_an_emergency_stop_on_a_full_disk_keeps_its_reason(tmp_path: Path) -> No
     assert (told["latched"], told["ok"]) == (True, False)
     assert (told["estop"]["by"], told["estop"]["reason"]) == ("anna", "hot")
     assert any("no room for who engaged it and why: No space left on device" in text for text in told["problems"])
+
+
+def test_a_link_to_itself_is_no_folder_to_work_in(tmp_path: Path) -> None:
+    (tmp_path / "loop").symlink_to("loop")
+    for named in ("loop", "loop/below"):
+        done = octoform(tmp_path, f"-chdir={named}", "plan")
+        assert (done.returncode, f"{named} is not a folder" in done.stderr) == (1, True), done.stderr

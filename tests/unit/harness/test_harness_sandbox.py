@@ -268,3 +268,13 @@ def test_this_machine_can_confine() -> None:
 @pytest.mark.parametrize("home", ["/", "/usr", "/bin", "/usr/sbin", "/var", "/dev", "/nonexistent", ""])
 def test_a_home_that_is_the_system_is_not_hidden(home: str) -> None:
     assert Path(home or "/") not in sandbox._hidden({"HOME": home})
+
+
+def test_a_variable_may_name_a_link_to_itself(host: Host) -> None:
+    loop = host.home / "loop"
+    loop.symlink_to("loop")
+    (host.home / "tools" / "bin").mkdir(parents=True)
+    (host.home / "tools" / "pyvenv.cfg").touch()
+    (host.home / "tools" / "bin" / "python").symlink_to("python")
+    path = f"{host.home / 'tools' / 'bin'}:/usr/bin:/bin"
+    assert sh(host, "echo runs", PATH=path, SOME_FILE=str(loop))["log"].split() == ["runs"]
