@@ -64,16 +64,16 @@ class Children:
 
     def _count_agents(self) -> None:
         """Note what each supervisor says that its agent spent."""
-        from octoform.harness import attempt
+        from octoform.harness import contained_attempt
 
-        original = attempt.run
+        original = contained_attempt.run
 
         def noted(*arguments: Any) -> Any:
             ended = original(*arguments)
             self.agents.append(ended.cpu_seconds)
             return ended
 
-        attempt.run = noted
+        contained_attempt.run = noted
 
 
 class Lines:

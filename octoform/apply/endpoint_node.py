@@ -5,8 +5,8 @@ from collections.abc import Mapping
 
 from octoform import events
 from octoform.apply.context import CANDIDATE, Context
+from octoform.apply.stage.acceptance import Finished, Verdict
 from octoform.apply.stage.artifact_writer import counted
-from octoform.apply.stage.gate import Finished, Verdict
 from octoform.apply.stage.serve_proof import STARTING, calls_said, publish, service_of
 from octoform.base import digest, files
 from octoform.diagnostics import Diagnostic, error, has_errors

@@ -12,11 +12,11 @@ from octoform.apply.endpoint_node import run_endpoint
 from octoform.apply.privileged_step import run_step
 from octoform.apply.rewrite import promotion
 from octoform.apply.stage import reuse
+from octoform.apply.stage.acceptance import Finished, Verdict
 from octoform.apply.stage.artifact_writer import remember
 from octoform.apply.stage.attempt import Failed
 from octoform.apply.stage.attempt_loop import may_go_on, run_stage
 from octoform.apply.stage.attempt_record import state_usage
-from octoform.apply.stage.gate import Finished, Verdict
 from octoform.apply.stage.serve_feedback import RETURNS, Return, sent_back
 from octoform.base import digest
 from octoform.contracts.artifact_parser import parse

@@ -14,10 +14,10 @@ from octoform import events
 from octoform.apply.context import Context
 from octoform.apply.rewrite import promotion
 from octoform.apply.rewrite.scope import beyond, others, own_tools
+from octoform.apply.stage.acceptance import Finished, Verdict, artifacts, digest_of, fresh, read_value, shown
 from octoform.apply.stage.artifact_writer import counted, text_of
 from octoform.apply.stage.assignment import Assignment, Judge, Prove, of_stage
 from octoform.apply.stage.attempt_loop import fulfil
-from octoform.apply.stage.gate import Finished, Verdict, artifacts, digest_of, fresh, read_value, shown
 from octoform.apply.stage.secret_scan import leaked
 from octoform.apply.trials.by_camera import by_frame, by_view
 from octoform.apply.trials.by_reading import Bench, Tried, by_reading

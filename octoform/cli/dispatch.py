@@ -11,8 +11,8 @@ from dataclasses import replace
 from importlib import import_module
 from pathlib import Path
 
+from octoform.cli.interrupts import Stopped, orderly
 from octoform.cli.parser import UsageError, parse
-from octoform.cli.signals import Stopped, orderly
 from octoform.diagnostics import Severity
 from octoform.views.format import console, problems
 

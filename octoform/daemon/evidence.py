@@ -14,7 +14,7 @@ from octoform.claims.model import Channel, Claim, Reading, Signal, State, Value
 from octoform.claims.readings import to_json as reading_json
 from octoform.daemon.model import Cause, Facts, Finding
 from octoform.daemon.signals import NO_VALUE, answered, current, measured
-from octoform.daemon.store.state import Memory, Report
+from octoform.daemon.store.memory import Memory, Report
 from octoform.daemon.triage.failure_history import Recall
 from octoform.diagnostics import Diagnostic
 from octoform.state.layout import Layout

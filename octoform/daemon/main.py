@@ -19,19 +19,19 @@ from octoform.claims.model import Channel, Reading, Signal
 from octoform.claims.settings import Settings, settings_of
 from octoform.daemon.model import Done, Finding, Ports, Repair, Status
 from octoform.daemon.notify import metrics, notices
-from octoform.daemon.observe.clock import SystemClock
+from octoform.daemon.observe.clock_jumps import SystemClock
 from octoform.daemon.observe.event_queue import EventSources, Timing, open_sources
 from octoform.daemon.observe.observer import Looker, busy, open_look
 from octoform.daemon.observe.samples import Frames, Sensors
-from octoform.daemon.reconcile.policy import Beside
+from octoform.daemon.reconcile.repair_policy import Beside
 from octoform.daemon.reconcile.supervisor import Round, Supervisor, View
-from octoform.daemon.repair.dispatch import SETTLE_SECONDS, Agents, Repairs
+from octoform.daemon.repair.repairer import SETTLE_SECONDS, Agents, Repairs
 from octoform.daemon.repair.restart import restart
 from octoform.daemon.repair.worker_port import Workers
 from octoform.daemon.store import incidents, instance_lock
-from octoform.daemon.store.state import Memory
+from octoform.daemon.store.memory import Memory
 from octoform.diagnostics import Diagnostic, error
-from octoform.endpoint.files import LAUNCHER, POLICY
+from octoform.endpoint.published_files import LAUNCHER, POLICY
 from octoform.manifest.model import FILE_NAME, Daemon, Notify
 from octoform.state.files import foreign, refused
 from octoform.state.layout import Layout, is_left

@@ -11,7 +11,7 @@ from octoform.claims.ledger import Ledger
 from octoform.claims.model import Claim
 from octoform.claims.settings import settings_of
 from octoform.daemon.notify.notices import advice
-from octoform.daemon.observe.clock import SystemClock
+from octoform.daemon.observe.clock_jumps import SystemClock
 from octoform.daemon.store import incidents, instance_lock
 from octoform.daemon.store.backoff import Breaker, Breakers
 from octoform.daemon.store.instance_lock import Record

@@ -19,7 +19,7 @@ from octoform.daemon.health import Health, compose, from_json
 from octoform.daemon.model import Cause, Facts, Finding, Kind, Outcome, Repair
 from octoform.daemon.notify.notices import Failing, advice, failing
 from octoform.daemon.notify.status_file import FILE, FRESH_SECONDS, basis
-from octoform.daemon.observe.clock import SystemClock
+from octoform.daemon.observe.clock_jumps import SystemClock
 from octoform.daemon.observe.observer import open_look
 from octoform.daemon.observe.samples import Sensors
 from octoform.daemon.signals import current, measured
@@ -28,7 +28,7 @@ from octoform.daemon.store.backoff import Breakers
 from octoform.daemon.store.incidents import Episode
 from octoform.daemon.store.instance_lock import Record
 from octoform.daemon.store.json_store import Shelf
-from octoform.daemon.store.state import RECALL
+from octoform.daemon.store.memory import RECALL
 from octoform.daemon.triage import judge, remember
 from octoform.daemon.triage.failure_history import Recall
 from octoform.daemon.triage.failure_history import from_json as recall_from

@@ -20,7 +20,7 @@ from octoform.endpoint.mcp_clients.install import Outcome, Reach, Server, Sight
 from octoform.endpoint.mcp_clients.paths import Surroundings
 from octoform.endpoint.process.record import running
 from octoform.endpoint.publish.publication import client_command, lasting_client_command
-from octoform.engine.plan import cache
+from octoform.engine.plan import memo
 from octoform.engine.plan.configuration import compile_project
 from octoform.state.files import foreign
 from octoform.state.layout import Layout
@@ -177,7 +177,7 @@ def _layout(
     if host is not None:
         layout: Layout | None = Layout(project, host)
         found: list[Diagnostic] = []
-    elif (plan := cache.recall(project, environ)) is not None:
+    elif (plan := memo.recall(project, environ)) is not None:
         layout, found = Layout(project, plan.host), []
     else:
         compiled, found = compile_project(project, environ)

@@ -19,7 +19,7 @@ from tempfile import TemporaryDirectory
 from octoform.diagnostics import Diagnostic, error
 from octoform.endpoint.environment.lockfile import packages, reason
 from octoform.endpoint.environment.system_programs import missing_programs
-from octoform.endpoint.files import served_nodes
+from octoform.endpoint.published_files import served_nodes
 from octoform.engine.inspect.devices import lacking
 from octoform.engine.plan.configuration import MANIFEST
 from octoform.harness import logins, port, registry

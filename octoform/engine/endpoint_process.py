@@ -10,10 +10,10 @@ from pathlib import Path
 from octoform.base.files import private_folder
 from octoform.diagnostics import Diagnostic, did_you_mean, error
 from octoform.endpoint.access import tunnel
-from octoform.endpoint.files import LAUNCHER, of_another
-from octoform.endpoint.process import lifecycle, record, systemd
+from octoform.endpoint.process import record, start_stop, systemd
 from octoform.endpoint.process.record import Running, running
 from octoform.endpoint.process.systemd import watch_name, watch_path, watch_text, watches
+from octoform.endpoint.published_files import LAUNCHER, of_another
 from octoform.engine.tools import layout_of
 from octoform.state.files import write_atomic
 from octoform.state.layout import Layout
@@ -54,10 +54,10 @@ def restart(project: Path, environ: Mapping[str, str]) -> tuple[Started | None, 
     refused = record.refusal(layout)
     if refused is not None:
         return None, [refused]
-    problem = lifecycle.obstacle(layout)
+    problem = start_stop.obstacle(layout)
     if problem is not None:
         return None, [problem]
-    before = running(layout) if of_another(layout) else lifecycle.stop(layout).process
+    before = running(layout) if of_another(layout) else start_stop.stop(layout).process
     return _start(layout, environ, before, anew=True)
 
 
@@ -74,7 +74,7 @@ def _start(
             problem = take_over(layout, environ, foreign)
             if problem is not None:
                 return None, [problem]
-        process, problem = lifecycle.start(layout)
+        process, problem = start_stop.start(layout)
     finally:
         # Last: a daemon that finds neither a process nor the mark takes it for a death, and starts one as well.
         record.unmark(layout)
@@ -90,7 +90,7 @@ def stop(project: Path, environ: Mapping[str, str], host: str | None) -> tuple[S
         return None, found
     # First the mark: whoever sees the process end finds that a person wanted it.
     problem = record.mark(layout)
-    done = lifecycle.stop(layout)
+    done = start_stop.stop(layout)
     if problem is not None and done.process is None:
         return None, [problem]
     return Stopped(layout.host, done.process, done.firmly), [problem] if problem else []
@@ -188,7 +188,7 @@ def obstacle(unit: Unit) -> Diagnostic | None:
 def install(unit: Unit) -> tuple[Running | None, list[Diagnostic]]:
     """Write the units, hand the endpoint over to systemd and wait until it serves; then its daemon."""
     record.mark(unit.layout)  # or a daemon that runs already would start it again at once
-    lifecycle.stop(unit.layout)
+    start_stop.stop(unit.layout)
     private_folder(unit.path.parent)
     for path, text in ((unit.path, unit.text), (unit.watch.path, unit.watch.text)):
         if problem := write_atomic(path, text.encode(), 0o600):
@@ -197,7 +197,7 @@ def install(unit: Unit) -> tuple[Running | None, list[Diagnostic]]:
     for words in (("daemon-reload",), ("enable", "--now", unit.name)):
         if problem := _told(*words):
             return None, [problem]
-    process, problem = lifecycle.start(unit.layout)
+    process, problem = start_stop.start(unit.layout)
     if process is not None:
         problem = _told("enable", "--now", unit.watch.name)
     return (None if problem else process), [problem] if problem else []
@@ -215,7 +215,7 @@ def uninstall(unit: Unit) -> tuple[bool, list[Diagnostic]]:
     if unit.path.exists():
         problems.append(record.mark(unit.layout))
         problems.append(_told("disable", "--now", unit.name))
-        lifecycle.stop(unit.layout)
+        start_stop.stop(unit.layout)
         unit.path.unlink(missing_ok=True)
     problems.append(_told("daemon-reload"))
     return True, [item for item in problems if item]

@@ -14,7 +14,7 @@ from octoform.engine.plan.configuration import MANIFEST
 from octoform.engine.plan.plan import Request
 from octoform.engine.plan.refresh import read_artifacts
 from octoform.engine.results import RunResult, RunView
-from octoform.manifest.edit import settings
+from octoform.manifest.edit import setting_writer
 from octoform.plan.model import OpenQuestion
 from octoform.state.artifacts.accepted import observe
 
@@ -100,7 +100,7 @@ def take_back(project: Path, environ: Environ, device: str) -> tuple[Answered | 
 def _change(
     project: Path, environ: Environ, known: Asked, device: str, sentence: str | None
 ) -> tuple[Answered | None, list[Diagnostic]]:
-    edited, found = settings.change(project / MANIFEST, (TABLE, device), sentence, environ)
+    edited, found = setting_writer.change(project / MANIFEST, (TABLE, device), sentence, environ)
     if edited is None:
         return None, found
     lines = difflib.unified_diff(edited.before.splitlines(), edited.after.splitlines(), lineterm="", n=0)

@@ -9,9 +9,9 @@ from octoform.base.files import parse
 from octoform.diagnostics import Diagnostic, error, has_errors
 from octoform.endpoint.client.terminal import CallResult, Person, Wanted, list_tools, save_media
 from octoform.endpoint.client.terminal import call as call_tool
-from octoform.endpoint.files import CHECK, read_policy
 from octoform.endpoint.publish.expected_tools import promised
-from octoform.engine.plan import cache
+from octoform.endpoint.published_files import CHECK, read_policy
+from octoform.engine.plan import memo
 from octoform.state.files import foreign, read_regular
 from octoform.state.layout import Layout
 
@@ -108,7 +108,7 @@ def layout_of(project: Path, environ: Mapping[str, str]) -> tuple[Layout | None,
 
     What another user keeps to himself is such a problem: nothing that is in there can be told from what is not there.
     """
-    host = cache.host_of(project)
+    host = memo.host_of(project)
     if host is not None:
         return _open(Layout(project, host))
     from octoform.engine.plan.configuration import compile_project  # the one heavy import that the memo saves

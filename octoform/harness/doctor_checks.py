@@ -27,9 +27,9 @@ from octoform.harness.install.node_runtime import at_least, dotted
 from octoform.harness.install.program_location import Located, Pin
 from octoform.harness.install.short_command import stated_version
 from octoform.harness.llm.route import Access
-from octoform.manifest.addresses import is_loopback
 from octoform.manifest.credentials import ANTHROPIC, GEMINI, is_sendable
 from octoform.manifest.model import Sandbox
+from octoform.manifest.model_url import is_loopback
 
 SOURCES = {"manifest": "named in octopus.yaml", "installed": "installed by octoform", "path": "found on PATH"}
 

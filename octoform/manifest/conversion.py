@@ -12,7 +12,7 @@ from typing import Literal
 
 from octoform.base import digest
 from octoform.base.durations import hours, rate, seconds
-from octoform.manifest import addresses, references
+from octoform.manifest import model_url, references
 from octoform.manifest.credentials import LOGINS, Provider, split_model
 from octoform.manifest.model import (
     KEEPERS,
@@ -150,7 +150,7 @@ def key_of(
     if isinstance(settings, ProgramHarness) and has_login(settings) and settings.name in LOGINS:
         return LOGINS[settings.name].variable
     url = resolved(settings.base_url, environ) if settings is not None and settings.base_url is not None else None
-    if provider is None or (url is not None and addresses.is_loopback(url)):
+    if provider is None or (url is not None and model_url.is_loopback(url)):
         return None
     return provider.key
 

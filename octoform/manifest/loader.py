@@ -7,9 +7,9 @@ from pathlib import Path
 from octoform.diagnostics import Diagnostic
 from octoform.manifest.conversion import build
 from octoform.manifest.model import Manifest, ProfileSource
-from octoform.manifest.rules import crosschecks, profile_paths, schema_errors, values
-from octoform.manifest.source.parser import read_tree
-from octoform.manifest.source.report import Report, read, text_of
+from octoform.manifest.rules import crosschecks, profile_paths, schema_errors, text_values
+from octoform.manifest.source.problem_list import Report, read, text_of
+from octoform.manifest.source.yaml_parser import read_tree
 
 
 def load(path: Path, environ: Mapping[str, str]) -> tuple[Manifest | None, list[Diagnostic]]:
@@ -32,8 +32,8 @@ def parse(content: bytes, path: Path, environ: Mapping[str, str]) -> tuple[Manif
     root = read_tree(text, report) if text is not None else None
     if root is None:
         return None, report.diagnostics()
-    values.check_secrets(root, report)
-    variables = values.check_references(root, environ, report)
+    text_values.check_secrets(root, report)
+    variables = text_values.check_references(root, environ, report)
     absolute = path.absolute()
     profiles = profile_paths.check(root, absolute.parent, report)
     crosschecks.check_recordings(root, absolute.parent, report)
@@ -42,7 +42,7 @@ def parse(content: bytes, path: Path, environ: Mapping[str, str]) -> tuple[Manif
     if document is not None:
         crosschecks.check(document, root, report)
         crosschecks.check_scope(document, root, report)
-        values.check(document, root, environ, report)
+        text_values.check(document, root, environ, report)
     if document is None or report.failed:
         return None, report.diagnostics()
     manifest = build(document, absolute, profiles, variables, environ)

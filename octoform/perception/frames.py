@@ -20,7 +20,7 @@ from octoform.base.files import private_folder
 from octoform.base.locks import held_folder
 from octoform.diagnostics import Diagnostic, error, has_errors, warning
 from octoform.endpoint.client.jsonrpc import ending_of
-from octoform.endpoint.files import not_ours
+from octoform.endpoint.published_files import not_ours
 from octoform.perception.capture import Taken
 from octoform.perception.image_quality import (
     CHANGED,

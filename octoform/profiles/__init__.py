@@ -1,7 +1,7 @@
 """Profiles: the owner's knowledge of products as prose, used only where its evidence rule holds. (Heavy: YAML.)"""
 
 from octoform.profiles.model import Profile
-from octoform.profiles.parser import load, load_text
+from octoform.profiles.profile_parser import load, load_text
 from octoform.profiles.selection import briefing, commands, contributions, devices_of, for_task, near
 
 __all__ = ["Profile", "briefing", "commands", "contributions", "devices_of", "for_task", "load", "load_text", "near"]

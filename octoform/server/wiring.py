@@ -34,7 +34,7 @@ from .transport.unix_socket import LocalClients
 
 if TYPE_CHECKING:
     from .transport.http import Web
-    from .tunnel.supervisor import Tunnel
+    from .tunnel.tunnel_process import Tunnel
 
 
 # What the endpoint says of itself when a client connects: whose hardware it is, and how to deal with it.
@@ -178,7 +178,7 @@ class Endpoint:
         return doors
 
     def _dig(self, web: "Web", local_url: str) -> None:
-        from .tunnel.supervisor import Tunnel
+        from .tunnel.tunnel_process import Tunnel
 
         assert self._descriptor.tunnel is not None
         command, run = self._descriptor.tunnel["command"], self._descriptor.run

@@ -13,8 +13,8 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
-from octoform.simulation.control import HELP, Refused, changed, obey, shown
 from octoform.simulation.rig import Rig, RigInvalid, load, names
+from octoform.simulation.rig_commands import HELP, Refused, changed, obey, shown
 
 MEMORY = Path("/dev/shm")
 """Where the folder is made when it can be: the camera's file is replaced several times a second."""

@@ -16,7 +16,7 @@ from octoform.simulation.ports import Port
 from octoform.simulation.rail_firmware import LineDevice
 from octoform.simulation.scene import Camera, Scene
 from octoform.simulation.servos import ServoBus
-from octoform.simulation.tree import Planter
+from octoform.simulation.sysfs_tree import Planter
 
 _NODES = {"servos": (166, "tty"), "line": (166, "tty"), "camera": (81, "video")}
 

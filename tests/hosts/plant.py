@@ -1,13 +1,13 @@
 """Builds the tree of an invented host (sys, proc, dev, run) from its text in this folder.
 
-``octoform/simulation/tree.py`` describes the text. Run as a program it plants one host:
+``octoform/simulation/sysfs_tree.py`` describes the text. Run as a program it plants one host:
 ``python tests/hosts/plant.py laptop FOLDER``.
 """
 
 import sys
 from pathlib import Path
 
-from octoform.simulation.tree import Planter
+from octoform.simulation.sysfs_tree import Planter
 
 HERE = Path(__file__).parent
 NAMES = tuple(sorted(path.stem for path in HERE.glob("*.host")))

@@ -28,10 +28,10 @@ from octoform.daemon.model import Cause, Done, Finding, Repair, Status
 from octoform.daemon.observe.samples import flattened
 from octoform.daemon.reconcile.supervisor import Round, Supervisor
 from octoform.diagnostics import Diagnostic
-from octoform.endpoint.files import POLICY
+from octoform.endpoint.published_files import POLICY
 from octoform.manifest.model import Daemon
 from octoform.profiles.definitions.registers import RegisterGrammar
-from octoform.server.gate.registry import Entries
+from octoform.server.gate.tool_registry import Entries
 from octoform.server.policy.restrictions import Restrictions
 from octoform.server.policy.tool_policy import read
 from octoform.state.layout import Layout

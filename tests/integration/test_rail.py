@@ -24,7 +24,7 @@ from octoform.claims.model import Channel, Claim, Reading, Signal, State
 from octoform.claims.readings import to_json
 from octoform.claims.settings import settings_of
 from octoform.daemon.evidence import Evidence
-from octoform.daemon.observe.clock import SystemClock
+from octoform.daemon.observe.clock_jumps import SystemClock
 from octoform.diagnostics import Diagnostic
 from octoform.endpoint.client.terminal import CallResult, Wanted, call
 from octoform.engine.unattended.heal import heal

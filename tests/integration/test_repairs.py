@@ -16,9 +16,9 @@ from projects import Project
 
 from octoform.daemon.repair.restart import restart
 from octoform.endpoint.environment.model import at, intact, packages_of
-from octoform.endpoint.files import read_manifest
-from octoform.endpoint.process import lifecycle
+from octoform.endpoint.process import start_stop
 from octoform.endpoint.process.record import running
+from octoform.endpoint.published_files import read_manifest
 from octoform.engine.apply import approval
 from octoform.engine.apply.rollback import go_back, remember
 from octoform.engine.unattended.heal import settle
@@ -257,7 +257,7 @@ def test_the_former_endpoint_serves_again_when_a_new_one_was_published_and_faile
     former = remember(layout, store.snapshot)
     assert former is not None
     before = changed_nothing(applied, layout)
-    lifecycle.stop(layout)
+    start_stop.stop(layout)
     layout.output("serve").write_text("the server that failed")
     for name in ("policy.json", "connection.json", "manifest.json", "launch"):
         (layout.endpoint / name).write_text("of the server that failed")

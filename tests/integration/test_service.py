@@ -21,8 +21,8 @@ from terminals import Terminal
 
 from octoform.daemon.repair.restart import restart
 from octoform.endpoint.process import record
-from octoform.endpoint.process.lifecycle import start, stop
 from octoform.endpoint.process.record import is_marked, running
+from octoform.endpoint.process.start_stop import start, stop
 from octoform.endpoint.process.systemd import unit_text, watch_text
 from octoform.state.layout import Layout
 

@@ -18,7 +18,7 @@ from octoform.claims.admission import Proposal
 from octoform.claims.ledger import Ledger
 from octoform.claims.model import Channel, Claim, Condition, Restriction, Signal
 from octoform.claims.settings import settings_of
-from octoform.daemon.observe.clock import SystemClock
+from octoform.daemon.observe.clock_jumps import SystemClock
 from octoform.engine.unattended.heal import heal
 from octoform.simulation.rig import Rig, load
 from octoform.state.layout import Layout

@@ -15,10 +15,10 @@ from octoform.builtin.identify.stage import identify
 from octoform.builtin.probe.stage import probe_root
 from octoform.contracts.model import ProfileFacts
 from octoform.profiles import commands, devices_of, for_task
-from octoform.profiles.parser import load
+from octoform.profiles.profile_parser import load
 from octoform.simulation import rig as descriptions
 from octoform.simulation.rig import Rig
-from octoform.simulation.tree import Planter
+from octoform.simulation.sysfs_tree import Planter
 
 TOP = Path(__file__).parents[2]
 SCHEMAS = TOP / "protocol" / "schemas"

@@ -15,9 +15,9 @@ from octoform.claims.ledger import Ledger
 from octoform.claims.model import Channel, Reading, Signal, Value
 from octoform.claims.settings import Settings
 from octoform.daemon.model import Alert, Cause, Done, Facts, Finding, Ports, Repair, Sighting
-from octoform.daemon.reconcile.policy import AtOnce, Bench
+from octoform.daemon.reconcile.repair_policy import AtOnce, Bench
 from octoform.daemon.reconcile.supervisor import Round, Supervisor
-from octoform.daemon.store.state import Memory
+from octoform.daemon.store.memory import Memory
 from octoform.endpoint.observe.logs import LoggedCall
 from octoform.endpoint.process.record import Running
 from octoform.manifest.model import Daemon

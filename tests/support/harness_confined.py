@@ -17,7 +17,7 @@ import octoform
 DRIVER = """
 import dataclasses, json, sys
 from pathlib import Path
-from octoform.harness.attempt import Invocation, run_contained
+from octoform.harness.contained_attempt import Invocation, run_contained
 from octoform.harness.port import Task, TaskLimits
 from octoform.manifest.model import Sandbox
 config = json.load(open(sys.argv[1]))

@@ -15,7 +15,7 @@ from fastmcp import Client
 from fastmcp.client.transports import StdioTransport, StreamableHttpTransport
 
 from octoform.endpoint.environment.model import Environment
-from octoform.endpoint.process import control, lifecycle
+from octoform.endpoint.process import control, start_stop
 from octoform.endpoint.process.record import Running, running
 from octoform.endpoint.publish.publication import Service, client_command, write_endpoint
 from octoform.state.layout import Layout
@@ -103,11 +103,11 @@ class Launched:
 
     def stop(self) -> None:
         """End the process; it can be started again."""
-        lifecycle.stop(self.layout)
+        start_stop.stop(self.layout)
 
     def start(self) -> None:
         """Start it (again)."""
-        process, problem = lifecycle.start(self.layout)
+        process, problem = start_stop.start(self.layout)
         assert process is not None, problem
 
 

@@ -26,7 +26,7 @@ from octoform.builtin.serve.stage import render
 from octoform.endpoint.publish.policy import resolve
 from octoform.manifest.model import Policy
 from octoform.profiles import Profile, devices_of, for_task
-from octoform.profiles.parser import load
+from octoform.profiles.profile_parser import load
 from octoform.simulation.rail_firmware import LineDevice
 from octoform.simulation.rig import Rig
 from octoform.simulation.servos import ServoBus

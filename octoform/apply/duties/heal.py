@@ -18,10 +18,10 @@ from octoform.apply.duties.watch import ALL, Given, assignment, calls_of, judge_
 from octoform.apply.rewrite import pending_rewrite, promotion
 from octoform.apply.rewrite.pending_rewrite import Rewrite
 from octoform.apply.rewrite.review import Reach, objections, reach_of
+from octoform.apply.stage.acceptance import Finished, Verdict, artifacts, digest_of, shown
 from octoform.apply.stage.artifact_writer import text_of
 from octoform.apply.stage.assignment import Judge, Prove
 from octoform.apply.stage.attempt_loop import fulfil
-from octoform.apply.stage.gate import Finished, Verdict, artifacts, digest_of, shown
 from octoform.apply.stage.secret_scan import leaked
 from octoform.apply.stage.serve_proof import Judge as CheckJudge
 from octoform.base import digest
@@ -31,7 +31,7 @@ from octoform.contracts.artifact_parser import MAX_SOURCE_BYTES, parse
 from octoform.contracts.contract_check import check
 from octoform.contracts.model import Artifacts
 from octoform.contracts.report_context import told_devices, told_tools
-from octoform.contracts.text import shown as shown_text
+from octoform.contracts.shown_text import shown as shown_text
 from octoform.diagnostics import Diagnostic, error, has_errors
 from octoform.endpoint.client.check import CheckReport, TrialCall, judge_check
 from octoform.endpoint.client.check import check as check_endpoint

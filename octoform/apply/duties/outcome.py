@@ -4,7 +4,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from octoform.apply.stage.gate import Finished
+from octoform.apply.stage.acceptance import Finished
 from octoform.base.escaping import escaped
 from octoform.diagnostics import Diagnostic, Severity
 from octoform.harness.port import Usage

@@ -14,10 +14,10 @@ from octoform.apply.context import Context
 from octoform.apply.duties import agent_input
 from octoform.apply.duties.agent_input import LogSlice, beheld, slice_of
 from octoform.apply.duties.outcome import Answer, refusal
+from octoform.apply.stage.acceptance import Finished, Verdict, artifacts, digest_of, read_value, shown
 from octoform.apply.stage.artifact_writer import text_of
 from octoform.apply.stage.assignment import Assignment, Judge, Prove, of_stage
 from octoform.apply.stage.attempt_loop import fulfil
-from octoform.apply.stage.gate import Finished, Verdict, artifacts, digest_of, read_value, shown
 from octoform.contracts.contract_check import check
 from octoform.contracts.model import Artifacts
 from octoform.contracts.report_context import DutyFacts, told_devices, told_tools

@@ -15,7 +15,7 @@ from typing import Any
 from octoform import events
 from octoform.apply.context import CANDIDATE, Context
 from octoform.apply.endpoint_node import made_of
-from octoform.apply.protect import file_integrity, paths
+from octoform.apply.protect import file_integrity, protected_paths
 from octoform.apply.stage.artifact_writer import runtime_files, text_of
 from octoform.apply.stage.serve_proof import STARTING, Judge, prove_import, publish
 from octoform.base import digest, files
@@ -24,7 +24,7 @@ from octoform.diagnostics import Diagnostic, error, has_errors
 from octoform.endpoint.client.check import judge_check
 from octoform.endpoint.environment.build import build
 from octoform.endpoint.environment.model import Environment
-from octoform.endpoint.files import CHECK
+from octoform.endpoint.published_files import CHECK
 from octoform.graph.model import Graph, Node, NodeKind, key_of
 from octoform.harness.port import Task
 from octoform.state.artifacts.accepted import accept, file_digest
@@ -67,9 +67,9 @@ def offer(context: Context, task: Task, source: str, judge: Judge = judge_check)
     environment, found = _environment(context)
     if environment is None:
         return found
-    watch = paths.of_sources(context)
+    watch = protected_paths.of_sources(context)
     more, _ = prove_import(context, environment, task, source)
-    found += [*more, *file_integrity.end(watch, task.workdir / paths.UNDONE)]
+    found += [*more, *file_integrity.end(watch, task.workdir / protected_paths.UNDONE)]
     if has_errors(found):
         return found
     trial = Candidate(context.layout.project, context.layout.host)

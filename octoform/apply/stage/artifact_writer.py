@@ -11,7 +11,7 @@ from typing import Any
 import octoform
 from octoform import events
 from octoform.apply.context import Context
-from octoform.apply.stage.gate import Verdict, digest_of
+from octoform.apply.stage.acceptance import Verdict, digest_of
 from octoform.base import files
 from octoform.base.files import read
 from octoform.contracts.artifact_parser import parse

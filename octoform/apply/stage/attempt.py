@@ -18,8 +18,8 @@ from typing import Self
 from octoform import events
 from octoform.apply.context import Context, accepted
 from octoform.apply.stage import spec_copy
+from octoform.apply.stage.acceptance import read_output
 from octoform.apply.stage.assignment import Assignment
-from octoform.apply.stage.gate import read_output
 from octoform.apply.stage.secret_scan import leaked, without_secrets
 from octoform.base import files, shortage
 from octoform.base.digest import of_large_file

@@ -10,13 +10,13 @@ from typing import Any
 
 from octoform import events
 from octoform.apply.context import Context
-from octoform.apply.protect import file_integrity, paths
+from octoform.apply.protect import file_integrity, protected_paths
 from octoform.apply.stage import escalation, serve_proof, spec_copy
+from octoform.apply.stage.acceptance import Finished, Verdict, cleared, ended_well, read_output
 from octoform.apply.stage.artifact_writer import settle
 from octoform.apply.stage.assignment import UNMEASURED, Assignment, of_stage, unaffordable
 from octoform.apply.stage.attempt import Failed, Prepared, SoFar, prepare, run
 from octoform.apply.stage.attempt_record import interrupted, record
-from octoform.apply.stage.gate import Finished, Verdict, cleared, ended_well, read_output
 from octoform.apply.stage.secret_scan import leaked, masked, without_secrets
 from octoform.apply.stage.serve_feedback import is_earlier_fault, remembered
 from octoform.apply.stage.spec_copy import Edit
@@ -227,23 +227,23 @@ def _attempt(
     except OSError as problem:
         progress.attempts -= 1
         return None, Verdict((refused(problem, context.layout.attempts),))
-    task, guard = prepared.task, paths.begin(context, prepared.task)
+    task, guard = prepared.task, protected_paths.begin(context, prepared.task)
     touched: list[Diagnostic] | None = None
     edit, so_far = None, SoFar(context.clock.monotonic())
     try:
         outcome = run(context, assignment, harness, task, so_far)
-        touched = guard.end(cleared(task.workdir / paths.UNDONE))
+        touched = guard.end(cleared(task.workdir / protected_paths.UNDONE))
         verdict = _gate(context, assignment, task, outcome, touched)
         edit = _note_edit(context, prepared)
     except OSError as problem:  # a full disk, or an agent that has made away with its own folder
         outcome = Outcome(ExitReason.CRASHED, None, 0.0)
-        told = guard.end(cleared(task.workdir / paths.UNDONE)) if touched is None else touched
+        told = guard.end(cleared(task.workdir / protected_paths.UNDONE)) if touched is None else touched
         verdict = Verdict((*told, _refusal(problem, task.workdir)), last=is_shortage(problem))
     except BaseException:
         # What the agent did to others' files is undone also when nobody waits for its output any more; later
         # differences are of a repair that is being tried, which its own way back takes away.
         if touched is None:
-            guard.end(cleared(task.workdir / paths.UNDONE))
+            guard.end(cleared(task.workdir / protected_paths.UNDONE))
         interrupted(context, assignment, prepared, so_far)
         raise
     verdict = replace(verdict, diagnostics=without_secrets(task, verdict.diagnostics))
@@ -307,9 +307,9 @@ def prove(context: Context, task: Task, value: Any, found: list[Diagnostic]) -> 
     proof = serve_proof.PROOFS.get(task.stage)
     if proof is None:
         return settle(context, task.stage, value, found)
-    watch = paths.of_sources(context)
+    watch = protected_paths.of_sources(context)
     more, files, detail = proof(context, task, value)
-    found += [*more, *file_integrity.end(watch, task.workdir / paths.UNDONE)]
+    found += [*more, *file_integrity.end(watch, task.workdir / protected_paths.UNDONE)]
     if has_errors(found):
         until = context.purse.until
         if until is not None and context.clock.monotonic() >= until:  # and whatever it was doing was cut short

@@ -7,14 +7,14 @@ from datetime import timedelta
 from pathlib import Path
 
 from octoform.apply.context import Context
+from octoform.apply.stage.acceptance import Verdict
 from octoform.apply.stage.assignment import Assignment
 from octoform.apply.stage.attempt import FORMER, PROGRAM, SAID, Prepared, SoFar
-from octoform.apply.stage.gate import Verdict
 from octoform.apply.stage.spec_copy import Edit
 from octoform.base.clock import stamp
 from octoform.base.digest import of_large_file
 from octoform.diagnostics import Diagnostic, to_json
-from octoform.harness.attempt import read_usage
+from octoform.harness.contained_attempt import read_usage
 from octoform.harness.containment import agent_environment
 from octoform.harness.port import ExitReason, Outcome, Task, Usage
 from octoform.redaction import redacted

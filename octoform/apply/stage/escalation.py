@@ -12,9 +12,9 @@ from dataclasses import replace
 from typing import Any
 
 from octoform.apply.context import Context, accepted
+from octoform.apply.stage.acceptance import Verdict, artifacts, read_value, shown
 from octoform.apply.stage.artifact_writer import text_of
 from octoform.apply.stage.assignment import Assignment
-from octoform.apply.stage.gate import Verdict, artifacts, read_value, shown
 from octoform.contracts.contract_check import check
 from octoform.contracts.rules.identify.answer_rules import METHOD as ANSWERED
 from octoform.diagnostics import Diagnostic, has_errors

@@ -11,11 +11,11 @@ from typing import Any
 
 from octoform import events
 from octoform.apply.context import Context
+from octoform.apply.stage.acceptance import Finished, Verdict, judge
 from octoform.apply.stage.assignment import of_stage
 from octoform.apply.stage.attempt import new_task
 from octoform.apply.stage.attempt_loop import prove
 from octoform.apply.stage.attempt_record import reused
-from octoform.apply.stage.gate import Finished, Verdict, judge
 from octoform.base import files
 from octoform.diagnostics import has_errors
 from octoform.harness.port import Task, TaskLimits, Usage

@@ -13,9 +13,9 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from octoform.apply.context import Context
+from octoform.apply.stage.acceptance import Verdict, read_output
 from octoform.apply.stage.assignment import Assignment
 from octoform.apply.stage.attempt import Failed
-from octoform.apply.stage.gate import Verdict, read_output
 from octoform.apply.stage.secret_scan import leaked, masked, without_secrets
 from octoform.diagnostics import Diagnostic, has_errors
 from octoform.harness.port import ExitReason, Outcome, Task

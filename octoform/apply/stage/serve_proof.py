@@ -13,8 +13,8 @@ from typing import Any
 
 from octoform import events
 from octoform.apply.context import Context, accepted
+from octoform.apply.stage.acceptance import fresh
 from octoform.apply.stage.artifact_writer import counted, runtime_files
-from octoform.apply.stage.gate import fresh
 from octoform.base import files
 from octoform.base.clock import parse_stamp
 from octoform.base.files import replace
@@ -26,8 +26,8 @@ from octoform.contracts.rules.serve.tool_rules import tools_importing
 from octoform.contracts.schema.equivalence import serve_dynamic
 from octoform.contracts.script_header import declared_requirements, normalised
 from octoform.contracts.server_source import imported_modules, needed_source
-from octoform.contracts.text import listed
-from octoform.contracts.text import shown as shown_text
+from octoform.contracts.shown_text import listed
+from octoform.contracts.shown_text import shown as shown_text
 from octoform.diagnostics import Diagnostic, has_errors, warning
 from octoform.endpoint.access.tokens import ensure_default
 from octoform.endpoint.client.check import CheckReport, check, judge_check
@@ -38,7 +38,7 @@ from octoform.endpoint.environment.lockfile import OFFLINE, resolve
 from octoform.endpoint.environment.model import Environment, packages_of
 from octoform.endpoint.environment.system_programs import missing_programs
 from octoform.endpoint.environment.wheel_records import providers, requirements
-from octoform.endpoint.process.lifecycle import PUBLISHED_BYTES, obstacle, stop
+from octoform.endpoint.process.start_stop import PUBLISHED_BYTES, obstacle, stop
 from octoform.endpoint.publish.expected_tools import shown
 from octoform.endpoint.publish.policy import Holding
 from octoform.endpoint.publish.policy import resolve as resolve_policy

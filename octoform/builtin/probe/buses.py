@@ -8,8 +8,8 @@ import re
 from collections.abc import Callable, Mapping
 
 from octoform.builtin.probe import capabilities
+from octoform.builtin.probe.kernel_text import slug
 from octoform.builtin.probe.reader import Reader
-from octoform.builtin.probe.text import slug
 from octoform.builtin.probe.unit_model import Node
 
 # Buses whose devices are parts of the device above them: ports, channels, functions.

@@ -5,7 +5,7 @@ Numbers are those of the kernel's input-event-codes.h and of the VESA EDID stand
 
 from collections.abc import Mapping
 
-from octoform.builtin.probe.text import natural
+from octoform.builtin.probe.kernel_text import natural
 
 _EVENT_NAMES = {1: "key", 2: "rel", 3: "abs", 4: "msc", 5: "switch", 17: "led", 18: "sound", 20: "repeat", 21: "force"}
 _KEY_ESC, _KEY_D = 1, 32

@@ -3,7 +3,7 @@
 import os
 import re
 
-from octoform.builtin.probe import text, units, wsl
+from octoform.builtin.probe import device_units, kernel_text, wsl
 from octoform.builtin.probe.commands import Command, output
 from octoform.builtin.probe.paired import Paired
 from octoform.builtin.probe.reader import Reader, Scan
@@ -62,7 +62,7 @@ class Context:
             head = Node("/proc/net/arp", "network", False, kind="neighbours", title="network neighbours")
             extra: dict[str, str | int | bool] = {
                 "count": len(self._neighbours or ()),
-                "address": text.value(", ".join(self._neighbours or ()), 300),
+                "address": kernel_text.value(", ".join(self._neighbours or ()), 300),
             }
             if self._announced is not None:
                 extra["mdns_names"] = self._announced
@@ -134,7 +134,7 @@ class Context:
         if path.startswith("/sys/devices/"):
             self._nodes[path] = node
         else:
-            node.path = f"/proc/bus/input/devices/{text.slug(node.kind)}"
+            node.path = f"/proc/bus/input/devices/{kernel_text.slug(node.kind)}"
             self._extra.append(Unit(node))
 
     def _device_names(self, reader: Reader) -> None:
@@ -168,7 +168,7 @@ class Context:
             raise FileNotFoundError(2, "no such file")
         rows = [line.split() for line in reader.text("/proc/net/arp", TEXT_BYTES).splitlines()[1:]]
         known = [f"{row[0]} {row[3]}" for row in rows if len(row) >= _ARP_FIELDS and row[3].strip("0:")]
-        self._neighbours = sorted(known, key=text.natural)
+        self._neighbours = sorted(known, key=kernel_text.natural)
 
     def _mdns(self, reader: Reader) -> None:
         """Only how many names: who they are is no fact about this host, and what people call them is theirs."""
@@ -180,18 +180,18 @@ class Context:
         uname = os.uname()
         release = reader.text("/proc/sys/kernel/osrelease") or (uname.release if live else "")
         if release:
-            self.platform["kernel"] = text.value(release, 128)
+            self.platform["kernel"] = kernel_text.value(release, 128)
         self.platform["arch"] = (
-            uname.machine if live else text.value(reader.text("/proc/sys/kernel/arch") or "unknown", 64)
+            uname.machine if live else kernel_text.value(reader.text("/proc/sys/kernel/arch") or "unknown", 64)
         )
         fields = dict(_OS_FIELD.findall(_os_release(reader)))
         for key, field in (("os_id", "ID"), ("os_version", "VERSION_ID")):
             if fields.get(field):
-                self.platform[key] = text.value(fields[field], 64)
+                self.platform[key] = kernel_text.value(fields[field], 64)
         name = (
             reader.text("/proc/sys/kernel/hostname") or reader.text("/etc/hostname") or (uname.nodename if live else "")
         )
-        self.hostname = text.value(name, 255)
+        self.hostname = kernel_text.value(name, 255)
 
 
 def _os_release(reader: Reader) -> str:
@@ -229,6 +229,6 @@ class Linux:
 
     def units(self) -> list[Unit]:
         """What the kernel shows, and what is merely near."""
-        kernel = units.collect(dict(self._sysfs.nodes))
+        kernel = device_units.collect(dict(self._sysfs.nodes))
         near = [*self._context.units(), *self._paired.units()]
         return [*kernel, *near, *(self._windows.units() if self._windows else ())]

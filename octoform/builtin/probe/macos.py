@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from octoform.base.files import parse
-from octoform.builtin.probe import text
+from octoform.builtin.probe import kernel_text
 from octoform.builtin.probe.commands import RECORDED, Command, Entry, output, said
 from octoform.builtin.probe.ioregistry import Registry
 from octoform.builtin.probe.paired import Paired, described
@@ -170,18 +170,21 @@ class Macos:
     def _machine(self, reader: Reader) -> None:
         if not reader.root:
             name = os.uname()
-            self.platform["kernel"], self.hostname = text.value(name.release, 128), text.value(name.nodename, 255)
-        self.platform["arch"] = text.value(output(MACHINE, reader), 64) or "unknown"
+            self.platform["kernel"], self.hostname = (
+                kernel_text.value(name.release, 128),
+                kernel_text.value(name.nodename, 255),
+            )
+        self.platform["arch"] = kernel_text.value(output(MACHINE, reader), 64) or "unknown"
 
     def _version(self, reader: Reader) -> None:
         if version := re.search(r"^ProductVersion:\s*(\S+)$", output(VERSION, reader), re.M):
-            self.platform["os_version"] = text.value(version[1], 64)
+            self.platform["os_version"] = kernel_text.value(version[1], 64)
 
     def _add(self, node: Node, context: bool = False) -> Unit:
         """A unit of its own; what neither says its place nor its serial number is told from its twin by nothing."""
         extra: dict[str, str | int | bool] = {} if node.serial else {"strength": "weak"}
         if node.address:
-            extra["address"] = text.value(node.address, 300)
+            extra["address"] = kernel_text.value(node.address, 300)
         unit = Unit(node, context=context, extra=extra)
         self._found.append(unit)
         return unit

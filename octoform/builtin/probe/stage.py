@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from octoform.base.clock import stamp
-from octoform.builtin.probe import macos, units
+from octoform.builtin.probe import device_units, macos
 from octoform.builtin.probe.linux import Linux
 from octoform.builtin.probe.macos import Macos
 from octoform.builtin.probe.reader import SCAN_SECONDS, Reader, run_all
@@ -28,7 +28,7 @@ def probe(reader: Reader, seconds: float = SCAN_SECONDS) -> dict[str, object]:
     """The PROBE artifact of the host below the reader's root; each scan gets at most ``seconds``."""
     host = Macos() if macos.is_here(reader, sys.platform) else Linux(reader)
     reports = run_all(host.scans()[:MAX_SCANS], reader, seconds)
-    found = units.entries(host.units())
+    found = device_units.entries(host.units())
     return {
         "format": 1,
         "platform": host.platform,

@@ -4,7 +4,8 @@ Every bus and every class is a scan of its own, in two passes: first all its dev
 each is described. A driver that hangs in the second pass can therefore hide facts, never devices.
 """
 
-from octoform.builtin.probe import buses, classes, text
+from octoform.builtin.probe import buses, classes
+from octoform.builtin.probe import kernel_text as text
 from octoform.builtin.probe.reader import Reader, Scan
 from octoform.builtin.probe.udev import OF_CLASS, SERIAL, STRING_PROPERTIES, UdevDatabase, key_of, split_joined
 from octoform.builtin.probe.unit_model import Node

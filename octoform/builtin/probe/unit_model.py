@@ -4,7 +4,7 @@ import re
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 
-from octoform.builtin.probe import text
+from octoform.builtin.probe import kernel_text as text
 
 # One kernel device as a scan found it, before units are made of them.
 

@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from typing import Any
 
 from octoform.base.files import parse
-from octoform.builtin.probe import text
+from octoform.builtin.probe import kernel_text
 from octoform.builtin.probe.commands import Command, Entry, dicts, output, said
 from octoform.builtin.probe.reader import Reader, Scan
 from octoform.builtin.probe.unit_model import Node, Unit
@@ -59,7 +59,7 @@ class Windows:
         found = [unit for _, unit in sorted(self._devices.items())]
         for name, count in sorted(self._software.items()):
             head = Node("/windows/software", "windows", False)
-            group = f"windows-software-{text.slug(name) or 'other'}"
+            group = f"windows-software-{kernel_text.slug(name) or 'other'}"
             found.append(Unit(head, group, context=True, extra={"count": count}))
         return found
 
@@ -112,7 +112,7 @@ class Windows:
         last = path.rpartition("\\")[2]
         # Windows makes up a place with ampersands where the device has no serial number.
         node.serial = last if ids and "&" not in last and bus in ("USB", "USBSTOR") else ""
-        unit = Unit(node, context=True, extra={"address": text.value(path, 300)})
+        unit = Unit(node, context=True, extra={"address": kernel_text.value(path, 300)})
         self._devices[path] = unit
         return unit
 
@@ -128,7 +128,7 @@ class Windows:
                 unit.head.title = _COM.sub("", said(entry, "Description")) or "USB device"
             taken = said(entry, "ClientIPAddress")
             unit.head.add("usbipd", "attached" if taken else "shared" if said(entry, "PersistedGuid") else "not shared")
-            unit.extra["port"] = text.value(place, 200)
+            unit.extra["port"] = kernel_text.value(place, 200)
 
 
 def _entries(listed: Any) -> Iterator[Entry]:

@@ -66,7 +66,7 @@ def run_watch(arguments: Namespace, project: Path, screen: Console) -> int:
 def run_status(arguments: Namespace, project: Path, screen: Console) -> int:
     """0 only in sync and healthy; 3 to 6 as ``health`` leaves; 1 out of sync, or where it cannot be told at all."""
     from octoform.daemon.status import survey
-    from octoform.engine.status import status
+    from octoform.engine.project_status import status
     from octoform.views.daemon import status as status_view
 
     found = status(project, os.environ)
@@ -93,7 +93,7 @@ def run_heal(arguments: Namespace, project: Path, screen: Console) -> int:
     """0 when a daemon was asked; of a round that was made here the exit codes of ``health``."""
     from octoform.daemon.requests import daemon_of, given_up, retry
     from octoform.engine.tools import layout_of
-    from octoform.views.daemon import control
+    from octoform.views.daemon import requests
     from octoform.views.daemon.event_log import Lines, Silence
 
     layout, found = layout_of(project, os.environ)
@@ -105,18 +105,18 @@ def run_heal(arguments: Namespace, project: Path, screen: Console) -> int:
         return problems.show(screen, [problem], as_json=arguments.json)
     daemon = daemon_of(layout)
     if daemon is not None:
-        return control.asked(screen, daemon, known, retried, as_json=arguments.json)
+        return requests.asked(screen, daemon, known, retried, as_json=arguments.json)
     view = Silence() if arguments.json else Lines(screen)
     code, status = watched(project, screen, view, once=True, as_json=arguments.json)
     if status is not None:
-        control.healed(screen, given_up(layout), retried, str(status), as_json=arguments.json)
+        requests.healed(screen, given_up(layout), retried, str(status), as_json=arguments.json)
     return code
 
 
 def run_claims(arguments: Namespace, project: Path, screen: Console) -> int:
     """Exit code 0; 1 for a claim that cannot be taken back."""
     from octoform.daemon.requests import everything, open_ledger, person, undecidable
-    from octoform.views.daemon import control as view
+    from octoform.views.daemon import requests as view
 
     ledger, found = open_ledger(project, os.environ)
     if ledger is None:
@@ -159,7 +159,7 @@ def run_confirm(arguments: Namespace, project: Path, screen: Console) -> int:
 def _claim(arguments: Namespace, project: Path, screen: Console, ledger: Ledger) -> int:
     """Show a claim that waits, and make it true after a yes."""
     from octoform.daemon.requests import person, undecidable
-    from octoform.views.daemon import control as view
+    from octoform.views.daemon import requests as view
     from octoform.views.endpoint.process import approves
 
     claim = next((each for each in ledger.pending() if each.id == arguments.claim), None)
@@ -178,7 +178,7 @@ def _claim(arguments: Namespace, project: Path, screen: Console, ledger: Ledger)
 def _listed(arguments: Namespace, project: Path, screen: Console, claims: Sequence[Claim]) -> int:
     """All that waits for a person."""
     from octoform.engine.unattended.heal import waiting_rewrites
-    from octoform.views.daemon import control as view
+    from octoform.views.daemon import requests as view
 
     if arguments.reject or arguments.auto_approve:
         return problems.show(screen, [_of_nothing()], as_json=arguments.json)
@@ -193,7 +193,7 @@ def _rewrite(arguments: Namespace, project: Path, screen: Console, rewrite: Rewr
     """Show what a rewrite changes, and put it in service or drop it."""
     from octoform.daemon.requests import undecidable
     from octoform.engine.unattended.heal import decide_rewrite
-    from octoform.views.daemon import control as view
+    from octoform.views.daemon import requests as view
     from octoform.views.endpoint.process import approves
 
     if not arguments.reject and not arguments.auto_approve:
@@ -222,7 +222,7 @@ def _not_approved() -> Diagnostic:
 
 
 def _told(screen: Console, done: Claim | Diagnostic, *, as_json: bool) -> int:
-    from octoform.views.daemon import control as view
+    from octoform.views.daemon import requests as view
 
     if isinstance(done, Diagnostic):
         return problems.show(screen, [done], as_json=as_json)
@@ -231,24 +231,24 @@ def _told(screen: Console, done: Claim | Diagnostic, *, as_json: bool) -> int:
 
 def run_pause(arguments: Namespace, project: Path, screen: Console) -> int:
     """Exit code 0 when repairs are paused, also where no daemon runs yet."""
-    from octoform.daemon.observe.clock import SystemClock
+    from octoform.daemon.observe.clock_jumps import SystemClock
     from octoform.daemon.store import instance_lock
     from octoform.engine.tools import layout_of
-    from octoform.views.daemon import control
+    from octoform.views.daemon import requests
 
     layout, found = layout_of(project, os.environ)
     if layout is None:
         return problems.show(screen, found, as_json=arguments.json)
     if problem := instance_lock.pause(layout, SystemClock().stamp()):
         return problems.show(screen, [problem], as_json=arguments.json)
-    return control.paused(screen, layout.host, instance_lock.alive(layout), as_json=arguments.json)
+    return requests.paused(screen, layout.host, instance_lock.alive(layout), as_json=arguments.json)
 
 
 def run_resume(arguments: Namespace, project: Path, screen: Console) -> int:
     """Exit code 0 when repairs are not paused any more."""
     from octoform.daemon.store import instance_lock
     from octoform.engine.tools import layout_of
-    from octoform.views.daemon import control
+    from octoform.views.daemon import requests
 
     layout, found = layout_of(project, os.environ)
     if layout is None:
@@ -256,7 +256,7 @@ def run_resume(arguments: Namespace, project: Path, screen: Console) -> int:
     was, problem = instance_lock.resume(layout)
     if problem is not None:
         return problems.show(screen, [problem], as_json=arguments.json)
-    return control.resumed(screen, layout.host, instance_lock.alive(layout), was=was, as_json=arguments.json)
+    return requests.resumed(screen, layout.host, instance_lock.alive(layout), was=was, as_json=arguments.json)
 
 
 def run_episodes(arguments: Namespace, project: Path, screen: Console) -> int:

@@ -11,8 +11,8 @@ from argparse import Namespace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from octoform.cli.interrupts import Stopped
 from octoform.cli.parser import UsageError
-from octoform.cli.signals import Stopped
 from octoform.views.format import problems
 from octoform.views.format.console import Console
 

@@ -25,11 +25,11 @@ if TYPE_CHECKING:
 
 def run_plan(arguments: Namespace, project: Path, screen: Console) -> int:
     """Show what would change, and change nothing."""
-    from octoform.engine.plan import cache
+    from octoform.engine.plan import memo
 
     more = ("target", "replace", "out", "destroy", "no_reuse", "tier1")
     usual = not any(getattr(arguments, name) for name in more)
-    remembered = cache.recall(project, os.environ) if usual else None
+    remembered = memo.recall(project, os.environ) if usual else None
     return _show(arguments, screen, remembered) if remembered is not None else _compile(arguments, project, screen)
 
 

@@ -14,15 +14,15 @@ from itertools import islice
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from octoform.cli.interrupts import Stopped
 from octoform.cli.parser import UsageError, seconds
-from octoform.cli.signals import Stopped
 from octoform.diagnostics import error
 from octoform.views.format import problems
 from octoform.views.format.console import Console
 
 if TYPE_CHECKING:
     from octoform.endpoint.client.terminal import Person
-    from octoform.engine.snapshot import Eye, Look
+    from octoform.engine.look import Eye, Look
 
 
 def run_tools(arguments: Namespace, project: Path, screen: Console) -> int:
@@ -90,7 +90,7 @@ _SHORTEST = 1.0
 
 def run_look(arguments: Namespace, project: Path, screen: Console) -> int:
     """0 for a picture that shows something, 1 for none, 2 for one that shows nothing; with -every that of the last."""
-    from octoform.engine.snapshot import open_eye
+    from octoform.engine.look import open_eye
     from octoform.views.endpoint.tools import attended
 
     count, interval = _count(arguments), _interval(arguments)
@@ -119,7 +119,7 @@ def run_look(arguments: Namespace, project: Path, screen: Console) -> int:
 
 
 def _looks(eye: Eye, interval: float | None, count: int | None, person: Person) -> Iterator[Look]:
-    from octoform.engine.snapshot import heartbeat, look
+    from octoform.engine.look import heartbeat, look
 
     if interval is None:
         return iter((look(eye, person),))
@@ -128,7 +128,7 @@ def _looks(eye: Eye, interval: float | None, count: int | None, person: Person) 
 
 def _shown(screen: Console, seen: Look, path: Path | None, *, as_json: bool) -> int:
     """The look with its picture saved; a picture that can't be written is an error whatever it shows."""
-    from octoform.engine.snapshot import save
+    from octoform.engine.look import save
     from octoform.perception.capture import Taken
     from octoform.views.endpoint import tools as view
 

@@ -15,7 +15,7 @@ from octoform.contracts.rules.serve.programs import programs_of
 from octoform.contracts.rules.text_rules import in_values
 from octoform.contracts.script_header import declared_names, declared_requirements, normalised, required_python
 from octoform.contracts.server_source import Source, imported_modules, read_source
-from octoform.contracts.text import flattened, listed, shown
+from octoform.contracts.shown_text import flattened, listed, shown
 from octoform.diagnostics import Diagnostic, Span, error, warning
 
 _BUILDS = frozenset({"headless", "contrib", "gpu", "cpu", "full", "lite", "nogui"})

@@ -12,7 +12,7 @@ from octoform.contracts.model import Artifacts, JsonObject, Rule
 from octoform.contracts.rules import report_rules, text_rules
 from octoform.contracts.rules.report_rules import Found, concerned, facts_of, source_of
 from octoform.contracts.server_source import Function, Source, needed_source
-from octoform.contracts.text import listed, shown
+from octoform.contracts.shown_text import listed, shown
 from octoform.diagnostics import Diagnostic, did_you_mean, error
 
 NONE = "none"

@@ -10,7 +10,7 @@ from typing import Any
 
 from octoform.base.pointer import pointer
 from octoform.contracts.model import Artifacts, HostScan, JsonObject, Rule
-from octoform.contracts.text import shown
+from octoform.contracts.shown_text import shown
 from octoform.diagnostics import Diagnostic, error
 
 LISTED_AT_ONCE, SHOWN_AT_ONCE = 12, 3

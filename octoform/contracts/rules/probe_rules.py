@@ -12,7 +12,7 @@ from octoform.base.pointer import pointer
 from octoform.contracts.host_identity.pseudonyms import secrets_of
 from octoform.contracts.model import Artifacts, HostScan, JsonObject, Rule
 from octoform.contracts.rules.text_rules import in_values
-from octoform.contracts.text import listed, shown
+from octoform.contracts.shown_text import listed, shown
 from octoform.diagnostics import Diagnostic, error
 
 _NEIGHBOURHOODS = frozenset(

@@ -6,7 +6,7 @@ Where a profile has a grammar, that alone says which command stops, and the rule
 
 from octoform.base.pointer import pointer
 from octoform.contracts.model import Artifacts, JsonObject, Rule, described
-from octoform.contracts.text import shown
+from octoform.contracts.shown_text import shown
 from octoform.diagnostics import Diagnostic, error
 
 _ACTUATE = "actuate"

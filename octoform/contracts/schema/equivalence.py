@@ -11,7 +11,7 @@ from typing import Any
 from octoform.base.pointer import resolve
 from octoform.contracts.artifact_parser import MAX_DEPTH, deeper_than
 from octoform.contracts.model import JsonObject
-from octoform.contracts.text import listed, shown
+from octoform.contracts.shown_text import listed, shown
 from octoform.diagnostics import Diagnostic, error
 
 _SILENT = frozenset(

@@ -10,7 +10,7 @@ from octoform.daemon.evidence import Evidence
 from octoform.daemon.health import Health, compose
 from octoform.daemon.model import Facts
 from octoform.daemon.signals import current, measured, unread
-from octoform.daemon.store.state import Memory
+from octoform.daemon.store.memory import Memory
 
 FILE = "health.json"
 FRESH_SECONDS = 60.0

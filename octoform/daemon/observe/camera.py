@@ -11,7 +11,7 @@ def look_once(project: Path) -> dict[str, Any]:
     Only where the manifest has perception switched on. The picture is kept as every other look's is.
     """
     from octoform.diagnostics import Diagnostic
-    from octoform.engine.snapshot import look, open_eye
+    from octoform.engine.look import look, open_eye
 
     eye, found = open_eye(project, os.environ)
     if eye is None:

@@ -13,7 +13,7 @@ from functools import partial
 
 from octoform.daemon.model import Cause, Facts
 from octoform.daemon.observe import file_events
-from octoform.daemon.observe.clock import Moments, SystemClock
+from octoform.daemon.observe.clock_jumps import Moments, SystemClock
 from octoform.daemon.observe.file_events import Ear, FolderEar, Unwatched
 from octoform.daemon.observe.hardware import hardware
 from octoform.daemon.observe.process import ProcessEar

@@ -13,9 +13,9 @@ from inotify_simple import INotify, flags
 from octoform.daemon.model import Cause
 from octoform.diagnostics import Diagnostic, warning
 from octoform.endpoint.environment.model import packages_of
-from octoform.endpoint.files import read_manifest
 from octoform.endpoint.process.estop import LATCH
 from octoform.endpoint.process.record import RECORD
+from octoform.endpoint.published_files import read_manifest
 from octoform.state.layout import Layout
 
 

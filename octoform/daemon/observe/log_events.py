@@ -13,8 +13,8 @@ from typing import Any
 
 from octoform.base.escaping import escaped
 from octoform.base.files import parse
-from octoform.endpoint.files import read_policy
 from octoform.endpoint.observe.logs import LoggedCall
+from octoform.endpoint.published_files import read_policy
 from octoform.state.layout import Layout
 
 # New lines of a log, whatever becomes of the file: set aside, cut, replaced or no text at all. (Light.)

@@ -13,15 +13,15 @@ from typing import Any
 from octoform.base import files
 from octoform.base.escaping import escaped
 from octoform.daemon.model import Cause, Clock, Facts
-from octoform.daemon.observe.file_integrity import Standing
+from octoform.daemon.observe.altered_files import Standing
 from octoform.daemon.observe.log_events import Hearing
 from octoform.daemon.observe.presence import Presence
 from octoform.daemon.observe.process import Answering
-from octoform.endpoint.files import read_manifest
 from octoform.endpoint.process import record
 from octoform.endpoint.process.estop import is_latched
 from octoform.endpoint.process.record import Running, running
 from octoform.endpoint.publish.expected_tools import published
+from octoform.endpoint.published_files import read_manifest
 from octoform.manifest.model import FILE_NAME
 from octoform.state.files import read_regular, write_atomic
 from octoform.state.layout import STEP, Layout

@@ -21,8 +21,8 @@ from octoform.daemon.model import Sighting
 from octoform.daemon.observe.event_queue import wait_readable
 from octoform.daemon.observe.hardware import names
 from octoform.daemon.observe.process import ProcessEar
-from octoform.endpoint.files import describe_closed, served_nodes
 from octoform.endpoint.process.record import Running, is_it
+from octoform.endpoint.published_files import describe_closed, served_nodes
 from octoform.host.fingerprint import SYSROOT_VARIABLE
 from octoform.state.artifacts.cache import classes_of, read_instances
 from octoform.state.layout import Layout

@@ -8,7 +8,7 @@ from dataclasses import InitVar, dataclass, field
 
 from octoform.daemon.model import Alert, Cause, Facts, Finding, Kind, Notify, Outcome, Status
 from octoform.daemon.store.incidents import Episode
-from octoform.daemon.store.state import Memory
+from octoform.daemon.store.memory import Memory
 from octoform.engine.apply import approval
 
 RETURNED = frozenset({Kind.DEVICE_MOVED, Kind.DEVICE_BACK})

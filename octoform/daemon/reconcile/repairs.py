@@ -10,7 +10,7 @@ from octoform.daemon.health import Stand, stand, worse
 from octoform.daemon.model import Cause, Done, Facts, FaultClass, Finding, Kind, Outcome, Ports, Repair
 from octoform.daemon.notify.notices import hint
 from octoform.daemon.reconcile.incidents import Troubles
-from octoform.daemon.reconcile.policy import (
+from octoform.daemon.reconcile.repair_policy import (
     APPLYING,
     GRACE_SECONDS,
     QUICK,
@@ -33,7 +33,7 @@ from octoform.daemon.reconcile.policy import (
 from octoform.daemon.signals import unread
 from octoform.daemon.store.agent_budget import ATTEMPTS, Entry
 from octoform.daemon.store.incidents import Episode, Try
-from octoform.daemon.store.state import Memory
+from octoform.daemon.store.memory import Memory
 from octoform.daemon.triage.agent_report import findings_of, summary_of
 
 # HEAL on probation: what it changed counts only once everything has been read anew, and nothing reads worse. Light.

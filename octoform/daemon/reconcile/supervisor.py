@@ -14,11 +14,19 @@ from octoform.daemon.health import Health
 from octoform.daemon.model import Cause, Facts, Finding, Kind, Ports
 from octoform.daemon.notify.status_file import FRESH_SECONDS, Bulletin
 from octoform.daemon.reconcile.incidents import Troubles
-from octoform.daemon.reconcile.policy import PROCESS, Bench, Lane, Product, Task, busy_with_ours, concerns_process
+from octoform.daemon.reconcile.repair_policy import (
+    PROCESS,
+    Bench,
+    Lane,
+    Product,
+    Task,
+    busy_with_ours,
+    concerns_process,
+)
 from octoform.daemon.reconcile.repairs import Trying, Waits
 from octoform.daemon.store import instance_lock
 from octoform.daemon.store.incidents import Episode, Try
-from octoform.daemon.store.state import Memory
+from octoform.daemon.store.memory import Memory
 from octoform.daemon.triage import judge, remember
 from octoform.daemon.triage.process import LEAST_FREE
 from octoform.diagnostics import Diagnostic

@@ -18,7 +18,7 @@ from octoform.base import clock
 from octoform.base.files import parse, private_folder, record
 from octoform.daemon.model import Done
 from octoform.diagnostics import Diagnostic
-from octoform.endpoint.process import lifecycle
+from octoform.endpoint.process import start_stop
 from octoform.endpoint.process.control import ask
 from octoform.endpoint.process.record import Running, is_it, is_marked, running
 from octoform.state.files import read_regular, refused, write_atomic
@@ -65,8 +65,8 @@ class World:
     uptime: Callable[[], float] = clock.boottime
     boot: Callable[[], str] = clock.boot_id
     sleep: Callable[[float], None] = time.sleep
-    start: Callable[[Layout, float], tuple[Running | None, Diagnostic | None]] = lifecycle.start
-    stop: Callable[[Layout], object] = lifecycle.stop
+    start: Callable[[Layout, float], tuple[Running | None, Diagnostic | None]] = start_stop.start
+    stop: Callable[[Layout], object] = start_stop.stop
     lives: Callable[[Running], bool] = is_it
 
 
@@ -79,7 +79,7 @@ def restart(layout: Layout, world: World | None = None, *, hung: bool = False) -
     if is_marked(layout):
         return Done(False, "a person has stopped the endpoint; octoform start starts it", again=False)
     there = running(layout)
-    if there is not None and not hung and lifecycle.accepts(layout):
+    if there is not None and not hung and start_stop.accepts(layout):
         return Done(True, f"it runs already (process {there.pid})")
     if there is not None and hung and _well(layout):
         return Done(True, f"it answers again by itself (process {there.pid})")
@@ -116,7 +116,7 @@ def _started(layout: Layout, world: World, starts: list[Start]) -> Done:
 
 def _brought_up(layout: Layout, world: World) -> tuple[Running | None, Diagnostic | None]:
     try:
-        return world.start(layout, lifecycle.START_SECONDS)
+        return world.start(layout, start_stop.START_SECONDS)
     except OSError as problem:  # a full disk or one that is read-only: no start, and told as every other failed one
         return None, refused(problem, Path(problem.filename or layout.run))
 
@@ -129,7 +129,7 @@ def _well(layout: Layout) -> bool:
     told = ask(layout, {"op": "status"}, ANSWER_SECONDS)
     gate = told.get("gate") if told is not None else None
     stuck = gate.get("stuck") if isinstance(gate, dict) else None
-    return told is not None and not stuck and lifecycle.accepts(layout)
+    return told is not None and not stuck and start_stop.accepts(layout)
 
 
 def _stays(process: Running, world: World) -> bool:

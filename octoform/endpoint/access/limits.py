@@ -5,8 +5,8 @@ from dataclasses import dataclass
 from typing import Any
 
 from octoform.diagnostics import Diagnostic, did_you_mean, error
-from octoform.endpoint.files import read_policy
 from octoform.endpoint.process import control, offline_commands
+from octoform.endpoint.published_files import read_policy
 from octoform.state.layout import Layout
 
 SECONDS = 5.0

@@ -15,9 +15,9 @@ from urllib.parse import urlsplit
 from octoform.base import files
 from octoform.base.files import parse, private_folder
 from octoform.diagnostics import Diagnostic, error, warning
-from octoform.endpoint.files import CONNECTION
 from octoform.endpoint.process import control, offline_commands
 from octoform.endpoint.process.control import ask
+from octoform.endpoint.published_files import CONNECTION
 from octoform.state.layout import Layout
 
 REVOKED = "tunnel-revoked.json"

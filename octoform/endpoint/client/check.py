@@ -14,11 +14,11 @@ from octoform.base.clock import stamp
 from octoform.diagnostics import Diagnostic
 from octoform.endpoint.client.check_verdict import CheckReport, TrialCall, has_content, judge_check
 from octoform.endpoint.client.sdk_client import Call, Client, Report, recorded_environment
-from octoform.endpoint.files import CHECK
 from octoform.endpoint.observe.logs import LoggedCall, calls_after, mark
-from octoform.endpoint.process.lifecycle import clear_left, start
+from octoform.endpoint.process.start_stop import clear_left, start
 from octoform.endpoint.publish.expected_tools import untried
 from octoform.endpoint.publish.policy import LINE
+from octoform.endpoint.published_files import CHECK
 from octoform.state.files import write_atomic
 from octoform.state.layout import Layout
 

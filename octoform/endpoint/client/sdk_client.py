@@ -11,8 +11,8 @@ from typing import Any
 from octoform.base.files import parse
 from octoform.endpoint.bounded_program import Begun, Finished, base_environment
 from octoform.endpoint.environment.model import Environment, at
-from octoform.endpoint.files import read_manifest
 from octoform.endpoint.publish.publication import client_command
+from octoform.endpoint.published_files import read_manifest
 from octoform.state.layout import Layout
 
 SCRIPT = Path(__file__).parents[1] / "scripts" / "mcp_client.py"

@@ -14,7 +14,8 @@ from octoform.base.digest import of_value
 from octoform.base.files import read_json
 from octoform.base.shape import fits
 from octoform.endpoint.environment.model import Environment, at, intact
-from octoform.endpoint.files import (
+from octoform.endpoint.process.record import Running, running
+from octoform.endpoint.published_files import (
     CHECK,
     CONNECTION,
     LAUNCHER,
@@ -25,7 +26,6 @@ from octoform.endpoint.files import (
     read_manifest,
     written_for,
 )
-from octoform.endpoint.process.record import Running, running
 from octoform.state.layout import Layout
 
 OTHER_TOOLS = "tools differ"

@@ -8,9 +8,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from octoform.endpoint.files import is_copy, of_another
 from octoform.endpoint.process import control, offline_commands
 from octoform.endpoint.process.record import running
+from octoform.endpoint.published_files import is_copy, of_another
 from octoform.state.layout import Layout
 
 LATCH = "estop.json"

@@ -14,8 +14,8 @@ from pathlib import Path
 
 from octoform.base.digest import of_bytes
 from octoform.base.files import read
-from octoform.endpoint.files import LAUNCHER
 from octoform.endpoint.process.record import MARK, unmark
+from octoform.endpoint.published_files import LAUNCHER
 from octoform.state.layout import Layout
 
 PROGRAM = "systemctl"

@@ -3,10 +3,10 @@
 from pathlib import Path
 
 from octoform.diagnostics import Diagnostic
-from octoform.endpoint.files import LAUNCHER
 from octoform.endpoint.proxy.dial import reach
 from octoform.endpoint.proxy.stdio import Again, pipe, refuse
-from octoform.manifest.addresses import is_legal_host
+from octoform.endpoint.published_files import LAUNCHER
+from octoform.manifest.model_url import is_legal_host
 from octoform.state.files import foreign_among
 from octoform.state.layout import Layout
 

@@ -7,9 +7,9 @@ from collections.abc import Callable
 
 from octoform.base import shortage
 from octoform.diagnostics import Diagnostic, error
-from octoform.endpoint.files import LAUNCHER
-from octoform.endpoint.process.lifecycle import start, stop
 from octoform.endpoint.process.record import is_marked, refusal, unmark
+from octoform.endpoint.process.start_stop import start, stop
+from octoform.endpoint.published_files import LAUNCHER
 from octoform.endpoint.sockets import greeted
 from octoform.state.files import refused
 from octoform.state.layout import Layout

@@ -20,7 +20,14 @@ from octoform.base.files import make_way, parse, private_folder, read, read_json
 from octoform.diagnostics import Diagnostic, Severity
 from octoform.endpoint.environment.build import prune
 from octoform.endpoint.environment.model import FOLDER_NAME, MARKER, Environment, at
-from octoform.endpoint.files import (
+from octoform.endpoint.mcp_clients.formats import CLIENTS as PROGRAMS
+from octoform.endpoint.mcp_clients.formats import Client, form, of
+from octoform.endpoint.mcp_clients.merge import Wish, written
+from octoform.endpoint.process.estop import LATCH
+from octoform.endpoint.process.start_stop import stop
+from octoform.endpoint.process.systemd import lasting_command
+from octoform.endpoint.publish.expected_tools import denied
+from octoform.endpoint.published_files import (
     CHECK,
     CLIENTS,
     CONNECTION,
@@ -36,13 +43,6 @@ from octoform.endpoint.files import (
     program_files,
     read_manifest,
 )
-from octoform.endpoint.mcp_clients.formats import CLIENTS as PROGRAMS
-from octoform.endpoint.mcp_clients.formats import Client, form, of
-from octoform.endpoint.mcp_clients.merge import Wish, written
-from octoform.endpoint.process.estop import LATCH
-from octoform.endpoint.process.lifecycle import stop
-from octoform.endpoint.process.systemd import lasting_command
-from octoform.endpoint.publish.expected_tools import denied
 from octoform.state.artifacts.cache import ENDPOINT, forget, keep
 from octoform.state.files import write_atomic
 from octoform.state.layout import Layout

@@ -23,8 +23,8 @@ from octoform.endpoint.publish.expected_tools import shown
 from octoform.engine.apply import approval
 from octoform.engine.apply.session import Locked, Means, Refused, commit_run, context_of, locked, logging_to, opened
 from octoform.engine.inspect.devices import diagnostics, lacking
-from octoform.engine.plan import cache as plan_cache
 from octoform.engine.plan import device_knowledge
+from octoform.engine.plan import memo as plan_cache
 from octoform.engine.plan.configuration import Compiled, source_files
 from octoform.engine.plan.plan import Outlook, Request, prepare
 from octoform.engine.plan.prices import calling, unpriced

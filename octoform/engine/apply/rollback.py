@@ -21,9 +21,9 @@ from octoform.apply.context import CANDIDATE
 from octoform.apply.rewrite import promotion
 from octoform.base.files import parse, record
 from octoform.diagnostics import Diagnostic, error, has_errors
-from octoform.endpoint.files import CHECK, LAUNCHER, MANIFEST, read_manifest
-from octoform.endpoint.process import lifecycle
+from octoform.endpoint.process import start_stop
 from octoform.endpoint.process.record import is_marked, running
+from octoform.endpoint.published_files import CHECK, LAUNCHER, MANIFEST, read_manifest
 from octoform.state.artifacts.accepted import accept, contents, file_digest
 from octoform.state.files import read_regular, spending, write_atomic
 from octoform.state.layout import UNATTENDED, Layout
@@ -178,7 +178,7 @@ def _served_again(former: Former) -> list[Diagnostic]:
     layout = former.layout
     same = all(read_regular(layout.endpoint / name)[0] == data for name, data in former.endpoint.items())
     if not same:
-        lifecycle.stop(layout)
+        start_stop.stop(layout)
         for name, data in former.endpoint.items():
             problem = write_atomic(layout.endpoint / name, data, 0o700 if name == LAUNCHER else 0o600)
             if problem is not None:
@@ -186,7 +186,7 @@ def _served_again(former: Former) -> list[Diagnostic]:
     shutil.rmtree(layout.local / CANDIDATE, ignore_errors=True)  # nothing is published from there any more
     if not former.ran or is_marked(layout):
         return []
-    process, problem = lifecycle.start(layout)
+    process, problem = start_stop.start(layout)
     if process is not None:
         return []
     return [problem or error("ENDPOINT-START-FAILED", "the endpoint is not started again")]

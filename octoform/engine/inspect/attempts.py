@@ -24,7 +24,7 @@ from octoform.harness.port import Closed, ExitReason, ToolCalled, ToolReturned, 
 from octoform.manifest.loader import load as load_manifest
 from octoform.manifest.model import FILE_NAME as MANIFEST
 from octoform.protocol import STEP, step_paths
-from octoform.protocol.loader import load as load_specs
+from octoform.protocol.spec_loader import load as load_specs
 from octoform.state.artifacts import attempts as records
 from octoform.state.artifacts.attempts import AttemptRecord
 from octoform.state.layout import Layout

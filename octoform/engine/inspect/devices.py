@@ -16,7 +16,7 @@ from octoform.base import files
 from octoform.contracts.artifact_parser import parse
 from octoform.contracts.rules.raw_line_rules import is_raw_line
 from octoform.diagnostics import Diagnostic, error, warning
-from octoform.endpoint.files import describe_closed, served_nodes
+from octoform.endpoint.published_files import describe_closed, served_nodes
 from octoform.engine.plan import device_knowledge
 from octoform.engine.plan.configuration import compile_project
 from octoform.host.fingerprint import SYSROOT_VARIABLE

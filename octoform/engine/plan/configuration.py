@@ -11,7 +11,7 @@ from pathlib import Path
 
 from octoform import profiles as profile_reader
 from octoform.diagnostics import Diagnostic, Span, did_you_mean, error, has_errors
-from octoform.engine.plan import cache
+from octoform.engine.plan import memo
 from octoform.graph.compile import compile_graph
 from octoform.graph.model import Graph
 from octoform.manifest.loader import load as load_manifest
@@ -19,8 +19,8 @@ from octoform.manifest.loader import named_profiles
 from octoform.manifest.model import Manifest, NamedStep, ProfileSource, TypedProfile
 from octoform.profiles import Profile
 from octoform.protocol import Spec, Step, step_paths
-from octoform.protocol.loader import load as load_specs
-from octoform.protocol.loader import load_step, schema_dir
+from octoform.protocol.spec_loader import load as load_specs
+from octoform.protocol.spec_loader import load_step, schema_dir
 from octoform.state.layout import Layout
 
 
@@ -65,7 +65,7 @@ def _at(manifest: Manifest, named: NamedStep, code: str, summary: str, hint: str
     return error(code, summary, path=str(manifest.path), span=named.span, source=named.source, hint=hint)
 
 
-MANIFEST = cache.MANIFEST
+MANIFEST = memo.MANIFEST
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,7 +7,7 @@ from typing import Any
 
 import octoform
 from octoform import host
-from octoform.apply.stage.gate import offered
+from octoform.apply.stage.acceptance import offered
 from octoform.base import digest, files
 from octoform.base.shape import fits
 from octoform.contracts.artifact_parser import parse

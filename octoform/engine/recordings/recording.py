@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from octoform import __version__
-from octoform.apply.stage.gate import MOST_BYTES, MOST_JSON_BYTES
+from octoform.apply.stage.acceptance import MOST_BYTES, MOST_JSON_BYTES
 from octoform.apply.stage.spec_copy import FILE_NAME as SPEC_COPY
 from octoform.apply.stage.spec_copy import MOST_SPEC_BYTES
 from octoform.base.files import TEMPORARY, replace, sync_folder

@@ -14,7 +14,7 @@ from octoform.apply.duties import heal as healing
 from octoform.apply.duties.outcome import Answer, refusal
 from octoform.apply.rewrite import pending_rewrite, promotion
 from octoform.diagnostics import Diagnostic, error, has_errors
-from octoform.endpoint.process import estop, lifecycle
+from octoform.endpoint.process import estop, start_stop
 from octoform.endpoint.process.record import is_marked
 from octoform.engine.tools import layout_of
 from octoform.engine.unattended.rediscover import Left, redeploy, rediscover
@@ -127,11 +127,11 @@ def _restored(layout: Layout, _: Mapping[str, str], _left: Left) -> Answer:
 def _restarted(layout: Layout, _: Mapping[str, str], _left: Left) -> Answer:
     if is_marked(layout):
         return Answer(ok=False, detail="a person has stopped the endpoint; it stays so")
-    problem = lifecycle.obstacle(layout)
+    problem = start_stop.obstacle(layout)
     if problem is not None:
         return refusal([problem])
-    lifecycle.stop(layout)
-    process, problem = lifecycle.start(layout)
+    start_stop.stop(layout)
+    process, problem = start_stop.start(layout)
     if process is None:
         return refusal([problem] if problem is not None else [])
     return Answer(ok=True, detail="the endpoint was started again")

@@ -18,10 +18,10 @@ from octoform.endpoint.environment.build import build
 from octoform.endpoint.environment.lockfile import packages
 from octoform.endpoint.environment.model import Environment, at, locate, packages_of
 from octoform.endpoint.environment.wheel_records import altered
-from octoform.endpoint.files import CLIENTS, LAUNCHER
-from octoform.endpoint.process import lifecycle
+from octoform.endpoint.process import start_stop
 from octoform.endpoint.process.record import is_marked, running
 from octoform.endpoint.publish.expected_tools import shown as shown_tools
+from octoform.endpoint.published_files import CLIENTS, LAUNCHER
 from octoform.state.artifacts import cache
 from octoform.state.artifacts.accepted import observe
 from octoform.state.artifacts.cache import Damage, damage_of, read_instances, set_aside
@@ -311,10 +311,10 @@ def _restarted(layout: Layout, detail: str) -> Repaired:
     if is_marked(layout):
         return Repaired(True, f"{detail}; a person has stopped the endpoint, so it is not started")
     if running(layout) is not None:
-        if problem := lifecycle.obstacle(layout):
+        if problem := start_stop.obstacle(layout):
             return Repaired(False, f"{detail}; {_words([problem])}")
-        lifecycle.stop(layout)
-    process, problem = lifecycle.start(layout)
+        start_stop.stop(layout)
+    process, problem = start_stop.start(layout)
     if process is None:
         return Repaired(False, f"{detail}; {_words([problem] if problem else [])}")
     return Repaired(True, f"{detail}; the endpoint runs from it")

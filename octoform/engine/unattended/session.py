@@ -30,7 +30,7 @@ from octoform.engine.apply.session import (
     logging_to,
     opened,
 )
-from octoform.engine.plan import cache
+from octoform.engine.plan import memo
 from octoform.engine.plan.configuration import compile_project
 from octoform.engine.plan.refresh import look
 from octoform.events import Event, Notice
@@ -95,7 +95,7 @@ def _recorded(held: Locked, there: Opened, operation: str, answer: Answer) -> An
     found = there.store.commit_snapshot()
     if not unsettled:
         return answer
-    cache.path_of(layout.project).unlink(missing_ok=True)
+    memo.path_of(layout.project).unlink(missing_ok=True)
     if held.compiled.manifest.git.commit and not has_errors(found):
         _, more = commit_run(layout, there.store.snapshot, operation)
         found += more

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from octoform.diagnostics import Diagnostic, error
-from octoform.harness.attempt import Invocation, run_contained
+from octoform.harness.contained_attempt import Invocation, run_contained
 from octoform.harness.port import Outcome, ProgressSink, Task
 from octoform.manifest.model import HarnessSpec
 

@@ -12,7 +12,7 @@ from pathlib import Path
 
 from octoform.base.files import read
 from octoform.diagnostics import Diagnostic, did_you_mean, error
-from octoform.harness.attempt import Invocation, run_contained
+from octoform.harness.contained_attempt import Invocation, run_contained
 from octoform.harness.port import Outcome, ProgressSink, Task
 from octoform.manifest.model import PLACEHOLDERS, HarnessSpec, Sandbox
 from octoform.manifest.references import resolve_argument

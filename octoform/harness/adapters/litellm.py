@@ -11,7 +11,7 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
 from octoform.diagnostics import Diagnostic
-from octoform.harness.attempt import Invocation, run_contained
+from octoform.harness.contained_attempt import Invocation, run_contained
 from octoform.harness.containment.agent_environment import is_secret
 from octoform.harness.event_parser import count, field, json_object, one_line, trouble
 from octoform.harness.llm.client import BACKOFF_SECONDS, SETTINGS

@@ -12,7 +12,7 @@ from typing import Any, ClassVar
 from octoform.base.files import replace
 from octoform.harness.adapters.program import Launch, ProgramHarness
 from octoform.harness.adapters.shells import bounded, command_seconds
-from octoform.harness.attempt import Invocation
+from octoform.harness.contained_attempt import Invocation
 from octoform.harness.event_parser import count, field, json_object, one_line, trouble
 from octoform.harness.install.program_location import Pin
 from octoform.harness.llm.route import Access

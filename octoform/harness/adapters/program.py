@@ -11,7 +11,7 @@ from typing import ClassVar, Protocol
 
 from octoform.base.files import read
 from octoform.diagnostics import Diagnostic
-from octoform.harness.attempt import Invocation, run_contained
+from octoform.harness.contained_attempt import Invocation, run_contained
 from octoform.harness.install.program_location import Located, Pin, locate
 from octoform.harness.llm.route import Access, access, unusable
 from octoform.harness.port import ExitReason, Outcome, ProgressSink, Task

@@ -11,10 +11,10 @@ from pathlib import Path
 
 from octoform.base import files
 from octoform.harness.llm.client import LiteLLM, Patient, Refusal, Request
+from octoform.harness.react.agent_tools import Shell, Toolbox
+from octoform.harness.react.chat_history import Conversation
 from octoform.harness.react.config import Config, read
-from octoform.harness.react.conversation import Conversation
 from octoform.harness.react.loop import Loop, Reporter, instructions
-from octoform.harness.react.tools import Shell, Toolbox
 
 UNAUTHORIZED = 401
 

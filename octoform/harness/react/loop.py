@@ -12,9 +12,9 @@ from string import Template
 from typing import Any, TextIO
 
 from octoform.harness.llm.client import Call, Model, Refusal, Reply
+from octoform.harness.react.agent_tools import Ready, Said, Toolbox, checked, declared
+from octoform.harness.react.chat_history import Conversation
 from octoform.harness.react.config import Config
-from octoform.harness.react.conversation import Conversation
-from octoform.harness.react.tools import Ready, Said, Toolbox, checked, declared
 
 # What the agent says of itself: one JSON object a line, bounded, at once.
 #

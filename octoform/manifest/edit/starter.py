@@ -8,7 +8,7 @@ from importlib import resources
 from pathlib import Path
 
 from octoform.diagnostics import Diagnostic, error
-from octoform.manifest import addresses
+from octoform.manifest import model_url
 
 SCHEMA_FILE = "protocol/schemas/octopus.v1.schema.json"
 _NO_SCHEMA = """\
@@ -31,9 +31,9 @@ def write_starter(path: Path, host: str | None, machine: str) -> tuple[str | Non
     ``host`` is the name that a person chose; without it one is made of ``machine``, the machine's own name. The schema
     is named for editors where the project has the file.
     """
-    chosen = addresses.host_of_machine(machine) if host is None else host
-    if not addresses.is_legal_host(chosen):
-        fitting = addresses.nearest_host(chosen)
+    chosen = model_url.host_of_machine(machine) if host is None else host
+    if not model_url.is_legal_host(chosen):
+        fitting = model_url.nearest_host(chosen)
         return None, [
             error(
                 "MANIFEST-WRONG-VALUE",

@@ -14,7 +14,7 @@ from octoform.manifest.model import KEEPERS, PLACEHOLDERS, STAGES, NamedStep
 from octoform.manifest.schema.document import Document, Stage
 from octoform.manifest.schema.harness import PROGRAMS
 from octoform.manifest.source import tree
-from octoform.manifest.source.report import Report
+from octoform.manifest.source.problem_list import Report
 from octoform.manifest.source.tree import Items, Loc, Scalar, Table
 
 _PLACEHOLDER = re.compile(r"\{\{|\}\}|(?<!\$)\{([A-Za-z_][A-Za-z0-9_]*)\}")

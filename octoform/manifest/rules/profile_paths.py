@@ -13,7 +13,7 @@ from octoform.diagnostics import did_you_mean
 from octoform.manifest.model import ProfileSource, TypedProfile
 from octoform.manifest.schema.fields import is_typed
 from octoform.manifest.source import tree
-from octoform.manifest.source.report import Report
+from octoform.manifest.source.problem_list import Report
 from octoform.manifest.source.tree import Items, Scalar, Table
 
 FOLDER = "profiles"

@@ -7,7 +7,7 @@ from typing import Any
 from pydantic import BaseModel, ValidationError
 
 from octoform.diagnostics import Span, did_you_mean
-from octoform.manifest import addresses
+from octoform.manifest import model_url
 from octoform.manifest.schema.document import (
     Budget,
     Document,
@@ -25,7 +25,7 @@ from octoform.manifest.schema.document import (
 from octoform.manifest.schema.harness import NAMES, TAGS, CommandHarness, Confinement, ProgramHarness, table_of
 from octoform.manifest.schema.sections import Daemon, Limit, Network, Notify, Policy, Rule, Tunnel
 from octoform.manifest.source import tree
-from octoform.manifest.source.report import Report
+from octoform.manifest.source.problem_list import Report
 from octoform.manifest.source.tree import Items, Loc, Scalar, Table
 
 # The words of the manifest's messages, apart from the rules: a text can be improved without reading the logic.
@@ -71,7 +71,7 @@ RANGES = {
     "usd": "write US dollars, such as 2.50",
     **dict.fromkeys(("input", "cached", "output"), "write US dollars for a million tokens, such as 0.5"),
     "max_tokens": "allowed: 64 to 8000",
-    "base_url": addresses.URL_HINT,
+    "base_url": model_url.URL_HINT,
     "recording": RECORDING_HINT,
     "rules": "allowed: up to 100 rules",
     "rules.tools": "name the tools that it is for, such as [move_rail]; allowed: 1 to 100",

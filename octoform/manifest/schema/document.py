@@ -10,7 +10,7 @@ from pydantic import AfterValidator, Field
 from pydantic.json_schema import GenerateJsonSchema, JsonSchemaValue
 from pydantic_core import core_schema
 
-from octoform.manifest import addresses
+from octoform.manifest import model_url
 from octoform.manifest.schema.fields import (
     CLOSED,
     MOST_ANSWERS,
@@ -181,7 +181,7 @@ class Document(Table):
 
     version: Version
     """The version of this format."""
-    host: Host = addresses.DEFAULT_HOST
+    host: Host = model_url.DEFAULT_HOST
     """The name of this host; it names the folder state/<host>."""
     harness: Harness = "builtin"
     """The agent: a name, or a table with its settings."""

@@ -11,7 +11,7 @@ from pydantic_core import PydanticCustomError
 
 from octoform.base.durations import HINT, LONGEST_SECONDS, PATTERN, seconds
 from octoform.base.escaping import is_hidden
-from octoform.manifest import addresses
+from octoform.manifest import model_url
 from octoform.manifest.references import NAME
 
 
@@ -29,9 +29,9 @@ def added(default: object) -> Any:
 
 
 def _host(value: str) -> str:
-    if addresses.is_legal_host(value):
+    if model_url.is_legal_host(value):
         return value
-    fitting = addresses.nearest_host(value)
+    fitting = model_url.nearest_host(value)
     raise problem(
         "a host name has lower-case letters, digits and inner hyphens, at most 63",
         f"did you mean `{fitting}`?" if fitting else "it becomes the name of a folder: state/<host>",
@@ -66,7 +66,7 @@ def _interval(value: str) -> str:
 
 
 def _base_url(value: str) -> str:
-    complaint = addresses.url_complaint_as_written(value)
+    complaint = model_url.url_complaint_as_written(value)
     if complaint is not None:
         raise problem(*complaint)
     return value
@@ -132,7 +132,7 @@ STEP_NAME = "[a-z][a-z0-9]*(?:-[a-z0-9]+)*"
 DEVICE_ID = "[a-z0-9]+(?:[-_.][a-z0-9]+)*"
 
 Version = Annotated[Literal[1], BeforeValidator(_version)]
-Host = Annotated[str, AfterValidator(_host), Field(json_schema_extra={"pattern": addresses.HOST_PATTERN})]
+Host = Annotated[str, AfterValidator(_host), Field(json_schema_extra={"pattern": model_url.HOST_PATTERN})]
 Duration = Annotated[str, BeforeValidator(_duration), Field(json_schema_extra={"pattern": PATTERN})]
 Interval = Annotated[Duration, AfterValidator(_interval)]
 Model = Annotated[str, Field(pattern=r"^\S+$", max_length=200)]
@@ -142,7 +142,7 @@ VariableName = Annotated[str, Field(pattern=f"^{NAME.pattern}$", max_length=100)
 KeyName = Annotated[str, Field(pattern="^[A-Z_][A-Z0-9_]*$", max_length=100)]
 Variables = Annotated[list[VariableName], AfterValidator(distinct), Field(json_schema_extra=UNIQUE)]
 BaseUrl = Annotated[
-    str, AfterValidator(_base_url), Field(max_length=400, json_schema_extra={"pattern": addresses.URL_PATTERN})
+    str, AfterValidator(_base_url), Field(max_length=400, json_schema_extra={"pattern": model_url.URL_PATTERN})
 ]
 ProfilePath = Annotated[str, Field(min_length=1, max_length=400)]
 DeviceId = Annotated[

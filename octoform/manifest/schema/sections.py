@@ -10,7 +10,7 @@ from typing import Annotated, Literal
 from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 
 from octoform.base.durations import HOURS_PATTERN, RATE_PATTERN, hours, rate
-from octoform.manifest import addresses
+from octoform.manifest import model_url
 from octoform.manifest.model import EVERY_INTERFACE, FIRST_PORT, RESULT_BYTES, TIMEOUT, TUNNEL_COMMAND, TUNNEL_URL
 from octoform.manifest.schema.fields import (
     UNIQUE,
@@ -265,7 +265,7 @@ _METRICS_HINT = "write a path that ends in .prom, such as /var/lib/node_exporter
 
 
 def _webhook(value: str) -> str:
-    complaint = addresses.url_complaint_as_written(value)
+    complaint = model_url.url_complaint_as_written(value)
     if complaint is None:
         return value
     if "@" in value or "?" in value or "#" in value:
@@ -300,7 +300,7 @@ class Notify(Table):
     """A program and its arguments; it gets what happened as JSON on its standard input, and 10 seconds."""
     webhook: (
         Annotated[
-            str, AfterValidator(_webhook), Field(max_length=2000, json_schema_extra={"pattern": addresses.URL_PATTERN})
+            str, AfterValidator(_webhook), Field(max_length=2000, json_schema_extra={"pattern": model_url.URL_PATTERN})
         ]
         | None
     ) = None

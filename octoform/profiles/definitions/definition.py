@@ -3,9 +3,9 @@
 from typing import Any
 
 from octoform.profiles.definitions import lines, registers
+from octoform.profiles.definitions.definition_values import Tool, Value
 from octoform.profiles.definitions.lines import Axis, Command, Halt, Line, LineGrammar, Position
 from octoform.profiles.definitions.registers import RegisterGrammar
-from octoform.profiles.definitions.values import Tool, Value
 
 __all__ = [
     "Axis",

@@ -15,7 +15,7 @@ from typing import Any
 from fastmcp.server.dependencies import fastmcp_request_ctx
 
 from octoform.server.audit.audit_log import Audit, AuditFailed
-from octoform.server.execution.buses import Holder
+from octoform.server.execution.bus_queue import Holder
 from octoform.server.execution.work import Work
 from octoform.server.policy.limits import Ledger, beyond_words, is_number, outside
 from octoform.server.policy.tool_policy import Reports, ToolPolicy
@@ -24,8 +24,8 @@ from octoform.server.process.local_socket import Client, client_of
 from octoform.server.process.principal import Principal
 from octoform.server.process.stderr_log import say
 
-from .registry import Entry
-from .validation import NOTHING, Effective
+from .argument_validation import NOTHING, Effective
+from .tool_registry import Entry
 
 READ = "read"
 HELD = 0.25

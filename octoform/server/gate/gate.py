@@ -26,7 +26,7 @@ from pydantic import ValidationError
 
 from octoform.server.audit.audit_log import Audit
 from octoform.server.estop.latch import Latch
-from octoform.server.execution.buses import Busy, Holder, abandon, release, take, take_free
+from octoform.server.execution.bus_queue import Busy, Holder, abandon, release, take, take_free
 from octoform.server.execution.result_size import of_result
 from octoform.server.execution.watchdog import WATCHDOG, Workers
 from octoform.server.execution.work import FRAMES, Patience, Stopped, TooLarge, Work, current, masked
@@ -40,7 +40,7 @@ from octoform.server.process.local_socket import client_of
 from . import messages
 from .calls import Call, Records, Refused, held
 from .elicitation import Approvals, Question, Reply, overhear
-from .registry import Entries, Entry, innermost, pin, straight
+from .tool_registry import Entries, Entry, innermost, pin, straight
 
 # A sign of life every second while a tool works that sends none itself.
 #

@@ -8,7 +8,7 @@ from typing import Any
 from octoform.base.escaping import escaped_json
 from octoform.daemon.status import Survey
 from octoform.daemon.store.instance_lock import Record
-from octoform.engine.status import Process, Status
+from octoform.engine.project_status import Process, Status
 from octoform.views.daemon.event_log import EXIT, STYLES, named
 from octoform.views.format.console import Console
 from octoform.views.format.values import one_line

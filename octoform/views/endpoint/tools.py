@@ -19,7 +19,7 @@ from octoform.views.format.console import Console
 from octoform.views.format.values import escape, one_line
 
 if TYPE_CHECKING:
-    from octoform.engine.snapshot import Look
+    from octoform.engine.look import Look
 
 _LONGEST = 20_000
 """Characters of a foreign text: enough for every description, and no flood."""

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from octoform.apply.protect import file_integrity, paths
+from octoform.apply.protect import file_integrity, protected_paths
 
 
 @pytest.fixture
@@ -162,7 +162,7 @@ def test_what_came_to_a_room_is_taken_away_and_in_the_installation_only_told(
 
 
 def test_octoform_knows_what_its_own_interpreter_starts_with() -> None:
-    started = paths.of_octoform()
+    started = protected_paths.of_octoform()
     [room] = started.rooms
     assert (room / "pytest").is_dir()
     assert Path(sys.prefix) / "pyvenv.cfg" in started.files

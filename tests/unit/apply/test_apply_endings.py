@@ -2,8 +2,8 @@
 
 from pathlib import Path
 
+from octoform.apply.stage.acceptance import ended_well
 from octoform.apply.stage.attempt_loop import HOPELESS
-from octoform.apply.stage.gate import ended_well
 from octoform.harness.port import ExitReason, Outcome, Task, TaskLimits
 
 

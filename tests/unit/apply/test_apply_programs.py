@@ -5,8 +5,8 @@ from typing import Any
 
 import pytest
 
+from octoform.apply.stage.acceptance import judge
 from octoform.apply.stage.assignment import absent_programs, judge_server, of_stage
-from octoform.apply.stage.gate import judge
 from octoform.contracts.rules.serve.programs import started_blindly
 from octoform.endpoint.environment.system_programs import chosen_programs
 

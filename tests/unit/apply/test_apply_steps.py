@@ -9,8 +9,8 @@ import pytest
 
 from octoform.apply.context import Clock, Context
 from octoform.apply.privileged_step import run_step
+from octoform.apply.stage.acceptance import Finished, Verdict
 from octoform.apply.stage.assignment import Assignment
-from octoform.apply.stage.gate import Finished, Verdict
 from octoform.apply.trials import tool_client as hands
 from octoform.apply.trials.tool_client import LiveHand
 from octoform.contracts.contract_check import has_shape
@@ -19,7 +19,7 @@ from octoform.endpoint.client.terminal import CallResult, Person, Wanted
 from octoform.graph.model import Graph, Node, NodeKind
 from octoform.profiles import load
 from octoform.protocol import schema_dir, step_paths
-from octoform.protocol.loader import load_step
+from octoform.protocol.spec_loader import load_step
 from octoform.state.layout import STAGES, Layout
 
 ARM = Path(__file__).parents[3] / "profiles" / "so-arm101.md"

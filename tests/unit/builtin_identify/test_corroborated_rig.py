@@ -11,7 +11,7 @@ from octoform.builtin.identify.stage import identify
 from octoform.builtin.interface.stage import declare
 from octoform.builtin.probe.stage import probe_root
 from octoform.profiles import devices_of, for_task
-from octoform.profiles.parser import load
+from octoform.profiles.profile_parser import load
 from octoform.simulation.rig import Rig
 
 SMALL = {"width": 32, "height": 24, "frames": 1}

@@ -12,7 +12,7 @@ from unit.builtin_identify.probes import NO_DATABASES, device, probe, usb
 
 from octoform.builtin.identify.stage import identify, names_wires, without_refused
 from octoform.builtin.interface.stage import declare
-from octoform.builtin.probe import text
+from octoform.builtin.probe import kernel_text
 from octoform.contracts.contract_check import check
 from octoform.contracts.model import Artifacts
 from octoform.contracts.name_clues import is_chip_name
@@ -93,13 +93,15 @@ def refused(entry: dict[str, Any]) -> list[str]:
 def test_no_string_of_a_device_ends_in_a_refusal(shape: str, product: str, maker: str, bus: str) -> None:
     form = SHAPES[shape]
     lines = [
-        f"{key}: {text.value(said)}" for key, said in (("manufacturer", maker), ("product", product)) if said.strip()
+        f"{key}: {kernel_text.value(said)}"
+        for key, said in (("manufacturer", maker), ("product", product))
+        if said.strip()
     ]
     lines += form.get("lines", [])
     if bus == "usb":
         entry = usb(*lines, nodes=form.get("nodes", ()))
     else:
-        lines.append(f"name: {text.value(product) or 'part'}")
+        lines.append(f"name: {kernel_text.value(product) or 'part'}")
         entry = device(f"{bus}-part", bus, f"bus: {bus}", *lines, nodes=form.get("nodes", ()))
     assert refused(entry) == []
 
@@ -108,13 +110,13 @@ def test_no_string_of_a_device_ends_in_a_refusal(shape: str, product: str, maker
 @for_each("product", ["", "Kamera", "Otter Drucker", "USB Kopfhörer", "робот", "Тепловая камера", "电机", "Waage 3"])
 def test_a_kind_of_thing_in_another_language_is_accepted(shape: str, product: str) -> None:
     """No class of the kernel bears it out: what the quote means does, and USB3 Vision is a camera's class."""
-    said = [f"product: {text.value(product)}"] if product else []
+    said = [f"product: {kernel_text.value(product)}"] if product else []
     assert refused(usb(*said, *SHAPES[shape].get("lines", []))) == []
 
 
 @given(SAID, SAID)
 def test_the_agents_rule_and_the_contracts_agree(name: str, maker: str) -> None:
-    raw = f"manufacturer: {text.value(maker)}"
+    raw = f"manufacturer: {kernel_text.value(maker)}"
     assert names_wires(name, raw) == is_chip_name(name, raw)
 
 

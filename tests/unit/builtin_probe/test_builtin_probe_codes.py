@@ -6,40 +6,40 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from octoform.builtin.probe import capabilities, text
+from octoform.builtin.probe import capabilities, kernel_text
 from octoform.builtin.probe.sysfs import device_path
 from octoform.builtin.probe.udev import split_joined
 
 
 @given(st.text())
 def test_visible_text_is_printable_and_says_printable_text_unchanged(said: str) -> None:
-    assert text.visible(said).isprintable()
-    assert text.visible(text.visible(said)) == text.visible(said)
+    assert kernel_text.visible(said).isprintable()
+    assert kernel_text.visible(kernel_text.visible(said)) == kernel_text.visible(said)
 
 
 @given(st.binary())
 def test_any_bytes_become_one_bounded_line(data: bytes) -> None:
-    shown = text.value(data.decode("utf-8", "surrogateescape"))
-    assert len(shown) <= text.VALUE_CHARS and shown.isprintable()
+    shown = kernel_text.value(data.decode("utf-8", "surrogateescape"))
+    assert len(shown) <= kernel_text.VALUE_CHARS and shown.isprintable()
     shown.encode("utf-8")
 
 
 @given(st.text())
 def test_a_slug_is_legal_in_an_id(said: str) -> None:
-    assert set(text.slug(said)) <= set(string.ascii_lowercase + string.digits + "-")
-    assert not text.slug(said).startswith("-") and not text.slug(said).endswith("-")
+    assert set(kernel_text.slug(said)) <= set(string.ascii_lowercase + string.digits + "-")
+    assert not kernel_text.slug(said).startswith("-") and not kernel_text.slug(said).endswith("-")
 
 
 def test_escapes_are_visible() -> None:
-    assert text.visible("a\x1bb\u202ec\udcffd\U000e0001") == "a\\x1bb\\u202ec\\xffd\\U000e0001"
+    assert kernel_text.visible("a\x1bb\u202ec\udcffd\U000e0001") == "a\\x1bb\\u202ec\\xffd\\U000e0001"
 
 
 def test_a_cut_is_marked() -> None:
-    assert text.value("A" * 10_000).endswith("A [cut]")
+    assert kernel_text.value("A" * 10_000).endswith("A [cut]")
 
 
 def test_natural_order() -> None:
-    assert sorted(["hwmon10", "hwmon2", "hwmon"], key=text.natural) == ["hwmon", "hwmon2", "hwmon10"]
+    assert sorted(["hwmon10", "hwmon2", "hwmon"], key=kernel_text.natural) == ["hwmon", "hwmon2", "hwmon10"]
 
 
 @pytest.mark.parametrize(

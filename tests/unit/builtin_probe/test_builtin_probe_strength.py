@@ -2,8 +2,8 @@
 
 import pytest
 
+from octoform.builtin.probe.device_units import entries
 from octoform.builtin.probe.unit_model import Node, Unit, scrub
-from octoform.builtin.probe.units import entries
 
 
 def board(port: str, serial: str, pid: str = "00c1") -> Unit:

@@ -18,7 +18,7 @@ from octoform.cli.commands.daemon import run_confirm
 from octoform.cli.dispatch import dispatch
 from octoform.cli.parser import parse
 from octoform.daemon.model import Cause, Done, Repair
-from octoform.daemon.observe.clock import SystemClock
+from octoform.daemon.observe.clock_jumps import SystemClock
 from octoform.daemon.store import instance_lock
 from octoform.state.layout import Layout
 from octoform.views.format.console import Console

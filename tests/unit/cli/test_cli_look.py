@@ -11,7 +11,7 @@ from launched import Launched, launched, tool
 
 from octoform.cli.dispatch import dispatch
 from octoform.endpoint.environment.model import MARKER
-from octoform.engine import snapshot
+from octoform.engine import look
 from octoform.perception import image_quality
 from octoform.state.layout import Layout
 
@@ -132,7 +132,7 @@ def test_a_picture_its_figures_and_the_difference_to_the_one_before(
 def test_a_picture_that_shows_nothing_leaves_with_2(
     bench: Launched, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(snapshot, "REPEAT_SECONDS", 0.0)
+    monkeypatch.setattr(look, "REPEAT_SECONDS", 0.0)
     monkeypatch.setattr(image_quality, "FROZEN_SECONDS", 0.0)
     dark = Said(bench, capsys, "dark")
     assert dark.status == 2 and dark.out[0].endswith("shows nothing: black")

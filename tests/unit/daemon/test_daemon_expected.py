@@ -15,7 +15,7 @@ from octoform.daemon.health import Health, compose, stand, worse
 from octoform.daemon.model import Facts, Status
 from octoform.daemon.notify.status_file import Bulletin
 from octoform.daemon.signals import current, measured
-from octoform.daemon.store.state import Memory
+from octoform.daemon.store.memory import Memory
 from octoform.endpoint.process.record import Running
 from octoform.manifest.model import Daemon
 from octoform.state.layout import Layout

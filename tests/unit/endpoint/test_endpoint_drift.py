@@ -15,10 +15,10 @@ from unit.endpoint.endpoint_servers import publish
 from octoform.apply.destroy import left_behind
 from octoform.diagnostics import Severity
 from octoform.endpoint.environment.model import MARKER, Environment, packages_of
-from octoform.endpoint.files import CHECK
 from octoform.endpoint.observe.drift import Expected, observe
 from octoform.endpoint.process import systemd
 from octoform.endpoint.publish.publication import remove
+from octoform.endpoint.published_files import CHECK
 from octoform.runtime import counting
 from octoform.state.layout import Layout
 

@@ -17,7 +17,7 @@ from launched import Launched, launched, tool, write
 from launched import policy_of as policy
 from raw_mcp import request
 
-from octoform.endpoint.process import lifecycle
+from octoform.endpoint.process import start_stop
 from octoform.endpoint.process.record import running
 from octoform.endpoint.publish.publication import Service
 from octoform.server.process.descriptor import read
@@ -75,7 +75,7 @@ def network_sockets(pid: int) -> list[str]:
 def test_starts_at_once_make_one_process(bench: Launched) -> None:
     bench.stop()
     with ThreadPoolExecutor(4) as pool:
-        found = list(pool.map(lambda _: lifecycle.start(bench.layout), range(4)))
+        found = list(pool.map(lambda _: start_stop.start(bench.layout), range(4)))
     assert all(problem is None for _, problem in found)
     assert len({process.pid for process, _ in found if process is not None}) == 1
 
@@ -93,7 +93,7 @@ def test_a_log_that_grew_large_is_set_aside(bench: Launched, monkeypatch: pytest
     bench.start()
     assert log.read_text().startswith("what was printed\n")
     bench.stop()
-    monkeypatch.setattr(lifecycle, "LARGE_LOG", 16)
+    monkeypatch.setattr(start_stop, "LARGE_LOG", 16)
     bench.start()
     assert (bench.layout.logs / "server.log.1").read_text().startswith("what was printed\n")
     assert "what was printed" not in log.read_text()
@@ -113,7 +113,7 @@ async def spawned(bench: Launched, bare: bool) -> int:
 def test_what_tools_left_running_ends_with_the_endpoint(bench: Launched, bare: bool) -> None:
     left = asyncio.run(spawned(bench, bare))
     assert alive(left)
-    stopped = lifecycle.stop(bench.layout)
+    stopped = start_stop.stop(bench.layout)
     assert stopped.process is not None and not stopped.firmly
     assert gone(left) and gone(stopped.process.pid)
     assert running(bench.layout) is None and not bench.layout.socket.exists()
@@ -126,7 +126,7 @@ def test_what_tools_of_an_endpoint_left_that_was_killed_ends_with_the_next_stop(
     served = bench.process.pid
     os.kill(served, signal.SIGKILL)
     assert gone(served) and alive(left)
-    assert lifecycle.stop(bench.layout).process is None
+    assert start_stop.stop(bench.layout).process is None
     assert gone(left)
     bench.start()
 
@@ -135,7 +135,7 @@ def test_what_does_not_end_by_itself_is_ended_firmly(bench: Launched) -> None:
     process = bench.process
     os.kill(process.pid, signal.SIGSTOP)
     began = time.monotonic()
-    stopped = lifecycle.stop(bench.layout, seconds=0.5)
+    stopped = start_stop.stop(bench.layout, seconds=0.5)
     assert stopped.firmly and gone(process.pid)
     assert time.monotonic() - began < 5.0
     bench.start()
@@ -156,13 +156,13 @@ def test_one_that_stands_still_is_ended_at_once(bench: Launched) -> None:
     found = bench.process
     os.kill(found.pid, signal.SIGSTOP)
     end = time.monotonic() + 5
-    while not lifecycle.is_stopped(found.pid) and time.monotonic() < end:
+    while not start_stop.is_stopped(found.pid) and time.monotonic() < end:
         time.sleep(0.01)
     began = time.monotonic()
-    done = lifecycle.stop(bench.layout)
+    done = start_stop.stop(bench.layout)
     assert (done.firmly, gone(found.pid)) == (True, True)
-    assert time.monotonic() - began < lifecycle.STOP_SECONDS / 2
-    assert not lifecycle.is_stopped(os.getpid())
+    assert time.monotonic() - began < start_stop.STOP_SECONDS / 2
+    assert not start_stop.is_stopped(os.getpid())
     bench.start()
 
 
@@ -191,7 +191,7 @@ def test_a_start_waits_for_an_owner_that_is_ending(bench: Launched) -> None:
     owner = Owner.take(bench.layout.run)
     assert owner is not None
     with ThreadPoolExecutor(1) as pool:
-        starting = pool.submit(lifecycle.start, bench.layout)
+        starting = pool.submit(start_stop.start, bench.layout)
         end = time.monotonic() + 20
         while "another process serves" not in bench.printed():
             assert time.monotonic() < end
@@ -208,16 +208,16 @@ def test_an_innocent_process_is_never_signalled(tmp_path: Path) -> None:
     sleeping = record["pid"]
     for change in ({"start": record["start"] - 1}, {"argv": ["sleep", "1"]}, {"boot": "another"}):
         (layout.run / "process.json").write_text(json.dumps({**record, **change}))
-        assert lifecycle.stop(layout).process is None
+        assert start_stop.stop(layout).process is None
         assert alive(sleeping)
     for damage in ("", "[]", "{}", '{"pid": "1"}', "\x00"):
         (layout.run / "process.json").write_text(damage)
-        assert lifecycle.stop(layout).process is None
+        assert start_stop.stop(layout).process is None
 
 
 def test_the_reason_of_a_failed_start_is_told(tmp_path: Path) -> None:
     layout = write(tmp_path, "raise SystemExit('the board is on fire')\n", Service(TOOLS, policy(TOOLS)))
-    process, problem = lifecycle.start(layout, 20)
+    process, problem = start_stop.start(layout, 20)
     assert process is None and problem is not None
     assert problem.code == "ENDPOINT-START-FAILED"
     assert "the board is on fire" in str(problem.detail)
@@ -225,7 +225,7 @@ def test_the_reason_of_a_failed_start_is_told(tmp_path: Path) -> None:
 
 
 def test_without_an_endpoint_nothing_is_started(tmp_path: Path) -> None:
-    process, problem = lifecycle.start(Layout(tmp_path, "bench"))
+    process, problem = start_stop.start(Layout(tmp_path, "bench"))
     assert process is None and problem is not None
     assert problem.code == "ENDPOINT-NOT-APPLIED"
     assert list(tmp_path.iterdir()) == []

@@ -13,7 +13,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from octoform.endpoint.proxy.session import HEAD, Conversation
+from octoform.endpoint.proxy.mcp_session import HEAD, Conversation
 from octoform.endpoint.proxy.stdio import pipe
 from octoform.endpoint.sockets import GREETING
 

@@ -17,7 +17,7 @@ from unit.endpoint.endpoint_servers import tool as code
 
 from octoform.cli.main import main
 from octoform.endpoint.client.terminal import Wanted, call, list_tools
-from octoform.endpoint.process import lifecycle, record
+from octoform.endpoint.process import record, start_stop
 from octoform.endpoint.process.record import running
 from octoform.endpoint.proxy.dial import Returning, started
 from octoform.engine import endpoint_process as engine
@@ -89,7 +89,7 @@ def test_the_allowed_list_starts_it_and_ends_the_stop(stopped: Launched) -> None
 def test_a_stop_that_comes_during_a_start_holds(stopped: Launched, monkeypatch: pytest.MonkeyPatch) -> None:
     """A person who stops while a client starts finds no process to end: the start itself must see the stop."""
     record.unmark(stopped.layout)
-    begin = lifecycle.start
+    begin = start_stop.start
 
     def meanwhile(layout: Layout) -> object:
         found = begin(layout)

@@ -25,7 +25,7 @@ from octoform.endpoint.client.terminal import (
     record_sight,
     save_media,
 )
-from octoform.endpoint.files import CHECK
+from octoform.endpoint.published_files import CHECK
 from octoform.state.layout import Layout
 
 BOUNDED = "channel: Annotated[int, Field(ge=1, le=8, description='input 1 to 8')], label: str = ''"

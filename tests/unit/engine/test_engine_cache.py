@@ -15,8 +15,8 @@ from settled import Settled, sysroot, tree
 import octoform
 from octoform.base.digest import of_bytes
 from octoform.cli.main import main
-from octoform.endpoint.files import CHECK
-from octoform.engine.plan import cache
+from octoform.endpoint.published_files import CHECK
+from octoform.engine.plan import memo as cache
 from octoform.state.layout import Layout
 
 SHIPPED = Path(__file__).parents[3] / "protocol"

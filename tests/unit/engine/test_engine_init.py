@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from octoform.diagnostics import error
-from octoform.endpoint.process import lifecycle, record
+from octoform.endpoint.process import record, start_stop
 from octoform.endpoint.process.record import Running
 from octoform.engine import endpoint_process as engine
 from octoform.state.layout import Layout
@@ -22,7 +22,7 @@ def test_the_mark_goes_when_the_start_has_ended(starts: bool, tmp_path: Path, mo
         seen.append(record.is_marked(found))
         return None, None if starts else error("ENDPOINT-START-FAILED", "it does not start")
 
-    monkeypatch.setattr(lifecycle, "start", start)
+    monkeypatch.setattr(start_stop, "start", start)
     monkeypatch.setattr(engine, "layout_of", lambda *_: (layout, []))
     engine.start(tmp_path, {})
     assert seen == [True]

@@ -11,7 +11,7 @@ import pytest
 from octoform.apply.context import Clock
 from octoform.diagnostics import Diagnostic, error
 from octoform.endpoint.scripts.picture import digest, grain_of, shrunk
-from octoform.engine.snapshot import Eye, Look, heartbeat, look, save
+from octoform.engine.look import Eye, Look, heartbeat, look, save
 from octoform.manifest.model import Perception
 from octoform.perception.capture import Taken
 from octoform.perception.frames import Camera

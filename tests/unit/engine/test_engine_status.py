@@ -11,9 +11,9 @@ from typing import Any
 import pytest
 from launched import LOOPBACK, Launched, launched, tool
 
-from octoform.engine import status as engine_status
+from octoform.engine import project_status as engine_status
 from octoform.engine.apply import apply
-from octoform.engine.plan import cache
+from octoform.engine.plan import memo
 from octoform.engine.plan.plan import Request, prepare
 from octoform.engine.results import EndpointSummary, RunResult
 from octoform.plan.model import Plan
@@ -80,16 +80,16 @@ def test_a_process_that_does_not_answer_octoform_is_told(bench: Launched, monkey
 def test_the_host_is_known_while_its_manifest_is_the_one_of_the_memo_whatever_else_moves(tmp_path: Path) -> None:
     manifest = tmp_path / "octopus.yaml"
     manifest.write_text("version: 1\nhost: bench\nharness: builtin\n")
-    assert cache.host_of(tmp_path) is None
-    ground: Mapping[str, Any] = cache.rests_on(tmp_path, "bench", [str(manifest)], [], {})
-    cache.path_of(tmp_path).parent.mkdir()
-    cache.path_of(tmp_path).write_bytes(cache.document(_plan(tmp_path), ground))
+    assert memo.host_of(tmp_path) is None
+    ground: Mapping[str, Any] = memo.rests_on(tmp_path, "bench", [str(manifest)], [], {})
+    memo.path_of(tmp_path).parent.mkdir()
+    memo.path_of(tmp_path).write_bytes(memo.document(_plan(tmp_path), ground))
     (tmp_path / "protocol").mkdir()
     (tmp_path / "protocol" / "probe.md").write_text("edited")
-    assert cache.recall(tmp_path, {}) is None
-    assert cache.host_of(tmp_path) == "bench"
+    assert memo.recall(tmp_path, {}) is None
+    assert memo.host_of(tmp_path) == "bench"
     manifest.write_text(manifest.read_text() + "\n")
-    assert cache.host_of(tmp_path) is None
+    assert memo.host_of(tmp_path) is None
 
 
 def _plan(project: Path) -> Plan:

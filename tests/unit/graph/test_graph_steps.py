@@ -8,7 +8,7 @@ from octoform.graph.model import Graph, Node, NodeKind, to_dot, to_mermaid
 from octoform.manifest.loader import load
 from octoform.profiles import load_text
 from octoform.protocol import STAGES, Spec, Step, step_paths
-from octoform.protocol.loader import load_step
+from octoform.protocol.spec_loader import load_step
 
 SPECS = {name: Spec(name, Path(name), "", "", f"sha256:{name}", (), "", None) for name in STAGES}
 STEPS = {name: load_step(name, path, None)[0] for name, path in step_paths(None).items()}

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from octoform.harness.adapters.program import Adapter, Launch
-from octoform.harness.attempt import Invocation
+from octoform.harness.contained_attempt import Invocation
 from octoform.harness.event_parser import Dialect
 from octoform.harness.install.program_location import Located
 from octoform.harness.llm.route import Access, access

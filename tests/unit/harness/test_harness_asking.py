@@ -10,8 +10,8 @@ from model_server import ModelServer, serve
 from octoform.diagnostics import Diagnostic
 from octoform.harness.llm.client import RETRIES, LiteLLM, Patient, Refusal, Reply, Request
 from octoform.harness.llm.route import Route, route
-from octoform.harness.react.conversation import Conversation
-from octoform.harness.react.tools import declared
+from octoform.harness.react.agent_tools import declared
+from octoform.harness.react.chat_history import Conversation
 from octoform.manifest.model import HarnessSpec
 
 HERE = "http://127.0.0.1:8080"

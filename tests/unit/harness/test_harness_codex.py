@@ -9,7 +9,7 @@ import pytest
 from unit.harness.program_streams import SECRET, invoked, lines, nowhere_in_files, of, recorded, without_turns
 
 from octoform.harness.adapters.codex import Codex, CodexDialect
-from octoform.harness.attempt import Invocation
+from octoform.harness.contained_attempt import Invocation
 from octoform.harness.port import (
     Closed,
     ExitReason,

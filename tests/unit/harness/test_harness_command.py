@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from octoform.diagnostics import Diagnostic
-from octoform.harness import attempt
+from octoform.harness import contained_attempt
 from octoform.harness.adapters.builtin import BuiltinHarness
 from octoform.harness.adapters.command import CommandHarness, fill
 from octoform.harness.containment import agent_environment
@@ -220,13 +220,13 @@ def test_usage_that_the_program_wrote(shell: Agent) -> None:
 )
 def test_usage_that_makes_no_sense_is_unknown(tmp_path: Path, text: str) -> None:
     (tmp_path / "usage.json").write_text(text)
-    assert attempt.read_usage(tmp_path) == Usage()
+    assert contained_attempt.read_usage(tmp_path) == Usage()
 
 
 def test_usage_behind_a_link_is_unknown(tmp_path: Path) -> None:
     (tmp_path / "other.json").write_text('{"input_tokens": 1}')
     (tmp_path / "usage.json").symlink_to(tmp_path / "other.json")
-    assert attempt.read_usage(tmp_path) == Usage()
+    assert contained_attempt.read_usage(tmp_path) == Usage()
 
 
 def test_the_embedded_agent_refuses_a_task_that_is_none_with_one_line(task: Task) -> None:

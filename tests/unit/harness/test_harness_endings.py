@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from octoform.harness.attempt import Invocation, run_contained
+from octoform.harness.contained_attempt import Invocation, run_contained
 from octoform.harness.port import AgentEvent, Closed, ExitReason, Outcome, Task, TaskLimits, Trouble, Turn
 
 EVENTS: dict[bytes, AgentEvent] = {

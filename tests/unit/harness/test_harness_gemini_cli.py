@@ -9,7 +9,7 @@ import pytest
 from unit.harness.program_streams import SECRET, STREAMS, invoked, lines, nowhere_in_files, of, recorded, without_turns
 
 from octoform.harness.adapters.gemini_cli import GeminiCli, GeminiCliDialect
-from octoform.harness.attempt import Invocation, run_contained
+from octoform.harness.contained_attempt import Invocation, run_contained
 from octoform.harness.port import (
     AgentEvent,
     Closed,

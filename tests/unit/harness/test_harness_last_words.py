@@ -6,7 +6,7 @@ import pytest
 from unit.harness.program_streams import SECRET, a_task
 
 from octoform.harness.adapters.pi import PiDialect
-from octoform.harness.attempt import Invocation, run_contained
+from octoform.harness.contained_attempt import Invocation, run_contained
 from octoform.harness.port import ExitReason
 
 TOO_OLD = (

@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 from octoform.harness.llm.client import Call
-from octoform.harness.react.tools import Ready, Shell, Toolbox, checked, declared
+from octoform.harness.react.agent_tools import Ready, Shell, Toolbox, checked, declared
 
 SECRET = "loop-3f9a77c1d2e4"
 

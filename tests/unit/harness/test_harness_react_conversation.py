@@ -6,7 +6,7 @@ from typing import Any
 import pytest
 
 from octoform.harness.llm.client import Call, Reply, size_of
-from octoform.harness.react.conversation import LIMIT_BYTES, RECENT, Conversation
+from octoform.harness.react.chat_history import LIMIT_BYTES, RECENT, Conversation
 
 INSTRUCTIONS, TASK = "You are an engineer.", "Do the thing. " * 100
 

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from octoform.harness.react.tools import READ_BYTES, Said, patch, read_file, write_file
+from octoform.harness.react.agent_tools import READ_BYTES, Said, patch, read_file, write_file
 
 
 @pytest.fixture

@@ -10,10 +10,10 @@ import pytest
 
 from octoform.harness.llm.client import Call, Refusal, Reply
 from octoform.harness.llm.route import Route
+from octoform.harness.react.agent_tools import Shell, Toolbox
+from octoform.harness.react.chat_history import Conversation
 from octoform.harness.react.config import Config, read
-from octoform.harness.react.conversation import Conversation
 from octoform.harness.react.loop import MOST_CALLS, MOST_WRONG, SHOWN, Loop, Reporter, instructions
-from octoform.harness.react.tools import Shell, Toolbox
 
 WRITE = "echo {} > output.json"
 

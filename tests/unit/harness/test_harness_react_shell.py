@@ -10,7 +10,7 @@ from unit.harness.harness_agents import alive
 from waiting import until
 
 from octoform.harness.containment import orphans
-from octoform.harness.react.tools import OUTPUT_BYTES, Said, Shell
+from octoform.harness.react.agent_tools import OUTPUT_BYTES, Said, Shell
 
 
 @pytest.fixture

@@ -21,7 +21,7 @@ from octoform.graph.model import Graph, Node, NodeKind, to_dot, to_mermaid
 from octoform.harness.port import TaskLimits
 from octoform.harness.watcher import Watcher
 from octoform.protocol import MOST_PROMPT_BYTES, STAGES, Prompt, render_prompt
-from octoform.protocol.loader import load
+from octoform.protocol.spec_loader import load
 from octoform.runtime import calllog
 from octoform.state.artifacts import attempts
 from octoform.state.artifacts.attempts import AttemptRecord

@@ -6,7 +6,7 @@ from pathlib import Path
 from launched import launched, tool
 from raw_mcp import RawClient, call
 
-from octoform.endpoint.process import lifecycle
+from octoform.endpoint.process import start_stop
 
 SOURCE = """
 import os, time
@@ -41,7 +41,7 @@ def test_what_moves_is_made_to_stand_before_the_process_ends(tmp_path: Path) -> 
                 async with asyncio.timeout(30):
                     while not (tmp_path / "moves").exists():
                         await asyncio.sleep(0.01)
-                stopped = await asyncio.to_thread(lifecycle.stop, endpoint.layout)
+                stopped = await asyncio.to_thread(start_stop.stop, endpoint.layout)
                 asking.cancel()
             assert stopped.process is not None and not stopped.firmly
             assert (tmp_path / "stands").exists()

@@ -10,7 +10,7 @@ import pytest
 from fastmcp.client.elicitation import ElicitResult
 from gated import MODES, Gated, gated, tool_policy
 
-from octoform.server.execution.buses import Holder, release, take_free
+from octoform.server.execution.bus_queue import Holder, release, take_free
 from octoform.server.policy.restrictions import NAME, WITNESS, Forbidden, Restrictions, Standing, Subject
 
 moved: list[Any] = []

@@ -23,7 +23,7 @@ from pydantic import BaseModel
 
 from octoform.server.execution.result_size import at_least, exceeds
 from octoform.server.gate import gate as beating
-from octoform.server.gate.validation import check, coercion
+from octoform.server.gate.argument_validation import check, coercion
 
 SMALL = tool_policy("read", result_bytes=2000)
 

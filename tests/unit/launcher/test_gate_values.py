@@ -12,7 +12,7 @@ from gated import MODES, gated, tool_policy
 from pydantic import AliasChoices, Field
 
 from octoform.server.execution.work import current
-from octoform.server.gate.validation import coercion
+from octoform.server.gate.argument_validation import coercion
 
 RANGE = {"kind": "range", "parameter": "steps", "minimum": 0, "maximum": 100, "unit": "", "source": "bench"}
 begun, may_end = threading.Event(), threading.Event()

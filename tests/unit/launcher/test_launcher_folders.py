@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from launched import launched, tool
 
-from octoform.endpoint.process import lifecycle
+from octoform.endpoint.process import start_stop
 from octoform.server.main import NotOursError, private
 
 SOURCE = """
@@ -42,7 +42,7 @@ def test_a_link_in_place_of_a_folder_is_not_served(tmp_path: Path, name: str) ->
         folder.rename(tmp_path / "elsewhere")
         folder.symlink_to(tmp_path / "elsewhere")
         before = {path.name: path.stat().st_size for path in (tmp_path / "elsewhere").iterdir()}
-        process, problem = lifecycle.start(endpoint.layout)
+        process, problem = start_stop.start(endpoint.layout)
         assert process is None and problem is not None and problem.code == "ENDPOINT-START-FAILED"
         assert problem.detail == f"{folder} is a link; a folder has to stand there"
         assert {path.name: path.stat().st_size for path in (tmp_path / "elsewhere").iterdir()} == before
@@ -57,7 +57,7 @@ def test_another_users_folder_is_not_served(tmp_path: Path) -> None:
     with launched(tmp_path, SOURCE, TOOLS) as endpoint:
         endpoint.stop()
         os.chown(endpoint.layout.run, 65534, 65534)
-        _, problem = lifecycle.start(endpoint.layout)
+        _, problem = start_stop.start(endpoint.layout)
         assert problem is not None and "belongs to another user (uid 65534)" in (problem.detail or "")
         with pytest.raises(NotOursError, match="belongs to another user"):
             private(endpoint.layout.run)
@@ -73,7 +73,7 @@ def test_what_others_put_into_an_open_folder_is_not_used(tmp_path: Path) -> None
         os.chown(planted, 65534, 65534)
         endpoint.layout.run.chmod(0o770)
         for _ in range(2):  # also once the folder is closed again
-            _, problem = lifecycle.start(endpoint.layout)
+            _, problem = start_stop.start(endpoint.layout)
             assert problem is not None and problem.detail is not None
             assert problem.detail.startswith(f"tokens.json in {endpoint.layout.run} belongs to another user")
         planted.unlink()

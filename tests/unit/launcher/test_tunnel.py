@@ -16,9 +16,9 @@ import pytest
 from web_doors import ALL, INSTANCE, Door, door, until, write_tokens
 
 from octoform.base.clock import boot_id
-from octoform.server.tunnel import supervisor as tunnel
 from octoform.server.tunnel import termination
-from octoform.server.tunnel.supervisor import Tunnel, public_address
+from octoform.server.tunnel import tunnel_process as tunnel
+from octoform.server.tunnel.tunnel_process import Tunnel, public_address
 
 PROGRAM = str(Path(__file__).parents[2] / "support" / "local_tunnel.py")
 LOCAL = "http://127.0.0.1:7777"
@@ -290,7 +290,7 @@ def test_nothing_was_ever_open(tmp_path: Path) -> None:
 SERVER = """
 import sys, time
 from pathlib import Path
-from octoform.server.tunnel.supervisor import Tunnel
+from octoform.server.tunnel.tunnel_process import Tunnel
 made = Tunnel(sys.argv[2:], Path(sys.argv[1]), local_url="http://127.0.0.1:9", instance="i", changed=lambda url: None)
 made.start()
 time.sleep(120)

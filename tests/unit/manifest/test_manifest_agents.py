@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from octoform.diagnostics import Diagnostic
-from octoform.manifest import addresses
+from octoform.manifest import model_url
 from octoform.manifest.credentials import APIS, PROVIDERS, SEARCHERS
 from octoform.manifest.loader import load
 from octoform.manifest.model import (
@@ -276,7 +276,7 @@ def test_names_are_complete() -> None:
     ],
 )
 def test_base_urls(url: str, is_one: bool) -> None:
-    assert (addresses.url_complaint(url) is None) == is_one
+    assert (model_url.url_complaint(url) is None) == is_one
 
 
 @pytest.mark.parametrize(

@@ -6,8 +6,8 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from octoform.manifest.edit import settings as lines
-from octoform.manifest.edit.settings import change, comments
+from octoform.manifest.edit import setting_writer as lines
+from octoform.manifest.edit.setting_writer import change, comments
 from octoform.manifest.loader import load
 
 BOARD = "usb-0000-0001"

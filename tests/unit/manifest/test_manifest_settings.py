@@ -8,7 +8,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from octoform.manifest.edit.settings import change, comments
+from octoform.manifest.edit.setting_writer import change, comments
 from octoform.manifest.edit.starter import starter_text
 from octoform.manifest.loader import load
 

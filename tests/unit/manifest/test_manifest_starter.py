@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from octoform.manifest import addresses
+from octoform.manifest import model_url
 from octoform.manifest.edit.starter import SCHEMA_FILE, starter_text, write_starter
 from octoform.manifest.loader import load
 from octoform.manifest.model import Daemon, Network, Notify, Perception, Tunnel
@@ -43,7 +43,7 @@ def test_the_written_manifest_loads(tmp_path: Path, host: str | None, machine: s
 
 @given(st.text(max_size=100))
 def test_every_machine_has_a_legal_name(machine: str) -> None:
-    assert addresses.is_legal_host(addresses.host_of_machine(machine))
+    assert model_url.is_legal_host(model_url.host_of_machine(machine))
 
 
 def test_nothing_is_replaced(tmp_path: Path) -> None:

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from octoform.protocol import MOST_PROMPT_BYTES, Prompt, PromptTooLarge, render_prompt
-from octoform.protocol.loader import load
+from octoform.protocol.spec_loader import load
 
 SPEC = load(None)[0]["identify"]
 

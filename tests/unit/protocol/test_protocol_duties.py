@@ -9,8 +9,8 @@ from octoform.engine import spec_edits
 from octoform.engine.plan.configuration import compile_project
 from octoform.engine.plan.refresh import contract_digest
 from octoform.protocol import DUTIES, Prompt, render_prompt
-from octoform.protocol.loader import load
 from octoform.protocol.model import own_path, shipped
+from octoform.protocol.spec_loader import load
 
 MANIFEST = "version: 1\nhost: bench\nharness: builtin\n"
 

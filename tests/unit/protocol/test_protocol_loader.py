@@ -7,8 +7,8 @@ import pytest
 
 from octoform.base import digest
 from octoform.protocol import DUTIES, STAGES
-from octoform.protocol.loader import load
 from octoform.protocol.model import schema_dir, shipped, spec_paths
+from octoform.protocol.spec_loader import load
 
 PAGES = Path(__file__).parents[3] / "octoform" / "diagnostics" / "pages"
 

@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 
 from octoform.diagnostics import Span, error
 from octoform.protocol import MOST_PROMPT_BYTES, STAGES, Prompt, PromptTooLarge, Spec, render_prompt
-from octoform.protocol.loader import load
 from octoform.protocol.prompt import MOST_DIAGNOSTIC_CHARACTERS, fenced, findings, tail
+from octoform.protocol.spec_loader import load
 
 SPECS: dict[str, Spec] = load(None)[0]
 

@@ -11,7 +11,7 @@ import pytest
 from octoform import runtime
 from octoform.contracts.rules.serve.serve_rules import serve_static
 from octoform.protocol import DUTIES, STAGES, Spec
-from octoform.protocol.loader import load
+from octoform.protocol.spec_loader import load
 
 SPECS: dict[str, Spec] = load(None)[0]
 DEVICE_SPECIFIC = (

@@ -8,8 +8,8 @@ import pytest
 
 from octoform.diagnostics import Diagnostic
 from octoform.protocol import Prompt, Proof, Step, own_path, render_prompt, step_paths
-from octoform.protocol.loader import load_step
 from octoform.protocol.model import shipped
+from octoform.protocol.spec_loader import load_step
 
 SHIPPED = {name: load_step(name, path, None)[0] for name, path in step_paths(None).items()}
 LAMP = """---

@@ -10,8 +10,8 @@ from typing import Any
 
 import pytest
 
-from octoform.simulation.control import Refused, changed, obey, shown
 from octoform.simulation.rig import Rig, RigInvalid, load, names
+from octoform.simulation.rig_commands import Refused, changed, obey, shown
 
 GIVEN = load("reference")
 

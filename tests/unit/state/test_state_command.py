@@ -7,9 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from octoform.engine.plan import cache
-from octoform.state.git import command
-from octoform.state.git.command import RepositoryRefused, call
+from octoform.engine.plan import memo
+from octoform.state.git import invocation
+from octoform.state.git.invocation import RepositoryRefused, call
 from octoform.state.git.repository import commit, kept, repository_facts, versions
 
 HOOKS = ["pre-commit", "prepare-commit-msg", "commit-msg", "post-commit", "post-index-change", "reference-transaction"]
@@ -47,7 +47,7 @@ class Planted:
         repository_facts(self.root, paths)
         kept(self.root, paths)
         list(versions(self.root, self.root / "state"))
-        cache._dirty(self.root, {"sources": ["octopus.yaml", "state/a"]})
+        memo._dirty(self.root, {"sources": ["octopus.yaml", "state/a"]})
         (self.root / "state" / "a").write_text("another\n")
         (self.root / "state" / "b").write_text("new\n")
         revision, found = commit(self.root, [self.root / "state"], "m", {})
@@ -203,7 +203,7 @@ def test_without_the_program_it_is_told_and_bytes_come_back_as_they_are(
 
 
 def test_a_call_that_does_not_end_is_ended(planted: Planted, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(command, "SECONDS", 0.3)
+    monkeypatch.setattr(invocation, "SECONDS", 0.3)
     slow = planted.root.parent / "bin" / "git"
     slow.parent.mkdir()
     slow.write_text("#!/bin/sh\nexec sleep 600\n")
@@ -225,7 +225,7 @@ def test_what_the_environment_says_of_another_repository_and_of_programs_is_not_
     for name, value in {"COUNT": "1", "KEY_0": "core.fsmonitor", "VALUE_0": str(planted.program)}.items():
         monkeypatch.setenv(f"GIT_CONFIG_{name}", value)
     (planted.root / "octopus.yaml").write_text("version: 2\n")
-    assert cache._dirty(planted.root, {"sources": ["octopus.yaml", "state/a"]}) == ("octopus.yaml",)
+    assert memo._dirty(planted.root, {"sources": ["octopus.yaml", "state/a"]}) == ("octopus.yaml",)
     assert planted.all_of_octoform() is not None
     assert not planted.mark.exists()
 

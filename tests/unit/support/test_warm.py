@@ -58,5 +58,5 @@ def test_what_takes_too_long_is_killed(tmp_path: Path) -> None:
 
 def test_what_a_command_imports_late_is_loaded_already(tmp_path: Path) -> None:
     program = tmp_path / "loaded.py"
-    program.write_text("import sys\nprint({'octoform.engine.status', 'jsonschema'} <= set(sys.modules))\n")
+    program.write_text("import sys\nprint({'octoform.engine.project_status', 'jsonschema'} <= set(sys.modules))\n")
     assert warm.run(program, [], tmp_path, ENVIRON, 60) == (0, "True\n", "")

@@ -11,7 +11,7 @@ import pytest
 from daemon_world import DaemonWorld
 
 from octoform.daemon.model import Cause, Done, Repair
-from octoform.daemon.reconcile.policy import Task, lane_of
+from octoform.daemon.reconcile.repair_policy import Task, lane_of
 from octoform.daemon.store import instance_lock
 from octoform.daemon.store.incidents import finding_of
 from octoform.views.daemon.event_log import Lines, Objects, named

@@ -14,7 +14,7 @@ from octoform.daemon.status import Survey, Trouble
 from octoform.daemon.store.incidents import Episode, Try
 from octoform.daemon.store.instance_lock import Record
 from octoform.state.lock_holder import myself
-from octoform.views.daemon import control, event_log
+from octoform.views.daemon import event_log, requests
 from octoform.views.daemon import health as health_view
 from octoform.views.endpoint import logs
 from octoform.views.format.console import Console
@@ -224,7 +224,7 @@ def test_uptimes_of_two_starts_of_the_machine_give_no_time() -> None:
 def test_nothing_ever_went_wrong() -> None:
     screen, out = console()
     event_log.listed(screen, (), (), 20, as_json=False)
-    control.listed(screen, (), everything=False, as_json=False)
+    requests.listed(screen, (), everything=False, as_json=False)
     assert out.getvalue().count("\n") == 2
 
 

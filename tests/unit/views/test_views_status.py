@@ -13,7 +13,7 @@ from octoform.daemon.model import Status as Verdict
 from octoform.daemon.status import Survey
 from octoform.daemon.store.instance_lock import Record
 from octoform.endpoint.process.record import Running
-from octoform.engine.status import Process, Status
+from octoform.engine.project_status import Process, Status
 from octoform.state.lock_holder import myself
 from octoform.views.daemon import status as status_view
 from octoform.views.format.console import Console

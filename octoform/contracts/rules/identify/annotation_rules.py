@@ -24,7 +24,7 @@ from octoform.contracts.name_clues import (
 from octoform.contracts.rules.identify import answer_rules
 from octoform.contracts.rules.identify.name_rules import CLAIMED
 from octoform.contracts.rules.raw_line_rules import known_by_a_person
-from octoform.contracts.text import listed, shown
+from octoform.contracts.shown_text import listed, shown
 from octoform.diagnostics import Diagnostic, error
 
 # Classes of the kernel with one meaning and a standard interface, by what they have in common.

@@ -12,7 +12,7 @@ from typing import Any
 
 from octoform.base.pointer import pointer
 from octoform.contracts.model import Artifacts, JsonObject, Rule
-from octoform.contracts.text import shown
+from octoform.contracts.shown_text import shown
 from octoform.diagnostics import Diagnostic, error, warning
 
 METHOD = "user_answer"

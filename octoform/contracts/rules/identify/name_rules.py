@@ -19,7 +19,7 @@ from octoform.contracts.name_words import has_digit, is_proper, missing, parts, 
 from octoform.contracts.rules.identify import answer_rules
 from octoform.contracts.rules.identify.answer_rules import stands_in
 from octoform.contracts.rules.identify.prose_rules import is_foreign
-from octoform.contracts.text import shown
+from octoform.contracts.shown_text import shown
 from octoform.diagnostics import Diagnostic, error
 
 # From here on a name is claimed to be known; below, the kind of thing is all that is said.

@@ -18,7 +18,7 @@ from octoform.contracts.rules import raw_line_rules, stop_rules
 from octoform.contracts.rules.interface import bound_rules
 from octoform.contracts.rules.interface.member_units import measured_without_unit
 from octoform.contracts.rules.text_rules import in_values
-from octoform.contracts.text import listed, shown
+from octoform.contracts.shown_text import listed, shown
 from octoform.diagnostics import Diagnostic, did_you_mean, error, warning
 
 # Rules for INTERFACE about what clients read and give: words that name no unit, and results with members.

@@ -12,7 +12,7 @@ from octoform.contracts.model import Artifacts, Rule
 from octoform.contracts.rules.text_rules import in_source
 from octoform.contracts.script_header import declared_names, header, normalised
 from octoform.contracts.server_source import Source, imported_modules, needed_source
-from octoform.contracts.text import shown
+from octoform.contracts.shown_text import shown
 from octoform.diagnostics import Diagnostic, Span, error
 
 MAX_LINES = 500

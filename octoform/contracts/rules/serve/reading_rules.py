@@ -14,7 +14,7 @@ from octoform.contracts.rules.serve.origins import Origin
 from octoform.contracts.rules.serve.places import constants, literal_places
 from octoform.contracts.rules.serve.tool_rules import served_tools, tool_functions
 from octoform.contracts.server_source import Function, Source, needed_source
-from octoform.contracts.text import listed, shown
+from octoform.contracts.shown_text import listed, shown
 from octoform.diagnostics import Diagnostic
 
 _ELSEWHERE = re.compile(

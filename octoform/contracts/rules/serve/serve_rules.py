@@ -19,7 +19,7 @@ from octoform.contracts.rules.serve import (
 from octoform.contracts.rules.serve.device_rules import opens_device
 from octoform.contracts.rules.serve.tool_rules import ToolSite, tool_functions, tool_sites
 from octoform.contracts.server_source import Function, Source, needed_source, read_source
-from octoform.contracts.text import shown
+from octoform.contracts.shown_text import shown
 from octoform.diagnostics import Diagnostic
 
 # The rule for SERVE that what acts says so when it asks for its device: twins are then told apart, or it refuses.

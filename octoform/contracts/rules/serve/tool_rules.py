@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from octoform.contracts.model import Artifacts, JsonObject, Rule
 from octoform.contracts.name_clues import is_passthrough
 from octoform.contracts.server_source import Function, Source, imported_modules, needed_source
-from octoform.contracts.text import listed, shown
+from octoform.contracts.shown_text import listed, shown
 from octoform.diagnostics import Diagnostic, Span, error
 
 _PLAIN_USES = frozenset({"tool", "add_tool", "run", "run_async", "name"})

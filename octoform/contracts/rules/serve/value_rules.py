@@ -16,7 +16,7 @@ from octoform.contracts.rules.serve.origins import Origin
 from octoform.contracts.rules.serve.reading_rules import flow_of_tools
 from octoform.contracts.rules.serve.tool_rules import served_tools, tool_functions
 from octoform.contracts.server_source import Source, needed_source
-from octoform.contracts.text import shown
+from octoform.contracts.shown_text import shown
 from octoform.diagnostics import Diagnostic
 
 _OPTIONAL = ("offset", "scale", "count", "errors", "errno", "retries", "index", "timeout", "multiplier")

@@ -13,7 +13,7 @@ from octoform.contracts.rules.serve.places import folded
 from octoform.contracts.rules.serve.reading_rules import flow_of_tools
 from octoform.contracts.rules.serve.tool_rules import served_tools, tool_functions
 from octoform.contracts.server_source import Function, Source, needed_source
-from octoform.contracts.text import shown
+from octoform.contracts.shown_text import shown
 from octoform.diagnostics import Diagnostic, as_warning
 
 CODE, ACTS = "SERVE-READ-WRITES", "SERVE-READ-ACTS"

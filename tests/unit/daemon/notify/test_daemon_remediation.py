@@ -11,7 +11,7 @@ from octoform.daemon.notify.notices import advice, hint
 from octoform.daemon.store.backoff import Breaker
 from octoform.daemon.store.instance_lock import Record
 from octoform.state.lock_holder import myself
-from octoform.views.daemon import control
+from octoform.views.daemon import requests as control
 from octoform.views.format.console import Console
 
 

@@ -15,7 +15,7 @@ from octoform.base.processes import start_of
 from octoform.daemon.model import Cause, Facts
 from octoform.daemon.observe import file_events as daemon_paths
 from octoform.daemon.observe import hardware
-from octoform.daemon.observe.clock import Moments, SystemClock
+from octoform.daemon.observe.clock_jumps import Moments, SystemClock
 from octoform.daemon.observe.event_queue import EventSources, Timing, open_sources, wait_readable
 from octoform.daemon.observe.process import ProcessEar
 from octoform.endpoint.process.record import Running

@@ -12,8 +12,8 @@ from launched import Launched, launched, tool
 
 from octoform.daemon.model import Cause, Facts
 from octoform.daemon.observe import process
-from octoform.daemon.observe.clock import SystemClock
-from octoform.daemon.observe.file_integrity import Standing, damaged
+from octoform.daemon.observe.altered_files import Standing, damaged
+from octoform.daemon.observe.clock_jumps import SystemClock
 from octoform.daemon.observe.log_events import Hearing, Tail
 from octoform.daemon.observe.observer import Looker, busy, open_look
 from octoform.state.files import write_atomic

@@ -9,7 +9,7 @@ import pytest
 from inotify_simple import INotify
 
 from octoform.daemon.model import Cause, Facts
-from octoform.daemon.observe.clock import SystemClock
+from octoform.daemon.observe.clock_jumps import SystemClock
 from octoform.daemon.observe.event_queue import EventSources, Timing, open_sources
 from octoform.daemon.observe.file_events import LOOK_SECONDS
 from octoform.daemon.observe.process import ProcessEar

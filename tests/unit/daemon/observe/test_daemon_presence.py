@@ -12,8 +12,8 @@ from plugged import CAMERA, SENSOR, Host
 from octoform import host
 from octoform.daemon.model import Sighting
 from octoform.daemon.observe.presence import Presence, Seen
-from octoform.endpoint.files import served_nodes
 from octoform.endpoint.process.record import Running
+from octoform.endpoint.published_files import served_nodes
 from octoform.state.artifacts.cache import write_instances
 from octoform.state.layout import Layout
 

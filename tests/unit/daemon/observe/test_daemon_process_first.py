@@ -20,9 +20,9 @@ from daemon_world import DaemonWorld
 
 from octoform.base.processes import start_of
 from octoform.daemon.model import Cause, Facts
-from octoform.daemon.observe.clock import SystemClock
+from octoform.daemon.observe.altered_files import Standing
+from octoform.daemon.observe.clock_jumps import SystemClock
 from octoform.daemon.observe.event_queue import EventSources, Timing
-from octoform.daemon.observe.file_integrity import Standing
 from octoform.daemon.observe.log_events import Hearing
 from octoform.daemon.observe.observer import Looker, Senses
 from octoform.daemon.observe.presence import Asked, Presence

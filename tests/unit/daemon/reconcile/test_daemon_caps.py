@@ -7,7 +7,7 @@ import pytest
 from daemon_world import DaemonWorld
 
 from octoform.daemon.model import Cause, Done, Finding, Repair, Spent
-from octoform.daemon.reconcile.policy import rediscovers
+from octoform.daemon.reconcile.repair_policy import rediscovers
 from octoform.manifest.model import Daemon
 
 

@@ -7,7 +7,7 @@ import pytest
 from daemon_world import DaemonWorld
 
 from octoform.daemon.model import Cause, Done, Finding, Outcome, Repair
-from octoform.daemon.reconcile.policy import Beside, Lane, Product, Task
+from octoform.daemon.reconcile.repair_policy import Beside, Lane, Product, Task
 from octoform.daemon.reconcile.supervisor import Round
 
 SECONDS = 20.0

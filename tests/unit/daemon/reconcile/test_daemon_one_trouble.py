@@ -9,7 +9,7 @@ from daemon_world import INTERVAL, DaemonWorld, first
 
 from octoform.claims.model import Channel, Reading, Signal
 from octoform.daemon.model import Cause, Done, Facts, Finding, Repair, Sighting, Status
-from octoform.daemon.reconcile.policy import AtOnce, Ended
+from octoform.daemon.reconcile.repair_policy import AtOnce, Ended
 
 SOURCES = ("read_joints",)
 

@@ -6,7 +6,7 @@ from typing import Any
 import pytest
 
 from octoform.daemon.model import Done, FaultClass, Finding, Kind, Repair
-from octoform.daemon.repair.dispatch import Agents, Repairs
+from octoform.daemon.repair.repairer import Agents, Repairs
 
 FINDING = Finding(Kind.TOOL_FAILING, FaultClass.BROKEN_TOOL, "tool:a", "it fails", ("x",), Repair.HEAL, ())
 

@@ -10,8 +10,8 @@ import pytest
 from octoform.daemon.repair import restart as daemon_restart
 from octoform.daemon.repair.restart import LONGEST_PAUSE, MOST_SHORT, SHORT_SECONDS, World, read, restart
 from octoform.diagnostics import Diagnostic, error
-from octoform.endpoint.process import lifecycle
 from octoform.endpoint.process import record as desired_state
+from octoform.endpoint.process import start_stop
 from octoform.endpoint.process.record import Running
 from octoform.state.layout import Layout
 
@@ -149,7 +149,7 @@ def test_a_hung_process_is_ended_only_if_it_is_not_well_by_now(
     there = Running(7, 1, (), "seven", "", "local", None)
     monkeypatch.setattr(daemon_restart, "running", lambda _: there)
     monkeypatch.setattr(daemon_restart, "ask", lambda *_: told)
-    monkeypatch.setattr(lifecycle, "accepts", lambda _: accepts)
+    monkeypatch.setattr(start_stop, "accepts", lambda _: accepts)
     world = World(lambda: 0.0, lambda: "one", machine._sleep, machine._start, machine._stop, lambda _: True)
     assert restart(machine.layout, world, hung=True).ok
     assert (machine.stopped, machine.started) == (int(restarted), int(restarted))

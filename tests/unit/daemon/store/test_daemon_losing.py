@@ -8,7 +8,7 @@ import pytest
 from daemon_world import DaemonWorld
 
 from octoform.daemon.model import Cause, Done, Facts, Finding, Outcome, Repair
-from octoform.daemon.reconcile.policy import Ended, Task, Work
+from octoform.daemon.reconcile.repair_policy import Ended, Task, Work
 
 
 @pytest.fixture

@@ -14,7 +14,7 @@ from octoform.daemon.store.agent_budget import Purse
 from octoform.daemon.store.backoff import FLAPS, Breakers
 from octoform.daemon.store.incidents import Episodes, Try
 from octoform.daemon.store.json_store import Shelf
-from octoform.daemon.store.state import Memory
+from octoform.daemon.store.memory import Memory
 from octoform.manifest.model import Daemon
 from octoform.state.layout import Layout
 

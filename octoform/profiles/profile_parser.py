@@ -15,9 +15,9 @@ from octoform.base import digest
 from octoform.diagnostics import Diagnostic, did_you_mean, error, has_errors, warning
 from octoform.frontmatter import Document, Place
 from octoform.profiles import limits, match_rule
-from octoform.profiles.definitions import parser
+from octoform.profiles.definitions import definition_parser
 from octoform.profiles.definitions.definition import Grammar, RegisterGrammar
-from octoform.profiles.definitions.problems import Found, near
+from octoform.profiles.definitions.definition_problems import Found, near
 from octoform.profiles.definitions.register_parser import MOST_ID
 from octoform.profiles.match_rule import Rule
 from octoform.profiles.model import Profile, Rig, Stop
@@ -243,7 +243,7 @@ def parse(document: Document) -> tuple[Profile | None, list[Diagnostic]]:
     found += [*more, *also]
     stop, problems = read_stop(fields.get("stop", []))
     found += [document.problem("PROFILE-STOP", summary, place, hint) for place, summary, hint in problems]
-    grammar, problems = parser.read(fields["grammar"]) if "grammar" in fields else (None, [])
+    grammar, problems = definition_parser.read(fields["grammar"]) if "grammar" in fields else (None, [])
     found += [document.problem("PROFILE-GRAMMAR", summary, place, hint) for place, summary, hint in problems]
     rig, too = _rig(document, grammar)
     found += [*too, *_idle_limits(document, grammar)]
@@ -259,7 +259,7 @@ def parse(document: Document) -> tuple[Profile | None, list[Diagnostic]]:
         evidence=rule,
         limits=(
             *bounds,
-            *(parser.derived(grammar.tools(), bounds) if grammar is not None else ()),
+            *(definition_parser.derived(grammar.tools(), bounds) if grammar is not None else ()),
             *rig.limits,
         ),
         stop=stop,
@@ -373,7 +373,7 @@ def _idle_limits(document: Document, grammar: Grammar | None) -> list[Diagnostic
     found = []
     for given, place in places if tools else ():
         for index, item in enumerate(given if isinstance(given, list) else ()):
-            idle = parser.idle(item, tools) if isinstance(item, Mapping) else None
+            idle = definition_parser.idle(item, tools) if isinstance(item, Mapping) else None
             if idle is not None:
                 name, summary, hint = idle
                 found.append(document.problem("PROFILE-LIMIT", summary, (*place, index, name), hint))

@@ -21,7 +21,8 @@ from octoform.base.locks import acquire
 from octoform.diagnostics import Diagnostic, warning
 from octoform.endpoint.access.tokens import RECORD as TOKENS
 from octoform.endpoint.environment.model import MARKER, packages_of
-from octoform.endpoint.files import (
+from octoform.endpoint.process.systemd import unit_path, watch_path
+from octoform.endpoint.published_files import (
     CLIENTS,
     CONNECTION,
     LAUNCHER,
@@ -31,7 +32,6 @@ from octoform.endpoint.files import (
     SERVE_SCRIPT,
     read_manifest,
 )
-from octoform.endpoint.process.systemd import unit_path, watch_path
 from octoform.harness.port import Task
 from octoform.manifest.model import FILE_NAME
 from octoform.state.artifacts import attempts

@@ -23,7 +23,7 @@ from ruamel.yaml.events import (
 )
 
 from octoform.diagnostics import Span
-from octoform.manifest.source.report import FORBIDDEN, Report, name_of
+from octoform.manifest.source.problem_list import FORBIDDEN, Report, name_of
 from octoform.manifest.source.tree import Items, Node, Scalar, Table, plain_value
 
 # What the YAML reader complains about, in words for the person who wrote the file. (Heavy: the reader's errors.)

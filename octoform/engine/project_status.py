@@ -18,7 +18,7 @@ from octoform.endpoint.process import control
 from octoform.endpoint.process.estop import LATCH
 from octoform.endpoint.process.record import Running, running, running_beside
 from octoform.endpoint.publish.expected_tools import hidden, promised
-from octoform.engine.plan import cache
+from octoform.engine.plan import memo
 from octoform.host.fingerprint import SYSROOT_VARIABLE
 from octoform.plan.model import Plan
 from octoform.state.layout import Layout
@@ -66,7 +66,7 @@ def status(project: Path, environ: Mapping[str, str]) -> Status:
 
 
 def _status(project: Path, environ: Mapping[str, str]) -> Status:
-    plan = cache.recall(project, environ)
+    plan = memo.recall(project, environ)
     if plan is None:
         from octoform.engine.plan.plan import Request, prepare  # heavy, and only what has changed pays for it
 

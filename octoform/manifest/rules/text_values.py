@@ -4,13 +4,13 @@ import re
 from collections.abc import Mapping
 
 from octoform.diagnostics import Span
-from octoform.manifest import addresses, conversion, credentials, references
+from octoform.manifest import conversion, credentials, model_url, references
 from octoform.manifest.conversion import Agent, has_login
 from octoform.manifest.credentials import LOGINS, SEARCHERS
 from octoform.manifest.schema.document import Document
 from octoform.manifest.schema.harness import Confinement, ModelHarness
 from octoform.manifest.source import tree
-from octoform.manifest.source.report import Report
+from octoform.manifest.source.problem_list import Report
 from octoform.manifest.source.tree import Loc, Node, Scalar, Table
 
 _WHERE = "variables may be in `model`, `base_url`, `webhook` and the `command` of an agent only"
@@ -283,7 +283,7 @@ class _Rules:
     def _base_url(self, text: str | None, loc: Loc) -> None:
         """A URL with references is looked at with their values; the values are not shown."""
         url = conversion.resolved(text, self._environ) if text is not None and references.contains(text) else None
-        complaint = addresses.url_complaint(url) if url is not None else None
+        complaint = model_url.url_complaint(url) if url is not None else None
         if complaint is not None:
             what = f"`{loc[-1]}` with the values of its variables: {complaint[0]}"
             self._report.error("MANIFEST-WRONG-VALUE", what, self._span(loc), hint=complaint[1])

@@ -18,13 +18,13 @@ from fastmcp.utilities.json_schema import dereference_refs
 from fastmcp.utilities.types import find_kwarg_by_type
 from mcp_types import InputRequiredResult
 
-from octoform.server.execution.buses import Bus
+from octoform.server.execution.bus_queue import Bus
 from octoform.server.execution.work import current, guard
 from octoform.server.policy.restrictions import Subject
 from octoform.server.policy.tool_policy import Policy, ToolPolicy
 from octoform.server.process import principal
 
-from .validation import Check, Coerce, Effective, check, coercion
+from .argument_validation import Check, Coerce, Effective, check, coercion
 
 AT_ONCE = 64
 """Calls that run at the same time, whatever they call."""

@@ -8,7 +8,7 @@ import re
 from collections.abc import Iterable, Mapping
 
 from octoform.base import serials
-from octoform.builtin.probe import text
+from octoform.builtin.probe import kernel_text
 from octoform.builtin.probe.sysfs import DEVICES, VIRTUAL, group_of
 from octoform.builtin.probe.udev import JOINED_NAME
 from octoform.builtin.probe.unit_model import (
@@ -59,17 +59,17 @@ def name(unit: Unit, vid: str, pid: str) -> str:
     if unit.group:
         return unit.group.replace("-", " ")
     if unit.head.title:
-        return text.value(unit.head.title, NAME_CHARS)
+        return kernel_text.value(unit.head.title, NAME_CHARS)
     maker = facts.get("manufacturer") or facts.get("vendor") or facts.get("udev.ID_VENDOR_FROM_DATABASE", "")
     product = facts.get("product") or facts.get("model") or facts.get("udev.ID_MODEL_FROM_DATABASE", "")
     product = product or facts.get("name") or facts.get("description", "") or _member_name(unit)
-    if maker and text.slug(product).startswith(text.slug(maker)):
+    if maker and kernel_text.slug(product).startswith(kernel_text.slug(maker)):
         maker = ""
     shown = " ".join(part for part in (maker, product) if part)
     if not product:
         kind = f"device {vid}:{pid}" if vid else unit.head.kind or unit.head.name.rstrip("0123456789")
         shown = f"{maker} {unit.head.subsystem} {kind}".strip()
-    return text.value(scrub(shown, secrets_of(unit)), NAME_CHARS)
+    return kernel_text.value(scrub(shown, secrets_of(unit)), NAME_CHARS)
 
 
 def _member_name(unit: Unit) -> str:
@@ -95,8 +95,8 @@ def descriptor(unit: Unit) -> str:
         rows += [row for node in unit.members if node.subsystem in _UNPREFIXED for row in node.lines]
         rows += _member_rows([node for node in owned(unit) if node.subsystem not in _UNPREFIXED], _udev_rows(rows))
     secrets = secrets_of(unit)
-    lines = [f"{key}: {text.value(scrub(said, secrets))}" for key, said in rows if said]
-    return _bounded([text.visible(line[:600]) for line in lines])
+    lines = [f"{key}: {kernel_text.value(scrub(said, secrets))}" for key, said in rows if said]
+    return _bounded([kernel_text.visible(line[:600]) for line in lines])
 
 
 def _udev_rows(rows: list[tuple[str, str]]) -> set[tuple[str, str]]:
@@ -206,7 +206,7 @@ def _same_product(node: Node, above: Node) -> bool:
 def entries(units: Iterable[Unit]) -> list[dict[str, object]]:
     """The ``devices`` of the artifact, in canonical order, ids unique."""
     made = sorted(
-        ((_base(unit), descriptor(unit), text.natural(unit.head.path), unit) for unit in units),
+        ((_base(unit), descriptor(unit), kernel_text.natural(unit.head.path), unit) for unit in units),
         key=lambda row: row[:3],
     )
     numbers: dict[tuple[str, str, str], list[str]] = {}
@@ -239,12 +239,12 @@ def _identity(base: str, taken: set[str]) -> str:
 
 def _base(unit: Unit) -> str:
     if unit.group:
-        return text.slug(unit.group if "-" in unit.group else f"system-{unit.group}")
+        return kernel_text.slug(unit.group if "-" in unit.group else f"system-{unit.group}")
     head = unit.head
     # The name of a class device says its kind; that of a bus device only where it is.
-    named = text.slug(_NUMBERED.sub("", head.name)) if head.member else ""
-    kind = text.slug(head.kind or head.title) or named or "device"
-    first = "cooling" if ("role", "cooling") in head.lines else text.slug(head.subsystem) or "device"
+    named = kernel_text.slug(_NUMBERED.sub("", head.name)) if head.member else ""
+    kind = kernel_text.slug(head.kind or head.title) or named or "device"
+    first = "cooling" if ("role", "cooling") in head.lines else kernel_text.slug(head.subsystem) or "device"
     return kind if kind.startswith(f"{first}-") or kind == first else f"{first}-{kind}"
 
 
@@ -260,9 +260,9 @@ def _entry(unit: Unit, identity: str, said: str, others: list[str]) -> dict[str,
     if vid and pid:
         entry |= {"vid": vid, "pid": pid}
     names = sorted({node.subsystem for node in owned(unit) if node.subsystem not in _NO_CLASS})
-    drivers = sorted({text.value(node.driver, 60) for node in nodes if node.driver})
+    drivers = sorted({kernel_text.value(node.driver, 60) for node in nodes if node.driver})
     if names:
-        entry["classes"] = [text.value(name, 60) for name in names[:MAX_NAMES]]
+        entry["classes"] = [kernel_text.value(name, 60) for name in names[:MAX_NAMES]]
     if drivers:
         entry["drivers"] = drivers[:MAX_NAMES]
     if unit.context:
@@ -275,7 +275,7 @@ def _interface(unit: Unit) -> str:
         return unit.group.partition("-")[0] if "-" in unit.group else "system"
     if unit.head.path.startswith(VIRTUAL) and unit.head.member:
         return "virtual"
-    return text.value(unit.head.subsystem, 40)
+    return kernel_text.value(unit.head.subsystem, 40)
 
 
 def _serial(unit: Unit) -> str:
@@ -298,25 +298,25 @@ def _said(unit: Unit) -> list[str]:
 def _instance(unit: Unit, others: list[str]) -> dict[str, object]:
     head = unit.head
     kernel = head.path.startswith(("/sys/", "/proc/"))
-    instance: dict[str, object] = {"sysfs": text.visible(head.path)[:1000]} if kernel else {}
+    instance: dict[str, object] = {"sysfs": kernel_text.visible(head.path)[:1000]} if kernel else {}
     serial = _serial(unit)
     if not unit.group and not _is_function(head):
-        instance["port"] = text.value(head.name, 200)
+        instance["port"] = kernel_text.value(head.name, 200)
         counted = head.subsystem in _UNPLACED_BUSES or (head.member and head.name[-1:].isdecimal())
         place = "weak" if counted else "positional"
         instance["strength"] = "strong" if serials.tells_apart(serial, filter(None, others), _said(unit)) else place
     if serial and not unit.group:
-        instance["serial"] = text.value(serial, 300)
+        instance["serial"] = kernel_text.value(serial, 300)
     nodes = in_class_order(owned(unit))
     address = next((node.address for node in nodes if node.address), "")
     if address and not unit.group:
-        instance["address"] = text.value(address, 300)
+        instance["address"] = kernel_text.value(address, 300)
     size = next((node.size for node in nodes if node.size is not None), None)
     if size is not None:
         instance["size_bytes"] = size
     if head.attached in _ATTACHED:
         instance["removable"] = head.attached
-    instance["paths"] = [text.visible(node.path)[:1000] for node in nodes[:MAX_MEMBERS]]
+    instance["paths"] = [kernel_text.visible(node.path)[:1000] for node in nodes[:MAX_MEMBERS]]
     instance["nodes"] = [_node(node) for node in nodes[:MAX_MEMBERS] if node.subsystem not in _NO_CLASS]
     return instance | unit.extra
 
@@ -327,7 +327,7 @@ def _is_function(head: Node) -> bool:
 
 
 def _node(node: Node) -> dict[str, str]:
-    entry = {"class": text.value(node.subsystem, 60), "name": text.value(node.name, 200)}
+    entry = {"class": kernel_text.value(node.subsystem, 60), "name": kernel_text.value(node.name, 200)}
     if node.devname:
-        entry["node"] = text.value(f"/dev/{node.devname}", 300)
+        entry["node"] = kernel_text.value(f"/dev/{node.devname}", 300)
     return entry

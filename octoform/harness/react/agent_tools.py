@@ -24,7 +24,7 @@ from octoform.base.escaping import escaped
 from octoform.base.files import parse
 from octoform.base.processes import signal_group
 from octoform.harness.llm.client import Call
-from octoform.harness.react.conversation import ARGUMENT_BYTES, KEPT, HeadAndTail, parsed
+from octoform.harness.react.chat_history import ARGUMENT_BYTES, KEPT, HeadAndTail, parsed
 from octoform.redaction import redacted
 
 # The tool ``shell``: one command in a process group of its own, bounded in time and output.

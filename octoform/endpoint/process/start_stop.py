@@ -18,9 +18,9 @@ from octoform.base.files import private_folder
 from octoform.base.locks import held
 from octoform.base.processes import process_stat, signal_one
 from octoform.diagnostics import Diagnostic, error
-from octoform.endpoint.files import LAUNCHER, not_ours, of_another
 from octoform.endpoint.process import systemd
 from octoform.endpoint.process.record import MARK, Running, is_it, last_running, running
+from octoform.endpoint.published_files import LAUNCHER, not_ours, of_another
 from octoform.endpoint.sockets import greeted
 from octoform.state.layout import Layout
 
