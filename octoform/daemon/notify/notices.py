@@ -27,7 +27,6 @@ from octoform.base.files import parse
 from octoform.base.processes import signal_group
 from octoform.daemon.model import Alert, Kind
 from octoform.daemon.store.json_store import FORMAT, Shelf
-from octoform.diagnostics import Diagnostic, warning
 from octoform.manifest.model import Notify
 from octoform.manifest.references import names, resolve
 from octoform.redaction import found_in
@@ -206,15 +205,6 @@ class _Record:
     def _write(self) -> None:
         ways = {each.way: {"since": each.since, "why": each.why, "lost": each.lost} for each in self._failing.values()}
         self._shelf.write(FILE, {"ways": ways})
-
-
-def diagnostic_of(each: Failing) -> Diagnostic:
-    """A way that fails, as every problem is told."""
-    return warning(
-        "DAEMON-NOT-NOTIFIED",
-        f"no one was told by the {each.way} since {each.since}: {each.why}",
-        hint=f"look at daemon.notify.{each.way} in octopus.yaml",
-    )
 
 
 class Command:

@@ -260,21 +260,6 @@ def added(one: Spent, other: Spent) -> Spent:
     )
 
 
-def finding_of(episode: Episode) -> Finding:
-    """The finding that an episode stands for, when a daemon takes up what another one left; without its data."""
-    repair, *then = [Repair(item) for item in episode.chain] or [Repair.NONE]
-    return Finding(
-        kind=episode.kind,
-        fault=episode.fault,
-        target=episode.target,
-        summary=episode.summary,
-        evidence=episode.evidence,
-        repair=repair,
-        then=tuple(then),
-        status=episode.status,
-    )
-
-
 def _torn(descriptor: int) -> bool:
     """True when the last line is a half one, of a daemon that was killed while it wrote."""
     size = os.fstat(descriptor).st_size

@@ -24,6 +24,8 @@ from octoform.views.format.console import Console
 from octoform.views.format.values import ago, clock, length, one_line
 from octoform.views.plan.text import counted, recorded
 
+UNTOLD = "DAEMON-NOT-NOTIFIED"
+"""The page on a way of telling that fails."""
 STYLES = {
     Status.HEALTHY: ("green",),
     Status.DEGRADED: ("yellow",),
@@ -217,6 +219,8 @@ def _basis(console: Console, found: Survey, now: datetime) -> Iterator[str]:
         yield f"  watched by process {found.watched.process.pid} since {since}; last look {length(found.age)} ago"
     for each in found.untold:
         yield from _wrapped(console, "  ", _untold(each, now))
+    if found.untold:
+        yield f"  octoform explain {UNTOLD}  what can be done about that"
 
 
 def _untold(each: Failing, now: datetime) -> str:

@@ -10,10 +10,9 @@ import pyte
 import pytest
 from daemon_world import DaemonWorld
 
-from octoform.daemon.model import Cause, Done, Repair
+from octoform.daemon.model import Cause, Done, Finding, Repair
 from octoform.daemon.reconcile.repair_policy import Task, lane_of
 from octoform.daemon.store import instance_lock
-from octoform.daemon.store.incidents import finding_of
 from octoform.views.daemon.event_log import Lines, Objects, named
 from octoform.views.format.console import Console
 
@@ -134,7 +133,8 @@ def test_a_program_reads_an_object_for_each_event(tmp_path: Path) -> None:
 def test_what_ended_is_told_before_what_was_begun_because_of_it(tmp_path: Path) -> None:
     world = night(tmp_path)
     made = next(each for each in world.rounds if each.tried)
-    finding = replace(finding_of(made.tried[0][0]), target="tool:read_joints")
+    before = made.tried[0][0]
+    finding = Finding(before.kind, before.fault, "tool:read_joints", before.summary, (), Repair.HEAL)
     begun = Task(lane_of(Repair.HEAL), finding, Repair.HEAL, finding.key, made.facts.stamp, made.facts.uptime)
     made = replace(made, begun=(begun,))
     out, lines = io.StringIO(), Terminal()
