@@ -10,10 +10,13 @@ A case holds the project as a person would have it (``octopus.yaml`` and the fil
 
 import json
 import shutil
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
+
+from octoform.diagnostics import Diagnostic, Span
+from octoform.views.format.diagnostics import render, summary
 
 FOLDER = Path(__file__).parent / "cases" / "manifest"
 MANIFEST = "octopus.yaml"
@@ -76,3 +79,14 @@ def all_cases() -> list[Case]:
 def _part(part: Mapping[str, str]) -> bytes:
     content = part["text"].encode("utf-8") if "text" in part else bytes.fromhex(part["hex"])
     return content * int(part.get("times", 1))
+
+
+def render_all(found: Iterable[Diagnostic], *, colour: bool) -> str:
+    """What a person is shown of a manifest: every diagnostic by its place, and how many there are; empty for none."""
+    ordered = sorted(found, key=_place)
+    return "\n\n".join([*(render(item, colour=colour) for item in ordered), summary(ordered)]) if ordered else ""
+
+
+def _place(item: Diagnostic) -> tuple[str, int, int]:
+    span = item.span or Span(0, 0)
+    return (item.path or "", span.line, span.column)

@@ -5,7 +5,7 @@ or an agent is escaped and bounded here; only plain ASCII is added, so any termi
 """
 
 import unicodedata
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 
 from octoform.diagnostics import Diagnostic, Severity, Span
 from octoform.views.format.values import escape
@@ -42,18 +42,6 @@ def render(item: Diagnostic, *, colour: bool, width: int = WIDTH) -> str:
     return "\n".join(out)
 
 
-def render_all(items: Iterable[Diagnostic], *, colour: bool, width: int = WIDTH) -> str:
-    """All of them with blank lines between, errors and warnings counted at the end; empty for none.
-
-    Sorted by file and place; what has no place keeps its order and comes first.
-    """
-    ordered = sorted(items, key=_order)
-    if not ordered:
-        return ""
-    blocks = [render(item, colour=colour, width=width) for item in ordered]
-    return "\n\n".join([*blocks, summary(ordered)])
-
-
 def summary(items: Sequence[Diagnostic]) -> str:
     """``2 errors, 1 warning``."""
     errors = sum(item.severity is Severity.ERROR for item in items)
@@ -69,11 +57,6 @@ class _Paint:
 
     def __call__(self, text: str, style: str) -> str:
         return f"\x1b[{_STYLES[style]}m{text}\x1b[0m" if self._colour and text else text
-
-
-def _order(item: Diagnostic) -> tuple[str, int, int]:
-    span = item.span or Span(0, 0)
-    return (item.path or "", span.line, span.column)
 
 
 def _place(item: Diagnostic) -> str:

@@ -7,12 +7,12 @@ from typing import Any
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from manifest_cases import render_all
 from ruamel.yaml import YAML
 
 from octoform.diagnostics import Diagnostic, has_errors, to_json
 from octoform.manifest.loader import parse
 from octoform.manifest.schema.document import json_schema
-from octoform.views.format.diagnostics import render_all
 
 WORDS = sorted(
     {

@@ -6,11 +6,10 @@ from pathlib import Path
 
 import pytest
 from cases import for_each
-from manifest_cases import Case, all_cases
+from manifest_cases import Case, all_cases, render_all
 
 from octoform.diagnostics import has_errors, to_json
 from octoform.manifest.loader import load
-from octoform.views.format.diagnostics import render_all
 
 CASES = all_cases()
 # The made-up credentials of the cases; each has this word in it.
