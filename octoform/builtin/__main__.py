@@ -10,7 +10,7 @@ from importlib import import_module
 from pathlib import Path
 
 from octoform.base.shortage import is_shortage
-from octoform.builtin.task import Refused, read_task
+from octoform.builtin.task import TaskRefused, read_task
 
 USAGE = "usage: python -m octoform.builtin <task.json>"
 MOST_MEMORY = 1 << 30
@@ -25,7 +25,7 @@ def main(arguments: list[str]) -> int:
     try:
         task = read_task(Path(arguments[0]))
         summary = import_module(f"octoform.builtin.{task.stage.partition('.')[0]}").run(task)
-    except Refused as reason:
+    except TaskRefused as reason:
         print(" ".join(str(reason).split()), file=sys.stderr)
         return 1
     except OSError as problem:

@@ -26,7 +26,7 @@ from uv import find_uv_bin
 from octoform.base import shortage
 from octoform.base.files import head
 from octoform.builtin.protocol_definitions import Profiles
-from octoform.builtin.task import Refused, Task
+from octoform.builtin.task import Task, TaskRefused
 
 # What a server's text says about itself: the dependencies in its header (PEP 723) and the modules that it imports.
 
@@ -48,7 +48,7 @@ class Script:
 
 
 def read_script(text: str) -> Script:
-    """The facts of a server; Refused when it is no Python or has no usable header."""
+    """The facts of a server; TaskRefused when it is no Python or has no usable header."""
     python, listed = _header(text)
     imports = _imports(text)
     foreign = {name: inside for name, inside in imports.items() if name not in sys.stdlib_module_names}
@@ -69,21 +69,21 @@ def normalised(name: str) -> str:
 def _header(text: str) -> tuple[str, list[str]]:
     blocks = _BLOCK.findall(text)
     if len(blocks) != 1:
-        raise Refused(f"server.py has {len(blocks) or 'no'} script headers, and one is needed")
+        raise TaskRefused(f"server.py has {len(blocks) or 'no'} script headers, and one is needed")
     try:
         table = tomllib.loads("".join(line[2:] or "\n" for line in blocks[0].splitlines(keepends=True)))
     except tomllib.TOMLDecodeError as problem:
-        raise Refused(f"the script header of server.py is not TOML: {problem}") from problem
+        raise TaskRefused(f"the script header of server.py is not TOML: {problem}") from problem
     listed, python = table.get("dependencies"), table.get("requires-python")
     if not isinstance(listed, list) or not all(isinstance(item, str) for item in listed):
-        raise Refused("the script header of server.py has no list of dependencies")
+        raise TaskRefused("the script header of server.py has no list of dependencies")
     return python if isinstance(python, str) else "", listed
 
 
 def _name(requirement: str) -> str:
     match = _REQUIREMENT.match(requirement)
     if match is None:
-        raise Refused(f"the dependency {requirement[:80]!r} is no name with a range of versions")
+        raise TaskRefused(f"the dependency {requirement[:80]!r} is no name with a range of versions")
     return match[1]
 
 
@@ -92,7 +92,7 @@ def _imports(text: str) -> dict[str, bool]:
     try:
         tree = ast.parse(text)
     except (SyntaxError, ValueError) as problem:
-        raise Refused(f"server.py does not compile: {problem}") from problem
+        raise TaskRefused(f"server.py does not compile: {problem}") from problem
     found: dict[str, bool] = {}
 
     def visit(node: ast.AST, inside: bool) -> None:
@@ -264,13 +264,13 @@ MAX_BYTES = 1_000_000
 def run(task: Task) -> str:
     """Write the DEPLOY artifact; the summary line (``4 requirements, 71 packages``)."""
     if task.input is None:
-        raise Refused("stage deploy needs server.py and the task names none")
+        raise TaskRefused("stage deploy needs server.py and the task names none")
     try:
         text = head(task.input, MAX_BYTES, follow=True).decode("utf-8")
     except OSError as problem:
-        raise Refused(f"cannot read {task.input}: {problem.strerror}") from problem
+        raise TaskRefused(f"cannot read {task.input}: {problem.strerror}") from problem
     except UnicodeDecodeError as problem:
-        raise Refused(f"{task.input.name} is not UTF-8") from problem
+        raise TaskRefused(f"{task.input.name} is not UTF-8") from problem
     artifact, packages = decide(read_script(text), Resolver(), task.profiles)
     task.write(artifact)
     if artifact["status"] == "error":

@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from typing import Any
 
-from octoform.builtin.task import Refused, Task
+from octoform.builtin.task import Task, TaskRefused
 
 # The duty: one error in, the one action of its class out.
 #
@@ -28,7 +28,7 @@ def run(task: Task) -> str:
     try:
         report = answer(task.read_input())
     except (KeyError, TypeError, AttributeError) as problem:
-        raise Refused(f"the input of HEAL cannot be used: {type(problem).__name__}: {problem}") from problem
+        raise TaskRefused(f"the input of HEAL cannot be used: {type(problem).__name__}: {problem}") from problem
     task.write(report)
     return f"{report['status']} by {report['action']}"
 

@@ -4,18 +4,18 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from octoform.builtin.protocol_definitions import holding, parameters
-from octoform.builtin.task import Refused, Task
+from octoform.builtin.task import Task, TaskRefused
 
 # Which camera is looked through: the one that a person named, else one on a hub of its own, else a USB one.
 
 
 def best(cameras: Sequence[Mapping[str, Any]]) -> Mapping[str, Any]:
-    """The camera to take; the first of equals by its id. Refused when there is none.
+    """The camera to take; the first of equals by its id. TaskRefused when there is none.
 
     A camera that shares a hub with what moves may vanish just when it is needed; a built-in one looks elsewhere.
     """
     if not cameras:
-        raise Refused("no tool of this host takes a picture, so nothing can be seen to move")
+        raise TaskRefused("no tool of this host takes a picture, so nothing can be seen to move")
     ranked = sorted(
         cameras,
         key=lambda item: (not item["hint"], bool(item["hub_shared_with"]), item["built_in"], item["device"]),
@@ -81,7 +81,7 @@ _READS = ("read_unit", "read_units")
 
 
 def register_trials(given: Mapping[str, Any], grammar: Mapping[str, Any]) -> list[dict[str, Any]]:
-    """One trial for each unit of the grammar that is not disabled; Refused without a tool that moves or reads one."""
+    """One trial for each unit of the grammar that is not disabled; TaskRefused without a tool to move or read one."""
     registers = grammar["registers"]
     offered = {tool["name"]: tool for tool in given["tools"]}
     unit = registers.get("unit", "unit")
@@ -153,7 +153,7 @@ def _command(grammar: Mapping[str, Any], offered: Mapping[str, Any], do: str) ->
     for command in grammar["commands"]:
         if command.get("do") == do and "scale" not in command and command["tool"] in offered:
             return dict(command)
-    raise Refused(f"no tool of this device does {do}, so no unit of it can be tried")
+    raise TaskRefused(f"no tool of this device does {do}, so no unit of it can be tried")
 
 
 def _by(given: Mapping[str, Any], registers: Mapping[str, Any]) -> int:
@@ -184,12 +184,12 @@ def _device(given: Mapping[str, Any], tool: Mapping[str, Any]) -> dict[str, str]
 
 
 def run(task: Task) -> str:
-    """Write the step's output; the summary line (``5 trials, 1 unit skipped``). Refused says why there can be none."""
+    """Write the step's output; the summary line (``5 trials, 1 unit skipped``). TaskRefused says why there is none."""
     given = task.read_input()
     try:
         value = answer(given, task)
     except (KeyError, TypeError, AttributeError) as problem:
-        raise Refused(f"the step's input cannot be used: {type(problem).__name__}: {problem}") from problem
+        raise TaskRefused(f"the step's input cannot be used: {type(problem).__name__}: {problem}") from problem
     task.write(value)
     if value["camera"] is not None:
         return f"the camera {value['camera']['device']}"
@@ -197,7 +197,7 @@ def run(task: Task) -> str:
 
 
 def answer(given: Mapping[str, Any], task: Task) -> dict[str, Any]:
-    """The output for an input; Refused where nothing that is known can prove it."""
+    """The output for an input; TaskRefused where nothing that is known can prove it."""
     kind, device = given["proof"]["kind"], given["device"]
     blank = {"format": 1, "step": given["step"], "device": None, "server": None}
     if kind == "frame":
@@ -205,7 +205,7 @@ def answer(given: Mapping[str, Any], task: Task) -> dict[str, Any]:
         chosen = {name: camera[name] for name in ("device", "tool", "arguments")}
         return {**blank, "trials": [], "skipped": [], "camera": chosen}
     if device is None:
-        raise Refused("this step is for no certain device; the embedded agent moves only what a profile describes")
+        raise TaskRefused("this step is for no certain device; the embedded agent moves only what a profile describes")
     profile = holding(task.profiles, device["id"])
     grammar = (profile or {}).get("grammar") or {}
     skipped: list[dict[str, str]] = []
@@ -214,9 +214,9 @@ def answer(given: Mapping[str, Any], task: Task) -> dict[str, Any]:
     elif kind == "view" and "line" in grammar:
         trials = line_trials(given, grammar)
     else:
-        raise Refused(f"the profile has no grammar from which a proof of the kind {kind} could be made")
+        raise TaskRefused(f"the profile has no grammar from which a proof of the kind {kind} could be made")
     if not trials:
-        raise Refused("nothing of this device can be tried: no enabled unit, or no tool that moves it to and fro")
+        raise TaskRefused("nothing of this device can be tried: no enabled unit, or no tool that moves it to and fro")
     return {**blank, "device": device["id"], "trials": trials, "skipped": skipped, "camera": None}
 
 

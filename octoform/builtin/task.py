@@ -26,7 +26,7 @@ DEFAULT_TOOLS = 30
 SYSROOT_VARIABLE = "OCTOFORM_SYSROOT"
 
 
-class Refused(Exception):
+class TaskRefused(Exception):
     """A clear failure of the task itself; its text is the one line that the orchestrator's log gets."""
 
 
@@ -52,30 +52,30 @@ class Task:
     refused: tuple[Mapping[str, Any], ...] = ()
 
     def read_input(self) -> dict[str, Any]:
-        """The preceding artifact as a JSON object; Refused when there is none or it is no such thing."""
+        """The preceding artifact as a JSON object; TaskRefused when there is none or it is no such thing."""
         if self.input is None:
-            raise Refused(f"stage {self.stage} needs the preceding stage's artifact and the task names none")
+            raise TaskRefused(f"stage {self.stage} needs the preceding stage's artifact and the task names none")
         return read_object(self.input)
 
     def write(self, value: Mapping[str, Any] | str) -> None:
-        """Write the output atomically: text as it is, an object as indented JSON. Refused when the disk says no."""
+        """Write the output atomically: text as it is, an object as indented JSON. TaskRefused when the disk says no."""
         text = value if isinstance(value, str) else json.dumps(value, indent=1, ensure_ascii=False) + "\n"
         try:
             replace(self.output, text.encode("utf-8"), 0o644)
         except OSError as problem:
-            raise Refused(f"cannot write {self.output}: {problem.strerror}") from problem
+            raise TaskRefused(f"cannot write {self.output}: {problem.strerror}") from problem
 
 
 def read_task(path: Path, environ: Mapping[str, str] | None = None) -> Task:
-    """Read ``task.json``; Refused names what is missing or wrong in it."""
+    """Read ``task.json``; TaskRefused names what is missing or wrong in it."""
     variables = os.environ if environ is None else environ
     document = read_object(path)
     stage = document.get("stage")
     if stage not in STAGES and not (isinstance(stage, str) and stage.startswith(STEP)):
-        raise Refused(f"{path.name}: stage {stage!r} is none of {', '.join(STAGES)}")
+        raise TaskRefused(f"{path.name}: stage {stage!r} is none of {', '.join(STAGES)}")
     output = _path(document, "output")
     if output is None:
-        raise Refused(f"{path.name}: 'output' is missing")
+        raise TaskRefused(f"{path.name}: 'output' is missing")
     return Task(
         stage=stage,
         input=_path(document, "input"),
@@ -90,15 +90,15 @@ def read_task(path: Path, environ: Mapping[str, str] | None = None) -> Task:
 
 
 def read_object(path: Path) -> dict[str, Any]:
-    """A JSON object from a file; Refused when it cannot be read, parsed or is no object."""
+    """A JSON object from a file; TaskRefused when it cannot be read, parsed or is no object."""
     try:
         value = read_json(path, any_text=True)
     except OSError as problem:
-        raise Refused(f"cannot read {path}: {problem.strerror}") from problem
+        raise TaskRefused(f"cannot read {path}: {problem.strerror}") from problem
     except ValueError as problem:
-        raise Refused(f"{path} is not JSON: {problem}") from problem
+        raise TaskRefused(f"{path} is not JSON: {problem}") from problem
     if not isinstance(value, dict):
-        raise Refused(f"{path} holds no JSON object")
+        raise TaskRefused(f"{path} holds no JSON object")
     return value
 
 
@@ -107,7 +107,7 @@ def _path(document: Mapping[str, Any], key: str) -> Path | None:
     if value is None:
         return None
     if not isinstance(value, str) or not value:
-        raise Refused(f"task: {key!r} is no path")
+        raise TaskRefused(f"task: {key!r} is no path")
     return Path(value)
 
 
@@ -120,14 +120,14 @@ def _tools(document: Mapping[str, Any]) -> int:
 def _profiles(document: Mapping[str, Any]) -> tuple[Mapping[str, Any], ...]:
     given = document.get("profiles", [])
     if not isinstance(given, list) or not all(isinstance(item, dict) for item in given):
-        raise Refused("task: 'profiles' is no list of profiles")
+        raise TaskRefused("task: 'profiles' is no list of profiles")
     return tuple(given)
 
 
 def _answers(document: Mapping[str, Any]) -> Mapping[str, str]:
     given = document.get("answers", {})
     if not isinstance(given, dict) or not all(isinstance(item, str) for item in given.values()):
-        raise Refused("task: 'answers' is no object of sentences")
+        raise TaskRefused("task: 'answers' is no object of sentences")
     return given
 
 

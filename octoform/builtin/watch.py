@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from octoform.base.clock import parse_stamp
-from octoform.builtin.task import Refused, Task
+from octoform.builtin.task import Task, TaskRefused
 
 # The input of WATCH as the embedded agent asks it: what is newest, what failed and is not over, what is attached.
 
@@ -29,7 +29,7 @@ class Given:
 
     @classmethod
     def of(cls, document: Row) -> "Given":
-        """Refused when a part is no list of rows."""
+        """TaskRefused when a part is no list of rows."""
         parts = {name: _rows(document, name) for name in _PARTS}
         newest = {(row["channel"], row["source"], row["path"]): row for row in parts["readings"]}
         return cls(**parts, newest=newest)
@@ -82,7 +82,7 @@ class Given:
 def _rows(document: Row, name: str) -> tuple[Row, ...]:
     value = document.get(name, [])
     if not isinstance(value, list) or not all(isinstance(row, dict) for row in value):
-        raise Refused(f"the input's {name} are no list of objects")
+        raise TaskRefused(f"the input's {name} are no list of objects")
     return tuple(value)
 
 
@@ -165,7 +165,7 @@ def run(task: Task) -> str:
     try:
         report = answer(task.read_input())
     except (KeyError, TypeError, AttributeError) as problem:
-        raise Refused(f"the input of WATCH cannot be used: {type(problem).__name__}: {problem}") from problem
+        raise TaskRefused(f"the input of WATCH cannot be used: {type(problem).__name__}: {problem}") from problem
     task.write(report)
     return f"{report['status']}, {_count(len(report['errors']), 'error')}"
 

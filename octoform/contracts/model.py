@@ -21,7 +21,7 @@ class Holding(Protocol):
         """Ids of PROBE devices."""
 
 
-class Known(Protocol):
+class KnownDevices(Protocol):
     """What says for which devices a step may run: IDENTIFY's artifact, and the profiles' facts by their names."""
 
     @property
@@ -59,7 +59,7 @@ class StepFacts:
         return self.needs_profile and not self.devices
 
 
-def corroborated(profile: str, artifacts: Known) -> tuple[str, ...]:
+def corroborated(profile: str, artifacts: KnownDevices) -> tuple[str, ...]:
     """The devices that a step may run for which needs that profile, in IDENTIFY's order.
 
     IDENTIFY annotated them with it, and its evidence rule holds for them: neither alone is enough.

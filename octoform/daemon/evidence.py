@@ -14,7 +14,7 @@ from octoform.claims.model import Channel, Claim, Reading, Signal, State, Value
 from octoform.claims.readings import to_json as reading_json
 from octoform.daemon.model import Cause, Facts, Finding
 from octoform.daemon.signals import NO_VALUE, answered, current, measured
-from octoform.daemon.store.memory import Memory, Report
+from octoform.daemon.store.memory import LastReport, Memory
 from octoform.daemon.triage.failure_history import Recall
 from octoform.diagnostics import Diagnostic
 from octoform.state.layout import Layout
@@ -78,7 +78,7 @@ class Evidence:
         # Stamps of a clock that was set back since then cannot be compared: then the log counts as a whole.
         before = memory.report
         since = before.asked if before.asked <= facts.stamp else ""
-        memory.keep_report(Report(before.summary, since, facts.stamp))
+        memory.keep_report(LastReport(before.summary, since, facts.stamp))
         failures = self._failures(memory.recall)  # first: what is missing among the readings is recorded with it
         return {
             "causes": sorted(str(cause) for cause in causes),

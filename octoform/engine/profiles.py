@@ -44,14 +44,14 @@ class HostReport:
 
 
 @dataclass(frozen=True, slots=True)
-class Report:
+class ProfileReport:
     """A sound profile and what it would be used for."""
 
     profile: Profile
     hosts: tuple[HostReport, ...]
 
 
-def check(project: Path, environ: Mapping[str, str], file: Path) -> tuple[Report | None, list[Diagnostic]]:
+def check(project: Path, environ: Mapping[str, str], file: Path) -> tuple[ProfileReport | None, list[Diagnostic]]:
     """The report; None with every problem of the file when it is not sound. Warnings come along with a report."""
     profiles, found = load([project / file])
     if not profiles:
@@ -61,7 +61,7 @@ def check(project: Path, environ: Mapping[str, str], file: Path) -> tuple[Report
     for name, probe in sorted(probes(project).items()):
         answers = manifest.answers if manifest is not None and manifest.host == name else {}
         hosts.append(_of_host(profiles[0], name, probe, answers))
-    return Report(profiles[0], tuple(hosts)), found
+    return ProfileReport(profiles[0], tuple(hosts)), found
 
 
 def probes(project: Path) -> dict[str, list[Mapping[str, Any]]]:

@@ -33,7 +33,7 @@ class Request:
 
 
 @dataclass(frozen=True, slots=True)
-class Answer:
+class SavedAnswer:
     """A tool's answer and the files that its pictures and sounds were written to."""
 
     result: CallResult
@@ -65,7 +65,7 @@ def tools(
 
 def call(
     project: Path, environ: Mapping[str, str], request: Request, person: Person | None = None
-) -> tuple[Answer | None, list[Diagnostic]]:
+) -> tuple[SavedAnswer | None, list[Diagnostic]]:
     """Call a tool; media go to files in the working folder's .octoform."""
     given, texts, found = _arguments(request.pairs, request.document)
     layout, more = layout_of(project, environ)
@@ -76,7 +76,7 @@ def call(
     if result is None:
         return None, list(problems)
     saved, more = save_media(result.content, layout.local / "results", request.tool)
-    return Answer(result, tuple(saved)), more
+    return SavedAnswer(result, tuple(saved)), more
 
 
 def answered(project: Path, environ: Mapping[str, str]) -> frozenset[str]:

@@ -144,7 +144,7 @@ PATH = "/models"
 
 
 @dataclass(frozen=True, slots=True)
-class Answer:
+class ApiAnswer:
     """What the API answered: the HTTP status, or in ``problem`` why there is none; ``names`` are the listed models.
 
     ``names`` is None when the list is not complete or cannot be read.
@@ -187,41 +187,41 @@ def place(way: Access) -> str:
     return f"{parts.scheme}://{parts.netloc.rpartition('@')[2]}"
 
 
-def ask(way: Access, key: str, proxies: Mapping[str, str]) -> Answer:
+def ask(way: Access, key: str, proxies: Mapping[str, str]) -> ApiAnswer:
     """The list of models, within five seconds in all; never raises for what the other side does."""
-    found: list[Answer] = []
+    found: list[ApiAnswer] = []
     worker = threading.Thread(target=lambda: found.append(_get(way, key, proxies)), daemon=True)
     try:
         shortage.start(worker)
     except BlockingIOError as problem:
-        return Answer(None, problem.strerror or shortage.TEXT)
+        return ApiAnswer(None, problem.strerror or shortage.TEXT)
     worker.join(SECONDS)
     return found[0] if found else _late()
 
 
-def _late() -> Answer:
-    return Answer(None, f"no answer within {SECONDS:g} s")
+def _late() -> ApiAnswer:
+    return ApiAnswer(None, f"no answer within {SECONDS:g} s")
 
 
-def _get(way: Access, key: str, proxies: Mapping[str, str]) -> Answer:
+def _get(way: Access, key: str, proxies: Mapping[str, str]) -> ApiAnswer:
     if urlsplit(way.base_url).scheme not in ("http", "https"):
-        return Answer(None, "this is no address of the web")  # the library would open a file just as well
+        return ApiAnswer(None, "this is no address of the web")  # the library would open a file just as well
     opener = urllib.request.build_opener(urllib.request.ProxyHandler(dict(proxies)), _NoRedirect)
     try:
         request = urllib.request.Request(f"{way.base_url}{PATHS.get(way.api, PATH)}", headers=_headers(way.api, key))
         with opener.open(request, timeout=SECONDS) as reply:
-            return Answer(reply.status, names=_names(reply.read(LIST_BYTES)))
+            return ApiAnswer(reply.status, names=_names(reply.read(LIST_BYTES)))
     except urllib.error.HTTPError as refusal:
         refusal.close()
-        return Answer(refusal.code)
+        return ApiAnswer(refusal.code)
     except TimeoutError:
         return _late()
     except urllib.error.URLError as failure:
         if isinstance(failure.reason, TimeoutError):
             return _late()
-        return Answer(None, str(getattr(failure.reason, "strerror", None) or failure.reason))
+        return ApiAnswer(None, str(getattr(failure.reason, "strerror", None) or failure.reason))
     except (OSError, ValueError, http.client.HTTPException) as failure:
-        return Answer(None, str(failure) or type(failure).__name__)
+        return ApiAnswer(None, str(failure) or type(failure).__name__)
 
 
 class _NoRedirect(urllib.request.HTTPRedirectHandler):
@@ -263,7 +263,7 @@ def _proxies(environ: Mapping[str, str], names: Sequence[str]) -> dict[str, str]
     return {wanted[name.lower()]: environ[name] for name in names if name.lower() in wanted and environ.get(name)}
 
 
-def _key(way: Access, name: str | None, proxies: Mapping[str, str], answer: Answer) -> Check:
+def _key(way: Access, name: str | None, proxies: Mapping[str, str], answer: ApiAnswer) -> Check:
     if answer.refuses(way.api):
         hint = f"check what {name} holds" if name else "name the variable with the key in `key`"
         return failed("key", f"{name or 'a request without a key'} was refused ({answer.status})", hint)
@@ -277,7 +277,7 @@ def _key(way: Access, name: str | None, proxies: Mapping[str, str], answer: Answ
     return unknown("key", f"{name} is set; this API lists its models for anybody, so the key was not tried")
 
 
-def _api(way: Access, answer: Answer, environ: Mapping[str, str], passed_on: Sequence[str]) -> Check:
+def _api(way: Access, answer: ApiAnswer, environ: Mapping[str, str], passed_on: Sequence[str]) -> Check:
     where = f"{place(way)} ({way.api})"
     if answer.status is None:
         unseen = _unseen_proxy(way, environ, passed_on)
@@ -298,7 +298,7 @@ def _unseen_proxy(way: Access, environ: Mapping[str, str], passed_on: Sequence[s
     return next((name for name in names if name not in passed_on), None)
 
 
-def _model(way: Access, answer: Answer) -> list[Check]:
+def _model(way: Access, answer: ApiAnswer) -> list[Check]:
     """Whether the model is in the list; nothing when there is no list."""
     if answer.names is None:
         return []

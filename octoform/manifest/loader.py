@@ -8,7 +8,7 @@ from octoform.diagnostics import Diagnostic
 from octoform.manifest.conversion import build
 from octoform.manifest.model import Manifest, ProfileSource
 from octoform.manifest.rules import crosschecks, profile_paths, schema_errors, text_values
-from octoform.manifest.source.problem_list import Report, read, text_of
+from octoform.manifest.source.problem_list import ProblemList, read, text_of
 from octoform.manifest.source.yaml_parser import read_tree
 
 
@@ -18,7 +18,7 @@ def load(path: Path, environ: Mapping[str, str]) -> tuple[Manifest | None, list[
     ``path`` is shown in diagnostics as it is given. ``environ`` is only asked whether variables are set. Never raises
     for what stands in the file; what cannot be decoded or parsed is one problem, everything after that is gathered.
     """
-    report = Report(str(path))
+    report = ProblemList(str(path))
     content = read(path, report)
     if content is None:
         return None, report.diagnostics()
@@ -27,7 +27,7 @@ def load(path: Path, environ: Mapping[str, str]) -> tuple[Manifest | None, list[
 
 def parse(content: bytes, path: Path, environ: Mapping[str, str]) -> tuple[Manifest | None, list[Diagnostic]]:
     """As `load`, of bytes that may not yet stand at ``path``."""
-    report = Report(str(path))
+    report = ProblemList(str(path))
     text = text_of(content, report)
     root = read_tree(text, report) if text is not None else None
     if root is None:
@@ -54,7 +54,7 @@ def named_profiles(path: Path) -> tuple[ProfileSource, ...]:
 
     So that the problems of all files can be told at once; what is wrong with the manifest is told by `load`.
     """
-    report = Report(str(path))
+    report = ProblemList(str(path))
     content = read(path, report)
     text = text_of(content, report) if content is not None else None
     root = read_tree(text, report) if text is not None else None

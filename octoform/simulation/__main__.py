@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from octoform.simulation.rig import Rig, RigInvalid, load, names
-from octoform.simulation.rig_commands import HELP, Refused, changed, obey, shown
+from octoform.simulation.rig_commands import HELP, CommandRefused, changed, obey, shown
 
 MEMORY = Path("/dev/shm")
 """Where the folder is made when it can be: the camera's file is replaced several times a second."""
@@ -31,7 +31,7 @@ def main(words: Sequence[str] | None = None) -> int:
             description = _set(description, text)
         with _folder(given.folder) as folder, _signals():
             _run(Rig(description, folder), as_json=given.json)
-    except (RigInvalid, Refused, OSError) as problem:
+    except (RigInvalid, CommandRefused, OSError) as problem:
         print(f"octoform simulate: {problem}", file=sys.stderr)
         return 1
     return 0
@@ -52,7 +52,7 @@ def _set(description: Mapping[str, Any], text: str) -> dict[str, Any]:
     target, equals, value = text.partition("=")
     name, dot, key = target.partition(".")
     if not (equals and dot and name and key):
-        raise Refused(f"-set takes NAME.KEY=VALUE, such as arm.anonymous=true, and not {text}")
+        raise CommandRefused(f"-set takes NAME.KEY=VALUE, such as arm.anonymous=true, and not {text}")
     try:
         return changed(description, name, key, json.loads(value))
     except json.JSONDecodeError:
@@ -69,7 +69,7 @@ def _folder(given: str | None) -> Iterator[Path]:
         folder = Path(given).absolute()
         before = folder.exists()
         if before and (not folder.is_dir() or any(folder.iterdir())):
-            raise Refused(f"{folder} is not an empty folder")
+            raise CommandRefused(f"{folder} is not an empty folder")
         folder.mkdir(parents=True, exist_ok=True)
     try:
         yield folder
@@ -125,7 +125,7 @@ def _listen(rig: Rig, *, as_json: bool) -> None:
 def _done(rig: Rig, line: str) -> dict[str, Any]:
     try:
         return obey(rig, line)
-    except Refused as refused:
+    except CommandRefused as refused:
         return {"event": "refused", "reason": str(refused)}
 
 

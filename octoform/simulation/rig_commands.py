@@ -19,23 +19,23 @@ _OPTIONAL: Mapping[str, object] = {"anonymous": False, "described": False, "unpl
 """Keys that a description may leave out, each with what it then means."""
 
 
-class Refused(ValueError):
+class CommandRefused(ValueError):
     """A line that can't be done; the text says why."""
 
 
 def changed(description: Mapping[str, Any], name: str, key: str, value: object) -> dict[str, Any]:
-    """The description with another value of one key of one device. Refused for a device or key that is not there.
+    """The description with another value of one key of one device. CommandRefused for one that is not there.
 
     The value has to be of the kind that it replaces: a number, true or false, a text. ``kind`` makes another device.
     """
     devices = description["devices"]
     if name not in devices:
-        raise Refused(f"there is no device {name}; there are {', '.join(devices)}")
+        raise CommandRefused(f"there is no device {name}; there are {', '.join(devices)}")
     known = {**_OPTIONAL, **devices[name]}
     if key not in known or key == "kind":
-        raise Refused(f"{name} has no value {key} to set; it has {', '.join(sorted(set(known) - {'kind'}))}")
+        raise CommandRefused(f"{name} has no value {key} to set; it has {', '.join(sorted(set(known) - {'kind'}))}")
     if _sort(value) != _sort(known[key]):
-        raise Refused(f"{name}.{key} takes {_sort(known[key])}, and not {value}")
+        raise CommandRefused(f"{name}.{key} takes {_sort(known[key])}, and not {value}")
     return {**description, "devices": {**devices, name: {**devices[name], key: value}}}
 
 
@@ -45,20 +45,20 @@ def _sort(value: object) -> str:
 
 
 def obey(rig: Rig, text: str) -> dict[str, Any]:
-    """Do what a line says; what came of it, with the key ``event``. Refused when it can't be done."""
+    """Do what a line says; what came of it, with the key ``event``. CommandRefused when it can't be done."""
     words = text.split() or ["show"]
     known = {"plug": (1, 3), "unplug": (1, 1), "fault": (2, 2), "show": (0, 0)}
     word, rest = words[0], words[1:]
     if word not in known:
-        raise Refused(f"unknown: {word}\n{HELP}")
+        raise CommandRefused(f"unknown: {word}\n{HELP}")
     least, most = known[word]
     if not least <= len(rest) <= most:
-        raise Refused(f"{word} takes other words\n{HELP}")
+        raise CommandRefused(f"{word} takes other words\n{HELP}")
     if word == "show":
         return {"event": "state", "devices": shown(rig)}
     name = rest[0].split(".")[0]
     if name not in rig.names:
-        raise Refused(f"there is no device {name}; there are {', '.join(rig.names)}")
+        raise CommandRefused(f"there is no device {name}; there are {', '.join(rig.names)}")
     if word == "fault":
         return _broken(rig, rest[0], None if rest[1] == "none" else rest[1])
     if word == "unplug":
@@ -67,7 +67,7 @@ def obey(rig: Rig, text: str) -> dict[str, Any]:
     try:
         rig.plug(name, port=rest[1] if len(rest) > 1 else None, node=rest[2] if len(rest) > 2 else None)
     except ValueError as problem:
-        raise Refused(str(problem)) from problem
+        raise CommandRefused(str(problem)) from problem
     return {"event": "plugged", "device": name}
 
 
@@ -76,7 +76,7 @@ def _broken(rig: Rig, target: str, fault: str | None) -> dict[str, Any]:
     device = rig.devices.get(name)
     if isinstance(device, ServoBus) and number:
         if not number.isdecimal() or int(number) not in device.servos:
-            raise Refused(f"{name} has no servo {number}; it has {', '.join(map(str, device.servos))}")
+            raise CommandRefused(f"{name} has no servo {number}; it has {', '.join(map(str, device.servos))}")
         _known(fault, servo.FAULTS)
         device.servos[int(number)].fault = fault
     elif isinstance(device, ServoBus):
@@ -91,13 +91,13 @@ def _broken(rig: Rig, target: str, fault: str | None) -> dict[str, Any]:
         _known(fault, scene.FAULTS)
         rig.camera.fault = fault
     else:
-        raise Refused(f"{name} is not plugged")
+        raise CommandRefused(f"{name} is not plugged")
     return {"event": "fault", "device": target, "fault": fault}
 
 
 def _known(fault: str | None, faults: tuple[str, ...]) -> None:
     if fault is not None and fault not in faults:
-        raise Refused(f"no fault {fault} here; there are none, {', '.join(faults)}")
+        raise CommandRefused(f"no fault {fault} here; there are none, {', '.join(faults)}")
 
 
 def shown(rig: Rig) -> list[dict[str, Any]]:

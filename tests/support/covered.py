@@ -8,7 +8,7 @@ from octoform.base.id_databases import IdDatabases
 from octoform.builtin.identify.stage import identify
 from octoform.builtin.interface.stage import declare
 from octoform.builtin.probe.stage import probe_root
-from octoform.engine.coverage.report import Ground, Report, Stage, coverage
+from octoform.engine.coverage.report import CoverageReport, Ground, Stage, coverage
 from octoform.engine.coverage.runs import Pass, Run, compare, run_of
 
 STAMP = "2026-01-02T03:04:05Z"
@@ -54,7 +54,7 @@ def declared(identify: Mapping[str, Any], out: Sequence[Mapping[str, Any]] = (),
     return {"format": 1, "tools": tools, "left_out": [*identify["left_out"], *without, *out]}
 
 
-def report(artifacts: Mapping[str, Any], runs: Sequence[Run] = (), **ground: Any) -> Report:
+def report(artifacts: Mapping[str, Any], runs: Sequence[Run] = (), **ground: Any) -> CoverageReport:
     """A report whose times and usage are always the same."""
     compared = runs or [run_of("builtin", artifacts["identify"], artifacts.get("interface"))]
     found = coverage(Ground(artifacts, **ground))
@@ -64,4 +64,4 @@ def report(artifacts: Mapping[str, Any], runs: Sequence[Run] = (), **ground: Any
     taken = Pass(1, STAMP, "accepted", tuple(names), ("builtin",), len(names), 0, 0.6, *counts)
     platform = {name: value for name, value in artifacts["probe"]["platform"].items() if name != "kernel"}
     notes = ("not there yet: SERVE, DEPLOY; octoform apply makes it; no tool can be called until then",)
-    return Report(platform, found, compare(compared), stages, (taken,), "absent", notes)
+    return CoverageReport(platform, found, compare(compared), stages, (taken,), "absent", notes)

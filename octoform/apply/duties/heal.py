@@ -13,7 +13,7 @@ from typing import Any
 from octoform import events
 from octoform.apply.context import HEALED, Context, accepted
 from octoform.apply.duties import agent_input
-from octoform.apply.duties.outcome import Answer, refusal
+from octoform.apply.duties.outcome import DutyOutcome, refusal
 from octoform.apply.duties.watch import ALL, Given, assignment, calls_of, judge_of, paid, told_log
 from octoform.apply.rewrite import pending_rewrite, promotion
 from octoform.apply.rewrite.pending_rewrite import Rewrite
@@ -172,7 +172,7 @@ class Proposal:
     server: str | None
 
 
-def heal(context: Context, brief: Mapping[str, Any]) -> Answer:
+def heal(context: Context, brief: Mapping[str, Any]) -> DutyOutcome:
     """Ask the agent of HEAL and try what it proposes; blocking, and never raises for what an agent does."""
     case = _case(context, brief)
     given = _given(context, case, brief)
@@ -198,11 +198,13 @@ def heal(context: Context, brief: Mapping[str, Any]) -> Answer:
     return _answer(finished)
 
 
-def confirm(context: Context, rewrite: Rewrite) -> Answer:
+def confirm(context: Context, rewrite: Rewrite) -> DutyOutcome:
     """Put a rewrite in service that a person has read; a server that does not come up with it is taken back."""
     known = artifacts(context, ALL, None)
     if known.serve != rewrite.base:
-        return Answer(ok=False, detail="the server was made again since; the rewrite is of another one", again=False)
+        return DutyOutcome(
+            ok=False, detail="the server was made again since; the rewrite is of another one", again=False
+        )
     case = Case(rewrite.episode, rewrite.target, {"tool": rewrite.tool}, Reach(frozenset(), ()), known)
     found = [*_stopped(context)]
     found += [] if found else _adopted(context, case, rewrite.source)
@@ -210,25 +212,25 @@ def confirm(context: Context, rewrite: Rewrite) -> Answer:
         return refusal(found)
     problem = pending_rewrite.forget(context.layout, rewrite.id)
     note = "" if problem is None else f"; {problem.summary}"
-    return Answer(ok=True, detail=f"the rewrite {rewrite.id} is in service{note}", changed=True)
+    return DutyOutcome(ok=True, detail=f"the rewrite {rewrite.id} is in service{note}", changed=True)
 
 
-def roll_back(context: Context, brief: Mapping[str, Any]) -> Answer:
+def roll_back(context: Context, brief: Mapping[str, Any]) -> DutyOutcome:
     """Make the server the accepted one again that an episode's repair has replaced; asking twice does it once."""
     episode, reason = str(brief.get("episode") or ""), str(brief.get("reason") or "")
     healed = read(context.layout, episode)
     now = context.store.snapshot.nodes[promotion.MAKER].output_digest
     if healed is None:
-        return Answer(ok=False, detail=f"no repair of the episode {episode} is known", again=False)
+        return DutyOutcome(ok=False, detail=f"no repair of the episode {episode} is known", again=False)
     if now == healed.base:
-        return Answer(ok=True, detail="the former server is the accepted one")
+        return DutyOutcome(ok=True, detail="the former server is the accepted one")
     if now != healed.digest:
-        return Answer(ok=False, detail="the server was made again since the repair; it stays", again=False)
+        return DutyOutcome(ok=False, detail="the server was made again since the repair; it stays", again=False)
     context.emit(events.Notice(HEAL, f"the former server comes back: {reason or 'the repair is taken back'}"))
     found = promotion.adopt(context, HEAL, healed.source, smoke=False)
     if has_errors(found):
         return replace(refusal(found), changed=context.store.snapshot.nodes[promotion.MAKER].output_digest != now)
-    return Answer(ok=True, detail="the former server is the accepted one again", changed=True)
+    return DutyOutcome(ok=True, detail="the former server is the accepted one again", changed=True)
 
 
 def _actuated(case: Case, value: Mapping[str, Any]) -> tuple[str, ...]:
@@ -237,7 +239,7 @@ def _actuated(case: Case, value: Mapping[str, Any]) -> tuple[str, ...]:
     return pending_rewrite.actuated(str(case.known.serve), interface, frozenset(value["functions"]))
 
 
-def _waiting(context: Context, case: Case, finished: Finished, moves: str) -> Answer:
+def _waiting(context: Context, case: Case, finished: Finished, moves: str) -> DutyOutcome:
     """The rewrite is kept for a person, and nothing of it was tried."""
     source = str(finished.verdict.rewritten)
     rewrite = Rewrite(
@@ -403,11 +405,11 @@ def _adopted(context: Context, case: Case, source: str) -> list[Diagnostic]:
     return found
 
 
-def _answer(finished: Finished) -> Answer:
+def _answer(finished: Finished) -> DutyOutcome:
     verdict = finished.verdict
     value = verdict.value
     repaired = value["status"] == "repaired"
-    return Answer(
+    return DutyOutcome(
         ok=repaired,
         detail=f"{value['status']}: {value['reason']}",
         again=repaired,

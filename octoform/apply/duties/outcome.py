@@ -17,7 +17,7 @@ HOPELESS = frozenset(
 
 
 @dataclass(frozen=True, slots=True)
-class Answer:
+class DutyOutcome:
     """``ok``: it did what it was asked. ``again``: another try may end otherwise. ``detail`` is for a person.
 
     ``report`` is the accepted output (None: there is none, and nothing is known), ``action`` what HEAL wants done by
@@ -54,10 +54,10 @@ class Answer:
         }
 
 
-def refusal(found: Iterable[Diagnostic], finished: Finished | None = None) -> Answer:
+def refusal(found: Iterable[Diagnostic], finished: Finished | None = None) -> DutyOutcome:
     """Why there is no accepted output."""
     errors = [item for item in found if item.severity is Severity.ERROR]
     said = "; ".join(f"{item.code}: {item.summary}" for item in errors[:3]) or "nothing was accepted"
     again = not any(item.code in HOPELESS or item.code.startswith("HARNESS-") for item in errors)
     calls, usage = (finished.attempts, finished.usage) if finished is not None else (0, Usage())
-    return Answer(ok=False, detail=said, again=again, calls=calls, usage=usage)
+    return DutyOutcome(ok=False, detail=said, again=again, calls=calls, usage=usage)

@@ -13,7 +13,7 @@ from octoform import events
 from octoform.apply.context import Context
 from octoform.apply.duties import agent_input
 from octoform.apply.duties.agent_input import LogSlice, beheld, slice_of
-from octoform.apply.duties.outcome import Answer, refusal
+from octoform.apply.duties.outcome import DutyOutcome, refusal
 from octoform.apply.stage.acceptance import Finished, Verdict, artifacts, digest_of, read_value, shown
 from octoform.apply.stage.artifact_writer import text_of
 from octoform.apply.stage.assignment import Assignment, Judge, Prove, of_stage
@@ -48,7 +48,7 @@ class Given:
     calls: int | None = None
 
 
-def watch(context: Context, brief: Mapping[str, Any]) -> Answer:
+def watch(context: Context, brief: Mapping[str, Any]) -> DutyOutcome:
     """Ask the agent of WATCH; blocking, within its budget, and never raises for what an agent does."""
     known = artifacts(context, ALL, None)
     given = _given(context, known, brief)
@@ -57,7 +57,7 @@ def watch(context: Context, brief: Mapping[str, Any]) -> Answer:
     if not finished.verdict.accepted:
         return refusal(finished.verdict.diagnostics, finished)
     report = finished.verdict.value
-    return Answer(
+    return DutyOutcome(
         ok=True,
         detail=f"{report['status']}: {report['summary']}",
         report=report,

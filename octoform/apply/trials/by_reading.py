@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from octoform.apply.context import Clock
-from octoform.apply.trials.tool_client import Answer, Hand, Restoring
+from octoform.apply.trials.tool_client import Hand, Restoring, ToolAnswer
 from octoform.base.escaping import escaped
 from octoform.base.pointer import resolve
 from octoform.diagnostics import Diagnostic, error, warning
@@ -114,7 +114,7 @@ class Mover:
         kept = [float(round(value)) for value in kept] if whole else kept
         return [value for value in kept if abs(value - origin) >= max(least, 1e-9)]
 
-    def set(self, value: float) -> Answer:
+    def set(self, value: float) -> ToolAnswer:
         """Send the movement."""
         whole = bounds(self.bench.tools[self.move["tool"]], self.move["vary"])[2]
         given = {**self.move["arguments"], self.move["vary"]: round(value) if whole else value}
@@ -124,7 +124,7 @@ class Mover:
 
     def go(self) -> bool:
         """Move away; True when the tool took it. Where it refuses one direction, the other is tried once."""
-        values, refusal = self.values(), Answer(None)
+        values, refusal = self.values(), ToolAnswer(None)
         if not values:
             self._no_room()
             return False
@@ -144,7 +144,7 @@ class Mover:
         self._not_done(refusal)
         return False
 
-    def go_back(self) -> Answer | None:
+    def go_back(self) -> ToolAnswer | None:
         """Move back to where it was; None when nothing had been sent."""
         if self._sent is None or self.tried.over:
             return None
@@ -177,7 +177,7 @@ class Mover:
         hint = "raise `by`, or try another unit: the goal must keep to the tool's own bounds"
         self.tried.blame("STEP-NO-ROOM", text, self.where, f"{self.move['vary']} is from {low:g} to {high:g}", hint)
 
-    def _not_done(self, answer: Answer) -> None:
+    def _not_done(self, answer: ToolAnswer) -> None:
         if answer.refused:
             hint = "a policy, a limit or the emergency stop is in the way; octoform audit tells which"
             text = f"the endpoint did not let {self.tried.tool} move {self.tried.unit}"
@@ -257,7 +257,7 @@ class _ByReading(Mover):
         tried.after = self.read()
         return self._is_still(tried.before, tried.after)
 
-    def _not_done(self, answer: Answer) -> None:
+    def _not_done(self, answer: ToolAnswer) -> None:
         before, after = self.tried.before, self.tried.after
         if answer.refused or not self._is_still(before, after):
             super()._not_done(answer)

@@ -20,7 +20,7 @@ CALL_SECONDS = 60.0
 
 
 @dataclass(frozen=True, slots=True)
-class Answer:
+class ToolAnswer:
     """What came of a call: the structured result, or in ``words`` why there is none.
 
     ``refused``: the endpoint did not let it through (policy, limit, emergency stop, an argument that does not fit).
@@ -46,7 +46,7 @@ class Seen:
 class Hand(Protocol):
     """Whoever carries out what a trial asks for."""
 
-    def call(self, tool: str, arguments: Mapping[str, Any]) -> Answer:
+    def call(self, tool: str, arguments: Mapping[str, Any]) -> ToolAnswer:
         """Call a tool; never raises for what comes of it."""
 
     def look(self, view: Mapping[str, Any]) -> Seen:
@@ -67,7 +67,7 @@ class LiveHand:
     def __init__(self, layout: Layout) -> None:
         self._layout = layout
 
-    def call(self, tool: str, arguments: Mapping[str, Any]) -> Answer:
+    def call(self, tool: str, arguments: Mapping[str, Any]) -> ToolAnswer:
         """Call a tool as a client; the endpoint is started when nothing runs."""
         wanted = Wanted(tool, dict(arguments), seconds=CALL_SECONDS, approved=True)
         result, found = call(self._layout, wanted, _Beforehand())
@@ -75,12 +75,12 @@ class LiveHand:
             problem = found[0]
             words = f"{problem.summary}: {problem.detail}" if problem.detail else problem.summary
             refused = problem.code != _TIMEOUT
-            return Answer(None, words, refused=refused, over=problem.code not in _OF_THE_CALL)
+            return ToolAnswer(None, words, refused=refused, over=problem.code not in _OF_THE_CALL)
         if result.dry:
-            return Answer(None, result.message, refused=True)
+            return ToolAnswer(None, result.message, refused=True)
         if result.is_error:
-            return Answer(None, result.message, refused=result.refused is not None, over=result.refused == "estop")
-        return Answer(result.structured or {})
+            return ToolAnswer(None, result.message, refused=result.refused is not None, over=result.refused == "estop")
+        return ToolAnswer(result.structured or {})
 
     def look(self, view: Mapping[str, Any]) -> Seen:
         """Take a picture and have it decoded in the serving environment."""
@@ -157,7 +157,7 @@ class Restoring:
         given = fitting(value, self._tools[wanted["tool"]], wanted["vary"])
         self._call(wanted["tool"], {**wanted["arguments"], wanted["vary"]: given})
 
-    def _call(self, tool: str, arguments: Mapping[str, Any]) -> Answer:
+    def _call(self, tool: str, arguments: Mapping[str, Any]) -> ToolAnswer:
         answer = self._hand.call(tool, arguments)
         self.over = self.over or answer.over
         if answer.value is None:

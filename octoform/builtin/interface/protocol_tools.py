@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from octoform.builtin.protocol_definitions import Profiles, commands, parameters
-from octoform.builtin.task import Refused
+from octoform.builtin.task import TaskRefused
 from octoform.builtin.tool_model import FLAG, NUMBER, TEXT, WHOLE, Kind, Schema, listing, maybe, one_of, record
 
 # What the tools of a product's grammar answer, as schemas and in the sentences of their descriptions.
@@ -172,11 +172,11 @@ _TYPES = {"integer": WHOLE, "number": NUMBER, "string": TEXT, "boolean": FLAG}
 
 
 def kinds(profiles: Profiles, taken: Mapping[str, Kind]) -> dict[str, Kind]:
-    """A kind of tool for each command of each grammar; Refused for a name that the catalog has already."""
+    """A kind of tool for each command of each grammar; TaskRefused for a name that the catalog has already."""
     found = {}
     for name, (profile, command) in commands(profiles).items():
         if name in taken:
-            raise Refused(
+            raise TaskRefused(
                 f"the profile {profile['name']} names a tool {name}, which is this agent's own; rename it there"
             )
         found[name] = _kind(profile, command)

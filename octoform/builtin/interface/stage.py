@@ -14,7 +14,7 @@ from octoform.builtin.classes.macos import NO_TOOLS
 from octoform.builtin.interface import protocol_tools
 from octoform.builtin.protocol_definitions import Profiles
 from octoform.builtin.serve.stage import MOST_LINES, line_count
-from octoform.builtin.task import Refused, Task
+from octoform.builtin.task import Task, TaskRefused
 from octoform.builtin.tool_model import Kind, Schema, one_of
 
 # The description of a tool's ``device`` parameter: which id is which product, as far as that is short and safe.
@@ -170,7 +170,7 @@ def run(task: Task) -> str:
 
 
 def declare(identify: Mapping[str, Any], budget: int, profiles: Profiles = ()) -> dict[str, Any]:
-    """The artifact; Refused when the input is no IDENTIFY artifact."""
+    """The artifact; TaskRefused when the input is no IDENTIFY artifact."""
     try:
         owners = _owners(identify["devices"])
         kinds = {**KINDS, **protocol_tools.kinds(profiles, KINDS)}
@@ -184,7 +184,7 @@ def declare(identify: Mapping[str, Any], budget: int, profiles: Profiles = ()) -
         served = {name for tool in tools for name in tool["devices"]}
         left_out = _left_out(identify, served, _spared(cut, owners), reason)
     except (KeyError, TypeError, AttributeError) as problem:
-        raise Refused(f"the IDENTIFY artifact is not as expected: {type(problem).__name__}: {problem}") from problem
+        raise TaskRefused(f"the IDENTIFY artifact is not as expected: {type(problem).__name__}: {problem}") from problem
     return {"format": 1, "tools": tools, "left_out": left_out}
 
 

@@ -141,7 +141,7 @@ class Scan:
 
 
 @dataclass(frozen=True, slots=True)
-class Report:
+class ScanReport:
     """How a scan went: status is ok, not_found, denied, unsupported, error or timeout."""
 
     name: str
@@ -157,12 +157,12 @@ class Report:
         return entry | {"duration_ms": round(self.milliseconds, 1)}
 
 
-def run_all(scans: list[Scan], reader: Reader, seconds: float = SCAN_SECONDS) -> list[Report]:
+def run_all(scans: list[Scan], reader: Reader, seconds: float = SCAN_SECONDS) -> list[ScanReport]:
     """Run the scans one after the other, each for at most ``seconds``; one report each, in the same order."""
     return [run_one(scan, reader.fresh(), seconds * scan.patience) for scan in scans]
 
 
-def run_one(scan: Scan, reader: Reader, seconds: float) -> Report:
+def run_one(scan: Scan, reader: Reader, seconds: float) -> ScanReport:
     """Run one scan; ``reader`` is its own, and is told when its time is over."""
     outcome: list[tuple[str, str]] = []
     started = time.monotonic()
@@ -173,11 +173,11 @@ def run_one(scan: Scan, reader: Reader, seconds: float) -> Report:
     elapsed = (time.monotonic() - started) * 1000
     if thread.is_alive():
         reader.abandoned = True
-        return Report(
+        return ScanReport(
             scan.name, "timeout", f"no answer within {seconds:g} s; what it found until then is kept", elapsed
         )
     status, detail = outcome[0] if outcome else ("error", "ended without a result")
-    return Report(scan.name, status, detail[:DETAIL_CHARS], elapsed)
+    return ScanReport(scan.name, status, detail[:DETAIL_CHARS], elapsed)
 
 
 def _look(scan: Scan, reader: Reader, outcome: list[tuple[str, str]]) -> None:

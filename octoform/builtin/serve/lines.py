@@ -11,7 +11,7 @@ from typing import Any
 from octoform.builtin.protocol_definitions import Profiles
 from octoform.builtin.protocol_definitions import commands as all_commands
 from octoform.builtin.serve.functions import Shapes, heading, quoted
-from octoform.builtin.task import Refused
+from octoform.builtin.task import TaskRefused
 
 Spoken = Mapping[str, tuple[Mapping[str, Any], Mapping[str, Any]]]
 """Tool name to (profile, command)."""
@@ -31,12 +31,12 @@ _CONVERTED = {
 
 
 def commands(tools: Mapping[str, Mapping[str, Any]], profiles: Profiles) -> Spoken:
-    """The commands that these tools (by capability) are for; Refused where a tool has other parameters."""
+    """The commands that these tools (by capability) are for; TaskRefused where a tool has other parameters."""
     found = {name: pair for name, pair in all_commands(profiles).items() if name in tools}
     for name, (profile, command) in found.items():
         has = tools[name]["input_schema"].get("properties", {}).keys() - {"device"}
         if has != command.get("parameters", {}).keys():
-            raise Refused(f"the tool {name} has other parameters than the grammar of the profile {profile['name']}")
+            raise TaskRefused(f"the tool {name} has other parameters than the grammar of the profile {profile['name']}")
     return found
 
 
@@ -74,7 +74,7 @@ def _told(grammar: Mapping[str, Any], command: Mapping[str, Any]) -> dict[str, A
     if command["do"] == "stop":
         return {"until": quoted(str(grammar["stop"]["until"]))}
     if command["do"] != "position":
-        raise Refused(f"no template does {command['do']} for the tool {command['tool']}")
+        raise TaskRefused(f"no template does {command['do']} for the tool {command['tool']}")
     axes = ", ".join(quoted(axis) for axis in grammar["position"]["axes"])
     kind, zero = quoted(grammar["line"]["class"]), quoted(str(grammar["position"]["zero"]))
     return {"kind": kind, "axes": f"[{axes}]", "zero": zero}

@@ -11,7 +11,7 @@ from typing import Any
 
 from octoform.builtin.serve.functions import Shapes, heading, quoted
 from octoform.builtin.serve.lines import Spoken
-from octoform.builtin.task import Refused
+from octoform.builtin.task import TaskRefused
 
 _WIDTH = 110
 
@@ -50,7 +50,7 @@ def _bank(profile: Mapping[str, Any]) -> dict[str, Any]:
     bank = profile["grammar"]["registers"]
     module = str(bank["library"]["module"])
     if not module.isidentifier():
-        raise Refused(f"the profile {profile['name']} names a library {module!r}, which is no module")
+        raise TaskRefused(f"the profile {profile['name']} names a library {module!r}, which is no module")
     return {
         "name": slug(str(profile["name"])),
         "about": str(profile["name"]),
@@ -82,7 +82,7 @@ def _map(bank: Mapping[str, Any]) -> Iterator[str]:
         yield f"    protect=runtime.registers.Protect({', '.join(given + unit)}),"
     if calibration := bank.get("calibration"):
         if calibration["format"] != "lerobot":
-            raise Refused(f"no template reads calibration files of the format {calibration['format']}")
+            raise TaskRefused(f"no template reads calibration files of the format {calibration['format']}")
         yield f"    calibration={_tuple(quoted(file) for file in calibration['files'])},"
 
 
@@ -153,5 +153,5 @@ def _call(bank: Mapping[str, Any], command: Mapping[str, Any]) -> str:
         "stop": "stop()",
     }
     if command["do"] not in calls:
-        raise Refused(f"no template does {command['do']} for the tool {command['tool']}")
+        raise TaskRefused(f"no template does {command['do']} for the tool {command['tool']}")
     return f"move_percent({unit}, percent{speed})" if command.get("scale") == "calibrated" else calls[command["do"]]

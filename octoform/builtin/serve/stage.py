@@ -17,7 +17,7 @@ from octoform.builtin.classes.outputs import BREAKOUT_DRIVERS, HEADER_NAME
 from octoform.builtin.protocol_definitions import Profiles
 from octoform.builtin.serve import lines, registers
 from octoform.builtin.serve.functions import Shapes, annotation_names, heading, registration
-from octoform.builtin.task import Refused, Task
+from octoform.builtin.task import Task, TaskRefused
 
 # Puts the server together: header, imports, types, and the sections of the classes that are needed.
 #
@@ -88,12 +88,12 @@ _REQUIREMENTS: Mapping[str, str] = {
 
 
 def assemble(tools: Sequence[Mapping[str, Any]], profiles: Profiles = ()) -> str:
-    """The whole file for these tools; Refused for a capability that no template and no profile's grammar implements."""
+    """The whole file for these tools; TaskRefused for a capability that no template and no grammar implements."""
     by_capability = {tool["capability"]: tool for tool in tools}
     known = {name for names in SECTIONS.values() for name in names}
     spoken = lines.commands(by_capability, profiles)
     if strange := sorted(by_capability.keys() - known - spoken.keys()):
-        raise Refused(f"no template implements {', '.join(strange)}")
+        raise TaskRefused(f"no template implements {', '.join(strange)}")
     shapes, hints = Shapes(tools), annotation_names(tools)
     base = _rendered("base", hints=hints)
     if shapes.lines:
@@ -177,7 +177,7 @@ MOST_LINES = 500
 
 
 def run(task: Task) -> str:
-    """Write server.py; the summary line (``server.py: 9 tools, 213 lines``). Refused says why there can be none."""
+    """Write server.py; the summary line (``server.py: 9 tools, 213 lines``). TaskRefused says why there can be none."""
     interface = task.read_input()
     text = render(interface, task.profiles)
     task.write(text)
@@ -186,14 +186,16 @@ def run(task: Task) -> str:
 
 
 def render(interface: Mapping[str, Any], profiles: Profiles = ()) -> str:
-    """The server's source; Refused for a tool without a template, and for a server longer than the protocol allows."""
+    """The server's source; TaskRefused for a tool without a template, and for a server that is too long."""
     try:
         text = assemble(interface["tools"], profiles)
         ast.parse(text)
     except (KeyError, TypeError, AttributeError, SyntaxError) as problem:
-        raise Refused(f"the INTERFACE artifact cannot be rendered: {type(problem).__name__}: {problem}") from problem
+        raise TaskRefused(
+            f"the INTERFACE artifact cannot be rendered: {type(problem).__name__}: {problem}"
+        ) from problem
     if (count := len(counted(text))) > MOST_LINES:
-        raise Refused(
+        raise TaskRefused(
             f"the server would have {count} lines, more than {MOST_LINES}; lower budget.tools in the manifest"
         )
     return text

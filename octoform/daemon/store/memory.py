@@ -17,7 +17,7 @@ RECALL, REPORT = "recall.json", "report.json"
 
 
 @dataclass(frozen=True, slots=True)
-class Report:
+class LastReport:
     """What is kept of WATCH: the last ``summary``, when it was ``asked`` last, and ``since`` when the log counted then.
 
     Times are RFC 3339; empty where it was never asked.
@@ -38,7 +38,7 @@ class Memory:
     episodes: Episodes
     purse: Purse
     recall: Recall = field(default_factory=Recall)
-    report: Report = field(default_factory=Report)
+    report: LastReport = field(default_factory=LastReport)
 
     @classmethod
     def open(cls, layout: Layout, boot: str, now: float, settings: Daemon) -> "Memory":
@@ -59,7 +59,7 @@ class Memory:
             self.recall = recall
             self._save()
 
-    def keep_report(self, report: Report) -> None:
+    def keep_report(self, report: LastReport) -> None:
         """Remember what WATCH was asked and said."""
         self.report = report
         self._save_report()
@@ -84,10 +84,10 @@ class Memory:
         return self.shelf.write(REPORT, asdict(self.report))
 
 
-def _report(shelf: Shelf) -> Report:
+def _report(shelf: Shelf) -> LastReport:
     document = shelf.read(REPORT)
     summary, since, asked = (document.get(name) for name in ("summary", "since", "asked"))
-    return Report(str(summary) if summary else None, str(since or ""), str(asked or ""))
+    return LastReport(str(summary) if summary else None, str(since or ""), str(asked or ""))
 
 
 def _recall(shelf: Shelf, boot: str) -> Recall:

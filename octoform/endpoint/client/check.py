@@ -13,7 +13,7 @@ from typing import Any
 from octoform.base.clock import stamp
 from octoform.diagnostics import Diagnostic
 from octoform.endpoint.client.check_verdict import CheckReport, TrialCall, has_content, judge_check
-from octoform.endpoint.client.sdk_client import Call, Client, Report, recorded_environment
+from octoform.endpoint.client.sdk_client import Call, Client, ClientReport, recorded_environment
 from octoform.endpoint.observe.logs import LoggedCall, calls_after, mark
 from octoform.endpoint.process.start_stop import clear_left, start
 from octoform.endpoint.publish.expected_tools import untried
@@ -149,7 +149,7 @@ def told(problem: Diagnostic) -> str:
     return f"{problem.summary}\n{problem.detail}" if problem.detail else problem.summary
 
 
-def _report(seen: Report, wanted: Sequence[Trial], logged: Sequence[LoggedCall]) -> CheckReport:
+def _report(seen: ClientReport, wanted: Sequence[Trial], logged: Sequence[LoggedCall]) -> CheckReport:
     answers, log = iter(seen.calls), _Log(logged)
     taken = [(trial, next(answers, None) if trial.arguments is not None else None) for trial in wanted]
     firsts = [(trial, answer, log.of(answer) if answer else None) for trial, answer in taken]

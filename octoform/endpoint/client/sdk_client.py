@@ -36,7 +36,7 @@ class Call:
 
 
 @dataclass(frozen=True, slots=True)
-class Report:
+class ClientReport:
     """What the client saw; ``tools`` and ``calls`` in the form that scripts/mcp_client.py describes."""
 
     answered: bool
@@ -78,7 +78,7 @@ class Client:
         """End it where it was not sent."""
         self._begun.drop()
 
-    def send(self, calls: Sequence[Call] = (), *, mode: str = "auto") -> Report:
+    def send(self, calls: Sequence[Call] = (), *, mode: str = "auto") -> ClientReport:
         """Connect as any client does, list the tools, make the calls; blocks until the client is gone again. Once.
 
         ``mode`` is ``auto`` (the newest protocol first) or ``legacy`` (the handshake). Costs about a CPU second of
@@ -97,7 +97,7 @@ class Client:
         return _told(self._begun.finish(json.dumps(task), min(timeout, max(0.0, self._until - time.monotonic()))))
 
 
-def _told(finished: Finished) -> Report:
+def _told(finished: Finished) -> ClientReport:
     log = finished.stderr[-4000:]
     try:
         value = parse(finished.stdout)
@@ -106,7 +106,7 @@ def _told(finished: Finished) -> Report:
         value = {"answered": False, "error": reason, "protocol": None, "server": None, "tools": [], "calls": []}
     if not value["answered"]:
         value["error"] = _refusal(log) or value["error"]
-    return Report(**value, seconds=finished.seconds, survivors=finished.survivors, log=log)
+    return ClientReport(**value, seconds=finished.seconds, survivors=finished.survivors, log=log)
 
 
 def _refusal(log: str) -> str | None:

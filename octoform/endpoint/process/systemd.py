@@ -59,7 +59,7 @@ WantedBy={target}
 
 
 @dataclass(frozen=True, slots=True)
-class Answer:
+class SystemctlOutput:
     """What systemctl said; ``status`` is None when there is no such program, or when it did not come to an end."""
 
     status: int | None
@@ -127,7 +127,7 @@ def is_ours(layout: Layout, path: Path) -> bool:
         return False
 
 
-def systemctl(*arguments: str) -> Answer:
+def systemctl(*arguments: str) -> SystemctlOutput:
     """One command to the person's own manager; never as another user."""
     import subprocess
 
@@ -142,10 +142,10 @@ def systemctl(*arguments: str) -> Answer:
             check=False,
         )
     except subprocess.TimeoutExpired:
-        return Answer(None, f"{PROGRAM} {' '.join(arguments)} did not come to an end within {SECONDS:.0f} s")
+        return SystemctlOutput(None, f"{PROGRAM} {' '.join(arguments)} did not come to an end within {SECONDS:.0f} s")
     except OSError as problem:
-        return Answer(None, f"{PROGRAM} cannot be started: {problem.strerror}")
-    return Answer(done.returncode, (done.stderr or done.stdout).strip())
+        return SystemctlOutput(None, f"{PROGRAM} cannot be started: {problem.strerror}")
+    return SystemctlOutput(done.returncode, (done.stderr or done.stdout).strip())
 
 
 class Service:

@@ -21,7 +21,7 @@ from octoform.endpoint.observe.drift import observe as observe_endpoint
 from octoform.endpoint.process import record as desired_state
 from octoform.endpoint.publish.expected_tools import shown
 from octoform.engine.apply import approval
-from octoform.engine.apply.session import Locked, Means, Refused, commit_run, context_of, locked, logging_to, opened
+from octoform.engine.apply.session import HostRefused, Locked, Means, commit_run, context_of, locked, logging_to, opened
 from octoform.engine.inspect.devices import diagnostics, lacking
 from octoform.engine.plan import device_knowledge
 from octoform.engine.plan import memo as plan_cache
@@ -250,7 +250,7 @@ def _locked(request: Request, options: Options, view: RunView) -> RunResult:
     operation = "destroy" if request.destroy else "apply"
     blank = RunResult(operation, "")
     with locked(request.project, request.environ, operation, options.lock_seconds) as held:
-        if isinstance(held, Refused):
+        if isinstance(held, HostRefused):
             return replace(blank, host=held.host, failed=held.failed, diagnostics=held.diagnostics)
         return _planned(request, options, view, held)
 
@@ -260,7 +260,7 @@ def _planned(request: Request, options: Options, view: RunView, held: Locked) ->
     compiled = held.compiled
     blank = RunResult("destroy" if request.destroy else "apply", compiled.layout.host)
     there = opened(compiled, options.ports)
-    if isinstance(there, Refused):
+    if isinstance(there, HostRefused):
         return replace(blank, failed=there.failed, diagnostics=there.diagnostics)
     store, notices = there.store, (*held.notices, *there.undone, *there.finished)
     saved, problems = read_saved(options.planfile, compiled)

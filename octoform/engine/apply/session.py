@@ -29,7 +29,7 @@ from octoform.state.store.store import Ports, StateStore
 
 
 @dataclass(frozen=True, slots=True)
-class Refused:
+class HostRefused:
     """Why a host cannot be changed now; ``failed`` is ``compile``, ``lock`` or ``state``."""
 
     failed: str
@@ -71,35 +71,35 @@ class Means:
 @contextmanager
 def locked(
     project: Path, environ: Mapping[str, str], operation: str, seconds: float = 0.0
-) -> Iterator[Locked | Refused]:
+) -> Iterator[Locked | HostRefused]:
     """The compiled project under the lock of its host's state, for which ``seconds`` are waited; or why not."""
     compiled, found = compile_project(project, environ)
     if compiled is None:
-        yield Refused("compile", tuple(found))
+        yield HostRefused("compile", tuple(found))
         return
     host = compiled.layout.host
     acquired = acquire(compiled.layout, operation, Waiting(timeout=seconds))
     if acquired.lock is None:
-        yield Refused("lock", acquired.diagnostics, host)
+        yield HostRefused("lock", acquired.diagnostics, host)
         return
     with acquired.lock:
         # Only with the lock: this writes into the folders, and removes what looks like a dead run's leftovers.
         found = check_writable(compiled.layout)
-        yield Refused("state", tuple(found), host) if found else Locked(compiled, acquired.notices)
+        yield HostRefused("state", tuple(found), host) if found else Locked(compiled, acquired.notices)
 
 
-def opened(compiled: Compiled, ports: Ports | None = None) -> Opened | Refused:
+def opened(compiled: Compiled, ports: Ports | None = None) -> Opened | HostRefused:
     """The state of a host whose lock the caller holds, after what a killed run had begun to adopt is finished."""
     layout = compiled.layout
     undone, problems = settle(layout)
     if has_errors(problems):
-        return Refused("state", tuple(problems), layout.host)
+        return HostRefused("state", tuple(problems), layout.host)
     store, found = StateStore.open(layout, ports or Ports())
     if store is None:
-        return Refused("state", tuple(found), layout.host)
+        return HostRefused("state", tuple(found), layout.host)
     finished, problems = resume(layout, store, compiled.graph)
     if has_errors(problems):
-        return Refused("state", tuple(problems), layout.host)
+        return HostRefused("state", tuple(problems), layout.host)
     return Opened(store, finished, undone)
 
 

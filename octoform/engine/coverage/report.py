@@ -348,7 +348,7 @@ class Stage:
 
 
 @dataclass(frozen=True, slots=True)
-class Report:
+class CoverageReport:
     """Everything that ``octoform coverage`` tells.
 
     ``endpoint`` is ``running``, ``stopped`` or ``absent``. ``notes`` are sentences on what limits the rest: what is not
@@ -364,7 +364,7 @@ class Report:
     notes: tuple[str, ...] = ()
 
 
-def report(project: Path, environ: Mapping[str, str]) -> tuple[Report | None, list[Diagnostic]]:
+def report(project: Path, environ: Mapping[str, str]) -> tuple[CoverageReport | None, list[Diagnostic]]:
     """The report of the folder's host; COVERAGE-NOTHING where PROBE has no accepted output."""
     opened, found = open_project(project, environ)
     if opened is None:
@@ -377,7 +377,7 @@ def report(project: Path, environ: Mapping[str, str]) -> tuple[Report | None, li
     attempts = [item for item in of_host(compiled.layout) if item.stage in STAGES]
     groups, output = grouped(attempts), _outputs(compiled.schemas)
     endpoint, heard = observe_endpoint(compiled.layout), _heard(snapshot)
-    made = Report(
+    made = CoverageReport(
         platform={name: str(value) for name, value in artifacts["probe"]["platform"].items() if name != "kernel"},
         coverage=coverage(replace(_ground(compiled, artifacts, heard), closed=lacking(compiled.layout, environ))),
         stability=_stability(artifacts, snapshot, attempts, runs(groups, output)),

@@ -87,7 +87,7 @@ _OF_CAMERAS = ("probe", "identify", "interface")
 
 
 @dataclass(frozen=True, slots=True)
-class Known:
+class KnownInputs:
     """What is known: artifacts by stage, the profiles and answers in force, the camera that the manifest names."""
 
     layout: Layout
@@ -97,13 +97,13 @@ class Known:
     camera: str | None = None
 
 
-def outlooks(steps: Iterable[Step], known: Known, actions: Iterable[PlannedAction]) -> tuple[StepOutlook, ...]:
+def outlooks(steps: Iterable[Step], known: KnownInputs, actions: Iterable[PlannedAction]) -> tuple[StepOutlook, ...]:
     """One for each step, in order; ``actions`` tell which of the artifacts stay as they are."""
     stay = frozenset(item.node for item in actions if item.action is Action.NOOP)
     return tuple(_outlook(step, known, stay) for step in steps)
 
 
-def _outlook(step: Step, known: Known, stay: frozenset[str]) -> StepOutlook:
+def _outlook(step: Step, known: KnownInputs, stay: frozenset[str]) -> StepOutlook:
     devices = _devices(step, known, stay)
     found = StepOutlook(step.node, step.about, step.proof.kind, devices, step.profile)
     if devices != () or step.profile is None:
@@ -114,7 +114,7 @@ def _outlook(step: Step, known: Known, stay: frozenset[str]) -> StepOutlook:
     return found
 
 
-def _devices(step: Step, known: Known, stay: frozenset[str]) -> tuple[str, ...] | None:
+def _devices(step: Step, known: KnownInputs, stay: frozenset[str]) -> tuple[str, ...] | None:
     """The devices whose tools a step would prove; None where that comes out only when it is applied."""
     if step.profile is None:
         return _camera(known, stay) if step.proof.kind == FRAME else None
@@ -128,7 +128,7 @@ def _devices(step: Step, known: Known, stay: frozenset[str]) -> tuple[str, ...] 
     return corroborated(step.profile, Artifacts(identify=known.artifacts["identify"], profiles=facts))
 
 
-def _camera(known: Known, stay: frozenset[str]) -> tuple[str, ...] | None:
+def _camera(known: KnownInputs, stay: frozenset[str]) -> tuple[str, ...] | None:
     if not all(name in stay and name in known.artifacts for name in _OF_CAMERAS):
         return None
     ledger, _ = read_instances(known.layout)
@@ -312,7 +312,7 @@ def _construction(request: Request, compiled: Compiled, situation: Situation) ->
 
 def _steps(compiled: Compiled, situation: Situation, actions: tuple[PlannedAction, ...]) -> tuple[StepOutlook, ...]:
     manifest = compiled.manifest
-    known = Known(
+    known = KnownInputs(
         layout=compiled.layout,
         artifacts=situation.artifacts,
         profiles=compiled.profiles,

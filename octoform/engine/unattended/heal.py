@@ -11,7 +11,7 @@ from typing import Any
 
 from octoform.apply.context import Context
 from octoform.apply.duties import heal as healing
-from octoform.apply.duties.outcome import Answer, refusal
+from octoform.apply.duties.outcome import DutyOutcome, refusal
 from octoform.apply.rewrite import pending_rewrite, promotion
 from octoform.diagnostics import Diagnostic, error, has_errors
 from octoform.endpoint.process import estop, start_stop
@@ -46,7 +46,7 @@ def heal(
     if not answer.ok or act is None or layout is None:
         return answer.told()
     if estop.is_latched(layout):
-        held = Answer(ok=False, detail="an emergency stop was given meanwhile, so nothing is carried out")
+        held = DutyOutcome(ok=False, detail="an emergency stop was given meanwhile, so nothing is carried out")
         return _joined(answer, held).told()
     return _joined(answer, act(layout, environ, Left.of(brief, answer.calls, answer.usage.cost_usd))).told()
 
@@ -95,19 +95,23 @@ def settle(layout: Layout, environ: Mapping[str, str]) -> dict[str, Any] | None:
     return on_duty(layout.project, environ, SETTLE, _settled).told()
 
 
-def _settled(context: Context) -> Answer:
+def _settled(context: Context) -> DutyOutcome:
     found = promotion.put_back(context, smoke=False)
     if has_errors(found):
         return refusal(found)
-    return Answer(ok=True, detail="what a killed repair had left in service is settled: the accepted server is served")
+    return DutyOutcome(
+        ok=True, detail="what a killed repair had left in service is settled: the accepted server is served"
+    )
 
 
-def _done(context: Context, duty: Callable[[Context, Mapping[str, Any]], Answer], brief: Mapping[str, Any]) -> Answer:
+def _done(
+    context: Context, duty: Callable[[Context, Mapping[str, Any]], DutyOutcome], brief: Mapping[str, Any]
+) -> DutyOutcome:
     found = ready(context)
     return refusal(found) if has_errors(found) else duty(context, brief)
 
 
-def _joined(asked: Answer, done: Answer) -> Answer:
+def _joined(asked: DutyOutcome, done: DutyOutcome) -> DutyOutcome:
     """What came of the action, with what the agent said and cost before it."""
     return replace(
         done,
@@ -119,14 +123,14 @@ def _joined(asked: Answer, done: Answer) -> Answer:
     )
 
 
-def _restored(layout: Layout, _: Mapping[str, str], _left: Left) -> Answer:
+def _restored(layout: Layout, _: Mapping[str, str], _left: Left) -> DutyOutcome:
     done = restore(layout)
-    return Answer(ok=done.ok, detail=done.detail, again=done.again)
+    return DutyOutcome(ok=done.ok, detail=done.detail, again=done.again)
 
 
-def _restarted(layout: Layout, _: Mapping[str, str], _left: Left) -> Answer:
+def _restarted(layout: Layout, _: Mapping[str, str], _left: Left) -> DutyOutcome:
     if is_marked(layout):
-        return Answer(ok=False, detail="a person has stopped the endpoint; it stays so")
+        return DutyOutcome(ok=False, detail="a person has stopped the endpoint; it stays so")
     problem = start_stop.obstacle(layout)
     if problem is not None:
         return refusal([problem])
@@ -134,18 +138,18 @@ def _restarted(layout: Layout, _: Mapping[str, str], _left: Left) -> Answer:
     process, problem = start_stop.start(layout)
     if process is None:
         return refusal([problem] if problem is not None else [])
-    return Answer(ok=True, detail="the endpoint was started again")
+    return DutyOutcome(ok=True, detail="the endpoint was started again")
 
 
-def _redeployed(layout: Layout, environ: Mapping[str, str], _left: Left) -> Answer:
+def _redeployed(layout: Layout, environ: Mapping[str, str], _left: Left) -> DutyOutcome:
     return redeploy(layout, environ)
 
 
-def _rediscovered(layout: Layout, environ: Mapping[str, str], left: Left) -> Answer:
+def _rediscovered(layout: Layout, environ: Mapping[str, str], left: Left) -> DutyOutcome:
     manifest, _ = load(layout.project / FILE_NAME, environ)
     told = rediscover(layout, environ, apply=manifest.daemon.apply if manifest is not None else ASK, left=left)
     spent = told.get("spent") or {}
-    return Answer(
+    return DutyOutcome(
         ok=bool(told["ok"]),
         detail=str(told["detail"]),
         again=bool(told["again"]),
@@ -154,7 +158,7 @@ def _rediscovered(layout: Layout, environ: Mapping[str, str], left: Left) -> Ans
     )
 
 
-ACTIONS: Mapping[str, Callable[[Layout, Mapping[str, str], Left], Answer]] = {
+ACTIONS: Mapping[str, Callable[[Layout, Mapping[str, str], Left], DutyOutcome]] = {
     "restore": _restored,
     "redeploy": _redeployed,
     "restart": _restarted,

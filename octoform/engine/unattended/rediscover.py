@@ -18,7 +18,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from octoform.apply.duties.outcome import Answer
+from octoform.apply.duties.outcome import DutyOutcome
 from octoform.apply.rewrite.promotion import MAKER
 from octoform.diagnostics import Diagnostic, Severity, has_errors
 from octoform.endpoint.process.record import is_marked
@@ -259,22 +259,22 @@ def _words(found: "tuple[Diagnostic, ...] | list[Diagnostic]") -> str:
 MADE = ("deploy", "endpoint")
 
 
-def redeploy(layout: Layout, environ: Mapping[str, str]) -> Answer:
+def redeploy(layout: Layout, environ: Mapping[str, str]) -> DutyOutcome:
     """Have the packages of the endpoint decided anew, and serve from them where their trial holds."""
     if is_marked(layout):
-        return Answer(ok=False, detail="a person has stopped the endpoint; it stays so")
+        return DutyOutcome(ok=False, detail="a person has stopped the endpoint; it stays so")
     mine = _RedeployConsent(layout)
     request = Request(layout.project, environ, replace=("deploy",), reuse=False)
     with taken_back(lambda: mine.former):
         result = apply(request, Options(consent=mine, lock_seconds=LOCK_SECONDS), Unwatched())
     if mine.why:
-        return Answer(ok=False, detail=f"the packages are not decided again: {mine.why}", again=False)
+        return DutyOutcome(ok=False, detail=f"the packages are not decided again: {mine.why}", again=False)
     usage = Usage(result.usage.input_tokens, None, result.usage.output_tokens, result.usage.cost_usd)
     if result.failed is None:
         forget(layout)
         detail = "the packages of the endpoint were decided again, and it serves from them"
-        return Answer(ok=True, detail=detail, changed=True, calls=result.agent_runs, usage=usage)
-    return Answer(ok=False, detail=_redeploy_undone(mine.former, result), calls=result.agent_runs, usage=usage)
+        return DutyOutcome(ok=True, detail=detail, changed=True, calls=result.agent_runs, usage=usage)
+    return DutyOutcome(ok=False, detail=_redeploy_undone(mine.former, result), calls=result.agent_runs, usage=usage)
 
 
 class _RedeployConsent:

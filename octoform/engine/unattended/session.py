@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from octoform.apply.context import Clock, Context
-from octoform.apply.duties.outcome import Answer, refusal
+from octoform.apply.duties.outcome import DutyOutcome, refusal
 from octoform.apply.duties.watch import WATCH, watch
 from octoform.apply.rewrite import promotion
 from octoform.apply.stage.serve_proof import service_of
@@ -20,10 +20,10 @@ from octoform.diagnostics import Diagnostic, error, has_errors
 from octoform.endpoint.process.record import is_marked
 from octoform.endpoint.publish.publication import is_published
 from octoform.engine.apply.session import (
+    HostRefused,
     Locked,
     Means,
     Opened,
-    Refused,
     commit_run,
     context_of,
     locked,
@@ -44,22 +44,22 @@ from octoform.state.store.store import Ports
 LOCK_SECONDS = 30.0
 """How long a duty waits for somebody else who works on the host: longer than a plan, shorter than an apply."""
 
-Work = Callable[[Context], Answer]
+Work = Callable[[Context], DutyOutcome]
 
 
 def on_duty(
     project: Path, environ: Mapping[str, str], operation: str, work: Work, ports: Ports | None = None
-) -> Answer:
+) -> DutyOutcome:
     """Do the work under the lock of the host's state; what stands in the way is an answer too.
 
     ``operation`` is what the lock says meanwhile. The state file is written anew, and committed where the manifest says
     so, when another server is the accepted one afterwards.
     """
     with locked(project, environ, operation, LOCK_SECONDS) as held:
-        if isinstance(held, Refused):
+        if isinstance(held, HostRefused):
             return refusal(held.diagnostics)
         there = opened(held.compiled, ports)
-        if isinstance(there, Refused):
+        if isinstance(there, HostRefused):
             return refusal(there.diagnostics)
         with logging_to(held.compiled.layout.call_log, Clock(), _nobody) as emit:
             sweep(held.compiled.layout.attempts)
@@ -69,7 +69,7 @@ def on_duty(
             return _worked(held, there, means, operation, work)
 
 
-def _worked(held: Locked, there: Opened, means: Means, operation: str, work: Work) -> Answer:
+def _worked(held: Locked, there: Opened, means: Means, operation: str, work: Work) -> DutyOutcome:
     compiled, store = held.compiled, there.store
     unready = _unready(held, there)
     if unready is not None:
@@ -89,7 +89,7 @@ def _worked(held: Locked, there: Opened, means: Means, operation: str, work: Wor
     return _recorded(held, there, operation, answer)
 
 
-def _recorded(held: Locked, there: Opened, operation: str, answer: Answer) -> Answer:
+def _recorded(held: Locked, there: Opened, operation: str, answer: DutyOutcome) -> DutyOutcome:
     """The state file and the commit; a repair that is in service and not recorded is said, and still one."""
     layout, unsettled = held.compiled.layout, there.store.unsettled
     found = there.store.commit_snapshot()

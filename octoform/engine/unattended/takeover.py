@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 from octoform.apply.context import Context
-from octoform.apply.duties.outcome import Answer, refusal
+from octoform.apply.duties.outcome import DutyOutcome, refusal
 from octoform.apply.rewrite import promotion
 from octoform.apply.stage.serve_proof import service_of
 from octoform.diagnostics import Diagnostic, has_errors
@@ -23,8 +23,10 @@ def take_over(layout: Layout, environ: Mapping[str, str], foreign: Diagnostic) -
     return None if done.ok else replace(foreign, detail=done.detail)
 
 
-def _published(context: Context) -> Answer:
+def _published(context: Context) -> DutyOutcome:
     if not tells_of(context.layout, service_of(context), context.environ):
-        return Answer(ok=False, detail="the manifest was edited since it was applied, or the endpoint's files were")
+        return DutyOutcome(
+            ok=False, detail="the manifest was edited since it was applied, or the endpoint's files were"
+        )
     found = promotion.published(context, smoke=False)
-    return refusal(found) if has_errors(found) else Answer(ok=True, detail="the endpoint is this folder's own")
+    return refusal(found) if has_errors(found) else DutyOutcome(ok=True, detail="the endpoint is this folder's own")

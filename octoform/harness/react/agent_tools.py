@@ -142,7 +142,7 @@ FOLDER = os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW | os.O_CLOEXEC
 PLAIN = os.O_RDONLY | os.O_NONBLOCK | os.O_NOCTTY | os.O_CLOEXEC
 
 
-class Refused(ValueError):
+class FileToolRefused(ValueError):
     """What was asked of a file tool is not done; the text is for the model."""
 
 
@@ -196,7 +196,7 @@ def write_file(workdir: Path, path: str, content: str) -> Said:
     try:
         with _parent(workdir, path, make=True) as (folder, name):
             _replace(folder, name, data, _mode(folder, name))
-    except Refused as problem:
+    except FileToolRefused as problem:
         return Said(str(problem), failed=True)
     except (OSError, ValueError) as problem:
         return Said(f"{path} cannot be written: {_why(problem)}", failed=True)
@@ -213,7 +213,7 @@ def patch(workdir: Path, path: str, edits: Sequence[Mapping[str, str]]) -> Said:
             for number, edit in enumerate(edits, 1):
                 text = _edited(text, edit["old"], edit["new"], f"edit {number} of {len(edits)}")
             _replace(folder, name, text.encode("utf-8"), _mode(folder, name))
-    except Refused as problem:
+    except FileToolRefused as problem:
         return Said(f"{problem}; nothing was changed", failed=True)
     except (OSError, ValueError) as problem:
         return Said(f"{path} cannot be changed: {_why(problem)}", failed=True)
@@ -222,12 +222,12 @@ def patch(workdir: Path, path: str, edits: Sequence[Mapping[str, str]]) -> Said:
 
 def _edited(text: str, old: str, new: str, which: str) -> str:
     if not old:
-        raise Refused(f"{which}: old is empty")
+        raise FileToolRefused(f"{which}: old is empty")
     found = text.count(old)
     if found != 1:
         what = "is not in the file" if not found else f"is in the file {found} times"
         more = "read the file and copy the text exactly" if not found else "add what stands around the one you mean"
-        raise Refused(f"{which}: old {what}; {more}")
+        raise FileToolRefused(f"{which}: old {what}; {more}")
     return text.replace(old, new)
 
 
@@ -235,24 +235,24 @@ def _text(folder: int, name: str, path: str) -> str:
     descriptor = os.open(name, PLAIN | os.O_NOFOLLOW, dir_fd=folder)
     with os.fdopen(descriptor, "rb") as stream:
         if not stat.S_ISREG(os.fstat(stream.fileno()).st_mode):
-            raise Refused(f"{path} is no plain file")
+            raise FileToolRefused(f"{path} is no plain file")
         data = stream.read(PATCHED_BYTES + 1)
     if len(data) > PATCHED_BYTES:
-        raise Refused(f"{path} has more than {PATCHED_BYTES} bytes")
+        raise FileToolRefused(f"{path} has more than {PATCHED_BYTES} bytes")
     try:
         return data.decode("utf-8")
     except UnicodeDecodeError as problem:
-        raise Refused(f"{path} is no text in UTF-8") from problem
+        raise FileToolRefused(f"{path} is no text in UTF-8") from problem
 
 
 def _mode(folder: int, name: str) -> int:
-    """The permissions that the file has or gets; Refused when something else than a plain file is in its place."""
+    """The permissions that the file has or gets; FileToolRefused when no plain file is in its place."""
     try:
         facts = os.stat(name, dir_fd=folder, follow_symlinks=False)
     except FileNotFoundError:
         return 0o644
     if not stat.S_ISREG(facts.st_mode):
-        raise Refused(f"{name} is there and is no plain file")
+        raise FileToolRefused(f"{name} is there and is no plain file")
     return stat.S_IMODE(facts.st_mode)
 
 
@@ -289,14 +289,14 @@ def _parent(workdir: Path, path: str, *, make: bool) -> Iterator[tuple[int, str]
 
 
 def _steps(workdir: Path, path: str) -> list[str]:
-    """The names from ``workdir`` down to the file; Refused for what lies elsewhere."""
+    """The names from ``workdir`` down to the file; FileToolRefused for what lies elsewhere."""
     pure = PurePosixPath(os.path.normpath(workdir / path))
     try:
         steps = list(pure.relative_to(os.path.normpath(workdir)).parts)
     except ValueError:
         steps = []
     if not steps:
-        raise Refused(f"{path} is not below your folder {workdir}")
+        raise FileToolRefused(f"{path} is not below your folder {workdir}")
     return steps
 
 

@@ -18,7 +18,7 @@ from ruamel.yaml.util import load_yaml_guess_indent
 from octoform.base.files import read, replace
 from octoform.diagnostics import Diagnostic, Severity, error
 from octoform.manifest.loader import load, parse
-from octoform.manifest.source.problem_list import Report
+from octoform.manifest.source.problem_list import ProblemList
 from octoform.manifest.source.tree import Scalar, Table, data
 from octoform.manifest.source.yaml_parser import read_tree
 
@@ -80,7 +80,7 @@ def drop(text: str, table: str, key: str) -> str | None:
 def _root(text: str) -> Table | None:
     """The tree of a text whose line ends are one character each in it, as the reader counts."""
     plain = text.removeprefix("\ufeff").replace("\r\n", "\n").replace("\r", "\n")
-    return read_tree(plain, Report("octopus.yaml"))
+    return read_tree(plain, ProblemList("octopus.yaml"))
 
 
 def _is_by_lines(lines: Sequence[str], content: Table) -> bool:
@@ -244,7 +244,7 @@ def _lf(text: str) -> str:
 
 
 def _plain(text: str) -> object:
-    tree = read_tree(_lf(text), Report("octopus.yaml"))
+    tree = read_tree(_lf(text), ProblemList("octopus.yaml"))
     return data(tree) if tree is not None else None
 
 

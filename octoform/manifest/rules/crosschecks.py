@@ -14,13 +14,13 @@ from octoform.manifest.model import KEEPERS, PLACEHOLDERS, STAGES, NamedStep
 from octoform.manifest.schema.document import Document, Stage
 from octoform.manifest.schema.harness import PROGRAMS
 from octoform.manifest.source import tree
-from octoform.manifest.source.problem_list import Report
+from octoform.manifest.source.problem_list import ProblemList
 from octoform.manifest.source.tree import Items, Loc, Scalar, Table
 
 _PLACEHOLDER = re.compile(r"\{\{|\}\}|(?<!\$)\{([A-Za-z_][A-Za-z0-9_]*)\}")
 
 
-def check(document: Document, root: Table, report: Report) -> None:
+def check(document: Document, root: Table, report: ProblemList) -> None:
     """Report what does not fit together in a document that fits the schema."""
     _timeouts(document, root, report)
     _idle_timeouts(document, root, report)
@@ -33,7 +33,7 @@ def _stage(document: Document, name: str) -> Stage:
     return stage
 
 
-def _timeouts(document: Document, root: Table, report: Report) -> None:
+def _timeouts(document: Document, root: Table, report: ProblemList) -> None:
     told: set[Span] = set()
     for name in (*STAGES, *KEEPERS):
         attempt, stage = timeouts(document.budget, _stage(document, name).budget)
@@ -59,7 +59,7 @@ def _written(root: Table, stage: str, names: tuple[str, ...]) -> Span | None:
     return next((node.span for node in found if node is not None), None)
 
 
-def _idle_timeouts(document: Document, root: Table, report: Report) -> None:
+def _idle_timeouts(document: Document, root: Table, report: ProblemList) -> None:
     """A silence longer than the attempt itself never ends it."""
     told: set[Span] = set()
     for name in (*STAGES, *KEEPERS):
@@ -76,7 +76,7 @@ def _idle_timeouts(document: Document, root: Table, report: Report) -> None:
             )
 
 
-def _unused_prices(document: Document, root: Table, report: Report) -> None:
+def _unused_prices(document: Document, root: Table, report: ProblemList) -> None:
     """A price under a name that no agent's model has is most likely a slip."""
     used = [agent.model for agent in conversion.in_force(document) if agent.takes_model and agent.model is not None]
     used += [document.housekeeping.model] if document.housekeeping is not None else []
@@ -92,7 +92,7 @@ def _unused_prices(document: Document, root: Table, report: Report) -> None:
             )
 
 
-def _unused_money(document: Document, root: Table, report: Report) -> None:
+def _unused_money(document: Document, root: Table, report: ProblemList) -> None:
     """A limit in dollars where no model is paid would look as if it were in force."""
     paid = {name: conversion.of_stage(document, name).takes_model for name in (*STAGES, *KEEPERS)}
     escalation = conversion.of_escalation(document)
@@ -111,7 +111,7 @@ def _unused_money(document: Document, root: Table, report: Report) -> None:
             )
 
 
-def check_commands(root: Table, report: Report) -> None:
+def check_commands(root: Table, report: ProblemList) -> None:
     """Report what is wrong in the arguments of a command; looks at the tree, so it needs no document."""
     for loc in tree.HARNESSES:
         command = tree.at(root, (*loc, "command"))
@@ -128,7 +128,7 @@ def check_commands(root: Table, report: Report) -> None:
                 _argument(item, prompt, report)
 
 
-def _own_argument(item: Scalar, harness: str, report: Report) -> None:
+def _own_argument(item: Scalar, harness: str, report: ProblemList) -> None:
     """The command of a known program names the program; octoform adds what it needs to know."""
     for name in dict.fromkeys(found for found in _PLACEHOLDER.findall(item.text) if found in PLACEHOLDERS):
         report.error(
@@ -139,7 +139,7 @@ def _own_argument(item: Scalar, harness: str, report: Report) -> None:
         )
 
 
-def _argument(item: Scalar, prompt: str, report: Report) -> None:
+def _argument(item: Scalar, prompt: str, report: ProblemList) -> None:
     for name in dict.fromkeys(found for found in _PLACEHOLDER.findall(item.text) if found):
         if name not in PLACEHOLDERS:
             near = did_you_mean(name[:80], PLACEHOLDERS)
@@ -160,7 +160,7 @@ def _argument(item: Scalar, prompt: str, report: Report) -> None:
 _COPY = "copy it beside octopus.yaml and give its relative path, such as recordings/bench"
 
 
-def check_recordings(root: Table, project: Path, report: Report) -> None:
+def check_recordings(root: Table, project: Path, report: ProblemList) -> None:
     """Report what is wrong with the recordings that harnesses name."""
     for loc in tree.HARNESSES:
         item = tree.at(root, (*loc, "recording"))
@@ -168,7 +168,7 @@ def check_recordings(root: Table, project: Path, report: Report) -> None:
             _one(item, project, report)
 
 
-def _one(item: Scalar, project: Path, report: Report) -> None:
+def _one(item: Scalar, project: Path, report: ProblemList) -> None:
     if not item.text or "\0" in item.text:
         return
     path = Path(os.path.normpath(project / item.text))
@@ -189,7 +189,7 @@ def _one(item: Scalar, project: Path, report: Report) -> None:
         _refuse(item, f"{shown} cannot be read: {problem.strerror or problem}", "a recording is a folder", report)
 
 
-def _refuse(item: Scalar, what: str, hint: str, report: Report) -> None:
+def _refuse(item: Scalar, what: str, hint: str, report: ProblemList) -> None:
     report.error("MANIFEST-BAD-RECORDING", what, item.span, hint=hint)
 
 
@@ -200,7 +200,7 @@ def _refuse(item: Scalar, what: str, hint: str, report: Report) -> None:
 _USED_IN = {"network": ("intranet", "internet"), "tunnel": ("internet",)}
 
 
-def check_scope(document: Document, root: Table, report: Report) -> None:
+def check_scope(document: Document, root: Table, report: ProblemList) -> None:
     """Report what does not fit together in a document that fits the schema."""
     for name, scopes in _USED_IN.items():
         key = tree.key_at(root, (name,))
@@ -214,7 +214,7 @@ def check_scope(document: Document, root: Table, report: Report) -> None:
     _rules(document, root, report)
 
 
-def _rules(document: Document, root: Table, report: Report) -> None:
+def _rules(document: Document, root: Table, report: ProblemList) -> None:
     """A name that an earlier rule has taken already; what a later one says of it would look as if it were in force."""
     taken: dict[str, int] = {}
     for index, rule in enumerate(document.policy.rules):
@@ -238,7 +238,7 @@ def _rules(document: Document, root: Table, report: Report) -> None:
 # the place for what there is to say.
 
 
-def named_steps(root: Table, report: Report) -> tuple[NamedStep, ...]:
+def named_steps(root: Table, report: ProblemList) -> tuple[NamedStep, ...]:
     """The steps of a document without errors, in order."""
     node = tree.at(root, ("privileged_steps",))
     items = node.items if isinstance(node, Items) else ()

@@ -13,7 +13,7 @@ from octoform.diagnostics import did_you_mean
 from octoform.manifest.model import ProfileSource, TypedProfile
 from octoform.manifest.schema.fields import is_typed
 from octoform.manifest.source import tree
-from octoform.manifest.source.problem_list import Report
+from octoform.manifest.source.problem_list import ProblemList
 from octoform.manifest.source.tree import Items, Scalar, Table
 
 FOLDER = "profiles"
@@ -21,7 +21,7 @@ _NAME = re.compile(r"[a-z0-9][a-z0-9_-]{0,79}")
 _WHAT = "a profile is a readable markdown file inside the project"
 
 
-def check(root: Table, project: Path, report: Report) -> tuple[ProfileSource, ...]:
+def check(root: Table, project: Path, report: ProblemList) -> tuple[ProfileSource, ...]:
     """The profiles in order, files by their absolute paths; what is wrong with them goes to the report."""
     node = tree.at(root, ("profiles",))
     items = node.items if isinstance(node, Items) else ()
@@ -33,14 +33,14 @@ def check(root: Table, project: Path, report: Report) -> tuple[ProfileSource, ..
     return tuple(source for source in found if source is not None)
 
 
-def _typed(item: Scalar, index: int, report: Report) -> TypedProfile:
+def _typed(item: Scalar, index: int, report: ProblemList) -> TypedProfile:
     """A profile as text; a block text begins on the line after its sign, a quoted one where it stands."""
     line = item.span.line + (item.last_line > item.span.line)
     text = report.lines[line - 1] if line <= len(report.lines) else ""
     return TypedProfile(item.text, f"profiles[{index}]", line, len(text) - len(text.lstrip()))
 
 
-def _one(item: Scalar, project: Path, report: Report) -> Path | None:
+def _one(item: Scalar, project: Path, report: ProblemList) -> Path | None:
     shown = report.shown(item.text)
     if not item.text or "\0" in item.text:
         return None
@@ -67,7 +67,7 @@ def _one(item: Scalar, project: Path, report: Report) -> Path | None:
         return None
 
 
-def _named(item: Scalar, project: Path, report: Report) -> Path | None:
+def _named(item: Scalar, project: Path, report: ProblemList) -> Path | None:
     """A profile by its name alone: the project's own of that name goes before the one that comes with octoform."""
     own, others = project / FOLDER / f"{item.text}.md", shipped() / f"{item.text}.md"
     if own.exists():
@@ -85,7 +85,7 @@ def _stems(folder: Path) -> list[str]:
     return sorted(path.stem for path in folder.glob("*.md"))
 
 
-def _file(item: Scalar, path: Path, project: Path, report: Report) -> Path | None:
+def _file(item: Scalar, path: Path, project: Path, report: ProblemList) -> Path | None:
     shown = report.shown(item.text)
     if not path.exists():
         report.error("MANIFEST-MISSING-PROFILE", f"there is no profile `{shown}`", item.span, hint=_near(path, project))

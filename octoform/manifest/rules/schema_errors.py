@@ -25,7 +25,7 @@ from octoform.manifest.schema.document import (
 from octoform.manifest.schema.harness import NAMES, TAGS, CommandHarness, Confinement, ProgramHarness, table_of
 from octoform.manifest.schema.sections import Daemon, Limit, Network, Notify, Policy, Rule, Tunnel
 from octoform.manifest.source import tree
-from octoform.manifest.source.problem_list import Report
+from octoform.manifest.source.problem_list import ProblemList
 from octoform.manifest.source.tree import Items, Loc, Scalar, Table
 
 # The words of the manifest's messages, apart from the rules: a text can be improved without reading the logic.
@@ -176,7 +176,7 @@ def home_of(loc: Loc) -> Loc | None:
     return next((place for place, table in _PLACES if name in table.model_fields), None)
 
 
-def check(root: Table, report: Report) -> Document | None:
+def check(root: Table, report: ProblemList) -> Document | None:
     """The document, or None with every problem of it in the report."""
     _refuse_empty(root, report)
     try:
@@ -189,7 +189,7 @@ def check(root: Table, report: Report) -> Document | None:
     return None
 
 
-def _refuse_empty(root: Table, report: Report) -> None:
+def _refuse_empty(root: Table, report: ProblemList) -> None:
     """Report every key that has no value."""
     found = [(loc, scalar) for loc, scalar in tree.scalars(root) if scalar.value is None]
     for loc, scalar in found:
@@ -213,7 +213,7 @@ def _filled(node: tree.Node) -> Any:
 class _Problem:
     """One validation error on its way to a diagnostic."""
 
-    def __init__(self, root: Table, report: Report, loc: Loc, kind: str, context: Mapping[str, Any]) -> None:
+    def __init__(self, root: Table, report: ProblemList, loc: Loc, kind: str, context: Mapping[str, Any]) -> None:
         self._root = root
         self._report = report
         self._loc = loc

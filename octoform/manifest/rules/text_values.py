@@ -10,7 +10,7 @@ from octoform.manifest.credentials import LOGINS, SEARCHERS
 from octoform.manifest.schema.document import Document
 from octoform.manifest.schema.harness import Confinement, ModelHarness
 from octoform.manifest.source import tree
-from octoform.manifest.source.problem_list import Report
+from octoform.manifest.source.problem_list import ProblemList
 from octoform.manifest.source.tree import Loc, Node, Scalar, Table
 
 _WHERE = "variables may be in `model`, `base_url`, `webhook` and the `command` of an agent only"
@@ -18,7 +18,7 @@ _KEY_NAME = re.compile("[A-Z_][A-Z0-9_]{0,99}")
 _REFERENCE = re.compile(r"(?<!\$)\$\{[^{}]*\}?")
 
 
-def check_secrets(root: Node, report: Report) -> None:
+def check_secrets(root: Node, report: ProblemList) -> None:
     """Refuse every literal that looks like a secret, in values, keys and comments, and mask it everywhere."""
     told: set[str] = set()
     for number, line in enumerate(report.lines, 1):
@@ -70,14 +70,14 @@ def _is_named_secret(root: Node, loc: Loc) -> bool:
     return False
 
 
-def _mask(scalar: Scalar, report: Report) -> None:
+def _mask(scalar: Scalar, report: ProblemList) -> None:
     """Mask a value wherever it reaches to; a quoted or folded text may go on for several lines."""
     report.mask(scalar.span)
     for number in range(scalar.span.line + 1, scalar.last_line + 1):
         report.mask(Span(number, 1))
 
 
-def _refuse(span: Span, report: Report) -> None:
+def _refuse(span: Span, report: ProblemList) -> None:
     report.error(
         "MANIFEST-SECRET",
         "this looks like a secret",
@@ -86,7 +86,7 @@ def _refuse(span: Span, report: Report) -> None:
     )
 
 
-def check_references(root: Table, environ: Mapping[str, str], report: Report) -> tuple[str, ...]:
+def check_references(root: Table, environ: Mapping[str, str], report: ProblemList) -> tuple[str, ...]:
     """Check every ``${NAME}``, and give the names of all variables that the manifest refers to or passes on."""
     found: set[str] = set()
     for loc, scalar in tree.scalars(root):
@@ -109,7 +109,7 @@ def check_references(root: Table, environ: Mapping[str, str], report: Report) ->
     return tuple(sorted(found))
 
 
-def _check_one(loc: Loc, scalar: Scalar, environ: Mapping[str, str], report: Report) -> set[str]:
+def _check_one(loc: Loc, scalar: Scalar, environ: Mapping[str, str], report: ProblemList) -> set[str]:
     span = _reference_span(scalar, report)
     if not _may_refer(loc):
         report.error(
@@ -152,7 +152,7 @@ def _names_only(loc: Loc) -> str | None:
     return "list names only, without ${}" if is_of_a_list else None
 
 
-def _reference_span(scalar: Scalar, report: Report) -> Span:
+def _reference_span(scalar: Scalar, report: ProblemList) -> Span:
     """The place of the first reference inside a value, where the value stands on one line."""
     line = report.lines[scalar.span.line - 1] if scalar.span.line <= len(report.lines) else ""
     end = scalar.span.end_column - 1 if scalar.span.end_column is not None else len(line)
@@ -170,7 +170,7 @@ _MODEL_HINT = "write for example `model: anthropic/claude-sonnet-4-5`"
 _FREE = {"builtin": "the embedded agent uses none", "replay": "a recorded run uses none"}
 
 
-def check(document: Document, root: Table, environ: Mapping[str, str], report: Report) -> None:
+def check(document: Document, root: Table, environ: Mapping[str, str], report: ProblemList) -> None:
     """Report what does not fit together."""
     _Rules(document, root, environ, report).check()
 
@@ -178,7 +178,7 @@ def check(document: Document, root: Table, environ: Mapping[str, str], report: R
 class _Rules:
     """The rules over one document; the same place is told once, however many stages it holds for."""
 
-    def __init__(self, document: Document, root: Table, environ: Mapping[str, str], report: Report) -> None:
+    def __init__(self, document: Document, root: Table, environ: Mapping[str, str], report: ProblemList) -> None:
         self._document = document
         self._root = root
         self._environ = environ

@@ -18,7 +18,7 @@ LONGEST_LINE = 500
 LONGEST_VALUE = 60
 
 
-class Report:
+class ProblemList:
     """Collects diagnostics about one file; ``path`` is shown as it is given."""
 
     def __init__(self, path: str) -> None:
@@ -114,7 +114,7 @@ FORBIDDEN = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u2028-\u202e\u2066-\u2069\u
 _MOST_CHARACTERS = 10
 
 
-def text_of(content: bytes, report: Report) -> str | None:
+def text_of(content: bytes, report: ProblemList) -> str | None:
     """The text of a file's bytes with LF line ends, or None with the reasons in the report."""
     text = _decode(content, report)
     if text is None:
@@ -137,7 +137,7 @@ def name_of(char: str) -> str:
     return f"U+{ord(char):04X}"
 
 
-def read(path: Path, report: Report) -> bytes | None:
+def read(path: Path, report: ProblemList) -> bytes | None:
     """The bytes of the manifest, or None with the reason in the report."""
     try:
         content, size = head(path, LIMIT + 1, follow=True), path.stat().st_size
@@ -172,7 +172,7 @@ def _where_else(path: Path) -> str:
     return f"`octoform init` writes an {FILE_NAME} for this host"
 
 
-def _decode(content: bytes, report: Report) -> str | None:
+def _decode(content: bytes, report: ProblemList) -> str | None:
     if content.startswith(_UTF16_BOMS) or _looks_wide(content):
         report.error(
             "MANIFEST-ENCODING",

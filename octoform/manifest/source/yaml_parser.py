@@ -23,7 +23,7 @@ from ruamel.yaml.events import (
 )
 
 from octoform.diagnostics import Span
-from octoform.manifest.source.problem_list import FORBIDDEN, Report, name_of
+from octoform.manifest.source.problem_list import FORBIDDEN, ProblemList, name_of
 from octoform.manifest.source.tree import Items, Node, Scalar, Table, plain_value
 
 # What the YAML reader complains about, in words for the person who wrote the file. (Heavy: the reader's errors.)
@@ -60,7 +60,7 @@ _WHERE_IT_BEGAN = (
 )
 
 
-def explain(problem: MarkedYAMLError, report: Report) -> None:
+def explain(problem: MarkedYAMLError, report: ProblemList) -> None:
     """Report a problem of syntax, at the place where a person would mend it."""
     words = str(problem.problem or problem.context or "it cannot be read")
     mark = problem.problem_mark or problem.context_mark
@@ -79,7 +79,7 @@ def explain(problem: MarkedYAMLError, report: Report) -> None:
     report.error("MANIFEST-SYNTAX", f"not valid YAML: {meaning}", Span(line, column), hint=hint)
 
 
-def _is_tab(report: Report, line: int, column: int) -> bool:
+def _is_tab(report: ProblemList, line: int, column: int) -> bool:
     text = report.lines[line - 1] if line <= len(report.lines) else ""
     return text[column - 1 : column] == "\t" or _INDENTATION.match(text) is not None
 
@@ -88,7 +88,7 @@ DEEPEST = 12
 MOST_VALUES = 5000
 
 
-def read_tree(text: str, report: Report) -> Table | None:
+def read_tree(text: str, report: ProblemList) -> Table | None:
     """The manifest's top mapping, or None with the reasons in the report; a problem of syntax ends the reading."""
     builder = _Builder(report)
     try:
@@ -110,7 +110,7 @@ def read_tree(text: str, report: Report) -> Table | None:
     return _top(builder, report)
 
 
-def _top(builder: "_Builder", report: Report) -> Table | None:
+def _top(builder: "_Builder", report: ProblemList) -> Table | None:
     root = builder.root
     if isinstance(root, Table) and root.entries:
         return root
@@ -142,7 +142,7 @@ class _Frame:
 class _Builder:
     """Makes a tree of events; reports what it refuses."""
 
-    def __init__(self, report: Report) -> None:
+    def __init__(self, report: ProblemList) -> None:
         self._report = report
         self._stack: list[_Frame] = []
         self._values = 0

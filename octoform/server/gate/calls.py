@@ -32,7 +32,7 @@ HELD = 0.25
 Record = tuple[str, Mapping[str, Any]]
 
 
-class Refused(Exception):
+class CallRefused(Exception):
     """The call is not made; ``code`` for programs, the text for whoever called."""
 
     def __init__(self, code: str, text: str) -> None:

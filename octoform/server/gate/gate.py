@@ -38,7 +38,7 @@ from octoform.server.process.device_presence import Presence
 from octoform.server.process.local_socket import client_of
 
 from . import messages
-from .calls import Call, Records, Refused, held
+from .calls import Call, CallRefused, Records, held
 from .elicitation import Approvals, Question, Reply, overhear
 from .tool_registry import Entries, Entry, innermost, pin, straight
 
@@ -166,7 +166,7 @@ class Gate(Middleware):
             if call.confirms and (ask := await self._confirm(call, context)) is not None:
                 return ask
             return await self._pass(call, context, call_next)
-        except Refused as refused:
+        except CallRefused as refused:
             self._records.decided(call, "refuse", code=refused.code, text=str(refused))
             return messages.refusal(refused)
 
@@ -194,7 +194,7 @@ class Gate(Middleware):
         return call
 
     def _judge(self, call: Call) -> None:
-        """Everything that can be told without waiting for anybody; Refused says what stands against the call."""
+        """Everything that can be told without waiting for anybody; CallRefused says what stands against the call."""
         entry = call.entry
         self._look_again(call)
         if entry.policy.decision == "deny":
@@ -202,7 +202,7 @@ class Gate(Middleware):
         try:
             call.effective = entry.coerce(call.given)
         except ValidationError as problem:
-            raise Refused("invalid", messages.told(entry.name, problem, entry.schema)) from None
+            raise CallRefused("invalid", messages.told(entry.name, problem, entry.schema)) from None
         if entry.flaw:
             self._object(call, "limit_without_argument", f"{entry.name} is refused: {entry.flaw}")
         self._restrict(call)
@@ -233,7 +233,7 @@ class Gate(Middleware):
     def _object(self, call: Call, code: str, text: str) -> None:
         """A refusal; in shadow mode it is only noted."""
         if self._policy.mode != "shadow":
-            raise Refused(code, text)
+            raise CallRefused(code, text)
         note = f"{code}: {text}"
         if note not in call.noted:
             call.noted.append(note)
@@ -251,7 +251,7 @@ class Gate(Middleware):
                 self._object(call, "confirm", "a person would have been asked")
                 return None
             if context.fastmcp_context is None:
-                raise Refused("unable", "a person has to confirm this call, and it came from no client")
+                raise CallRefused("unable", "a person has to confirm this call, and it came from no client")
             try:
                 reply = await self.approvals.ask(question, request, context.fastmcp_context, partial(self._heard, call))
             except asyncio.CancelledError:
@@ -261,7 +261,7 @@ class Gate(Middleware):
             return reply.ask
         call.asked |= {"approval": reply.approval, "answer": reply.code}
         if reply.code != "approved":
-            raise Refused(reply.code, reply.text)
+            raise CallRefused(reply.code, reply.text)
         if call.stops != self._stops:
             raise messages.overtaken()
         call.began = time.monotonic()  # the person's time is not the call's
@@ -306,7 +306,7 @@ class Gate(Middleware):
         try:
             await take(entry.queues, holder, call.began + entry.policy.timeout)
         except Busy as busy:
-            raise Refused(busy.code, str(busy)) from None
+            raise CallRefused(busy.code, str(busy)) from None
         except asyncio.CancelledError:
             self._records.decided(call, "refuse", code="cancelled", text="cancelled while it waited for a bus")
             raise
@@ -329,7 +329,7 @@ class Gate(Middleware):
             self._object(call, refusal.code, refusal.text)
         if not self._records.decided(call, "allow") and call.moves:
             self._ledger.settle(entry.name, call.arguments, well=False)
-            raise Refused(
+            raise CallRefused(
                 "audit", f"the audit log cannot be written, so nothing that moves is called: {self._records.problem}"
             )
 

@@ -10,7 +10,7 @@ from pydantic import ValidationError
 from octoform.server.estop.latch import Estop
 from octoform.server.execution.work import Stopped
 
-from .calls import Call, Refused
+from .calls import Call, CallRefused
 
 REFUSED = "octoform/refused"
 DRY = "octoform/dry_run"
@@ -18,7 +18,7 @@ UNAUDITED = "octoform/audit"
 ARGUMENTS_CHARS = 2000
 
 
-def refusal(refused: Refused) -> ToolResult:
+def refusal(refused: CallRefused) -> ToolResult:
     """An error with the sentence, and the code for programs."""
     return ToolResult(content=str(refused), meta={REFUSED: refused.code}, is_error=True)
 
@@ -27,9 +27,9 @@ def error(text: str) -> ToolResult:
     return ToolResult(content=text, is_error=True)
 
 
-def estop(stop: Estop) -> Refused:
+def estop(stop: Estop) -> CallRefused:
     """Nothing that moves is called while the emergency stop is latched."""
-    return Refused(
+    return CallRefused(
         "estop",
         f"emergency stop: engaged by {stop.by} at {stop.since or 'an unknown time'} "
         f"({stop.reason or 'no reason given'}). "
@@ -37,17 +37,17 @@ def estop(stop: Estop) -> Refused:
     )
 
 
-def overtaken() -> Refused:
+def overtaken() -> CallRefused:
     """An emergency stop came, and was cleared perhaps, while the call waited."""
-    return Refused(
+    return CallRefused(
         "estop",
         "emergency stop: it came after this call did, so the call is not made, no matter who approved it before. "
         "Call the tool again if it still has to be done",
     )
 
 
-def absent(names: list[str]) -> Refused:
-    return Refused(
+def absent(names: list[str]) -> CallRefused:
+    return CallRefused(
         "absent", f"device absent: {', '.join(names)}. Nothing was done; the tool works again once it is there"
     )
 

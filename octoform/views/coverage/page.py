@@ -7,7 +7,7 @@ from pathlib import Path
 
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
-from octoform.engine.coverage.report import Coverage, Report, Standing
+from octoform.engine.coverage.report import Coverage, CoverageReport, Standing
 from octoform.views.coverage import report as coverage_view
 from octoform.views.coverage import text as words
 from octoform.views.format import table
@@ -17,7 +17,7 @@ TEMPLATES = Path(__file__).parent / "templates"
 LONGEST = 500
 
 
-def page(report: Report) -> str:
+def page(report: CoverageReport) -> str:
     """The whole page."""
     environment = Environment(
         loader=FileSystemLoader(TEMPLATES),
@@ -63,7 +63,7 @@ def _bars(found: Coverage) -> list[tuple[str, int | None, float]]:
     return [(name, count, round(100 * (count or 0) / whole, 2)) for name, count in steps]
 
 
-def _tables(report: Report) -> list[tuple[str, tuple[table.Column, ...], list[tuple[str, ...]]]]:
+def _tables(report: CoverageReport) -> list[tuple[str, tuple[table.Column, ...], list[tuple[str, ...]]]]:
     """The tables of the making: title, columns, rows."""
     found: list[tuple[str, tuple[table.Column, ...], list[tuple[str, ...]]]] = []
     if report.stages:

@@ -5,7 +5,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import asdict
 from pathlib import Path
 
-from octoform.engine.coverage.report import OFFERED, Counted, Coverage, Device, Report, Share, Standing
+from octoform.engine.coverage.report import OFFERED, Counted, Coverage, CoverageReport, Device, Share, Standing
 from octoform.engine.coverage.runs import Disagreement, Pass, Stability
 from octoform.views.coverage import text as words
 from octoform.views.format import table
@@ -33,7 +33,7 @@ ALONE = "nothing to compare yet; each `octoform apply -target interface -replace
 Paint = Callable[..., str]
 
 
-def show(console: Console, report: Report, *, everything: bool, as_json: bool) -> int:
+def show(console: Console, report: CoverageReport, *, everything: bool, as_json: bool) -> int:
     """The report; exit code 0, also for one that is not complete yet."""
     if as_json:
         return document(console, as_document(report))
@@ -51,7 +51,7 @@ def written(console: Console, path: Path, *, as_json: bool) -> int:
     return 0
 
 
-def as_document(report: Report) -> dict[str, object]:
+def as_document(report: CoverageReport) -> dict[str, object]:
     """The report as JSON has it."""
     found = report.coverage
     document: dict[str, object] = {
@@ -106,7 +106,9 @@ def _can_show(console: Console, text: str) -> bool:
     return True
 
 
-def lines(report: Report, width: int, paint: Paint, *, everything: bool = False, block: str = "█") -> Iterator[str]:
+def lines(
+    report: CoverageReport, width: int, paint: Paint, *, everything: bool = False, block: str = "█"
+) -> Iterator[str]:
     """The report for a person, at most ``width`` wide but for what is to be copied."""
     head = ", ".join(word for word in (words.platform(report), words.ENDPOINT[report.endpoint]) if word)
     yield paint("Coverage of this host", "bold") + f"  {one_line(head, width - 23)}"
@@ -329,7 +331,7 @@ def skipped(found: Stability) -> str:
     return f"{found.skipped} earlier {were} given another spec, other answers or other profiles, and not compared"
 
 
-def _made(report: Report, width: int, paint: Paint) -> Iterator[str]:
+def _made(report: CoverageReport, width: int, paint: Paint) -> Iterator[str]:
     if report.stages:
         yield from _head("what the accepted outputs took", paint)
         rows = [*map(words.stage_row, report.stages), words.all_stages(report.stages)]

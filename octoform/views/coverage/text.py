@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 
 from octoform.contracts.rules.identify import answer_rules
-from octoform.engine.coverage.report import OFFERED, Group, Report, Share, Stage
+from octoform.engine.coverage.report import OFFERED, CoverageReport, Group, Share, Stage
 from octoform.engine.coverage.runs import Pass, known_sum
 from octoform.views.format.table import Column
 from octoform.views.format.values import money, tokens
@@ -74,7 +74,7 @@ def reason(code: str) -> str:
     return REASONS.get(code, code.replace("_", " "))
 
 
-def platform(report: Report) -> str:
+def platform(report: CoverageReport) -> str:
     """``debian 12, x86_64``."""
     told = report.platform
     system = " ".join(word for word in (told.get("os_id") or told.get("os", ""), told.get("os_version", "")) if word)

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 from octoform.base.escaping import escaped_json
 from octoform.diagnostics import Diagnostic, to_json
-from octoform.engine.tools import Answer
+from octoform.engine.tools import SavedAnswer
 from octoform.views.format import problems
 from octoform.views.format.console import Console
 from octoform.views.format.values import escape, one_line
@@ -62,7 +62,7 @@ def _kind(given: dict[str, Any]) -> str:
     return str(given.get("const", given.get("type", "any")))
 
 
-def answer(console: Console, tool: str, found: Answer, *, as_json: bool) -> int:
+def answer(console: Console, tool: str, found: SavedAnswer, *, as_json: bool) -> int:
     """What the tool said; exit code 1 when it said that it failed."""
     result = found.result
     failed = 1 if result.is_error else 0

@@ -4,7 +4,7 @@ from collections.abc import Iterator
 from dataclasses import asdict
 from typing import Any
 
-from octoform.engine.profiles import Draft, HostReport, Met, Report
+from octoform.engine.profiles import Draft, HostReport, Met, ProfileReport
 from octoform.profiles import selection
 from octoform.profiles.definitions.definition import Command, Grammar, LineGrammar, RegisterGrammar, Value, plain
 from octoform.profiles.limits import told
@@ -17,7 +17,7 @@ from octoform.views.format.values import escape, one_line
 _INDENT = "    "
 
 
-def report(console: Console, path: str, found: Report, *, as_json: bool) -> int:
+def report(console: Console, path: str, found: ProfileReport, *, as_json: bool) -> int:
     """What ``profile check`` found; a profile that fits no device is no error."""
     if as_json:
         hosts = [

@@ -11,7 +11,7 @@ from octoform.apply.context import HEALED
 from octoform.apply.duties import heal
 from octoform.apply.duties.agent_input import beheld, claims_of, failures_of, readings_of, since_of, summary_of
 from octoform.apply.duties.heal import Healed, no_worse
-from octoform.apply.duties.outcome import Answer, refusal
+from octoform.apply.duties.outcome import DutyOutcome, refusal
 from octoform.base import digest
 from octoform.base.digest import of_bytes
 from octoform.diagnostics import error
@@ -61,10 +61,10 @@ def test_a_refusal_says_whether_another_try_makes_sense() -> None:
     assert refusal([error("APPLY-TIMEOUT", "it took too long")]).again
     for code in ("APPLY-AUTH", "HARNESS-UNKNOWN", "DUTY-NOT-APPLIED"):
         assert not refusal([error(code, "no")]).again
-    told = Answer(ok=True, detail="\x1b" + "d" * 5000, calls=1, usage=Usage(5, 0, 7)).told()
+    told = DutyOutcome(ok=True, detail="\x1b" + "d" * 5000, calls=1, usage=Usage(5, 0, 7)).told()
     assert told["spent"] == {"calls": 1, "input_tokens": 5, "output_tokens": 7, "usd": None}
     assert len(told["detail"]) == 600 and told["detail"].startswith("\\x1b") and told["report"] is None
-    assert Answer(ok=True, detail="").told()["spent"]["usd"] == 0.0
+    assert DutyOutcome(ok=True, detail="").told()["spent"]["usd"] == 0.0
 
 
 def call(tool: str, *, ok: bool = True, kind: str | None = None, **more: Any) -> TrialCall:

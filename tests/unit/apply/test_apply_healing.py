@@ -14,7 +14,7 @@ from octoform.apply.context import Clock, Context
 from octoform.apply.duties import heal
 from octoform.apply.duties.agent_input import LogSlice
 from octoform.apply.duties.heal import Case, roll_back
-from octoform.apply.duties.outcome import Answer
+from octoform.apply.duties.outcome import DutyOutcome
 from octoform.apply.rewrite import promotion
 from octoform.apply.rewrite.review import Reach
 from octoform.contracts.model import Artifacts
@@ -54,7 +54,7 @@ def mend(layout: Layout, crash: Any = pass_by) -> list[Diagnostic]:
     return heal._adopted(context(layout, crash), case, NEW)
 
 
-def back(layout: Layout, crash: Any = pass_by) -> Answer:
+def back(layout: Layout, crash: Any = pass_by) -> DutyOutcome:
     return roll_back(context(layout, crash), EPISODE)
 
 

@@ -12,7 +12,7 @@ import pytest
 from octoform.apply.context import Clock
 from octoform.apply.trials.by_camera import by_frame, by_view
 from octoform.apply.trials.by_reading import Bench, Tried, by_reading
-from octoform.apply.trials.tool_client import Answer, Seen, Value, fitting
+from octoform.apply.trials.tool_client import Seen, ToolAnswer, Value, fitting
 from octoform.endpoint.scripts.picture import digest, grain_of
 from octoform.perception.image_quality import Picture
 from octoform.protocol.model import Proof
@@ -66,33 +66,33 @@ class Arm:
     bus: ServoBus
     before: Callable[[ServoBus, int], None] = lambda bus, number: write(bus, number, 40, 1, 1)
     skipped: dict[str, str] = field(default_factory=dict)
-    refusal: Answer | None = None
-    keeps: Answer | None = None
+    refusal: ToolAnswer | None = None
+    keeps: ToolAnswer | None = None
     calls: list[tuple[str, dict[str, Any]]] = field(default_factory=list)
 
-    def call(self, tool: str, arguments: Mapping[str, Any]) -> Answer:
+    def call(self, tool: str, arguments: Mapping[str, Any]) -> ToolAnswer:
         self.calls.append((tool, dict(arguments)))
         joint = arguments["joint"]
         number = JOINTS[joint]
         self.time.wait(0.01)
         if joint in self.skipped:
-            return Answer({"joint": joint, "position": None, "skipped": self.skipped[joint]})
+            return ToolAnswer({"joint": joint, "position": None, "skipped": self.skipped[joint]})
         if tool == "arm_read_joint":
             told = {"joint": joint, "position": read(self.bus, number, 56, 2), "skipped": None}
-            return Answer({**told, "torque": read(self.bus, number, 40, 1)})
+            return ToolAnswer({**told, "torque": read(self.bus, number, 40, 1)})
         if tool == "arm_set_torque":
             if self.keeps is None:
                 write(self.bus, number, 40, 1, int(arguments["on"]))
-            return self.keeps or Answer({"joint": joint})
+            return self.keeps or ToolAnswer({"joint": joint})
         if self.refusal is not None:
             return self.refusal
         low, high = read(self.bus, number, 9, 2), read(self.bus, number, 11, 2)
         if not low <= arguments["position"] <= high:
-            return Answer(None, f"{joint} goes from {low} to {high}; nothing was moved")
+            return ToolAnswer(None, f"{joint} goes from {low} to {high}; nothing was moved")
         self.before(self.bus, number)
         write(self.bus, number, 46, 2, 400)
         write(self.bus, number, 42, 2, arguments["position"])
-        return Answer({"joint": joint, "goal": arguments["position"]})
+        return ToolAnswer({"joint": joint, "goal": arguments["position"]})
 
     def look(self, view: Mapping[str, Any]) -> Seen:
         raise AssertionError(f"no one looks: {view}")
@@ -213,9 +213,9 @@ def test_a_unit_that_the_tool_skips_is_a_finding() -> None:
 
 
 def test_a_refusal_of_the_endpoint_is_told_as_such_and_an_emergency_stop_ends_all() -> None:
-    one = tried(an_arm(refusal=Answer(None, "arm_move_joint is denied by policy.tools", refused=True)))
+    one = tried(an_arm(refusal=ToolAnswer(None, "arm_move_joint is denied by policy.tools", refused=True)))
     assert codes(one) == ["STEP-CALL-REFUSED"] and not one.over
-    arm = an_arm(refusal=Answer(None, "emergency stop: engaged", refused=True, over=True))
+    arm = an_arm(refusal=ToolAnswer(None, "emergency stop: engaged", refused=True, over=True))
     one = tried(arm)
     assert codes(one) == ["STEP-CALL-REFUSED"] and one.over
     assert [name for name, _ in arm.calls] == ["arm_read_joint", "arm_move_joint"]
@@ -223,9 +223,9 @@ def test_a_refusal_of_the_endpoint_is_told_as_such_and_an_emergency_stop_ends_al
 
 def test_an_emergency_stop_on_the_way_back_is_no_success() -> None:
     class Latched(Arm):
-        def call(self, tool: str, arguments: Mapping[str, Any]) -> Answer:
+        def call(self, tool: str, arguments: Mapping[str, Any]) -> ToolAnswer:
             if tool == "arm_move_joint" and any(name == tool for name, _ in self.calls):
-                return Answer(None, "emergency stop: engaged", refused=True, over=True)
+                return ToolAnswer(None, "emergency stop: engaged", refused=True, over=True)
             return super().call(tool, arguments)
 
     time = Time()
@@ -235,7 +235,7 @@ def test_an_emergency_stop_on_the_way_back_is_no_success() -> None:
 
 
 def test_what_a_tool_says_of_a_unit_that_stays_is_kept() -> None:
-    one = tried(an_arm(refusal=Answer(None, "elbow_flex is hot")))
+    one = tried(an_arm(refusal=ToolAnswer(None, "elbow_flex is hot")))
     assert codes(one) == ["STEP-NOT-MOVED"] and one.found[0].detail == "arm_move_joint said: elbow_flex is hot"
 
 
@@ -257,22 +257,22 @@ def test_a_failed_trial_is_restored_too_unless_nothing_can_be_called() -> None:
     arm.bus.servos[3].fault = "stuck"
     one = restored(arm)
     assert codes(one) == ["STEP-NOT-MOVED"] and one.restored and not arm.bus.servos[3].torque
-    arm = an_arm(refusal=Answer(None, "emergency stop: engaged", refused=True, over=True))
+    arm = an_arm(refusal=ToolAnswer(None, "emergency stop: engaged", refused=True, over=True))
     one = restored(arm)
     assert codes(one) == ["STEP-CALL-REFUSED"] and one.over
     assert arm.calls[-1][0] == "arm_move_joint"
 
 
 def test_what_is_not_restored_is_a_warning() -> None:
-    arm = an_arm(keeps=Answer(None, "denied by policy.tools", refused=True))
+    arm = an_arm(keeps=ToolAnswer(None, "denied by policy.tools", refused=True))
     one = restored(arm)
     (told,) = one.found
     assert (told.code, told.severity, told.pointer) == ("STEP-NOT-RESTORED", "warning", "/trials/0/restore")
     assert told.summary.endswith("/torque of arm_read_joint was 0 before the trial, is 1 now, and stays so")
     assert told.detail == "denied by policy.tools" and not one.restored and one.back is not None
-    one = restored(an_arm(keeps=Answer({})))
+    one = restored(an_arm(keeps=ToolAnswer({})))
     assert codes(one) == ["STEP-NOT-RESTORED"] and one.found[0].detail is None
-    one = restored(an_arm(keeps=Answer(None, "emergency stop: engaged", refused=True, over=True)))
+    one = restored(an_arm(keeps=ToolAnswer(None, "emergency stop: engaged", refused=True, over=True)))
     assert codes(one) == ["STEP-NOT-RESTORED"] and one.over and "is unknown now" in one.found[0].summary
 
 
@@ -322,7 +322,7 @@ class Rail:
     frozen: bool = False
     last: bytes = b""
 
-    def call(self, tool: str, arguments: Mapping[str, Any]) -> Answer:
+    def call(self, tool: str, arguments: Mapping[str, Any]) -> ToolAnswer:
         assert tool == "rail_move_x"
         self.line.opened()
         answer = self.line.feed(f"MOVE_X {arguments['steps']}\n".encode())
@@ -332,7 +332,7 @@ class Rail:
             self.time.wait(0.1)
             answer = self.line.feed(b"")
         said = answer.decode().strip()
-        return Answer({"answer": said}) if said == "OK" else Answer(None, f"refused: {said}")
+        return ToolAnswer({"answer": said}) if said == "OK" else ToolAnswer(None, f"refused: {said}")
 
     def look(self, view: Mapping[str, Any]) -> Seen:
         assert view == {"tool": "capture_image", "arguments": {}}
@@ -385,7 +385,7 @@ def test_a_jammed_rail_says_ok_and_is_not_seen_to_move(tmp_path: Path) -> None:
 def test_a_rail_whose_line_is_closed_between_calls_moves_by_itself_and_the_finding_says_so(tmp_path: Path) -> None:
     rail = a_rail()
 
-    def closing(tool: str, arguments: Mapping[str, Any]) -> Answer:
+    def closing(tool: str, arguments: Mapping[str, Any]) -> ToolAnswer:
         answer = Rail.call(rail, tool, arguments)
         rail.line.closed()
         return answer
@@ -399,7 +399,7 @@ def test_a_rail_whose_line_is_closed_between_calls_moves_by_itself_and_the_findi
 def test_a_rail_that_does_not_come_back_fails(tmp_path: Path) -> None:
     rail = a_rail()
 
-    def once(tool: str, arguments: Mapping[str, Any]) -> Answer:
+    def once(tool: str, arguments: Mapping[str, Any]) -> ToolAnswer:
         answer = Rail.call(rail, tool, arguments)
         rail.line.fault = "jammed"
         return answer

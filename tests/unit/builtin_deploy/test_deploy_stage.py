@@ -9,7 +9,7 @@ import jsonschema
 import pytest
 
 from octoform.builtin.deploy import run
-from octoform.builtin.task import Refused, Task
+from octoform.builtin.task import Task, TaskRefused
 
 ROOT = Path(__file__).resolve().parents[3]
 SCHEMA = json.loads((ROOT / "protocol/schemas/deploy.v1.schema.json").read_text())
@@ -141,14 +141,14 @@ def test_an_import_that_nothing_provides_is_an_error(tmp_path: Path, index: Inde
 def test_a_server_without_a_usable_header_is_refused(tmp_path: Path, text: str, reason: str) -> None:
     source = tmp_path / "server.py"
     source.write_text(text)
-    with pytest.raises(Refused, match=reason):
+    with pytest.raises(TaskRefused, match=reason):
         run(Task("deploy", source, None, tmp_path / "out.json", 30, Path("/")))
 
 
 def test_a_server_that_is_not_there_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(Refused, match="cannot read"):
+    with pytest.raises(TaskRefused, match="cannot read"):
         run(Task("deploy", tmp_path / "server.py", None, tmp_path / "out.json", 30, Path("/")))
-    with pytest.raises(Refused, match="names none"):
+    with pytest.raises(TaskRefused, match="names none"):
         run(Task("deploy", None, None, tmp_path / "out.json", 30, Path("/")))
 
 

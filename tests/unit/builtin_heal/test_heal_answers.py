@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 from octoform.builtin.heal import answer, run
-from octoform.builtin.task import Refused, Task, read_task
+from octoform.builtin.task import Task, TaskRefused, read_task
 from octoform.contracts.contract_check import check
 from octoform.contracts.model import Artifacts
 from octoform.contracts.report_context import DutyFacts
@@ -70,5 +70,5 @@ def test_the_duty_writes_its_file_and_says_how_it_went(tmp_path: Path) -> None:
 
 def test_an_input_that_is_none_is_refused_with_a_reason(tmp_path: Path) -> None:
     (tmp_path / "input.json").write_text(json.dumps({"error": None}))
-    with pytest.raises(Refused, match="input of HEAL"):
+    with pytest.raises(TaskRefused, match="input of HEAL"):
         run(Task("heal", tmp_path / "input.json", None, tmp_path / "output.json", 30, tmp_path))

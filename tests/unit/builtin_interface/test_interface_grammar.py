@@ -10,7 +10,7 @@ from octoform.base.id_databases import IdDatabases
 from octoform.builtin.identify.stage import identify
 from octoform.builtin.interface.stage import KINDS, declare
 from octoform.builtin.serve.stage import render
-from octoform.builtin.task import Refused
+from octoform.builtin.task import TaskRefused
 from octoform.contracts.contract_check import check
 from octoform.contracts.model import Artifacts, ProfileFacts
 from octoform.profiles import Profile, commands, for_task, load, load_text
@@ -136,7 +136,7 @@ def test_a_name_of_the_catalog_is_refused() -> None:
     text = (ROOT / "profiles" / "camera-rail.md").read_text()
     profile, _ = load_text(text.replace("rail_home", "read_battery"), "rail")
     assert profile is not None
-    with pytest.raises(Refused, match="names a tool read_battery, which is this agent's own"):
+    with pytest.raises(TaskRefused, match="names a tool read_battery, which is this agent's own"):
         made(profile)
 
 
@@ -144,7 +144,7 @@ def test_a_tool_with_other_parameters_than_the_grammar_is_not_served() -> None:
     interface, _ = made(RAIL)
     properties = interface["tools"][0]["input_schema"]["properties"]
     properties["speed"] = properties.pop("steps")
-    with pytest.raises(Refused, match="other parameters than the grammar"):
+    with pytest.raises(TaskRefused, match="other parameters than the grammar"):
         render(interface, [for_task(RAIL, {ID})])
 
 

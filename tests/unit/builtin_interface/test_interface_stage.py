@@ -8,7 +8,7 @@ import jsonschema
 import pytest
 
 from octoform.builtin.interface.stage import KINDS, declare, run
-from octoform.builtin.task import Refused, Task
+from octoform.builtin.task import Task, TaskRefused
 
 ROOT = Path(__file__).resolve().parents[3]
 SCHEMA = json.loads((ROOT / "protocol/schemas/interface.v1.schema.json").read_text())
@@ -160,5 +160,5 @@ def test_the_stage_writes_and_says_what_it_made(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("artifact", [{}, {"devices": [{}], "left_out": []}, {"devices": 3, "left_out": []}])
 def test_an_artifact_that_is_none_is_refused(artifact: dict[str, Any]) -> None:
-    with pytest.raises(Refused, match="not as expected"):
+    with pytest.raises(TaskRefused, match="not as expected"):
         declare(artifact, 30)

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from octoform.builtin.__main__ import main
-from octoform.builtin.task import DEFAULT_TOOLS, Refused, Task, read_task
+from octoform.builtin.task import DEFAULT_TOOLS, Task, TaskRefused, read_task
 
 
 def write(folder: Path, **changes: object) -> Path:
@@ -56,7 +56,7 @@ def test_the_devices_that_were_refused_before_are_read(tmp_path: Path) -> None:
     ],
 )
 def test_a_wrong_task_is_refused(changes: dict[str, object], tmp_path: Path) -> None:
-    with pytest.raises(Refused):
+    with pytest.raises(TaskRefused):
         read_task(write(tmp_path, **changes), {})
 
 
@@ -71,10 +71,10 @@ def test_a_task_that_is_no_object_fails_with_one_line(
 
 def test_the_preceding_artifact_must_be_there(tmp_path: Path) -> None:
     task = read_task(write(tmp_path, stage="identify"), {})
-    with pytest.raises(Refused, match="preceding"):
+    with pytest.raises(TaskRefused, match="preceding"):
         task.read_input()
     task = read_task(write(tmp_path, stage="identify", input=str(tmp_path / "none.json")), {})
-    with pytest.raises(Refused, match="cannot read"):
+    with pytest.raises(TaskRefused, match="cannot read"):
         task.read_input()
 
 
@@ -89,7 +89,7 @@ def test_output_appears_whole_or_not_at_all(tmp_path: Path) -> None:
 
 def test_a_folder_that_is_gone_is_a_clear_failure(tmp_path: Path) -> None:
     task = read_task(write(tmp_path, output=str(tmp_path / "gone/output.json")), {})
-    with pytest.raises(Refused, match="cannot write"):
+    with pytest.raises(TaskRefused, match="cannot write"):
         task.write({})
 
 

@@ -17,7 +17,7 @@ from octoform.base.source_lines import counted
 from octoform.builtin.interface.stage import KINDS
 from octoform.builtin.serve import stage
 from octoform.builtin.serve.stage import MOST_LINES, SECTIONS, render
-from octoform.builtin.task import Refused, Task
+from octoform.builtin.task import Task, TaskRefused
 
 ALL = tuple(KINDS)
 RARE = ("counters", "position", "outputs", "printer")
@@ -171,19 +171,19 @@ def test_a_device_that_names_itself_badly_stays_data(tmp_path: Path) -> None:
 def test_a_capability_without_a_template_is_refused() -> None:
     artifact = interface(("read_clock",))
     artifact["tools"][0]["capability"] = "fly_away"
-    with pytest.raises(Refused, match="no template implements fly_away"):
+    with pytest.raises(TaskRefused, match="no template implements fly_away"):
         render(artifact)
 
 
 def test_a_server_that_would_be_too_long_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     artifact = interface(("read_clock",))
     monkeypatch.setattr(stage, "MOST_LINES", 20)
-    with pytest.raises(Refused, match="more than 20"):
+    with pytest.raises(TaskRefused, match="more than 20"):
         render(artifact)
 
 
 def test_an_artifact_that_is_none_is_refused() -> None:
-    with pytest.raises(Refused, match="cannot be rendered"):
+    with pytest.raises(TaskRefused, match="cannot be rendered"):
         render({"tools": [{"name": "x"}]})
 
 

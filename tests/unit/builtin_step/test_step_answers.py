@@ -9,7 +9,7 @@ import pytest
 
 from octoform.builtin.interface.stage import declare
 from octoform.builtin.step import answer, run
-from octoform.builtin.task import Refused, Task, read_task
+from octoform.builtin.task import Task, TaskRefused, read_task
 from octoform.contracts.contract_check import check
 from octoform.contracts.model import Artifacts, StepFacts
 from octoform.profiles import for_task, load
@@ -145,7 +145,7 @@ def test_each_axis_of_the_rail_is_looked_at_through_the_best_camera() -> None:
 
 def test_no_camera_no_trial_of_what_only_a_camera_sees() -> None:
     rail = profile("camera-rail")
-    with pytest.raises(Refused, match="nothing can be seen to move"):
+    with pytest.raises(TaskRefused, match="nothing can be seen to move"):
         answer(the_input("rail", "view", 3, tools_of(rail)), a_task(rail))
 
 
@@ -168,11 +168,11 @@ def test_the_camera_that_is_looked_through(cameras: list[dict[str, Any]], chosen
 
 def test_what_no_grammar_describes_is_not_moved() -> None:
     rail, arm = profile("camera-rail"), profile("so-arm101")
-    with pytest.raises(Refused, match="no grammar"):
+    with pytest.raises(TaskRefused, match="no grammar"):
         answer(the_input("arm", "reading", 50, tools_of(rail)), a_task(rail))
-    with pytest.raises(Refused, match="no tool of this device does move_unit"):
+    with pytest.raises(TaskRefused, match="no tool of this device does move_unit"):
         answer(the_input("arm", "reading", 50, []), a_task(arm))
-    with pytest.raises(Refused, match="no certain device"):
+    with pytest.raises(TaskRefused, match="no certain device"):
         answer({**the_input("mine", "reading", 50, []), "device": None}, a_task(arm))
 
 
@@ -184,5 +184,5 @@ def test_a_step_is_a_task_like_a_stage(tmp_path: Path) -> None:
     assert run(read_task(tmp_path / "task.json")) == f"the camera {CAMERA['device']}"
     assert json.loads(output.read_text())["step"] == "perceive"
     given.write_text("{}")
-    with pytest.raises(Refused, match="cannot be used"):
+    with pytest.raises(TaskRefused, match="cannot be used"):
         run(read_task(tmp_path / "task.json"))

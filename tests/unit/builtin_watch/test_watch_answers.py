@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from octoform.builtin.task import Refused, Task
+from octoform.builtin.task import Task, TaskRefused
 from octoform.builtin.watch import answer, run
 from octoform.contracts.contract_check import check
 from octoform.contracts.model import Artifacts
@@ -200,6 +200,6 @@ def test_the_duty_writes_its_file_and_says_how_it_went(tmp_path: Path) -> None:
 def test_an_input_that_is_none_is_refused_with_a_reason(tmp_path: Path, spoilt: dict[str, Any]) -> None:
     (tmp_path / "input.json").write_text(json.dumps({**document(WELL), **spoilt}))
     task = Task("watch", tmp_path / "input.json", None, tmp_path / "output.json", 30, tmp_path)
-    with pytest.raises(Refused, match="input"):
+    with pytest.raises(TaskRefused, match="input"):
         run(task)
     assert not (tmp_path / "output.json").exists()

@@ -13,7 +13,7 @@ from covered import STAMP, declared, identified, known, left, onboarded, seen
 
 from octoform.cli.dispatch import dispatch
 from octoform.engine.coverage import report as collect
-from octoform.engine.coverage.report import Report
+from octoform.engine.coverage.report import CoverageReport
 from octoform.engine.coverage.runs import grouped, runs
 from octoform.engine.inspect.attempts import of_host
 from octoform.state.artifacts.accepted import file_digest
@@ -61,7 +61,7 @@ class Host:
         data = json.dumps(value).encode()
         return self.folders.add(stage, attempt, output=data, **{"accepted": True, "harness": "builtin", **fields})
 
-    def report(self) -> Report:
+    def report(self) -> CoverageReport:
         found, problems = collect.report(self.folders.project, {})
         assert found is not None, problems
         return found

@@ -6,7 +6,7 @@ from typing import Any, cast
 
 import pytest
 
-from octoform.apply.duties.outcome import Answer
+from octoform.apply.duties.outcome import DutyOutcome
 from octoform.endpoint.process import record
 from octoform.endpoint.process.estop import LATCH
 from octoform.engine.plan.plan import Outlook
@@ -17,14 +17,14 @@ from octoform.state.layout import Layout
 LAYOUT = Layout(Path("/nowhere"), "bench")
 
 
-def asked(action: str | None, *, ok: bool = True) -> Answer:
+def asked(action: str | None, *, ok: bool = True) -> DutyOutcome:
     report = {"status": "repaired", "action": action}
-    return Answer(ok=ok, detail="why", report=report, action=action, calls=1, usage=Usage(3, 0, 4, 0.5))
+    return DutyOutcome(ok=ok, detail="why", report=report, action=action, calls=1, usage=Usage(3, 0, 4, 0.5))
 
 
 @pytest.mark.parametrize("action", ["restore", "redeploy", "restart", "rediscover"])
 def test_an_action_is_carried_out_and_both_are_told_and_paid(monkeypatch: pytest.MonkeyPatch, action: str) -> None:
-    done = Answer(ok=False, detail="it went wrong", again=False, calls=2, usage=Usage(1, 0, 1, 0.25))
+    done = DutyOutcome(ok=False, detail="it went wrong", again=False, calls=2, usage=Usage(1, 0, 1, 0.25))
     monkeypatch.setattr(heal, "on_duty", lambda *_: asked(action))
     monkeypatch.setattr(heal, "layout_of", lambda *_: (LAYOUT, []))
     monkeypatch.setattr(heal, "ACTIONS", {**heal.ACTIONS, action: lambda layout, environ, left: done})
@@ -42,8 +42,10 @@ def test_every_action_of_the_contract_but_a_rewrite_and_none_has_its_way() -> No
 
 
 @pytest.mark.parametrize("answer", [asked("rewrite"), asked(None), asked("restore", ok=False)])
-def test_nothing_more_is_done_after_a_rewrite_or_a_failure(monkeypatch: pytest.MonkeyPatch, answer: Answer) -> None:
-    def never(*_: object) -> Answer:
+def test_nothing_more_is_done_after_a_rewrite_or_a_failure(
+    monkeypatch: pytest.MonkeyPatch, answer: DutyOutcome
+) -> None:
+    def never(*_: object) -> DutyOutcome:
         raise AssertionError("nothing is to be done")
 
     monkeypatch.setattr(heal, "on_duty", lambda *_: answer)
@@ -53,7 +55,7 @@ def test_nothing_more_is_done_after_a_rewrite_or_a_failure(monkeypatch: pytest.M
 
 
 def test_nothing_is_carried_out_behind_an_emergency_stop(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    def never(*_: object) -> Answer:
+    def never(*_: object) -> DutyOutcome:
         raise AssertionError("nothing is to be done")
 
     layout = Layout(tmp_path, "bench")

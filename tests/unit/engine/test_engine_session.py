@@ -7,7 +7,7 @@ from typing import Any, cast
 import pytest
 
 from octoform.apply.context import Context
-from octoform.apply.duties.outcome import Answer
+from octoform.apply.duties.outcome import DutyOutcome
 from octoform.diagnostics import Diagnostic, error
 from octoform.endpoint.process import record
 from octoform.engine.apply.session import Locked, Opened
@@ -17,7 +17,7 @@ from octoform.state.layout import STAGES, Layout
 from octoform.state.model import Status
 from octoform.state.store.lock import acquire
 
-DONE = Answer(ok=True, detail="done", changed=True)
+DONE = DutyOutcome(ok=True, detail="done", changed=True)
 
 
 class Store:

@@ -130,11 +130,11 @@ def test_the_value_of_a_secret_name_is_never_shown(key: str, form: str) -> None:
 def test_the_yaml_reader_and_ours_agree(data: dict[str, Any]) -> None:
     """The tree is built of events; its data are those that the reader itself would make of JSON."""
     from octoform.manifest.source import tree
-    from octoform.manifest.source.problem_list import Report
+    from octoform.manifest.source.problem_list import ProblemList
     from octoform.manifest.source.yaml_parser import read_tree
 
     text = json.dumps({"version": 1, **data}, allow_nan=False) if _is_finite(data) else "{a: 1}"
-    report = Report("x")
+    report = ProblemList("x")
     report.read(text)
     root = read_tree(text, report)
     if root is not None and not report.failed:

@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 
 from octoform.simulation.rig import Rig, RigInvalid, load, names
-from octoform.simulation.rig_commands import Refused, changed, obey, shown
+from octoform.simulation.rig_commands import CommandRefused, changed, obey, shown
 
 GIVEN = load("reference")
 
@@ -97,7 +97,7 @@ def test_faults_by_their_names(rig: Rig) -> None:
     ],
 )
 def test_what_can_not_be_done_is_said(rig: Rig, line: str, reason: str) -> None:
-    with pytest.raises(Refused, match=reason):
+    with pytest.raises(CommandRefused, match=reason):
         obey(rig, line)
 
 
@@ -130,7 +130,7 @@ def test_the_description_of_another_rig(tmp_path: Path) -> None:
     ],
 )
 def test_a_value_that_the_description_can_not_take_is_refused(name: str, key: str, value: object, reason: str) -> None:
-    with pytest.raises(Refused, match=reason):
+    with pytest.raises(CommandRefused, match=reason):
         changed(GIVEN, name, key, value)
 
 

@@ -8,7 +8,7 @@ from covered import onboarded, report
 from hosts.plant import plant
 
 from octoform.contracts.rules.identify.answer_rules import tier, wanted
-from octoform.engine.coverage.report import Report, Share
+from octoform.engine.coverage.report import CoverageReport, Share
 from octoform.views.coverage.report import lines
 from octoform.views.coverage.text import percent
 
@@ -19,7 +19,7 @@ WIDTH = 100
 
 
 @pytest.fixture(scope="module")
-def reports(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Report]:
+def reports(tmp_path_factory: pytest.TempPathFactory) -> dict[str, CoverageReport]:
     folder, found = tmp_path_factory.mktemp("hosts"), {}
     for name in ("bench", "empty-vm", "laptop", "raspberry", "server"):
         artifacts = onboarded(plant(name, folder / name))
@@ -37,16 +37,16 @@ def holds(pattern: re.Pattern[str], text: str, update: bool) -> None:
     assert found is not None and found[0] == text
 
 
-def test_the_example_is_what_is_printed(reports: dict[str, Report], update: bool) -> None:
+def test_the_example_is_what_is_printed(reports: dict[str, CoverageReport], update: bool) -> None:
     printed = lines(reports["laptop"], WIDTH, lambda text, *_: text)
     holds(EXAMPLE, "".join(f"{line}\n" for line in printed), update)
 
 
-def test_the_table_is_of_the_invented_hosts(reports: dict[str, Report], update: bool) -> None:
+def test_the_table_is_of_the_invented_hosts(reports: dict[str, CoverageReport], update: bool) -> None:
     holds(HOSTS, "".join(row(name, made) for name, made in reports.items()), update)
 
 
-def row(name: str, made: Report) -> str:
+def row(name: str, made: CoverageReport) -> str:
     funnel, found = made.coverage.funnel, made.coverage
     counts = (str(count) for count in (funnel.enumerated, funnel.annotated, funnel.tools))
     return f"| {' | '.join((name, *counts, share(found.onboardable), share(found.with_infrastructure)))} |\n"

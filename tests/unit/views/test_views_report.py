@@ -13,7 +13,7 @@ from hostile_strings import STRINGS
 from hosts.plant import plant
 
 from octoform.base.escaping import is_hidden
-from octoform.engine.coverage.report import Report
+from octoform.engine.coverage.report import CoverageReport
 from octoform.engine.coverage.runs import run_of
 from octoform.views.coverage import report as coverage_view
 from octoform.views.coverage.page import page
@@ -32,11 +32,11 @@ def plain(text: str, *_: str) -> str:
     return text
 
 
-def lines(made: Report, width: int = 80, **more: Any) -> list[str]:
+def lines(made: CoverageReport, width: int = 80, **more: Any) -> list[str]:
     return list(coverage_view.lines(made, width, plain, **more))
 
 
-def sample(name: str = "Some Device", detail: str = "nothing drives it", **more: Any) -> Report:
+def sample(name: str = "Some Device", detail: str = "nothing drives it", **more: Any) -> CoverageReport:
     """A report that has one of everything, every foreign text of it ``name``."""
     ids = ("camera", "relay", "mystery", "hub", "chip")
     identify = identified(
