@@ -13,7 +13,7 @@ ROOT = Path(__file__).parents[2]
 PACKAGE = ROOT / "octoform"
 SHORT = 60
 # Packages that have no rooms yet.
-FLAT = {"builtin", "launcher", "runtime"}
+FLAT = {"runtime"}
 
 
 def module_of(path: Path) -> str:

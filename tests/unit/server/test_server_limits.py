@@ -317,7 +317,7 @@ def test_a_full_disk_counts_nothing_and_leaves_a_whole_file(tmp_path: Path) -> N
 import resource, signal, sys
 from pathlib import Path
 sys.path[:0] = [{str(Path(__file__).parent)!r}, {str(Path(tool_policy.__file__).parents[3])!r}]
-from test_launcher_limits import SUM, Time, ledger
+from test_server_limits import SUM, Time, ledger
 signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
 found = ledger(Path({str(tmp_path)!r}), Time(), SUM)
 resource.setrlimit(resource.RLIMIT_FSIZE, (2000, resource.RLIM_INFINITY))
