@@ -13,7 +13,7 @@ from fastmcp.client.elicitation import ElicitResult
 from gated import Gated, gated, tool_policy
 from launched import launched, tool
 from raw_mcp import RawClient, call
-from unit.launcher.server_lines import Line
+from unit.server.server_lines import Line
 
 from octoform.server.audit.audit_log import Audit
 from octoform.server.estop import actions as stopping

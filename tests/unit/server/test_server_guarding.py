@@ -15,7 +15,7 @@ import pytest
 import warm
 from launched import Launched, launched, tool
 from projects import OCTOFORM, Done
-from unit.launcher.server_lines import STOP, Line, plant
+from unit.server.server_lines import STOP, Line, plant
 
 from octoform.server.process.control import Control
 

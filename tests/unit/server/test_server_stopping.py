@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from unit.launcher.server_lines import STOP, Line, host
+from unit.server.server_lines import STOP, Line, host
 
 from octoform.server.audit.audit_log import Audit, verify
 from octoform.server.estop import actions as stopping
