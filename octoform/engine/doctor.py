@@ -98,13 +98,18 @@ def diagnose(project: Path, environ: Mapping[str, str]) -> Diagnosis:
         Group(agent.harness.name, agent.model, tuple(uses), tuple(rounds.checks(agent)))
         for agent, uses in _agents(manifest).items()
     )
-    machine = (_git(manifest, environ), *_tunnel(manifest, environ), *_rights(manifest, environ), *_programs(manifest))
+    machine = (
+        _git(manifest, environ),
+        *_tunnel(manifest, environ),
+        *_rights(manifest, environ),
+        *_programs(manifest, environ),
+    )
     return Diagnosis(manifest.host, groups, machine, tuple(found))
 
 
-def _programs(manifest: Manifest) -> tuple[Check, ...]:
+def _programs(manifest: Manifest, environ: Mapping[str, str]) -> tuple[Check, ...]:
     """The programs of the system that the accepted server starts and that are not here."""
-    missing = missing_programs(Layout(manifest.project, manifest.host))
+    missing = missing_programs(Layout(manifest.project, manifest.host), environ)
     return tuple(
         unknown("program", f"{program} is not on this host, so these tools are not served: {', '.join(sorted(tools))}")
         for program, tools in missing.items()

@@ -45,8 +45,8 @@ LIED = all_of(
 )
 # What was read first is kept, and told from then on.
 FROZEN = all_of(
-    adds("KEPT = {}"),
-    read_by(f"time.sleep(0.05)\nvalue = KEPT.setdefault(device, runtime.read_number({FILE}))", "min(value, 21.5)"),
+    adds("def kept(number, memory={}):\n    return memory.setdefault(0, number)"),
+    read_by(f"time.sleep(0.05)\nvalue = kept(runtime.read_number({FILE}))", "min(value, 21.5)"),
 )
 MUTE_TOOLS = (
     *("read_temperature", "read_brightness", "read_led", "read_storage", "list_camera_formats", "describe_input"),
@@ -108,6 +108,7 @@ def test_what_a_trial_finds_untrue_goes_back_to_serve(
     root, earlier, good = moving
     project = Project(tmp_path / "project", tmp_path / "outside")
     project.environ["OCTOFORM_SYSROOT"] = str(root)
+    (root / "usr/bin").mkdir(parents=True)  # what was recorded of its programs
     project.script = {name: [{"write": json.dumps(output)}] for name, output in earlier.items()}
     project.script["serve"] = [{"write": LIED(good)}]
     project.script["serve:told"] = [{"write": FROZEN(good)}, {"write": good}]

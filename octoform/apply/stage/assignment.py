@@ -22,11 +22,10 @@ from octoform.contracts.model import HostScan
 from octoform.contracts.rules.probe_host_rules import completed
 from octoform.contracts.shown_text import shown as quoted
 from octoform.diagnostics import Diagnostic, Span, error, has_errors, warning
-from octoform.endpoint.environment.system_programs import chosen_programs
+from octoform.endpoint.environment.system_programs import chosen_programs, named_programs, package_of
 from octoform.harness.llm.token_prices import OWNERS, price_of
 from octoform.harness.port import AgentEvent, ExitReason, Outcome, Price, Task, TaskLimits, Usage
 from octoform.harness.registry import resolve as resolve_harness
-from octoform.host.fingerprint import SYSROOT_VARIABLE
 from octoform.manifest.model import MODEL_FREE, Budget, HarnessSpec
 from octoform.manifest.references import resolve
 from octoform.protocol.prompt import tail
@@ -42,9 +41,28 @@ def judge_server(context: Context, task: Task, data: bytes) -> tuple[Any, list[D
 
 
 def absent_programs(text: str, interface: Any, environ: Mapping[str, str], path: str) -> list[Diagnostic]:
-    """A finding for each program that a server chose and that is not here; a recorded host has no programs."""
-    chosen = {} if environ.get(SYSROOT_VARIABLE) else chosen_programs(text, interface)
-    return [_absent(program, line, text, path) for program, line in chosen.items()]
+    """A finding for each program that a server chose and that the host lacks."""
+    return [_absent(program, line, text, path) for program, line in chosen_programs(text, interface, environ).items()]
+
+
+def judge_interface(context: Context, task: Task, data: bytes) -> tuple[Any, list[Diagnostic]]:
+    """INTERFACE: parse, schema and rules, and whether the programs that tools go through are on this host."""
+    value, found = judge(context, task, data)
+    if not isinstance(value, dict) or has_errors(found):
+        return value, found
+    return value, [*found, *lacking_programs(value, context.environ, shown(task.output))]
+
+
+def lacking_programs(interface: Mapping[str, Any], environ: Mapping[str, str], path: str) -> list[Diagnostic]:
+    """A warning for each program that tools go through and that the host lacks: these tools will not be served."""
+    out = []
+    for program, tools in named_programs(interface, environ).items():
+        package = package_of(program, environ)
+        summary = f"{quoted(program)} is not on this host, and these tools go through it: {', '.join(tools)}"
+        hint = f"install it{f', from the package {quoted(package)},' if package else ''} or go through what is here; "
+        hint += "without it the endpoint will not have these tools"
+        out.append(warning("INTERFACE-PROGRAM-MISSING", summary, path=path, hint=hint))
+    return out
 
 
 def _absent(program: str, line: int, text: str, path: str) -> Diagnostic:
@@ -208,10 +226,10 @@ def of_stage(context: Context, stage: str) -> Assignment:
     """The assignment of a stage as the manifest gives it."""
     manifest = context.manifest
     harness, budget = manifest.harness_for(stage), manifest.budget_for(stage)
-    # The embedded agent's PROBE is the host's own scan; a recorded run may be that of another host.
-    by_another = stage == "probe" and harness.name not in MODEL_FREE
     # Who writes a server reads what it stands on; the embedded agent knows it.
     beside = runtime_files() if stage == "serve" and harness.name not in MODEL_FREE else {}
-    written = stage == "serve" and harness.name not in MODEL_FREE
-    judged = judge_scan if by_another else judge_server if written else judge
+    own = {"interface": judge_interface}
+    if harness.name not in MODEL_FREE:  # the embedded agent's PROBE is the host's own scan
+        own |= {"probe": judge_scan, "serve": judge_server}
+    judged = own.get(stage, judge)
     return Assignment(stage, harness, manifest.model_for(stage), budget, judge=judged, beside=beside)

@@ -36,7 +36,7 @@ from octoform.endpoint.environment.build import await_bytecode, build
 from octoform.endpoint.environment.import_check import ImportReport, check_import, judge_import
 from octoform.endpoint.environment.lockfile import OFFLINE, resolve
 from octoform.endpoint.environment.model import Environment, packages_of
-from octoform.endpoint.environment.system_programs import missing_programs
+from octoform.endpoint.environment.system_programs import lacks, missing_programs
 from octoform.endpoint.environment.wheel_records import providers, requirements
 from octoform.endpoint.process.start_stop import PUBLISHED_BYTES, obstacle, stop
 from octoform.endpoint.publish.expected_tools import shown
@@ -57,7 +57,7 @@ def service_of(context: Context, deploy: Mapping[str, Any] | None = None) -> Ser
     policy = resolve_policy(manifest.policy, tools, _holding(context), writing(context))
     for name, package in without_library(context, deploy or _deployed(context)).items():
         policy["tools"][name] |= {"decision": "deny", "source": f"{package}, which could not be installed here"}
-    for program, needing in missing_programs(context.layout).items():
+    for program, needing in missing_programs(context.layout, context.environ).items():
         for name in needing:
             if name in policy["tools"]:
                 policy["tools"][name] |= {
@@ -107,7 +107,7 @@ def _programs_missing(context: Context, deploy: Mapping[str, Any]) -> list[Diagn
     """A line for each program of the system that is not here, with the tools that are left out."""
     packages = {item["name"]: item.get("package") for item in deploy.get("programs", ())}
     out = []
-    for program, tools in missing_programs(context.layout).items():
+    for program, tools in missing_programs(context.layout, context.environ).items():
         summary = f"{shown_text(program)} is not on this host, so the endpoint has no {listed(sorted(tools))}"
         known = packages.get(program)
         install = f"install it (DEPLOY says: the package {shown_text(known)})" if known else "install it"
@@ -272,7 +272,11 @@ def publish(
             return None
         interface = shown(context.layout, accepted(context, "interface"))
         report = check(context.layout, interface, smoke=smoke, client=client)
-    judged = judge(report, interface) if judge else judge_check(report, interface, _just_seen(context))
+    judged = (
+        judge(report, interface)
+        if judge
+        else judge_check(report, interface, _just_seen(context), lambda name: lacks(name, context.environ))
+    )
     found += judged
     if has_errors(judged):
         # What is broken is not left running; the next apply makes it anew.

@@ -5,7 +5,7 @@ permitted is right, and refusing it would keep a host from ever being onboarded.
 """
 
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -164,12 +164,20 @@ UNIFORM_SPREAD = 2.0
 """Standard deviation of brightness (0..255) below which a picture shows nothing; sensor noise alone gives more."""
 
 
+Lacked = Callable[[str], bool]
+"""Whether the host is known to lack a program."""
+
+
 def judge_check(
-    report: CheckReport, interface: Mapping[str, Any], seen: frozenset[str] = frozenset()
+    report: CheckReport,
+    interface: Mapping[str, Any],
+    seen: frozenset[str] = frozenset(),
+    lacked: Lacked | None = None,
 ) -> list[Diagnostic]:
     """Errors and warnings of a check; no errors means that the endpoint is alive and every tried tool is sound.
 
     ``seen`` are the devices that PROBE saw a moment ago: one that a tool does not find is no fault of the room.
+    ``lacked`` says of a program that was not found whether the host is known to lack it; None for every program.
     """
     found = [report.unrecorded] if report.unrecorded else []
     if not report.answered:
@@ -181,7 +189,7 @@ def judge_check(
     devices = frozenset(device for tool in tools.values() for device in tool.get("devices", ()))
     for call in report.calls:
         here = seen & ({call.device} if call.device else set(tools.get(call.tool, {}).get("devices", ())))
-        found += _call(call, bool(here))
+        found += _call(call, bool(here), lacked)
         found += _untrue(call, tools.get(call.tool, {}).get("output_schema", {}), devices)
     found += _silence(report.calls, bool(seen), has_errors(found))
     if report.survivors:
@@ -217,7 +225,7 @@ def _silence(calls: Sequence[TrialCall], seen: bool, told: bool) -> list[Diagnos
     return [(error if wrong else warning)(NOTHING_ANSWERS, summary, detail="\n".join(lines), hint=hint)]
 
 
-def _call(call: TrialCall, seen: bool) -> list[Diagnostic]:
+def _call(call: TrialCall, seen: bool, lacked: Lacked | None) -> list[Diagnostic]:
     if call.skipped == LINE:
         summary = f"{call.tool} was not tried: {LINE}"
         return [warning("ENDPOINT-LINE-NOT-TRIED", summary, hint=_KNOWLEDGE)]
@@ -229,7 +237,7 @@ def _call(call: TrialCall, seen: bool) -> list[Diagnostic]:
         hint = "wrap every tool in runtime.logged, outermost below the tool decorator"
         found.append(error("ENDPOINT-CALL-NOT-LOGGED", summary, detail=call.message, hint=hint))
     if not call.ok:
-        found += _failure(call, known=not found, seen=seen)
+        found += _failure(call, known=not found, seen=seen, lacked=lacked)
     return found + [_uniform(call, picture) for picture in call.pictures if _is_uniform(picture)]
 
 
@@ -240,7 +248,7 @@ _KNOWLEDGE = (
 _SMOKE = "give the tool harmless arguments under smoke in the INTERFACE artifact"
 
 
-def _failure(call: TrialCall, *, known: bool, seen: bool) -> list[Diagnostic]:
+def _failure(call: TrialCall, *, known: bool, seen: bool, lacked: Lacked | None) -> list[Diagnostic]:
     kind, text = call.error_class or "ToolError", call.message or "no message"
     if kind in ("OutputSchema", "ResultRefused"):
         summary = f"{call.tool} gives a result that its own output schema refuses"
@@ -254,7 +262,11 @@ def _failure(call: TrialCall, *, known: bool, seen: bool) -> list[Diagnostic]:
     if kind == "DeviceAbsent":
         summary = f"{call.tool} does not find {call.device or 'its device'}: {text}"
         return [told("ENDPOINT-DEVICE-ABSENT", summary, hint=_ABSENT[seen])]
-    if program := _program(kind, text):
+    program = _program(kind, text)
+    if program and lacked is not None and not lacked(program):
+        summary = f"{call.tool} could not be tried: {program} is not on this machine, which is not the recorded host"
+        return [warning("ENDPOINT-TOOL-FAILED", summary, hint="it is tried when the host itself is applied")]
+    if program:
         summary = f"{call.tool} needs the program {program}, which is not installed here"
         return [told("ENDPOINT-PROGRAM-MISSING", summary, hint=_PROGRAM)]
     if kind in _NETWORK or _NETWORK_SAID.search(text):
