@@ -57,9 +57,13 @@ def _tools(interface: Mapping[str, Any]) -> Iterable[Tool]:
 
 @dataclass(frozen=True, slots=True)
 class _Again:
-    """A node's second run in one apply; ``failed`` is what it has to mend, None for the node that found it."""
+    """A node's second run in one apply; ``failed`` is what it has to mend, None for one that stands on what was mended.
+
+    ``counted`` says that the node was accepted before in this apply.
+    """
 
     failed: Failed | None
+    counted: bool
 
 
 def execute(context: Context, plan: Plan, allowed: Callable[[str], bool]) -> Tally:
@@ -79,9 +83,14 @@ def execute(context: Context, plan: Plan, allowed: Callable[[str], bool]) -> Tal
             continue
         _carry_out(context, node, action, tally)
         while (way := RETURNS.get(tally.failed or "")) is not None:
-            if returns[way.judge] >= way.most or way.maker not in made or not _mended(context, action, tally, way):
+            if (
+                returns[way.judge] >= way.most
+                or way.maker not in made
+                or not _mended(context, action, tally, way, made)
+            ):
                 break
             returns[way.judge] += 1
+            _follow(context, action, tally, way, made)
         if tally.failed:
             return tally
         made.add(node.name)
@@ -98,7 +107,7 @@ def _take_away(context: Context, node: str, tally: Tally) -> None:
         tally.destroyed += 1
 
 
-def _mended(context: Context, action: PlannedAction, tally: Tally, way: Return) -> bool:
+def _mended(context: Context, action: PlannedAction, tally: Tally, way: Return, made: set[str]) -> bool:
     """Whether what failed is an earlier stage's to mend; then that has run again, and the failed node after it."""
     failed = sent_back(context, tally.failed, tally.diagnostics)
     if failed is None:
@@ -111,10 +120,22 @@ def _mended(context: Context, action: PlannedAction, tally: Tally, way: Return) 
     context.emit(events.Notice(way.judge, f"{way.fault}; {way.maker.upper()} is told and runs again"))
     tally.failed = None
     tally.diagnostics = [item for item in tally.diagnostics if item not in failed.standing]
-    for node, again in ((context.graph.node(way.maker), failed), (context.graph.node(way.judge), None)):
-        if tally.failed is None:
-            _carry_out(context, node, replace(action, node=node.name), tally, _Again(again))
+    _repeat(context, action, tally, way.maker, _Again(failed, counted=True))
+    _repeat(context, action, tally, way.judge, _Again(None, counted=way.judge in made))
     return True
+
+
+def _follow(context: Context, action: PlannedAction, tally: Tally, way: Return, made: set[str]) -> None:
+    """Run again what lies between the stage that was mended and the node at which the run is."""
+    names = list(context.graph.names())
+    for name in names[names.index(way.judge) + 1 : names.index(action.node) + 1]:
+        if name in made or name == action.node:
+            _repeat(context, action, tally, name, _Again(None, counted=name in made))
+
+
+def _repeat(context: Context, action: PlannedAction, tally: Tally, name: str, again: _Again) -> None:
+    if tally.failed is None:
+        _carry_out(context, context.graph.node(name), replace(action, node=name), tally, again)
 
 
 def settled(context: Context, node: Node) -> bool:
@@ -148,8 +169,8 @@ def _carry_out(context: Context, node: Node, action: PlannedAction, tally: Tally
     if has_errors(found):
         tally.failed = node.name
         tally.diagnostics += found
-    elif again is not None and again.failed is not None:
-        return  # counted when it was first accepted
+    elif again is not None and again.counted:
+        return
     elif action.action is Action.CREATE:
         tally.added += 1
     elif before is not None and before == _output(context, node):

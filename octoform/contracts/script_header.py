@@ -6,6 +6,7 @@ The header makes the file runnable by itself and is the claim that DEPLOY proves
 import re
 import tomllib
 from dataclasses import dataclass
+from typing import Any
 
 from octoform.contracts.model import Artifacts
 from octoform.diagnostics import Diagnostic, Span, error
@@ -32,11 +33,9 @@ def read_header(text: str) -> Header:
     if len(blocks) != 1:
         return Header((), "the file has no script header" if not blocks else "the file has two script headers", 1)
     line = text.count("\n", 0, blocks[0].start()) + 1
-    content = "".join(row[2:] if row.startswith("# ") else row[1:] for row in blocks[0]["content"].splitlines(True))
-    try:
-        table = tomllib.loads(content)
-    except tomllib.TOMLDecodeError as problem:
-        return Header((), f"the script header is not TOML: {problem}", line)
+    table = _table(text)
+    if isinstance(table, str):
+        return Header((), f"the script header is not TOML: {table}", line)
     listed = table.get("dependencies")
     if not isinstance(listed, list) or not all(isinstance(item, str) for item in listed):
         return Header((), "the script header has no list of dependencies", line)
@@ -46,6 +45,25 @@ def read_header(text: str) -> Header:
     if bad is not None:
         return Header((), f"the dependency {bad[:80]!r} is not a name with a version range", line)
     return Header(tuple(listed), None, line)
+
+
+def _table(text: str) -> dict[str, Any] | str:
+    """The first script header of a text as a table, or why it is none."""
+    block = _BLOCK.search(text.replace("\r\n", "\n"))
+    rows = block["content"].splitlines(True) if block is not None else []
+    try:
+        return tomllib.loads("".join(row[2:] if row.startswith("# ") else row[1:] for row in rows))
+    except tomllib.TOMLDecodeError as problem:
+        return str(problem)
+
+
+def interface_errors(text: str) -> list[tuple[str, str]]:
+    """(tool, problem) of what the server's author says that only INTERFACE can fix; what has another form is none."""
+    table = _table(text)
+    own = table.get("tool", {}) if isinstance(table, dict) else {}
+    listed = own.get("octoform", {}).get("interface-errors", ()) if isinstance(own.get("octoform"), dict) else ()
+    entries = [item for item in listed if isinstance(item, dict)] if isinstance(listed, list) else []
+    return [(str(item["tool"]), str(item["problem"])) for item in entries if {"tool", "problem"} <= item.keys()]
 
 
 def declared_requirements(source: str) -> tuple[str, ...]:

@@ -1,4 +1,4 @@
-"""INTERFACE finds that IDENTIFY is wrong: IDENTIFY is told and runs again, once, within the budgets of both."""
+"""A stage finds that the one before it is wrong: that one is told and runs again, once, within the budgets of both."""
 
 from pathlib import Path
 from typing import Any
@@ -66,3 +66,47 @@ def test_a_device_that_identify_does_not_have_is_no_objection(project: Project) 
     done = project.apply("-target", "interface", status=0)
     assert ran(project) == (1, 2)
     assert "INTERFACE-UNKNOWN-DEVICE" in done.text
+
+
+NO_UNIT = "the board tells no unit of its temperature"
+GOOD_SERVER = (Path(__file__).parents[1] / "agent" / "good" / "server.py").read_text()
+REFUSES = {
+    "write": GOOD_SERVER.replace(
+        "\n# ///\n\n",
+        f'\n# [[tool.octoform.interface-errors]]\n# tool = "read_temperature"\n# problem = "{NO_UNIT}"\n# ///\n\n',
+        1,
+    )
+}
+OTHER_TOOLS = {"mutate": [[["tools", 0, "description"], "Read the temperature of the board, in degrees Celsius."]]}
+
+
+def test_interface_is_told_by_serve_and_runs_again(project: Project) -> None:
+    assert NO_UNIT in REFUSES["write"]
+    project.script = {"interface": ["good"], "interface:told": [OTHER_TOOLS], "serve": [REFUSES, "good"]}
+    done = project.apply("-target", "serve", status=0)
+    assert project.stages_run()[-4:] == ["interface", "serve", "interface", "serve"]
+    assert "the interface is at fault; INTERFACE is told and runs again" in done.text
+    prompt = (project.attempts("interface")[-1] / "prompt.md").read_text()
+    assert NO_UNIT in prompt and "SERVE-INTERFACE-WRONG" in prompt
+    assert "in degrees Celsius" in (project.state / "interface" / "output.json").read_text()
+    assert done.events()[-1]["result"]["failed"] is None
+
+
+def test_serve_has_one_return_and_the_person_is_told_what_to_do(project: Project) -> None:
+    project.script = {"serve": [REFUSES]}
+    done = project.apply("-target", "serve", status=1)
+    assert [project.stages_run().count(stage) for stage in ("interface", "serve")] == [2, 2]
+    assert "SERVE-INTERFACE-WRONG" in done.text and "octoform apply -replace interface" in done.text
+
+
+def test_what_stands_on_an_interface_that_is_made_again_runs_again(project: Project) -> None:
+    """The interface that SERVE sent back objects in its turn: IDENTIFY, INTERFACE and SERVE run once more."""
+    project.script = {
+        "identify": ["good"],
+        "interface:told": [OBJECTS],
+        "identify:told": [ANOTHER],
+        "serve": [REFUSES, "good"],
+    }
+    done = project.apply("-target", "serve", status=0)
+    assert project.stages_run()[-5:] == ["serve", "interface", "identify", "interface", "serve"]
+    assert done.events()[-1]["result"]["failed"] is None

@@ -4,7 +4,8 @@ An attempt begins with the last output that could be read, however the attempt t
 wrong with it. What the trial at DEPLOY finds wrong with the server goes back to SERVE, in the same run: some faults of
 generated code show only when its tools are called. No set of packages mends them, so DEPLOY is not tried
 again; the agent of SERVE gets the findings and the server that it was accepted with, and then DEPLOY runs once more.
-In the same way INTERFACE's agent can say what only IDENTIFY can mend, once in a run. Only what was made in this very
+In the same way INTERFACE's agent can say what only IDENTIFY can mend, and SERVE's what only INTERFACE can, each once in
+a run. Only what was made in this very
 run is sent back: a run never remakes what its plan did not list, and both stages stay within the budgets of one run.
 """
 
@@ -33,6 +34,8 @@ TOLD = frozenset({"DEPLOY-STATUS-ERROR"})
 
 BLAMED = frozenset({"INTERFACE-IDENTIFY-WRONG"})
 """INTERFACE's agent says what only IDENTIFY can mend."""
+UNSERVABLE = frozenset({"SERVE-INTERFACE-WRONG"})
+"""SERVE's agent says what only INTERFACE can mend."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,6 +52,7 @@ class Return:
 
 RETURNS = {
     JUDGE: Return(MAKER, JUDGE, SHOWN | TOLD, SHOWN, 2, "the server is at fault"),
+    MAKER: Return("interface", MAKER, UNSERVABLE, UNSERVABLE, 1, "the interface is at fault"),
     "interface": Return("identify", "interface", BLAMED, BLAMED, 1, "what was identified is at fault"),
 }
 """By the stage that failed. ``at_once``: another attempt of it cannot help; ``most``: how often in one run."""

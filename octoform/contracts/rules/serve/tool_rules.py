@@ -8,12 +8,15 @@ import ast
 from collections.abc import Collection, Iterator
 from dataclasses import dataclass
 
+from octoform.base.escaping import escaped
 from octoform.contracts.model import Artifacts, JsonObject, Rule
 from octoform.contracts.name_clues import is_passthrough
+from octoform.contracts.script_header import interface_errors
 from octoform.contracts.server_source import Function, Source, imported_modules, needed_source
 from octoform.contracts.shown_text import listed, shown
 from octoform.diagnostics import Diagnostic, Span, error
 
+MAX_PROBLEM = 500
 _PLAIN_USES = frozenset({"tool", "add_tool", "run", "run_async", "name"})
 _PLAIN_OPTIONS = frozenset(
     {"name", "instructions", "version", "website_url", "icons", "on_duplicate", "mask_error_details"}
@@ -62,8 +65,26 @@ def tools_differ(value: str, artifacts: Artifacts) -> list[Diagnostic]:
     if absent:
         summary = f"the server lacks {len(absent)} tools of INTERFACE: {listed(absent)}"
         hint = "register each with @mcp.tool, or @mcp.tool(name=...) with a constant name; where one "
-        hint += "cannot be written, INTERFACE has to be made again: octoform apply -replace interface"
+        hint += "cannot be written, say so in the header: [[tool.octoform.interface-errors]] with `tool` and `problem`"
         out.append(error("SERVE-TOOLS-DIFFER", summary, span=Span(1, 1), hint=hint))
+    return out
+
+
+def interface_blamed(value: str, artifacts: Artifacts) -> list[Diagnostic]:
+    """What the agent says only INTERFACE can fix is reported to INTERFACE; no server stands on it."""
+    wanted = {tool["name"] for tool in (artifacts.interface or {"tools": []})["tools"]}
+    out = []
+    for name, problem in interface_errors(value):
+        if name in wanted:
+            summary = f"SERVE finds INTERFACE wrong about {shown(name)}: {escaped(problem[:MAX_PROBLEM])}"
+            hint = (
+                "INTERFACE is told and runs again, once in a run that made it; else: octoform apply -replace interface"
+            )
+            out.append(error("SERVE-INTERFACE-WRONG", summary, span=Span(1, 1), hint=hint))
+        else:
+            summary = f"{shown(name)} is not a tool of INTERFACE, so nothing is wrong with it there"
+            hint = "name a tool of the INTERFACE artifact in interface-errors"
+            out.append(error("SERVE-TOOLS-DIFFER", summary, span=Span(1, 1), hint=hint))
     return out
 
 
@@ -116,6 +137,7 @@ def beyond_tools(value: str, _: Artifacts) -> list[Diagnostic]:
 
 
 RULES = (
+    Rule("SERVE-INTERFACE-WRONG", interface_blamed),
     Rule("SERVE-NO-SERVER", no_server),
     Rule("SERVE-BEYOND-TOOLS", beyond_tools),
     Rule("SERVE-TOOLS-DIFFER", tools_differ),
