@@ -28,6 +28,9 @@ _TEXTS = ("name", "interface")
 _WORD = re.compile(r"[^\W_]+")
 _COUNTED = re.compile(r"\b([a-z]{2,})(?=\d+\b)")
 _HEX = re.compile(r"(?:0x)?0*([0-9a-f]{1,8})h?")
+_VERSION = re.compile(r"(?<![\w.])v?(\d+(?:\.\d+)+)(?![\w.])")
+_CODE = re.compile(r"(?<![\w/])([0-9a-f]{1,2})/([0-9a-f]{1,2})/([0-9a-f]{1,2})(?![\w/])")
+_PCI_CODE = re.compile(r"(?m)^class_code: 0x([0-9a-f]{2})([0-9a-f]{2})([0-9a-f]{2})$")
 _AMOUNT = re.compile(r"([0-9]+)(?:x|v|w|ma|mw|hz|khz|mhz|ghz|kb|mb|gb|kib|mib|gib|m|g|mbps|gbps|bit|bits)")
 # How the parts of a device are called whatever it is: no word of these tells what it does.
 _STRUCTURE = frozenset(
@@ -167,18 +170,30 @@ def _unsaid(given: Mapping[str, Any], own: Mapping[str, Any], host: _Host) -> It
         if known is None or "sysfs" not in known["instance"]:
             continue
         texts = [(member, line, _masked(text, known["instance"])) for member, line, text in _texts(device)]
-        asked = {word for _, _, text in texts for word in _words(text)}
+        asked = {word for member, _, text in texts for word in _asked(member, text)}
         others = folders - {known["instance"]["sysfs"]}
         missing = host.missing(asked, known, others)
         kinds = set(_WORD.findall(re.sub(r"(?m)^[^:\n]*: ", " ", known["raw_descriptor"]).casefold()))
         most = 0 if "port" in known["instance"] else host.count(known)
         counts = {word for word in asked if word.isdecimal() and 0 < int(word) <= most}
         missing, kinds = missing - counts, kinds | counts
+        own_codes = _PCI_CODE.findall(known["raw_descriptor"]) + _codes(known["raw_descriptor"])
         for member, line, text in texts:
-            words = [word for word in dict.fromkeys(_words(text)) if word in missing]
+            words = [word for word in dict.fromkeys(_asked(member, text)) if word in missing]
             words += [number for number in _readings(text) if number not in kinds and number not in words]
+            words += ["/".join(code) for code in _codes(text) if own_codes and code not in own_codes]
             if words:
                 yield {"id": device["id"], "member": member, "line": line, "words": words}
+
+
+def _asked(member: str, text: str) -> list[str]:
+    """The words of a text that the system has to say; in lines, versions as well."""
+    return [*_words(text), *(_VERSION.findall(text.casefold()) if member == _LINES else ())]
+
+
+def _codes(text: str) -> list[tuple[str, ...]]:
+    """The codes of USB for kinds of functions in a text (``0e/01/00``), each part with two digits."""
+    return [tuple(part.zfill(2) for part in found) for found in _CODE.findall(text.casefold())]
 
 
 def _masked(text: str, instance: Mapping[str, Any]) -> str:
@@ -233,7 +248,7 @@ def _words(text: str) -> list[str]:
 
 def _without(words: Iterable[str], text: str) -> set[str]:
     """The words that stand neither in a text nor, for a number, in another spelling of it."""
-    said = set(_WORD.findall(text.casefold())) | _STRUCTURE
+    said = {*_WORD.findall(text.casefold()), *_VERSION.findall(text.casefold())} | _STRUCTURE
     numbers = {number for word in said for number in _numbers(word)}
     said |= {word.removesuffix("s") for word in said} | {f"{word}s" for word in _STRUCTURE}
     return {word for word in words if word not in said and not numbers & _numbers(word)}
@@ -244,6 +259,8 @@ def _numbers(word: str) -> set[int]:
     found = set()
     if spelt := _HEX.fullmatch(word):
         found.add(int(spelt[1], 16))
+    if _VERSION.fullmatch(word):  # 1.02 is 0102 in binary-coded decimals
+        found.add(int(word.replace(".", "")[:8], 16))
     if amount := _AMOUNT.fullmatch(word):
         found.add(int(amount[1]))
     return found | ({int(word)} if word.isdecimal() and len(word) < 10 else set())

@@ -170,7 +170,7 @@ _MANNERS = frozenset({"quick", "fast", "full", "safe", "secure", "factory", "aut
 # The first verb of a description orders something where one of these words stands behind it.
 _STARTING = frozenset(
     {"move", "turn", "switch", "toggle", "disable", "rotate", "drive", "reset", "restart", "reboot", "lock", "unlock"}
-    | {"press", "activate", "deactivate", "calibrate", "home"}
+    | {"press", "activate", "deactivate", "calibrate", "home", "play", "beep", "blink", "flash", "eject"}
 )
 _BEHIND = frozenset(
     {"the", "a", "an", "it", "its", "them", "all", "each", "every", "one", "this", "that", "both", "your", "on", "off"}

@@ -206,7 +206,9 @@ WRONG: dict[str, tuple[Edit, str, str]] = {
     "reads without the lock": (
         all_of(
             uses("serial"),
-            read_by(f"with serial.Serial({ASKED}.node('tty'), 9600) as port:\n" + textwrap.indent(ASK, "    ")),
+            read_by(
+                f"with serial.Serial({ASKED}.node('tty'), 9600, timeout=1) as port:\n" + textwrap.indent(ASK, "    ")
+            ),
         ),
         "SERVE-BUS-UNLOCKED",
         "runtime.bus",

@@ -403,7 +403,7 @@ PLACES: dict[str, Case] = {
     ),
     "a line": (
         temperature(
-            f"{ASKED}\nwith runtime.bus(device), serial.Serial('/dev/ttyUSB0', 9600) as port:\n"
+            f"{ASKED}\nwith runtime.bus(device), serial.Serial('/dev/ttyUSB0', 9600, timeout=1) as port:\n"
             "    value = float(port.readline())",
             "serial",
         ),
@@ -411,7 +411,7 @@ PLACES: dict[str, Case] = {
     ),
     "a line by its name": (
         temperature(
-            f"{ASKED}\nwith runtime.bus(device), serial.Serial('ttyUSB0', 9600) as port:\n"
+            f"{ASKED}\nwith runtime.bus(device), serial.Serial('ttyUSB0', 9600, timeout=1) as port:\n"
             "    value = float(port.readline())",
             "serial",
         ),
@@ -516,7 +516,8 @@ TALK: dict[str, Case] = {
     ),
     "no lock": (
         temperature(
-            f"with serial.Serial({ASKED}.node('tty'), 9600) as port:\n    value = float(port.readline())", "serial"
+            f"with serial.Serial({ASKED}.node('tty'), 9600, timeout=1) as port:\n    value = float(port.readline())",
+            "serial",
         ),
         "SERVE-BUS-UNLOCKED",
     ),

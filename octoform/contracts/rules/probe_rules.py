@@ -60,6 +60,7 @@ _OPENED = re.compile(
 _DENIAL = re.compile(r"\b(?:no|not|never|none|without|nothing|neither|nor|cannot|refused|skipped)\b", re.I)
 _REPLY_KEYS = frozenset({"reply", "response", "received", "answer", "banner", "handshake", "sent", "rx", "tx"})
 # Where a specimen sits on USB or I2C, on PCI, or on SCSI. Other buses' names (a GUID, a bus number) may be kinds.
+_ADDRESS = re.compile(r"(?<![0-9a-z])(?:(?:\d{1,3}-){3}\d{1,3}|(?:[0-9a-f]{2}-){5}[0-9a-f]{2})(?![0-9a-z])")
 _PORT = re.compile(r"\d+-\d+(?:\.\d+)*|[0-9a-f]{4}:[0-9a-f]{2}:[0-9a-f]{2}\.[0-7]|\d+:\d+:\d+:\d+")
 
 
@@ -158,6 +159,10 @@ def serial_in_id(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
     """An id is a kind with an ordinal, never made of a serial number or an address."""
     out = []
     for index, device in enumerate(value["devices"]):
+        if device.get("context") is True and _ADDRESS.search(device["id"]):
+            summary = f"the id {shown(device['id'])} is made of an address"
+            hint = "build the id from the kind, such as bus and service, and add an ordinal"
+            out.append(error("PROBE-SERIAL-IN-ID", summary, pointer=pointer("devices", index, "id"), hint=hint))
         bare = _bare(device["id"])
         for member, secret in secrets_of(device.get("instance", {})):
             mark = _bare(secret)

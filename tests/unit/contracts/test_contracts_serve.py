@@ -30,11 +30,11 @@ _LINE = """\
     with runtime.bus("hwmon-fanboard"), serial.{} as port:
         port.write(b"RPM?\\n")
         return int(port.readline())"""
-_FRAME = _LINE.format("Serial(node, 9600)").replace('b"RPM?\\n"', "{}")
+_FRAME = _LINE.format("Serial(node, 9600, timeout=1)").replace('b"RPM?\\n"', "{}")
 _SPLIT = """\
     import serial
 
-    port = serial.Serial(runtime.device("hwmon-fanboard").node("tty"), 9600)
+    port = serial.Serial(runtime.device("hwmon-fanboard").node("tty"), 9600, timeout=1)
     with runtime.bus("hwmon-fanboard"):
         port.write(b"RPM?\\n")
     with runtime.bus("hwmon-fanboard"):
@@ -97,7 +97,7 @@ CASES = [
     (
         "SERVE-BUS-UNLOCKED",
         "    return int(path.read_text())",
-        "    import serial\n    return serial.Serial('x', 9600).read()",
+        "    import serial\n    return serial.Serial('x', 9600, timeout=1).read()",
     ),
     ("SERVE-BUS-UNLOCKED", "    return int(path.read_text())", "    return runtime.gpio.read('chip', 1)"),
     (
@@ -187,8 +187,9 @@ CASES = [
         "        try:\n            return",
         "        KEPT.append(camera)\n        try:\n            return",
     ),
-    ("SERVE-LINE-SPEED", FAN, _LINE.format("Serial(node)")),
+    ("SERVE-LINE-SPEED", FAN, _LINE.format("Serial(node, timeout=1)")),
     ("SERVE-LINE-SPEED", FAN, _LINE.format("Serial(port=node, timeout=1)")),
+    ("SERVE-LINE-WAIT", FAN, _LINE.format("Serial(node, 9600)")),
     ("SERVE-FRAME-BY-HAND", FAN, _FRAME.format("bytes([255, 255, 1])")),
     ("SERVE-FRAME-BY-HAND", FAN, _FRAME.format("b'\\xff\\xff' + b'A'")),
     ("SERVE-FRAME-BY-HAND", FAN, _FRAME.format("struct.pack('<BB', 255, 1)")),
@@ -245,6 +246,8 @@ def test_every_rule_of_serve_has_a_case() -> None:
         "SERVE-LINE-WRITTEN",
         "SERVE-PASSTHROUGH",
         "SERVE-CONSTANT-READING",
+        # in integration/test_returns
+        "SERVE-INTERFACE-WRONG",
     }
 
 

@@ -8,6 +8,7 @@ from typing import Any
 
 import fresh_cases as fresh
 import pytest
+import unseen_cases as unseen
 import wrong_deploys
 from bench_host import desk
 from case_hosts import SCHEMAS, host
@@ -74,20 +75,22 @@ def judges(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Judge]:
     }
 
 
-WRONG = {
-    **{f"probe: {name}": case for name, case in fresh.PROBE_WRONG.items()},
-    **{f"identify: {name}": case for name, case in fresh.IDENTIFY_WRONG.items()},
-    **{f"interface: {name}": ("", case) for name, case in fresh.INTERFACE_WRONG.items()},
-    **{f"serve: {name}": ("", case) for name, case in fresh.SERVE_WRONG.items()},
-    **{f"deploy: {name}": ("", case) for name, case in fresh.DEPLOY_WRONG.items()},
-}
-RIGHT = {
-    **{f"probe: {name}": case for name, case in fresh.PROBE_RIGHT.items()},
-    **{f"identify: {name}": case for name, case in fresh.IDENTIFY_RIGHT.items()},
-    **{f"interface: {name}": ("", case) for name, case in fresh.INTERFACE_RIGHT.items()},
-    **{f"serve: {name}": ("", case) for name, case in fresh.SERVE_RIGHT.items()},
-    **{f"deploy: {name}": ("", case) for name, case in fresh.DEPLOY_RIGHT.items()},
-}
+HOSTS = ("probe", "identify")
+"""The stages whose cases name a host; the others are of the desk."""
+
+
+def of_all(kind: str) -> dict[str, tuple[str, Any]]:
+    """The cases of each stage, by stage and name."""
+    found: dict[str, tuple[str, Any]] = {}
+    for stage in ("probe", "identify", "interface", "serve", "deploy"):
+        for cases in (fresh, unseen):
+            for name, case in getattr(cases, f"{stage.upper()}_{kind}").items():
+                assert f"{stage}: {name}" not in found
+                found[f"{stage}: {name}"] = case if stage in HOSTS else ("", case)
+    return found
+
+
+WRONG, RIGHT = of_all("WRONG"), of_all("RIGHT")
 
 
 def judged(case: str, where: str, change: Any, judges: dict[str, Judge]) -> Found:
@@ -109,7 +112,7 @@ def test_a_right_output_in_unusual_form_is_accepted(case: str, judges: dict[str,
     assert judged(case, *RIGHT[case], judges) == []
 
 
-def test_each_stage_has_ten_wrong_and_five_right() -> None:
+def test_each_stage_has_cases_of_both_kinds() -> None:
     for stage in ("probe", "identify", "interface", "serve", "deploy"):
-        assert sum(case.startswith(stage) for case in WRONG) >= 10
-        assert sum(case.startswith(stage) for case in RIGHT) >= 5
+        assert sum(case.startswith(stage) for case in WRONG) >= 24
+        assert sum(case.startswith(stage) for case in RIGHT) >= 11

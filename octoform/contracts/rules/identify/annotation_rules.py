@@ -22,7 +22,7 @@ from octoform.contracts.name_clues import (
     tokens,
 )
 from octoform.contracts.rules.identify import answer_rules
-from octoform.contracts.rules.identify.name_rules import CLAIMED
+from octoform.contracts.rules.identify.name_rules import CLAIMED, PAGE
 from octoform.contracts.rules.raw_line_rules import known_by_a_person
 from octoform.contracts.shown_text import listed, shown
 from octoform.diagnostics import Diagnostic, error
@@ -51,6 +51,7 @@ _NO_STRING = re.compile(
     r"(?i)(?:.*[\W_])?(?:interface\W*\d*|\w*class(?:_?code)?|drivers?|modalias|alias|module|subsystem|devtype|bus|speed"
     r"|\w+_from_database)"
 )
+_USB_PORT = re.compile(r"\d+-\d+(?:\.\d+)*")
 _NUMBER = re.compile(r"(?:0x)?[0-9a-f]{1,8}(?:[:.,/ ]+(?:0x)?[0-9a-f]{1,8})*", re.IGNORECASE)
 _UNREAL = re.compile(r"(?i)\b(?:qemu|virtual\w*|virtio|vmware|hyper-?v|vbox|gadget|dummy|emulated|simulated|xen|kvm)\b")
 # Reasons that the class of a device can contradict; the others are judgements.
@@ -209,6 +210,10 @@ def _without_method(device: JsonObject, entry: JsonObject, artifacts: Artifacts)
             "descriptor_driver" if drivers else "kernel_class" if _CLASS_CODE.search(entry["raw_descriptor"]) else ""
         )
         return "it has no string of its own", f"write {other or 'id_database where one decided, or none'}"
+    if method == "id_database" and known and not _is_registered(entry, artifacts):
+        return "no database of the host has its numbers", strings
+    if method == "web_search" and known and not any(PAGE.search(item.get("says", "")) for item in device["evidence"]):
+        return "no evidence has the address of a page", "write it into `says`, or the method that did decide"
     if method == answer_rules.METHOD and device["id"] in artifacts.answers:
         said = answer_rules.texts(device["id"], artifacts)
         spoken = len(re.findall(r"\w", said[0])) >= 2
@@ -216,6 +221,12 @@ def _without_method(device: JsonObject, entry: JsonObject, artifacts: Artifacts)
         if spoken and verbatim and not any(item["quote"] in text for item in device["evidence"] for text in said):
             return "no evidence is of that answer", "quote what the owner said beside what PROBE shows"
     return None
+
+
+def _is_registered(entry: JsonObject, artifacts: Artifacts) -> bool:
+    """Whether a database of the host has an entry of a device, or nobody looked."""
+    known = artifacts.registered is None or artifacts.registered.get(entry["id"])
+    return bool(known) or "_FROM_DATABASE" in entry["raw_descriptor"]
 
 
 def _has_string(entry: JsonObject) -> bool:
@@ -239,6 +250,9 @@ def _contradicted(
     place = str(entry.get("instance", {}).get("sysfs", ""))
     if reason == "network_neighbour" and not entry.get("context") and _ATTACHED.search(place):
         return f"it on {entry['interface']}, without context", annotate
+    twins = [other["id"] for other in kept if entry["interface"] == "usb" and _numbers(other) == _numbers(entry)]
+    if reason == "duplicate_path" and twins and all(_apart(entry, other) for other in kept if other["id"] in twins):
+        return f"a port of its own for it, as for its twin {twins[0]}", "annotate it as its twin is annotated"
     text = f"{entry['name']}\n{entry['raw_descriptor']}"
     if reason == "virtual" and entry["interface"] == "usb" and not _UNREAL.search(text):
         return "it plugged into usb", annotate
@@ -256,9 +270,17 @@ def _together(entry: JsonObject, other: JsonObject) -> bool:
     """Whether two entries are one piece of hardware: the same numbers, or one below the other."""
     one, two = (str(each.get("instance", {}).get("sysfs", "")) for each in (entry, other))
     below = bool(one and two) and (one.startswith(f"{two}/") or two.startswith(f"{one}/"))
-    return below or (
-        bool(entry.get("vid")) and (entry.get("vid"), entry.get("pid")) == (other.get("vid"), other.get("pid"))
-    )
+    return below or (bool(entry.get("vid")) and _numbers(entry) == _numbers(other))
+
+
+def _apart(entry: JsonObject, other: JsonObject) -> bool:
+    """Whether two entries are plugged in at different ports of USB."""
+    ports = [str(each.get("instance", {}).get("port", "")) for each in (entry, other)]
+    return all(map(_USB_PORT.fullmatch, ports)) and ports[0] != ports[1]
+
+
+def _numbers(entry: JsonObject) -> tuple[str | None, str | None]:
+    return entry.get("vid"), entry.get("pid")
 
 
 def _commanded(

@@ -28,7 +28,7 @@ ACTING = ("sensor", "actuator", "bidirectional")
 _DATABASE, _WEB, _ANSWER = "id_database", "web_search", answer_rules.METHOD
 _OBSERVED = ("kernel_class", "descriptor_driver")
 _KEY = re.compile(r"(?m)^[\w.\[\]-]+(?: \w+)?: ")
-_PAGE = re.compile(r"\b[\w-]+(?:\.[\w-]+)*\.[a-z]{2,}\b")
+PAGE = re.compile(r"\b[\w-]+(?:\.[\w-]+)*\.[a-z]{2,}\b")
 _SEVERAL = re.compile(r"\s/\s|[,;]|\bor\b|\bseries\b|\bfamily\b", re.IGNORECASE)
 _SOURCE = re.compile(r"(?i)\b(?:usb|pci|sdio)\.ids\b|\bhwdb\b|\bid database\b")
 _HEAD = re.compile(r"\s(?:with|via|through|behind|over|using|on|for|in|beside|under)\s|[(,;:/]", re.IGNORECASE)
@@ -217,7 +217,7 @@ def _untold(
     if device["method"] == _WEB:
         says = " ".join(evidence.get("says", "") for evidence in device["evidence"])
         linked = any(len(word) > 3 and word in spoken for word in quoted if not is_class_word(word))
-        return missing(telling, quoted | spoken if linked and _PAGE.search(says) else quoted)
+        return missing(telling, quoted | spoken if linked and PAGE.search(says) else quoted)
     own = frozenset(word for word in said(_texts(probed)) if word[0].isalpha())  # an id's digits are in no name
     profile = said([str(device.get("profile", ""))])
     unsaid, unshown = missing(telling, quoted | spoken | own), missing(telling, quoted | own)

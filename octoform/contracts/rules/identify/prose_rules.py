@@ -11,6 +11,7 @@ from typing import Any
 
 from octoform.base.pointer import pointer
 from octoform.contracts.model import Artifacts, JsonObject, Rule
+from octoform.contracts.name_clues import tokens
 from octoform.contracts.rules.identify import answer_rules
 from octoform.contracts.shown_text import shown
 from octoform.diagnostics import Diagnostic, error
@@ -28,6 +29,7 @@ _ORDERS = re.compile(
     r"|\bwithout (?:the |any |your |its )?(?:user|owner|caller|person|human|operator)s?'?"
     r" ?(?:consent|confirmation|approval)\b"
     r"|\b(?:assistant|agent|model|claude|gpt)\s*[:,]\s*(?:please\b|call\b|set\b|run\b|write\b)"
+    r"|\bsudo \w+|\b(?:run|execute|type|paste|enter) (?:the command\b|[`$#])"
     r"|\b(?:ignoriere|ignorez|ignora) (?:alle|alles|toutes|todas|tutte)\b"
     r"|\u5ffd\u7565|\u0438\u0433\u043d\u043e\u0440\u0438\u0440\u0443"
 )
@@ -40,6 +42,7 @@ _PLACES = re.compile(
     r"|(?<![\w.])(?<!version )(?<!firmware )(?:25[0-5]|2[0-4]\d|1?\d?\d)(?:\.(?:25[0-5]|2[0-4]\d|1?\d?\d)){3}(?![\w.])"
     r"|\b(?:usb )?(?:port|bus) \d+-\d+(?:\.\d+)*\b"
 )
+_ADDRESSED = frozenset({"address", "addr", "mac"})
 _CURES = {
     "identified_as": "name it as a person would, by what it is",
     "says": "say what follows from the quote",
@@ -65,13 +68,31 @@ def orders(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
 def places(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
     """No text names a node, a port or an address of this host."""
     out = []
-    for device, member, where, text in _texts(value):
-        for found in _PLACES.finditer(text) if member != "missing" else ():
+    for device, _, where, text in _texts(value):
+        for found in _PLACES.finditer(text):
             if not _is_quoted(found[0], device, artifacts):
                 summary = f"{shown(text)} names a place of this host: {shown(found[0])}"
                 out.append(error("IDENTIFY-PLACE-IN-TEXT", summary, pointer=pointer(*where), hint=_PLACE_HINT))
                 break
-    return out
+    return [*out, *_addresses(value, artifacts)]
+
+
+def _addresses(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
+    """No parameter of a capability is the address at which one copy of a device answers."""
+    return [
+        error(
+            "IDENTIFY-PLACE-IN-TEXT",
+            f"the parameter {shown(name)} of {shown(capability['name'])} is an address: {shown(item)}",
+            pointer=pointer("devices", index, "capabilities", at, "parameters"),
+            hint=_PLACE_HINT,
+        )
+        for index, device in enumerate(value["devices"])
+        if "profile" not in device
+        for at, capability in enumerate(device["capabilities"])
+        for name, item in _members(capability.get("parameters", {}))
+        if _ADDRESSED.intersection(tokens(name)) and any(map(str.isdigit, str(item)))
+        if not _is_quoted(str(item), device["id"], artifacts)
+    ]
 
 
 def is_foreign(text: str, device: str, artifacts: Artifacts) -> bool:
@@ -80,7 +101,10 @@ def is_foreign(text: str, device: str, artifacts: Artifacts) -> bool:
     return any(not _is_quoted(each, device, artifacts) for each in found)
 
 
-RULES = (Rule("IDENTIFY-ORDERS-IN-TEXT", orders), Rule("IDENTIFY-PLACE-IN-TEXT", places))
+RULES = (
+    Rule("IDENTIFY-ORDERS-IN-TEXT", orders),
+    Rule("IDENTIFY-PLACE-IN-TEXT", places),
+)
 
 Where = tuple[str | int, ...]
 
@@ -114,6 +138,17 @@ def _leaves(value: Any) -> Iterator[str]:
     elif isinstance(value, list):
         for item in value:
             yield from _leaves(item)
+
+
+def _members(value: Any) -> Iterator[tuple[str, str | int]]:
+    """(name, value) of each plain member, at any depth."""
+    items = value.items() if isinstance(value, dict) else ()
+    for name, item in items:
+        if isinstance(item, str | int) and not isinstance(item, bool):
+            yield str(name), item
+    inner = value.values() if isinstance(value, dict) else value if isinstance(value, list) else ()
+    for item in inner:
+        yield from _members(item)
 
 
 def _is_quoted(text: str, device: str, artifacts: Artifacts) -> bool:

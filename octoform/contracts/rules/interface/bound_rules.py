@@ -29,10 +29,16 @@ _SECONDS = {
 _PLACES = frozenset(
     {"path", "paths", "file", "filename", "filepath", "folder", "directory", "dir", "url", "uri", "node"}
     | {"host", "hostname", "port", "socket", "attribute", "args", "argv", "ip"}
+    | {"webhook", "callback", "server", "recipient", "email"}
 )
+_PLACE_SAID = re.compile(r"(?i)\b(?:ur[il]s?|https?|web ?hook|e-?mail|file ?name|ip address|path|folder|directory)\b")
 _PLACES_TOGETHER = ({"output", "to"}, {"device", "node"}, {"save", "as"}, {"save", "to"}, {"dev", "node"})
 _NUMBERED = frozenset({"register", "reg", "address", "addr", "opcode", "endpoint"})
 _BYTES = frozenset({"hex", "bytes", "payload", "raw", "base64", "packet"})
+_LONG = frozenset({"min", "mins", "minutes", "h", "hours"})
+_PAST = re.compile(r"(?i)\b(?:last|past|ago|history|since|previous|recent|logged)\b")
+LONGEST_TRIAL = 10.0
+"""Seconds that the trial call of a reading may wait, or record."""
 _LARGEST = 1e15
 """A bound beyond this bounds nothing: doubles count no further in ones."""
 _ONE_CLASS = re.compile(r"\^?(\[[^\]]{1,80}\]|\.|\\[wWsSdD])(?:[*+]|\{\d*,\d*\})\$?")
@@ -77,21 +83,39 @@ def range_empty(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
 def wait_too_long(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
     """A wait, or the length of a recording, has an upper bound of at most a minute."""
     out = []
+    for tool, name, where, member, unit in _waits(value):
+        longest = member.get("maximum", member.get("exclusiveMaximum"))
+        if isinstance(longest, int | float) and longest * unit <= LONGEST_WAIT:
+            continue
+        bound = f"{longest * unit:g} s" if isinstance(longest, int | float) else "permanently"
+        summary = f"{shown(name)} of {shown(tool['name'])} lets a call last {bound}"
+        hint = f"write a maximum of at most {LONGEST_WAIT / unit:g}"
+        out.append(error("INTERFACE-WAIT-TOO-LONG", summary, pointer=where, hint=hint))
+    return out
+
+
+def trial_too_long(value: JsonObject) -> list[Diagnostic]:
+    """The trial call of a reading, which is really made, waits and records as briefly as it may."""
+    out = []
+    for tool, name, where, member, unit in _waits(value):
+        given = tool.get("smoke", {}).get("arguments", {}).get(name, member.get("default"))
+        if tool["effect"] == "read" and _is_plain(given) and given * unit > LONGEST_TRIAL:
+            summary = f"the trial call of {shown(tool['name'])} may last {given * unit:g} s by its {shown(name)}"
+            hint = f"write into `smoke.arguments` the shortest one, at most {LONGEST_TRIAL / unit:g}"
+            out.append(error("INTERFACE-SMOKE", summary, pointer=where, hint=hint))
+    return out
+
+
+def _waits(value: JsonObject) -> Iterator[tuple[JsonObject, str, str, Mapping[str, Any], float]]:
+    """(tool, parameter, pointer, schema, seconds of its unit) of each number that says how long a call lasts."""
     for index, tool in enumerate(value["tools"]):
         for name, where, member in _parameters(index, tool):
             spoken = set(tokens(name))
-            waits = spoken & _WAITS or (tool["effect"] == "read" and spoken & _RECORDS and _is_time(spoken, member))
-            if not waits or not _is_number(member):
-                continue
-            unit = next((each for word, each in _SECONDS.items() if word in spoken), 1.0)
-            longest = member.get("maximum", member.get("exclusiveMaximum"))
-            if isinstance(longest, int | float) and longest * unit <= LONGEST_WAIT:
-                continue
-            bound = f"{longest * unit:g} s" if isinstance(longest, int | float) else "permanently"
-            summary = f"{shown(name)} of {shown(tool['name'])} lets a call last {bound}"
-            hint = f"write a maximum of at most {LONGEST_WAIT / unit:g}"
-            out.append(error("INTERFACE-WAIT-TOO-LONG", summary, pointer=where, hint=hint))
-    return out
+            reads = tool["effect"] == "read"
+            waits = spoken & _WAITS or (reads and spoken & _RECORDS and _is_time(spoken, member))
+            waits = waits or (reads and spoken <= _LONG and not _PAST.search(str(member.get("description", ""))))
+            if waits and _is_number(member):
+                yield tool, name, where, member, next((each for word, each in _SECONDS.items() if word in spoken), 1.0)
 
 
 def effect_understated(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
@@ -174,7 +198,8 @@ def _place(tool: JsonObject) -> str | None:
     """A parameter that takes a path, an address or a device node, or None: the server knows its own places."""
     for name, _, member in _parameters(0, tool):
         spoken = set(tokens(name))
-        if spoken & _PLACES or any(words <= spoken for words in _PLACES_TOGETHER):
+        places = _PLACE_SAID.search(str(member.get("description", "")))
+        if places or spoken & _PLACES or any(words <= spoken for words in _PLACES_TOGETHER):
             if _types(member) & {"string", "array"} and not {"enum", "const"} & member.keys():
                 return name
         elif (

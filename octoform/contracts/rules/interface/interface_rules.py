@@ -36,6 +36,7 @@ _INSTANCE = {
 _ORDERS = re.compile(
     r"\b(?:ignore|disregard|forget|override)\s+(?:\w+\s+){0,3}?(?:instructions?|prompts?|rules)\b"
     r"|<\s*/?\s*(?:system|assistant|user|instructions?|important)\s*>|(?:^|\n)\s*(?:system|assistant)\s*:"
+    r"|\balways (?:call|use|run|invoke) (?:this|it)\b|\b(?:before|instead of) (?:any|every|all) others?\b"
     r"|\byou are now\b|\breveal (?:your|the) (?:system )?prompt\b|\bdo not (?:tell|inform) the user\b",
     re.IGNORECASE,
 )

@@ -16,6 +16,7 @@ from jsonschema.exceptions import SchemaError, best_match
 from octoform.base.files import parse
 from octoform.base.pointer import pointer, resolve
 from octoform.contracts.model import Artifacts, JsonObject, Rule, effects_of, is_graver
+from octoform.contracts.rules.interface.bound_rules import trial_too_long
 from octoform.contracts.schema.validation import Problem, validator
 from octoform.contracts.shown_text import listed, shown
 from octoform.diagnostics import Diagnostic, error
@@ -53,8 +54,7 @@ def required_unknown(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
     """What an input_schema requires is among its properties."""
     out = []
     for index, tool in enumerate(value["tools"]):
-        required = tool["input_schema"].get("required")
-        for name in required if isinstance(required, list) else ():
+        for name in _required(tool):
             if name not in _properties(tool):
                 summary = f"{shown(tool['name'])} requires the parameter {shown(name)}, which it does not have"
                 where = pointer("tools", index, "input_schema", "required")
@@ -64,7 +64,7 @@ def required_unknown(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
 
 
 def device_parameter(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
-    """A tool of several devices has a ``device`` parameter that lists exactly them."""
+    """A tool of several devices has a parameter `device` that lists exactly them; what acts requires it."""
     out = []
     for index, tool in enumerate(value["tools"]):
         member = _properties(tool).get("device")
@@ -74,9 +74,12 @@ def device_parameter(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
         elif member is not None and _choices(member, tool) != set(tool["devices"]):
             summary = f"the parameter `device` of {shown(tool['name'])} does not list exactly the tool's devices"
             where += "/device"
+        elif tool["effect"] != "read" and len(tool["devices"]) > 1 and "device" not in _required(tool):
+            summary = f"{shown(tool['name'])} chooses among its devices where a caller names none"
+            where = pointer("tools", index, "input_schema", "required")
         else:
             continue
-        hint = "make `device` a string with an enum of the device ids in `devices`"
+        hint = "make `device` a required string with an enum of the device ids in `devices`"
         out.append(error("INTERFACE-DEVICE-PARAMETER", summary, pointer=where, hint=hint))
     return out
 
@@ -94,7 +97,7 @@ def limit_missing(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
 
 
 def limit_wider(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
-    """No limit is wider than the profile's, or in another unit."""
+    """No limit is wider than the profile's, or in another unit; without a profile none is wider than the argument."""
     out = []
     for index, tool, wanted, profile in _profile_limits(value, artifacts):
         has = _limit_of(tool, wanted["parameter"])
@@ -103,7 +106,24 @@ def limit_wider(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
             where = pointer("tools", index, "limits")
             hint = "keep both bounds and the unit of the profile, or narrow them"
             out.append(error("INTERFACE-LIMIT-WIDER", summary, pointer=where, hint=hint))
+    known = {(index, wanted["parameter"]) for index, _, wanted, _ in _profile_limits(value, artifacts)}
+    for index, tool in enumerate(value["tools"]):
+        for at, limit in enumerate(tool.get("limits", ())):
+            own = _properties(tool).get(limit["parameter"])
+            if isinstance(own, dict) and (index, limit["parameter"]) not in known and _is_wider(limit, own):
+                summary = f"{_range(limit)} of {shown(tool['name'])} is not within the range that the argument has"
+                where = pointer("tools", index, "limits", at)
+                hint = "write the minimum and maximum of input_schema, or narrower ones"
+                out.append(error("INTERFACE-LIMIT-WIDER", summary, pointer=where, hint=hint))
     return out
+
+
+def _is_wider(limit: JsonObject, member: JsonObject) -> bool:
+    """Whether a side of a limit lies beyond the bound that the argument's schema has on that side."""
+    low, high = limit.get("minimum"), limit.get("maximum")
+    least, most = member.get("minimum"), member.get("maximum")
+    below = isinstance(low, int | float) and isinstance(least, int | float) and low < least
+    return below or (isinstance(high, int | float) and isinstance(most, int | float) and high > most)
 
 
 def limit_empty(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
@@ -126,9 +146,9 @@ def limit_empty(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
 
 
 def smoke_arguments(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
-    """A read tool can be called once for trial: its smoke arguments, or none, fit its input_schema."""
+    """A read tool can be called once for trial, briefly: its smoke arguments, or none, fit its input_schema."""
     effects = effects_of(artifacts)
-    out = []
+    out = trial_too_long(value)
     for index, tool in enumerate(value["tools"]):
         where = pointer("tools", index, "smoke")
         if is_graver(effects.get(tool["capability"], tool["effect"]), tool["effect"]):
@@ -236,6 +256,11 @@ def _target(reference: str, root: JsonObject) -> Any:
 def _properties(tool: JsonObject) -> dict[str, Any]:
     properties = tool["input_schema"].get("properties")
     return properties if isinstance(properties, dict) else {}
+
+
+def _required(tool: JsonObject) -> list[Any]:
+    required = tool["input_schema"].get("required")
+    return required if isinstance(required, list) else []
 
 
 def _choices(member: Any, tool: JsonObject) -> set[str]:

@@ -105,6 +105,8 @@ def _number(source: Source, node: ast.expr, use: ast.AST) -> int | None:
 
 
 _LINES = frozenset({"Serial", "serial_for_url", "RS485", "open_serial_connection", "create_serial_connection"})
+_OPENED = frozenset({"Serial", "serial_for_url", "RS485"})
+_MEASURED = frozenset({"time.monotonic", "time.time", "time.perf_counter", "time.monotonic_ns", "datetime.now"})
 _ASKS = frozenset({"write", "writelines", "sendall", "send", "send_feature_report"})
 _HEARS = frozenset({"read", "readline", "readlines", "read_until", "readexactly", "read_all", "readinto", "recv"})
 _SETTLED = 3
@@ -186,7 +188,80 @@ def frame_by_hand(value: str, _: Artifacts) -> list[Diagnostic]:
     ]
 
 
+def line_wait(value: str, _: Artifacts) -> list[Diagnostic]:
+    """No read of a serial line waits for ever, and no loop over one goes on while the device is silent."""
+    source = needed_source(value)
+    out = []
+    for call, name in source.calls:
+        if name.rpartition(".")[2] in _OPENED and not _has_limit(source, call):
+            summary = f"{shown(name)} is given no time limit, so a read of a silent device never ends"
+            out.append(source.problem("SERVE-LINE-WAIT", call, summary, "pass timeout=1, or what the device needs"))
+    hint = "leave it after a time (time.monotonic) or a number of turns, with an error, or where a read came back empty"
+    for loop in source.nodes:
+        owner = source.owner(loop) if isinstance(loop, ast.While) else None
+        if (
+            isinstance(loop, ast.While)
+            and owner is not None
+            and opens_line(source, owner)
+            and _is_endless(source, loop)
+        ):
+            summary = "a loop over what a line says never ends where the device says nothing"
+            out.append(source.problem("SERVE-LINE-WAIT", loop, summary, hint))
+    return out
+
+
+def _has_limit(source: Source, call: ast.Call) -> bool:
+    """Whether a line is opened with a time limit, or is waited for in another way in the same function."""
+    given = [item.value for item in call.keywords if item.arg in ("timeout", None)] + call.args[5:6]
+    if given or any(isinstance(item, ast.Starred) for item in call.args):
+        return not given or not all(isinstance(item, ast.Constant) and item.value is None for item in given)
+    scope = source.owner(call) or source.tree
+    waits = {"timeout", "in_waiting", "inWaiting", "select", "wait_for", "read_all"}
+    named = {item.attr for item in ast.walk(scope) if isinstance(item, ast.Attribute)}
+    reads = any(True for _ in _calls_of(scope, _HEARS)) or isinstance(scope, ast.Module)
+    return not reads or bool(waits & named)
+
+
+def _is_endless(source: Source, loop: ast.While) -> bool:
+    """Whether nothing but the words of a device ends a loop that reads them."""
+    inside = [item for part in (loop.test, *loop.body) for item in ast.walk(part)]
+    if not any(True for _ in _calls_of(loop, _HEARS)) or any(isinstance(item, ast.Yield) for item in inside):
+        return False
+    counted = {name for item in inside if isinstance(item, ast.AugAssign) and _is_step(item) for name in _stored(item)}
+    tests = [loop.test, *(item.test for item in inside if isinstance(item, ast.If) and _leaves(item))]
+    return not any(_bounds(source, test, counted) for test in tests)
+
+
+def _is_step(node: ast.AugAssign) -> bool:
+    return isinstance(node.value, ast.Constant) and isinstance(node.value.value, int)
+
+
+def _leaves(node: ast.If) -> bool:
+    return any(isinstance(item, ast.Break | ast.Return | ast.Raise) for part in node.body for item in ast.walk(part))
+
+
+def _bounds(source: Source, test: ast.expr, counted: set[str]) -> bool:
+    """Whether a test comes true some time whatever a device says: by the clock, a count, or that nothing came."""
+    if isinstance(test, ast.Name | ast.NamedExpr):
+        return True
+    for item in ast.walk(test):
+        if isinstance(item, ast.Call) and source.dotted(item.func) in _MEASURED | {"len"}:
+            return True
+        if isinstance(item, ast.Name) and (item.id in counted or item.id.rpartition("_")[2] in ("left", "remaining")):
+            return True
+        if isinstance(item, ast.UnaryOp) and isinstance(item.op, ast.Not) and not isinstance(item.operand, ast.Call):
+            return True
+        if isinstance(item, ast.Compare) and any(_is_nothing(each) for each in item.comparators):
+            return True
+    return False
+
+
+def _is_nothing(node: ast.expr) -> bool:
+    return isinstance(node, ast.Constant) and node.value in (None, b"", "")
+
+
 RULES = (
+    Rule("SERVE-LINE-WAIT", line_wait),
     Rule("SERVE-EXCHANGE-SPLIT", exchange_split),
     Rule("SERVE-CAMERA-NOT-FLUSHED", camera_not_flushed),
     Rule("SERVE-LINE-SPEED", line_speed),

@@ -15,6 +15,9 @@ _NUMBERED = re.compile(
     rf"{_UNKNOWN}+/+(?:dev|sys)/(?:[^{_UNKNOWN}]*/)?[a-z][a-z_:-]*\d+(?:/[^{_UNKNOWN}]*)?", re.IGNORECASE
 )
 _NAMES = re.compile(r"(?:tty(?:USB|ACM|AMA|S|THS|O)|video|hidraw|hwmon|spidev|COM|i2c-)\d+(?:\.\d+)?")
+_ADDRESS = re.compile(r"(?:\w+://)?(?!127\.|0\.0\.0\.0)(?:\d{1,3}\.){3}\d{1,3}(?::\d+)?(?:/.*)?")
+_BY_ITSELF = re.compile(r"psutil\.sensors_\w+")
+"""What looks for devices of the machine that runs it, whichever host is meant."""
 _NOT_DEVICES = re.compile(r"/dev/(?:null|zero|full|u?random|shm(?:/.*)?|std\w+|fd(?:/.*)?)")
 _PATH_TESTS = frozenset(
     {"startswith", "removeprefix", "endswith", "is_relative_to", "relative_to", "match", "fullmatch"}
@@ -34,6 +37,9 @@ def literal_places(source: Source, flow: Flow) -> Iterator[tuple[ast.AST, str]]:
             told.add(node)
             written = text.replace(_UNKNOWN, "*")
             yield node, f"{shown(written)} is where a device was when this was written"
+    for call, name in source.calls:
+        if _BY_ITSELF.fullmatch(name):
+            yield call, f"{shown(name)} looks for devices of its own"
     cameras = any(name.rpartition(".")[2] == "VideoCapture" for _, name in source.calls)
     for call, name in source.calls:
         number = _number(source, flow, call, name.rpartition(".")[2], cameras)
@@ -136,7 +142,7 @@ def _upwards(source: Source, node: ast.AST) -> set[ast.AST]:
 
 
 def _is_place(source: Source, node: ast.AST, text: str) -> bool:
-    named = isinstance(node, ast.Constant) and _NAMES.fullmatch(text)
+    named = isinstance(node, ast.Constant) and (_NAMES.fullmatch(text) or _ADDRESS.fullmatch(text))
     placed = _PLACES.fullmatch(text) and not _NOT_DEVICES.fullmatch(text)
     if not (named or placed or _NUMBERED.fullmatch(text)):
         return False

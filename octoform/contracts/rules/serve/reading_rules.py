@@ -65,7 +65,7 @@ def device_not_asked(value: str, artifacts: Artifacts) -> list[Diagnostic]:
         if any(_does_nothing(source, item) or not flow.results(item) for item in roots if tool["effect"] == "read"):
             continue  # that is told, and is why nothing comes from a device
         asked = [call for function in used for call in source.asking(function)]
-        summary = _asks_wrongly(source, flow, asked, tool)
+        summary = _asks_wrongly(source, flow, asked, tool) or _names_another(source, roots, tool, artifacts)
         if any(source.owner(node) in used for node, _ in literal_places(source, flow)):
             continue
         if summary is None and not _comes_from_there(source, flow, tool, roots, used, found=bool(asked)):
@@ -192,6 +192,18 @@ def _asks_wrongly(source: Source, flow: Flow, asked: list[ast.Call], tool: JsonO
             if any(one and two and one != two and (one | two) <= set(tool["devices"]) for one, two in pairs):
                 return "asks for another device than the one that the caller names"
     return None
+
+
+def _names_another(source: Source, roots: list[Function], tool: JsonObject, artifacts: Artifacts) -> str | None:
+    """What is wrong with a tool in whose own body the id of a device stands that is not one of it."""
+    known = {device for each in (artifacts.interface or {"tools": []})["tools"] for device in each["devices"]}
+    written = {
+        node.value
+        for node in source.nodes
+        if isinstance(node, ast.Constant) and isinstance(node.value, str) and source.owner(node) in roots
+    }
+    foreign = sorted(written & (known - set(tool["devices"])))
+    return f"names {listed(foreign)}, which INTERFACE does not give it" if foreign else None
 
 
 def _comes_from_there(

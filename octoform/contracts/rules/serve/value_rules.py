@@ -10,7 +10,7 @@ from typing import Any
 
 from octoform.base.quantities import unit_in, unit_of_name
 from octoform.contracts.model import Artifacts, Rule
-from octoform.contracts.rules.serve.chosen_values import Chosen, is_measured
+from octoform.contracts.rules.serve.chosen_values import Chosen, Kept, is_measured
 from octoform.contracts.rules.serve.flow import Flow
 from octoform.contracts.rules.serve.origins import Origin
 from octoform.contracts.rules.serve.reading_rules import flow_of_tools
@@ -19,6 +19,7 @@ from octoform.contracts.server_source import Source, needed_source
 from octoform.contracts.shown_text import shown
 from octoform.diagnostics import Diagnostic
 
+_AGAIN = "read it in each call; where the device can be asked only so often, let the caller wait or be refused"
 _OPTIONAL = ("offset", "scale", "count", "errors", "errno", "retries", "index", "timeout", "multiplier")
 _STATIC = re.compile(
     r"(?:^|_)(?:max|maximum|min|minimum|limit|limits|range|width|height|resolution|fps|rate|baud|version|index|channel"
@@ -39,18 +40,17 @@ def default_reading(value: str, artifacts: Artifacts) -> list[Diagnostic]:
     source = needed_source(value)
     flow = flow_of_tools(source, artifacts)
     hint = "let the error pass, raise ToolError with what failed, or return None where output_schema allows null"
-    used = {
-        function
-        for site, _ in served_tools(source, artifacts)
-        for function in source.entered_from(tool_functions(source, site))
-    }
-    out = []
-    for node in source.nodes:
-        if source.owner(node) in used:
-            out += [
-                source.problem("SERVE-DEFAULT-READING", place, f"a made-up value replaces {why}", hint)
-                for place, why in _Substitutes(source, flow).at(node)
-            ]
+    served = list(served_tools(source, artifacts))
+    used = {function for site, _ in served for function in source.entered_from(tool_functions(source, site))}
+    read = {name: unit for _, tool in served for name, unit in _numbers(tool.get("output_schema") or {})}
+    kept, substitutes, out = Kept(source, flow), _Substitutes(source, flow), []
+    for node in (each for each in source.nodes if source.owner(each) in used):
+        for name, each in _members(source, node):
+            if name in read and kept.holds(each) and is_measured(node, name, [read[name]], frozenset()):
+                why = f"a {shown(name)} of an earlier call replaces a reading"
+                out.append(source.problem("SERVE-DEFAULT-READING", each, why, _AGAIN))
+        for place, absent in substitutes.at(node):
+            out.append(source.problem("SERVE-DEFAULT-READING", place, f"a made-up value replaces {absent}", hint))
     return out
 
 
@@ -242,11 +242,21 @@ class _Substitutes:
             values = self._flow.plain(plain)
             return bool(values) and all(self._is_number(each, depth - 1) for each in values)
         if isinstance(plain, ast.Call):
-            return bool(_BLANK.fullmatch(self._source.dotted(plain.func)))
+            name = self._source.dotted(plain.func)
+            none = name == "float" and any(isinstance(item, ast.Constant) for item in plain.args)  # float("nan")
+            return none or bool(_BLANK.fullmatch(name)) or (depth > 0 and self._gives_numbers(name, depth))
+        if isinstance(plain, ast.Attribute):
+            return self._source.dotted(plain) in ("math.nan", "math.inf", "numpy.nan", "np.nan")
         if not isinstance(plain, ast.Constant):
             return False
         text = plain.value if isinstance(plain.value, str | bytes) else b""
         return type(plain.value) in (int, float) or (bool(text) and text.strip().isdigit())
+
+    def _gives_numbers(self, name: str, depth: int) -> bool:
+        """Whether a function of the file has nothing but numbers of its own to return."""
+        own = [item for item in self._source.functions if item.name == name]
+        results = self._flow.results(own[0]) if len(own) == 1 else []
+        return bool(results) and all(self._is_number(item, depth - 1) for item in results)
 
     def _decides(self, node: ast.expr) -> bool:
         """Whether a value is compared or looked up, and is no part of a result itself."""
