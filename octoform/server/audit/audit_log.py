@@ -21,7 +21,7 @@ from pathlib import Path
 from typing import Any
 
 from octoform.base import clock, locks
-from octoform.base.files import private_folder
+from octoform.base.files import make_way, private_folder
 
 from .chain import LOG, LONGEST_LINE, ORIGIN, RECORD, SEAL, SEAL_BYTES, Verdict, rule, sealed, verify
 
@@ -37,7 +37,12 @@ class OwnFile:
     __slots__ = ("_identity", "number")
 
     def __init__(self, path: Path, how: int) -> None:
-        """Open ``path``, made if it is not there, private, links not followed; OSError when that cannot be."""
+        """Open ``path``, made if it is not there, private; OSError when that cannot be.
+
+        What stands in its place and is no file (a link, a pipe, a folder) is set aside: a log or a seal that went away
+        shows in the chain, and without a log nothing that moves could be called any more.
+        """
+        make_way(path)
         self.number = os.open(path, how | os.O_CREAT | os.O_CLOEXEC | os.O_NOFOLLOW | os.O_NONBLOCK, 0o600)
         status = os.fstat(self.number)
         self._identity = (status.st_dev, status.st_ino)

@@ -7,10 +7,12 @@ A record is one line: ``{"seq":...,"time":...,"event":...,...,"prev":"<hash>","h
 over the hash of the record before it and its own bytes up to where ``prev`` begins.
 """
 
+import errno
 import hashlib
 import json
 import os
 import re
+import stat
 import sys
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -154,20 +156,26 @@ def rule(prev: bytes, body: bytes) -> str:
 def _files(folder: Path) -> list[str]:
     """The names of the logs, the oldest first."""
     aside = sorted(path.name for path in folder.glob("audit-*.jsonl"))
-    return [*aside, LOG] if (folder / LOG).exists() else aside
+    return [*aside, LOG] if os.path.lexists(folder / LOG) else aside
 
 
 def _seal_at(path: Path) -> tuple[int, str] | None:
     try:
         with open(path, "rb", opener=_at_once) as seal:
             return sealed(seal.read(SEAL_BYTES))
-    except FileNotFoundError:
+    except (FileNotFoundError, _NoFile):
         return None
 
 
+class _NoFile(OSError):
+    """A link, pipe, device or folder stands in the place of a log or seal."""
+
+
 def _at_once(name: str, flags: int) -> int:
-    """A pipe that stands in a log's place is not waited for."""
-    return os.open(name, flags | os.O_NONBLOCK)
+    """The descriptor of a regular file; what else stands in its place may have no end, and is not waited for."""
+    if not stat.S_ISREG(os.lstat(name).st_mode):
+        raise _NoFile(errno.EINVAL, "it is no regular file", name)
+    return os.open(name, flags | os.O_NONBLOCK | os.O_NOFOLLOW)
 
 
 def sealed(data: bytes) -> tuple[int, str] | None:
@@ -188,7 +196,10 @@ def main(arguments: list[str]) -> int:
     try:
         verdict = verify(*map(Path, arguments[1:]))
     except OSError as problem:
-        print(f"{arguments[1]}: the log cannot be read: {problem.strerror or problem}", file=sys.stderr)
+        print(
+            f"{problem.filename or arguments[1]}: the log cannot be read: {problem.strerror or problem}",
+            file=sys.stderr,
+        )
         return 3
     print(json.dumps(asdict(verdict)))
     return 0 if verdict.ok else 1

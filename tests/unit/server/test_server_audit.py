@@ -320,12 +320,44 @@ def test_a_lock_that_nobody_gives_up_is_told(tmp_path: Path, monkeypatch: pytest
     assert verify(tmp_path).records == 2
 
 
-def test_a_link_in_place_of_the_log_is_not_followed(tmp_path: Path) -> None:
-    (tmp_path / "log").mkdir()
-    (tmp_path / "elsewhere").write_text("")
-    (tmp_path / "log/audit.jsonl").symlink_to(tmp_path / "elsewhere")
-    with pytest.raises(AuditFailed):
-        Audit.open(tmp_path / "log")
+TRAPS: dict[str, Callable[[Path], object]] = {
+    "a link": lambda path: path.symlink_to(path.parent.with_name("elsewhere")),
+    "a link to itself": lambda path: path.symlink_to(path.name),
+    "a device": lambda path: path.symlink_to("/dev/zero"),
+    "a pipe": os.mkfifo,
+    "a folder": Path.mkdir,
+}
+
+
+@pytest.mark.parametrize("trap", TRAPS)
+@pytest.mark.parametrize("name", ["log/audit.jsonl", "log/audit.head", "run/audit.head"])
+@pytest.mark.parametrize("open_already", [True, False])
+def test_what_stands_in_the_place_of_log_or_seal_is_set_aside_and_shows(
+    tmp_path: Path, trap: str, name: str, open_already: bool
+) -> None:
+    log, witness, elsewhere = tmp_path / "log", tmp_path / "run/audit.head", tmp_path / "elsewhere"
+    elsewhere.write_text("")
+    audit = written(log, 3, witness=witness)
+    if not open_already:
+        audit.close()
+    (tmp_path / name).unlink()
+    TRAPS[trap](tmp_path / name)
+    command = [sys.executable, "-I", "-S", chain.__file__, "verify", str(log), str(witness)]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=30, check=False)
+    if name == "log/audit.jsonl":
+        assert (done.returncode, done.stderr) == (
+            3,
+            f"{log / 'audit.jsonl'}: the log cannot be read: it is no regular file\n",
+        )
+    else:
+        assert done.returncode == (1 if name == "log/audit.head" else 0)
+    if not open_already:
+        audit = Audit.open(log, witness=witness)
+    audit.write("call")
+    audit.close()
+    Audit.open(log, witness=witness).close()
+    assert elsewhere.read_text() == "" and (tmp_path / name).is_file() and not (tmp_path / name).is_symlink()
+    assert verify(log, witness).ok == (name == "run/audit.head")
 
 
 def test_log_and_seal_cannot_go_together(tmp_path: Path) -> None:
