@@ -13,10 +13,12 @@ same kind of file for ``--applies`` times, such an apply is left out and the fil
 
 import argparse
 import concurrent.futures
+import os
 import random
 import re
 import shutil
 import signal
+import stat
 import subprocess
 import sys
 import tempfile
@@ -51,6 +53,8 @@ APPLY_SECONDS = 60.0
 APPLIES = 2
 PORT = 17777
 _SKIPPED = re.compile(r"(^|/)__pycache__(/|$)|environments/[^/]+/(?!octoform-complete\.json$)|\.lock$|\.guard$|\.sock$")
+_READ_AT_START = re.compile(r"/(run|log)/")
+"""Files that the endpoint's process opens when it starts, and may hold open."""
 _GROWS = re.compile(r"(^|/)(environments|attempts)(/|$)")
 _KINDS = (
     (re.compile(r"/attempts/.*?/(import/|former-)?runtime/.*"), "/attempts/*/runtime/*"),
@@ -164,7 +168,7 @@ class Subject:
     def judge(self, case: Case, spoils: Callable[[Path], object]) -> Case:
         """What all commands make of a file that was damaged in this way."""
         path = self.project.folder / case.file
-        if not path.is_file() or path.is_symlink():
+        if self._stands(path) or not path.exists():
             self.restore()
         spoils(path)
         printed = self._printed()
@@ -175,15 +179,22 @@ class Subject:
             self.put_back(case.file)
             return case
         status = self._run(case, APPLY, self._apply_seconds)
-        case.told = "recovered" if status == 0 else case.told or "nothing"
+        case.told = case.told or "nothing"
         after = self._run(case, ("plan", "-detailed-exitcode"), self._seconds)
         if status == 0 and after != 0:
             reasons = [line.strip() for line in case.read[-1].splitlines() if line.startswith("        ")]
             case.wrong.append(f"plan ends with {after} behind an apply that went well: {'; '.join(reasons)[:200]}")
+        if self._stands(path) and _READ_AT_START.search(case.file):
+            self._run(case, ("restart",), self._apply_seconds)
         self._judge_printed(case, printed)
-        if after != 0:
+        if after != 0 or self._stands(path):
             self.restore()
         return case
+
+    @staticmethod
+    def _stands(path: Path) -> bool:
+        """Whether something that is no file is still in its place: who has the file open does not see that."""
+        return os.path.lexists(path) and not stat.S_ISREG(path.lstat().st_mode)
 
     def _printed(self) -> tuple[int, int]:
         """The log of the endpoint's process as it is: which file, and its length."""
@@ -231,7 +242,10 @@ class Subject:
             case.wrong.append(f"{name}: not in words of octoform: {foreign[0].strip()[:240]}")
         elif status not in (0, 2) and not text.strip():
             case.wrong.append(f"{name}: ends with {status} and says nothing")
-        if command == APPLY:
+        if command in (APPLY, ("restart",)):
+            if status == 0:
+                case.told = "recovered"
+                return status
             lines = [line.strip() for line in err.splitlines() if line.strip()]
             case.told = next((line for line in lines if "error[" in line), *lines[:1] or [""])[:160]
         return status
