@@ -12,13 +12,13 @@ from importlib import import_module
 from pathlib import Path
 
 from octoform.cli.interrupts import Stopped, orderly
-from octoform.cli.parser import UsageError, parse
+from octoform.cli.parser import RENAMED, UsageError, parse
 from octoform.diagnostics import Severity
 from octoform.views.format import console, problems
 
 _READING = frozenset(
     (
-        *("attempts", "coverage", "devices", "doctor", "episodes", "explain", "graph", "health"),
+        *("attempts", "coverage", "devices", "doctor", "explain", "graph", "health", "incidents"),
         *("logs", "plan", "schema", "show", "status", "validate", "help", "version", "completion"),
     )
 )
@@ -31,11 +31,11 @@ MANIFEST = "octopus.yaml"
 GROUPS = {
     "project": "init validate schema explain graph doctor install profile spec simulate",
     "run": "plan apply destroy answer attempts",
-    "state": "show state devices coverage accept force_unlock",
+    "state": "show state devices coverage force_unlock",
     "endpoint": "start stop restart logs service connect clients",
     "tools": "tools call look",
     "safety": "token revoke estop audit limits",
-    "daemon": "watch status health heal claims confirm pause resume episodes",
+    "daemon": "watch status health heal claims confirm pause resume incidents",
     "about": "help version completion",
 }
 """The modules of `octoform.cli.commands`, each with its commands; ``run_plan`` carries out ``plan``."""
@@ -49,6 +49,8 @@ def dispatch(argv: Sequence[str]) -> int:
             arguments = parse(argv)
             if arguments.no_color:
                 screen = replace(screen, colour=False, colour_err=False)
+            if arguments.renamed is not None:
+                problems.renamed(screen, arguments.renamed, " ".join(RENAMED[arguments.renamed]))
             if arguments.version:
                 return problems.version(screen)
             return _run(arguments, screen)

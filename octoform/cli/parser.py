@@ -282,8 +282,12 @@ def _daemon(commands: Commands) -> None:
     flag(confirm, "auto-approve", "do not ask")
     add(commands, "pause", "let the daemon repair nothing until `resume`; it goes on looking")
     add(commands, "resume", "let the daemon repair again")
-    episodes = add(commands, "episodes", "list what went wrong, how often, and how long it took until it was over")
-    value(episodes, "n", "COUNT", "so many of the latest", default="20")
+    incidents = add(commands, "incidents", "list what went wrong, how often, and how long it took until it was over")
+    value(incidents, "n", "COUNT", "so many of the latest", default="20")
+
+
+RENAMED = {"accept": ("state", "adopt"), "episodes": ("incidents",)}
+"""Commands by their former names, which work in one version more."""
 
 
 def _ends(command: Parser, codes: str) -> None:
@@ -400,8 +404,8 @@ def _state(commands: Commands) -> None:
     one.add_argument("node", metavar="NODE")
     forget = add(verbs, "rm", "forget a node; its artifact stays where it is")
     forget.add_argument("node", metavar="NODE")
-    accept = add(commands, "accept", "take a node's artifact as it is, under the key of today's specs and settings")
-    accept.add_argument("node", metavar="NODE")
+    adopt = add(verbs, "adopt", "take a node's artifact as it is, under the input hash of today's specs and settings")
+    adopt.add_argument("node", metavar="NODE")
     _specs(commands)
     _profiles(commands)
     _attempts(commands)
@@ -490,9 +494,17 @@ def _chosen(argv: Sequence[str]) -> str:
 
 
 def parse(argv: Sequence[str]) -> argparse.Namespace:
-    """The parsed command line; UsageError when it cannot be understood, SystemExit(0) after ``--help``."""
+    """The parsed command line; UsageError when it cannot be understood, SystemExit(0) after ``--help``.
+
+    ``renamed`` is the former name by which the command was called, None for its own.
+    """
+    former = _chosen(argv)
+    if former in RENAMED:
+        at = next(at for at, word in enumerate(argv) if word == former and argv[max(0, at - 1)].lstrip("-") != "chdir")
+        argv = [*argv[:at], *RENAMED[former], *argv[at + 1 :]]
     parser = build(_chosen(argv))
     arguments, rest = parser.parse_known_args(list(argv))
+    arguments.renamed = former if former in RENAMED else None
     getattr(arguments, "parser", parser).check_rest(rest)
     if arguments.command is None and not arguments.version:
         parser.print_help()

@@ -42,7 +42,7 @@ OTHERS = (
         ("audit",),
         ("limits",),
     ),
-    *(("claims", "-all"), ("episodes",), ("logs",), ("token", "list"), ("state", "list"), ("show",)),
+    *(("claims", "-all"), ("incidents",), ("logs",), ("token", "list"), ("state", "list"), ("show",)),
     *(("answer",), ("spec", "diff"), ("doctor",), ("call",), ("validate",), ("graph",), ("health", "-json")),
     *(("status", "--json"), ("plan", "--json"), ("look",), ("token", "show", "default")),
 )
@@ -71,7 +71,7 @@ _FOREIGN = re.compile(
     r"|unhashable|Error: |invalid literal|not supported between|unexpected keyword"
 )
 """What no sentence of octoform holds: the words of Python and of the kernel."""
-_QUOTES = ("episodes", "logs", "attempts", "attempts show 4")
+_QUOTES = ("incidents", "logs", "attempts", "attempts show 4")
 """Commands that quote what servers and agents printed."""
 _TOOL_FAILED = re.compile(r"octoform: reference [0-9a-f]{8}: the tool \S+ failed inside$")
 _CHAINED = re.compile(r"(The above exception was|During handling of the above)")

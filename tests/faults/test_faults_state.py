@@ -76,7 +76,7 @@ def test_artifacts_that_are_no_json_any_more_are_told_by_every_command(project: 
     assert plan.out.count("edited by hand") == 2
     for command in (("status",), ("tools",), ("show",), ("state", "show", "identify")):
         assert project.run(*command).status in ((6,) if command == ("status",) else (0, 1))
-    done = project.run("accept", "identify", status=1)
+    done = project.run("state", "adopt", "identify", status=1)
     assert done.err.count("error[") == 1
     project.run("apply", "-auto-approve", "-target", "probe", status=0)
     project.apply("-target", "interface", status=0)

@@ -124,7 +124,7 @@ def test_accept_adopts_an_artifact_under_a_changed_spec(live: Project) -> None:
     reword(live, "identify")
     assert set(reasons(live)) == {"identify", "interface", "serve", "deploy", "endpoint"}
     before = len(live.agent_runs())
-    live.run("accept", "identify", status=0)
+    live.run("state", "adopt", "identify", status=0)
     assert "No changes" in live.run("plan", status=0).out
     assert len(live.agent_runs()) == before
     assert json.loads(live.run("state", "show", "-json", "identify", status=0).out)["detail"]["adopted"] is True
@@ -134,11 +134,11 @@ def test_accept_adopts_an_edit_by_hand_only_when_the_contract_does(live: Project
     path = live.state / "identify" / "output.json"
     good = path.read_bytes()
     path.write_bytes(good.replace(b'"sensor"', b'"gadget"'))
-    assert "IDENTIFY-SCHEMA" in live.run("accept", "identify", status=1).err
+    assert "IDENTIFY-SCHEMA" in live.run("state", "adopt", "identify", status=1).err
     path.unlink()
-    assert "ARTIFACT-MISSING" in live.run("accept", "identify", status=1).err
+    assert "ARTIFACT-MISSING" in live.run("state", "adopt", "identify", status=1).err
     path.write_bytes(good.replace(b'"confidence": 0.9', b'"confidence": 0.91'))
-    live.run("accept", "identify", status=0)
+    live.run("state", "adopt", "identify", status=0)
     assert repair(live) == ["interface"]
 
 

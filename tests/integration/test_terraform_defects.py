@@ -145,7 +145,7 @@ def test_5_a_saved_plan_survives_an_unrelated_change_and_refuses_only_what_moved
     edit(specs / "interface.md", "INTERFACE", "Interface")
     project.run("plan", "-target", "interface", "-out", "good.plan", status=0)
     serial = json.loads((project.state / "state.json").read_bytes())["serial"]
-    project.run("accept", "identify", status=0)
+    project.run("state", "adopt", "identify", status=0)
     assert json.loads((project.state / "state.json").read_bytes())["serial"] == serial + 1
     done = project.run("apply", "-json", "good.plan", status=0)
     assert result(done)["agent_runs"] == 1

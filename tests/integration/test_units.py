@@ -252,7 +252,7 @@ def test_what_the_device_reports_stops_a_rewrite_that_makes_more_of_a_goal(bench
         told = " ".join(bench.project.run(words).text.split())
         assert f"the device reported {ELBOW}" in told and "limits -reset arm_move_joint" in told, told
     bench.project.run("watch", "--once")
-    listed = " ".join(bench.project.run("episodes").text.split())
+    listed = " ".join(bench.project.run("incidents").text.split())
     assert "arm_move_joint" in listed and f"the device reported {ELBOW}" in listed, listed
     bench.project.run("restart", status=0)
     assert "outside of its range" in bench.told(move)[0]

@@ -259,7 +259,7 @@ def run_resume(arguments: Namespace, project: Path, screen: Console) -> int:
     return requests.resumed(screen, layout.host, instance_lock.alive(layout), was=was, as_json=arguments.json)
 
 
-def run_episodes(arguments: Namespace, project: Path, screen: Console) -> int:
+def run_incidents(arguments: Namespace, project: Path, screen: Console) -> int:
     """Exit code 0, whatever went wrong."""
     from octoform.daemon.store.incidents import read
     from octoform.daemon.store.json_store import Shelf
@@ -268,7 +268,7 @@ def run_episodes(arguments: Namespace, project: Path, screen: Console) -> int:
 
     text = arguments.n
     if not text.isascii() or not text.isdigit():
-        raise UsageError(f"-n: {text!r} is not a number of episodes", "usage: octoform episodes [-n COUNT] [-json]")
+        raise UsageError(f"-n: {text!r} is not a number of incidents", "usage: octoform incidents [-n COUNT] [-json]")
     layout, found = layout_of(project, os.environ)
     if layout is None:
         return problems.show(screen, found, as_json=arguments.json)

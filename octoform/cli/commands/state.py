@@ -34,10 +34,13 @@ def run_show(arguments: Namespace, project: Path, screen: Console) -> int:
 
 
 def run_state(arguments: Namespace, project: Path, screen: Console) -> int:
-    """One of the three verbs."""
-    from octoform.engine.inspect.state import forget, node_of, open_project
+    """One of the four verbs; ``adopt`` verifies the artifact first."""
+    from octoform.engine.inspect.state import accept, forget, node_of, open_project
     from octoform.views.inspect import state
 
+    if arguments.verb == "adopt":
+        status = problems.show(screen, accept(project, os.environ, arguments.node), as_json=arguments.json)
+        return status or state.adopted(screen, arguments.node, as_json=arguments.json)
     if arguments.verb == "rm":
         status = problems.show(screen, forget(project, os.environ, arguments.node), as_json=arguments.json)
         return status or state.forgotten(screen, arguments.node, as_json=arguments.json)
@@ -86,15 +89,6 @@ def run_coverage(arguments: Namespace, project: Path, screen: Console) -> int:
     if problem is not None:
         return problems.show(screen, [problem], as_json=arguments.json)
     return coverage_view.written(screen, path, as_json=arguments.json)
-
-
-def run_accept(arguments: Namespace, project: Path, screen: Console) -> int:
-    """Verify the artifact and adopt it under today's key."""
-    from octoform.engine.inspect.state import accept
-    from octoform.views.inspect import state
-
-    status = problems.show(screen, accept(project, os.environ, arguments.node), as_json=arguments.json)
-    return status or state.adopted(screen, arguments.node, as_json=arguments.json)
 
 
 def run_force_unlock(arguments: Namespace, project: Path, screen: Console) -> int:

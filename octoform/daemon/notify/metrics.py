@@ -1,6 +1,6 @@
 """The daemon in numbers, as a file that Prometheus' node exporter reads. Written as a whole, or not at all.
 
-The numbers are made of what is kept anyway, so they say the same as `octoform health` and `octoform episodes`. All are
+The numbers are made of what is kept anyway, so they say the same as `octoform health` and `octoform incidents`. All are
 gauges: they are read off a record that is cut when it has grown. Light until it is used: the library is loaded only
 where the manifest names a file.
 """

@@ -209,7 +209,7 @@ def read(shelf: Shelf) -> list[Episode]:
 
 
 def to_json(episode: Episode) -> dict[str, Any]:
-    """An episode as its line has it, and ``octoform episodes --json``."""
+    """An episode as its line has it, and ``octoform incidents --json``."""
     return {
         "format": FORMAT,
         "id": episode.id,

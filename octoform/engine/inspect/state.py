@@ -99,7 +99,7 @@ def forget(project: Path, environ: Mapping[str, str], name: str) -> list[Diagnos
 
 
 def accept(project: Path, environ: Mapping[str, str], name: str) -> list[Diagnostic]:
-    """``accept NODE``: the artifact that is there, verified, under the key of today's specs and settings."""
+    """``state adopt NODE``: the artifact that is there, verified, under the key of today's specs and settings."""
 
     def step(opened: Found) -> list[Diagnostic]:
         state, found = node_of(opened.snapshot, name)

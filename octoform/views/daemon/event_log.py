@@ -281,7 +281,7 @@ def listed(console: Console, found: Sequence[Episode], said: Sequence[Diagnostic
     for line in table.lines(_LATEST, [tuple(_row(each)) for each in latest], console.width):
         console.line(line)
     if len(latest) < len(found):
-        console.line(f"and {len(found) - len(latest)} before: octoform episodes -n {len(found)}")
+        console.line(f"and {len(found) - len(latest)} before: octoform incidents -n {len(found)}")
     return 0
 
 

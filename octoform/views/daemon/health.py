@@ -57,7 +57,7 @@ def health(console: Console, found: Survey, *, as_json: bool, now: datetime | No
         for line in _trouble(console, trouble, now):
             console.line(line)
     if len(troubles) > MOST:
-        console.line(f"\n  and {len(troubles) - MOST} more: octoform episodes")
+        console.line(f"\n  and {len(troubles) - MOST} more: octoform incidents")
     for block in (_beside(console, found), _silent(console, found), _todo(console, found)):
         lines = list(block)
         if lines:

@@ -21,6 +21,11 @@ def usage(console: Console, message: str, usage_line: str) -> int:
     return 1
 
 
+def renamed(console: Console, former: str, name: str) -> None:
+    """A command was called by a name that the next version does not know."""
+    console.problem(f"octoform: `octoform {former}` is now `octoform {name}`; the next version knows the new name only")
+
+
 def interrupted(console: Console, said: str = GOES_ON) -> int:
     """Ctrl-C; exit code 130. ``said`` is what that means for the work at hand."""
     console.problem(f"\noctoform: interrupted; {said}")

@@ -168,7 +168,7 @@ class PlanHuman:
     def _advice(self, plan: Plan, saved_as: str | None) -> None:
         first, *more = plan_text.adoptable(plan) or ("",)
         if first:
-            text = f"To keep an artifact that is still right, without a new run:  octoform accept {first}"
+            text = f"To keep an artifact that is still right, without a new run:  octoform state adopt {first}"
             text += f"  (and so {plan_text.listed(more, 'and')})" if more else ""
             self._console.line(self._console.paint(text, "dim"))
         if saved_as:

@@ -56,7 +56,7 @@ def test_health_before_the_first_apply(host: Layout, capsys: pytest.CaptureFixtu
     assert document["todo"] == [{"command": "octoform apply", "why": "nothing is applied yet"}]
 
 
-@pytest.mark.parametrize("words", [["health"], ["pause"], ["claims"], ["episodes"], ["heal"], ["confirm", "c1"]])
+@pytest.mark.parametrize("words", [["health"], ["pause"], ["claims"], ["incidents"], ["heal"], ["confirm", "c1"]])
 def test_without_a_manifest_each_says_so_and_leaves_with_1(
     words: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -102,9 +102,14 @@ def test_heal_asks_the_daemon_that_lives(watched: Layout, capsys: pytest.Capture
     status, out, err = run(capsys, "heal", "-retry", "endpiont")
     assert (status, out) == (1, "")
     assert "did you mean endpoint?" in err
-    status, out, _ = run(capsys, "episodes")
-    assert status == 0
+    status, out, err = run(capsys, "incidents")
+    assert (status, err) == (0, "")
     assert "process_dead" in out
+    status, old, err = run(capsys, "episodes")
+    assert (status, old) == (0, out)
+    assert (
+        err == "octoform: `octoform episodes` is now `octoform incidents`; the next version knows the new name only\n"
+    )
 
 
 def pending(host: Layout) -> str:
@@ -157,3 +162,11 @@ def test_no_is_said_without_a_question(host: Layout, capsys: pytest.CaptureFixtu
     assert "refused" in out
     status, _, err = run(capsys, "confirm", name, "-reject")
     assert (status, "CLAIM-NOT-FOUND" in err) == (1, True)
+
+
+@pytest.mark.parametrize("folder", [(), ("-chdir", "accept"), ("-chdir=accept",)])
+def test_a_former_name_is_the_new_command(folder: tuple[str, ...]) -> None:
+    arguments = parse([*folder, "accept", "probe", "-json"])
+    assert (arguments.renamed, arguments.command, arguments.verb) == ("accept", "state", "adopt")
+    assert (arguments.node, arguments.json, arguments.chdir) == ("probe", True, "accept" if folder else None)
+    assert parse(["state", "adopt", "accept"]).renamed is None

@@ -56,7 +56,7 @@ DAMAGES = [emptied, edited, deleted, closed, link, lost_link, folder, pipe]
 WRITING = [
     ["apply"], ["start"], ["stop"], ["tools"], ["call", "x"], ["estop"], ["token", "list"], ["pause"], ["init"],
     ["claims"], ["claims", "-retire", "x"], ["confirm", "x"], ["restart"], ["resume"], ["revoke"], ["heal"],
-    ["connect", "bench"], ["clients", "list"], ["accept", "probe"], ["answer", "x", "y"], ["destroy"], ["look"],
+    ["connect", "bench"], ["clients", "list"], ["state", "adopt", "probe"], ["answer", "x", "y"], ["destroy"], ["look"],
     ["audit"], ["force-unlock", "x"], ["limits"], ["service", "install"], ["spec", "diff"], ["state", "list"],
     ["watch", "-once"],
 ]  # fmt: skip

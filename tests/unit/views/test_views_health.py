@@ -162,7 +162,7 @@ def test_what_devices_say_is_bounded_and_escaped() -> None:
     assert "\x1b" not in out.getvalue()
     assert "\u202e" not in out.getvalue()
     assert len(out.getvalue()) < 60_000
-    assert "and 18 more: octoform episodes" in out.getvalue()
+    assert "and 18 more: octoform incidents" in out.getvalue()
 
 
 @pytest.mark.parametrize(
@@ -214,7 +214,7 @@ def test_episodes_are_counted_by_kind() -> None:
     assert [each["id"] for each in document["episodes"]] == ["e22", "e23"]
     screen, out = console()
     event_log.listed(screen, found, (), 2, as_json=False)
-    assert "and 21 before: octoform episodes -n 23" in out.getvalue()
+    assert "and 21 before: octoform incidents -n 23" in out.getvalue()
 
 
 def test_uptimes_of_two_starts_of_the_machine_give_no_time() -> None:
