@@ -85,7 +85,8 @@ def _status(project: Path, environ: Mapping[str, str]) -> Status:
         return Status(plan.host, plan.empty, reasons, plan, process=process, others=others)
     listed, problems = list_tools(layout, start=False)
     names = tuple(str(tool["name"]) for tool in listed)
-    reasons = (*facts.reasons, *_trouble(process, problems), *_tunnel(layout, process))
+    unread = [_told(item) for item in tokens.listed(layout)[1]]
+    reasons = (*facts.reasons, *_trouble(process, problems), *_tunnel(layout, process), *unread)
     if not problems and set(names) != set(promised(layout)) - hidden(layout):
         reasons = (*reasons, "the endpoint's tools are not those of INTERFACE")
     return Status(plan.host, plan.empty, reasons, plan, names, process, problems, others)

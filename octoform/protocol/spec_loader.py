@@ -6,6 +6,7 @@ with it: a field that could be changed without effect would mislead whoever read
 
 import re
 from itertools import pairwise
+from os.path import lexists
 from pathlib import Path
 from typing import Any
 
@@ -48,6 +49,9 @@ def load(folder: Path | None) -> tuple[dict[str, Spec], list[Diagnostic]]:
 
     ``folder`` is a project's ``protocol/`` (it need not exist), None for the shipped specs alone.
     """
+    if folder is not None and lexists(folder) and not folder.is_dir():
+        hint = "put a folder of specs in its place, or remove it to use the shipped ones"
+        return {}, [error("PROTOCOL-FRONT-MATTER", "this is no folder of specs", path=str(folder), hint=hint)]
     specs: dict[str, Spec] = {}
     found = _strangers(folder)
     for stage, path in spec_paths(folder).items():

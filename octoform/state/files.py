@@ -88,8 +88,16 @@ def _not_regular(path: Path, what: str) -> Diagnostic:
 
 def unreadable(problem: OSError, path: Path) -> Diagnostic:
     """STATE-UNREADABLE with the operating system's words."""
-    reason = problem.strerror or str(problem)
-    return error("STATE-UNREADABLE", f"cannot be read: {reason}", path=shown(path), hint="check its owner and mode")
+    return error(
+        "STATE-UNREADABLE", f"cannot be read: {_reason(problem)}", path=shown(path), hint="check its owner and mode"
+    )
+
+
+def _reason(problem: OSError) -> str:
+    """The operating system's words, but for those that name no link which a person could look for."""
+    if problem.strerror == os.strerror(errno.ELOOP):
+        return "a folder on the way to it is a link to itself"
+    return problem.strerror or str(problem)
 
 
 def refused(problem: OSError, path: Path) -> Diagnostic:
@@ -97,7 +105,7 @@ def refused(problem: OSError, path: Path) -> Diagnostic:
     where = shown(path)
     if problem.errno in _FULL:
         return _disk_full(problem, path)
-    reason = problem.strerror or str(problem)
+    reason = _reason(problem)
     if problem.errno in _REFUSED:
         hint = f"make {shown(path.parent)} writable for this user, or run from a copy that is"
         return error("STATE-READ-ONLY", f"cannot be written: {reason}", path=where, hint=hint)

@@ -131,3 +131,9 @@ def shown(result: RunResult) -> str:
     out = io.StringIO()
     RunHuman(Console(out, io.StringIO(), colour=False, colour_err=False, interactive=False)).ended(result)
     return out.getvalue()
+
+
+def test_tokens_that_cannot_be_read_are_told(bench: Launched) -> None:
+    (bench.layout.run / "tokens.json").symlink_to("nowhere")
+    assert "the tokens cannot be read: it is a symlink" in status(bench, TOOLS).reasons
+    (bench.layout.run / "tokens.json").unlink()

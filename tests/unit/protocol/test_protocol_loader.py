@@ -1,6 +1,7 @@
 """Reading specs: the shipped ones, a project's own laid over them, and what is wrong with a spec."""
 
 import shutil
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -133,3 +134,12 @@ def test_own_schemas_must_be_complete(folder: Path) -> None:
     specs, found = load(folder)
     assert [item.code for item in found] == ["PROTOCOL-NO-SCHEMA"]
     assert "deploy" not in specs
+
+
+@pytest.mark.parametrize("stands", [lambda path: path.symlink_to("nowhere"), Path.touch], ids=["link", "file"])
+def test_what_is_no_folder_is_not_replaced_by_the_shipped_specs(
+    tmp_path: Path, stands: Callable[[Path], object]
+) -> None:
+    stands(tmp_path / "protocol")
+    found = load(tmp_path / "protocol")[1]
+    assert [(item.code, item.path) for item in found] == [("PROTOCOL-FRONT-MATTER", str(tmp_path / "protocol"))]

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+from octoform.state.files import read_regular, write_atomic
 from octoform.state.layout import Layout
 from octoform.state.model import NodeState
 from octoform.state.store.quick_read import backup_path, parse, peek
@@ -170,3 +171,13 @@ def test_every_code_of_the_package_has_a_page() -> None:
         text = (PAGES / f"{name}.md").read_text()
         assert text.startswith(f"# {name}: "), name
         assert 6 <= len(text.splitlines()) <= 30, name
+
+
+def test_a_folder_that_is_a_link_to_itself_is_told_as_one(tmp_path: Path) -> None:
+    (tmp_path / "loop").symlink_to("loop")
+    _, problem = read_regular(tmp_path / "loop" / "state.json")
+    assert problem is not None
+    assert problem.summary == "cannot be read: a folder on the way to it is a link to itself"
+    problem = write_atomic(tmp_path / "loop" / "state.json", b"{}")
+    assert problem is not None
+    assert problem.summary == "cannot be written: a folder on the way to it is a link to itself"
