@@ -57,6 +57,10 @@ def scan_denied(probe: Probe) -> None:
     probe["scan_methods"].append({"name": "inventory of hwmon, hid, platform, scsi", "status": "ok"})
 
 
+def installed(probe: Probe) -> None:
+    probe["scan_methods"].append({"name": "lsusb", "status": "ok", "detail": "after apt-get install usbutils"})
+
+
 def relabelled(probe: Probe) -> None:
     probe["platform"]["os_version"] = "13"
 
@@ -95,6 +99,7 @@ WRONG: dict[str, tuple[Callable[[Probe], None], str, str]] = {
     "a scan skipped": (scans_left_out, "PROBE-SCAN-UNTOLD", "'usb'"),
     "devices of a scan that was denied": (scan_denied, "PROBE-SCAN-UNTOLD", "'usb'"),
     "listed and skipped": (twice, "PROBE-LEFT-OUT", "listed as well"),
+    "a program that was installed": (installed, "PROBE-INSTALLED", "not_found"),
 }
 
 

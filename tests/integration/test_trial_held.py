@@ -30,7 +30,10 @@ LIED = all_of(
         "read_storage",
         """
         folder = runtime.device(device).path("block")
-        done = subprocess.run(["no-such-disk-program", folder.name], timeout=5, check=True, capture_output=True)
+        try:
+            done = subprocess.run(["no-such-disk-program", folder.name], timeout=5, check=True, capture_output=True)
+        except FileNotFoundError:
+            raise
         return Storage(device=device, disks=[done.stdout])
         """,
     ),
