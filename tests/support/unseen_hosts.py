@@ -10,6 +10,7 @@ from sysfs_tree import Tree
 USB = "pci0000:00/0000:00:14.0/usb1"
 KEYS = "1000000000007 ff9f207ac14057ff febeffdfffefffff fffffffffffffffe"
 Part = tuple[str, str, Mapping[str, str]]
+Interface = tuple[str, str, list[Part]]
 """A device of a class: the class, its folder below the interface, its attributes."""
 _NODES = ("tty", "video4linux", "hidraw", "usbmisc")
 
@@ -37,9 +38,7 @@ class Host(Tree):
         self.bus(place, "usb", facts, **({"DRIVER": driver} if driver else {}))
         return place
 
-    def plug(
-        self, ids: str, maker: str, product: str, *interfaces: tuple[str, str, list[Part]], code: str = "00"
-    ) -> None:
+    def plug(self, ids: str, maker: str, product: str, *interfaces: Interface, code: str = "00") -> None:
         """A USB device; of each interface its class code, its driver, and what the kernel made of it."""
         vid, pid = ids.split(":")
         at = self._at(vid, pid, maker, product, code)
@@ -98,14 +97,14 @@ def network_storage(host: Host) -> None:
 
 def thin_client(host: Host) -> None:
     host.plug("076b:3021", "HID Global", "OMNIKEY 3x21 Smart Card Reader", ("0b/00/00", "", []))
-    card = [("sound", "sound/card1", {"id": "C320M"})]
+    card: list[Part] = [("sound", "sound/card1", {"id": "C320M"})]
     card += [("sound", f"sound/card1/pcmC1D0{way}", {}) for way in "pc"]
     host.plug("047f:c025", "Plantronics", "Plantronics C320-M", ("01/01/00", "snd-usb-audio", card))
     host.hid("413c:2113", "Dell", "KB216 Wired Keyboard", "01/01", keys=True)
 
 
 def router(host: Host) -> None:
-    lines = [("ff/00/00", "option", [("tty", f"ttyUSB{at}/tty/ttyUSB{at}", {})]) for at in range(2)]
+    lines: list[Interface] = [("ff/00/00", "option", [("tty", f"ttyUSB{at}/tty/ttyUSB{at}", {})]) for at in range(2)]
     data: list[Part] = [("usbmisc", "usbmisc/cdc-wdm0", {}), ("net", "net/wwan0", {"type": "1"})]
     host.plug("2c7c:0125", "Quectel", "EC25-EU", *lines, ("ff/ff/ff", "qmi_wwan", data))
     host.bus("platform/keys", "platform", DRIVER="gpio-keys")
