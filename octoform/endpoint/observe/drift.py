@@ -74,7 +74,11 @@ def observe(layout: Layout, expected: Expected | None = None) -> EndpointFacts:
     server, runtime = file_digest(layout.output("serve")), folder_digest(layout.runtime)
     other = written_for(layout)
     reasons = [
-        *([f"the endpoint was written for {other}"] if other is not None else []),
+        *(
+            [f"the endpoint was written for {other}; octoform start makes this folder one of its own"]
+            if other is not None
+            else []
+        ),
         *_files(layout, manifest["files"]),
         *_environment(manifest),
         *_served(manifest, server, runtime, wanted),
