@@ -38,6 +38,15 @@ used = {{"inputTokens": 1000, "outputTokens": 100, "costUSD": 0.25, "costBasis":
 for line in (
     {{"type": "system", "subtype": "init"}},
     {{
+        "type": "assistant",
+        "message": {{
+            "content": [
+                {{"type": "tool_use", "id": "1", "name": "Read", "input": {{"file_path": task["input"]}}}},
+                {{"type": "tool_use", "id": "2", "name": "Write", "input": {{"file_path": task["output"]}}}},
+            ],
+        }},
+    }},
+    {{
         "type": "result",
         "subtype": "success",
         "is_error": False,
@@ -82,6 +91,7 @@ def test_the_manifest_of_the_readme_runs_as_written_and_says_what_it_cost(
     assert "APPLY-PRICE-UNKNOWN" not in project.run("plan", status=0).text
     done = project.run("apply", "-auto-approve", status=0)
     assert "Apply complete" in done.out and "$1.00 (priced by claude-code)" in done.out
+    assert "Read state/local/identify/output.json\n" in done.out and "Write server.py\n" in done.out
     costs = [json.loads(project.run("state", "show", "-json", stage).out)["usage"] for stage in ("identify", "serve")]
     assert [(cost["cost_usd"], cost["cost_source"]) for cost in costs] == [(0.25, "claude-code")] * 2
     assert '"celsius": 21.5' in project.run("call", "read_temperature", status=0).out

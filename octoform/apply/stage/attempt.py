@@ -262,7 +262,9 @@ def run(context: Context, assignment: Assignment, harness: Harness, task: Task, 
             case Said():
                 context.emit(events.AttemptProgress(task.stage, event.text, elapsed))
             case ToolCalled():
-                context.emit(events.AgentActed(task.stage, event.tool, event.text, elapsed))
+                # What begins with these folders, as most of its paths do, would leave no room for their names.
+                text = event.text.replace(f"{task.workdir}/", "").replace(f"{context.layout.project}/", "")
+                context.emit(events.AgentActed(task.stage, event.tool, text, elapsed))
             case Turn() | Totals():
                 turns = so_far.turns = (so_far.turns or 0) + isinstance(event, Turn)
                 tokens = (used.input_tokens, used.output_tokens)

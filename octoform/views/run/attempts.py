@@ -29,8 +29,8 @@ COLUMNS = (
     Column("time", right=True, goes=4, most=48),
     Column("turns", right=True, goes=1, most=48),
     Column("tokens in/out", right=True, goes=2, most=48),
-    Column("cost", right=True, goes=3, most=48),
-    Column("when", goes=6, most=48),
+    Column("cost", right=True, goes=6, most=48),
+    Column("when", goes=3, most=48),
 )
 """On a terminal that is too narrow the columns go that tell least; -json and `attempts show` have all."""
 UNKNOWN = "-"

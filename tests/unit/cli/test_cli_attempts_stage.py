@@ -9,6 +9,8 @@ import pytest
 from octoform.cli.commands.run import run_attempts
 from octoform.cli.parser import UsageError
 from octoform.views.format.console import Console
+from octoform.views.format.table import lines
+from octoform.views.run.attempts import COLUMNS
 
 
 @pytest.mark.parametrize("stage", ["serve", "watch", "heal", "step.arm"])
@@ -23,3 +25,11 @@ def test_what_no_agent_is_started_for_is_told_with_what_was_meant(tmp_path: Path
     console = Console(io.StringIO(), io.StringIO(), colour=False, colour_err=False, interactive=False)
     with pytest.raises(UsageError, match="did you mean heal"):
         run_attempts(Namespace(verb=None, stage="heel", all=False, json=False), tmp_path, console)
+
+
+@pytest.mark.parametrize("width", [80, 100])
+def test_what_an_attempt_cost_is_shown_on_a_usual_terminal(width: int) -> None:
+    agent = "claude-code, anthropic/claude-sonnet-4-5"
+    row = ("2", "identify", "1", agent, "accepted", "2.1s", "9", "1.0k/100", "$0.25", "2026-11-26 11:48:59Z")
+    assert all(len(line) <= width for line in lines(COLUMNS, [row], width))
+    assert "$0.25" in list(lines(COLUMNS, [row], width))[1]
