@@ -27,6 +27,11 @@ IGNORES_ALL = b"*\n"
 """The rule of git by which nothing of a folder is ever committed (gitignore(5))."""
 _FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 _REFUSED = (errno.EROFS, errno.EACCES, errno.EPERM)
+_IN_THE_WAY = {
+    errno.ELOOP: "a folder on the way to it is a link to itself",
+    errno.ENOTDIR: "a folder on the way to it is none",
+    errno.EEXIST: "what stands there is no folder",
+}
 
 
 def pass_by(name: str) -> None:
@@ -94,10 +99,9 @@ def unreadable(problem: OSError, path: Path) -> Diagnostic:
 
 
 def _reason(problem: OSError) -> str:
-    """The operating system's words, but for those that name no link which a person could look for."""
-    if problem.strerror == os.strerror(errno.ELOOP):
-        return "a folder on the way to it is a link to itself"
-    return problem.strerror or str(problem)
+    """The operating system's words, but for those that do not say what to look for."""
+    number, said = problem.errno or 0, problem.strerror or str(problem)
+    return _IN_THE_WAY.get(number, said) if said == os.strerror(number) else said
 
 
 def refused(problem: OSError, path: Path) -> Diagnostic:
@@ -109,7 +113,9 @@ def refused(problem: OSError, path: Path) -> Diagnostic:
     if problem.errno in _REFUSED:
         hint = f"make {shown(path.parent)} writable for this user, or run from a copy that is"
         return error("STATE-READ-ONLY", f"cannot be written: {reason}", path=where, hint=hint)
-    return error("STATE-WRITE-FAILED", f"cannot be written: {reason}", path=where, detail="the former file is intact")
+    do = "move away what stands there and run the same command again" if problem.errno in _IN_THE_WAY else None
+    summary, detail = f"cannot be written: {reason}", "the former file is intact"
+    return error("STATE-WRITE-FAILED", summary, path=where, detail=detail, hint=do)
 
 
 def _disk_full(problem: OSError, path: Path) -> Diagnostic:

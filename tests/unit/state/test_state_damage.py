@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from octoform.state.files import read_regular, write_atomic
+from octoform.state.files import read_regular, refused, write_atomic
 from octoform.state.layout import Layout
 from octoform.state.model import NodeState
 from octoform.state.store.quick_read import backup_path, parse, peek
@@ -181,3 +181,15 @@ def test_a_folder_that_is_a_link_to_itself_is_told_as_one(tmp_path: Path) -> Non
     problem = write_atomic(tmp_path / "loop" / "state.json", b"{}")
     assert problem is not None
     assert problem.summary == "cannot be written: a folder on the way to it is a link to itself"
+
+
+def test_what_stands_in_the_place_of_a_folder_is_told_with_what_to_do(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "probe")
+    below = write_atomic(tmp_path / "probe" / "output.json", b"{}")
+    assert below is not None
+    assert below.summary == "cannot be written: a folder on the way to it is none"
+    with pytest.raises(FileExistsError) as refusal:
+        (tmp_path / "probe").mkdir(exist_ok=True)
+    there = refused(refusal.value, tmp_path / "probe")
+    assert there.summary == "cannot be written: what stands there is no folder"
+    assert below.hint == there.hint == "move away what stands there and run the same command again"
