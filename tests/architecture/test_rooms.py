@@ -46,9 +46,9 @@ SAME = {
     "tokens": {"base", "endpoint"},
     "watch": {"apply", "builtin"},
 }
-# Suites below tests/unit that are of no package: a part of one, or of several.
 # Lists of rooms in the other tests of the architecture.
 NAMED = re.compile(r"^(?:FLAT|OTHERS) = ({.*})$", re.MULTILINE)
+# Suites below tests/unit that are of no package: a part of one, or of several.
 SUITES = {"hostile", "recordings", "support"}
 
 
