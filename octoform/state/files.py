@@ -27,7 +27,8 @@ IGNORES_ALL = b"*\n"
 """The rule of git by which nothing of a folder is ever committed (gitignore(5))."""
 _FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 _REFUSED = (errno.EROFS, errno.EACCES, errno.EPERM)
-_IN_THE_WAY = {
+MOVE_AWAY = "move away what stands there and run the same command again"
+IN_THE_WAY = {
     errno.ELOOP: "a folder on the way to it is a link to itself",
     errno.ENOTDIR: "a folder on the way to it is none",
     errno.EEXIST: "what stands there is no folder",
@@ -93,15 +94,14 @@ def _not_regular(path: Path, what: str) -> Diagnostic:
 
 def unreadable(problem: OSError, path: Path) -> Diagnostic:
     """STATE-UNREADABLE with the operating system's words."""
-    return error(
-        "STATE-UNREADABLE", f"cannot be read: {_reason(problem)}", path=shown(path), hint="check its owner and mode"
-    )
+    hint = MOVE_AWAY if problem.errno in IN_THE_WAY else "check its owner and mode"
+    return error("STATE-UNREADABLE", f"cannot be read: {reason_of(problem)}", path=shown(path), hint=hint)
 
 
-def _reason(problem: OSError) -> str:
+def reason_of(problem: OSError) -> str:
     """The operating system's words, but for those that do not say what to look for."""
     number, said = problem.errno or 0, problem.strerror or str(problem)
-    return _IN_THE_WAY.get(number, said) if said == os.strerror(number) else said
+    return IN_THE_WAY.get(number, said) if said == os.strerror(number) else said
 
 
 def refused(problem: OSError, path: Path) -> Diagnostic:
@@ -109,11 +109,11 @@ def refused(problem: OSError, path: Path) -> Diagnostic:
     where = shown(path)
     if problem.errno in _FULL:
         return _disk_full(problem, path)
-    reason = _reason(problem)
+    reason = reason_of(problem)
     if problem.errno in _REFUSED:
         hint = f"make {shown(path.parent)} writable for this user, or run from a copy that is"
         return error("STATE-READ-ONLY", f"cannot be written: {reason}", path=where, hint=hint)
-    do = "move away what stands there and run the same command again" if problem.errno in _IN_THE_WAY else None
+    do = MOVE_AWAY if problem.errno in IN_THE_WAY else None
     summary, detail = f"cannot be written: {reason}", "the former file is intact"
     return error("STATE-WRITE-FAILED", summary, path=where, detail=detail, hint=do)
 

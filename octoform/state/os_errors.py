@@ -10,7 +10,7 @@ from pathlib import Path
 
 from octoform.base import shortage
 from octoform.diagnostics import Diagnostic, error
-from octoform.state.files import mount_point, name_of, shown
+from octoform.state.files import IN_THE_WAY, MOVE_AWAY, mount_point, name_of, reason_of, shown
 
 _PACKAGE = Path(__file__).resolve().parents[1]
 _CLOSED = (errno.EACCES, errno.EPERM)
@@ -25,7 +25,7 @@ def refusal(problem: OSError) -> Diagnostic:
     if shortage.is_shortage(problem):
         return _no_processes(problem)
     path = Path(os.fsdecode(problem.filename)) if isinstance(problem.filename, str | bytes) else None
-    reason = problem.strerror or str(problem) or type(problem).__name__
+    reason = reason_of(problem) or type(problem).__name__
     return error(
         "SYSTEM-REFUSED",
         f"the operating system refused: {reason}",
@@ -54,6 +54,8 @@ def _hint(problem: OSError, path: Path | None) -> str:
         return "look at its owner and mode"
     if problem.errno in _FULL:
         return f"make room on {mount_point(path.parent)} and run the same command again"
+    if problem.errno in IN_THE_WAY:
+        return MOVE_AWAY
     if problem.errno == errno.EROFS:
         return "its file system is mounted read-only; mount it for writing, or use a copy that is writable"
     return "octoform explain SYSTEM-REFUSED tells what can be done"
