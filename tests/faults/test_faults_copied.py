@@ -19,6 +19,7 @@ from octoform.base import processes
 from octoform.base.place import KEY, place_of
 from octoform.endpoint.process.record import running
 from octoform.harness.containment import orphans
+from octoform.server.process.instance_lock import Owner
 from octoform.server.transport import addresses
 from octoform.server.tunnel import termination
 from octoform.state.layout import Layout
@@ -193,6 +194,19 @@ def test_a_record_of_another_machine_is_of_no_process_here(applied: Project) -> 
     finally:
         path.write_bytes(before)
     assert pid(applied) is not None
+
+
+def test_a_process_without_a_record_of_this_machine_is_told_to_whoever_starts_another(applied: Project) -> None:
+    """As after the machine got another id, or where a container serves the same folder."""
+    applied.run("stop", status=0)
+    owner = Owner.take(applied.local / "run")
+    assert owner is not None
+    try:
+        refused = applied.run("start", status=1).err
+    finally:
+        owner.release()
+        applied.run("start", status=0)
+    assert "a process that has no record of this machine serves this folder" in refused and "fuser" in refused
 
 
 def copied(folder: Path) -> Path:

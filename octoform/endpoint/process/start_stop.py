@@ -221,7 +221,7 @@ def _start(layout: Layout, end: float) -> tuple[Running | None, Diagnostic | Non
         why = begun.ended()
         if why is not None:
             if not begun.taken or time.monotonic() > patience:
-                return None, _failed(layout, mark, why)
+                return None, _held(layout) if begun.taken else _failed(layout, mark, why)
             begun = _Detached(layout)  # the owner may be one that was killed and is not wholly gone
         time.sleep(_STEP)
     begun.give_up()
@@ -246,6 +246,17 @@ def _private(path: Path) -> int:
 
     make_way(path)
     return os.open(path, os.O_WRONLY | os.O_APPEND | os.O_CREAT | os.O_CLOEXEC | os.O_NOFOLLOW | os.O_NONBLOCK, 0o600)
+
+
+def _held(layout: Layout) -> Diagnostic:
+    """The kernel says that a process owns the endpoint, and no record says which: none that was written here."""
+    return error(
+        "ENDPOINT-START-FAILED",
+        "the endpoint did not start: a process that has no record of this machine serves this folder",
+        path=str(layout.run),
+        hint="it was started before this machine had its id, or in a container: stop it there, or end it (`fuser -v "
+        f"{layout.run}/*` shows it), then octoform start",
+    )
 
 
 def _failed(layout: Layout, mark: int, why: str) -> Diagnostic:
