@@ -67,7 +67,7 @@ class Parser(argparse.ArgumentParser):
         if kind == "word" and "=" in word and "-arg" in self._option_string_actions:
             said = f"an argument of a tool is written -arg {word}"
         elif kind == "option" and name in ("v", "verbose") and self.more:
-            said = f"{self.more} says more"
+            said = f"{self.more} shows more"
         raise UsageError(f"{self.prog} knows no {kind} {word!r}; {said}", self.format_usage())
 
     def _get_option_tuples(self, _: str) -> list[tuple[argparse.Action, str, str | None]]:
@@ -134,7 +134,7 @@ def value(command: Parser, name: str, metavar: str, text: str, *, default: str |
 
 _CALL_JSON = "all arguments as one JSON object; also makes the output JSON"
 _CLIENT = "an MCP client, such as claude-code, codex or vscode"
-_START = "start the endpoint although `octoform stop` ended it, which nothing else but `start` and `apply` does"
+_START = "start the endpoint even after `octoform stop`; otherwise only `start` and `apply` do so"
 _TRANSPORT = "stdio or http (default: what the scope calls for)"
 
 
@@ -149,16 +149,16 @@ def _endpoint(commands: Commands) -> None:
 
 
 def _running(commands: Commands) -> None:
-    add(commands, "start", "start the endpoint; nothing is done when it runs")
-    stop = add(commands, "stop", "stop the endpoint: first gracefully, then firmly")
+    add(commands, "start", "start the endpoint unless it already runs")
+    stop = add(commands, "stop", "stop the endpoint: ask its process to end, kill it after 8 s")
     stop.add_argument("host", metavar="HOST", nargs="?", help="another host of this folder, also a former one")
     add(commands, "restart", "stop the endpoint and start it again")
-    status = add(commands, "status", "tell whether the host is in sync and its endpoint healthy")
+    status = add(commands, "status", "show if the host is in sync and its endpoint healthy")
     status.more = "octoform health"
-    logs = add(commands, "logs", "show what the endpoint did: its calls and what it printed")
-    logs.add_argument("-f", "--follow", action="store_true", dest="follow", help="go on as new lines come")
-    value(logs, "n", "LINES", "so many of the latest lines", default="50")
-    service = add(commands, "service", "have systemd run the endpoint and its daemon", json=False)
+    logs = add(commands, "logs", "show the endpoint's calls and what its process printed")
+    logs.add_argument("-f", "--follow", action="store_true", dest="follow", help="keep printing new lines")
+    value(logs, "n", "LINES", "show the latest LINES lines", default="50")
+    service = add(commands, "service", "let systemd run the endpoint and its daemon", json=False)
     verbs = verbs_of(service)
     for name, text in (
         ("install", "show the systemd units, then write and start them"),
@@ -174,45 +174,48 @@ def _running(commands: Commands) -> None:
 def _calling(commands: Commands) -> None:
     flag(add(commands, "tools", "list the tools of the live endpoint"), "start", _START)
     call = add(commands, "call", "call a tool of the live endpoint", json=False)
-    call.add_argument("tool", metavar="TOOL", nargs="?", help="without one, a reading tool is called as an example")
+    call.add_argument("tool", metavar="TOOL", nargs="?", help="the tool (default: a read-only tool, as an example)")
     text = "one argument; repeatable"
     call.add_argument("-arg", "--arg", metavar="NAME=VALUE", action="append", default=[], help=text)
     call.add_argument("-json", "--json", metavar="OBJECT", nargs="?", const="", dest="json_arguments", help=_CALL_JSON)
-    value(call, "timeout", "DURATION", "give up after so long", default="60s")
-    flag(call, "dry-run", "tell what would be done, and do nothing")
-    flag(call, "auto-approve", "approve what the policy wants confirmed")
+    value(call, "timeout", "DURATION", "give up after DURATION", default="60s")
+    flag(call, "dry-run", "report what the call would do, and do nothing")
+    flag(call, "auto-approve", "confirm calls for which the policy requires consent")
     flag(call, "start", _START)
 
 
 def _looking(commands: Commands) -> None:
-    look = add(commands, "look", "take a picture through the endpoint and tell what it shows")
+    look = add(commands, "look", "take a picture through the endpoint and report what it shows")
     value(look, "device", "ID", "look through this camera (default: the one of the step perceive, else the best)")
-    value(look, "save", "FILE", "write the picture there; with -every each gets a number in its name")
-    text = "look again at every DURATION, until Ctrl-C; without one as octopus.yaml says"
+    value(look, "save", "FILE", "write the picture to FILE; with -every each name gets a number")
+    text = "take a picture every DURATION until Ctrl-C (default: the interval in octopus.yaml)"
     look.add_argument("-every", "--every", metavar="DURATION", nargs="?", const="", help=text)
-    value(look, "count", "N", "end after N looks; only with -every")
+    value(look, "count", "N", "end after N pictures; only with -every")
 
 
 def _clients(commands: Commands) -> None:
-    connect = add(commands, "connect", "a client's stdio command: a pipe to the endpoint", json=False)
+    connect = add(commands, "connect", "connect an MCP client to the endpoint (its stdio command)", json=False)
     connect.add_argument("host", metavar="HOST", nargs="?", help="the host (default: the only one of this project)")
     value(connect, "print", "CLIENT", f"print the configuration for {_CLIENT}; connect to nothing")
     value(connect, "transport", "KIND", _TRANSPORT)
     flag(connect, "start", _START)
-    verbs = verbs_of(add(commands, "clients", "put the endpoint into the configuration of MCP clients", json=False))
-    add(verbs, "list", "list the clients, their files, and whether the endpoint is in them")
-    for name, text in (("install", "add the endpoint to a client's file; a backup is kept"), ("remove", "take it out")):
+    verbs = verbs_of(add(commands, "clients", "add the endpoint to the configuration files of MCP clients", json=False))
+    add(verbs, "list", "list the clients, their files, and which of them have the endpoint")
+    for name, text in (
+        ("install", "add the endpoint to a client's file; a backup is kept"),
+        ("remove", "remove the endpoint from a client's file"),
+    ):
         verb = add(verbs, name, text)
         verb.add_argument("client", metavar="CLIENT", help=_CLIENT)
         value(verb, "transport", "KIND", _TRANSPORT)
 
 
 def _access(commands: Commands) -> None:
-    verbs = verbs_of(add(commands, "token", "who may reach the endpoint over the network", json=False))
+    verbs = verbs_of(add(commands, "token", "manage the tokens that give access over the network", json=False))
     create = add(verbs, "create", "make a token; its value is shown once and kept with mode 0600")
     create.add_argument("name", metavar="NAME")
-    value(create, "effects", "LIST", "what it may call: read, actuate, irreversible", default="read")
-    value(create, "expires", "DURATION", "it ends after so long, such as 24h (default: never)")
+    value(create, "effects", "LIST", "which tools it may call: read, actuate, irreversible", default="read")
+    value(create, "expires", "DURATION", "the token expires after DURATION, such as 24h (default: never)")
     add(verbs, "list", "list the tokens, not their values")
     for name, text in (
         ("show", "print the value of a token"),
@@ -220,35 +223,34 @@ def _access(commands: Commands) -> None:
         ("revoke", "end a token at once"),
     ):
         add(verbs, name, text).add_argument("name", metavar="NAME")
-    add(commands, "revoke", "end the tunnel of scope internet, and prove that it is gone")
+    add(commands, "revoke", "end the tunnel of scope internet and verify that it is gone")
 
 
 def _guarding(commands: Commands) -> None:
-    estop = add(commands, "estop", "refuse every actuator at once and run the stop actions; engaged until cleared")
-    flag(estop, "clear", "allow actuators again")
-    value(estop, "reason", "TEXT", "why; it is kept in the audit log")
-    audit = add(commands, "audit", "show what was allowed, refused and approved")
+    estop = add(commands, "estop", "emergency stop: refuse all actuators and run the stop actions")
+    flag(estop, "clear", "end the emergency stop")
+    value(estop, "reason", "TEXT", "the reason, for the audit log")
+    audit = add(commands, "audit", "show which calls were allowed, refused and approved")
     flag(audit, "verify", "check that no record was changed, removed or added")
-    value(audit, "n", "LINES", "so many of the latest records", default="50")
+    value(audit, "n", "LINES", "show the latest LINES records", default="50")
     value(audit, "tool", "TOOL", "only records of this tool")
     flag(audit, "refused", "only calls that were refused")
-    value(
-        audit, "since", "WHEN", "only from then on: a duration back from now (1h30m) or a time (2026-05-04T12:00:00Z)"
-    )
-    value(audit, "client", "TEXT", "only calls of clients, tokens or process numbers like this, and what came of them")
-    limits = add(commands, "limits", "show the limits and what is used of them")
-    value(limits, "reset", "TOOL", "set the sums of a tool to zero")
+    text = "only records after WHEN: a duration back from now (1h30m) or a time (2026-05-04T12:00:00Z)"
+    value(audit, "since", "WHEN", text)
+    value(audit, "client", "TEXT", "only calls whose client, token or process number contains TEXT, and their results")
+    limits = add(commands, "limits", "show the limits and how much of each is used")
+    value(limits, "reset", "TOOL", "reset the counters of a tool")
 
 
-# The commands of the daemon: keep the deployment alive, and tell how it is.
+# The commands of the daemon: keep the deployment working, and report its state.
 
 _CODES = """\
 exit codes{}:
-  0  healthy: everything that should report does, and nothing is wrong
+  0  healthy: all checks pass
   3  degraded: something is wrong, and the rest works
   4  error: tools cannot work until it is repaired
   5  down: the endpoint does not run or does not answer
-  6  unknown: something that should report does not
+  6  unknown: a check has no data
   1  the command itself failed; the reason is on standard error
 """
 _OF_WATCH = """\
@@ -259,31 +261,27 @@ _OF_WATCH = """\
 
 def _daemon(commands: Commands) -> None:
     """Add them all."""
-    watch = add(commands, "watch", "keep the deployment alive: notice what happens, repair what can be repaired")
-    flag(watch, "once", "one look with all repairs that are due, then leave")
+    watch = add(commands, "watch", "keep the deployment working: detect faults and repair them")
+    flag(watch, "once", "run one check cycle with all repairs that are due, then exit")
     _ends(watch, f"exit codes:\n{_OF_WATCH}")
-    health = add(commands, "health", "tell how the deployment is, what is wrong since when, and what to do")
+    health = add(commands, "health", "show the health of the deployment, each problem, and what to do")
     _ends(health, _CODES.format(""))
-    heal = add(commands, "heal", "look and repair now; list what was given up after its tries")
-    text = "try TARGET again although it was given up, such as endpoint or tool:move_rail; `all` is everything"
+    heal = add(commands, "heal", "check and repair now; list the problems that were given up")
+    text = "try again to repair TARGET, such as endpoint or tool:move_rail; `all` for everything"
     value(heal, "retry", "TARGET", text)
-    _ends(heal, _CODES.format(", where no daemon runs and one round is made here (else 0: it was asked)"))
-    claims = add(commands, "claims", "list what agents and persons claim of the hardware, and what each rests on")
-    flag(claims, "all", "also those that are over, with the reason")
-    value(claims, "retire", "ID", "take back a claim that is in force")
-    confirm = add(commands, "confirm", "say yes or no to a claim that only a person may make true")
-    confirm.add_argument(
-        "claim",
-        metavar="ID",
-        nargs="?",
-        help="a claim, as `octoform claims` shows it, or a rewrite that a notice names; without it, list what waits",
-    )
-    flag(confirm, "reject", "say no")
+    _ends(heal, _CODES.format(", where no daemon runs and heal makes one check cycle (else 0: the daemon was asked)"))
+    claims = add(commands, "claims", "list the claims about the hardware and their evidence")
+    flag(claims, "all", "also expired and refuted claims, with the reason")
+    value(claims, "retire", "ID", "withdraw a claim that is in force")
+    confirm = add(commands, "confirm", "approve or reject a claim or a rewrite that needs a person")
+    text = "a claim as `octoform claims` shows it, or a rewrite as its notice names it (default: list what waits)"
+    confirm.add_argument("claim", metavar="ID", nargs="?", help=text)
+    flag(confirm, "reject", "reject it")
     flag(confirm, "auto-approve", "do not ask")
-    add(commands, "pause", "let the daemon repair nothing until `resume`; it goes on looking")
-    add(commands, "resume", "let the daemon repair again")
-    incidents = add(commands, "incidents", "list what went wrong, how often, and how long it took until it was over")
-    value(incidents, "n", "COUNT", "so many of the latest", default="20")
+    add(commands, "pause", "pause the daemon's repairs until `resume`; it goes on observing")
+    add(commands, "resume", "resume the daemon's repairs")
+    incidents = add(commands, "incidents", "list what went wrong, how often, and how long it lasted")
+    value(incidents, "n", "COUNT", "show the latest COUNT incidents", default="20")
 
 
 RENAMED = {"accept": ("state", "adopt"), "episodes": ("incidents",)}
@@ -291,7 +289,7 @@ RENAMED = {"accept": ("state", "adopt"), "episodes": ("incidents",)}
 
 
 def _ends(command: Parser, codes: str) -> None:
-    """Tell a command's exit codes below its options."""
+    """Show a command's exit codes below its options."""
     command.epilog, command.formatter_class = codes, RawDescriptionHelpFormatter
 
 
@@ -299,9 +297,9 @@ EXIT_CODES = """\
 exit codes:
   0    done; for `plan -detailed-exitcode`: no changes
   1    an error; the reason is on standard error
-  2    for `plan -detailed-exitcode`: there are changes; for `look`: the picture shows nothing
+  2    for `plan -detailed-exitcode`: there are changes; for `look`: the picture is black, uniform or frozen
   3    for `status`, `health`, `heal` and `watch -once`: degraded; 4: error, 5: down, 6: unknown, 0: healthy;
-       for `apply`: done, and this user may not use a served device
+       for `apply`: done, but this user may not use a served device
   129  stopped by SIGHUP: its terminal was closed
   130  interrupted from the keyboard
   143  stopped by SIGTERM
@@ -320,7 +318,7 @@ def build(chosen: str | None = None) -> Parser:
     text = "work in DIR, the folder of octopus.yaml (default: this folder, else the nearest above that has one)"
     parser.add_argument("-chdir", "--chdir", metavar="DIR", help=text)
     parser.add_argument("-no-color", "--no-color", action="store_true", help="no colour")
-    parser.add_argument("-version", "--version", action="store_true", help="print the version and leave")
+    parser.add_argument("-version", "--version", action="store_true", help="print the version and exit")
     made = partial(_built, chosen)
     commands: Commands = parser.add_subparsers(  # type: ignore[call-overload]
         dest="command", metavar="COMMAND", title="commands", parser_class=made
@@ -341,107 +339,106 @@ def _built(chosen: str | None, **given: Any) -> Parser:
 
 def _scope(command: Parser) -> None:
     for name, text in (
-        ("target", "keep to NODE and what it needs; may be given more than once"),
-        ("replace", "make NODE again although nothing moved; may be given more than once"),
+        ("target", "only NODE and the nodes that it needs; may be given more than once"),
+        ("replace", "create NODE again although nothing changed; may be given more than once"),
     ):
         command.add_argument(f"-{name}", f"--{name}", metavar="NODE", action="append", default=[], help=text)
 
 
 def _reading(commands: Commands) -> None:
     init = add(commands, "init", "write a commented octopus.yaml for this host")
-    value(init, "host", "NAME", "the name of the host in the state (default: made from this machine's name)")
+    value(init, "host", "NAME", "the name of the host in the state (default: derived from this machine's name)")
     add(commands, "validate", "check octopus.yaml, specs and profiles; start nothing")
     add(commands, "schema", "print the JSON Schema of octopus.yaml", json=False)
-    explain = add(commands, "explain", "tell the long story of a diagnostic code")
-    explain.add_argument(
-        "code", metavar="CODE", nargs="?", help="a code such as IDENTIFY-INVENTED-DEVICE; none lists all"
-    )
+    explain = add(commands, "explain", "explain a diagnostic code")
+    text = "a code such as IDENTIFY-INVENTED-DEVICE (default: list all codes)"
+    explain.add_argument("code", metavar="CODE", nargs="?", help=text)
     graph = add(commands, "graph", "print the graph of nodes", json=False)
     graph.add_argument("-type", "--type", choices=("dot", "mermaid"), default="dot", help="the drawing language")
 
 
-_TIER1 = "as if no one had said anything of the hardware: without profiles and answers"
+_TIER1 = "without profiles and answers, as if no person had described the hardware"
 
 
 def _working(commands: Commands) -> None:
     plan = add(commands, "plan", "show what would change and why; change nothing")
     _scope(plan)
-    value(plan, "out", "FILE", "save the plan, to be applied later as it is")
-    flag(plan, "detailed-exitcode", "leave with 2 when there are changes")
-    flag(plan, "no-reuse", "plan to run every agent, also where another host has the same accepted output")
+    value(plan, "out", "FILE", "save the plan, for `apply FILE`")
+    flag(plan, "detailed-exitcode", "exit with 2 when there are changes")
+    flag(plan, "no-reuse", "run every agent; do not reuse the accepted output of another host")
     flag(plan, "tier1", _TIER1)
-    flag(plan, "destroy", "plan the removal of everything")
-    apply = add(commands, "apply", "do what the plan says")
+    flag(plan, "destroy", "plan the removal of everything that apply created")
+    apply = add(commands, "apply", "show the plan, ask, and carry it out")
     apply.add_argument("planfile", metavar="PLANFILE", nargs="?", help="a plan saved with `plan -out`")
     _scope(apply)
     flag(apply, "auto-approve", "do not ask")
-    flag(apply, "no-reuse", "run every agent, also where another host has the same accepted output")
+    flag(apply, "no-reuse", "run every agent; do not reuse the accepted output of another host")
     flag(apply, "tier1", _TIER1)
-    flag(apply, "ask", "on a terminal: ask about each device that is still unknown, then plan and apply once more")
-    value(apply, "lock-timeout", "DURATION", "wait so long for the state's lock, such as 30s", default="0s")
+    flag(apply, "ask", "on a terminal: ask about each unknown device, then plan and apply once more")
+    value(apply, "lock-timeout", "DURATION", "wait up to DURATION for the state's lock, such as 30s", default="0s")
     _answering(commands)
     destroy = add(commands, "destroy", "remove the endpoint, the artifacts and the state of this host")
     flag(destroy, "auto-approve", "do not ask")
-    value(destroy, "lock-timeout", "DURATION", "wait so long for the state's lock, such as 30s", default="0s")
+    value(destroy, "lock-timeout", "DURATION", "wait up to DURATION for the state's lock, such as 30s", default="0s")
 
 
 def _answering(commands: Commands) -> None:
-    answer = add(commands, "answer", "say in a sentence what a device is; without one, list what is asked")
+    answer = add(commands, "answer", "answer the question about a device; without DEVICE, list the open questions")
     answer.add_argument("device", metavar="DEVICE", nargs="?", help="the device's id, as plan shows it")
-    answer.add_argument("sentence", metavar="SENTENCE", nargs="?", help="what it is; without it a terminal is asked")
-    flag(answer, "remove", "take back what was said of DEVICE")
+    answer.add_argument("sentence", metavar="SENTENCE", nargs="?", help="what it is (default: ask on the terminal)")
+    flag(answer, "remove", "remove the answer about DEVICE")
 
 
 def _state(commands: Commands) -> None:
     show = add(commands, "show", "show the state, or a saved plan")
     show.add_argument("planfile", metavar="PLANFILE", nargs="?", help="a plan saved with `plan -out`")
     devices = add(commands, "devices", "list the devices, their tools, and where each is attached now")
-    flag(devices, "v", "also serial numbers, evidence, what is in doubt, and what was skipped and why")
-    state = add(commands, "state", "look into the state, node by node", json=False)
+    flag(devices, "v", "also serial numbers, evidence, doubts, and skipped devices with the reason")
+    state = add(commands, "state", "show the nodes of the state, or change one", json=False)
     verbs = verbs_of(state)
     add(verbs, "list", "list the nodes of the state")
     one = add(verbs, "show", "show one node of the state")
     one.add_argument("node", metavar="NODE")
-    forget = add(verbs, "rm", "forget a node; its artifact stays where it is")
+    forget = add(verbs, "rm", "forget a node; its artifact file stays")
     forget.add_argument("node", metavar="NODE")
-    adopt = add(verbs, "adopt", "take a node's artifact as it is, under the input hash of today's specs and settings")
+    adopt = add(verbs, "adopt", "verify a node's artifact and keep it under the current specs and settings")
     adopt.add_argument("node", metavar="NODE")
     _specs(commands)
     _profiles(commands)
     _attempts(commands)
     _coverage(commands)
-    unlock = add(commands, "force-unlock", "remove the lock of a run that is known to be gone", json=False)
+    unlock = add(commands, "force-unlock", "remove the lock of a run that no longer exists", json=False)
     unlock.add_argument("lock_id", metavar="LOCK-ID")
 
 
 def _specs(commands: Commands) -> None:
-    spec = add(commands, "spec", "what agents corrected in their own specs", json=False)
+    spec = add(commands, "spec", "show, keep or drop the corrections that agents made to specs", json=False)
     verbs = verbs_of(spec)
-    one = add(verbs, "diff", "show the edits that wait for a decision")
+    one = add(verbs, "diff", "show the corrections that wait for a decision")
     one.add_argument("stage", metavar="STAGE", nargs="?")
-    one = add(verbs, "promote", "write an edit into protocol/; an output that was made with it stays accepted")
+    one = add(verbs, "promote", "write a correction into protocol/; the output made with it stays accepted")
     one.add_argument("stage", metavar="STAGE")
-    one = add(verbs, "reset", "drop the edit of a stage, or of all")
+    one = add(verbs, "reset", "drop the correction of a stage, or of all stages")
     one.add_argument("stage", metavar="STAGE", nargs="?")
 
 
 def _profiles(commands: Commands) -> None:
-    profile = add(commands, "profile", "begin a profile, or see for which devices one holds and why", json=False)
+    profile = add(commands, "profile", "draft a profile, or check which devices a profile matches", json=False)
     verbs = verbs_of(profile)
-    one = add(verbs, "new", "draft profiles/NAME.md from what PROBE saw of a device")
+    one = add(verbs, "new", "draft profiles/NAME.md from PROBE's record of a device")
     one.add_argument("device", metavar="DEVICE")
-    one = add(verbs, "check", "check a profile and explain on which known hosts its evidence rule holds")
+    one = add(verbs, "check", "check a profile and explain which devices of the known hosts it matches")
     one.add_argument("file", metavar="FILE")
 
 
 def _attempts(commands: Commands) -> None:
-    attempts = add(commands, "attempts", "list what the agents did, the latest last")
+    attempts = add(commands, "attempts", "list the attempts of the agents, the latest last")
     value(attempts, "stage", "STAGE", "only the attempts of this stage")
-    flag(attempts, "all", "all that are kept, not only the latest")
+    flag(attempts, "all", "all attempts that are kept, not only the latest")
     verbs = attempts.add_subparsers(dest="verb", metavar="VERB", parser_class=Parser)
-    one = add(verbs, "show", "show everything that is known of one attempt", json=False)
+    one = add(verbs, "show", "show everything that is recorded of one attempt", json=False)
     one.add_argument("number", metavar="N", type=int)
-    record = add(verbs, "record", "write the last run as a recording, to be played by harness replay", json=False)
+    record = add(verbs, "record", "write the last run as a recording for the harness replay", json=False)
     record.add_argument("folder", metavar="DIR")
     text = "only runs that began with attempt N or later"
     record.add_argument("-from", "--from", metavar="N", type=int, default=1, dest="first", help=text)
@@ -451,15 +448,15 @@ def _attempts(commands: Commands) -> None:
 
 
 def _coverage(commands: Commands) -> None:
-    coverage = add(commands, "coverage", "show what of the hardware is usable, what is not and why")
-    value(coverage, "html", "FILE", "write the report as a page of its own instead")
-    flag(coverage, "all", "every device that is skipped, every disagreement, every run")
+    coverage = add(commands, "coverage", "show which hardware is usable, and why the rest is not")
+    value(coverage, "html", "FILE", "write the report as an HTML page instead")
+    flag(coverage, "all", "also every skipped device, every disagreement, every run")
 
 
 def _agents(commands: Commands) -> None:
-    install = add(commands, "install", "install the programs of harnesses, in versions that octoform was tried with")
+    install = add(commands, "install", "install agent programs, in versions that octoform was tested with")
     install.add_argument("harness", metavar="HARNESS", nargs="+", help="a harness of octopus.yaml, such as pi or codex")
-    add(commands, "doctor", "check what the chosen harnesses need: programs, keys, models; change nothing")
+    add(commands, "doctor", "check the programs, keys and models that octopus.yaml needs")
     _simulating(commands)
 
 
@@ -472,10 +469,10 @@ def _about(commands: Commands) -> None:
 
 
 def _simulating(commands: Commands) -> None:
-    simulate = add(commands, "simulate", "run simulated devices until Ctrl-C, to be used in place of hardware")
-    simulate.add_argument("rig", metavar="RIG", help="a rig by its name, such as reference, or a .yaml file")
-    value(simulate, "folder", "DIR", "make the devices in DIR, which is empty or not there (default: a new one)")
-    text = "another value in the rig's description, such as arm.anonymous=true; may be given more than once"
+    simulate = add(commands, "simulate", "run simulated devices until Ctrl-C, in place of hardware")
+    simulate.add_argument("rig", metavar="RIG", help="the name of a rig, such as reference, or a .yaml file")
+    value(simulate, "folder", "DIR", "create the devices in DIR, empty or missing so far (default: a new folder)")
+    text = "change a value of the rig's description, such as arm.anonymous=true; may be given more than once"
     simulate.add_argument("-set", "--set", metavar="NAME.KEY=VALUE", action="append", default=[], help=text)
 
 

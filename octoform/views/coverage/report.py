@@ -24,8 +24,8 @@ USABLE = (
     Column("device", most=28),
     Column("is", most=44),
     Column("class", goes=2, most=16),
-    Column("tier", right=True),
-    Column("sure", right=True, goes=4),
+    Column("input"),
+    Column("confidence", right=True, goes=4),
     Column("by", goes=1, most=28),
     Column("tools", most=400),
 )
@@ -206,7 +206,7 @@ def _offers(devices: tuple[Device, ...], width: int) -> Iterator[str]:
 
 
 def _named(item: Device) -> tuple[str, ...]:
-    tier = "" if item.tier is None else str(item.tier)
+    tier = "" if item.tier is None else words.INPUTS[item.tier]
     return (item.id, item.identified_as, item.kind, tier, f"{item.confidence:.2g}", _by(item))
 
 
@@ -219,12 +219,12 @@ def _unknown(found: Coverage, width: int, paint: Paint) -> Iterator[str]:
     devices = found.of(Standing.UNKNOWN)
     if not devices:
         return
-    yield from _head(f"unknown ({len(devices)}): one sentence each would settle it", paint)
+    yield from _head(f"unknown ({len(devices)}): one question each", paint)
     for item in devices:
         yield from _brief(item, width, lambda text: paint(text, "yellow"))
         yield from _wrapped(_why(item), width, "    ") if item.reason == OFFERED else ()
         yield from _wrapped(item.question, width, "    ")
-        answered = "answered, and not settled by it; say more: " if item.answered else ""
+        answered = "answered, but the answer did not identify it; add to it: " if item.answered else ""
         yield f'    {answered}octoform answer {one_line(item.id, 100)} "..."'
         yield f"    to act over a line: octoform profile new {one_line(item.id, 100)}"
 
@@ -234,7 +234,7 @@ def _without(found: Coverage, width: int, paint: Paint) -> Iterator[str]:
     if not devices:
         return
     decided = found.funnel.tools is not None
-    yield from _head(f"named, {'without a tool' if decided else 'tools not decided yet'} ({len(devices)})", paint)
+    yield from _head(f"identified, {'without a tool' if decided else 'tools not decided yet'} ({len(devices)})", paint)
     for item in devices:
         yield from _brief(item, width, str)
         if item.reason:
@@ -242,11 +242,11 @@ def _without(found: Coverage, width: int, paint: Paint) -> Iterator[str]:
 
 
 def _brief(item: Device, width: int, colour: Callable[[str], str]) -> Iterator[str]:
-    """Its id, what it is and how surely: on one line where that fits, else on two or more."""
+    """Its id, what it is and its confidence: on one line where that fits, else on two or more."""
     name = one_line(item.id, 100)
-    tier = f", tier {item.tier}" if item.tier is not None else ""
-    sure = f", {item.confidence:.2g} by {_by(item)}" if item.confidence else ""
-    facts = f"{item.kind or item.category}{tier}{sure}"
+    tier = f", {words.INPUTS[item.tier]}" if item.tier is not None else ""
+    confidence = f", {item.confidence:.2g} by {_by(item)}" if item.confidence else ""
+    facts = f"{item.kind or item.category}{tier}{confidence}"
     called = one_line(item.identified_as, 300)
     if len(name) + len(called) + len(facts) + 7 <= width:
         yield f"  {colour(name)}  {called} ({facts})"
@@ -306,7 +306,7 @@ def _stable(found: Stability | None, width: int, paint: Paint, everything: bool)
     if found.runs < 2:
         yield from _wrapped(ALONE, width)
     else:
-        yield f"  {found.same} of {counted(found.compared, 'device')} told the same in every run"
+        yield f"  {found.same} of {counted(found.compared, 'device')} had the same result in every run"
         yield f"  {len(found.core)} of {found.abilities} capabilities in every run, {counted(found.names, 'tool name')}"
     shown = found.disagreements if everything else found.disagreements[:LATEST]
     for item in shown:

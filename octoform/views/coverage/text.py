@@ -11,21 +11,22 @@ from octoform.views.plan.text import counted
 
 REASONS = {
     "bus_infrastructure": "only carries other devices",
-    "no_function": "has nothing that an agent could use",
+    "no_function": "has no function that an agent could use",
     "no_standard_interface": "no library or system interface reaches it",
     OFFERED: "a profile that comes with octoform matches it",
-    "no_credentials": "wants a login that is not here",
-    "network_neighbour": "is merely near, not part of this host",
+    "no_credentials": "needs a login that is not configured",
+    "network_neighbour": "is a neighbour, not part of this host",
     "duplicate_path": "is another entry of a device that is identified",
     "virtual": "has no hardware behind it",
-    "unknown_meaning": "its meaning is missing",
+    "unknown_meaning": "is unidentified",
     "not_permitted": "is not open to this user",
-    "tool_budget": "gave way to other tools",
-    "server_size": "found no room in a server that a person can read",
+    "tool_budget": "did not fit into the tool budget",
+    "server_size": "did not fit into the limit of 500 lines of a server",
     "unsafe": "could do harm when it is called",
     "out_of_scope": "is a part of the computer itself",
 }
-TIERS = answer_rules.WORDS
+INPUTS = answer_rules.WORDS
+"""What a person had to provide, by tier."""
 ENDPOINT = {"running": "the endpoint runs", "stopped": "the endpoint does not run", "absent": "no endpoint yet"}
 ONBOARDABLE = "Eligible is what senses or acts, what is unknown, and what was skipped although an agent could use it."
 WITH_INFRASTRUCTURE = "Infrastructure is what was identified as carrying others, such as disks, radios and hubs."
@@ -40,7 +41,7 @@ DEFINITIONS = {
     "onboardable": ONBOARDABLE,
     "with_infrastructure": f"{WITH_INFRASTRUCTURE} {BESIDE}",
     "stable": STABLE,
-    "tier": "; ".join(f"{number}: {words}" for number, words in TIERS.items()),
+    "tier": "; ".join(f"{number}: {words}" for number, words in INPUTS.items()),
 }
 UNKNOWN = "-"
 STAGES = (

@@ -16,10 +16,11 @@ from octoform.views.plan.text import counted
 _LONGEST = 4000
 _WIDEST_ID = 32
 """A longer id moves its own line alone."""
+_BY = {"strong": "by serial", "positional": "by port", "weak": "ambiguous"}
 _MEANS = {
-    "strong": "its own serial number tells it from any other, wherever it is plugged in",
-    "positional": "its port tells it from an equal one; an equal one in that port would be taken for it",
-    "weak": "only its kind tells what it is; with two of them attached, nothing is moved on a guess",
+    "strong": "its serial number identifies it at any port",
+    "positional": "its port identifies it; an equal device in that port would be taken for it",
+    "weak": "only its device model identifies it; with two of them attached, nothing is moved",
 }
 
 
@@ -57,7 +58,7 @@ def _row(console: Console, row: Row, wide: int, *, verbose: bool) -> None:
     details += [f"needs a profile: octoform profile new {row.id} drafts one"] if row.needs_profile else []
     details += [f"tools: {', '.join(row.tools)}"] if row.tools else []
     if row.now is not None:
-        details += [f"{row.now.strength}: {_MEANS[row.now.strength]}"] if row.now.strength in _MEANS else []
+        details += [f"{_BY[row.now.strength]}: {_MEANS[row.now.strength]}"] if row.now.strength in _MEANS else []
         details += [f"note: {row.now.doubt}"] if row.now.doubt else []
         details += [f"no rights: {node['node']}: {node['remedy']}" for node in row.now.refused]
     for line in details:
@@ -70,7 +71,8 @@ def _where(console: Console, row: Row) -> str:
     if not row.now.attached:
         return console.paint("absent", "red")
     nodes = f" as {', '.join(row.now.nodes)}" if row.now.nodes else ""
-    held = f"{row.now.strength}, in doubt" if row.now.doubt else row.now.strength
+    by = _BY.get(row.now.strength, row.now.strength)
+    held = f"{by}, in doubt" if row.now.doubt else by
     held += ", no rights" if row.now.refused else ""
     return one_line(f"at {row.now.port}{nodes} [{held}]", _LONGEST)
 

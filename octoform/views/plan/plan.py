@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator, Sequence
 
+from octoform.contracts.rules.identify.answer_rules import WORDS
 from octoform.plan import diff
 from octoform.plan.model import Action, NearProfile, OpenQuestion, Plan, PlannedAction, ProfileUse, ToldDevice, to_json
 from octoform.views.format.console import Console
@@ -13,12 +14,12 @@ from octoform.views.plan import text as plan_text
 # What is known of the devices, for people: what had to be said of them, which profile serves which, what is asked.
 
 WIDTH = 100
-TIERS = {1: "nothing said", 2: "a name", 3: "a description"}
-"""What a person had to say, by tier."""
+TIERS = {tier: f"a {word}" if tier > 1 else word for tier, word in WORDS.items()}
+"""What a person had to provide, by tier."""
 _USES = {
-    Action.NOOP: "holds for",
-    Action.CREATE: "would then hold for",
-    Action.DESTROY: "would no longer hold for",
+    Action.NOOP: "matches",
+    Action.CREATE: "will match",
+    Action.DESTROY: "will no longer match",
 }
 _MARKS = {Action.NOOP: ("   ", "dim"), Action.CREATE: ("  +", "green"), Action.DESTROY: ("  -", "red")}
 
@@ -29,7 +30,7 @@ def show(plan: Plan, console: Console) -> None:
         console.line(f"\n{_counted(plan.devices)}")
     for device in plan.devices:
         if device.tier > 1:
-            console.line(f"  {console.paint(str(device.tier), 'cyan')} {device.device} ({_told(device)})")
+            console.line(f"  {device.device} ({_told(device)})")
     told = {(device.profile, device.device) for device in plan.devices}
     uses = [item for item in plan.profiles if item.action is not Action.NOOP or (item.profile, item.device) not in told]
     if uses or plan.near:
@@ -48,7 +49,7 @@ def _offer(near: Sequence[NearProfile], console: Console) -> None:
     """A profile that lacks a word alone, the devices, and how it is said."""
     first, devices = near[0], ", ".join(item.device for item in near)
     mark = console.paint("  ?", "cyan")
-    console.line(f"{mark} {first.profile} would hold for {one_line(devices, WIDTH)} if you said that it is one:")
+    console.line(f"{mark} {first.profile} will match {one_line(devices, WIDTH)} after this answer:")
     console.line(f'        octoform answer {first.device} "{one_line(first.word, WIDTH)}"')
 
 
@@ -56,9 +57,9 @@ def ask(questions: Sequence[OpenQuestion], console: Console) -> None:
     """The open questions, and how one is answered."""
     if not questions:
         return
-    console.line("Devices whose meaning is missing:")
+    console.line("Unidentified devices:")
     for question in questions:
-        wanted = console.paint(f", {TIERS[question.tier]} (tier {question.tier}) would tell", "dim")
+        wanted = console.paint(f", needs {TIERS[question.tier]}", "dim")
         mark = console.paint("  ?", "cyan")
         console.line(f"{mark} {question.device} ({one_line(question.seen_as, WIDTH)}){wanted}")
         console.line(f"        {one_line(question.sentence, 2 * WIDTH)}")
@@ -69,9 +70,9 @@ def ask(questions: Sequence[OpenQuestion], console: Console) -> None:
 
 
 def _counted(devices: Sequence[ToldDevice]) -> str:
-    """``Devices: 7 at tier 1 (nothing said), 1 at tier 2 (a name)``."""
+    """``Devices: 7 with no input, 1 with a label``."""
     counts = ((tier, sum(1 for item in devices if item.tier == tier)) for tier in TIERS)
-    words = (f"{count} at tier {tier} ({TIERS[tier]})" for tier, count in counts if count)
+    words = (f"{count} with {TIERS[tier]}" for tier, count in counts if count)
     return f"Devices: {', '.join(words)}"
 
 
@@ -120,7 +121,7 @@ class PlanHuman:
         text = f"host {plan.host}"
         if plan.targets:
             text += f", only {plan_text.listed(plan.targets, 'and')} (-target)"
-        text += ", as if no one had said anything of its devices (-tier1)" if plan.tier1 else ""
+        text += ", without profiles and answers (-tier1)" if plan.tier1 else ""
         if plan.revision:
             text += f", revision {plan.revision[:12]}"
             text += f" with uncommitted {', '.join(plan.dirty)}" if plan.dirty else ""

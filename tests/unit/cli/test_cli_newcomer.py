@@ -47,7 +47,7 @@ def console(out: io.StringIO) -> Console:
         (["xyzzy"], "octoform help lists the commands"),
         (["state", "lst"], "there is no verb 'lst'; did you mean list?"),
         (["call", "move", "x=1"], "octoform call knows no word 'x=1'; an argument of a tool is written -arg x=1"),
-        (["status", "-v"], "octoform status knows no option '-v'; octoform health says more"),
+        (["status", "-v"], "octoform status knows no option '-v'; octoform health shows more"),
         (["plan", "-jsn"], "octoform plan knows no option '-jsn'; did you mean -json?"),
         (["apply", "--auto-aprove=1"], "did you mean -auto-approve?"),
     ],
