@@ -142,7 +142,7 @@ class _Reading:
             if not isinstance(key, ScalarNode) or key.anchor is not None:
                 self._add_at(key, "a field's name must be plain text")
             elif key.value in out:
-                self._add_at(key, f"the field {key.value!r} stands twice")
+                self._add_at(key, f"the field {key.value!r} occurs twice")
             else:
                 out[key.value] = self._value(item, (*place, key.value))
         return out

@@ -117,7 +117,7 @@ def _mended(context: Context, action: PlannedAction, tally: Tally, way: Return, 
         text = f"{way.fault}, and the budget of {' and '.join(spent)} has nothing left to fix it with"
         context.emit(events.Notice(way.judge, text))
         return False
-    context.emit(events.Notice(way.judge, f"{way.fault}; {way.maker.upper()} is told and runs again"))
+    context.emit(events.Notice(way.judge, f"{way.fault}; {way.maker.upper()} gets the findings and runs again"))
     tally.failed = None
     tally.diagnostics = [item for item in tally.diagnostics if item not in failed.standing]
     _repeat(context, action, tally, way.maker, _Again(failed, counted=True))

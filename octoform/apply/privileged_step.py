@@ -105,7 +105,10 @@ def carried_out(context: Context, step: Step, bench: Bench, value: Mapping[str, 
         if one.over and not has_errors(one.found):
             hint = "the emergency stop was given, or the endpoint went away, while the units were tried; apply again"
             one.blame(
-                "STEP-CALL-REFUSED", "the trials ended early: no call is taken now", pointer("trials", index), hint=hint
+                "STEP-CALL-REFUSED",
+                "the hardware tests ended early: the endpoint accepts no call now",
+                pointer("trials", index),
+                hint=hint,
             )
         context.emit(events.StepTried(step.node, one.unit, not has_errors(one.found), told(step, one)))
         yield one
@@ -132,7 +135,7 @@ def _rewritten(
     path = shown(task.workdir / SERVER)
     data = read_plain(task.workdir / SERVER, MAX_SOURCE_BYTES + 1)
     if data is None:
-        return None, [error("ARTIFACT-LINK", "the rewritten server is not a plain file of its own", path=path)]
+        return None, [error("ARTIFACT-LINK", "the rewritten server is not a separate plain file", path=path)]
     text, found = parse("serve", data, path)
     if not isinstance(text, str) or text == known.serve:
         return None, found
@@ -232,8 +235,8 @@ def _objection(ground: Ground, devices: tuple[str, ...]) -> Diagnostic | None:
     if len(devices) > 1:
         return error(
             "STEP-SEVERAL-DEVICES",
-            f"the step {step.name} is for one device, and the profile {step.profile} holds for {', '.join(devices)}",
-            hint="unplug all but one, or give each its own profile, whose evidence tells it from the other, and a step",
+            f"the step {step.name} is for one device, and the profile {step.profile} matches {', '.join(devices)}",
+            hint="unplug all but one, or give each a profile with different evidence, and a step",
         )
     if not _tools_of(ground):
         return _uncorroborated(step, f"{devices[0]} has no tool")
@@ -241,7 +244,7 @@ def _objection(ground: Ground, devices: tuple[str, ...]) -> Diagnostic | None:
 
 
 def _uncorroborated(step: Step, reason: str) -> Diagnostic:
-    hint = "octoform profile check tells which evidence is missing; a step may stay listed without its hardware"
+    hint = "octoform profile check shows the missing evidence; a step may stay listed without its hardware"
     return warning("STEP-NOT-CORROBORATED", f"the step {step.name} is skipped: {reason}", hint=hint)
 
 

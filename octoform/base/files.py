@@ -262,7 +262,7 @@ def _printable(value: Any) -> None:
         each = left.pop()
         if isinstance(each, str):
             if "\0" in each:
-                raise ValueError("a text has a NUL in it")
+                raise ValueError("a string has a NUL in it")
             each.encode("utf-8")
         elif isinstance(each, dict):
             left += [*each, *each.values()]

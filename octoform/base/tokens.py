@@ -75,7 +75,7 @@ def _token(item: Any, place: str) -> Token:
         raise ValueError(f"{place}.effects must be a list of words")
     created, expires = item.get("created"), item.get("expires")
     if not isinstance(created, str) or "expires" not in item:
-        raise ValueError(f"{place} must say when it was made and when it ends")
+        raise ValueError(f"{place} must hold when it was made and when it ends")
     if expires is not None:
         _moment(expires, f"{place}.expires")
     return Token(name, digest.lower(), tuple(effects), created, expires)

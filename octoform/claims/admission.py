@@ -127,7 +127,7 @@ def _condition(document: object) -> Condition:
     if op not in OPERATORS:
         raise _MalformedError(f"a condition's op is one of {' '.join(OPERATORS)}")
     if not _is_value(value) or value is None:
-        raise _MalformedError("a condition compares with a number, a truth value or a text")
+        raise _MalformedError("a condition compares with a number, a truth value or a string")
     return Condition(str(op), value)
 
 
@@ -292,7 +292,7 @@ def _other_signal(proposal: Proposal) -> Diagnostic:
     return error(
         "CLAIM-OTHER-SIGNAL",
         f"no reading that the claim about {_shown(proposal.target)} cites is one of {_of(proposal.signal)}",
-        hint="a claim stands on readings of its own signal",
+        hint="a claim rests on readings of its own signal",
     )
 
 
@@ -419,7 +419,7 @@ def _always_so(case: _Case) -> Diagnostic | None:
         return None
     return error(
         "CLAIM-ALWAYS-SO",
-        f"{_words(condition)} has held at every reading of {_of(signal)}, so nothing tells when it would be over",
+        f"{_words(condition)} has held at every reading of {_of(signal)}, so no reading can end it",
         hint="only a person restricts for what has never been otherwise: octoform confirm",
     )
 

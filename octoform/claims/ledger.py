@@ -50,8 +50,8 @@ def unknown_problem(identity: str, how: str) -> Diagnostic:
 
 def taken_problem(path: Path) -> Diagnostic:
     """Another process stands still with the lock."""
-    text = "the ledger of claims cannot be locked: another process stands still with it"
-    return error("CLAIM-LEDGER-LOCK", text, path=str(path), hint="end that process; fuser tells which one it is")
+    text = "the ledger of claims cannot be locked: another process holds it and does not continue"
+    return error("CLAIM-LEDGER-LOCK", text, path=str(path), hint="end that process; fuser shows which one it is")
 
 
 def nobody_problem() -> Diagnostic:
@@ -65,7 +65,7 @@ def changed_problem(path: Path) -> Diagnostic:
         "CLAIM-LEDGER-CHANGED",
         "the ledger of claims was changed by somebody else while an agent was at work; it is as it was before",
         path=shown(path),
-        hint="octoform claims and octoform confirm say what a person decides",
+        hint="octoform claims and octoform confirm record what a person decides",
     )
 
 

@@ -13,10 +13,6 @@ from typing import Any, NoReturn, TypeAlias
 from octoform.base import durations
 from octoform.diagnostics import did_you_mean
 
-# The words of which all commands' options are made.
-#
-# Options have Terraform's form (``-target NODE``); the same names work with two dashes.
-
 _FEW = 8
 """So many choices are listed on one line; more are looked up."""
 JSON_HELP = "machine-readable output on standard output"
@@ -129,8 +125,6 @@ def value(command: Parser, name: str, metavar: str, text: str, *, default: str |
     """An option with a value."""
     command.add_argument(f"-{name}", f"--{name}", metavar=metavar, help=text, default=default)
 
-
-# The commands for the live endpoint: run it, use it, guard it, let clients in.
 
 _CALL_JSON = "all arguments as one JSON object; also makes the output JSON"
 _CLIENT = "an MCP client, such as claude-code, codex or vscode"
@@ -491,10 +485,7 @@ def _chosen(argv: Sequence[str]) -> str:
 
 
 def parse(argv: Sequence[str]) -> argparse.Namespace:
-    """The parsed command line; UsageError when it cannot be understood, SystemExit(0) after ``--help``.
-
-    ``renamed`` is the former name by which the command was called, None for its own.
-    """
+    """The parsed command line, with the former name of its command as ``renamed``; UsageError, or SystemExit(0)."""
     former = _chosen(argv)
     if former in RENAMED:
         at = next(at for at, word in enumerate(argv) if word == former and argv[max(0, at - 1)].lstrip("-") != "chdir")

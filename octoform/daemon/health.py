@@ -161,7 +161,7 @@ def _process(facts: Facts) -> Iterable[Part]:
     elif facts.process is None:
         yield Part("endpoint", Status.DOWN, "its process does not run")
     elif facts.answers is None:
-        yield Part("endpoint", Status.UNKNOWN, "no one has asked yet whether it answers")
+        yield Part("endpoint", Status.UNKNOWN, "it has not been checked yet")
     elif not facts.answers:
         yield Part("endpoint", Status.DOWN, "its process does not answer")
     else:
@@ -184,7 +184,7 @@ def _devices(facts: Facts) -> Iterable[Part]:
         elif each.refused is not None:
             yield Part(f"device:{name}", Status.DEGRADED, each.refused)
         elif each.doubt is not None:
-            yield Part(f"device:{name}", Status.DEGRADED, "which device it is cannot be told for certain")
+            yield Part(f"device:{name}", Status.DEGRADED, "several devices match")
 
 
 def _troubles(episodes: Iterable[Trouble]) -> Iterable[Part]:

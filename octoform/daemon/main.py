@@ -382,8 +382,8 @@ def _wanted(project: Path, environ: Mapping[str, str]) -> tuple[Wanted | None, D
     finally:
         workers.end()
     if told.get("ok") is not True:
-        hint = "octoform validate tells all of it"
-        summary = "what the manifest says of the daemon cannot be read"
+        hint = "octoform validate shows all problems"
+        summary = "the manifest's settings of the daemon cannot be read"
         return None, error("DAEMON-NO-SETTINGS", summary, detail=str(told.get("detail") or "") or None, hint=hint)
     found = wanted(project, told)
     if problem := foreign(found.layout):

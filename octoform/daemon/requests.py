@@ -63,7 +63,7 @@ def retry(layout: Layout, known: GivenUp, target: str | None) -> tuple[tuple[str
         near = did_you_mean(target, known.targets)
         listed = ", ".join(known.targets[:8]) or "none; nothing is wrong that is known of"
         hint = f"did you mean {near}?" if near else f"there are: {listed}"
-        return (), error("DAEMON-NO-SUCH-TROUBLE", f"{target[:100]} has no trouble that lasts", hint=hint)
+        return (), error("DAEMON-NO-SUCH-TROUBLE", f"{target[:100]} has no open incident", hint=hint)
     return (target,), instance_lock.ask(layout, (target,))
 
 
@@ -92,7 +92,7 @@ def undecidable(project: Path, environ: Mapping[str, str]) -> Diagnostic | None:
     if not isinstance(holder, Holder) or liveness(holder.process, myself()) is Liveness.DEAD:
         return None
     summary = f"nothing is decided while {escaped(holder.operation)[:60]} is under way (process {holder.process.pid})"
-    hint = "an agent may be at work, and what it decides would look like a person's word; say it when that has ended"
+    hint = "an agent at work must not be able to decide as a person; repeat the command when it has ended"
     return error("CLAIM-AGENT-AT-WORK", summary, hint=hint)
 
 

@@ -97,7 +97,7 @@ def not_ours(folder: Path) -> str | None:
     except FileNotFoundError:
         return None
     if stat.S_ISLNK(status.st_mode):
-        return f"{folder} is a link; a folder has to stand there"
+        return f"{folder} is a link; it must be a folder"
     if status.st_uid != os.geteuid():
         return f"{folder} belongs to another user (uid {status.st_uid}); nothing of it can be trusted"
     return None
@@ -132,7 +132,7 @@ def of_another(layout: Layout) -> Diagnostic | None:
         return None
     there = is_copy(layout)
     what = f"that of {other}, of which this folder is a copy" if there else f"written for {other}, which is not there"
-    hint = "octoform start makes this folder one of its own, and so does octoform apply"
+    hint = "octoform start or octoform apply gives this folder its own endpoint"
     hint += f"; for the original: octoform -chdir={other} ..." if there else ""
     return error("ENDPOINT-ELSEWHERE", f"the endpoint of {layout.host} is {what}", path=str(layout.endpoint), hint=hint)
 

@@ -198,7 +198,7 @@ def _no_such(device: str, known: tuple[camera_selection.Camera, ...]) -> Diagnos
 
 
 def _unproved(camera: camera_selection.Camera) -> Diagnostic:
-    summary = f"no step has proved which camera to look through; {camera.device} was chosen"
-    hint = "privileged_steps: [perceive] proves one; -device chooses another for this time"
+    summary = f"no step has tested which camera to use; {camera.device} was chosen"
+    hint = "privileged_steps: [perceive] tests one; -device chooses another for this time"
     detail = f"it shares a hub with {', '.join(camera.hub_shared_with)}" if camera.hub_shared_with else None
     return warning("PERCEPTION-UNPROVED", summary, detail=detail, hint=hint)

@@ -122,7 +122,7 @@ _BEHIND = re.compile(
 _DRAFT = """\
 ---
 name: {name}
-# One line: what this product is. The check refuses the profile until it stands here.
+# One line: what this product is. The check rejects the profile until it is here.
 about: ""
 # What a person calls it: maker and model.
 product: {product}
@@ -142,7 +142,7 @@ evidence:
 ---
 """
 _LINES = """\
-# If it is driven by lines of text over its serial line, its commands are enough to make tools of. Leave out `ok` where
+# If it is driven by lines of text over its serial line, its commands are enough to make tools of. Omit `ok` where
 # it acknowledges nothing, and `send` where it speaks by itself. For example:
 # grammar:
 #   line: {class: tty, baud: 115200, ok: "OK", error: "ERR {message}", timeout: 5s}
@@ -227,7 +227,7 @@ def _text(device: Mapping[str, Any], answer: str) -> tuple[str, str]:
     tests = []
     if device.get("vid") and device.get("pid"):
         tests.append(f'    - vid_pid: "{device["vid"]}:{device["pid"]}"')
-    words = json.dumps([product]) if product else "[]  # it says no word of itself: which words name it?"
+    words = json.dumps([product]) if product else "[]  # it has no strings of its own: which words name it?"
     tests.append(f"    - text: {words}")
     for kind, listed in (("class", device.get("classes")), ("driver", device.get("drivers"))):
         if isinstance(listed, list) and listed:

@@ -107,7 +107,7 @@ def _latched(layout: Layout) -> Mapping[str, Any] | None:
     except FileNotFoundError:
         return None
     except (OSError, ValueError, LookupError, TypeError):
-        return {"by": "unknown", "reason": "its latch cannot be read", "since": ""}
+        return {"by": "unknown", "reason": "its file cannot be read", "since": ""}
 
 
 def _trouble(process: Process, problems: Sequence[Diagnostic]) -> tuple[str, ...]:

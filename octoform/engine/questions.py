@@ -65,7 +65,7 @@ def asked(project: Path, environ: Environ) -> tuple[Asked | None, list[Diagnosti
     artifacts = read_artifacts(compiled, opened.store.snapshot, files)
     answers = compiled.manifest.answers
     if "probe" not in artifacts:
-        hint = "`octoform apply` finds them; what it cannot tell becomes a question"
+        hint = "`octoform apply` finds them; each unknown device becomes a question"
         return None, [error("ANSWER-NO-PROBE", "nothing is known of this host's devices yet", hint=hint)]
     devices = tuple(item["id"] for item in artifacts["probe"]["devices"] if item.get("context") is not True)
     return Asked(device_knowledge.questions(artifacts, answers), answers, devices), []
@@ -92,8 +92,8 @@ def take_back(project: Path, environ: Environ, device: str) -> tuple[Answered | 
     answers = opened.compiled.manifest.answers
     if device not in answers:
         near = did_you_mean(device, list(answers))
-        hint = f"did you mean {near}?" if near else "`octoform answer` lists what was said"
-        return None, [error("ANSWER-NOT-THERE", f"octopus.yaml says nothing of {device}", hint=hint)]
+        hint = f"did you mean {near}?" if near else "`octoform answer` lists the answers"
+        return None, [error("ANSWER-NOT-THERE", f"octopus.yaml has no answer about {device}", hint=hint)]
     return _change(project, environ, Asked((), answers), device, None)
 
 

@@ -162,7 +162,7 @@ def _in_the_way(spec: Spec, edit: PendingEdit, project: Path) -> list[Diagnostic
     if spec.digest in (edit.base, edit.digest):
         return []
     summary = f"the spec of {edit.stage} has changed since the agent edited it"
-    hint = f"take over by hand what `octoform spec diff {edit.stage}` shows, then `octoform spec reset {edit.stage}`"
+    hint = f"copy by hand what `octoform spec diff {edit.stage}` shows, then `octoform spec reset {edit.stage}`"
     path = spec.path.relative_to(project) if spec.path.is_relative_to(project) else spec.path
     return [error("SPEC-MOVED", summary, path=str(path), hint=hint)]
 
@@ -178,7 +178,7 @@ def _illegal(compiled: Compiled, edit: PendingEdit) -> list[Diagnostic]:
             _, found = load_one(edit.stage, path, compiled.schemas)
     if any(is_hidden(sign) and sign not in "\n\t\r" for sign in edit.text):
         summary = "the edited spec holds control, invisible or direction-changing characters"
-        found.append(error("PROTOCOL-HIDDEN", summary, hint="take over by hand what is worth keeping"))
+        found.append(error("PROTOCOL-HIDDEN", summary, hint="copy by hand what is worth keeping"))
     return [replace(item, path=f"the edited spec of {edit.stage}") for item in found]
 
 

@@ -232,7 +232,7 @@ def _words(ended: Ended, watcher: Watcher) -> str:
     said = [watcher.trouble.text] if watcher.trouble is not None else []
     said += [closed.text] if closed is not None and not closed.ok and closed.text else []
     if not said and closed is None and ended.reason == "ended" and ended.status and watcher.last_words:
-        said.append(f"it said last: {watcher.last_words}")
+        said.append(f"its last output: {watcher.last_words}")
     return "; ".join(said)
 
 
@@ -240,7 +240,7 @@ def _ending(ended: Ended, task: Task, name: str, watcher: Watcher) -> str:
     limits = task.limits
     if ended.reason == "ordered":
         return {
-            ExitReason.FINISHED: "it said that it was done, did not leave, and was ended",
+            ExitReason.FINISHED: "it reported that it was done, did not exit, and was ended",
             ExitReason.IDLE: f"stopped after {limits.idle_seconds or 0:g} s without a sign of progress",
             ExitReason.TURN_LIMIT: f"stopped after {watcher.turns} replies of the model, {limits.turns} are allowed",
             ExitReason.BUDGET: f"stopped when its cost passed {limits.usd or 0:.2f} US dollars",

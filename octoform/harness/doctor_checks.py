@@ -270,7 +270,7 @@ def _key(way: Access, name: str | None, proxies: Mapping[str, str], answer: ApiA
     if name is None:
         return passed("key", "none is needed")
     if answer.status != 200:
-        return unknown("key", f"{name} is set; whether it is accepted could not be tried")
+        return unknown("key", f"{name} is set; octoform could not test if it is accepted")
     without = ask(way, "", proxies)
     if without.refuses(way.api):
         return passed("key", f"{name} is set and accepted")

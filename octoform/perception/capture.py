@@ -61,14 +61,14 @@ def decode_with(python: Path, pictures: Sequence[bytes]) -> list[Decoded | None]
             stdin=task,
         )
     except OSError as problem:
-        return _failed(f"{python} cannot be started: {problem.strerror}", "octoform plan tells what is amiss")
+        return _failed(f"{python} cannot be started: {problem.strerror}", "octoform plan shows what is wrong")
     if ended.timed_out:
         return _failed(f"it took more than {DECODE_SECONDS:g} s", "the machine may be busy; look again")
     try:
         return [_decoded(item) for item in parse(ended.stdout)["pictures"]]
     except (ValueError, LookupError, TypeError):
         said = ended.stderr.strip().splitlines()
-        return _failed(said[-1][:300] if said else f"exit status {ended.status}", "octoform plan tells what is amiss")
+        return _failed(said[-1][:300] if said else f"exit status {ended.status}", "octoform plan shows what is wrong")
 
 
 def _decoded(item: dict[str, Any]) -> Decoded | None:
@@ -123,7 +123,7 @@ def take(layout: Layout, view: Mapping[str, Any], person: Person | None = None) 
 def picture_of(tool: str, result: CallResult) -> tuple[bytes, str] | Diagnostic:
     """The first picture of a tool's answer and its media type."""
     if result.is_error:
-        hint = "see whether the camera is connected, free and permitted; octoform logs has the call"
+        hint = "check that the camera is connected, free and permitted; octoform logs has the call"
         return error("PERCEPTION-TOOL-FAILED", f"{tool} took no picture", detail=result.message or None, hint=hint)
     block = next((item for item in result.content if item.get("type") == "image"), None)
     if block is None:

@@ -27,7 +27,7 @@ def problem(item: Mapping[str, Any]) -> Problem | None:
     """What is wrong with a limit, and what to do about it; None when it is sound. Unknown fields are another matter."""
     for name in ("parameter", "tool", "unit", "zero"):
         if name in item and not (isinstance(item[name], str) and item[name].strip()):
-            return f"{name!r} of a limit is no text", None
+            return f"{name!r} of a limit is not a string", None
     bounds, paces = [name for name in BOUNDS if name in item], [name for name in PACES if name in item]
     return _scope(item, bounds, paces) or _numbers(item, bounds) or _times(item)
 
@@ -37,13 +37,13 @@ def _scope(item: Mapping[str, Any], bounds: list[str], paces: list[str]) -> Prob
     if not bounds and not paces:
         return "the limit bounds nothing", f"give it one of {', '.join((*BOUNDS, *PACES))}"
     if bounds and "parameter" not in item:
-        return "the limit does not name its parameter", f"say of which parameter {bounds[0]!r} is"
+        return "the limit does not name its parameter", f"name the parameter {bounds[0]!r} is"
     if not bounds and "parameter" in item:
         return "nothing in the limit speaks of its parameter", f"remove it, or give one of {', '.join(BOUNDS)}"
     if "zero" in item and "cumulative" not in item:
         return "`zero` is of a limit without `cumulative`", "it names the tool after which a sum begins again at zero"
     if not bounds and "tool" not in item:
-        return "the limit does not name its tool", f"say of which tool {paces[0]!r} is"
+        return "the limit does not name its tool", f"name the tool {paces[0]!r} is"
     return None
 
 

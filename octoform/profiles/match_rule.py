@@ -171,7 +171,7 @@ def _test(kind: str, content: object, place: Place, problems: list[Problem]) -> 
     given = content if isinstance(content, list) else [content]
     words = [word for word in given if isinstance(word, str) and word.strip()]
     if not words or len(words) < len(given):
-        problems.append((place, f"{kind!r} needs a text or a list of texts", "put numbers in quotes"))
+        problems.append((place, f"{kind!r} needs a string or a list of strings", "put numbers in quotes"))
         return None
     if kind == "vid_pid":
         words = [word.casefold() for word in words]

@@ -43,8 +43,8 @@ def read_bench(found: Found, given: object, limits: tuple[Mapping[str, Any], ...
     named = [name for name in OF_UNITS if name in given]
     if named and not isinstance(grammar, RegisterGrammar):
         for name in named:
-            hint = "only a grammar of registers names units; write what is true of your copy under facts"
-            found.add((*PLACE, name), f"{name!r} of the rig without units in the grammar", hint)
+            hint = "only a definition of registers names units; write what is true of your copy under facts"
+            found.add((*PLACE, name), f"{name!r} of the rig without units in the protocol definition", hint)
         return Rig(tuple(sound), limits)
     product = grammar.registers.units if isinstance(grammar, RegisterGrammar) else {}
     disabled = {
@@ -71,15 +71,19 @@ def _of_units(found: Found, given: Mapping[str, Any], name: str, units: Mapping[
         return {}
     for unit in listed:
         if unit not in units:
-            found.add((*place, unit), f"{unit!r} is no unit of the grammar", near(str(unit), units, "its units are "))
+            found.add(
+                (*place, unit),
+                f"{unit!r} is no unit of the protocol definition",
+                near(str(unit), units, "its units are "),
+            )
     return {unit: value for unit, value in listed.items() if unit in units}
 
 
 def _is_reason(found: Found, unit: str, reason: object) -> bool:
     if _is_sentence(reason):
         return True
-    hint = f"one line of at most {FACT_CHARS} characters; callers are told it"
-    found.add((*PLACE, "disabled", unit), f"nothing says why {unit!r} is disabled", hint)
+    hint = f"one line of at most {FACT_CHARS} characters; callers get it"
+    found.add((*PLACE, "disabled", unit), f"the reason is missing {unit!r} is disabled", hint)
     return False
 
 
@@ -91,7 +95,7 @@ def _renumbered(found: Found, given: Mapping[str, Any], product: Mapping[str, in
     for unit, number in ids.items():
         other = next((name for name in whole if name != unit and whole[name] == number), None)
         if other is not None:
-            hint = f"say as well which id {other!r} has on your copy"
+            hint = f"name the other unit with id {other!r} has on your copy"
             found.add((*place, unit), f"the id {number} of {unit!r} is the one of {other!r}", hint)
     return ids
 
@@ -139,7 +143,7 @@ def _problems(item: object) -> list[Problem]:
     if not (isinstance(kind, str) and _CLASS.fullmatch(kind)):
         found.append((("class",), "the class of a stop action is no word of /sys/class", "write for example tty"))
     if "baud" in item and (isinstance(baud, bool) or not isinstance(baud, int) or not 1 <= baud <= 100_000_000):
-        found.append((("baud",), "the baud of a stop action is no positive whole number", "write for example 115200"))
+        found.append((("baud",), "the baud of a stop action is not a positive integer", "write for example 115200"))
     if not _is_bytes(item.get("write")):
         hint = 'write pairs of hexadecimal digits in quotes: "01 02 0A"'
         found.append((("write",), f"a stop action writes 1 to {MAX_STOP_BYTES} bytes", hint))
@@ -192,8 +196,8 @@ def _clashes(profile: Profile, others: Iterable[Profile]) -> list[Diagnostic]:
             summary = f"the profile name {profile.name!r} is taken by {other.path.name}"
             found.append(error("PROFILE-DUPLICATE-NAME", summary, path=str(profile.path), hint="give it another name"))
         elif shared:
-            summary = f"the tool {shared[0]!r} is in the grammar of {other.path.name} too"
-            hint = "give the tool another name; one tool speaks one grammar"
+            summary = f"the tool {shared[0]!r} is in the protocol definition of {other.path.name} too"
+            hint = "give the tool another name; one tool has one protocol definition"
             found.append(error("PROFILE-GRAMMAR", summary, path=str(profile.path), hint=hint))
     return found
 
@@ -234,7 +238,7 @@ def parse(document: Document) -> tuple[Profile | None, list[Diagnostic]]:
         found.append(
             document.problem(
                 "PROFILE-FIELD",
-                "the profile says nothing after its front matter",
+                "the profile has no text after its front matter",
                 hint="write below it what you know of the product",
             )
         )
@@ -296,7 +300,7 @@ def _check_fields(document: Document) -> list[Diagnostic]:
         found.append(document.problem("PROFILE-FIELD", summary, ("name",), hint))
     if not (isinstance(about, str) and about.strip() and len(about) <= 200):
         hint = "write about: the product in one line"
-        found.append(document.problem("PROFILE-FIELD", "the profile does not say what it is about", ("about",), hint))
+        found.append(document.problem("PROFILE-FIELD", "the profile has no `about`", ("about",), hint))
     product = document.fields.get("product", "-")
     if not (isinstance(product, str) and product.strip() and product.isprintable() and len(product) <= 200):
         hint = "write product: maker and model, as a person would call it"
@@ -318,13 +322,13 @@ def _unknown(
 
 def _evidence(document: Document) -> tuple[Rule | None, list[Diagnostic]]:
     if "evidence" not in document.fields:
-        hint = "say when it may be used: evidence: {all: [{vid_pid: ...}, {text: [...]}]}"
-        return None, [document.problem("PROFILE-EVIDENCE", "the profile has no evidence rule", (), hint)]
+        hint = "write when it may be used: evidence: {all: [{vid_pid: ...}, {text: [...]}]}"
+        return None, [document.problem("PROFILE-EVIDENCE", "the profile has no match rule", (), hint)]
     rule, problems = match_rule.read(document.fields["evidence"], ("evidence",))
     found = [document.problem("PROFILE-EVIDENCE", summary, place, hint) for place, summary, hint in problems]
     if rule is not None and not match_rule.needs_more_than_a_number(rule):
         span = document.places.get(("evidence",))
-        summary = "the evidence rule holds on numbers alone, and the numbers of a chip sit on many products"
+        summary = "the match rule uses numbers only, and many products have the numbers of a chip"
         hint = "ask for words, a class or a driver as well: {all: [{vid_pid: ...}, {text: [...]}]}"
         found.append(warning("PROFILE-WEAK-EVIDENCE", summary, path=str(document.path), span=span, hint=hint))
     return rule, found

@@ -68,16 +68,19 @@ def briefing(profile: Profile, ids: Collection[str]) -> str:
     """
     lines = [f"Profile {profile.name}: {profile.about}"]
     lines += [f"The product is called: {profile.product}."] if profile.product else []
-    lines.append(f"Its evidence rule holds for: {', '.join(sorted(ids))}.")
+    lines.append(f"Its match rule matches: {', '.join(sorted(ids))}.")
     rig = profile.rig
     lines += _limits(profile.limits[: len(profile.limits) - len(rig.limits)])
     lines += ["", "The product, every copy of it:", "", profile.body.strip()]
     if profile.grammar is not None:
-        lines += ["", "Its command grammar; each command becomes exactly one tool of that name, and there is no other:"]
+        lines += [
+            "",
+            "Its protocol definition; each command becomes exactly one tool of that name, and there is no other:",
+        ]
         lines += ["", _laid_out(plain(profile.grammar, of_product=True))]
     own = [*(f"- {fact}" for fact in of_rig(profile)), *_limits(rig.limits)]
     if own:
-        lines += ["", "This rig alone, no other copy of the product:", "", *own]
+        lines += ["", "Only this rig, no other copy of the product:", "", *own]
     return "\n".join([*lines, ""])
 
 
@@ -98,7 +101,7 @@ def of_rig(profile: Profile) -> Iterator[str]:
     rig = profile.rig
     yield from rig.facts
     for unit, reason in rig.disabled.items():
-        yield f"{unit} is disabled: {reason}. It is never moved; a call that asks for it is told why it was skipped."
+        yield f"{unit} is disabled: {reason}. It is never moved; a call for it gets the reason."
     for unit, number in rig.units.items():
         yield f"{unit} has the id {number} on the bus."
 

@@ -231,7 +231,7 @@ def _words(document: Document) -> list[Diagnostic]:
     fields, found = document.fields, []
     about = fields.get("about")
     if not (isinstance(about, str) and 0 < len(about.strip()) <= LONGEST_ABOUT and "\n" not in about.strip()):
-        hint = "write about: prove that each joint of the arm moves"
+        hint = "write about: test that each joint of the arm moves"
         found.append(document.problem("PROTOCOL-FIELD", "the field 'about' is no short sentence", ("about",), hint))
     profile = fields.get("profile", "")
     if profile is not None and not (isinstance(profile, str) and PROFILE_NAME.fullmatch(profile)):
@@ -251,7 +251,7 @@ def _proof(document: Document) -> list[Diagnostic]:
         hint = "write proof: {kind: reading, minimum: 50, unit: raw, settle: 2s}"
         return [document.problem("PROTOCOL-FIELD", "the field 'proof' is missing or no mapping", ("proof",), hint)]
     found = [
-        document.problem("PROTOCOL-FIELD", f"{name!r} is no field of a proof", ("proof", name), _near(name))
+        document.problem("PROTOCOL-FIELD", f"{name!r} is no field of a hardware test", ("proof", name), _near(name))
         for name in proof
         if name not in PROOF_FIELDS
     ]
@@ -263,7 +263,7 @@ def _proof(document: Document) -> list[Diagnostic]:
 
 def _near(name: str) -> str:
     near = did_you_mean(name, PROOF_FIELDS)
-    return f"did you mean {near!r}?" if near else f"a proof has the fields {', '.join(PROOF_FIELDS)}"
+    return f"did you mean {near!r}?" if near else f"a hardware test has the fields {', '.join(PROOF_FIELDS)}"
 
 
 def _proof_problems(proof: dict[str, Any]) -> list[tuple[str, str, str]]:
@@ -271,12 +271,12 @@ def _proof_problems(proof: dict[str, Any]) -> list[tuple[str, str, str]]:
     found = []
     kind, minimum, settle = proof.get("kind"), proof.get("minimum"), proof.get("settle", "2s")
     if kind not in PROOFS:
-        found.append(("kind", "the field 'kind' is no kind of proof", f"the kinds are {', '.join(PROOFS)}"))
+        found.append(("kind", "the field 'kind' is no kind of hardware test", f"the kinds are {', '.join(PROOFS)}"))
     number = isinstance(minimum, int | float) and not isinstance(minimum, bool)
     if kind == FRAME and minimum is not None:
-        found.append(("minimum", "a proof of the kind frame has no 'minimum'", "remove it: nothing moves"))
+        found.append(("minimum", "a hardware test of the kind frame has no 'minimum'", "remove it: nothing moves"))
     if kind != FRAME and not (number and 0 < minimum < float("inf")):  # type: ignore[operator]
-        hint = "write the least difference that proves a movement, such as minimum: 50"
+        hint = "write the least difference that counts as a movement, such as minimum: 50"
         found.append(("minimum", "the field 'minimum' is no number above 0", hint))
     if not isinstance(proof.get("unit", ""), str) or len(proof.get("unit", "")) > LONGEST_UNIT:
         found.append(("unit", "the field 'unit' is no short word", "write it like unit: raw"))

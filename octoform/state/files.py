@@ -133,7 +133,7 @@ def _disk_full(problem: OSError, path: Path) -> Diagnostic:
         detail = f"{mount}: {free // 1024} KiB free of {total // 1024} KiB; {detail}"
     except OSError as unknown:
         detail = f"{mount}: {unknown.strerror}; {detail}"
-    hint = f"make room on {mount} and run the same command again"
+    hint = f"free some space on {mount} and run the same command again"
     return error("STATE-DISK-FULL", summary, path=shown(path), detail=detail, hint=hint)
 
 

@@ -46,19 +46,19 @@ def _no_processes(problem: OSError) -> Diagnostic:
 
 def _hint(problem: OSError, path: Path | None) -> str:
     if path is None or not path.is_absolute():
-        return "octoform explain SYSTEM-REFUSED tells what can be done"
+        return "octoform explain SYSTEM-REFUSED explains what can be done"
     if problem.errno in _CLOSED:
         owner = _owner(path)
         if owner is not None and owner != os.geteuid():
             return f"it belongs to user {name_of(owner)}; run it as that user"
         return "look at its owner and mode"
     if problem.errno in _FULL:
-        return f"make room on {mount_point(path.parent)} and run the same command again"
+        return f"free some space on {mount_point(path.parent)} and run the same command again"
     if problem.errno in IN_THE_WAY:
         return MOVE_AWAY
     if problem.errno == errno.EROFS:
         return "its file system is mounted read-only; mount it for writing, or use a copy that is writable"
-    return "octoform explain SYSTEM-REFUSED tells what can be done"
+    return "octoform explain SYSTEM-REFUSED explains what can be done"
 
 
 def _owner(path: Path) -> int | None:

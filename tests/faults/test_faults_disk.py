@@ -38,7 +38,7 @@ def test_f09a_what_was_accepted_before_the_disk_was_full_is_kept(project: Projec
     accepted = artifact.read_bytes() if artifact.exists() else None
     project.prefix, project.script = [], {}
     project.apply("-target", "identify", status=0)
-    # The instances lay on the disk that is gone, so PROBE tells them again; what it had found stays as it was.
+    # The instances lay on the disk that is gone, so PROBE finds them again; what it had found stays as it was.
     assert project.stages_run()[before:] == ["probe", "identify"]
     assert accepted is None or json.loads(accepted)["devices"][0]["id"] == "hwmon-benchtemp"
 

@@ -73,7 +73,7 @@ def test_a_person_watches_pauses_asks_and_ends_it(bench: Launched) -> None:
 
         assert octoform(bench, "pause").returncode == 0
         terminal.wait_for("repairs are paused")
-        terminal.wait_for("repairs paused, last round")
+        terminal.wait_for("repairs paused, last check")
         assert octoform(bench, "resume").returncode == 0
         terminal.wait_for("repairs go on")
 

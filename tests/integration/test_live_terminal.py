@@ -205,7 +205,7 @@ def test_status_tells_of_a_latched_emergency_stop_also_when_nothing_runs(bench: 
         bench.stop()
         assert words in octoform(bench, "status").stdout
         latch.write_text("{")
-        assert "its latch cannot be read" in octoform(bench, "status").stdout
+        assert "its file cannot be read" in octoform(bench, "status").stdout
     finally:
         latch.unlink()
         bench.start()

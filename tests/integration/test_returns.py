@@ -29,7 +29,7 @@ def test_identify_is_told_and_runs_again(project: Project) -> None:
     project.script = {"identify": ["good"], "identify:told": [ANOTHER], "interface": [OBJECTS, "good"]}
     done = project.apply("-target", "interface", status=0)
     assert project.stages_run()[-4:] == ["identify", "interface", "identify", "interface"]
-    assert "what was identified is at fault; IDENTIFY is told and runs again" in done.text
+    assert "what was identified is at fault; IDENTIFY gets the findings and runs again" in done.text
     prompt = (project.attempts("identify")[-1] / "prompt.md").read_text()
     assert PROBLEM in prompt and "INTERFACE-IDENTIFY-WRONG" in prompt
     assert "Read the temperature of the board." in (project.state / "identify" / "output.json").read_text()
@@ -85,7 +85,7 @@ def test_interface_is_told_by_serve_and_runs_again(project: Project) -> None:
     project.script = {"interface": ["good"], "interface:told": [OTHER_TOOLS], "serve": [REFUSES, "good"]}
     done = project.apply("-target", "serve", status=0)
     assert project.stages_run()[-4:] == ["interface", "serve", "interface", "serve"]
-    assert "the interface is at fault; INTERFACE is told and runs again" in done.text
+    assert "the interface is at fault; INTERFACE gets the findings and runs again" in done.text
     prompt = (project.attempts("interface")[-1] / "prompt.md").read_text()
     assert NO_UNIT in prompt and "SERVE-INTERFACE-WRONG" in prompt
     assert "in degrees Celsius" in (project.state / "interface" / "output.json").read_text()

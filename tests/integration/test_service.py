@@ -215,7 +215,7 @@ def test_a_start_that_systemd_reports_as_failed_is_told_with_its_reason(systemd:
     server.write_bytes(good)
     assert process is None and problem is not None
     assert problem.code == "ENDPOINT-START-FAILED"
-    assert f"systemd says that {NAME} is failed" in problem.summary
+    assert f"systemd reports that {NAME} is failed" in problem.summary
     assert "cannot be read" in str(problem.detail)
 
 

@@ -221,7 +221,7 @@ def roll_back(context: Context, brief: Mapping[str, Any]) -> DutyOutcome:
     healed = read(context.layout, episode)
     now = context.store.snapshot.nodes[promotion.MAKER].output_digest
     if healed is None:
-        return DutyOutcome(ok=False, detail=f"no repair of the episode {episode} is known", again=False)
+        return DutyOutcome(ok=False, detail=f"no repair of the incident {episode} is known", again=False)
     if now == healed.base:
         return DutyOutcome(ok=True, detail="the former server is the accepted one")
     if now != healed.digest:
@@ -334,7 +334,7 @@ def _rewritten(
     path, known = shown(task.workdir / SERVER), case.known
     data = read_plain(task.workdir / SERVER, MAX_SOURCE_BYTES + 1)
     if data is None:
-        return None, [error("ARTIFACT-LINK", "the rewritten server is not a plain file of its own", path=path)]
+        return None, [error("ARTIFACT-LINK", "the rewritten server is not a separate plain file", path=path)]
     text, found = parse("serve", data, path)
     if not isinstance(text, str):
         return None, found

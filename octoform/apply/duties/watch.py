@@ -111,7 +111,7 @@ def told_log(context: Context, brief: Mapping[str, Any]) -> LogSlice:
     completion = LiteLLMCompletion(settings, context.environ) if settings is not None else None
     found = slice_of(context.layout, agent_input.since_of(brief), secrets, completion)
     if found.reason:
-        context.emit(events.Notice(WATCH, f"the log is not summed up, its newest lines are told: {found.reason}"))
+        context.emit(events.Notice(WATCH, f"the log is not summarised, WATCH gets its newest lines: {found.reason}"))
     return found
 
 

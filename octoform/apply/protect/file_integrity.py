@@ -288,7 +288,7 @@ def _strangers(watch: Watch, undone: Path) -> list[Diagnostic]:
         folder, names = watch.home
         above = {place for path in (watch.project, *watch.guarded) for place in (path, *path.parents)}
         changed += [path for path in (folder / name for name in sorted(_names(folder) - names)) if path not in above]
-    hint = "see whether it is yours; an agent that runs in a sandbox cannot write there"
+    hint = "check if it is yours; an agent that runs in a sandbox cannot write there"
     summary = "a file outside of the attempt's folder was written while the agent ran; it was left as it is"
     named = [_name(watch.project, path) for path in changed]
     found = [warning("APPLY-OUTSIDE-WRITE", summary, path=name, hint=hint) for name in named[:_MAX_TOLD]]

@@ -187,7 +187,7 @@ def _promised(old: Parts, new: Parts) -> Iterator[Diagnostic]:
     before, after = _served(old), _served(new)
     for name in sorted(before.keys() & after.keys()):
         if _promise(before[name]) != _promise(after[name]):
-            summary = f"the rewritten server changes what {shown(name)} takes, returns or says of itself"
+            summary = f"the rewritten server changes what {shown(name)} takes, returns or declares"
             hint = "parameters, defaults, annotations, description and decorators of a tool stay as they are"
             yield replace(new.source.problem(CODE, after[name], summary, hint), path="server.py")
 

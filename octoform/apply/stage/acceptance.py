@@ -81,7 +81,7 @@ _ENDINGS: Mapping[ExitReason, tuple[str, str, str]] = {
     ExitReason.AUTH: (
         "APPLY-AUTH",
         "the model's provider refused the key of {stage}'s agent",
-        "check the key's variable and what the key may use; `octoform doctor` tries it",
+        "check the key's variable and what the key may use; `octoform doctor` tests it",
     ),
     ExitReason.REFUSED: (
         "APPLY-MODEL-REFUSED",
@@ -96,7 +96,7 @@ _ENDINGS: Mapping[ExitReason, tuple[str, str, str]] = {
     ExitReason.UNREACHABLE: (
         "APPLY-MODEL-UNREACHABLE",
         "the model of {stage}'s agent could not be reached or failed to answer",
-        "`octoform doctor` tries the model's API; check base_url, the network and the provider",
+        "`octoform doctor` tests the model's API; check base_url, the network and the provider",
     ),
 }
 
@@ -107,7 +107,7 @@ def ended_well(outcome: Outcome, task: Task) -> list[Diagnostic]:
         return []
     # What a program prints for machines is no quotation; its own closing words are in the detail.
     said = tail(task.log, LINES_QUOTED, BYTES_QUOTED) if outcome.turns is None else ""
-    detail = "\n".join(part for part in (outcome.detail, f"it said last: {said}" if said else "") if part) or None
+    detail = "\n".join(part for part in (outcome.detail, f"its last output: {said}" if said else "") if part) or None
     if outcome.reason is ExitReason.CRASHED and printed(detail or ""):
         # Its own limits are ours, and asking it again would end in the same way.
         return [refusal(BlockingIOError(errno.EAGAIN, TEXT))]
@@ -164,7 +164,7 @@ def read_output(task: Task) -> tuple[bytes, list[Diagnostic]]:
         hint = "the agent must write exactly the file that its task names"
         return b"", [error("ARTIFACT-MISSING", f"{task.stage} wrote no output", path=path, hint=hint)]
     if not stat.S_ISREG(facts.st_mode) or facts.st_nlink > 1:
-        return b"", [error("ARTIFACT-LINK", f"the output of {task.stage} is not a plain file of its own", path=path)]
+        return b"", [error("ARTIFACT-LINK", f"the output of {task.stage} is not a separate plain file", path=path)]
     most = MOST_BYTES.get(task.stage, MOST_JSON_BYTES)
     if facts.st_size > most:
         text = f"the output of {task.stage} has {facts.st_size} bytes; at most {most} are read"

@@ -67,9 +67,7 @@ def lacking_programs(interface: Mapping[str, Any], environ: Mapping[str, str], p
 
 def _absent(program: str, line: int, text: str, path: str) -> Diagnostic:
     summary = f"the server starts {quoted(program)}, which is not on this host, and INTERFACE does not name it"
-    hint = (
-        "read what the kernel says without it, or catch FileNotFoundError and raise ToolError with the program's name "
-    )
+    hint = "read the kernel's files instead, or catch FileNotFoundError and raise ToolError with the program's name "
     hint += "and the package that has it"
     span = Span(line, 1)
     source = text.splitlines()[line - 1]
@@ -150,8 +148,8 @@ def _reason(task: Task, outcome: Outcome) -> str:
 def _not_held(reason: str) -> Diagnostic:
     return warning(
         "PROBE-NOT-HELD",
-        f"what PROBE says could not be held against this host: {reason}",
-        hint="`octoform apply -replace probe` tries it again; leave stages.probe out and the embedded agent does PROBE",
+        f"PROBE's output could not be compared with this host: {reason}",
+        hint="`octoform apply -replace probe` tries it again; without stages.probe the embedded agent does PROBE",
     )
 
 

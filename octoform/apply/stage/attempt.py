@@ -222,7 +222,9 @@ def _excerpt(context: Context, task: Task, failed: Failed | None) -> Excerpt:
         return Excerpt("")
     excerpt = condense(failed.log, MOST_TAIL_BYTES, LiteLLMCompletion(settings, context.environ))
     if excerpt.reason:
-        context.emit(events.Notice(task.stage, f"the log is not condensed, its end is told: {excerpt.reason}"))
+        context.emit(
+            events.Notice(task.stage, f"the log is not condensed, the next attempt gets its end: {excerpt.reason}")
+        )
     return excerpt
 
 

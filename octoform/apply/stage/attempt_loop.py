@@ -299,7 +299,7 @@ def _unconfined(context: Context, assignment: Assignment, outcome: Outcome) -> l
     if not outcome.unconfined or sandbox.unconfined(context.environ, wanted):
         return []
     text = f"the agent of {assignment.stage} ran without a sandbox: {outcome.unconfined}"
-    return [warning("HARNESS-UNCONFINED", text, hint="it could write whatever you may write")]
+    return [warning("HARNESS-UNCONFINED", text, hint="it could write everything that you may write")]
 
 
 def prove(context: Context, task: Task, value: Any, found: list[Diagnostic]) -> Verdict:

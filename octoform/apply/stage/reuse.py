@@ -45,7 +45,7 @@ def take(context: Context, stage: str, key: str) -> Finished | None:
             continue
         else:
             judged.add(data)
-            context.emit(events.Checking(stage, f"taking over the output of host {donor.host}"))
+            context.emit(events.Checking(stage, f"reusing the output of host {donor.host}"))
             verdict = _verdict(context, stage, donor, data)
             if verdict.accepted:
                 return Finished(verdict, 0, Usage(), context.clock.monotonic() - started)

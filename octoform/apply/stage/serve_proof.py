@@ -110,7 +110,7 @@ def _programs_missing(context: Context, deploy: Mapping[str, Any]) -> list[Diagn
     for program, tools in missing_programs(context.layout, context.environ).items():
         summary = f"{shown_text(program)} is not on this host, so the endpoint has no {listed(sorted(tools))}"
         known = packages.get(program)
-        install = f"install it (DEPLOY says: the package {shown_text(known)})" if known else "install it"
+        install = f"install it (by DEPLOY: the package {shown_text(known)})" if known else "install it"
         hint = f"{install}, then octoform apply -replace deploy; or deny the tools and leave it"
         out.append(warning("DEPLOY-PROGRAM-MISSING", summary, hint=hint))
     return out

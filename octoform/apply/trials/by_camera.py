@@ -25,10 +25,10 @@ from octoform.perception.image_quality import (
 NOISE_FACTOR = 3.0
 """A movement must change the picture by at least so many times what differs while nothing moves."""
 _UNSEEN = frozenset({"STEP-NOT-SEEN", "STEP-NOT-BACK"})
-_STILL = "see whether it has power and is free to move, whether the camera sees it, and whether `by` is enough"
+_STILL = "check that it has power and is free to move, that the camera sees it, and that `by` is enough"
 _RESTLESS = (
-    "the picture changes by itself: see whether the device moves while no call is under way, as some do while "
-    "their line is closed, and whether something else moves in the camera's view"
+    "the picture changes by itself: check if the device moves while no call is under way, as some do while their line "
+    "is closed, and if something else moves in the camera's view"
 )
 _SUFFIXES = {"image/jpeg": ".jpg", "image/png": ".png"}
 
@@ -78,7 +78,7 @@ def _stands_still(bench: Bench, tried: Tried, camera: Mapping[str, Any], where: 
         tried.blame("STEP-PICTURE-FROZEN", text, where, hint=hint)
     else:
         text = f"{camera['device']} gives the same picture again and again, and the picture has no noise"
-        hint = "a drawn or digital source may just stand still: move something in its view and run octoform look"
+        hint = "a drawn or digital source may simply not move: move something in its view and run octoform look"
         tried.warn("STEP-PICTURE-REPEATED", text, where, hint)
 
 
@@ -174,14 +174,14 @@ def _look(bench: Bench, tried: Tried, view: Mapping[str, Any], where: str, name:
     """A picture that shows something, kept in the attempt's folder; None with a finding for any other."""
     seen = bench.hand.look({"tool": view["tool"], "arguments": view["arguments"]})
     if seen.picture is None:
-        hint = "see whether the camera is connected and free; octoform logs has the call"
+        hint = "check that the camera is connected and free; octoform logs has the call"
         tried.blame("STEP-NO-PICTURE", f"{view['tool']} gave no picture", where, seen.words, hint)
         return None
     _keep(bench, tried, seen, name)
     wrong = complaint(seen.picture)
     if wrong is not None:
         figures = f"brightness {seen.picture.mean:g} of 255 on average, spread {seen.picture.spread:g}"
-        hint = "see whether the lens is covered, the room dark, or the first pictures not flushed"
+        hint = "check if the lens is covered, the scene dark, or the first pictures not flushed"
         tried.blame("STEP-PICTURE-EMPTY", f"the picture of {view['tool']} is {wrong}", where, figures, hint)
         return None
     return seen.picture

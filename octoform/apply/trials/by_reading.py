@@ -179,7 +179,7 @@ class Mover:
 
     def _not_done(self, answer: ToolAnswer) -> None:
         if answer.refused:
-            hint = "a policy, a limit or the emergency stop is in the way; octoform audit tells which"
+            hint = "a policy, a limit or the emergency stop is in the way; octoform audit shows which"
             text = f"the endpoint did not let {self.tried.tool} move {self.tried.unit}"
             self.tried.blame("STEP-CALL-REFUSED", text, self.where, answer.words, hint)
         else:
@@ -209,7 +209,7 @@ class _ByReading(Mover):
         problem, tried = restoring.put_back(), self.tried
         tried.restored, tried.over = restoring.done, restoring.over
         if problem is not None:
-            text = f"not all is known to be restored after the trial of {tried.unit}: {problem}"
+            text = f"not all is known to be restored after the hardware test of {tried.unit}: {problem}"
             hint = "see what it means for the device, and set it by hand"
             shown = escaped(restoring.words[:LONGEST_WORDS]) or None
             tried.found.append(
@@ -263,7 +263,7 @@ class _ByReading(Mover):
             super()._not_done(answer)
         else:
             said = f"{self.tried.tool} said: {answer.words}"
-            self._stuck(before, after, said, "read what the tool said; if that does not tell why, ")
+            self._stuck(before, after, said, "read the tool's answer; if it does not give the reason, ")
 
     def _is_still(self, before: float | None, after: float | None) -> bool:
         return before is not None and after is not None and abs(after - before) < self.bench.proof.minimum

@@ -126,7 +126,7 @@ class Restoring:
         if self._wanted is None:
             return None
         if self._first is None:
-            return f"{self._place} could not be read before the trial, and stays as it is now"
+            return f"{self._place} could not be read before the hardware test, and stays as it is now"
         self._last = self._read()
         if self._last == self._first:
             return None
@@ -137,7 +137,7 @@ class Restoring:
         if self.done:
             return None
         now = "unknown" if self._last is None else shown(self._last)
-        return f"{self._place} was {shown(self._first)} before the trial, is {now} now, and stays so"
+        return f"{self._place} was {shown(self._first)} before the hardware test, is {now} now, and stays so"
 
     @property
     def _place(self) -> str:

@@ -82,9 +82,9 @@ def run_apply(arguments: Namespace, project: Path, screen: Console) -> int:
         text = "a saved plan has its own -target, -replace, -no-reuse and -tier1; make a new plan to change them"
         raise UsageError(text, USAGE)
     if arguments.ask and (arguments.planfile or arguments.tier1):
-        raise UsageError("-ask goes on with what a person says; it goes with neither a saved plan nor -tier1", USAGE)
+        raise UsageError("-ask plans again with the answers; it cannot be used with a saved plan or -tier1", USAGE)
     if arguments.ask and (arguments.json or not screen.interactive):
-        hint = 'leave out -ask; `octoform answer DEVICE "..."` answers without a terminal'
+        hint = 'omit -ask; `octoform answer DEVICE "..."` answers without a terminal'
         nobody = error("APPLY-ASK-NO-TERMINAL", "-ask needs a terminal with a person; nothing was done", hint=hint)
         return problems.show(screen, [nobody], as_json=arguments.json)
     chosen = tuple(arguments.target), tuple(arguments.replace)
@@ -153,7 +153,7 @@ def run_answer(arguments: Namespace, project: Path, screen: Console) -> int:
     from octoform.views.run import questions as views
 
     if arguments.remove and (arguments.device is None or arguments.sentence is not None):
-        raise UsageError("-remove takes back what was said of one DEVICE", ANSWER_USAGE)
+        raise UsageError("-remove takes back the answer about one DEVICE", ANSWER_USAGE)
     if arguments.device is None:
         return _list(arguments, project, screen)
     if arguments.remove:

@@ -101,7 +101,7 @@ def run_look(arguments: Namespace, project: Path, screen: Console) -> int:
         return problems.show(screen, found, as_json=arguments.json)
     problems.show(screen, found)
     if arguments.every == "" and not eye.settings.enabled:
-        hint = "write perception: {enabled: true} into octopus.yaml, or say how often: -every 30s"
+        hint = "write perception: {enabled: true} into octopus.yaml, or give the interval: -every 30s"
         off = error("PERCEPTION-OFF", "octoform may not look by itself at this host", hint=hint)
         return problems.show(screen, [off], as_json=arguments.json)
     status = 0
@@ -151,7 +151,7 @@ def _count(arguments: Namespace) -> int | None:
     if text is None:
         return None
     if arguments.every is None:
-        raise UsageError("-count says how often -every looks; without that there is one look", _USAGE)
+        raise UsageError("-count limits the pictures of -every; without -every there is one picture", _USAGE)
     if not text.isascii() or not text.isdigit() or int(text) < 1:
         raise UsageError(f"-count: {text!r} is no number of looks", _USAGE)
     return int(text)

@@ -86,7 +86,7 @@ def _families(picture: Picture) -> Iterator[tuple[str, str, tuple[str, ...], Row
         ("signals_silent", "signals that should report and do not", len(health.uncovered)),
         ("claims", "claims in force", len(health.claims)),
         ("claims_pending", "claims that wait for a person", len(health.pending)),
-        ("troubles_frozen", "troubles that are not tried any more and wait for a person", picture.frozen),
+        ("troubles_frozen", "problems that the daemon gave up and that wait for a person", picture.frozen),
         ("messages_lost", "messages that reached no one since the last that did", picture.untold),
     ):
         yield name, text, (), {(): float(value)}
@@ -96,8 +96,8 @@ def _families(picture: Picture) -> Iterator[tuple[str, str, tuple[str, ...], Row
         (str(each.kind), str(each.outcome)) for each in episodes if each.over and each.outcome not in lasting
     )
     labels = ("kind", "outcome")
-    yield "episodes_open", "troubles that last", labels, _floats(standing)
-    yield "episodes_ended", "troubles that are over, of those that are kept", labels, _floats(ended)
+    yield "episodes_open", "incidents that are open", labels, _floats(standing)
+    yield "episodes_ended", "incidents that ended, of those that are kept", labels, _floats(ended)
     yield from _work(episodes)
 
 

@@ -136,7 +136,7 @@ class _Way:
         with self._changed:
             if len(self._queue) >= MOST:
                 lost = self._queue.popleft()
-                self._record.failed(self._name, lost.stamp, "too much is told at once; the oldest is given up")
+                self._record.failed(self._name, lost.stamp, "too many notifications at once; the oldest is dropped")
             self._queue.append(alert)
             if self._thread is None:  # only who has something to tell has a thread
                 thread = threading.Thread(target=self._work, name=f"octoform-{self._name}", daemon=True)
@@ -157,7 +157,7 @@ class _Way:
     def give_up(self) -> None:
         with self._changed:
             for alert in self._queue:
-                self._record.failed(self._name, alert.stamp, "the daemon ended before it was told")
+                self._record.failed(self._name, alert.stamp, "the daemon ended before it was sent")
             self._queue.clear()
 
     def _work(self) -> None:
@@ -324,7 +324,7 @@ def _only(environ: Mapping[str, str], wanted: Sequence[str]) -> dict[str, str]:
 
 _BY_HAND = {
     Kind.HARDWARE_CHANGED: "octoform apply (octoform plan shows first what it would do)",
-    Kind.FILE_DAMAGED: "octoform plan tells what is edited, octoform apply puts it right",
+    Kind.FILE_DAMAGED: "octoform plan shows the edit, octoform apply settles it",
 }
 """Where that is another command than one more try."""
 

@@ -46,7 +46,9 @@ def main() -> int:
         _bind_to(parent)
         result = work(project, brief)
     except _Ended:
-        return _tell(out, {"ok": False, "detail": f"{job}: it was told to end", "again": True, "untold": True}, STOPPED)
+        return _tell(
+            out, {"ok": False, "detail": f"{job}: it was asked to end", "again": True, "untold": True}, STOPPED
+        )
     return _tell(out, result, 0)
 
 

@@ -238,7 +238,7 @@ def _running(layout: Layout) -> Diagnostic:
         TAKEN,
         f"the daemon of {layout.host} runs already: {who}{since}",
         path=shown(layout.daemon / LOCK),
-        hint="octoform health tells what it sees; end it there, or let systemd do so, before another is started",
+        hint="octoform health shows its findings; end it there, or let systemd do so, before you start another",
     )
 
 

@@ -77,7 +77,7 @@ class Shelf:
         self.strange.add(name)
         self.wrote(name)
         summary = "a file of the daemon was changed by somebody else; what the daemon knows is written again"
-        hint = "these files are no settings: octoform heal -retry, pause and claims say what a person wants"
+        hint = "these files are no settings: change them by octoform heal -retry, pause and claims"
         self.said.append(warning("DAEMON-MEMORY-CHANGED", summary, path=shown(self.path(name)), hint=hint))
         return False
 
@@ -90,7 +90,7 @@ class Shelf:
         except OSError as problem:
             detail = f"it cannot be moved away: {problem.strerror}"
         self.wrote(path.name)
-        hint = "nothing is to be done; what it told is begun again"
+        hint = "nothing is to be done; the daemon starts a new one"
         item = warning("DAEMON-MEMORY-DAMAGED", why, path=shown(path), detail=detail, hint=hint)
         self.said.append(item)
 

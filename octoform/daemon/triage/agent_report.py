@@ -40,7 +40,7 @@ def findings_of(report: Mapping[str, Any] | None, facts: Facts) -> tuple[Finding
     found = [_finding(each, facts) for each in _errors(report)]
     if not found and report.get("status") not in (Status.HEALTHY, Status.DEGRADED):
         found.append(
-            _lost(f"WATCH says {_text(report.get('status'))} and names no error: {_text(report.get('summary'))}")
+            _lost(f"WATCH reports {_text(report.get('status'))} and names no error: {_text(report.get('summary'))}")
         )
     return tuple({finding.key: finding for finding in found}.values())
 

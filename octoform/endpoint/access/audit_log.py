@@ -102,7 +102,7 @@ def verify(layout: Layout) -> tuple[Checked | None, list[Diagnostic]]:
     if checked.ok:
         return checked, []
     more = "" if checked.faults == 1 else f"{checked.faults - 1} more places do not fit either"
-    hint = "octoform explain AUDIT-BROKEN tells what can have done it; keep the files as they are"
+    hint = "octoform explain AUDIT-BROKEN lists possible causes; keep the files as they are"
     where = f"{checked.file}:{checked.line}"
     return checked, [error("AUDIT-BROKEN", checked.problem, detail=more, path=where, hint=hint)]
 

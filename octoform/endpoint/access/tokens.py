@@ -150,7 +150,7 @@ def _recorded(layout: Layout, event: str, token: Token, by: str) -> Diagnostic |
     if answer["ok"]:
         return None
     text = f"the audit log has no record of what was done to the token {token.name!r}"
-    hint = "nothing was changed; octoform audit -verify tells of the log"
+    hint = "nothing was changed; octoform audit -verify checks the log"
     return error("TOKEN-NOT-RECORDED", text, detail="; ".join(map(str, answer["problems"])), hint=hint)
 
 

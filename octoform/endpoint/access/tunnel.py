@@ -76,15 +76,12 @@ def _left(found: dict[str, object]) -> str:
         return f"a process of it (pid {found['pid']}, or one that it started) could not be ended"
     if found["answers"]:
         return f"{found['url']} still answers as this endpoint"
-    return (
-        f"no process of it lives, but {found['url']} was never heard to answer as this endpoint from here, "
-        "so its silence proves nothing"
-    )
+    return f"no process of it lives, but {found['url']} never answered from here before, so silence proves nothing"
 
 
 def _not_proved(detail: str) -> Diagnostic:
     hint = "end the tunnel at its provider; octoform token revoke and octoform stop close the endpoint itself"
-    return error("TUNNEL-NOT-REVOKED", "the tunnel is not proved to be gone", detail=detail, hint=hint)
+    return error("TUNNEL-NOT-REVOKED", "the tunnel is not verified to be gone", detail=detail, hint=hint)
 
 
 # Where the endpoint is reached from outside of this machine: what was published, and what its tunnel says now. Light.
@@ -127,7 +124,7 @@ def tunnel_now(layout: Layout) -> TunnelSight | None:
         return None
     told = (control.ask(layout, {"op": "status"}) or {}).get("tunnel")
     if not isinstance(told, Mapping):
-        return TunnelSight("unknown", reason="the endpoint's process does not tell")
+        return TunnelSight("unknown", reason="the endpoint's process does not report it")
     url, reason = told.get("url"), told.get("reason")
     return TunnelSight(str(told.get("state")), str(url) if url else None, str(reason) if reason else None)
 
@@ -157,7 +154,7 @@ def no_tunnel(found: TunnelSight | None) -> Diagnostic | None:
         "TUNNEL-NOT-RUNNING",
         f"{summary}: the endpoint cannot be reached from the internet",
         detail=found.reason,
-        hint=f"{hint}; octoform status tells how it goes on",
+        hint=f"{hint}; octoform status shows the progress",
     )
 
 

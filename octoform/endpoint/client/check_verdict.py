@@ -182,7 +182,7 @@ def judge_check(
     found = [report.unrecorded] if report.unrecorded else []
     if not report.answered:
         reason = report.error or "no reason was given"
-        hint = "start the launcher below .octoform/<host>/endpoint by hand to see what it says"
+        hint = "start the launcher below .octoform/<host>/endpoint by hand to see its output"
         return [*found, error("ENDPOINT-NO-ANSWER", "the endpoint does not answer", detail=reason, hint=hint)]
     found += _tools(report, {tool["name"] for tool in interface["tools"]})
     tools = {tool["name"]: tool for tool in interface["tools"]}
@@ -273,7 +273,7 @@ def _failure(call: TrialCall, *, known: bool, seen: bool, lacked: Lacked | None)
         summary = f"{call.tool} got no answer over the network: {kind}: {text}"
         return [told("ENDPOINT-NETWORK-FAILED", summary, hint=_REACHED)]
     summary = f"{call.tool} could not reach its device: {kind}: {text}"
-    return [warning("ENDPOINT-TOOL-FAILED", summary, hint="see whether the device is connected, free and permitted")]
+    return [warning("ENDPOINT-TOOL-FAILED", summary, hint="check that the device is connected, free and permitted")]
 
 
 _ABSENT = {
@@ -281,9 +281,7 @@ _ABSENT = {
     "unplugged meanwhile: plug it in and apply again",
     False: "plug it in, or run octoform apply -replace probe where it is gone for good",
 }
-_PROGRAM = (
-    "read what the kernel says without it, or raise ToolError with the program's name and the package that has it"
-)
+_PROGRAM = "read the kernel's files instead, or raise ToolError with the program's name and the package that has it"
 _REACHED = "a device that the kernel shows needs no network; one that is reached by it must answer from this host"
 _NETWORK = frozenset(
     {"ConnectionError", "ConnectionRefusedError", "ConnectionResetError", "ConnectionAbortedError", "gaierror"}
@@ -313,7 +311,7 @@ def _untrue(call: TrialCall, schema: Mapping[str, Any], devices: frozenset[str])
         summary = f"{for_device} gives what cannot be measured"
         found.append(error("ENDPOINT-RESULT-IMPLAUSIBLE", summary, detail="\n".join(lines[:10]), hint=hint))
     if other := of_another(call, devices):
-        hint = "ask for the device that the caller names, and tell its id"
+        hint = "ask for the device that the caller names, and return its id"
         found.append(error("ENDPOINT-RESULT-OTHER-DEVICE", f"{for_device} answers for {other}", hint=hint))
     if moved := unmoved(call):
         values = ", ".join(f"{table[moved]:g}" for table in call.raw)
@@ -329,5 +327,5 @@ def _is_uniform(picture: Mapping[str, Any]) -> bool:
 
 def _uniform(call: TrialCall, picture: Mapping[str, Any]) -> Diagnostic:
     figures = f"brightness {picture['mean']} of 255 on average, spread {picture['spread']}, {picture['bytes']} bytes"
-    hint = "see whether the lens is covered, the room dark or the first pictures not flushed"
+    hint = "check if the lens is covered, the scene dark or the first pictures not flushed"
     return warning("ENDPOINT-PICTURE-UNIFORM", f"{call.tool} gave a picture of one colour", detail=figures, hint=hint)

@@ -341,7 +341,7 @@ def _broken(wanted: Wanted, problem: WireError) -> Diagnostic:
     tool = wanted.tool
     if problem.kind == "timeout":
         summary = f"{tool} gave no answer within {wanted.seconds:g} s"
-        hint = "the device may be busy or gone; octoform status tells more"
+        hint = "the device may be busy or gone; octoform status shows more"
         return error("ENDPOINT-CALL-TIMEOUT", summary, hint=hint)
     if problem.kind == "refused":
         return error("ENDPOINT-CALL-REFUSED", f"the endpoint refused the call of {tool}", detail=str(problem))

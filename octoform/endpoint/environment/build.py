@@ -128,7 +128,7 @@ def _seal(environment: Environment, lock_text: str) -> Diagnostic | None:
     names = {normal(item.partition("-")[0]) for item in present}
     missing = sorted(set(pins(lock_text)) - names)
     if missing:
-        return _failed("the installation does not hold what the lock says", "missing: " + ", ".join(missing[:10]))
+        return _failed("the installation differs from the lock", "missing: " + ", ".join(missing[:10]))
     document = {
         "format": 1,
         "digest": environment.digest,

@@ -24,7 +24,7 @@ _RULES = {
     "socket": (
         "ENDPOINT-IMPORT-SOCKET",
         "the server opens a connection while it is imported",
-        "connect inside the tool; a server of scope local opens no socket of its own",
+        "connect inside the tool; a server of scope local opens no socket",
     ),
     "process": (
         "ENDPOINT-IMPORT-PROCESS",

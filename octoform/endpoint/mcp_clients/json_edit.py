@@ -67,7 +67,7 @@ def scan(text: str) -> Node | Unreadable | None:
             return None
         node = reader.value(start, 0)
         after = reader.skip(node.end)
-        return node if after == len(text) else Unreadable("something stands behind the end of the document", after)
+        return node if after == len(text) else Unreadable("the document goes on after its end", after)
     except _Broken as broken:
         return broken.found
 
@@ -162,7 +162,7 @@ class _Reader:
     def _string(self, position: int) -> tuple[int, str]:
         found = _STRING.match(self.text, position)
         if found is None:
-            raise _Broken("a text begins here and does not end on its line", position)
+            raise _Broken("a string begins here and does not end on its line", position)
         return found.end(), _unescaped(found[0][1:-1])
 
 
@@ -337,7 +337,7 @@ def _rendered(value: Any, form: _Form, indent: str) -> str:
 def _inserted(text: str, node: Node, form: _Form, key: str | None, value: Any) -> str | Unreadable:
     """A new last member of an object, or (without a key) a new last element of an array."""
     if node.members is None or isinstance(node.value, list) != (key is None):
-        return Unreadable("a value of another kind stands here", node.start)
+        return Unreadable("a value of another kind is here", node.start)
     last = node.members[-1] if node.members else None
     inline = form.unit is None or (last is not None and not _broken(text[node.start : node.members[0].start]))
     if inline:
@@ -412,4 +412,4 @@ def _after_comments(text: str, begin: int, end: int) -> int:
 
 def _twice(node: Node, key: str) -> Unreadable | None:
     found = [member for member in node.members or () if member.key == key]
-    return Unreadable(f"{key} stands here a second time", found[-1].start) if len(found) > 1 else None
+    return Unreadable(f"{key} is here a second time", found[-1].start) if len(found) > 1 else None

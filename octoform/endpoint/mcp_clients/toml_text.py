@@ -173,7 +173,7 @@ def _edited(text: str, path: Path, value: Any, *, remove: bool) -> str | Unreada
                 table[path[-1]] = value
         out = tomlkit.dumps(document)
     except (TOMLKitError, TypeError, KeyError) as problem:
-        return Unreadable(f"the table has no room for a change: {problem}")
+        return Unreadable(f"the table cannot be changed: {problem}")
     if sorted(_COMMENT.findall(out)) != sorted(_COMMENT.findall(text)):
         return Unreadable("a comment would be lost")
     return re.sub(r"(?<!\r)\n", newline, out) if newline == "\r\n" and not re.search(r"(?<!\r)\n", text) else out

@@ -193,7 +193,7 @@ def _inserted(text: str, node: _Node, path: Path, value: Any) -> str | Unreadabl
             text = text[: above.key_end] + ":" + text[node.end :]
         return _behind(text, above.key_end, _block(path, value, " " * above.column + _STEP, newline))
     if node.kind != "mapping":
-        return Unreadable("a value of another kind stands here", node.start)
+        return Unreadable("a value of another kind is here", node.start)
     if node.flow:
         return _in_flow(text, node, path, value)
     return _behind(text, _end(text, node), _block(path, value, " " * node.pairs[0].column, newline))

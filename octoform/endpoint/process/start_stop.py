@@ -267,5 +267,5 @@ def _failed(layout: Layout, mark: int, why: str) -> Diagnostic:
         said = log.read(1 << 20).decode("utf-8", "replace").strip()
     refusals = [line.partition("refused:")[2].strip() for line in said.splitlines() if "octoform: refused:" in line]
     detail = refusals[-1] if refusals else said[-1500:] or None
-    hint = "octoform plan tells what differs from what was applied; octoform apply repairs it"
+    hint = "octoform plan shows what differs from what was applied; octoform apply repairs it"
     return error("ENDPOINT-START-FAILED", f"the endpoint did not start: {why}", detail=detail, hint=hint)

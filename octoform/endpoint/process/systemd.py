@@ -163,7 +163,7 @@ class Service:
         self._next = time.monotonic() + LOOK_SECONDS
         found = systemctl("is-active", self._name)
         state = found.said.splitlines()[0] if found.said else ""
-        return f"systemd says that {self._name} is {state}" if state in _ENDED else None
+        return f"systemd reports that {self._name} is {state}" if state in _ENDED else None
 
     def give_up(self) -> None:
         """End what does not come."""
@@ -206,7 +206,7 @@ Environment={path}
 UMask=0077
 Restart=on-failure
 RestartSec=5
-# It ends in order at SIGTERM, and tells so with that status.
+# It ends in order at SIGTERM, and reports it by that status.
 SuccessExitStatus=143
 # It ends its agents and its other children by itself. An endpoint that it started without a unit is none of them.
 KillMode=process

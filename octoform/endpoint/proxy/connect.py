@@ -51,5 +51,5 @@ def _layout(project: Path, host: str | None) -> Layout | str:
         return shut.summary
     if host is not None:
         return f"{host} has no endpoint in {project}; run octoform apply"
-    known = f"; say which: {', '.join(applied)}" if applied else "; run octoform apply"
+    known = f"; name one: {', '.join(applied)}" if applied else "; run octoform apply"
     return f"{project} has {len(applied) or 'no'} endpoint{'s' if len(applied) > 1 else ''}{known}"

@@ -84,7 +84,7 @@ def knock(layout: Layout) -> socket.socket | Diagnostic:
 
 def down(why: str) -> Diagnostic:
     """The endpoint does not answer, and why."""
-    hint = "octoform plan tells what differs from what was applied; octoform apply repairs it"
+    hint = "octoform plan shows what differs from what was applied; octoform apply repairs it"
     return error("ENDPOINT-DOWN", "the endpoint does not answer", detail=why, hint=hint)
 
 

@@ -12,10 +12,7 @@ from collections import deque
 HEAD = 512
 """Bytes of a message of the endpoint that are kept: its id and its kind come first in what it writes."""
 _MOST_KEPT, _LARGE = 512, 1 << 14
-_LOST = (
-    "the endpoint ended while this was under way; whether it was carried out is not known, so it is not sent to the "
-    "next one"
-)
+_LOST = "the endpoint ended during this call; its outcome is unknown, so it is not sent again"
 _REPEATED = frozenset(("initialize", "ping", "server/discover", "tools/list", "subscriptions/listen"))
 """Requests that change nothing wherever they get to, and may therefore be sent twice."""
 _GREETING_ID = "octoform/again"

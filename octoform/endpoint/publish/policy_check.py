@@ -173,8 +173,8 @@ def _unreported(policy: Policy, tools: Sequence[Tool]) -> Iterator[Diagnostic]:
     if silent:
         yield warning(
             "POLICY-UNREPORTED",
-            f"whether the device keeps its range is unknown after {_listed(silent)}: no result says where it is",
-            hint="the limit is held against what a caller says; run the stage interface again for tools that report",
+            f"it is unknown if the device keeps its range after {_listed(silent)}: no result contains its position",
+            hint="only the caller's value is checked; run the stage interface again for tools that report",
         )
 
 

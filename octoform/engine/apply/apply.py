@@ -276,7 +276,7 @@ def _planned(request: Request, options: Options, view: RunView, held: Locked) ->
     shown = saved.plan if saved else outlook.plan
     view.plan(shown)
     if not shown.empty and not (options.approved or saved) and not _approved(options, outlook, view):
-        hint = "say yes on a terminal, or use -auto-approve"
+        hint = "confirm on a terminal, or use -auto-approve"
         declined = error("APPLY-NOT-APPROVED", f"{blank.operation} was not approved; nothing was done", hint=hint)
         return replace(blank, failed="approval", diagnostics=(declined,))
     if not request.destroy and any(item.node in _SERVING or item.node.startswith(STEP) for item in shown.work):

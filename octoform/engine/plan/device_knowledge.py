@@ -138,7 +138,7 @@ def uncovered(artifacts: Artifacts, compiled: Compiled) -> list[Diagnostic]:
                 f"{item['id']}: {item['reason']}{' - ' + item['detail'] if 'detail' in item else ''}" for item in left
             ]
             summary = f"INTERFACE has no tool for {len(absent)} commands of the profile {profile.name}: "
-            hint = "octoform apply -replace interface; budget.tools in octopus.yaml says how many tools there may be"
+            hint = "octoform apply -replace interface; budget.tools in octopus.yaml limits the number of tools"
             detail = "\n".join(map(escaped, why)) or "INTERFACE gives no reason"
             out.append(warning(UNCOVERED, summary + ", ".join(absent), detail=detail, hint=hint))
     return out

@@ -63,13 +63,13 @@ def without_sandbox(manifest: Manifest, plan: Plan, environ: Mapping[str, str]) 
         yield warning(
             "HARNESS-WALL-MISSING",
             f"the sandbox of {', '.join(confined)} lacks a wall: {wall}",
-            hint="octoform explain HARNESS-WALL-MISSING tells what closes it",
+            hint="octoform explain HARNESS-WALL-MISSING explains how to close it",
         )
     for reason, nodes in reasons.items():
         yield warning(
             "HARNESS-UNCONFINED",
             f"the agent of {', '.join(nodes)} runs without a sandbox: {reason}",
-            hint="it may write whatever you may write; octoform explain HARNESS-UNCONFINED",
+            hint="it may write everything that you may write; octoform explain HARNESS-UNCONFINED",
         )
 
 
@@ -257,7 +257,7 @@ def _outside_of_targets(graph: Graph, request: Request) -> list[Diagnostic]:
     """What should be replaced and is kept out by the targets: one of the two is a mistake."""
     kept_out = [name for name in request.replace if request.targets and name not in graph.upstream(request.targets)]
     summary = "-replace {} has no effect: -target {} keeps it out of this run"
-    hint = "leave out -target, or make it reach as far as the node that should be replaced"
+    hint = "omit -target, or name the node that should be replaced"
     return [
         error("PLAN-REPLACE-OUTSIDE", summary.format(name, ", ".join(request.targets)), hint=hint) for name in kept_out
     ]

@@ -84,7 +84,7 @@ def decide_rewrite(
     )
     if answer.ok:
         return None
-    hint = "octoform plan tells how the endpoint is; the rewrite still waits"
+    hint = "octoform plan shows the state of the endpoint; the rewrite still waits"
     return error("HEAL-NOT-CONFIRMED", f"{rewrite.id} is not in service: {answer.detail}", hint=hint)
 
 

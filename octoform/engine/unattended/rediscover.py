@@ -155,7 +155,7 @@ class _Consent:
 
 
 def _asking(apply: str) -> tuple[str, ...]:
-    return () if apply == AUTO else ("the manifest says daemon: {apply: ask}",)
+    return () if apply == AUTO else ("the manifest sets daemon: {apply: ask}",)
 
 
 def objections(outlook: Outlook) -> tuple[str, ...]:

@@ -74,7 +74,7 @@ def mend_artifacts(layout: Layout) -> Mended:
     done = Mended()
     store, found = StateStore.open(layout)
     if store is None or has_errors(found):
-        done.lost.append(f"the state cannot be read: {_file_words(found)}; octoform state tells how to recover it")
+        done.lost.append(f"the state cannot be read: {_file_words(found)}; octoform state explains how to recover it")
         return done
     facts = observe(layout)
     for node, wanted in _accepted(layout, store.snapshot, done).items():
@@ -85,7 +85,7 @@ def mend_artifacts(layout: Layout) -> Mended:
         if files is None:
             done.lost.append(
                 f"{node} is not as it was accepted, and neither a kept copy nor a commit holds it; "
-                "octoform plan tells what apply would do"
+                "octoform plan shows what apply would do"
             )
             continue
         _mend_folder(layout, layout.folder(node), files, done, hold=node != SERVE or _holds(layout))

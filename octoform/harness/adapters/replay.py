@@ -115,7 +115,7 @@ def _ended(played: Attempt, seconds: float) -> Outcome:
     if reason is ExitReason.FINISHED and played.refused and UNREPEATABLE.issuperset(played.refused):
         reason, status = ExitReason.CRASHED, None
         codes = ", ".join(sorted(set(played.refused)))
-        detail = f"the recorded attempt was refused with {codes}, which a replay does not do again"
+        detail = f"the recorded attempt was rejected with {codes}, which a replay does not do again"
     return Outcome(reason, status, seconds, detail, usage, turns=played.turns, program=played.program)
 
 

@@ -179,5 +179,5 @@ def _unwritable(where: Path, failure: OSError) -> Diagnostic:
         "HARNESS-INSTALL-FOLDER",
         f"the folder for agent programs cannot be used: {failure.strerror or failure}",
         path=str(failure.filename or where),
-        hint="make room or give it to this user, or name another folder in OCTOFORM_AGENTS",
+        hint="free some space or give the folder to this user, or name another folder in OCTOFORM_AGENTS",
     )

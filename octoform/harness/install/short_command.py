@@ -119,4 +119,4 @@ def stated_version(located: Located, environ: Mapping[str, str]) -> Stated:
         said = " ".join((done.stderr or done.stdout).split())
         return Stated(None, f"{done.ending}{f': {said[-REASON_CHARS:]}' if said else ''}")
     found = _VERSION.search(done.stdout)
-    return Stated(found.group()) if found else Stated(None, "said no version")
+    return Stated(found.group()) if found else Stated(None, "reported no version")

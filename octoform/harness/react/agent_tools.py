@@ -226,7 +226,7 @@ def _edited(text: str, old: str, new: str, which: str) -> str:
     found = text.count(old)
     if found != 1:
         what = "is not in the file" if not found else f"is in the file {found} times"
-        more = "read the file and copy the text exactly" if not found else "add what stands around the one you mean"
+        more = "read the file and copy the text exactly" if not found else "add the lines around the one you mean"
         raise FileToolRefused(f"{which}: old {what}; {more}")
     return text.replace(old, new)
 
@@ -242,7 +242,7 @@ def _text(folder: int, name: str, path: str) -> str:
     try:
         return data.decode("utf-8")
     except UnicodeDecodeError as problem:
-        raise FileToolRefused(f"{path} is no text in UTF-8") from problem
+        raise FileToolRefused(f"{path} is not UTF-8 text") from problem
 
 
 def _mode(folder: int, name: str) -> int:

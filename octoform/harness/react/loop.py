@@ -130,7 +130,7 @@ class Loop:
         self._told = True
         self.conversation.told(
             f"The output file {self.output} is not there, or is empty. Write it now; "
-            "if that cannot be done, say so in one sentence."
+            "if that cannot be done, explain it in one sentence."
         )
         return False
 

@@ -173,7 +173,7 @@ def change(
     if after is None:
         return None, [_refused(path, dotted, "a part of the name is no table")]
     if any("\ud800" <= sign <= "\udfff" for sign in after):
-        return None, [_refused(path, dotted, "the text holds bytes that are no UTF-8")]
+        return None, [_refused(path, dotted, "the string holds bytes that are not UTF-8")]
     _, found = parse(after.encode("utf-8"), path, environ)
     errors = [item for item in found if item.severity is Severity.ERROR]
     if errors:

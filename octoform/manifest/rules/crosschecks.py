@@ -88,7 +88,7 @@ def _unused_prices(document: Document, root: Table, report: ProblemList) -> None
                 "MANIFEST-UNUSED",
                 "this price has no effect: no agent uses that model",
                 key.span,
-                hint=f"did you mean `{report.shown(near)}`?" if near else "write the name as it stands under `model`",
+                hint=f"did you mean `{report.shown(near)}`?" if near else "write the name as it is under `model`",
             )
 
 
@@ -148,7 +148,7 @@ def _argument(item: Scalar, prompt: str, report: ProblemList) -> None:
         elif name == "prompt" and prompt != "argument":
             hint = "add `prompt: argument`, or use {prompt_file}"
             report.error(
-                "MANIFEST-WRONG-VALUE", "{prompt} stands here, but the prompt is no argument", item.span, hint=hint
+                "MANIFEST-WRONG-VALUE", "{prompt} is used here, but the prompt is no argument", item.span, hint=hint
             )
 
 

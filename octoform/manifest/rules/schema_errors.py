@@ -88,7 +88,7 @@ RANGES = {
     "usd_per_hour": "write US dollars, such as 2.50",
     "webhook": "write https://alerts.example.org/hook, or keep it in a variable: ${ALERT_URL}",
     "metrics": "write a path that ends in .prom, such as /var/lib/node_exporter/octoform.prom",
-    "notify.command": "write a list: [./tell-me, --trouble]",
+    "notify.command": "write a list: [./notify-me, --problem]",
     "tunnel.command": 'write for example [cloudflared, tunnel, --url, "{url}"]',
 }
 # What people look for at the top, and why it is not there.

@@ -114,7 +114,7 @@ def _check_one(loc: Loc, scalar: Scalar, environ: Mapping[str, str], report: Pro
     if not _may_refer(loc):
         report.error(
             "MANIFEST-ENV-NOT-ALLOWED",
-            "a variable may not stand here",
+            "a variable is not allowed here",
             span,
             hint=_names_only(loc) or _WHERE,
         )
@@ -131,7 +131,7 @@ def _check_one(loc: Loc, scalar: Scalar, environ: Mapping[str, str], report: Pro
         if not environ.get(name):
             state = "is empty" if name in environ else "is not set"
             if loc == tree.WEBHOOK:  # nothing but a message depends on it
-                what = f"the variable {name} {state}; the daemon can tell no one at this URL"
+                what = f"the variable {name} {state}; the daemon can notify no one at this URL"
                 report.warning("MANIFEST-ENV-UNSET", what, span, hint=f"export {name}=...")
                 continue
             report.error("MANIFEST-ENV-UNSET", f"the variable {name} {state}", span, hint=f"export {name}=...")

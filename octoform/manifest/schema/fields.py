@@ -76,7 +76,7 @@ def distinct(values: list[str]) -> list[str]:
     """The list, if nothing stands twice in it."""
     for index, value in enumerate(values):
         if value in values[:index]:
-            raise problem("this stands twice in the list", "keep one of the two", index)
+            raise problem("this occurs twice in the list", "keep one of the two", index)
     return values
 
 
@@ -95,7 +95,7 @@ def _step_name(value: str) -> str:
 def _answer(value: str) -> str:
     if len(value) > LONGEST_ANSWER or len(re.findall(r"\w", value)) < 2:
         raise problem(
-            f"an answer has words, in 2 to {LONGEST_ANSWER} characters", "say in a sentence what the device is"
+            f"an answer has words, in 2 to {LONGEST_ANSWER} characters", "write in a sentence what the device is"
         )
     if any(is_hidden(character) and character not in "\n\t" for character in value):
         raise problem("the answer holds a character that does not show", "write it again, as plain text")

@@ -36,7 +36,7 @@ def _glob(value: str) -> str:
         return value
     raise problem(
         "no tool can have such a name",
-        "a tool's name has letters, digits, _, . and -, at most 128; * stands for any of them, ? for one",
+        "a tool's name has letters, digits, _, . and -, at most 128; * matches any of them, ? matches one",
     )
 
 
@@ -105,16 +105,16 @@ class Limit(Table):
         if not bounds and all(getattr(self, name) is None for name in PACES):
             raise problem("this limit limits nothing", f"add one of {', '.join((*BOUNDS, *PACES))}")
         if bounds and self.parameter is None:
-            what = f"this limit does not say of which parameter `{bounds[0]}` is"
+            what = f"this limit names no parameter: `{bounds[0]}` is"
             raise problem(what, "add `parameter`", bounds[0])
         if self.parameter is not None and not bounds:
-            what = "nothing here speaks of a parameter: it is about calls, whatever their arguments"
+            what = "no limit here is for a parameter: these limits count calls, whatever their arguments"
             raise problem(what, f"remove it, or add one of {', '.join(BOUNDS)}", "parameter")
         if self.minimum is not None and self.maximum is not None and self.minimum > self.maximum:
             raise problem("the minimum is above the maximum", "no value would pass; exchange the two", "minimum")
         if self.units and (self.step is not None or self.cumulative is not None or not bounds):
             what = "`units` narrows minimum and maximum, and nothing else"
-            raise problem(what, "write the other limits in an entry of their own", "units")
+            raise problem(what, "write the other limits in a separate entry", "units")
         return self
 
 
@@ -158,7 +158,7 @@ def _interface(value: str) -> str:
     if _is_address(value):
         address = ip_address(value)
         if address.is_unspecified:
-            raise problem("this address stands for every interface", "write `all`")
+            raise problem("this address means every interface", "write `all`")
         if address.is_multicast:
             raise problem("this is no address of one host", hint)
     elif ":" in value or re.fullmatch(INTERFACE_PATTERN[1:-1], value) is None:
@@ -174,7 +174,7 @@ def _host(value: str) -> str:
     if _is_address(value):
         return value
     if ":" in value:
-        raise problem("a host stands here without a port", "write the name alone, such as bench.example.org")
+        raise problem("a host is written here without a port", "write the name alone, such as bench.example.org")
     if not re.fullmatch(_NAME, value) or len(value) > _LONGEST_HOST:
         raise problem("this is no host name", "write it as clients do, such as bench.example.org")
     return value
@@ -217,7 +217,7 @@ def _command(values: list[str]) -> list[str]:
             raise problem(f"{{{other[:40]}}} is no placeholder", f"the only one is {TUNNEL_URL}", index)
     if not any(TUNNEL_URL in value for value in values):
         raise problem(
-            f"nothing tells the program where the endpoint is: {TUNNEL_URL} is missing",
+            f"the program does not get the address of the endpoint: {TUNNEL_URL} is missing",
             f'write for example [cloudflared, tunnel, --url, "{TUNNEL_URL}"]',
         )
     return values
@@ -259,7 +259,7 @@ class Tunnel(Table):
 
 METRICS_PATTERN = r"^[^~\x00][^\x00]*\.prom$"
 MOST_CALLS = 1000
-_COMMAND_HINT = "write for example [./tell-me, --trouble]; it gets the trouble as JSON on its standard input"
+_COMMAND_HINT = "write for example [./notify-me, --problem]; it gets the problem as JSON on its standard input"
 _WEBHOOK_HINT = "write https://alerts.example.org/hook, or keep it secret in a variable: ${ALERT_URL}"
 _METRICS_HINT = "write a path that ends in .prom, such as /var/lib/node_exporter/octoform.prom"
 

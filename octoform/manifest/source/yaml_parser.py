@@ -35,7 +35,7 @@ _WORDS: tuple[tuple[str, str, str], ...] = (
     (
         "mapping values are not allowed",
         "a second `: ` on one line, or a line that is indented too far",
-        "line the keys up, or quote a text that holds `: `",
+        "line the keys up, or quote a string that holds `: `",
     ),
     ("unexpected end of stream", "a quote is opened and never closed", "close the quote"),
     ("found unexpected document separator", "a quote is opened and never closed", "close the quote"),
@@ -43,12 +43,12 @@ _WORDS: tuple[tuple[str, str, str], ...] = (
     ("expected ',' or ']'", "a `[` is opened and never closed", "close the bracket, or put a comma between its items"),
     ("expected <block end>", "this line does not line up with the lines above it", "check the indentation"),
     ("could not find expected ':'", "a key without its colon", "write `key: value`, with a blank after the colon"),
-    ("that cannot start any token", "this character cannot start a value", "quote the text"),
+    ("that cannot start any token", "this character cannot start a value", "quote the string"),
     ("unknown escape character", "this escape is not known", "write the backslash twice, or use single quotes"),
     ("expected escape sequence", "this escape is not complete", "write the backslash twice, or use single quotes"),
     ("block sequence entries are not allowed", "a list cannot begin here", "start the list on its own line"),
     ("sequence entries are not allowed", "a list cannot begin here", "start the list on its own line"),
-    ("expected '<document start>'", "the text goes on after its end", "write lines of the form `key: value`"),
+    ("expected '<document start>'", "the string goes on after its end", "write lines of the form `key: value`"),
     ("expected the node content", "a value is missing here", "give a value, or remove the sign"),
 )
 _OTHERWISE = "octopus.yaml is YAML 1.2: lines of the form `key: value`"
@@ -210,7 +210,7 @@ class _Builder:
                 f"anchors and aliases are not used in a manifest: {mark}{self._report.shown(event.anchor)}",
                 span,
                 hint="write the value out where it is needed"
-                + ("; quote a text that begins with *" if isinstance(event, AliasEvent) else ""),
+                + ("; quote a string that begins with *" if isinstance(event, AliasEvent) else ""),
             )
             return True
         tag = str(event.tag or "") if isinstance(event, ScalarEvent | CollectionStartEvent) else ""
@@ -230,7 +230,7 @@ class _Builder:
         if found:
             self._report.error(
                 "MANIFEST-CONTROL-CHARACTER",
-                f"an escape stands for the character {name_of(found.group())}, which no setting may hold",
+                f"an escape is written for the character {name_of(found.group())}, which no setting may hold",
                 span,
                 hint="remove the escape",
             )
@@ -267,7 +267,7 @@ class _Builder:
         if earlier is not None:
             self._report.error(
                 "MANIFEST-DUPLICATE-KEY",
-                f"the key `{self._report.shown(node.text)}` stands twice",
+                f"the key `{self._report.shown(node.text)}` occurs twice",
                 node.span,
                 detail=f"it was first given on line {earlier.span.line}",
                 hint="keep one of the two",

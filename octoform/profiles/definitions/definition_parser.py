@@ -21,11 +21,13 @@ def read(given: object) -> tuple[Grammar | None, list[Problem]]:
     found = Found()
     if not isinstance(given, Mapping):
         found.add(
-            PLACE, "the grammar is no mapping", "write grammar: {line: ..., commands: ...}, or registers: for line:"
+            PLACE,
+            "the protocol definition is no mapping",
+            "write grammar: {line: ..., commands: ...}, or registers: for line:",
         )
         return None, found.problems
     if "registers" in given and "line" in given:
-        found.add(PLACE, "a grammar is of one kind, and this is of two", "keep `line` or `registers`")
+        found.add(PLACE, "a protocol definition has one kind, and this has two", "keep `line` or `registers`")
         return None, found.problems
     read_kind = register_parser.read if "registers" in given else lines.read
     grammar: Grammar = read_kind(found, given, PLACE)
@@ -87,10 +89,10 @@ def idle(limit: Limit, tools: Iterable[Tool]) -> tuple[str, str, str] | None:
     glob, name, zero = limit.get("tool", "*"), limit.get("parameter"), limit.get("zero")
     meant = [tool for tool in listed.values() if isinstance(glob, str) and fnmatchcase(tool.tool, glob)]
     if isinstance(glob, str) and not meant:
-        return "tool", f"the grammar has no tool {glob!r}", near(glob, listed, "its tools are ")
+        return "tool", f"the protocol definition has no tool {glob!r}", near(glob, listed, "its tools are ")
     parameters = {value.name: None for tool in meant for value in tool.parameters}
     if isinstance(name, str) and name not in parameters:
         return "parameter", f"the tools of this limit take no parameter {name!r}", near(name, parameters, "they take ")
     if isinstance(zero, str) and zero not in listed:
-        return "zero", f"the grammar has no tool {zero!r}", near(zero, listed, "its tools are ")
+        return "zero", f"the protocol definition has no tool {zero!r}", near(zero, listed, "its tools are ")
     return None

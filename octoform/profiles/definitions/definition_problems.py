@@ -70,7 +70,7 @@ class Found:
             self.add((*place, name), f"{name!r} is missing", f'write {name}: "..."')
             return ""
         hint = "a line's end and control characters do not belong into it; the field `ending` ends a line"
-        self.add((*place, name), f"{name!r} is no text of 1 to {MOST_CHARS} printable ASCII characters", hint)
+        self.add((*place, name), f"{name!r} is not a string of 1 to {MOST_CHARS} printable ASCII characters", hint)
         return ""
 
     def whole(
@@ -80,7 +80,7 @@ class Found:
         value = given.get(name, default)
         if isinstance(value, int) and not isinstance(value, bool) and span[0] <= value <= span[1]:
             return value
-        self.add((*place, name), f"{name!r} is no whole number from {span[0]} to {span[1]}")
+        self.add((*place, name), f"{name!r} is not an integer from {span[0]} to {span[1]}")
         return span[0]
 
     def number(self, given: Mapping[str, Any], name: str, place: Place) -> float:
@@ -108,7 +108,7 @@ class Found:
         value = given.get("unit", "")
         if isinstance(value, str) and len(value) <= MOST_UNIT and (not value or PRINTABLE.fullmatch(value)):
             return value
-        self.add((*place, "unit"), f"'unit' is no text of at most {MOST_UNIT} characters", "write for example V")
+        self.add((*place, "unit"), f"'unit' is not a string of at most {MOST_UNIT} characters", "write for example V")
         return ""
 
     def named(self, name: object, known: Collection[str], place: Place, what: str) -> str:
@@ -126,7 +126,7 @@ class Found:
             return ""
         words = set(name.split("_"))
         if words & _RAW or (words & _RAW_VERBS and words & _RAW_NOUNS):
-            hint = "name what the product does: a tool for each thing, never one that passes on whatever it is given"
+            hint = "name what the product does: a tool for each thing, never one that passes on its input unchanged"
             self.add(place, f"the tool {name!r} would be a raw pipe to the device", hint)
         return name
 
@@ -135,14 +135,14 @@ class Found:
         seen: set[str] = set()
         for name, place in tools:
             if name and name in seen:
-                self.add(place, f"the tool {name!r} stands twice", "give each command a tool of its own")
+                self.add(place, f"the tool {name!r} occurs twice", "give each command its own tool")
             seen.add(name)
 
     def items(self, given: object, place: Place, most: int, hint: str) -> list[Any]:
         """The commands of a grammar, as they are."""
         if isinstance(given, list) and 1 <= len(given) <= most:
             return given
-        self.add(place, f"the grammar has no list of 1 to {most} commands", hint)
+        self.add(place, f"the protocol definition has no list of 1 to {most} commands", hint)
         return []
 
 

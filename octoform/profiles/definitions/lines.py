@@ -216,19 +216,19 @@ def _mover(found: Found, name: object, place: Place, commands: Mapping[str, Comm
 
 
 def _line(found: Found, given: object, place: Place) -> Line:
-    line = found.mapping(given, place, "the line of the grammar", LINE_FIELDS)
+    line = found.mapping(given, place, "the line of the protocol definition", LINE_FIELDS)
     baud, ending = line.get("baud"), line.get("ending", "\n")
     if line.get("class") != LINE_CLASS:
         found.add((*place, "class"), f"the class of the line is not {LINE_CLASS}", f"write line: {_EXAMPLE}")
     if isinstance(baud, bool) or not isinstance(baud, int) or not 1 <= baud <= MOST_BAUD:
         hint = "write for example 115200, also where the product is a USB device that does not care"
-        found.add((*place, "baud"), "the baud of the line is no positive whole number", hint)
+        found.add((*place, "baud"), "the baud of the line is not a positive integer", hint)
         baud = 1
     if ending not in ENDINGS:
         found.add((*place, "ending"), "the ending of a line is none that is known", r'write "\n", "\r" or "\r\n"')
     ok = found.text(line, "ok", place) if "ok" in line else None
     if set(ok or "") & set("{}"):
-        found.add((*place, "ok"), "`ok` has a placeholder", "what an answer says is in the `reply` of a command")
+        found.add((*place, "ok"), "`ok` has a placeholder", "the content of an answer is in the `reply` of a command")
     error = found.text(line, "error", place) if "error" in line else None
     if error and (set(_names(error)) - {"message"} or not _well_formed(error)):
         found.add(
@@ -243,7 +243,7 @@ def _command(found: Found, given: object, place: Place) -> Command:
     item = found.mapping(given, place, "a command", COMMAND_FIELDS)
     tool, effect = found.tool(item.get("tool"), (*place, "tool")), item.get("effect")
     if effect not in EFFECTS:
-        found.add((*place, "effect"), "the command does not say its effect", f"write one of {', '.join(EFFECTS)}")
+        found.add((*place, "effect"), "the command has no effect", f"write one of {', '.join(EFFECTS)}")
     about = found.text(item, "about", place)
     send = found.text(item, "send", place) if "send" in item else ""
     reply = _reply(found, item, place)
@@ -316,7 +316,7 @@ def _words(found: Found, value: Mapping[str, Any], kind: object, place: Place) -
     given = value["words"] if isinstance(value["words"], list) else []
     sound = [word for word in given if isinstance(word, str) and _WORD.fullmatch(word) and not set(word) & _NO_WORD]
     if kind != "boolean" or len(given) != 2 or len(set(sound)) != 2:
-        hint = 'write what the line says for false, then for true: words: ["OFF", "ON"]; no quotes or braces in them'
+        hint = 'write the words for false, then for true: words: ["OFF", "ON"]; no quotes or braces in them'
         found.add((*place, "words"), "`words` are no two different words of a boolean", hint)
         return ()
     return tuple(sound)
@@ -342,8 +342,8 @@ def _choices(found: Found, value: Mapping[str, Any], kind: object, place: Place)
 def _closed(found: Found, value: Value, effect: object, place: Place) -> None:
     """A caller chooses only among what stands here."""
     if value.type == "string" and not value.choices:
-        hint = "list the words with enum: [...]; a text that a caller chooses freely would be a raw pipe"
-        found.add(place, f"the parameter {value.name!r} takes any text", hint)
+        hint = "list the words with enum: [...]; a string that a caller chooses freely would be a raw pipe"
+        found.add(place, f"the parameter {value.name!r} takes any string", hint)
     given = sum(bound is not None for bound in (value.minimum, value.maximum))
     if value.type in ("integer", "number") and given < 2 and (effect != "read" or given):
         hint = "give it a minimum and a maximum; nothing is moved by a number without bounds"
@@ -370,9 +370,7 @@ def _agree(found: Found, patterns: list[str], values: tuple[Value, ...], place: 
 def _apart(found: Found, reply: list[str], place: Place) -> None:
     names = [name for line in reply for name in _names(line)]
     if len(set(names)) < len(names) or any("}{" in line for line in reply):
-        found.add(
-            place, "two values of the reply cannot be told apart", "each stands once, with fixed text between them"
-        )
+        found.add(place, "two values of the reply cannot be separated", "write each once, with fixed text between them")
 
 
 def _names(pattern: str) -> Iterator[str]:

@@ -58,7 +58,7 @@ def _command(found: Found, given: object, place: Place, registers: Registers) ->
     if check is not None:
         check(found, item, place, registers)
     if do in (*_MOVES, "stop") and registers.motion is None:
-        hint = "say under `motion` of the registers how a unit is moved"
+        hint = "write under `motion` of the registers how a unit is moved"
         found.add((*place, "do"), f"{do} without a `motion` of the registers", hint)
     fields = item.get("fields") if do in _OF["fields"] else None
     return Action(
@@ -80,7 +80,7 @@ def _reads(found: Found, item: Mapping[str, Any], place: Place, registers: Regis
         return
     for index, name in enumerate(fields):
         if found.named(name, registers.fields, (*where, index), "field") and name in fields[:index]:
-            found.add((*where, index), f"the field {name!r} stands twice")
+            found.add((*where, index), f"the field {name!r} occurs twice")
 
 
 def _moves(found: Found, item: Mapping[str, Any], place: Place, registers: Registers) -> None:
@@ -90,7 +90,7 @@ def _moves(found: Found, item: Mapping[str, Any], place: Place, registers: Regis
         hint = f"write scale: {CALIBRATED}, or leave it out for raw counts"
         found.add((*place, "scale"), f"{item['scale']!r} is no scale", hint)
     elif registers.calibration is None:
-        hint = "say under `calibration` of the registers which files hold it"
+        hint = "name under `calibration` of the registers the files that hold it"
         found.add((*place, "scale"), "a calibrated scale without a `calibration` of the registers", hint)
 
 
@@ -109,14 +109,14 @@ def _torque(found: Found, item: Mapping[str, Any], place: Place, registers: Regi
     held = {name for name, value in motion.before if isinstance(value, int)} if motion is not None else set()
     for name, _ in motion.release if motion is not None else ():
         if name not in held:
-            hint = f"add {{{name}: 1}} to `before` of the motion, or whatever holds a unit"
+            hint = f"add {{{name}: 1}} to `before` of the motion, or the write that holds a unit"
             found.add((*place, "do"), f"{item['do']} can release {name!r} and not hold it again", hint)
 
 
 def _releases(found: Found, place: Place, registers: Registers) -> None:
     if registers.motion is None or not registers.motion.release:
         hint = "write for example release: {torque: 0} under `motion` of the registers"
-        found.add(place, "nothing says what makes a unit limp", hint)
+        found.add(place, "no setting makes a unit limp", hint)
 
 
 _CHECKS: Mapping[str, Callable[[Found, Mapping[str, Any], Place, Registers], None]] = {
@@ -288,7 +288,7 @@ def calibration(found: Found, given: Mapping[str, Any], place: Place, moved: Mot
         return Calibration(str(item.get("format")), ())
     for index, pattern in enumerate(files):
         if not _below_home(pattern):
-            hint = "begin with ~/ and name folders; * stands for any name, and neither .. nor ** is known"
+            hint = "begin with ~/ and name folders; * matches any name, and neither .. nor ** is known"
             found.add((*where, "files", index), f"{pattern!r} is no pattern of files below the home folder", hint)
     return Calibration(str(item.get("format")), tuple(str(pattern) for pattern in files))
 
@@ -322,7 +322,7 @@ def _pose(
     pose = found.mapping(given, place, f"the pose {name!r}", tuple(units))
     absent = [unit for unit in units if unit not in pose]
     if absent and isinstance(given, Mapping):
-        hint = "a pose says where every unit is; what is left where it happens to be is no pose"
+        hint = "a pose has a position for every unit"
         found.add(place, f"the pose {name!r} lacks {', '.join(absent)}", hint)
     return {str(unit): found.whole(pose, unit, place, bounds) for unit in pose if unit in units}
 
@@ -356,14 +356,14 @@ def read(found: Found, whole: Mapping[str, Any], place: Place) -> RegisterGramma
 
 
 def _registers(found: Found, given: object, place: Place) -> Registers:
-    item = found.mapping(given, place, "the registers of the grammar", REGISTERS_FIELDS)
+    item = found.mapping(given, place, "the registers of the protocol definition", REGISTERS_FIELDS)
     if item.get("class") != BUS_CLASS:
         found.add((*place, "class"), f"the class of the bus is not {BUS_CLASS}", f"write class: {BUS_CLASS}")
     baud = found.whole(item, "baud", place, (1, MOST_BAUD))
     library = _library(found, item.get("library"), (*place, "library"))
     unit = item.get("unit", "unit")
     if not isinstance(unit, str) or not is_value_name(unit, (*UNIT_TAKEN, *FIELD_TAKEN)):
-        hint = "write unit: joint, a short word in lower case: the parameter that says which one is meant"
+        hint = "write unit: joint, a short word in lower case: the parameter that names the unit"
         found.add((*place, "unit"), "what a unit is called is no usable name of a parameter", hint)
         unit = "unit"
     units = _units(found, item.get("units"), (*place, "units"), unit)

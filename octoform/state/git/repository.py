@@ -115,7 +115,7 @@ def _unusable(where: Repository, complaints: str) -> Diagnostic:
         "git refuses to read this repository; the plan goes on without revisions",
         path=shown(where.root),
         detail=_words(complaints),
-        hint="do what git says, or ignore this: only revisions and commits need it",
+        hint="follow git's message, or ignore this: only revisions and commits need it",
     )
 
 
@@ -344,7 +344,7 @@ def _failed(where: Repository, complaints: str) -> Diagnostic:
         "git did not make the commit; the state itself is written and stays",
         path=shown(where.root),
         detail=_words(complaints),
-        hint="do what git says, then commit the state by hand or apply again",
+        hint="follow git's message, then commit the state by hand or apply again",
     )
 
 

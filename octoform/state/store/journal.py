@@ -131,7 +131,7 @@ def _torn(path: Path, number: int) -> Diagnostic:
         "STATE-JOURNAL-TORN",
         f"line {number} of the journal was cut while it was written; it is ignored",
         path=shown(path),
-        hint="nothing to do: the step it told of counts as interrupted",
+        hint="nothing to do: its step counts as interrupted",
     )
 
 

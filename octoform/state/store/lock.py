@@ -112,7 +112,7 @@ def read_holder(layout: Layout) -> Holder | Diagnostic | None:
             "STATE-LOCK-UNREADABLE",
             "the lock file is not one that octoform wrote",
             path=shown(layout.lock),
-            hint="make sure that no octoform runs on this host's state, then remove the file",
+            hint="check that no octoform runs on this host's state, then remove the file",
         )
 
 

@@ -120,7 +120,7 @@ class Lines:
             yield target, (), f"{repair} ...", ("dim",)
         for episode in made.ended:
             took = seconds_of(episode)
-            word = "repaired" if episode.outcome is Outcome.REPAIRED else "over by itself"
+            word = "repaired" if episode.outcome is Outcome.REPAIRED else "resolved by itself"
             yield episode.target, (), f"{word}{f' after {length(took)}' if took is not None else ''}", ("green",)
         for episode in self._standing.fresh(made):
             yield episode.target, (), _needed(episode), ("red",)
@@ -134,7 +134,7 @@ class Lines:
         paused = ", repairs paused" if made.paused is not None else ""
         wrong = f", {len(health.parts)} not well" if health.parts else ""
         read = counted(health.covered, "signal") if health.status is not Status.DOWN else "no signal is read"
-        rest = f"{read}{wrong}{paused}, last round {clock(made.facts.stamp)}"
+        rest = f"{read}{wrong}{paused}, last check {clock(made.facts.stamp)}"
         self._status = f"{one_line(health.host, 40)}: {word}  {rest}  (Ctrl-C ends)"
         self._console.out.write(self._status[: self._console.width + (len(word) - len(str(health.status)))])
         self._console.out.flush()

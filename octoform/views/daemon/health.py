@@ -169,7 +169,7 @@ def _tried(trouble: Trouble, now: datetime) -> str:
     names = ", ".join(name if count == 1 else f"{name} {count} times" for name, count in counts.items())
     last = tries[-1]
     passed = ago(last.at, now)
-    how = "failed" if not last.ok else "said" if last.repair == Repair.WATCH else "said it was done"
+    how = "failed" if not last.ok else "said" if last.repair == Repair.WATCH else "reported success"
     return f"{names}; the last one{f' {passed} ago' if passed else ''} {how}{f': {last.detail}' if last.detail else ''}"
 
 
@@ -226,7 +226,7 @@ def _basis(console: Console, found: Survey, now: datetime) -> Iterator[str]:
 def _untold(each: Failing, now: datetime) -> str:
     """A way of telling that fails."""
     lost = counted(each.lost, "message")
-    return f"no one was told by the {each.way} since {clock(each.since, now)} ({lost} lost): {each.why}"
+    return f"no one was notified by the {each.way} since {clock(each.since, now)} ({lost} lost): {each.why}"
 
 
 def _reporting(health: Health) -> str:

@@ -45,7 +45,7 @@ def asked(console: Console, daemon: Record, known: GivenUp, retried: Sequence[st
             console, {"asked": True, "pid": daemon.process.pid, "retried": list(retried), "frozen": _frozen(known)}
         )
     again = f" and tries {_names(retried)} again" if retried else ""
-    console.line(f"The daemon (process {daemon.process.pid}) looks now{again}; octoform health tells how it went.")
+    console.line(f"The daemon (process {daemon.process.pid}) looks now{again}; octoform health shows the result.")
     _list(console, known, [each for each in known.frozen if each.target not in retried])
     return 0
 
@@ -54,7 +54,9 @@ def healed(console: Console, known: GivenUp, retried: Sequence[str], status: str
     """One round was made by this command."""
     if as_json:
         return _object(console, {"asked": False, "status": status, "retried": list(retried), "frozen": _frozen(known)})
-    console.line(f"One round is made: {status}. No daemon runs, so nothing watches from here on (octoform watch).")
+    console.line(
+        f"This command makes one check cycle: {status}. No daemon runs afterwards (octoform watch starts one)."
+    )
     _list(console, known, known.frozen)
     return 0
 
@@ -100,7 +102,7 @@ _WORDS = {
 }
 _ENDED = {
     "expired": "nothing bore it out any more",
-    "contradicted": "a reading says otherwise",
+    "contradicted": "a reading refutes it",
     "operator": "a person ended it",
     "superseded": "another one took its place",
 }
@@ -131,7 +133,7 @@ def lines(console: Console, claim: Claim) -> Iterator[str]:
     if claim.irreversible is not None:
         yield f"    kind      permanent restriction {claim.irreversible}: nothing moves there until a person ends it"
     else:
-        yield "    kind      temporary claim: ends by itself once its readings say otherwise"
+        yield "    kind temporary claim: ends by itself once a reading refutes it"
         yield f"    rests on  {one_line(_ground(claim), WIDTH)}"
     if claim.state is State.ACTIVE:
         until = f"until {clock(claim.expires_at)} unless it is borne out"
@@ -183,7 +185,7 @@ def rewrite_decided(console: Console, identity: str, *, served: bool, as_json: b
 def question(claim: Claim) -> str:
     """What a person is asked: what their yes would make of it."""
     if claim.irreversible is None:
-        return "Make this temporary claim true? It ends by itself once its readings say otherwise."
+        return "Put this temporary claim in force? It ends by itself once a reading refutes it."
     return f"Make this permanent restriction ({claim.irreversible}) true? Only octoform claims -retire ends it."
 
 

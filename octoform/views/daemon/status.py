@@ -33,7 +33,7 @@ def status(console: Console, found: Status, surveyed: Survey, *, as_json: bool) 
     sync = console.paint("in sync", "green") if found.sync else console.paint("out of sync", "yellow")
     console.line(f"host {found.host}: {sync}, {console.paint(str(verdict), STYLES[verdict])}")
     if found.plan is not None and not found.sync:
-        console.line(f"  {plan_text.summary(found.plan).splitlines()[0]}  (octoform plan tells why)")
+        console.line(f"  {plan_text.summary(found.plan).splitlines()[0]}  (octoform plan shows why)")
     if found.recorded:
         console.wrapped("  ", one_line(plan_text.recorded(found.recorded), WIDTH), indent=4)
     for reason in reasons:
@@ -58,7 +58,7 @@ def _reasons(found: Status, surveyed: Survey) -> tuple[str, ...]:
     parts = (each for each in surveyed.health.parts if not each.target.startswith("unit:"))
     told = [named(each.target, each.why) for each in parts]
     silent = len(surveyed.health.uncovered)
-    counted = [f"{plan_text.counted(silent, 'signal')} cannot report: octoform health names them"] if silent else []
+    counted = [f"{plan_text.counted(silent, 'signal')} have no data: octoform health names them"] if silent else []
     return tuple(dict.fromkeys((*found.reasons, *told, *counted)))
 
 
@@ -83,7 +83,7 @@ def _document(found: Status, surveyed: Survey, reasons: Sequence[str]) -> dict[s
 def _watched(daemon: Record | None) -> str:
     if daemon is None:
         return "no one watches it: octoform watch keeps it alive"
-    return f"a daemon watches it: process {daemon.process.pid} since {daemon.since}; octoform health tells what it sees"
+    return f"a daemon watches it: process {daemon.process.pid} since {daemon.since}; octoform health shows its findings"
 
 
 def _process(process: Process) -> Iterator[str]:

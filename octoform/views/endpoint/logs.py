@@ -242,7 +242,7 @@ def _reset(record: Record) -> list[str]:
 
 
 def _tunnel(record: Record) -> list[str]:
-    proof = "and proved to be gone" if record.get("proved") else "but NOT proved to be gone"
+    proof = "and verified to be gone" if record.get("proved") else "but NOT verified to be gone"
     by = f" by {record['by']}" if record.get("by") else ""
     return ["revoked", f"the tunnel {record.get('url') or ''} was ended{by}, {proof}".replace("  ", " ")]
 
@@ -271,7 +271,7 @@ _EVENTS: Mapping[str, Callable[[Record], list[str]]] = {
     ],
     "place_unknown": lambda record: [
         "unknown",
-        f"the result of {record['tool']} does not say where {', '.join(record['units'])} is now",
+        f"the result of {record['tool']} does not contain its position {', '.join(record['units'])} is now",
     ],
     "estop": _estop,
     "estop_actions": _actions,
@@ -287,7 +287,7 @@ _EVENTS: Mapping[str, Callable[[Record], list[str]]] = {
         "log",
         f"the log was full and goes on in a new file; the former is {record['file']}",
     ],
-    "audit_torn": lambda record: ["log", f"{record['bytes']} bytes of a record that was cut off stand before this one"],
+    "audit_torn": lambda record: ["log", f"{record['bytes']} bytes of a record that was cut off are before this one"],
     "audit_seal_lost": lambda _: ["log", "the seal of the log was gone; octoform audit -verify checks the log"],
 }
 

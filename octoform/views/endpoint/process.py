@@ -63,7 +63,7 @@ def unit(console: Console, found: Unit) -> None:
 
 def machine_wide(console: Console, found: Unit) -> int:
     """Nothing was written; what a person would do who wants it for the whole machine."""
-    console.line("Nothing was written. For the whole machine, put these texts at the places above as root, then:")
+    console.line("Nothing was written. For the whole machine, write these files to the places above as root, then:")
     console.raw(f"  systemctl daemon-reload\n  systemctl enable --now {found.name} {found.watch.name}")
     return 0
 

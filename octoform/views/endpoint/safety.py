@@ -109,7 +109,7 @@ def limits(console: Console, found: Limits, *, as_json: bool) -> int:
         document(console, {"format": 1, **asdict(found)})
         return 1 if damaged else 0
     if found.mode != "enforce":
-        how = "told and not enforced" if found.mode == "shadow" else "judged, and no call reaches a device"
+        how = "reported and not enforced" if found.mode == "shadow" else "judged, and no call reaches a device"
         console.line(console.paint(f"mode {found.mode}: limits are {how}", "yellow"))
     for tool in found.tools:
         console.line(f"{console.paint(tool.tool, 'bold')}  {tool.effect}, {tool.decision}  ({escape(tool.source)})")

@@ -46,7 +46,7 @@ def _said(profile: Profile) -> Iterator[str]:
     stops = [f"writes {len(item.write)} bytes to its {item.kind} node" for item in profile.stop]
     yield from _part("Emergency stop", stops or ["none is known: a stop refuses every further call"])
     if profile.grammar is not None:
-        yield from _part("Tools of its grammar", list(_tools(profile.grammar)))
+        yield from _part("Tools of its protocol definition", list(_tools(profile.grammar)))
         yield from _part("Units on its bus", list(_bus(profile.grammar)))
     own = [*selection.of_rig(profile), *(words for item in rig.limits for words in told(item))]
     yield from _part("This rig alone", own)
@@ -104,7 +104,7 @@ def _value(value: Value) -> str:
 def _host(console: Console, host: HostReport) -> None:
     console.line()
     holding = sum(1 for met in host.devices if met.rule.holds)
-    console.line(console.paint(f"host {escape(host.host)}", "bold") + f": holds for {holding} of its devices")
+    console.line(console.paint(f"host {escape(host.host)}", "bold") + f": matches {holding} of its devices")
     for met in host.devices:
         sign, style = ("+", "green") if met.rule.holds else ("-", "yellow")
         named = f"{sign} {met.id}  {one_line(met.name, 60)}"
@@ -132,7 +132,7 @@ def _because(rule: Judged, answer: str) -> str:
         return f", it has {met}" if met else f", it has {', '.join(rule.seen) or 'none'} and not {wanted}"
     if met:
         return f", {met} is in {'the answer about it' if set(rule.words) <= set(rule.answered) else 'its text'}"
-    return f", none of {wanted} is in its text{' or in the answer' if answer else ', and no one said what it is'}"
+    return f", none of {wanted} is in its text{' or in the answer' if answer else ', and there is no answer about it'}"
 
 
 def _met_json(met: Met) -> dict[str, Any]:

@@ -97,7 +97,7 @@ def show(console: Console, snapshot: Snapshot, *, as_json: bool) -> int:
         dirty = f" with uncommitted {', '.join(snapshot.git.dirty)}" if snapshot.git.dirty else ""
         console.line(_line(f"revision {snapshot.git.revision[:12]}{dirty}"))
     if snapshot.tier1:
-        console.line("made as if no one had said anything of its devices (-tier1)")
+        console.line("made without profiles and answers (-tier1)")
     for name, state in snapshot.nodes.items():
         console.line()
         _node(console, name, state)
@@ -211,7 +211,7 @@ def _one(console: Console, edit: Shown) -> None:
     used = "the accepted output was made with it" if edit.accepted else "no accepted output was made with it"
     say(paint(f"{edit.path}  edited in attempt {edit.attempt}; {used}", "bold"))
     if edit.moved:
-        say(paint("  the spec has changed since; what stands below is against the spec of today", "yellow"))
+        say(paint("  the spec has changed since; the diff below is against the current spec", "yellow"))
     for line in edit.diff[2:]:
         style = STYLES.get(line[:1])
         console.raw(paint(escape(line), style) if style else escape(line))

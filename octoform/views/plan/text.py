@@ -91,7 +91,7 @@ def told(step: StepOutlook, *, certain: bool) -> str:
 def _what(step: StepOutlook) -> str:
     if step.devices:
         return one_line(" or ".join(step.devices), WIDTH)
-    return f"what {step.profile} holds for" if step.profile else "a device"
+    return f"the device that {step.profile} matches" if step.profile else "a device"
 
 
 def _skipped(step: StepOutlook) -> str:
@@ -139,7 +139,7 @@ _PHRASES = {
 
 _PURPOSES = {
     "probe": "lists every device that the operating system shows",
-    "identify": "says what each device is, on evidence",
+    "identify": "identifies each device, on evidence",
     "interface": "decides which typed tools there will be",
     "serve": "writes the MCP server",
     "deploy": "decides the exact packages; the server is started and tried",
@@ -155,7 +155,7 @@ _CAUSES = {
     Cause.ARTIFACT_EDITED: "its accepted artifact {place} was edited by hand",
     Cause.ARTIFACT_LINK: "its accepted artifact {place} was replaced by a link",
     Cause.CONTRACT: "its accepted artifact no longer passes its contract",
-    Cause.INSTANCES_GONE: "this machine does not know its own units (serial numbers, ports); PROBE tells them",
+    Cause.INSTANCES_GONE: "this machine does not know its own units (serial numbers, ports); PROBE finds them",
     Cause.ENDPOINT: "drift",
     Cause.REMOVED: "octopus.yaml no longer names it under privileged_steps",
 }

@@ -242,7 +242,7 @@ class RunHuman:
             return
         rows = [("seen", funnel.seen, "devices that the operating system shows")]
         rows.append(("identified", funnel.annotated - funnel.unknown, "of them, what each is, on evidence"))
-        rows.append(("unknown", funnel.unknown, "of them, for which no evidence says what they are"))
+        rows.append(("unknown", funnel.unknown, "of them, which no evidence identifies"))
         rows.append(("skipped", funnel.left_out, "the others, each with its reason: octoform devices -v"))
         rows.append(("tools", funnel.tools, "typed tools of the endpoint"))
         for name, count, meaning in rows:

@@ -75,7 +75,7 @@ def recorded(console: Console, made: Recorded, *, as_json: bool) -> int:
         return document(console, {"format": 1, "recording": str(made.folder), **counts})
     stages = ", ".join(f"{stage} ({_counted(count, 'attempt')})" for stage, count in made.stages.items())
     console.line(f"Recorded {stages}: {_counted(made.files, 'file')}, {made.size} bytes in {_near(made.folder)}.")
-    console.line("To play it, copy it beside an octopus.yaml that says:")
+    console.line("To play it, copy it beside an octopus.yaml with:")
     console.line(f"  harness: {{name: replay, recording: {one_line(made.folder.name, WIDTH)}}}")
     return 0
 

@@ -29,7 +29,7 @@ def listed(console: Console, found: Asked, *, as_json: bool) -> int:
     if not found.questions:
         console.line("No question is open.")
     if found.answers:
-        console.line("\nWhat was said:")
+        console.line("\nAnswers:")
     for device, sentence in found.answers.items():
         mark = "" if device in found.devices else console.paint("  (no such device here)", "yellow")
         console.line(f'    {device}: "{one_line(sentence, WIDTH)}"{mark}')
@@ -41,7 +41,7 @@ def changed(console: Console, told: Answered, *, as_json: bool) -> int:
     if as_json:
         return document(console, {"format": 1, **asdict(told)})
     if not told.lines:
-        console.line("octopus.yaml says so already; nothing was changed.")
+        console.line("octopus.yaml has this answer already; nothing was changed.")
         return 0
     _lines(console, told)
     console.line(NEXT)
@@ -56,7 +56,7 @@ def _lines(console: Console, told: Answered) -> None:
 
 def passed_over(console: Console) -> int:
     """The person was asked and said nothing."""
-    console.line("Nothing was said, and nothing was changed.")
+    console.line("No answer was given, and nothing was changed.")
     return 0
 
 

@@ -78,7 +78,7 @@ def test_a_repair_that_is_killed_at_any_moment_can_be_taken_back(folder: Path) -
             answer = back(layout)
             assert is_whole(layout, OLD)
             known += answer.ok
-            assert answer.ok or "no repair of the episode" in answer.detail
+            assert answer.ok or "no repair of the incident" in answer.detail
         else:
             break
     else:

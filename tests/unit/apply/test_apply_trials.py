@@ -268,7 +268,7 @@ def test_what_is_not_restored_is_a_warning() -> None:
     one = restored(arm)
     (told,) = one.found
     assert (told.code, told.severity, told.pointer) == ("STEP-NOT-RESTORED", "warning", "/trials/0/restore")
-    assert told.summary.endswith("/torque of arm_read_joint was 0 before the trial, is 1 now, and stays so")
+    assert told.summary.endswith("/torque of arm_read_joint was 0 before the hardware test, is 1 now, and stays so")
     assert told.detail == "denied by policy.tools" and not one.restored and one.back is not None
     one = restored(an_arm(keeps=ToolAnswer({})))
     assert codes(one) == ["STEP-NOT-RESTORED"] and one.found[0].detail is None
@@ -280,7 +280,7 @@ def test_what_cannot_be_read_is_not_guessed() -> None:
     arm = an_arm()
     one = restored(arm, value="/joint")
     assert codes(one) == ["STEP-NOT-RESTORED"] and one.back is not None
-    assert "/joint of arm_read_joint could not be read before the trial" in one.found[0].summary
+    assert "/joint of arm_read_joint could not be read before the hardware test" in one.found[0].summary
     assert "arm_set_torque" not in [name for name, _ in arm.calls]
 
 

@@ -40,7 +40,7 @@ def test_a_rule_is_explained_host_by_host_and_part_by_part(bench: Project) -> No
     done = bench.run("profile", "check", "arm.md", status=0)
     assert "arm.md is sound" in done.out and "host old" not in done.out
     bench_part, _, lab = done.out.partition("host lab")
-    assert "host bench: holds for 0 of its devices" in bench_part
+    assert "host bench: matches 0 of its devices" in bench_part
     assert f"- {OTHER}  USB Serial" in bench_part
     assert "vid_pid: holds, it has 1a86:7523" in bench_part
     assert (
@@ -54,7 +54,7 @@ def test_an_answer_of_this_host_counts_and_is_told_apart(bench: Project) -> None
     bench.manifest["answers"] = f"{{{OTHER}: that is the SO-ARM101}}"
     bench.write()
     done = bench.run("profile", "check", "arm.md", status=0)
-    assert "host bench: holds for 1 of its devices" in done.out
+    assert "host bench: matches 1 of its devices" in done.out
     assert "text: holds, SO-ARM101 is in the answer about it" in done.out
     document = json.loads(bench.run("profile", "check", "arm.md", "-json", status=0).out)
     (met,) = document["hosts"][0]["devices"]
@@ -98,7 +98,7 @@ def test_a_draft_is_refused_until_a_person_has_completed_it(bench: Project) -> N
     assert '- vid_pid: "16c0:05df"\n    - text: ["Bench Lamp 2"]\n    - class: ["tty"]' in draft
     assert bench.run("profile", "check", str(path), status=1).err.count("error[PROFILE-FIELD]") == 2
     path.write_text(draft.replace('about: ""', "about: the lamp") + "\nIt shines.\n")
-    assert "host bench: holds for 1 of its devices" in bench.run("profile", "check", str(path), status=0).out
+    assert "host bench: matches 1 of its devices" in bench.run("profile", "check", str(path), status=0).out
     again = bench.run("profile", "new", DEVICE, "-json", status=1)
     assert "PROFILE-EXISTS" in again.text and "It shines." in path.read_text()
 
@@ -132,14 +132,14 @@ def test_a_draft_takes_the_owners_answer_before_the_words_of_the_bridge(
     assert f"product: {json.dumps(product)}" in draft and f"- text: {json.dumps([product])}" in draft
     assert "USB Serial" not in draft
     path.write_text(draft.replace('about: ""', "about: the pump") + "\nIt pumps.\n")
-    assert "host bench: holds for 1 of its devices" in bench.run("profile", "check", str(path), status=0).out
+    assert "host bench: matches 1 of its devices" in bench.run("profile", "check", str(path), status=0).out
 
 
 def test_the_words_of_a_bridge_are_no_evidence(bench: Project) -> None:
     bench.run("profile", "new", OTHER, status=0)
     (path,) = (bench.folder / "profiles").glob("*.md")
     assert "USB Serial" not in path.read_text()
-    assert "'text' needs a text or a list of texts" in bench.run("profile", "check", str(path), status=1).err
+    assert "'text' needs a string or a list of strings" in bench.run("profile", "check", str(path), status=1).err
 
 
 def test_a_device_without_words_leaves_the_words_open(bench: Project) -> None:
@@ -149,7 +149,7 @@ def test_a_device_without_words_leaves_the_words_open(bench: Project) -> None:
     bench.write()
     bench.run("profile", "new", "usb-16c0-0001", status=0)
     done = bench.run("profile", "check", "profiles/usb-16c0-0001.md", status=1)
-    assert "'text' needs a text or a list of texts" in done.err
+    assert "'text' needs a string or a list of strings" in done.err
 
 
 def test_no_mark_of_probe_gets_into_a_draft(bench: Project) -> None:

@@ -35,7 +35,7 @@ def test_values_body_and_places() -> None:
         ("# Title\n", "no front matter", 1),
         ("---\nname: x\n", "no end", 1),
         ("---\n- a\n---\n", "no mapping", 2),
-        ("---\nname: x\nname: y\n---\n", "stands twice", 3),
+        ("---\nname: x\nname: y\n---\n", "occurs twice", 3),
         ("---\na: &x [1]\nb: *x\n---\n", "anchors", 2),
         ("---\na: !!python/object:os.system x\n---\n", "tags", 2),
         ("---\nname: [x\n---\n", "expected", 3),

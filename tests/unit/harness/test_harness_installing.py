@@ -89,7 +89,7 @@ def test_a_failing_npm_tells_its_last_lines_without_credentials(machine: Machine
         ("put(version='1.2.2')", "npm installed 1.2.2 where 1.2.3 was asked for"),
         ("pass", "npm installed nothing where 1.2.3 was asked for"),
         ("put(program='raise SystemExit(3)')", "agent --version: exit status 3"),
-        ("put(program='print(\"hello\")')", "agent --version: said no version"),
+        ("put(program='print(\"hello\")')", "agent --version: reported no version"),
     ],
 )
 def test_what_is_not_the_program_that_was_asked_for_does_not_count(machine: Machine, code: str, reason: str) -> None:

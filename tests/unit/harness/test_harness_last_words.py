@@ -26,11 +26,11 @@ def detail(folder: Path, code: str) -> str:
     [
         (
             f"printf '{TOO_OLD}' >&2; exit 1",
-            "exit status 1; it said last: SyntaxError: Unexpected token; Node.js v16.1.0",
+            "exit status 1; its last output: SyntaxError: Unexpected token; Node.js v16.1.0",
         ),
-        ("printf 'no such option' >&2; exit 2", "exit status 2; it said last: no such option"),
+        ("printf 'no such option' >&2; exit 2", "exit status 2; its last output: no such option"),
         ("exit 3", "exit status 3"),
-        ('echo "wrong: $LOOP_KEY" >&2; exit 1', "exit status 1; it said last: wrong: [LOOP_KEY redacted]"),
+        ('echo "wrong: $LOOP_KEY" >&2; exit 1', "exit status 1; its last output: wrong: [LOOP_KEY redacted]"),
         ("exec head -c 300000000 /dev/zero > large", "ended by signal 25: a file of more than 256 MiB was written"),
     ],
 )

@@ -123,7 +123,7 @@ def test_replacements_in_their_order(folder: Path) -> None:
     ("edits", "told"),
     [
         ([{"old": "x", "new": "y"}], "edit 1 of 1: old is not in the file; read the file"),
-        ([{"old": "b", "new": "y"}], "edit 1 of 1: old is in the file 2 times; add what stands around"),
+        ([{"old": "b", "new": "y"}], "edit 1 of 1: old is in the file 2 times; add the lines around"),
         ([{"old": "a", "new": "c"}, {"old": "a", "new": "y"}], "edit 2 of 2: old is not in the file"),
         ([{"old": "", "new": "y"}], "edit 1 of 1: old is empty"),
         ([], "edits is empty"),
@@ -138,5 +138,5 @@ def test_all_replacements_are_made_or_none(folder: Path, edits: list[dict[str, s
 
 def test_what_is_no_text_is_not_patched(folder: Path) -> None:
     (folder / "a").write_bytes(b"\xff\xfe x")
-    assert "no text in UTF-8" in patch(folder, "a", [{"old": "x", "new": "y"}]).text
+    assert "is not UTF-8 text" in patch(folder, "a", [{"old": "x", "new": "y"}]).text
     assert patch(folder, "missing", [{"old": "x", "new": "y"}]).failed

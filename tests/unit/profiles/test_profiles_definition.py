@@ -84,17 +84,17 @@ def test_a_grammar_is_read_as_data() -> None:
         ("baud: 9600", "baud: true", "baud"),
         ("baud: 9600", 'baud: 9600, ending: ";"', "ending"),
         ('ok: "OK"', 'ok: "OK {steps}"', "`ok` has a placeholder"),
-        ('ok: "OK"', 'ok: ""', "'ok' is no text"),
+        ('ok: "OK"', 'ok: ""', "'ok' is not a string"),
         ("E {message}", "E {code}", "another placeholder"),
         ("timeout: 2s", "timeout: 2h", "'timeout' is no duration from 1s to 60s"),
         ("settle: 1s", "settle: 60s", "'settle'"),
         ("tool: lamp_dim\n", "tool: Lamp-Dim\n", "no usable tool name"),
         ("tool: lamp_dim\n", "tool: dim\n", "no usable tool name"),
-        ("tool: lamp_temperature", "tool: lamp_dim", "stands twice"),
+        ("tool: lamp_temperature", "tool: lamp_dim", "occurs twice"),
         ("tool: lamp_temperature", "tool: send_command", "raw pipe"),
         ("tool: lamp_temperature", "tool: lamp_raw", "raw pipe"),
         ("tool: lamp_temperature", "tool: run_gcode", "raw pipe"),
-        ("type: string, enum: [slow, fast]", "type: string", "takes any text"),
+        ("type: string, enum: [slow, fast]", "type: string", "takes any string"),
         ("enum: [slow, fast]", 'enum: ["slow\\nDIM 100"]', "different short words"),
         ("enum: [slow, fast]", "enum: [slow, slow]", "different short words"),
         ("enum: [slow, fast]", "enum: []", "different short words"),
@@ -111,7 +111,7 @@ def test_a_grammar_is_read_as_data() -> None:
         ('send: "DIM {percent} {fade}"', 'send: "DIM {percent:99} {fade}"', "no placeholder"),
         ("percent: {type: integer", "device: {type: integer", "no usable name"),
         ("percent: {type: integer", "lambda: {type: integer", "no usable name"),
-        ("effect: actuate", "effect: move", "does not say its effect"),
+        ("effect: actuate", "effect: move", "the command has no effect"),
         ("      about: dim the lamp\n", "", "'about' is missing"),
         ('reply: "T {celsius}"', 'reply: "T {kelvin}"', "{kelvin} is not among the fields"),
         ('      reply: "T {celsius}"\n', "", "fields without a `reply`"),
@@ -122,8 +122,8 @@ def test_a_grammar_is_read_as_data() -> None:
         ("{type: number, unit: C}", "{type: boolean, words: [F, 'T\"']}", "no two different words of a boolean"),
         ("{type: number, unit: C}", "{type: number, words: [F, T]}", "no two different words of a boolean"),
         ('reply: "T {celsius}"', "reply: []", "no list of 1 to 12 lines"),
-        ('reply: "T {celsius}"', 'reply: ["T {celsius}", "{celsius}"]', "cannot be told apart"),
-        ('reply: "T {celsius}"', 'reply: ["T {celsius}", 7]', "'reply' is no text"),
+        ('reply: "T {celsius}"', 'reply: ["T {celsius}", "{celsius}"]', "cannot be separated"),
+        ('reply: "T {celsius}"', 'reply: ["T {celsius}", 7]', "'reply' is not a string"),
         ('      send: "DIM {percent} {fade}"\n', "", "sends nothing, and does not only listen"),
         ("about: dim the lamp", "about: dim the lamp\n      shell: reboot", "'shell' is no field here"),
     ],
@@ -181,9 +181,13 @@ def test_nonsense_is_told_and_never_raises(value: str) -> None:
 
 def test_limits_name_tools_of_the_grammar() -> None:
     _, found = lamp("tool: lamp_dim, parameter", "tool: lamp_dimm, parameter")
-    assert [(item.code, item.summary) for item in found] == [("PROFILE-LIMIT", "the grammar has no tool 'lamp_dimm'")]
+    assert [(item.code, item.summary) for item in found] == [
+        ("PROFILE-LIMIT", "the protocol definition has no tool 'lamp_dimm'")
+    ]
     _, found = lamp('maximum: 80, unit: "%"', "cumulative: 80, zero: lamp_of")
-    assert [(item.code, item.summary) for item in found] == [("PROFILE-LIMIT", "the grammar has no tool 'lamp_of'")]
+    assert [(item.code, item.summary) for item in found] == [
+        ("PROFILE-LIMIT", "the protocol definition has no tool 'lamp_of'")
+    ]
     assert lamp("tool: lamp_dim, parameter", 'tool: "lamp_*", parameter')[1] == []
 
 
@@ -207,7 +211,7 @@ def test_product_and_rig_have_different_scopes() -> None:
     profile = good()
     assert [limit.get("maximum") for limit in profile.limits] == [80, None, 40]
     assert profile.rig.facts == ("The left bulb is broken.",)
-    product, _, rig = briefing(profile, {"usb-x"}).partition("This rig alone, no other copy of the product:")
+    product, _, rig = briefing(profile, {"usb-x"}).partition("Only this rig, no other copy of the product:")
     assert "at most 80" in product and "It must not get hot." in product and "bulb" not in product
     assert "The left bulb is broken." in rig and "at most 40" in rig and "hot" not in rig
     plain, _ = lamp(LAMP[LAMP.index("rig:") : LAMP.index("---\n\nIt")], "")

@@ -179,7 +179,7 @@ def test_every_limit_is_told_in_words(arm: Profile, limit: dict[str, Any], told:
 def test_a_briefing_names_devices_and_limits(arm: Profile) -> None:
     text = briefing(arm, {"usb-1a86-7523"})
     assert text.startswith("Profile so-arm101: ")
-    assert "holds for: usb-1a86-7523." in text
+    assert "matches: usb-1a86-7523." in text
     assert "Limit: position at least 0 and at most 4095 raw." in text
     assert "shoulder_pan" in text
 

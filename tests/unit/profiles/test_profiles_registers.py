@@ -136,7 +136,7 @@ def test_the_task_has_the_bus_as_it_is_on_the_rig() -> None:
 
 
 def test_an_agent_that_reads_prose_is_told_product_and_rig_apart() -> None:
-    product, _, rig = briefing(good(), {"usb-a"}).partition("This rig alone, no other copy of the product:")
+    product, _, rig = briefing(good(), {"usb-a"}).partition("Only this rig, no other copy of the product:")
     shown = json.loads(product[product.index("\n{") :])
     assert shown["registers"]["units"] == {"left": 11, "right": 12} and "hose" not in product
     assert "right is disabled: its hose is torn." in rig and "left has the id 12 on the bus." in rig
@@ -157,12 +157,12 @@ def test_every_bound_of_the_grammar_is_a_limit_of_the_profile() -> None:
 
 REFUSED: list[tuple[str, str, str]] = [
     ("class: tty", "class: hidraw", "class of the bus is not tty"),
-    ("baud: 57600", "baud: 0", "'baud' is no whole number from 1"),
-    ("    baud: 57600\n", "", "'baud' is no whole number"),
+    ("baud: 57600", "baud: 0", "'baud' is not an integer from 1"),
+    ("    baud: 57600\n", "", "'baud' is not an integer"),
     ("distribution: pump-sdk", 'distribution: "pump sdk; rm"', "distribution of the library"),
     ("distribution: pump-sdk", 'distribution: "git+https://x/y"', "distribution of the library"),
     ("module: pump_sdk.bus", 'module: "os;x"', "module of the library"),
-    ("protocol: 2", "protocol: 7", "'protocol' is no whole number from 0 to 2"),
+    ("protocol: 2", "protocol: 7", "'protocol' is not an integer from 0 to 2"),
     ("library: {", "libary: {", "did you mean 'library'"),
     ("unit: pump\n", "unit: speed\n", "what a unit is called"),
     ("unit: pump\n", "unit: id\n", "what a unit is called"),
@@ -184,14 +184,14 @@ REFUSED: list[tuple[str, str, str]] = [
     ("heat: {address: 146, bytes: 1", "heat: {address: 146, bytes: 1, scale: .nan", "'scale' is no number"),
     ("heat: {address: 146, bytes: 1", "heat: {address: 146, bytes: 1, mask: 3", "'mask' is no field here"),
     ("heat: {address: 146, bytes: 1", "skipped: {address: 146, bytes: 1", "no usable name of a field"),
-    ("unit: Cel}\n    motion", 'unit: "C\\n"}\n    motion', "'unit' is no text"),
+    ("unit: Cel}\n    motion", 'unit: "C\\n"}\n    motion', "'unit' is not a string"),
     ("      goal: goal\n", "      goal: gaol\n", "did you mean 'goal'"),
     ("      goal: goal\n", "", "None is no field"),
     ("present: place", "present: plaice", "did you mean 'place'"),
     ("lowest: low", "lowest: lowest", "'lowest' is no field"),
     ("minimum: -1000\n      maximum: 1000", "minimum: 1000\n      maximum: -1000", "not below its maximum"),
-    ("      maximum: 1000\n", "      maximum: 4294967296\n", "'maximum' is no whole number"),
-    ("goal: {address: 116, bytes: 4, sign_bit: 31}", "goal: {address: 116, bytes: 4}", "'minimum' is no whole number"),
+    ("      maximum: 1000\n", "      maximum: 4294967296\n", "'maximum' is not an integer"),
+    ("goal: {address: 116, bytes: 4, sign_bit: 31}", "goal: {address: 116, bytes: 4}", "'minimum' is not an integer"),
     ("goal: {address: 116, bytes: 4, sign_bit: 31}", "goal: {address: 116, bytes: 1}", "from 0 to 255"),
     ("before: [{torque: 1}, {pace: speed}]", "before: {torque: 1}", "no list of at most"),
     ("before: [{torque: 1}, {pace: speed}]", "before: [{torque: 1, pace: speed}]", "one field to its value"),
@@ -224,26 +224,26 @@ REFUSED: list[tuple[str, str, str]] = [
     ('files: ["~/pumps/*.json"]', "files: []", "1 to 10 patterns"),
     ("poses: {empty: {left: -1000, right: 0}}", "poses: {empty: {left: -1000}}", "lacks right"),
     ("poses: {empty: {left: -1000, right: 0}}", "poses: {empty: {left: -1001, right: 0}}", "from -1000 to 1000"),
-    ("poses: {empty: {left: -1000, right: 0}}", "poses: {empty: {left: 0.5, right: 0}}", "no whole number"),
+    ("poses: {empty: {left: -1000, right: 0}}", "poses: {empty: {left: 0.5, right: 0}}", "is not an integer"),
     ("poses: {empty: {left: -1000, right: 0}}", "poses: {empty: {left: 0, right: 0, top: 0}}", "'top' is no field"),
     ("poses: {empty: {left: -1000, right: 0}}", "poses: {empty: []}", "no mapping"),
     ("do: read_units", "do: write_register", "no thing that a command does"),
     ("tool: pump_status", "tool: pump_write_register", "raw pipe"),
     ("tool: pump_status", "tool: pump", "no usable tool name"),
-    ("tool: pump_turn_percent", "tool: pump_turn", "stands twice"),
+    ("tool: pump_turn_percent", "tool: pump_turn", "occurs twice"),
     ("about: what the pumps feel, ", "", "'about' is missing"),
     ("fields: [place, heat]}\n    - {tool: pump_turn", "fields: [place, heap]}\n    - {tool: pump_turn", "mean 'heat'"),
-    ("fields: [place, heat]", "fields: [place, place]", "stands twice"),
+    ("fields: [place, heat]", "fields: [place, place]", "occurs twice"),
     (", fields: [place, heat]", "", "fields that it reads"),
     ("do: move_unit, about: turn one pump}", "do: move_unit, fields: [heat], about: x}", "is of read_units, read_unit"),
     ("scale: calibrated", "scale: degrees", "'degrees' is no scale"),
     ("    calibration: {format", "    # calibration: {format", "without a `calibration`"),
     ("pose: empty, release", "pose: full, release", "'full' is no pose"),
     ("release: true", "release: 1", "neither true nor false"),
-    ("      release: {torque: 0}\n", "", "nothing says what makes a unit limp"),
+    ("      release: {torque: 0}\n", "", "no setting makes a unit limp"),
     ("before: [{torque: 1}, ", "before: [", "not hold it again"),
     ("do: stop, about", "do: stop, effect: read, about", "'effect' is no field here"),
-    ("  registers:\n", "  line: {}\n  registers:\n", "of one kind"),
+    ("  registers:\n", "  line: {}\n  registers:\n", "has one kind"),
 ]
 
 
@@ -260,12 +260,12 @@ def test_what_is_refused(old: str, new: str, says: str) -> None:
     ("old", "new", "says"),
     [
         ("disabled: {right", "disabled: {rihgt", "did you mean 'right'"),
-        ("right: its hose is torn", 'right: ""', "nothing says why 'right' is disabled"),
-        ("right: its hose is torn", r'right: "two\nlines"', "nothing says why 'right' is disabled"),
+        ("right: its hose is torn", 'right: ""', "the reason is missing 'right' is disabled"),
+        ("right: its hose is torn", r'right: "two\nlines"', "the reason is missing 'right' is disabled"),
         ("disabled: {right: its hose is torn}", "disabled: [right]", "no mapping of units"),
         ("units: {left: 12, right: 11}\n---", "units: {left: 12}\n---", "is the one of 'right'"),
         ("units: {left: 12, right: 11}\n---", "units: {left: 253}\n---", "from 0 to 252"),
-        ("units: {left: 12, right: 11}\n---", "units: {top: 3}\n---", "'top' is no unit of the grammar"),
+        ("units: {left: 12, right: 11}\n---", "units: {top: 3}\n---", "'top' is no unit of the protocol definition"),
     ],
 )
 def test_what_a_rig_may_not_say_of_units(old: str, new: str, says: str) -> None:

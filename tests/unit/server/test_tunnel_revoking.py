@@ -152,7 +152,7 @@ def test_address_that_was_never_heard_is_no_proof(tmp_path: Path, capsys: pytest
     record = {"pid": 1 << 22, "start": 1, "boot": boot_id(), "mark": "0" * 16, "instance": "i", "url": url}
     (run / "tunnel.json").write_text(json.dumps(record))
     assert main([f"-chdir={tmp_path}", "revoke"]) == 1
-    assert f"{url} was never heard to answer as this endpoint from here" in capsys.readouterr().err
+    assert f"{url} never answered from here before" in capsys.readouterr().err
 
 
 def test_no_tunnel_ever(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

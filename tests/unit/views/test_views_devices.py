@@ -40,8 +40,8 @@ def shown(found: Listing = FOUND, *, as_json: bool = False, verbose: bool = Fals
 
 def test_one_line_a_device_without_its_serial_number() -> None:
     assert shown().splitlines() == [
-        "usb-1f00-00c1  Bench \\x1b[31mCam (sensor, 1 tool)  at 1-7 as /dev/video5 [strong]",
-        "usb-1f00-00b1  Bench \\x1b[31mCam (sensor, 2 tools)  at 1-4 [weak, in doubt]",
+        "usb-1f00-00c1  Bench \\x1b[31mCam (sensor, 1 tool)  at 1-7 as /dev/video5 [by serial]",
+        "usb-1f00-00b1  Bench \\x1b[31mCam (sensor, 2 tools)  at 1-4 [ambiguous, in doubt]",
         "usb-1f00-00a1  Bench \\x1b[31mCam (sensor, no tool)  absent",
         "usb-1f00-00d1  Bench \\x1b[31mCam (sensor, no tool, needs a profile)  not known whether attached",
         "4 devices, 2 attached now, 1 skipped; -v shows reasons, evidence and serial numbers",
@@ -54,7 +54,7 @@ def test_all_that_lies_behind_it_with_v() -> None:
         "serial number: CAM-0007, committed as redacted-0123456789",
         "evidence: product: Cam",
         "missing: Say what it measures.",
-        "weak: only its kind tells what it is; with two of them attached, nothing is moved on a guess",
+        "ambiguous: only its device model identifies it; with two of them attached, nothing is moved",
         "needs a profile: octoform profile new usb-1f00-00d1 drafts one",
         "note: usb-1f00-00b1 may be any of 2 equal devices (1-4, 1-5)",
         "skipped: pci-1f00-0001: bus infrastructure (carries other devices)",
@@ -87,5 +87,5 @@ def test_a_node_that_is_closed_to_this_user_is_shown_with_its_remedy() -> None:
     closed = {"node": "/dev/ttyUSB0", "mode": "0660", "group": "dialout", "lacks": "write to", "remedy": "join dialout"}
     now = Attached(True, "1-2", "strong", ("/dev/ttyUSB0",), "", (closed,))
     found = Listing("bench", (row("usb-1f00-00e1", now, "ask"),), (), True)
-    assert "[strong, no rights]" in shown(found)
+    assert "[by serial, no rights]" in shown(found)
     assert "no rights: /dev/ttyUSB0: join dialout" in shown(found, verbose=True)

@@ -79,7 +79,7 @@ def test_a_person_sees_one_line_for_each_event_and_one_that_says_how_it_is(tmp_p
         "file:state/bench/serve/server.py  restore failed in 0.0 s: there is \\x1b[2Jno copy",
     ]
     assert any("needs a person (octoform health)" in line for line in seen)
-    assert seen[-1].startswith("bench: degraded  0 signals, 1 not well, last round ")
+    assert seen[-1].startswith("bench: degraded  0 signals, 1 not well, last check ")
     assert seen[-1].endswith("(Ctrl-C ends)")
     assert ("\x1b[3" in out.getvalue()) is colour
     view.end()

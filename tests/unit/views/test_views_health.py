@@ -116,7 +116,7 @@ def test_a_person_at_night_reads_it_in_one_screen() -> None:
         "",
         "  no signal is read while the endpoint is down; claims in force: c1 (octoform claims)",
         f"  watched by process {myself().pid} since {clock(stamp(9000))}; last look 4.0 s ago",
-        f"  no one was told by the webhook since {untold} (4 messages lost): it answered with 404",
+        f"  no one was notified by the webhook since {untold} (4 messages lost): it answered with 404",
         "  octoform explain DAEMON-NOT-NOTIFIED  what can be done about that",
     ]
 

@@ -94,7 +94,7 @@ def test_a_person_reads_funnel_figures_reasons_and_the_question() -> None:
     for words in (
         "  discovered      5  ████",
         "    25 %  1 of 4 eligible devices are usable",
-        "camera  Some Device (thing, tier 1, 0.8 by kernel_class Some Device)",
+        "camera  Some Device (thing, no input, 0.8 by kernel_class Some Device)",
         "What is Some Device?",
         'octoform answer mystery "..."',
         "no library or system interface reaches it (no_standard_interface; eligible)",

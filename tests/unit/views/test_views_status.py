@@ -78,7 +78,7 @@ def test_who_watches_is_told() -> None:
     daemon = Record(replace(myself(), pid=77), "2026-01-01T00:01:00Z", 9.0, "1")
     _, text = shown(status(), daemon)
     assert text.endswith(
-        "a daemon watches it: process 77 since 2026-01-01T00:01:00Z; octoform health tells what it sees\n"
+        "a daemon watches it: process 77 since 2026-01-01T00:01:00Z; octoform health shows its findings\n"
     )
     assert json.loads(shown(status(), daemon, as_json=True)[1])["watched"] == 77
     assert json.loads(shown(status(), as_json=True)[1])["watched"] is None

@@ -239,7 +239,7 @@ def test_nobody_waits_for_a_way_that_hangs_and_the_others_are_told(layout: Layou
     gate.set()
     assert lost.way == "command"
     assert lost.lost >= notices.MOST
-    assert lost.why == "the daemon ended before it was told"
+    assert lost.why == "the daemon ended before it was sent"
 
 
 def test_only_what_the_manifest_names_is_a_way_and_a_quiet_daemon_has_no_thread(layout: Layout) -> None:

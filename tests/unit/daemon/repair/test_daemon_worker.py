@@ -79,7 +79,7 @@ def test_it_is_told_to_end_and_ends_in_order(tmp_path: Path) -> None:
         process.send_signal(signal.SIGTERM)
         result = json.loads(process.stdout.read())
         assert process.wait(20) == STOPPED
-        assert result == {"ok": False, "detail": "rebind: it was told to end", "again": True, "untold": True}
+        assert result == {"ok": False, "detail": "rebind: it was asked to end", "again": True, "untold": True}
 
 
 def test_it_ends_when_its_daemon_is_killed(tmp_path: Path) -> None:

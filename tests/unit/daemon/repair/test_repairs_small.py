@@ -100,7 +100,7 @@ def test_room_is_made_of_what_can_be_made_again_until_there_is_enough(
     rooms = iter([0] * 100)
     monkeypatch.setattr(disk_cleanup, "room", lambda _: next(rooms))
     done = free(layout)
-    assert (done.ok, done.again) == (False, False) and "somebody has to make room" in done.detail
+    assert (done.ok, done.again) == (False, False) and "free some space on that disk" in done.detail
     assert [path.name for path in layout.environments.iterdir() if not path.name.startswith(".")] == [names[0]]
     assert sorted(path.name[:6] for path in layout.attempts.iterdir()) == ["000002", "000005", "000006"]
     assert (layout.local / "results" / "picture.jpg").exists()
