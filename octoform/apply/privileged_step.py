@@ -22,12 +22,12 @@ from octoform.apply.stage.secret_scan import leaked
 from octoform.apply.trials.by_camera import by_frame, by_view
 from octoform.apply.trials.by_reading import Bench, Tried, by_reading
 from octoform.apply.trials.tool_client import Hand, LiveHand
+from octoform.base.files import read_plain
 from octoform.base.pointer import pointer
 from octoform.contracts.artifact_parser import MAX_SOURCE_BYTES, parse
 from octoform.contracts.contract_check import check
 from octoform.contracts.model import Artifacts, StepFacts, corroborated
 from octoform.diagnostics import Diagnostic, error, has_errors, warning
-from octoform.harness.plain_file import read_plain
 from octoform.harness.port import Task, Usage
 from octoform.perception.camera_selection import Camera, best, cameras
 from octoform.protocol.model import FRAME, READING, Step

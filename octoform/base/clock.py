@@ -7,10 +7,13 @@ nothing after the next start of the machine, which `boot_id` names. Standard lib
 
 import re
 import time
+from collections.abc import Callable
 from datetime import datetime, timedelta, timezone, tzinfo
 from pathlib import Path
 
 _UTC = timezone.utc  # noqa: UP017 - the copy beside a server runs on Python 3.10, which has no other name for it
+Clock = Callable[[], float]
+"""Seconds, never going back; ``time.monotonic`` is one. A test's own makes a minute pass at once."""
 _LEAP = re.compile(r"(:\d\d):60(?=\D|$)")
 
 

@@ -162,6 +162,14 @@ def head(path: Path, limit: int, *, follow: bool = False) -> bytes:
         return b"".join(parts)
 
 
+def read_plain(path: Path, limit: int) -> bytes | None:
+    """The first ``limit`` bytes of a plain file; None when there is none, or it is a link, a folder or a pipe."""
+    try:
+        return head(path, limit)
+    except OSError:
+        return None
+
+
 @contextlib.contextmanager
 def opened(path: Path, *, follow: bool = True) -> Iterator[int]:
     """A descriptor to read a regular file with; OSError for a folder, device or pipe, without waiting for it."""

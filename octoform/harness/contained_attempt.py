@@ -13,12 +13,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
-from octoform.base.files import parse
+from octoform.base.files import parse, read_plain
 from octoform.diagnostics import Diagnostic
 from octoform.harness.containment import agent_environment, sandbox
 from octoform.harness.containment.contained_run import FILE_BYTES, Ended, Limits, Program, run
 from octoform.harness.event_parser import Dialect
-from octoform.harness.plain_file import read_plain
 from octoform.harness.port import ExitReason, Outcome, ProgressSink, Task, Usage
 from octoform.harness.watcher import Watcher
 from octoform.manifest.model import Sandbox

@@ -11,8 +11,8 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
+from octoform.base.files import read_plain
 from octoform.harness.event_parser import count, field, json_object
-from octoform.harness.plain_file import read_plain
 from octoform.harness.port import (
     AgentEvent,
     Closed,

@@ -13,7 +13,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
-from octoform.simulation.clock import Clock
+from octoform.base.clock import Clock
 
 FAULTS = ("mute", "odd", "gone", "jammed", "late", "hot")
 # mute: does nothing and says nothing. odd: answers nonsense. gone: the next line unplugs it. jammed: answers well and

@@ -11,7 +11,7 @@ from pathlib import Path
 from string import Template
 from typing import Any
 
-from octoform.simulation.clock import Clock
+from octoform.base.clock import Clock
 from octoform.simulation.ports import Port
 from octoform.simulation.rail_firmware import LineDevice
 from octoform.simulation.scene import Camera, Scene

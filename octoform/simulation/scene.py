@@ -14,7 +14,7 @@ from itertools import pairwise
 from pathlib import Path
 from statistics import NormalDist
 
-from octoform.simulation.clock import Clock
+from octoform.base.clock import Clock
 from octoform.simulation.rail_firmware import LineDevice
 from octoform.simulation.servos import ServoBus
 

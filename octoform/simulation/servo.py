@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from octoform.simulation.clock import Clock
+from octoform.base.clock import Clock
 
 # How a motor goes from here to there: a speed that rises, stays and falls, so that a position follows from the time.
 #

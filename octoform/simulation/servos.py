@@ -11,8 +11,8 @@ import time
 from collections.abc import Iterator, Mapping
 from typing import Any
 
+from octoform.base.clock import Clock
 from octoform.simulation import servo as packets
-from octoform.simulation.clock import Clock, sped_up
 from octoform.simulation.servo import Packet, Reader, Servo, packet
 
 # The shape of an arm: where its joints are in space, and what gravity asks of each motor.
@@ -71,7 +71,8 @@ class ServoBus:
 
     def __init__(self, description: Mapping[str, Any], clock: Clock = time.monotonic) -> None:
         self.description, self._clock = description, clock
-        self._fast = sped_up(clock, description.get("speedup", 1))
+        speedup = description.get("speedup", 1)
+        self._fast: Clock = clock if speedup == 1 else lambda: clock() * speedup
         self.servos = {number: Servo(number, description, self._fast) for number in description["servos"]}
         self.linkage = Linkage(description.get("linkage", {}), description["motor"]["counts"])
         self._reader = Reader(description["patience"])

@@ -26,7 +26,7 @@ from octoform.apply.stage.secret_scan import leaked
 from octoform.apply.stage.serve_proof import Judge as CheckJudge
 from octoform.base import digest
 from octoform.base.files import parse as parse_json
-from octoform.base.files import record
+from octoform.base.files import read_plain, record
 from octoform.contracts.artifact_parser import MAX_SOURCE_BYTES, parse
 from octoform.contracts.contract_check import check
 from octoform.contracts.model import Artifacts
@@ -37,7 +37,6 @@ from octoform.endpoint.client.check import CheckReport, TrialCall, judge_check
 from octoform.endpoint.client.check import check as check_endpoint
 from octoform.endpoint.process import estop
 from octoform.endpoint.publish.expected_tools import shown as promised
-from octoform.harness.plain_file import read_plain
 from octoform.harness.port import Task
 from octoform.state.files import make_folders, read_regular, refused, spending, write_atomic
 from octoform.state.layout import Layout

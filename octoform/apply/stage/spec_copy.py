@@ -10,8 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from octoform.base import digest
-from octoform.base.files import replace
-from octoform.harness.plain_file import read_plain
+from octoform.base.files import read_plain, replace
 from octoform.redaction import redacted
 
 FILE_NAME = "spec.md"

@@ -8,7 +8,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from octoform.endpoint.process import control, offline_commands
+from octoform.endpoint import sockets
+from octoform.endpoint.process import offline_commands
 from octoform.endpoint.process.record import running
 from octoform.endpoint.published_files import is_copy, of_another
 from octoform.state.layout import Layout
@@ -59,8 +60,8 @@ def clear(layout: Layout, by: str) -> Estop:
 
 def _done(layout: Layout, op: str, verb: str, asked: Mapping[str, Any]) -> Estop:
     answer, problems = None, []
-    if control.ask(layout, {"op": "status"}, ALIVE_SECONDS) is not None:
-        answer = control.ask(layout, {"op": op, **asked}, ANSWER_SECONDS)
+    if sockets.ask(layout, {"op": "status"}, ALIVE_SECONDS) is not None:
+        answer = sockets.ask(layout, {"op": op, **asked}, ANSWER_SECONDS)
     direct = answer is None or "latched" not in answer
     original = of_another(layout) if direct and is_copy(layout) else None
     if original is not None:

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from octoform.base import digest
+from octoform.base.files import read_plain
 from octoform.contracts.artifact_parser import parse
 from octoform.contracts.contract_check import has_shape
 from octoform.contracts.rules.identify.answer_rules import tier, wanted
@@ -27,7 +28,6 @@ from octoform.engine.plan.configuration import Compiled
 from octoform.engine.plan.refresh import read_artifacts
 from octoform.graph.model import ANSWER
 from octoform.harness.event_parser import json_object
-from octoform.harness.plain_file import read_plain
 from octoform.state.artifacts.accepted import observe as observe_files
 from octoform.state.files import shown, write_atomic
 from octoform.state.layout import STAGES, Layout

@@ -14,12 +14,12 @@ from octoform.apply.stage.attempt_record import state_usage
 from octoform.apply.stage.spec_copy import FILE_NAME as SPEC_COPY
 from octoform.apply.stage.spec_copy import MOST_SPEC_BYTES, unified
 from octoform.base.clock import stamp
+from octoform.base.files import read_plain
 from octoform.base.processes import is_alive
 from octoform.diagnostics import Diagnostic, Severity, error, from_json
 from octoform.harness import transcript
 from octoform.harness.containment import orphans
 from octoform.harness.event_parser import field, json_object
-from octoform.harness.plain_file import read_plain
 from octoform.harness.port import Closed, ExitReason, ToolCalled, ToolReturned, Trouble
 from octoform.manifest.loader import load as load_manifest
 from octoform.manifest.model import FILE_NAME as MANIFEST

@@ -16,11 +16,11 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from octoform.base import clock, files, processes
+from octoform.base.files import read_plain
 from octoform.base.place import KEY, is_from, place_of
 from octoform.base.processes import PROC, is_alive, process_stat, signal_one
 from octoform.harness.containment.agent_environment import ATTEMPT, remove_private
 from octoform.harness.containment.reaper import children
-from octoform.harness.plain_file import read_plain
 
 # What /proc says of a process.
 #

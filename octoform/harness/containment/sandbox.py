@@ -22,11 +22,10 @@ from pathlib import Path
 
 import octoform
 from octoform.base import shortage
-from octoform.base.files import head, parse
+from octoform.base.files import head, parse, read_plain
 from octoform.diagnostics import Diagnostic, error
 from octoform.harness.containment import syscalls
 from octoform.harness.containment.agent_user import AgentUser, agent_user, hand_over
-from octoform.harness.plain_file import read_plain
 from octoform.manifest.model import Sandbox
 
 # What of the hidden places a program needs to run: itself, its interpreter, their libraries, what it is told to read.

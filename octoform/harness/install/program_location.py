@@ -9,8 +9,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from octoform.base.files import parse
-from octoform.harness.plain_file import read_plain
+from octoform.base.files import parse, read_plain
 
 SETTING = "OCTOFORM_AGENTS"
 RECORD = "installed.json"
