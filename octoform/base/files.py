@@ -229,6 +229,8 @@ def parse(data: bytes | str, *, any_text: bool = True) -> Any:
         )
     except RecursionError:
         raise _too_deep() from None
+    except UnicodeDecodeError as problem:
+        raise ValueError(f"it is not UTF-8 (byte {problem.start})") from None
     _bounded(value)
     if not any_text and _UNFIT.search(raw):
         _printable(value)
@@ -271,7 +273,8 @@ def _printable(value: Any) -> None:
         if isinstance(each, str):
             if "\0" in each:
                 raise ValueError("a string has a NUL in it")
-            each.encode("utf-8")
+            if any("\ud800" <= letter <= "\udfff" for letter in each):
+                raise ValueError("a string has half a surrogate pair in it")
         elif isinstance(each, dict):
             left += [*each, *each.values()]
         elif isinstance(each, list):

@@ -119,6 +119,17 @@ def test_what_is_no_file_is_named_in_our_own_words(tmp_path: Path, trap: Any, wo
     assert refusal.value.strerror == words
 
 
+@pytest.mark.parametrize(
+    ("data", "words"),
+    [(b'{"a": "\xe4"}', "it is not UTF-8 (byte 7)"), (b'{"a": "\\ud800"}', "a string has half a surrogate pair in it")],
+)
+def test_what_is_no_text_is_told_in_our_own_words(tmp_path: Path, data: bytes, words: str) -> None:
+    (tmp_path / "record").write_bytes(data)
+    with pytest.raises(ValueError) as refusal:
+        files.read_json(tmp_path / "record")
+    assert str(refusal.value) == words
+
+
 def test_a_name_with_a_nul_is_no_file() -> None:
     with pytest.raises(OSError, match="name that no file"):
         files.read(Path("a\0b"))
