@@ -230,11 +230,19 @@ def parse(data: bytes | str, *, any_text: bool = True) -> Any:
     except RecursionError:
         raise _too_deep() from None
     except UnicodeDecodeError as problem:
-        raise ValueError(f"it is not UTF-8 (byte {problem.start})") from None
+        raise NoUtf8Error(*problem.args) from None
     _bounded(value)
     if not any_text and _UNFIT.search(raw):
         _printable(value)
     return value
+
+
+class NoUtf8Error(UnicodeDecodeError):
+    """Bytes that are no text, in words for a person."""
+
+    def __str__(self) -> str:
+        """Where the first of them stands."""
+        return f"it is not UTF-8 (byte {self.start})"
 
 
 class OtherFormatError(ValueError):

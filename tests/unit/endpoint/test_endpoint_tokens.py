@@ -134,9 +134,8 @@ def test_each_change_is_on_the_audit_log_without_the_value(project: Path, capsys
 
 def test_nothing_is_opened_without_a_record_and_everything_closed(layout: Layout) -> None:
     value = made(layout, "laptop")
-    log = layout.logs / "audit.jsonl"
-    log.unlink()
-    log.mkdir()  # as unwritable as a full disk
+    layout.logs.rename(layout.logs.with_name("former"))
+    layout.logs.touch()  # as unwritable as a full disk
     found, problems = tokens.create(layout, "other", ("read",), None, "test")
     assert (found, [item.code for item in problems]) == (None, ["TOKEN-NOT-RECORDED"])
     found, problems = tokens.rotate(layout, "laptop", "test")
