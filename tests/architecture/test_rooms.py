@@ -34,8 +34,6 @@ HEIGHTS = {"cli", "engine", "views"}
 # One thing in several packages (decision 0006 says why): any other name that two packages share is a new meaning.
 SAME = {
     "audit_log": {"endpoint", "server"},
-    "clock": {"base", "simulation"},
-    "control": {"endpoint", "server"},
     "files": {"base", "state"},
     "heal": {"apply", "builtin", "engine"},
     "instance_lock": {"daemon", "server"},
