@@ -271,9 +271,6 @@ SERVE_WRONG: dict[str, Any] = {
         "value = float(open(place).read())",
         "os",
     ),
-    "a place by percent signs": temperature(
-        f"{ASKED}\nvalue = float(open('/%s/class/%s/hwmon0/temp1_input' % ('sys', 'hwmon')).read())"
-    ),
     "a place written backwards": temperature(
         f"{ASKED}\nvalue = float(open('tupni_1pmet/0nomwh/nomwh/ssalc/sys/'[::-1]).read())"
     ),
@@ -360,9 +357,15 @@ SERVE_WRONG: dict[str, Any] = {
     "not a number where it failed": temperature(
         f"text = runtime.read_text({FILE})\nvalue = float(text) if text else float('nan')"
     ),
-    "minus one where it failed": temperature(f"value = runtime.read_number({FILE})\nif value is None:\n    value = -1"),
     "a fallback by a function": temperature(
         f"value = runtime.read_number({FILE}) or usual()", more="def usual():\n    return 21500.0"
+    ),
+    "a fallback by a lambda": temperature(
+        f"value = runtime.read_number({FILE}) or USUAL()", more="USUAL = lambda: 21500.0"
+    ),
+    "a reading that a class keeps": temperature(
+        f"if Seen.heat is None:\n    Seen.heat = float(({FILE}).read_text())\nvalue = Seen.heat",
+        more="class Seen:\n    heat = None",
     ),
     "a reading that is kept a while": temperature(
         f"if device not in SEEN:\n    SEEN[device] = float(({FILE}).read_text())\nvalue = SEEN[device]",

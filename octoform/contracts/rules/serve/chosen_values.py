@@ -120,12 +120,13 @@ class Kept:
         return own and isinstance(node, ast.Name) and node.id in self._tables
 
     def _shared(self) -> set[str]:
-        """The names of the module that are no functions, classes or modules."""
+        """The names of the module that are no functions or modules; a class keeps what is stored into it."""
         stored = (item for item in self._source.nodes if isinstance(item, ast.Assign | ast.AnnAssign))
         targets = [
             each for item in stored for each in (item.targets if isinstance(item, ast.Assign) else [item.target])
         ]
-        return {each.id for each in targets if isinstance(each, ast.Name) and self._source.owner(each) is None}
+        names = {each.id for each in targets if isinstance(each, ast.Name) and self._source.owner(each) is None}
+        return names | {item.name for item in self._source.nodes if isinstance(item, ast.ClassDef)}
 
     def _is_filled_late(self, name: str, stores: list[tuple[str, ast.AST, ast.expr]]) -> bool:
         """Whether something that was read is stored under a name, and only where a test of it or of the clock says."""

@@ -244,7 +244,7 @@ class _Substitutes:
         if isinstance(plain, ast.Call):
             name = self._source.dotted(plain.func)
             none = name == "float" and any(isinstance(item, ast.Constant) for item in plain.args)  # float("nan")
-            return none or bool(_BLANK.fullmatch(name)) or (depth > 0 and self._gives_numbers(name, depth))
+            return none or bool(_BLANK.fullmatch(name)) or (depth > 0 and self._gives_numbers(plain, depth))
         if isinstance(plain, ast.Attribute):
             return self._source.dotted(plain) in ("math.nan", "math.inf", "numpy.nan", "np.nan")
         if not isinstance(plain, ast.Constant):
@@ -252,10 +252,15 @@ class _Substitutes:
         text = plain.value if isinstance(plain.value, str | bytes) else b""
         return type(plain.value) in (int, float) or (bool(text) and text.strip().isdigit())
 
-    def _gives_numbers(self, name: str, depth: int) -> bool:
+    def _gives_numbers(self, call: ast.Call, depth: int) -> bool:
         """Whether a function of the file has nothing but numbers of its own to return."""
+        if not isinstance(call.func, ast.Name):
+            return False
+        name = call.func.id
         own = [item for item in self._source.functions if item.name == name]
-        results = self._flow.results(own[0]) if len(own) == 1 else []
+        plain = self._flow.plain(call.func) if not own else []
+        results: list[ast.AST] = [item.body for item in plain if isinstance(item, ast.Lambda)]
+        results += self._flow.results(own[0]) if len(own) == 1 else []
         return bool(results) and all(self._is_number(item, depth - 1) for item in results)
 
     def _decides(self, node: ast.expr) -> bool:
