@@ -82,7 +82,7 @@ def test_one_sentence_settles_a_device_and_changes_nothing_else(bench: Project) 
     assert identified(bench)[BOARD]["category"] == "unknown"
     near = {"profile": "heron-pump", "device": BOARD, "word": "Heron dosing pump"}
     assert of(plan(bench), "profile_near", "near") == [near, {**near, "device": OTHER}]
-    assert f"heron-pump will match {BOARD}, {OTHER} if" in bench.run("plan", *UP_TO, status=0).out
+    assert f"heron-pump will match {BOARD}, {OTHER} after this answer:" in bench.run("plan", *UP_TO, status=0).out
 
     told = bench.run("answer", BOARD, SENTENCE, status=0).out
     assert f'+   {BOARD}: "{SENTENCE}"' in told

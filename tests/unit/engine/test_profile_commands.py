@@ -44,10 +44,11 @@ def test_a_rule_is_explained_host_by_host_and_part_by_part(bench: Project) -> No
     assert f"- {OTHER}  USB Serial" in bench_part
     assert "vid_pid: holds, it has 1a86:7523" in bench_part
     assert (
-        "text: fails, none of Feetech, STS3215, LeRobot, SO-ARM100, SO-ARM101 is in its text, and no one" in bench_part
+        "text: fails, none of Feetech, STS3215, LeRobot, SO-ARM100, SO-ARM101 is in its text, and there is no answer"
+        in bench_part
     )
     assert "2 other devices meet no number and no word" in bench_part and "usb-1a86-7523-2" not in done.out
-    assert "holds for 1 of its devices" in lab and "text: holds, LeRobot is in its text" in lab
+    assert "matches 1 of its devices" in lab and "text: holds, LeRobot is in its text" in lab
 
 
 def test_an_answer_of_this_host_counts_and_is_told_apart(bench: Project) -> None:
