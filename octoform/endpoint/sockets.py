@@ -6,19 +6,11 @@ never greeted was never served.
 """
 
 import errno
-import json
 import os
 import socket
-from collections.abc import Mapping
-from typing import Any
-
-from octoform.base.files import parse
-from octoform.state.layout import Layout
 
 LONGEST = 100
 """Bytes of a path that every system takes for a socket (unix(7): 108 with the end)."""
-CONTROL = "control.sock"
-MAX_ANSWER_BYTES = 16_000_000
 GREETING = b"\n"
 """What the endpoint says first to each client: a line without a message, which every reader of lines passes over."""
 
@@ -62,23 +54,3 @@ def _connect(client: socket.socket, path: str) -> None:
         client.connect(f"/proc/self/fd/{folder}/{name}")
     finally:
         os.close(folder)
-
-
-def ask(layout: Layout, question: Mapping[str, Any], seconds: float = 5.0) -> dict[str, Any] | None:
-    """The answer of the endpoint's control thread to ``{"op": ..., ...}``, one line of JSON each way.
-
-    None when no process answers within ``seconds``.
-    """
-    try:
-        with connect(layout.run / CONTROL, seconds) as connection:
-            connection.sendall(json.dumps(question).encode() + b"\n")
-            data = b""
-            while not data.endswith(b"\n") and len(data) < MAX_ANSWER_BYTES:
-                part = connection.recv(65536)
-                if not part:
-                    break
-                data += part
-            answer = parse(data)
-    except (OSError, ValueError):
-        return None
-    return answer if isinstance(answer, dict) else None

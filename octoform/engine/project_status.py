@@ -10,11 +10,11 @@ from typing import Any
 
 from octoform.base import files
 from octoform.diagnostics import Diagnostic
-from octoform.endpoint import sockets
 from octoform.endpoint.access import tokens
 from octoform.endpoint.access.tunnel import no_tunnel, tunnel_now
 from octoform.endpoint.client.terminal import list_tools
 from octoform.endpoint.observe.drift import observe
+from octoform.endpoint.process import record
 from octoform.endpoint.process.estop import LATCH
 from octoform.endpoint.process.record import Running, running, running_beside
 from octoform.endpoint.publish.expected_tools import hidden, promised
@@ -94,7 +94,7 @@ def _status(project: Path, environ: Mapping[str, str]) -> Status:
 
 def _process(layout: Layout) -> Process:
     found = running(layout)
-    told = sockets.ask(layout, {"op": "status"}) if found else None
+    told = record.ask(layout, {"op": "status"}) if found else None
     count = sum(1 for token in tokens.listed(layout)[0] if not token.ended)
     return Process(found, told, _latched(layout), count)
 

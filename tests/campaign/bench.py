@@ -19,9 +19,9 @@ from projects import OCTOFORM, Project
 from replugged import Host
 
 from octoform.base.digest import of_bytes
-from octoform.endpoint import sockets
 from octoform.endpoint.client.terminal import Wanted, call
 from octoform.endpoint.environment.model import packages_of
+from octoform.endpoint.process import record
 from octoform.endpoint.process.record import Running, running
 from octoform.endpoint.sockets import greeted
 from octoform.state.layout import Layout
@@ -113,7 +113,7 @@ class Bench:
 
     def serves(self) -> bool:
         """Whether a process runs, takes clients and answers."""
-        if self.process() is None or sockets.ask(self.layout, {"op": "status"}, 0.5) is None:
+        if self.process() is None or record.ask(self.layout, {"op": "status"}, 0.5) is None:
             return False
         try:
             greeted(self.layout.socket, 0.5).close()

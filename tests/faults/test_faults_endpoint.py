@@ -13,7 +13,7 @@ import pytest
 from launched import Launched, launched, tool
 from raw_mcp import RawClient, call, connected, request
 
-from octoform.endpoint import sockets
+from octoform.endpoint.process import record
 
 SOURCE = '''
 import asyncio, time
@@ -211,7 +211,7 @@ def test_the_control_door_stands_when_it_is_knocked_at(bench: Launched) -> None:
                 connection.sendall(data)
             except BrokenPipeError:
                 continue
-    assert sockets.ask(bench.layout, {"op": "status"}) is not None
+    assert record.ask(bench.layout, {"op": "status"}) is not None
 
 
 def test_a_killed_process_is_started_again_by_the_next_client(bench: Launched) -> None:

@@ -14,9 +14,8 @@ from typing import Any
 from fastmcp import Client
 from fastmcp.client.transports import StdioTransport, StreamableHttpTransport
 
-from octoform.endpoint import sockets
 from octoform.endpoint.environment.model import Environment
-from octoform.endpoint.process import start_stop
+from octoform.endpoint.process import record, start_stop
 from octoform.endpoint.process.record import Running, running
 from octoform.endpoint.publish.publication import Service, client_command, write_endpoint
 from octoform.state.layout import Layout
@@ -84,7 +83,7 @@ class Launched:
 
     def ask(self, op: str, **question: Any) -> dict[str, Any]:
         """A question to the control thread."""
-        answer = sockets.ask(self.layout, {"op": op, **question})
+        answer = record.ask(self.layout, {"op": op, **question})
         assert answer is not None
         return answer
 

@@ -10,7 +10,7 @@ from typing import Any
 
 from octoform.base.processes import PROC, process_stat
 from octoform.daemon.model import Cause
-from octoform.endpoint import sockets
+from octoform.endpoint.process import record
 from octoform.endpoint.process.record import Running, is_it
 from octoform.endpoint.sockets import GREETING, connect
 from octoform.state.layout import Layout
@@ -150,7 +150,7 @@ class Answering:
 
 
 def _ask(layout: Layout, seconds: float) -> Mapping[str, Any] | None:
-    return sockets.ask(layout, {"op": "status"}, seconds)
+    return record.ask(layout, {"op": "status"}, seconds)
 
 
 def wants_to_run(pid: int) -> bool:

@@ -19,8 +19,7 @@ from octoform.base.files import parse, private_folder, record
 from octoform.daemon.model import Done
 from octoform.diagnostics import Diagnostic
 from octoform.endpoint.process import start_stop
-from octoform.endpoint.process.record import Running, is_it, is_marked, running
-from octoform.endpoint.sockets import ask
+from octoform.endpoint.process.record import Running, ask, is_it, is_marked, running
 from octoform.state.files import read_regular, refused, write_atomic
 from octoform.state.layout import Layout
 

@@ -5,8 +5,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from octoform.diagnostics import Diagnostic, did_you_mean, error
-from octoform.endpoint import sockets
-from octoform.endpoint.process import offline_commands
+from octoform.endpoint.process import offline_commands, record
 from octoform.endpoint.published_files import read_policy
 from octoform.state.layout import Layout
 
@@ -47,7 +46,7 @@ def show(layout: Layout) -> tuple[Limits | None, list[Diagnostic]]:
     policy = read_policy(layout)
     if policy is None:
         return None, [_not_applied(layout)]
-    answer = sockets.ask(layout, {"op": "limits"}, SECONDS)
+    answer = record.ask(layout, {"op": "limits"}, SECONDS)
     if answer is None or "used" not in answer:
         answer = offline_commands.ask(layout, "limits", {})
     if "used" not in answer:
@@ -66,7 +65,7 @@ def reset(layout: Layout, tool: str, by: str) -> list[Diagnostic]:
         hint = f"did you mean {near!r}?" if near else "octoform limits lists the tools; `all` sets all of them back"
         return [error("ENDPOINT-UNKNOWN-TOOL", f"the endpoint has no tool {tool!r}", hint=hint)]
     asked = {"tool": None if tool == "all" else tool, "by": by}
-    answer = sockets.ask(layout, {"op": "limits_reset", **asked}, SECONDS)
+    answer = record.ask(layout, {"op": "limits_reset", **asked}, SECONDS)
     if answer is None:
         answer = offline_commands.ask(layout, "reset", asked)
         return [] if answer["ok"] else [_refused(answer)]

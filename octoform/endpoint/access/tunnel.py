@@ -15,10 +15,9 @@ from urllib.parse import urlsplit
 from octoform.base import files
 from octoform.base.files import parse, private_folder
 from octoform.diagnostics import Diagnostic, error, warning
-from octoform.endpoint import sockets
-from octoform.endpoint.process import offline_commands
+from octoform.endpoint.process import offline_commands, record
+from octoform.endpoint.process.record import ask
 from octoform.endpoint.published_files import CONNECTION
-from octoform.endpoint.sockets import ask
 from octoform.state.layout import Layout
 
 REVOKED = "tunnel-revoked.json"
@@ -123,7 +122,7 @@ def tunnel_now(layout: Layout) -> TunnelSight | None:
     """The tunnel as it is; None where the published endpoint has none."""
     if _published(layout).get("tunnel") is None:
         return None
-    told = (sockets.ask(layout, {"op": "status"}) or {}).get("tunnel")
+    told = (record.ask(layout, {"op": "status"}) or {}).get("tunnel")
     if not isinstance(told, Mapping):
         return TunnelSight("unknown", reason="the endpoint's process does not report it")
     url, reason = told.get("url"), told.get("reason")

@@ -8,8 +8,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from octoform.endpoint import sockets
-from octoform.endpoint.process import offline_commands
+from octoform.endpoint.process import offline_commands, record
 from octoform.endpoint.process.record import running
 from octoform.endpoint.published_files import is_copy, of_another
 from octoform.state.layout import Layout
@@ -60,8 +59,8 @@ def clear(layout: Layout, by: str) -> Estop:
 
 def _done(layout: Layout, op: str, verb: str, asked: Mapping[str, Any]) -> Estop:
     answer, problems = None, []
-    if sockets.ask(layout, {"op": "status"}, ALIVE_SECONDS) is not None:
-        answer = sockets.ask(layout, {"op": op, **asked}, ANSWER_SECONDS)
+    if record.ask(layout, {"op": "status"}, ALIVE_SECONDS) is not None:
+        answer = record.ask(layout, {"op": op, **asked}, ANSWER_SECONDS)
     direct = answer is None or "latched" not in answer
     original = of_another(layout) if direct and is_copy(layout) else None
     if original is not None:

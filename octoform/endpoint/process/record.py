@@ -1,4 +1,4 @@
-"""The running endpoint as its own record tells it, believed only where the kernel says the same.
+"""The running endpoint: its own record, believed only where the kernel says the same, and what its process answers.
 
 Light: the pipe of every client and every plan ask this.
 """
@@ -6,6 +6,7 @@ Light: the pipe of every client and every plan ask this.
 import json
 import os
 import pwd
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -16,10 +17,13 @@ from octoform.base.place import is_from
 from octoform.base.processes import command_line, is_alive
 from octoform.base.shape import fits
 from octoform.diagnostics import Diagnostic, error
+from octoform.endpoint.sockets import connect
 from octoform.state.files import read_regular, refused, write_atomic
 from octoform.state.layout import Layout
 
 RECORD = "process.json"
+CONTROL = "control.sock"
+MAX_ANSWER_BYTES = 16_000_000
 MARK = "OCTOFORM_ENDPOINT"
 """A variable by which what the tools of an endpoint leave behind is known: a random word for each start."""
 
@@ -170,3 +174,23 @@ def running_beside(layout: Layout) -> tuple[str, ...]:
     records = layout.project.glob(f".octoform/*/{layout.run.name}/{RECORD}")
     hosts = sorted(path.parents[1].name for path in records)
     return tuple(host for host in hosts if host != layout.host and running(Layout(layout.project, host)))
+
+
+def ask(layout: Layout, question: Mapping[str, Any], seconds: float = 5.0) -> dict[str, Any] | None:
+    """The answer of the endpoint's control thread to ``{"op": ..., ...}``, one line of JSON each way.
+
+    None when no process answers within ``seconds``.
+    """
+    try:
+        with connect(layout.run / CONTROL, seconds) as connection:
+            connection.sendall(json.dumps(question).encode() + b"\n")
+            data = b""
+            while not data.endswith(b"\n") and len(data) < MAX_ANSWER_BYTES:
+                part = connection.recv(65536)
+                if not part:
+                    break
+                data += part
+            answer = parse(data)
+    except (OSError, ValueError):
+        return None
+    return answer if isinstance(answer, dict) else None

@@ -54,7 +54,7 @@ def test_what_was_answered_is_over_and_what_was_not_gets_an_error() -> None:
     conversation.heard(line({"id": 2, "error": {"code": 1, "message": "no"}}))
     told = parsed(conversation.lost())
     assert [each["id"] for each in told] == [1, 'a"b']
-    assert all("not known" in each["error"]["message"] for each in told)
+    assert all("is unknown" in each["error"]["message"] for each in told)
     assert conversation.lost() == []
     assert conversation.found() == []
 
