@@ -202,4 +202,4 @@ def test_a_damaged_file_is_reported_in_words_of_octoform(watched: Watched, damag
         watched.path.write_text(damage)
     watched.refuses(joint="elbow")
     ((_, text),) = [item for item in watched.heard if "cannot be read" in item[1]]
-    assert words in text and "Error" not in text and "Errno" not in text and "object" not in text
+    assert words in text and "Error" not in text and "Errno" not in text and "' object" not in text
