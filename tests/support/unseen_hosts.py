@@ -136,6 +136,8 @@ def printing(host: Host) -> None:
 def radio(host: Host) -> None:
     host.plug("1d50:6089", "Great Scott Gadgets", "HackRF One", ("ff/ff/ff", "", []))
     host.plug("04b4:8613", "", "", ("ff/ff/ff", "", []))
+    television: list[Part] = [("dvb", "dvb/dvb0.frontend0", {}), ("dvb", "dvb/dvb0.demux0", {})]
+    host.plug("0bda:2838", "Realtek", "RTL2838UHIDIR", ("ff/ff/ff", "dvb_usb_rtl28xxu", television))
     host.plug("21a9:1006", "Saleae LLC", "Logic Pro 16", ("ff/00/00", "", []))
 
 

@@ -34,6 +34,7 @@ _FUNCTIONS = (
     ("nfc", "nfc", BIDIRECTIONAL, "NFC controller"),
     ("cec", "cec", BIDIRECTIONAL, "HDMI CEC adapter"),
     ("pps", "pps", SENSOR, "pulse-per-second input"),
+    ("dvb", "tv_receiver", SENSOR, "digital television receiver"),
 )
 """Classes of the kernel that sense or speak, and that no tool of this agent serves."""
 _BUSES = {"typec": ("typec", "USB-C port"), "thunderbolt": ("thunderbolt", "Thunderbolt device")}

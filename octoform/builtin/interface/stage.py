@@ -100,6 +100,7 @@ _REASONS: Mapping[str, tuple[str, str]] = {
     "nfc": (_NONE, "a service of the system (neard, pcscd) speaks with it; the kernel gives a tool no tags to read"),
     "cec": (_NONE, "its messages switch other people's screens; nothing is sent on a bus of unknown participants"),
     "pps": (_NONE, "gives the moment of a second to the system's clock, and no value"),
+    "tv_receiver": (_NONE, "its transport streams need a program that knows the local transmitters"),
     "buzzer": (_NONE, "the kernel plays its tones for the console"),
     "isp": (_NONE, "gives pictures only to a program that has linked the parts of the camera (libcamera)"),
     "vendor": (_NONE, "a program of its own speaks with it; a profile with its commands would give it tools"),

@@ -42,6 +42,12 @@ def test_a_name_in_another_language_is_given_with_what_it_says() -> None:
         (["bus: i2c", "name: 24c99", "driver: at24"], [], "infrastructure", "memory"),
         (["bus: i2c", "name: nfc9"], [("nfc", "nfc0")], "bidirectional", "nfc"),
         (["bus: platform", "name: cec"], [("cec", "cec0")], "bidirectional", "cec"),
+        (
+            ["bus: usb", "interface 00: class ff/ff/ff driver=dvb_usb_rtl28xxu"],
+            [("dvb", "dvb0.frontend0")],
+            "sensor",
+            "tv_receiver",
+        ),
         (["bus: i2c", "name: pca9", "pwm[0].npwm: 16"], [("pwm", "pwmchip0")], "actuator", "pwm"),
         (["bus: pci", "class_code: 0x120000"], [], "infrastructure", "accelerator"),
         (["bus: pci", "class_code: 0x040000"], [], "sensor", "capture"),

@@ -45,6 +45,7 @@ TRUE: dict[str, tuple[str, tuple[str, ...]]] = {
     "usb-32e4-9230": ("HD USB Camera", PICTURE),
     "usb-1d50-6089": ("HackRF One", ()),
     "usb-04b4-8613": ("", ()),
+    "usb-0bda-2838": ("Realtek RTL2838UHIDIR", ()),
     "usb-21a9-1006": ("Saleae LLC Logic Pro 16", ()),
     "thunderbolt-0-1": ("Razer Core X", ()),
     "pci-10de-1b81": ("graphics adapter", ("read_display", "read_temperature", "read_fan_speed")),
