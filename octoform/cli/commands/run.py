@@ -99,7 +99,7 @@ def _ask(arguments: Namespace, screen: Console, request: Request) -> int:
     from octoform.engine.questions import apply_asking
     from octoform.views.run.questions import AskingHuman
 
-    return status_of(apply_asking(request, _options(arguments), AskingHuman(screen)), request)
+    return status_of(apply_asking(request, _options(arguments), AskingHuman(screen)))
 
 
 def execute(arguments: Namespace, screen: Console, request: Request, planfile: str | None = None) -> int:
@@ -109,22 +109,15 @@ def execute(arguments: Namespace, screen: Console, request: Request, planfile: s
     from octoform.views.run.apply import RunHuman, RunJson
 
     view = RunJson(JsonStream(screen)) if arguments.json else RunHuman(screen)
-    return status_of(carry_out(request, _options(arguments, planfile), view), request)
+    return status_of(carry_out(request, _options(arguments, planfile), view))
 
 
-def status_of(result: RunResult, request: Request) -> int:
-    """1 when something failed or was refused; of an incomplete apply the code of `status`, 3 where that finds nothing.
-
-    `status` has looked at the deployment as it is now, so the two never contradict each other.
-    """
+def status_of(result: RunResult) -> int:
+    """1 when something failed or was refused, 3 (degraded) when devices are closed to this user, else 0."""
     from octoform.daemon.model import Status
-    from octoform.daemon.status import survey
     from octoform.views.daemon.event_log import EXIT
 
-    if result.failed or not (result.incomplete or result.silent):
-        return 1 if result.failed else 0
-    found, _ = survey(request.project, request.environ)
-    return EXIT[found.health.status if found is not None else Status.HEALTHY] or EXIT[Status.DEGRADED]
+    return 1 if result.failed else EXIT[Status.DEGRADED] if result.incomplete or result.silent else 0
 
 
 def _options(arguments: Namespace, planfile: str | None = None) -> Options:
