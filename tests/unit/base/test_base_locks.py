@@ -82,8 +82,11 @@ def test_the_wait_is_that_of_the_clock_that_was_given(path: Path) -> None:
 
 def test_a_program_that_was_started_does_not_keep_it(path: Path) -> None:
     with locks.held(path):
-        child = subprocess.Popen([sys.executable, "-c", "input()"], stdin=subprocess.PIPE, close_fds=False)
+        command = [sys.executable, "-c", "print(flush=True); input()"]
+        child = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, close_fds=False)
+    assert child.stdout is not None
     try:
+        child.stdout.readline()  # it has become the program, which closes what is not its own
         assert not locks.is_locked(path)
     finally:
         child.communicate(b"\n")

@@ -56,7 +56,7 @@ def test_only_whole_outputs_of_a_converter_are_set() -> None:
     mixed = device("spi-mixed", "spi", "bus: spi", *lines, "iio[0].in_voltage0: raw,scale", nodes=node)
     annotation = answer(mixed)
     assert (annotation["class"], annotation["category"]) == ("converter", "bidirectional")
-    assert {"read_voltage", "set_output_channel"} <= set(capabilities(found))
+    assert {"read_voltage", "set_output_channel"} <= set(capabilities(annotation))
     light = device("i2c-light", "i2c", "bus: i2c", *lines, "iio[0].in_proximity: raw", nodes=node)
     assert "set_output_channel" not in capabilities(answer(light))
 

@@ -207,7 +207,7 @@ def test_a_recording_of_a_later_format_says_so(folder: Path) -> None:
     write(folder, [], format=2)
     found = problem(folder)
     assert found.code == "HARNESS-RECORDING-BROKEN"
-    assert "format '2'" in str(found.detail)
+    assert "format 2" in str(found.detail)
 
 
 @pytest.mark.parametrize(
