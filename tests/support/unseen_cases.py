@@ -443,6 +443,18 @@ SERVE_RIGHT: dict[str, Any] = {
         "    rows.append(Reading(sensor='benchtemp', channel=channel, label=label, value=value, unit='degC'))\n"
         "return Readings(device=device, readings=rows, unreadable=dead)",
     ),
+    "the warmest first": all_of(
+        uses("math"),
+        body(
+            "read_temperature",
+            f"folder = {ASKED}.path('hwmon')\nrows = []\n"
+            "for path in runtime.files(folder, 'temp*_input'):\n"
+            "    channel, value = path.name.removesuffix('_input'), runtime.read_number(path, 0.001)\n"
+            "    rows.append(Reading(sensor='benchtemp', channel=channel, label=channel, value=value, unit='degC'))\n"
+            "rows.sort(key=lambda row: math.inf if row.value is None else -row.value)\n"
+            "return Readings(device=device, readings=rows, unreadable=[])",
+        ),
+    ),
     "a picture through a scratch file": picture(
         "import tempfile\n\nimport cv2\n\nwith runtime.bus(device), tempfile.TemporaryDirectory() as folder:\n"
         "    camera = cv2.VideoCapture(runtime.device(device).node('video4linux'))\n    try:\n"

@@ -208,6 +208,8 @@ class _Substitutes:
 
     def at(self, node: ast.AST) -> Iterator[tuple[ast.AST, str]]:
         """(where, for what) of the number at one node."""
+        if self._orders(node):
+            return
         if isinstance(node, ast.Try):
             yield from self._after_failure(node)
         elif isinstance(node, ast.With):
@@ -262,6 +264,11 @@ class _Substitutes:
         results: list[ast.AST] = [item.body for item in plain if isinstance(item, ast.Lambda)]
         results += self._flow.results(own[0]) if len(own) == 1 else []
         return bool(results) and all(self._is_number(item, depth - 1) for item in results)
+
+    def _orders(self, node: ast.AST) -> bool:
+        """Whether a node lies in a key by which a list is sorted: it decides on a place, and is in no result."""
+        keys = (above for above, below in self._source.above(node) if isinstance(below, ast.Lambda))
+        return any(isinstance(above, ast.keyword) and above.arg == "key" for above in keys)
 
     def _decides(self, node: ast.expr) -> bool:
         """Whether a value is compared or looked up, and is no part of a result itself."""
