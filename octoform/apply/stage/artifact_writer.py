@@ -133,7 +133,7 @@ def _unknown(value: Any) -> int:
 
 _SENTENCES = {
     "probe": lambda value: (
-        f"{counted(len(value['devices']), 'device')} seen by {counted(len(value['scan_methods']), 'scan')}"
+        f"{counted(len(value['devices']), 'device')} discovered by {counted(len(value['scan_methods']), 'scan')}"
     ),
     "identify": lambda value: (
         f"{len(value['devices']) - _unknown(value)} identified, {_unknown(value)} unknown, "

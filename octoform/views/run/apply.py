@@ -240,7 +240,7 @@ class RunHuman:
         funnel = result.funnel
         if funnel is None:
             return
-        rows = [("seen", funnel.seen, "devices that the operating system shows")]
+        rows = [("discovered", funnel.seen, "devices that the operating system shows")]
         rows.append(("identified", funnel.annotated - funnel.unknown, "of them, what each is, on evidence"))
         rows.append(("unknown", funnel.unknown, "of them, which no evidence identifies"))
         rows.append(("skipped", funnel.left_out, "the others, each with its reason: octoform devices -v"))

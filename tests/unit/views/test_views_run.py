@@ -71,7 +71,9 @@ def test_every_event_is_a_line_and_nothing_foreign_reaches_the_terminal() -> Non
     assert "\x1b" not in out + err
     assert err.count("IDENTIFY-INVENTED-DEVICE") == 1
     assert "Apply stopped: serve failed." in out
-    assert [line.split()[:2] for line in out.splitlines() if line.strip().startswith("seen")] == [["seen", "9"]]
+    assert [line.split()[:2] for line in out.splitlines() if line.strip().startswith("discovered")] == [
+        ["discovered", "9"]
+    ]
 
 
 def test_a_good_end_names_the_endpoint_and_the_next_command() -> None:
