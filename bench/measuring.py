@@ -21,7 +21,17 @@ BIN = Path(sys.executable).parent
 OCTOFORM = str(BIN / "octoform")
 PYTHON = sys.executable
 SUPPORT = ROOT / "tests" / "support"
-KEPT = ("PATH", "HOME", "LANG", "UV_CACHE_DIR", "UV_INDEX_URL", "UV_DEFAULT_INDEX", "SSL_CERT_FILE", "PIP_CERT")
+KEPT = (
+    "PATH",
+    "HOME",
+    "LANG",
+    "UV_CACHE_DIR",
+    "UV_INDEX_URL",
+    "UV_DEFAULT_INDEX",
+    "SSL_CERT_FILE",
+    "PIP_CERT",
+    "OCTOFORM_SYSROOT",
+)
 HEAVY = ("fastmcp", "litellm", "cv2", "git", "pydantic", "ruamel", "jsonschema", "jinja2", "rich")
 
 

@@ -1,6 +1,7 @@
 """A project for a benchmark: with the instantaneous scripted agent of the tests, or with the embedded agent."""
 
 import json
+import os
 import subprocess
 import sys
 from collections.abc import Mapping
@@ -16,17 +17,19 @@ INSIDE = Path(__file__).with_name("inside.py")
 
 
 def project(folder: Path) -> "Project":
-    """A fresh project whose agent answers at once with accepted artifacts."""
+    """A fresh project whose agent answers at once with accepted artifacts, on the host that they are about."""
     sys.path.insert(0, str(SUPPORT))
     from projects import Project
 
     made = Project(folder / "project", folder / "outside")
     made.write()
+    os.environ["OCTOFORM_SYSROOT"] = made.environment()["OCTOFORM_SYSROOT"]
     return made
 
 
 def embedded(folder: Path) -> Path:
-    """A fresh project folder that holds nothing but a manifest for the embedded agent."""
+    """A fresh project folder that holds nothing but a manifest for the embedded agent, on this machine."""
+    os.environ.pop("OCTOFORM_SYSROOT", None)
     made = folder / "embedded"
     made.mkdir()
     (made / "octopus.yaml").write_text("version: 1\nhost: bench\nharness: builtin\n")
