@@ -5,6 +5,7 @@ with it: a field that could be changed without effect would mislead whoever read
 """
 
 import re
+from collections.abc import Mapping, Sequence
 from itertools import pairwise
 from os.path import lexists
 from pathlib import Path
@@ -98,24 +99,36 @@ def _check_fields(stage: str, document: Document) -> list[Diagnostic]:
         "produces": PRODUCES[stage],
         "schema": f"{SCHEMAS}/{stage}.v1.schema.json" if stage != "serve" else None,
     }
-    found = []
-    for name in document.fields:
-        if name not in FIELDS:
-            near = did_you_mean(name, FIELDS)
-            hint = f"did you mean {near!r}?" if near else f"a spec has the fields {', '.join(FIELDS)}"
-            found.append(document.problem("PROTOCOL-FIELD", f"{name!r} is no field of a spec", (name,), hint))
-    for name, value in expected.items():
-        if name not in document.fields:
-            summary = f"the field {name!r} is missing"
-        elif document.fields[name] != value:
-            summary = f"the field {name!r} does not fit the stage {stage}"
-        else:
-            continue
-        found.append(document.problem("PROTOCOL-FIELD", summary, (name,), f"write {name}: {_shown(value)}"))
+    found = [*_unknown(document, "spec", FIELDS), *_unfit(document, f"stage {stage}", expected)]
     budget = document.fields.get("budget")
     if budget is not None and not (isinstance(budget, str) and _DURATION.fullmatch(budget)):
         summary = "the field 'budget' is no time for one attempt"
         found.append(document.problem("PROTOCOL-FIELD", summary, ("budget",), "write it like 200s or 5m"))
+    return found
+
+
+def _unknown(document: Document, kind: str, known: Sequence[str]) -> list[Diagnostic]:
+    """Fields that nothing of this kind has; one that changed nothing would mislead its reader."""
+    found = []
+    for name in document.fields:
+        if name not in known:
+            near = did_you_mean(name, known)
+            hint = f"did you mean {near!r}?" if near else f"a {kind} has the fields {', '.join(known)}"
+            found.append(document.problem("PROTOCOL-FIELD", f"{name!r} is no field of a {kind}", (name,), hint))
+    return found
+
+
+def _unfit(document: Document, whose: str, expected: Mapping[str, object]) -> list[Diagnostic]:
+    """Fields that are missing or have another value than the only one that fits."""
+    found = []
+    for name, value in expected.items():
+        if name not in document.fields:
+            summary = f"the field {name!r} is missing"
+        elif document.fields[name] != value:
+            summary = f"the field {name!r} does not fit the {whose}"
+        else:
+            continue
+        found.append(document.problem("PROTOCOL-FIELD", summary, (name,), f"write {name}: {_shown(value)}"))
     return found
 
 
@@ -161,7 +174,7 @@ def load_step(name: str, path: Path, folder: Path | None) -> tuple[Step | None, 
     if document is None:
         return None, found
     fields = document.fields
-    found = [*_unknown(document), *_fixed(name, document), *_words(document), *_proof(document)]
+    found = [*_unknown(document, "step", STEP_FIELDS), *_fixed(name, document), *_words(document), *_proof(document)]
     schema = schema_dir(folder) / Path(STEP_SCHEMA).name
     if not schema.is_file():
         hint = f"copy it there, or remove the folder {SCHEMAS} to use the shipped ones"
@@ -194,17 +207,6 @@ def _read_proof(given: Any) -> Proof:
     )
 
 
-def _unknown(document: Document) -> list[Diagnostic]:
-    """Fields that no step has; one that changed nothing would mislead whoever reads it."""
-    found = []
-    for name in document.fields:
-        if name not in STEP_FIELDS:
-            near = did_you_mean(name, STEP_FIELDS)
-            hint = f"did you mean {near!r}?" if near else f"a step has the fields {', '.join(STEP_FIELDS)}"
-            found.append(document.problem("PROTOCOL-FIELD", f"{name!r} is no field of a step", (name,), hint))
-    return found
-
-
 def _fixed(name: str, document: Document) -> list[Diagnostic]:
     """Fields with one value that they can have: octoform's own order of work decides it."""
     expected = {
@@ -213,17 +215,7 @@ def _fixed(name: str, document: Document) -> list[Diagnostic]:
         "produces": f"steps/{name}/output.json",
         "schema": STEP_SCHEMA,
     }
-    found = []
-    for field, value in expected.items():
-        if field not in document.fields:
-            summary = f"the field {field!r} is missing"
-        elif document.fields[field] != value:
-            summary = f"the field {field!r} does not fit the step {name}"
-        else:
-            continue
-        shown = f"[{', '.join(value)}]" if isinstance(value, list) else value
-        found.append(document.problem("PROTOCOL-FIELD", summary, (field,), f"write {field}: {shown}"))
-    return found
+    return _unfit(document, f"step {name}", expected)
 
 
 def _words(document: Document) -> list[Diagnostic]:
