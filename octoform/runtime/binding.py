@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from . import serials
+from .base import serials
 from .faults import AmbiguousDevice, DeviceAbsent
 from .sysfs import files, members, path_of, place, read_text, socket, subsystem, sysroot, uevent
 

@@ -19,7 +19,7 @@ from dataclasses import dataclass, field
 from pathlib import Path, PosixPath
 from typing import Any, ParamSpec, TypeVar, cast
 
-from .clock import stamp
+from .base.clock import stamp
 from .faults import DeviceFault, sentence
 
 # What one call of a tool asked of the host: the devices that it looked for, and the numbers that it read of them.

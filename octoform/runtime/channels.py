@@ -5,8 +5,8 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import NamedTuple
 
+from .base.quantities import is_possible
 from .devices import Device
-from .quantities import is_possible
 from .sysfs import files, read_first, read_number, read_text
 
 _IIO_UNITS = {  # quantity: (from the ABI's unit to this one, unit)

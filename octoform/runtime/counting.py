@@ -18,9 +18,9 @@ from pathlib import Path
 from typing import Any, NamedTuple
 from urllib.parse import quote
 
+from .base.files import parse, read, record, replace
+from .base.locks import held_folder
 from .faults import DeviceFault
-from .locks import held_folder
-from .plainfiles import parse, read, record, replace
 
 # A device's stop as a file: it has to outlive the process that took it, and be seen by every other one.
 #

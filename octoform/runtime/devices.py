@@ -18,11 +18,11 @@ from types import TracebackType
 from typing import Any, Protocol
 
 from . import binding, calllog
+from .base.files import read_json
+from .base.locks import acquire, lock_file
+from .base.shape import INSTANCES, fits
 from .binding import bind, in_place
 from .faults import AmbiguousDevice, BusBusy, DeviceAbsent
-from .locks import acquire, lock_file
-from .plainfiles import read_json
-from .shape import INSTANCES, fits
 from .sysfs import members, read_text, subsystem, sysroot, uevent
 
 # One lock for each bus, across the threads of a server and across processes.

@@ -19,8 +19,8 @@ from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import Any, NamedTuple, Protocol, TypeVar
 
+from .base.files import read_json
 from .faults import DeviceFault, sentence
-from .plainfiles import read_json
 
 # The range of each unit as its owner calibrated it, from a file, and a position as percent of that range.
 #

@@ -10,9 +10,9 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
+from .base.files import parse
 from .devices import device
 from .faults import AmbiguousDevice, DeviceFault
-from .plainfiles import parse
 from .rights import refused
 from .sysfs import path_of, sysroot
 

@@ -9,8 +9,6 @@ from pathlib import Path
 ROOT = Path(__file__).parents[2] / "octoform"
 MODULES = [path.relative_to(ROOT) for path in sorted(ROOT.rglob("*.py")) if path.stem not in ("__init__", "__main__")]
 MAX_MODULES = 16
-# Folders that have no rooms yet; the list may only become shorter.
-FLAT = {"runtime"}
 # Packages whose modules do not have the names of the field yet.
 UNNAMED: set[str] = set()
 # Words that end as a gerund and are the field's own nouns.
@@ -44,8 +42,8 @@ SAME = {
     "tokens": {"base", "endpoint"},
     "watch": {"apply", "builtin"},
 }
-# Lists of rooms in the other tests of the architecture.
-NAMED = re.compile(r"^(?:FLAT|OTHERS) = ({.*})$", re.MULTILINE)
+# A list of rooms in another test of the architecture.
+NAMED = re.compile(r"^OTHERS = ({.*})$", re.MULTILINE)
 # Suites below tests/unit that are of no package: a part of one, or of several.
 SUITES = {"hostile", "recordings", "support"}
 
@@ -78,14 +76,14 @@ def test_rooms_that_tests_name_are_there() -> None:
     modules = {path.stem for path in MODULES}
     unknown = {name for name in folders - rooms - SUITES - modules if name.partition("_")[0] not in rooms}
     assert unknown == set()
-    texts = [(Path(__file__).parent / name).read_text() for name in ("test_depth.py", "test_words.py")]
-    named = {word for text in texts for found in NAMED.findall(text) for word in ast.literal_eval(found)}
-    assert named and (named | FLAT) - rooms == set()
+    text = (Path(__file__).parent / "test_words.py").read_text()
+    named = {word for found in NAMED.findall(text) for word in ast.literal_eval(found)}
+    assert named and named - rooms == set()
 
 
 def test_no_folder_has_more_than_16_modules() -> None:
     counted = Counter(path.parent.as_posix() for path in MODULES)
-    assert {folder for folder, count in counted.items() if count > MAX_MODULES} == FLAT
+    assert {folder: count for folder, count in counted.items() if count > MAX_MODULES} == {}
 
 
 def test_modules_are_called_by_nouns() -> None:

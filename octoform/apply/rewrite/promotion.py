@@ -162,9 +162,10 @@ def published(context: Context, *, smoke: bool = True) -> list[Diagnostic]:
 
 def _write(trial: Layout, source: str) -> Diagnostic | None:
     shutil.rmtree(trial.local / CANDIDATE, ignore_errors=True)
-    private_folder(trial.runtime)
     for name, data in {"server.py": source.encode(), **runtime_files()}.items():
-        problem = write_atomic(trial.local / CANDIDATE / name, data, 0o600)
+        path = trial.local / CANDIDATE / name
+        private_folder(path.parent)
+        problem = write_atomic(path, data, 0o600)
         if problem is not None:
             return problem
     return None

@@ -120,7 +120,7 @@ def _serve(_: Context, value: Any) -> dict[str, bytes]:
 
 def runtime_files() -> dict[str, bytes]:
     """The standard-library modules that stand beside every generated server, by relative name."""
-    return {f"runtime/{path.name}": read(path) for path in sorted(RUNTIME.glob("*.py"))}
+    return {path.relative_to(RUNTIME.parent).as_posix(): read(path) for path in sorted(RUNTIME.rglob("*.py"))}
 
 
 def counted(count: int, word: str) -> str:

@@ -187,7 +187,7 @@ def prepare(
     if assignment.given is not None:
         replace(task.workdir / "input.json", assignment.given, 0o644, synced=False)
     for name, data in assignment.beside.items():
-        (task.workdir / name).parent.mkdir(exist_ok=True)
+        (task.workdir / name).parent.mkdir(parents=True, exist_ok=True)
         replace(task.workdir / name, data, 0o644, synced=False)
     if failed is not None and failed.former is not None:
         replace(_former(task), failed.former, 0o644, synced=False)

@@ -75,10 +75,12 @@ def test_what_guards_the_endpoint_is_not_edited_unseen(layout: Layout, serving: 
     assert done.stderr.rstrip().endswith(f"{path} is not the file that was published; run octoform apply")
 
 
-@pytest.mark.parametrize("damage", ["edited", "gone"])
-def test_an_edited_runtime_is_refused_too(layout: Layout, serving: Environment, damage: str) -> None:
+@pytest.mark.parametrize(
+    ("name", "damage"), [("calllog.py", "edited"), ("calllog.py", "gone"), ("base/clock.py", "edited")]
+)
+def test_an_edited_runtime_is_refused_too(layout: Layout, serving: Environment, name: str, damage: str) -> None:
     publish(layout, serving)
-    module = layout.runtime / "calllog.py"
+    module = layout.runtime / name
     module.unlink()
     if damage == "edited":
         module.write_text("def logged(tool):\n    return tool\n")

@@ -1,1 +1,0 @@
-../base/files.py

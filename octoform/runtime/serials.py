@@ -1,1 +1,0 @@
-../base/serials.py
