@@ -7,7 +7,7 @@ from octoform.apply.context import Context, Tally
 from octoform.diagnostics import Diagnostic, has_errors, warning
 from octoform.endpoint.process.estop import is_latched
 from octoform.endpoint.process.systemd import is_ours, unit_path
-from octoform.endpoint.publish.publication import remove, stopped_devices
+from octoform.endpoint.publication import remove, stopped_devices
 from octoform.plan.model import Action, Plan
 from octoform.state.artifacts.cache import INSTANCES, forget
 from octoform.state.files import refused

@@ -10,9 +10,9 @@ from octoform.apply.stage.artifact_writer import counted
 from octoform.apply.stage.serve_proof import STARTING, calls_said, publish, service_of
 from octoform.base import digest, files
 from octoform.diagnostics import Diagnostic, error, has_errors
+from octoform.endpoint.drift import observe
 from octoform.endpoint.environment.build import build
-from octoform.endpoint.observe.drift import observe
-from octoform.endpoint.publish.publication import is_published
+from octoform.endpoint.publication import is_published
 from octoform.harness.port import Usage
 
 

@@ -12,7 +12,7 @@ from typing import Any, Protocol
 from octoform.base.files import read_json
 from octoform.claims.model import Condition, Signal, Value, holds
 from octoform.conditions import is_number
-from octoform.endpoint.publish.expected_tools import promised
+from octoform.endpoint.expected_tools import promised
 from octoform.endpoint.published_files import POLICY, read_policy
 from octoform.state.layout import Layout
 

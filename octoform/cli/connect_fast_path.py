@@ -8,7 +8,7 @@ import sys
 from collections.abc import Sequence
 
 from octoform.endpoint import sockets
-from octoform.endpoint.proxy.stdio import Again, pipe
+from octoform.endpoint.stdio import Again, pipe
 
 CHDIR = ("-chdir=", "--chdir=")
 PLACE = "/.octoform/{host}/run/endpoint.sock"
@@ -31,7 +31,7 @@ def connected(words: Sequence[str]) -> int | None:
 def _again(folder: str, host: str) -> Again:
     from pathlib import Path  # all of this only where an endpoint has ended
 
-    from octoform.endpoint.proxy.dial import Returning
+    from octoform.endpoint.dial import Returning
     from octoform.state.layout import Layout
 
     return Returning(Layout(Path(folder).absolute(), host))

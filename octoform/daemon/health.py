@@ -12,7 +12,7 @@ from octoform.base.files import record
 from octoform.claims.model import Claim, Reading, Signal, State, holds
 from octoform.daemon.model import Facts, Kind, Outcome, Status
 from octoform.daemon.signals import Silence, answered, newest, reporting, silent
-from octoform.endpoint.observe.drift import OTHER_TOOLS
+from octoform.endpoint.drift import OTHER_TOOLS
 
 FORMAT = 1
 ORDER = (Status.HEALTHY, Status.UNKNOWN, Status.DEGRADED, Status.ERROR, Status.DOWN)

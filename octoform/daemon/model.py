@@ -12,7 +12,7 @@ from typing import Any, Protocol
 
 from octoform.base.digest import of_value, short
 from octoform.claims.model import Reading, Signal
-from octoform.endpoint.observe.logs import LoggedCall
+from octoform.endpoint.logs import LoggedCall
 from octoform.endpoint.process.record import Running
 
 
@@ -153,7 +153,7 @@ class Facts:
 
     ``uptime`` is in seconds of CLOCK_BOOTTIME, ``stamp`` RFC 3339. ``busy`` names the operation of a live holder of the
     state's lock (``apply``), while which nothing is judged. ``stopped_by`` is set when a person stopped the endpoint.
-    ``endpoint`` are the reasons of `octoform.endpoint.observe.drift`, ``damaged`` are paths below the project with
+    ``endpoint`` are the reasons of `octoform.endpoint.drift`, ``damaged`` are paths below the project with
     ``missing``, ``changed``, ``link`` or ``foreign``. ``environment`` are the reasons of
     `octoform.endpoint.environment.model.intact`.
     ``appeared`` and ``gone`` are fingerprint entries against the last accepted PROBE. ``failures`` and ``worked`` are

@@ -7,7 +7,7 @@ from typing import Any
 from octoform.base import clock
 from octoform.claims.model import Channel, Reading, Signal
 from octoform.daemon.observe.samples import tool_of
-from octoform.endpoint.publish.expected_tools import hidden, promised
+from octoform.endpoint.expected_tools import hidden, promised
 from octoform.state.layout import Layout
 
 # What ought to report and does not: health needs coverage, whoever switched a unit off and why. (Light.)

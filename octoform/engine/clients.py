@@ -19,7 +19,7 @@ from octoform.endpoint.mcp_clients.formats import CLIENTS, Client
 from octoform.endpoint.mcp_clients.install import Outcome, Reach, Server, Sight
 from octoform.endpoint.mcp_clients.paths import Surroundings
 from octoform.endpoint.process.record import running
-from octoform.endpoint.publish.publication import client_command, lasting_client_command
+from octoform.endpoint.publication import client_command, lasting_client_command
 from octoform.engine.plan import memo
 from octoform.engine.plan.configuration import compile_project
 from octoform.state.files import foreign

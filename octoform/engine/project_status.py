@@ -13,11 +13,11 @@ from octoform.diagnostics import Diagnostic
 from octoform.endpoint.access import tokens
 from octoform.endpoint.access.tunnel import no_tunnel, tunnel_now
 from octoform.endpoint.client.terminal import list_tools
-from octoform.endpoint.observe.drift import observe
+from octoform.endpoint.drift import observe
+from octoform.endpoint.expected_tools import hidden, promised
 from octoform.endpoint.process import record
 from octoform.endpoint.process.estop import LATCH
 from octoform.endpoint.process.record import Running, running, running_beside
-from octoform.endpoint.publish.expected_tools import hidden, promised
 from octoform.engine.plan import memo
 from octoform.host.fingerprint import SYSROOT_VARIABLE
 from octoform.plan.model import Plan

@@ -9,7 +9,7 @@ from octoform.base.files import parse
 from octoform.diagnostics import Diagnostic, error, has_errors
 from octoform.endpoint.client.terminal import CallResult, Person, Wanted, list_tools, save_media
 from octoform.endpoint.client.terminal import call as call_tool
-from octoform.endpoint.publish.expected_tools import promised
+from octoform.endpoint.expected_tools import promised
 from octoform.endpoint.published_files import CHECK, read_policy
 from octoform.engine.plan import memo
 from octoform.state.files import foreign, read_regular

@@ -18,7 +18,7 @@ from octoform.daemon.model import Alert, Cause, Done, Facts, Finding, Ports, Rep
 from octoform.daemon.reconcile.repair_policy import AtOnce, Bench
 from octoform.daemon.reconcile.supervisor import Round, Supervisor
 from octoform.daemon.store.memory import Memory
-from octoform.endpoint.observe.logs import LoggedCall
+from octoform.endpoint.logs import LoggedCall
 from octoform.endpoint.process.record import Running
 from octoform.manifest.model import Daemon
 from octoform.state.layout import Layout

@@ -17,7 +17,7 @@ from fastmcp.client.transports import StdioTransport, StreamableHttpTransport
 from octoform.endpoint.environment.model import Environment
 from octoform.endpoint.process import record, start_stop
 from octoform.endpoint.process.record import Running, running
-from octoform.endpoint.publish.publication import Service, client_command, write_endpoint
+from octoform.endpoint.publication import Service, client_command, write_endpoint
 from octoform.state.layout import Layout
 
 RUNTIME = Path(__file__).parents[2] / "octoform" / "runtime"

@@ -21,7 +21,7 @@ from octoform import host
 from octoform.base import digest
 from octoform.contracts.canonical import output_digest
 from octoform.endpoint.environment.model import MARKER, Environment, locate, packages_of
-from octoform.endpoint.publish.publication import Service, write_endpoint
+from octoform.endpoint.publication import Service, write_endpoint
 from octoform.endpoint.published_files import CHECK
 from octoform.engine.plan.configuration import Compiled, compile_project
 from octoform.engine.plan.refresh import contract_digest

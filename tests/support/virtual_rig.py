@@ -23,7 +23,7 @@ from octoform.builtin.identify.stage import identify
 from octoform.builtin.interface.stage import declare
 from octoform.builtin.probe.stage import probe_root
 from octoform.builtin.serve.stage import render
-from octoform.endpoint.publish.policy import resolve
+from octoform.endpoint.policy import resolve
 from octoform.manifest.model import Policy
 from octoform.profiles import Profile, devices_of, for_task
 from octoform.profiles.profile_parser import load

@@ -14,7 +14,7 @@ from typing import Any
 from octoform.base import clock
 from octoform.base.escaping import escaped
 from octoform.diagnostics import Diagnostic
-from octoform.endpoint.observe.logs import CALLS, Line, Logs, logs_of
+from octoform.endpoint.logs import CALLS, Line, Logs, logs_of
 from octoform.harness.llm.completion import Completion
 from octoform.harness.port import Usage
 from octoform.manifest.model import Perception

@@ -35,8 +35,8 @@ from octoform.contracts.shown_text import shown as shown_text
 from octoform.diagnostics import Diagnostic, error, has_errors
 from octoform.endpoint.client.check import CheckReport, TrialCall, judge_check
 from octoform.endpoint.client.check import check as check_endpoint
+from octoform.endpoint.expected_tools import shown as promised
 from octoform.endpoint.process import estop
-from octoform.endpoint.publish.expected_tools import shown as promised
 from octoform.harness.port import Task
 from octoform.state.files import make_folders, read_regular, refused, spending, write_atomic
 from octoform.state.layout import Layout

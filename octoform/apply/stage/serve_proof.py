@@ -38,12 +38,12 @@ from octoform.endpoint.environment.lockfile import OFFLINE, resolve
 from octoform.endpoint.environment.model import Environment, packages_of
 from octoform.endpoint.environment.system_programs import lacks, missing_programs
 from octoform.endpoint.environment.wheel_records import providers, requirements
+from octoform.endpoint.expected_tools import shown
+from octoform.endpoint.policy import Holding
+from octoform.endpoint.policy import resolve as resolve_policy
+from octoform.endpoint.policy_check import doubts
 from octoform.endpoint.process.start_stop import PUBLISHED_BYTES, obstacle, stop
-from octoform.endpoint.publish.expected_tools import shown
-from octoform.endpoint.publish.policy import Holding
-from octoform.endpoint.publish.policy import resolve as resolve_policy
-from octoform.endpoint.publish.policy_check import doubts
-from octoform.endpoint.publish.publication import Service, write_endpoint
+from octoform.endpoint.publication import Service, write_endpoint
 from octoform.harness.port import Task
 from octoform.profiles.selection import devices_of
 

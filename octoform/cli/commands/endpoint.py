@@ -17,7 +17,7 @@ from octoform.views.format import problems
 from octoform.views.format.console import Console
 
 if TYPE_CHECKING:
-    from octoform.endpoint.observe.logs import Logs
+    from octoform.endpoint.logs import Logs
     from octoform.engine import endpoint_process as engine
 
 
@@ -159,7 +159,7 @@ def _uninstall(arguments: Namespace, screen: Console, unit: engine.Unit) -> int:
 
 def run_connect(arguments: Namespace, project: Path, screen: Console) -> int:
     """Exit code 0 when the client closed the connection, 1 when the endpoint did or never came up."""
-    from octoform.endpoint.proxy.connect import connect
+    from octoform.endpoint.connect import connect
 
     if arguments.print is not None:
         return printed(arguments, project, screen)

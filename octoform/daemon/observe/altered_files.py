@@ -12,8 +12,8 @@ from typing import Any
 
 from octoform.base import digest
 from octoform.base.files import read
+from octoform.endpoint.drift import observe
 from octoform.endpoint.environment.model import MARKER, at, intact, packages_of
-from octoform.endpoint.observe.drift import observe
 from octoform.endpoint.published_files import PACKAGES, read_manifest
 from octoform.state.artifacts.accepted import FileFacts, file_digest, present
 from octoform.state.artifacts.accepted import observe as observe_artifacts

@@ -13,7 +13,7 @@ from typing import Any
 
 from octoform.base.escaping import escaped
 from octoform.base.files import parse
-from octoform.endpoint.observe.logs import LoggedCall
+from octoform.endpoint.logs import LoggedCall
 from octoform.endpoint.published_files import read_policy
 from octoform.state.layout import Layout
 

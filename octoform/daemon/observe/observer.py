@@ -17,10 +17,10 @@ from octoform.daemon.observe.altered_files import Standing
 from octoform.daemon.observe.log_events import Hearing
 from octoform.daemon.observe.presence import Presence
 from octoform.daemon.observe.process import Answering
+from octoform.endpoint.expected_tools import published
 from octoform.endpoint.process import record
 from octoform.endpoint.process.estop import is_latched
 from octoform.endpoint.process.record import Running, running
-from octoform.endpoint.publish.expected_tools import published
 from octoform.endpoint.published_files import read_manifest
 from octoform.manifest.model import FILE_NAME
 from octoform.state.files import read_regular, write_atomic

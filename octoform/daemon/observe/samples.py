@@ -16,9 +16,9 @@ from octoform.base.pointer import step
 from octoform.claims.model import Channel, Reading, Signal, Value
 from octoform.diagnostics import Diagnostic
 from octoform.endpoint.client.jsonrpc import Wire, WireError, sender
+from octoform.endpoint.dial import knock
+from octoform.endpoint.expected_tools import hidden, promised, untried
 from octoform.endpoint.process.record import running
-from octoform.endpoint.proxy.dial import knock
-from octoform.endpoint.publish.expected_tools import hidden, promised, untried
 from octoform.state.layout import Layout
 
 NAME = "octoform watch"

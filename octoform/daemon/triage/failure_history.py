@@ -10,7 +10,7 @@ from typing import Any
 
 from octoform.base.escaping import escaped
 from octoform.daemon.model import Facts
-from octoform.endpoint.observe.logs import LoggedCall
+from octoform.endpoint.logs import LoggedCall
 
 MOST_TOOLS = 200
 MOST_ENDS = 20

@@ -95,7 +95,7 @@ def _said(facts: Facts) -> str:
 
 # What the endpoint stands on: accepted artifacts, its published files, its environment, and what only a person mends.
 #
-# The reasons of `octoform.endpoint.observe.drift` and `octoform.endpoint.environment.model` are sentences for people;
+# The reasons of `octoform.endpoint.drift` and `octoform.endpoint.environment.model` are sentences for people;
 # this is the one place where they are sorted, and what is in no known sentence counts as a damage of the published
 # files.
 

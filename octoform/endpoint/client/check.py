@@ -14,10 +14,10 @@ from octoform.base.clock import stamp
 from octoform.diagnostics import Diagnostic
 from octoform.endpoint.client.check_verdict import CheckReport, TrialCall, has_content, judge_check
 from octoform.endpoint.client.sdk_client import Call, Client, ClientReport, recorded_environment
-from octoform.endpoint.observe.logs import LoggedCall, calls_after, mark
+from octoform.endpoint.expected_tools import untried
+from octoform.endpoint.logs import LoggedCall, calls_after, mark
+from octoform.endpoint.policy import LINE
 from octoform.endpoint.process.start_stop import clear_left, start
-from octoform.endpoint.publish.expected_tools import untried
-from octoform.endpoint.publish.policy import LINE
 from octoform.endpoint.published_files import CHECK
 from octoform.state.files import write_atomic
 from octoform.state.layout import Layout

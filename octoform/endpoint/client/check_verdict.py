@@ -11,7 +11,7 @@ from typing import Any
 
 from octoform.base.quantities import BOUNDS, COUNTS, is_possible, last_word, unit_in, unit_of_name, unit_of_text
 from octoform.diagnostics import Diagnostic, error, has_errors, warning
-from octoform.endpoint.publish.policy import LINE
+from octoform.endpoint.policy import LINE
 
 # What a check of the endpoint saw, as values.
 

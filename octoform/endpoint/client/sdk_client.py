@@ -11,7 +11,7 @@ from typing import Any
 from octoform.base.files import parse
 from octoform.endpoint.bounded_program import Begun, Finished, base_environment
 from octoform.endpoint.environment.model import Environment, at
-from octoform.endpoint.publish.publication import client_command
+from octoform.endpoint.publication import client_command
 from octoform.endpoint.published_files import read_manifest
 from octoform.state.layout import Layout
 

@@ -16,8 +16,8 @@ from octoform.base import files
 from octoform.base.clock import stamp
 from octoform.diagnostics import Diagnostic, did_you_mean, error
 from octoform.endpoint.client.jsonrpc import Wire, WireError, save_media, sender
-from octoform.endpoint.proxy.dial import down, knock, reach
-from octoform.endpoint.publish.expected_tools import hidden
+from octoform.endpoint.dial import down, knock, reach
+from octoform.endpoint.expected_tools import hidden
 from octoform.endpoint.published_files import CHECK, read_manifest
 from octoform.endpoint.scripts.toolschema import as_tool, converted, first_fault, said
 from octoform.state.files import write_atomic

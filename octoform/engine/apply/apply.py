@@ -16,10 +16,10 @@ from octoform.diagnostics import Diagnostic, Severity, error, has_errors
 from octoform.endpoint.access.tokens import listed
 from octoform.endpoint.access.tunnel import no_tunnel, through, tunnel_opened
 from octoform.endpoint.client.check_verdict import NOTHING_ANSWERS
+from octoform.endpoint.drift import observe as observe_endpoint
 from octoform.endpoint.environment.build import prewarmed
-from octoform.endpoint.observe.drift import observe as observe_endpoint
+from octoform.endpoint.expected_tools import shown
 from octoform.endpoint.process import record as desired_state
-from octoform.endpoint.publish.expected_tools import shown
 from octoform.engine.apply import approval
 from octoform.engine.apply.session import HostRefused, Locked, Means, commit_run, context_of, locked, logging_to, opened
 from octoform.engine.inspect.devices import diagnostics, lacking

@@ -16,8 +16,8 @@ from octoform.contracts.artifact_parser import parse
 from octoform.contracts.contract_check import has_shape
 from octoform.contracts.rules.identify.answer_rules import tier, wanted
 from octoform.diagnostics import Diagnostic, error
-from octoform.endpoint.observe.drift import observe as observe_endpoint
-from octoform.endpoint.publish.expected_tools import hidden
+from octoform.endpoint.drift import observe as observe_endpoint
+from octoform.endpoint.expected_tools import hidden
 from octoform.engine.coverage.runs import Output, Pass, Run, Stability, compare, grouped, passes, runs
 from octoform.engine.coverage.runs import run_of as stable_run
 from octoform.engine.inspect.attempts import MOST_TASK_BYTES, Attempt, of_host, run_of

@@ -10,7 +10,7 @@ from octoform.apply.context import Clock
 from octoform.contracts.artifact_parser import parse
 from octoform.contracts.canonical import output_digest
 from octoform.diagnostics import Diagnostic, did_you_mean, error, has_errors
-from octoform.endpoint.observe.logs import CALLS, Line, Logs, logs_of
+from octoform.endpoint.logs import CALLS, Line, Logs, logs_of
 from octoform.engine.plan.configuration import Compiled, compile_project
 from octoform.engine.plan.refresh import Situation, look
 from octoform.engine.plan.refresh import verify as verify_artifact

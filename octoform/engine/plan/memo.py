@@ -16,7 +16,7 @@ from typing import Any
 import octoform
 from octoform import host
 from octoform.base import digest, files
-from octoform.endpoint.observe.drift import observe
+from octoform.endpoint.drift import observe
 from octoform.endpoint.process.record import running_beside
 from octoform.plan.model import Plan, from_json, to_json
 from octoform.state.git.head import head_revision, repository

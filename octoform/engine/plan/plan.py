@@ -12,9 +12,9 @@ from typing import Any
 import octoform
 from octoform.contracts.model import Artifacts, ProfileFacts, corroborated
 from octoform.diagnostics import Diagnostic, as_warning, did_you_mean, error, has_errors, warning
+from octoform.endpoint.expected_tools import published
+from octoform.endpoint.policy_check import doubts
 from octoform.endpoint.process.record import running_beside
-from octoform.endpoint.publish.expected_tools import published
-from octoform.endpoint.publish.policy_check import doubts
 from octoform.engine.plan import device_knowledge
 from octoform.engine.plan.configuration import Compiled, compile_project, source_files
 from octoform.engine.plan.prices import calling, unpriced

@@ -15,7 +15,7 @@ from octoform.contracts.canonical import schema_path
 from octoform.contracts.contract_check import check, has_shape
 from octoform.contracts.model import Artifacts, ProfileFacts, StepFacts, corroborated
 from octoform.diagnostics import Diagnostic, Severity
-from octoform.endpoint.observe.drift import observe as observe_endpoint
+from octoform.endpoint.drift import observe as observe_endpoint
 from octoform.engine.plan.configuration import Compiled
 from octoform.perception.camera_selection import Camera, best, cameras
 from octoform.plan.diff import Observed, Prior

@@ -18,9 +18,9 @@ from octoform.endpoint.environment.build import build
 from octoform.endpoint.environment.lockfile import packages
 from octoform.endpoint.environment.model import Environment, at, locate, packages_of
 from octoform.endpoint.environment.wheel_records import altered
+from octoform.endpoint.expected_tools import shown as shown_tools
 from octoform.endpoint.process import start_stop
 from octoform.endpoint.process.record import is_marked, running
-from octoform.endpoint.publish.expected_tools import shown as shown_tools
 from octoform.endpoint.published_files import CLIENTS, LAUNCHER
 from octoform.state.artifacts import cache
 from octoform.state.artifacts.accepted import observe

@@ -18,7 +18,7 @@ from octoform.apply.stage.serve_proof import service_of
 from octoform.claims.settings import bounds_told
 from octoform.diagnostics import Diagnostic, error, has_errors
 from octoform.endpoint.process.record import is_marked
-from octoform.endpoint.publish.publication import is_published
+from octoform.endpoint.publication import is_published
 from octoform.engine.apply.session import (
     HostRefused,
     Locked,

@@ -12,7 +12,7 @@ from octoform.apply.duties.outcome import DutyOutcome, refusal
 from octoform.apply.rewrite import promotion
 from octoform.apply.stage.serve_proof import service_of
 from octoform.diagnostics import Diagnostic, has_errors
-from octoform.endpoint.publish.publication import tells_of
+from octoform.endpoint.publication import tells_of
 from octoform.engine.unattended.session import on_duty
 from octoform.state.layout import Layout
 

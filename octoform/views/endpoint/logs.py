@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 from octoform.base.clock import stamp
 from octoform.base.escaping import escaped, escaped_json
 from octoform.endpoint.client.terminal import BEFOREHAND
-from octoform.endpoint.observe.logs import SERVER, Line
+from octoform.endpoint.logs import SERVER, Line
 from octoform.views.format.console import Console
 from octoform.views.format.output import document
 from octoform.views.format.values import one_line

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from octoform.apply.duties.agent_input import ERROR_BYTES, LOG_BYTES, is_trouble, slice_of, sliced
 from octoform.base.escaping import is_hidden
 from octoform.diagnostics import Diagnostic, warning
-from octoform.endpoint.observe.logs import CALLS, SERVER, Line
+from octoform.endpoint.logs import CALLS, SERVER, Line
 from octoform.harness.llm.completion import Condensed
 from octoform.harness.port import Usage
 from octoform.state.layout import Layout

@@ -13,7 +13,7 @@ from disks import mounts_are_permitted, read_only, small_disk
 from launched import Launched, launched, tool, write
 from projects import OCTOFORM
 
-from octoform.endpoint.publish.publication import Service
+from octoform.endpoint.publication import Service
 from octoform.state.layout import Layout
 
 SOURCE = '''

@@ -12,7 +12,7 @@ from typing import Any
 from launched import policy_of
 
 from octoform.endpoint.environment.model import Environment
-from octoform.endpoint.publish.publication import Service, write_endpoint
+from octoform.endpoint.publication import Service, write_endpoint
 from octoform.state.layout import Layout
 
 RUNTIME = Path(__file__).parents[3] / "octoform" / "runtime"

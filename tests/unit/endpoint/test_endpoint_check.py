@@ -14,7 +14,7 @@ from octoform.diagnostics import Diagnostic, Severity
 from octoform.endpoint.client.check import CheckReport, TrialCall, check, judge_check
 from octoform.endpoint.client.check_verdict import NOTHING_ANSWERS
 from octoform.endpoint.environment.model import Environment
-from octoform.endpoint.observe.logs import LoggedCall, calls_after, mark
+from octoform.endpoint.logs import LoggedCall, calls_after, mark
 from octoform.endpoint.process.start_stop import stop
 from octoform.endpoint.published_files import CHECK
 from octoform.state.layout import Layout

@@ -14,10 +14,10 @@ from unit.endpoint.endpoint_servers import publish
 
 from octoform.apply.destroy import left_behind
 from octoform.diagnostics import Severity
+from octoform.endpoint.drift import Expected, observe
 from octoform.endpoint.environment.model import MARKER, Environment, packages_of
-from octoform.endpoint.observe.drift import Expected, observe
 from octoform.endpoint.process import systemd
-from octoform.endpoint.publish.publication import remove
+from octoform.endpoint.publication import remove
 from octoform.endpoint.published_files import CHECK
 from octoform.runtime import counting
 from octoform.state.layout import Layout
@@ -165,7 +165,7 @@ def test_observing_imports_nothing_heavy() -> None:
         "fastmcp",
         "asyncio",
     )
-    program = f"import sys, octoform.endpoint.observe.drift; print(*(set(sys.modules) & set({heavy!r})))"
+    program = f"import sys, octoform.endpoint.drift; print(*(set(sys.modules) & set({heavy!r})))"
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == ""
 

@@ -19,7 +19,7 @@ from raw_mcp import request
 
 from octoform.endpoint.process import start_stop
 from octoform.endpoint.process.record import running
-from octoform.endpoint.publish.publication import Service
+from octoform.endpoint.publication import Service
 from octoform.server.process.descriptor import read
 from octoform.server.process.instance_lock import Owner
 from octoform.server.wiring import Endpoint

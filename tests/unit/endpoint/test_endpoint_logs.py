@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from octoform.base.clock import stamp
-from octoform.endpoint.observe.logs import CALLS, SERVER, TAIL_BYTES, Line, Tail, logs_of
+from octoform.endpoint.logs import CALLS, SERVER, TAIL_BYTES, Line, Tail, logs_of
 from octoform.engine.inspect.state import PATIENCE_SECONDS, Pairing
 from octoform.state.layout import Layout
 

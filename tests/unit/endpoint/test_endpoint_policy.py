@@ -9,8 +9,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from octoform.endpoint.publish.policy import resolve
-from octoform.endpoint.publish.policy_check import doubts
+from octoform.endpoint.policy import resolve
+from octoform.endpoint.policy_check import doubts
 from octoform.manifest.model import Limit, Policy, Rule
 from octoform.profiles import Profile
 from octoform.profiles.match_rule import Rule as Evidence
@@ -282,7 +282,7 @@ def test_limits_that_leave_nothing_are_told() -> None:
 
 def test_resolving_is_light() -> None:
     code = (
-        "import sys, octoform.endpoint.publish.policy_check; "
+        "import sys, octoform.endpoint.policy_check; "
         "print([name for name in ('pydantic', 'ruamel.yaml', 'fastmcp', 'jsonschema') if name in sys.modules])"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)

@@ -12,7 +12,7 @@ from ruamel.yaml import YAML
 from unit.endpoint.endpoint_servers import CLOCK, VOLTAGE, publish, service_of
 
 from octoform.endpoint.environment.model import Environment
-from octoform.endpoint.publish.publication import write_endpoint
+from octoform.endpoint.publication import write_endpoint
 from octoform.state.layout import Layout
 
 INITIALIZE = {

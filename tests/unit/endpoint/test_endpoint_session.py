@@ -13,9 +13,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from octoform.endpoint.proxy.mcp_session import HEAD, Conversation
-from octoform.endpoint.proxy.stdio import pipe
+from octoform.endpoint.mcp_session import HEAD, Conversation
 from octoform.endpoint.sockets import GREETING
+from octoform.endpoint.stdio import pipe
 
 INITIALIZE = {"id": 0, "method": "initialize", "params": {"protocolVersion": "2025-11-25"}}
 

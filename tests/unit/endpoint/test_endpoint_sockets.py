@@ -9,8 +9,8 @@ from pathlib import Path
 
 import pytest
 
-from octoform.endpoint.proxy.stdio import pipe
 from octoform.endpoint.sockets import GREETING, greeted
+from octoform.endpoint.stdio import pipe
 from octoform.server.process.local_socket import listen
 from octoform.server.transport import unix_socket
 

@@ -17,9 +17,9 @@ from unit.endpoint.endpoint_servers import tool as code
 
 from octoform.cli.main import main
 from octoform.endpoint.client.terminal import Wanted, call, list_tools
+from octoform.endpoint.dial import Returning, started
 from octoform.endpoint.process import record, start_stop
 from octoform.endpoint.process.record import running
-from octoform.endpoint.proxy.dial import Returning, started
 from octoform.engine import endpoint_process as engine
 from octoform.state.layout import Layout
 
@@ -96,7 +96,7 @@ def test_a_stop_that_comes_during_a_start_holds(stopped: Launched, monkeypatch: 
         assert record.mark(layout) is None
         return found
 
-    monkeypatch.setattr("octoform.endpoint.proxy.dial.start", meanwhile)
+    monkeypatch.setattr("octoform.endpoint.dial.start", meanwhile)
     problem = started(stopped.layout)
     assert problem is not None and problem.code == "ENDPOINT-STOPPED"
     assert running(stopped.layout) is None

@@ -257,7 +257,7 @@ def test_an_endpoint_that_dies_under_a_call_is_told_and_started_by_the_next(benc
 
 def test_whoever_waits_for_a_start_is_told_after_a_second(bench: Launched, monkeypatch: pytest.MonkeyPatch) -> None:
     bench.stop()
-    monkeypatch.setattr("octoform.endpoint.proxy.dial.PATIENCE_SECONDS", 0.001)
+    monkeypatch.setattr("octoform.endpoint.dial.PATIENCE_SECONDS", 0.001)
     told = threading.Event()
     tools, problems = list_tools(bench.layout, told.set)
     assert problems == () and len(tools) == len(NAMES)

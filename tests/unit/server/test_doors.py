@@ -19,7 +19,7 @@ from waiting import until
 
 from octoform.endpoint.access.audit_log import latest
 from octoform.endpoint.process.record import is_it
-from octoform.endpoint.publish.publication import Service
+from octoform.endpoint.publication import Service
 from octoform.server.process import control as module
 from octoform.server.process.control import Control
 from octoform.server.process.descriptor import read

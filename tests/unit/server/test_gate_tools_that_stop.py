@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 from gated import Gated, gated
 
-from octoform.endpoint.publish.policy import resolve
+from octoform.endpoint.policy import resolve
 from octoform.manifest.model import Limit, Policy, Rule
 from octoform.server.policy import tool_policy
 

@@ -13,7 +13,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from rig.rail import DEVICE, FARTHEST, HOT, MOST, Rail
 
-from octoform.endpoint.publish.policy import resolve
+from octoform.endpoint.policy import resolve
 from octoform.manifest.model import Limit, Policy
 from octoform.profiles import load
 from octoform.server.policy import tool_policy

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from octoform.endpoint.publish.policy import resolve
+from octoform.endpoint.policy import resolve
 from octoform.manifest.model import Limit, Policy
 from octoform.server.policy import tool_policy
 from octoform.server.policy.limits import Ledger, exact

@@ -8,8 +8,8 @@ import pytest
 
 from octoform.base.files import read, read_json
 from octoform.endpoint.environment.model import MARKER, at
+from octoform.endpoint.expected_tools import published
 from octoform.endpoint.process.record import running
-from octoform.endpoint.publish.expected_tools import published
 from octoform.endpoint.published_files import POLICY, file_digest, files_below, folder_digest, read_manifest
 from octoform.state.layout import Layout
 

@@ -10,7 +10,7 @@ from octoform.claims.model import Channel, Reading, Signal
 from octoform.daemon.model import Facts, FaultClass, Kind, Repair, Sighting
 from octoform.daemon.triage import Recall, failure_history, judge, remember
 from octoform.daemon.triage.agent_report import findings_of
-from octoform.endpoint.observe.logs import LoggedCall
+from octoform.endpoint.logs import LoggedCall
 from octoform.endpoint.process.record import Running
 
 PROCESS = Running(10, 20, ("launch",), "one", "2026-01-01T00:00:00Z", "local", None)

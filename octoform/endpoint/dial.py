@@ -101,7 +101,7 @@ Start = Callable[[Layout], Diagnostic | None]
 
 
 class Returning:
-    """Asked again and again by a pipe (`octoform.endpoint.proxy.stdio.Again`)."""
+    """Asked again and again by a pipe (`octoform.endpoint.stdio.Again`)."""
 
     def __init__(self, layout: Layout, begin: Start | None = None, clock: Callable[[], float] = time.monotonic) -> None:
         self._layout = layout

@@ -3,9 +3,9 @@
 from pathlib import Path
 
 from octoform.diagnostics import Diagnostic
-from octoform.endpoint.proxy.dial import reach
-from octoform.endpoint.proxy.stdio import Again, pipe, refuse
+from octoform.endpoint.dial import reach
 from octoform.endpoint.published_files import LAUNCHER
+from octoform.endpoint.stdio import Again, pipe, refuse
 from octoform.manifest.model_url import is_legal_host
 from octoform.state.files import foreign_among
 from octoform.state.layout import Layout
@@ -33,7 +33,7 @@ def _refused(why: str) -> str:
 
 
 def _again(layout: Layout) -> Again:
-    from octoform.endpoint.proxy.dial import Returning  # here, since few pipes ever need it
+    from octoform.endpoint.dial import Returning  # here, since few pipes ever need it
 
     return Returning(layout)
 

@@ -8,7 +8,7 @@ from fnmatch import fnmatchcase
 from typing import Any
 
 from octoform.diagnostics import Diagnostic, did_you_mean, warning
-from octoform.endpoint.publish.policy import (
+from octoform.endpoint.policy import (
     Holding,
     Tool,
     claims,

@@ -13,7 +13,7 @@ import socket
 import time
 from collections.abc import Callable, Iterator
 
-from octoform.endpoint.proxy.mcp_session import Conversation, Down, Up, read
+from octoform.endpoint.mcp_session import Conversation, Down, Up, read
 from octoform.endpoint.sockets import GREETING
 
 PIPE_BYTES = 1 << 20

@@ -20,13 +20,13 @@ from octoform.base.files import make_way, parse, private_folder, read, read_json
 from octoform.diagnostics import Diagnostic, Severity
 from octoform.endpoint.environment.build import prune
 from octoform.endpoint.environment.model import FOLDER_NAME, MARKER, Environment, at
+from octoform.endpoint.expected_tools import denied
 from octoform.endpoint.mcp_clients.formats import CLIENTS as PROGRAMS
 from octoform.endpoint.mcp_clients.formats import Client, form, of
 from octoform.endpoint.mcp_clients.merge import Wish, written
 from octoform.endpoint.process.estop import LATCH
 from octoform.endpoint.process.start_stop import stop
 from octoform.endpoint.process.systemd import lasting_command
-from octoform.endpoint.publish.expected_tools import denied
 from octoform.endpoint.published_files import (
     CHECK,
     CLIENTS,
@@ -91,7 +91,7 @@ class Service:
 
 _SERVICE = ("host", "scope", "tools", "devices", "network", "tunnel")
 """What the descriptor says of the service itself, and not of the folder or the octoform that wrote it."""
-SCRIPT = Path(__file__).parents[1] / "scripts" / "serve.py"
+SCRIPT = Path(__file__).parent / "scripts" / "serve.py"
 
 
 def write_endpoint(

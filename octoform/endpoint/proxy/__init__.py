@@ -1,1 +1,0 @@
-"""The stdio command of every local client: messages to the endpoint's socket and back. Light."""

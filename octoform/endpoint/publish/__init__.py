@@ -1,1 +1,0 @@
-"""What goes into service: the spec of the endpoint, its policy, its files, and taking them away."""
