@@ -14,7 +14,7 @@ from octoform.engine.plan.configuration import MANIFEST
 from octoform.engine.plan.plan import Request
 from octoform.engine.plan.refresh import read_artifacts
 from octoform.engine.results import RunResult, RunView
-from octoform.manifest.edit import setting_writer
+from octoform.manifest import setting_writer
 from octoform.plan.model import OpenQuestion
 from octoform.state.artifacts.accepted import observe
 

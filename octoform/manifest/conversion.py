@@ -51,7 +51,7 @@ from octoform.manifest.schema.harness import (
     ProgramHarness,
     ReplayHarness,
 )
-from octoform.manifest.source.tree import Loc
+from octoform.manifest.yaml_tree import Loc
 
 # Who works where: the agents that are in force in a document, and the variable with each one's key.
 #

@@ -5,11 +5,11 @@ from dataclasses import replace
 from pathlib import Path
 
 from octoform.diagnostics import Diagnostic
+from octoform.manifest import crosschecks, profile_paths, schema_errors, text_values
 from octoform.manifest.conversion import build
 from octoform.manifest.model import Manifest, ProfileSource
-from octoform.manifest.rules import crosschecks, profile_paths, schema_errors, text_values
-from octoform.manifest.source.problem_list import ProblemList, read, text_of
-from octoform.manifest.source.yaml_parser import read_tree
+from octoform.manifest.problem_list import ProblemList, read, text_of
+from octoform.manifest.yaml_parser import read_tree
 
 
 def load(path: Path, environ: Mapping[str, str]) -> tuple[Manifest | None, list[Diagnostic]]:

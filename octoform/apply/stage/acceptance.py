@@ -22,7 +22,7 @@ from octoform.contracts.contract_check import check
 from octoform.contracts.model import Artifacts, ProfileFacts
 from octoform.diagnostics import Diagnostic, error, has_errors
 from octoform.harness.port import ExitReason, Outcome, Task, Usage
-from octoform.manifest.rules.profile_paths import shipped
+from octoform.manifest.profile_paths import shipped
 from octoform.profiles import Profile, commands, contributions, devices_of, load
 from octoform.protocol.prompt import tail
 from octoform.state.os_errors import refusal

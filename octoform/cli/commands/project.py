@@ -18,7 +18,7 @@ from octoform.views.format.console import Console
 
 def run_init(arguments: Namespace, project: Path, screen: Console) -> int:
     """Refuses to overwrite a manifest that is there."""
-    from octoform.engine.init import start_project
+    from octoform.manifest.starter import start_project
 
     started, found = start_project(project, arguments.host)
     if started is None:

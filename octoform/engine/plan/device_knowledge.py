@@ -9,7 +9,7 @@ from octoform.contracts.rules.identify.answer_rules import tier, wanted
 from octoform.diagnostics import Diagnostic, did_you_mean, warning
 from octoform.engine.plan.configuration import Compiled
 from octoform.graph.model import ANSWER
-from octoform.manifest.rules.profile_paths import shipped
+from octoform.manifest.profile_paths import shipped
 from octoform.plan.diff import Prior
 from octoform.plan.model import Action, NearProfile, OpenQuestion, ProfileUse, ToldDevice
 from octoform.profiles import Profile, contributions, load, near

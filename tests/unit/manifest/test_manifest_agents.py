@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from octoform.diagnostics import Diagnostic
-from octoform.manifest import model_url
+from octoform.manifest import model_url, yaml_tree
 from octoform.manifest.credentials import APIS, PROVIDERS, SEARCHERS
 from octoform.manifest.loader import load
 from octoform.manifest.model import (
@@ -21,7 +21,6 @@ from octoform.manifest.model import (
     Sandbox,
 )
 from octoform.manifest.schema.harness import NAMES, table_of
-from octoform.manifest.source import tree
 
 AGENTS = ("claude-code", "codex", "gemini-cli", "litellm", "opencode", "pi", "qwen-code")
 
@@ -254,7 +253,7 @@ def test_names_are_complete() -> None:
     assert all(set(provider.urls) <= set(APIS) for provider in PROVIDERS.values())
     for name in NAMES:
         assert "name" in table_of(name).model_fields
-    assert len(tree.HARNESSES) == 1 + len((*STAGES, *KEEPERS)) + len(("escalation",))
+    assert len(yaml_tree.HARNESSES) == 1 + len((*STAGES, *KEEPERS)) + len(("escalation",))
 
 
 @pytest.mark.parametrize(

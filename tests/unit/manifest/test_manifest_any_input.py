@@ -129,16 +129,16 @@ def test_the_value_of_a_secret_name_is_never_shown(key: str, form: str) -> None:
 @given(st.dictionaries(st.sampled_from(WORDS), values, max_size=6))
 def test_the_yaml_reader_and_ours_agree(data: dict[str, Any]) -> None:
     """The tree is built of events; its data are those that the reader itself would make of JSON."""
-    from octoform.manifest.source import tree
-    from octoform.manifest.source.problem_list import ProblemList
-    from octoform.manifest.source.yaml_parser import read_tree
+    from octoform.manifest import yaml_tree
+    from octoform.manifest.problem_list import ProblemList
+    from octoform.manifest.yaml_parser import read_tree
 
     text = json.dumps({"version": 1, **data}, allow_nan=False) if _is_finite(data) else "{a: 1}"
     report = ProblemList("x")
     report.read(text)
     root = read_tree(text, report)
     if root is not None and not report.failed:
-        assert tree.data(root) == YAML(typ="safe", pure=True).load(text)
+        assert yaml_tree.data(root) == YAML(typ="safe", pure=True).load(text)
 
 
 def _is_finite(value: object) -> bool:

@@ -6,9 +6,9 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from octoform.manifest.edit import setting_writer as lines
-from octoform.manifest.edit.setting_writer import change, comments
+from octoform.manifest import setting_writer as lines
 from octoform.manifest.loader import load
+from octoform.manifest.setting_writer import change, comments
 
 BOARD = "usb-0000-0001"
 KEYS = ("answers", BOARD)

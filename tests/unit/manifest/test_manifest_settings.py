@@ -8,9 +8,9 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from octoform.manifest.edit.setting_writer import change, comments
-from octoform.manifest.edit.starter import starter_text
 from octoform.manifest.loader import load
+from octoform.manifest.setting_writer import change, comments
+from octoform.manifest.starter import starter_text
 
 FULL = """\
 # top

@@ -8,10 +8,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from octoform.manifest import model_url
-from octoform.manifest.edit.starter import SCHEMA_FILE, starter_text, write_starter
 from octoform.manifest.loader import load
 from octoform.manifest.model import Daemon, Network, Notify, Perception, Tunnel
 from octoform.manifest.schema.document import json_schema
+from octoform.manifest.starter import SCHEMA_FILE, starter_text, write_starter
 
 ROOT = Path(__file__).parents[3]
 

@@ -6,7 +6,7 @@ import pytest
 
 from octoform.diagnostics import Diagnostic
 from octoform.manifest.loader import load
-from octoform.manifest.rules.profile_paths import shipped
+from octoform.manifest.profile_paths import shipped
 
 
 def profiles(project: Path, *names: str) -> tuple[tuple[Path, ...], list[Diagnostic]]:

@@ -4,14 +4,13 @@ import re
 from collections.abc import Mapping
 
 from octoform.diagnostics import Span
-from octoform.manifest import conversion, credentials, model_url, references
+from octoform.manifest import conversion, credentials, model_url, references, yaml_tree
 from octoform.manifest.conversion import Agent, has_login
 from octoform.manifest.credentials import LOGINS, SEARCHERS
+from octoform.manifest.problem_list import ProblemList
 from octoform.manifest.schema.document import Document
 from octoform.manifest.schema.harness import Confinement, ModelHarness
-from octoform.manifest.source import tree
-from octoform.manifest.source.problem_list import ProblemList
-from octoform.manifest.source.tree import Loc, Node, Scalar, Table
+from octoform.manifest.yaml_tree import Loc, Node, Scalar, Table
 
 _WHERE = "variables may be in `model`, `base_url`, `webhook` and the `command` of an agent only"
 _KEY_NAME = re.compile("[A-Z_][A-Z0-9_]{0,99}")
@@ -25,7 +24,7 @@ def check_secrets(root: Node, report: ProblemList) -> None:
         for start, end in credentials.found_in(line):
             told.add(line[start:end])
             _refuse(Span(number, start + 1, end + 1), report)
-    for loc, scalar in tree.scalars(root):
+    for loc, scalar in yaml_tree.scalars(root):
         if _may_hide_one(loc, scalar):
             _mask(scalar, report)
         found = _secrets_of(root, loc, scalar)
@@ -53,11 +52,11 @@ def _may_hide_one(loc: Loc, scalar: Scalar) -> bool:
     """
     if scalar.value is None:
         return False
-    if loc in tree.KEYS:
+    if loc in yaml_tree.KEYS:
         return _KEY_NAME.fullmatch(scalar.text) is None and not references.contains(scalar.text)
-    if loc == tree.WEBHOOK:
+    if loc == yaml_tree.WEBHOOK:
         return not references.contains(scalar.text)
-    return loc in tree.BASE_URLS and any(sign in scalar.text for sign in "@?#")
+    return loc in yaml_tree.BASE_URLS and any(sign in scalar.text for sign in "@?#")
 
 
 def _is_named_secret(root: Node, loc: Loc) -> bool:
@@ -65,7 +64,7 @@ def _is_named_secret(root: Node, loc: Loc) -> bool:
     if loc and isinstance(loc[-1], str):
         return credentials.is_secret_name(loc[-1])
     if loc and isinstance(loc[-1], int) and loc[-1] > 0:
-        before = tree.at(root, (*loc[:-1], loc[-1] - 1))
+        before = yaml_tree.at(root, (*loc[:-1], loc[-1] - 1))
         return isinstance(before, Scalar) and before.text.startswith("-") and credentials.is_secret_name(before.text)
     return False
 
@@ -89,11 +88,11 @@ def _refuse(span: Span, report: ProblemList) -> None:
 def check_references(root: Table, environ: Mapping[str, str], report: ProblemList) -> tuple[str, ...]:
     """Check every ``${NAME}``, and give the names of all variables that the manifest refers to or passes on."""
     found: set[str] = set()
-    for loc, scalar in tree.scalars(root):
-        pattern = _KEY_NAME if loc in tree.KEYS else references.NAME
+    for loc, scalar in yaml_tree.scalars(root):
+        pattern = _KEY_NAME if loc in yaml_tree.KEYS else references.NAME
         if _names_only(loc) and pattern.fullmatch(scalar.text) and not report.is_settled(loc):
             found.add(scalar.text)
-            is_key = loc in tree.KEYS
+            is_key = loc in yaml_tree.KEYS
             complaint = credentials.complaint(scalar.text, environ) if is_key or scalar.text not in environ else None
             if complaint is not None:
                 otherwise = "name another variable" if is_key else "take it out of `env`"
@@ -130,7 +129,7 @@ def _check_one(loc: Loc, scalar: Scalar, environ: Mapping[str, str], report: Pro
     for name in sorted(names):
         if not environ.get(name):
             state = "is empty" if name in environ else "is not set"
-            if loc == tree.WEBHOOK:  # nothing but a message depends on it
+            if loc == yaml_tree.WEBHOOK:  # nothing but a message depends on it
                 what = f"the variable {name} {state}; the daemon can notify no one at this URL"
                 report.warning("MANIFEST-ENV-UNSET", what, span, hint=f"export {name}=...")
                 continue
@@ -139,14 +138,14 @@ def _check_one(loc: Loc, scalar: Scalar, environ: Mapping[str, str], report: Pro
 
 
 def _may_refer(loc: Loc) -> bool:
-    if loc[-1:] == ("model",) or loc in tree.BASE_URLS or loc == tree.WEBHOOK:
+    if loc[-1:] == ("model",) or loc in yaml_tree.BASE_URLS or loc == yaml_tree.WEBHOOK:
         return True
     return len(loc) > 1 and loc[-2] == "command" and "harness" in loc
 
 
 def _names_only(loc: Loc) -> str | None:
     """What to write where a value is the name of a variable; None for all other places."""
-    if loc in tree.KEYS:
+    if loc in yaml_tree.KEYS:
         return "write the name only, without ${}"
     is_of_a_list = len(loc) > 2 and loc[-3:-1] == ("harness", "env") and isinstance(loc[-1], int)
     return "list names only, without ${}" if is_of_a_list else None
@@ -198,7 +197,7 @@ class _Rules:
         self._housekeeping()
 
     def _span(self, loc: Loc) -> Span:
-        node = tree.at(self._root, loc)
+        node = yaml_tree.at(self._root, loc)
         return node.span if node is not None else self._root.span
 
     def _is_new(self, rule: str, what: object) -> bool:
@@ -298,7 +297,7 @@ class _Rules:
             self._unused(("model",), "this model has no effect: every stage has its own", "remove those of the stages")
 
     def _unused(self, loc: Loc, what: str, otherwise: str) -> None:
-        key = tree.key_at(self._root, loc)
+        key = yaml_tree.key_at(self._root, loc)
         if key is not None:
             self._report.warning("MANIFEST-UNUSED", what, key.span, hint=f"remove it, or {otherwise}")
 
@@ -306,7 +305,7 @@ class _Rules:
         if self._document.stages.identify.escalate is None:
             return
         own = conversion.of_stage(self._document, "identify")
-        key = tree.key_at(self._root, ("stages", "identify", "escalate"))
+        key = yaml_tree.key_at(self._root, ("stages", "identify", "escalate"))
         if own.name != "builtin" and key is not None:
             self._report.error(
                 "MANIFEST-ESCALATION",

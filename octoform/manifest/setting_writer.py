@@ -18,9 +18,9 @@ from ruamel.yaml.util import load_yaml_guess_indent
 from octoform.base.files import read, replace
 from octoform.diagnostics import Diagnostic, Severity, error
 from octoform.manifest.loader import load, parse
-from octoform.manifest.source.problem_list import ProblemList
-from octoform.manifest.source.tree import Scalar, Table, data
-from octoform.manifest.source.yaml_parser import read_tree
+from octoform.manifest.problem_list import ProblemList
+from octoform.manifest.yaml_parser import read_tree
+from octoform.manifest.yaml_tree import Scalar, Table, data
 
 # One entry of a table of texts (``answers: {usb-...: "..."}``) written or removed by lines: no other byte moves.
 #

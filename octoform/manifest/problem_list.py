@@ -11,7 +11,7 @@ from octoform.base.files import head
 from octoform.diagnostics import Diagnostic, Severity, Span, did_you_mean
 from octoform.manifest import credentials
 from octoform.manifest.model import FILE_NAME
-from octoform.manifest.source.tree import Loc
+from octoform.manifest.yaml_tree import Loc
 
 MOST = 30
 LONGEST_LINE = 500

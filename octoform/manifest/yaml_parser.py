@@ -23,8 +23,8 @@ from ruamel.yaml.events import (
 )
 
 from octoform.diagnostics import Span
-from octoform.manifest.source.problem_list import FORBIDDEN, ProblemList, name_of
-from octoform.manifest.source.tree import Items, Node, Scalar, Table, plain_value
+from octoform.manifest.problem_list import FORBIDDEN, ProblemList, name_of
+from octoform.manifest.yaml_tree import Items, Node, Scalar, Table, plain_value
 
 # What the YAML reader complains about, in words for the person who wrote the file. (Heavy: the reader's errors.)
 

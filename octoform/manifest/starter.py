@@ -4,11 +4,13 @@ Light: a person's first command should not wait for a YAML reader to copy a text
 """
 
 import os
+import platform
 from importlib import resources
 from pathlib import Path
 
 from octoform.diagnostics import Diagnostic, error
 from octoform.manifest import model_url
+from octoform.manifest.model import FILE_NAME
 
 SCHEMA_FILE = "protocol/schemas/octopus.v1.schema.json"
 _NO_SCHEMA = """\
@@ -21,8 +23,15 @@ _NO_SCHEMA = """\
 def starter_text(host: str, schema: str | None = None) -> str:
     """The text of a starter manifest; ``schema`` is the path of the schema file as the manifest shall name it."""
     head = f"# yaml-language-server: $schema={schema}\n#\n" if schema else _NO_SCHEMA
-    body = resources.files("octoform.manifest.edit").joinpath("starter.yaml").read_text("utf-8")
+    body = resources.files("octoform.manifest").joinpath("starter.yaml").read_text("utf-8")
     return head + body.replace("@HOST@", _quoted(host))
+
+
+def start_project(project: Path, host: str | None) -> tuple[Path | None, list[Diagnostic]]:
+    """Write octopus.yaml unless there is one; the host is named after this machine when no name is given."""
+    path = project / FILE_NAME
+    named, found = write_starter(path, host, platform.node())
+    return (None if named is None else path), found
 
 
 def write_starter(path: Path, host: str | None, machine: str) -> tuple[str | None, list[Diagnostic]]:

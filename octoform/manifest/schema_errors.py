@@ -7,7 +7,8 @@ from typing import Any
 from pydantic import BaseModel, ValidationError
 
 from octoform.diagnostics import Span, did_you_mean
-from octoform.manifest import model_url
+from octoform.manifest import model_url, yaml_tree
+from octoform.manifest.problem_list import ProblemList
 from octoform.manifest.schema.document import (
     Budget,
     Document,
@@ -24,9 +25,7 @@ from octoform.manifest.schema.document import (
 )
 from octoform.manifest.schema.harness import NAMES, TAGS, CommandHarness, Confinement, ProgramHarness, table_of
 from octoform.manifest.schema.sections import Daemon, Limit, Network, Notify, Policy, Rule, Tunnel
-from octoform.manifest.source import tree
-from octoform.manifest.source.problem_list import ProblemList
-from octoform.manifest.source.tree import Items, Loc, Scalar, Table
+from octoform.manifest.yaml_tree import Items, Loc, Scalar, Table
 
 # The words of the manifest's messages, apart from the rules: a text can be improved without reading the logic.
 
@@ -112,7 +111,7 @@ def dotted(loc: Loc) -> str:
     return out
 
 
-def kind(node: tree.Node | None) -> str:
+def kind(node: yaml_tree.Node | None) -> str:
     """What a value is, in words."""
     if isinstance(node, Table):
         return "a mapping"
@@ -143,7 +142,7 @@ _PLACES: tuple[tuple[Loc, type[BaseModel]], ...] = (
     (("tunnel",), Tunnel),
     (("perception",), Perception),
     (("stages", "identify"), IdentifyStage),
-    (tree.ESCALATION, Escalation),
+    (yaml_tree.ESCALATION, Escalation),
     (("daemon",), Daemon),
     (("daemon", "notify"), Notify),
 )
@@ -155,7 +154,7 @@ def keys_at(root: Table, loc: Loc) -> tuple[str, ...]:
     """The keys that the table at a path may have."""
     table = _TABLES.get(loc)
     if loc[-1:] == ("harness",):
-        entry = tree.at(root, (*loc, "name"))
+        entry = yaml_tree.at(root, (*loc, "name"))
         table = table_of(entry.text if isinstance(entry, Scalar) else "")
     elif loc[-1:] == ("sandbox",):
         table = Confinement
@@ -191,9 +190,9 @@ def check(root: Table, report: ProblemList) -> Document | None:
 
 def _refuse_empty(root: Table, report: ProblemList) -> None:
     """Report every key that has no value."""
-    found = [(loc, scalar) for loc, scalar in tree.scalars(root) if scalar.value is None]
+    found = [(loc, scalar) for loc, scalar in yaml_tree.scalars(root) if scalar.value is None]
     for loc, scalar in found:
-        key = tree.key_at(root, loc)
+        key = yaml_tree.key_at(root, loc)
         report.error(
             "MANIFEST-WRONG-TYPE",
             f"`{report.shown(key.text)}` has no value" if key else "this item of the list has no value",
@@ -203,10 +202,10 @@ def _refuse_empty(root: Table, report: ProblemList) -> None:
         report.settle(loc)
 
 
-def _filled(node: tree.Node) -> Any:
+def _filled(node: yaml_tree.Node) -> Any:
     """The plain data without the keys that have no value."""
     if isinstance(node, Table):
-        return {key.text: _filled(value) for key, value in node.entries if tree.data(value) is not None}
+        return {key.text: _filled(value) for key, value in node.entries if yaml_tree.data(value) is not None}
     return [_filled(item) for item in node.items] if isinstance(node, Items) else node.value
 
 
@@ -240,7 +239,7 @@ class _Problem:
             self._wrong_value(self._limits())
 
     def _missing(self) -> None:
-        name, parent = str(self._loc[-1]), tree.at(self._root, self._loc[:-1])
+        name, parent = str(self._loc[-1]), yaml_tree.at(self._root, self._loc[:-1])
         if isinstance(parent, Table) and self._is_misspelt(name, parent):
             return
         inside = f" in `{dotted(self._loc[:-1])}`" if len(self._loc) > 1 else ""
@@ -271,7 +270,7 @@ class _Problem:
         return any(did_you_mean(key, known) == name for key in keys)
 
     def _unknown_key(self) -> None:
-        key = tree.key_at(self._root, self._loc)
+        key = yaml_tree.key_at(self._root, self._loc)
         name, span = str(self._loc[-1]), key.span if key else self._span()
         siblings = keys_at(self._root, self._loc[:-1])
         hint = NO_KEYS.get(name) if len(self._loc) == 1 else None
@@ -294,7 +293,7 @@ class _Problem:
         return f"known here: {', '.join(siblings)}"
 
     def _unknown_value(self) -> None:
-        value = tree.at(self._root, self._loc)
+        value = yaml_tree.at(self._root, self._loc)
         if not isinstance(value, Scalar) or not isinstance(value.value, str):
             self._wrong_type("a name")
             return
@@ -342,7 +341,7 @@ class _Problem:
 
     def _no_branch(self) -> None:
         """A harness that is neither a name nor a table with a known name, or a sandbox that is neither."""
-        node = tree.at(self._root, self._loc)
+        node = yaml_tree.at(self._root, self._loc)
         entry = node.get("name") if isinstance(node, Table) else None
         if self._loc[-1] == "sandbox":
             self._wrong_type("auto, true, false or a mapping")
@@ -365,7 +364,7 @@ class _Problem:
         self._wrong_value(str(self._context["summary"]), self._context.get("hint"))
 
     def _wrong_type(self, expected: str | None = None) -> None:
-        node = tree.at(self._root, self._loc)
+        node = yaml_tree.at(self._root, self._loc)
         hint = self._how_to_write(node) if isinstance(node, Scalar) else None
         expected = expected or TYPES[self._kind]
         hint = hint or f"write {FORMS[expected]}"
@@ -387,7 +386,7 @@ class _Problem:
             return f"write a list: [{shown}]"
         if self._kind == "int_type" and re.fullmatch("[0-9]+", node.text):
             return f"remove the quotes: {shown}"
-        if self._kind == "float_type" and isinstance(tree.plain_value(node.text), int | float) and not node.plain:
+        if self._kind == "float_type" and isinstance(yaml_tree.plain_value(node.text), int | float) and not node.plain:
             return f"remove the quotes: {shown}"
         return None
 
@@ -416,8 +415,8 @@ class _Problem:
         self._report.error("MANIFEST-WRONG-VALUE", lead + summary, self._span(), hint=hint)
 
     def _span(self) -> Span:
-        key = tree.key_at(self._root, self._loc) if self._is_key else None
-        node = key or tree.at(self._root, self._loc) or tree.at(self._root, self._loc[:-1]) or self._root
+        key = yaml_tree.key_at(self._root, self._loc) if self._is_key else None
+        node = key or yaml_tree.at(self._root, self._loc) or yaml_tree.at(self._root, self._loc[:-1]) or self._root
         return node.span
 
 

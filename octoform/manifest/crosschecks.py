@@ -8,14 +8,13 @@ import re
 from pathlib import Path
 
 from octoform.diagnostics import Span, did_you_mean
-from octoform.manifest import conversion
+from octoform.manifest import conversion, yaml_tree
 from octoform.manifest.conversion import idle, timeouts
 from octoform.manifest.model import KEEPERS, PLACEHOLDERS, STAGES, NamedStep
+from octoform.manifest.problem_list import ProblemList
 from octoform.manifest.schema.document import Document, Stage
 from octoform.manifest.schema.harness import PROGRAMS
-from octoform.manifest.source import tree
-from octoform.manifest.source.problem_list import ProblemList
-from octoform.manifest.source.tree import Items, Loc, Scalar, Table
+from octoform.manifest.yaml_tree import Items, Loc, Scalar, Table
 
 _PLACEHOLDER = re.compile(r"\{\{|\}\}|(?<!\$)\{([A-Za-z_][A-Za-z0-9_]*)\}")
 
@@ -55,7 +54,7 @@ _TIMEOUTS = ("attempt_timeout", "stage_timeout")
 
 def _written(root: Table, stage: str, names: tuple[str, ...]) -> Span | None:
     """Where one of the settings of a budget is given, the stage's own first."""
-    found = (tree.at(root, (*at, name)) for at in (("stages", stage, "budget"), ("budget",)) for name in names)
+    found = (yaml_tree.at(root, (*at, name)) for at in (("stages", stage, "budget"), ("budget",)) for name in names)
     return next((node.span for node in found if node is not None), None)
 
 
@@ -81,7 +80,7 @@ def _unused_prices(document: Document, root: Table, report: ProblemList) -> None
     used = [agent.model for agent in conversion.in_force(document) if agent.takes_model and agent.model is not None]
     used += [document.housekeeping.model] if document.housekeeping is not None else []
     for name in document.prices:
-        key = tree.key_at(root, ("prices", name))
+        key = yaml_tree.key_at(root, ("prices", name))
         if name not in used and key is not None:
             near = did_you_mean(name, used)
             report.warning(
@@ -101,7 +100,7 @@ def _unused_money(document: Document, root: Table, report: ProblemList) -> None:
     if not any(paid.values()) and document.housekeeping is None:
         unpaid += [("budget", "usd"), ("daemon", "usd_per_hour")]
     for loc in unpaid:
-        key = tree.key_at(root, loc)
+        key = yaml_tree.key_at(root, loc)
         if key is not None:
             report.warning(
                 "MANIFEST-UNUSED",
@@ -113,10 +112,10 @@ def _unused_money(document: Document, root: Table, report: ProblemList) -> None:
 
 def check_commands(root: Table, report: ProblemList) -> None:
     """Report what is wrong in the arguments of a command; looks at the tree, so it needs no document."""
-    for loc in tree.HARNESSES:
-        command = tree.at(root, (*loc, "command"))
+    for loc in yaml_tree.HARNESSES:
+        command = yaml_tree.at(root, (*loc, "command"))
         items = command.items if isinstance(command, Items) else ()
-        name, way = tree.at(root, (*loc, "name")), tree.at(root, (*loc, "prompt"))
+        name, way = yaml_tree.at(root, (*loc, "name")), yaml_tree.at(root, (*loc, "prompt"))
         prompt = way.text if isinstance(way, Scalar) else "stdin"
         for item in (item for item in items if isinstance(item, Scalar)):
             if item is items[0] and isinstance(item.value, str) and not item.text.strip():
@@ -162,8 +161,8 @@ _COPY = "copy it beside octopus.yaml and give its relative path, such as recordi
 
 def check_recordings(root: Table, project: Path, report: ProblemList) -> None:
     """Report what is wrong with the recordings that harnesses name."""
-    for loc in tree.HARNESSES:
-        item = tree.at(root, (*loc, "recording"))
+    for loc in yaml_tree.HARNESSES:
+        item = yaml_tree.at(root, (*loc, "recording"))
         if isinstance(item, Scalar) and isinstance(item.value, str) and not report.is_settled((*loc, "recording")):
             _one(item, project, report)
 
@@ -203,7 +202,7 @@ _USED_IN = {"network": ("intranet", "internet"), "tunnel": ("internet",)}
 def check_scope(document: Document, root: Table, report: ProblemList) -> None:
     """Report what does not fit together in a document that fits the schema."""
     for name, scopes in _USED_IN.items():
-        key = tree.key_at(root, (name,))
+        key = yaml_tree.key_at(root, (name,))
         if key is not None and document.scope not in scopes:
             report.error(
                 "MANIFEST-SCOPE",
@@ -221,7 +220,7 @@ def _rules(document: Document, root: Table, report: ProblemList) -> None:
         for at, glob in enumerate(rule.tools):
             loc: Loc = ("policy", "rules", index, "tools", at)
             before = taken.get("*", taken.get(glob))
-            node = tree.at(root, loc)
+            node = yaml_tree.at(root, loc)
             if before is not None and before != index and node is not None:
                 report.warning(
                     "MANIFEST-UNUSED",
@@ -240,7 +239,7 @@ def _rules(document: Document, root: Table, report: ProblemList) -> None:
 
 def named_steps(root: Table, report: ProblemList) -> tuple[NamedStep, ...]:
     """The steps of a document without errors, in order."""
-    node = tree.at(root, ("privileged_steps",))
+    node = yaml_tree.at(root, ("privileged_steps",))
     items = node.items if isinstance(node, Items) else ()
     return tuple(
         NamedStep(item.text, item.span, report.source(item.span)) for item in items if isinstance(item, Scalar)

@@ -10,11 +10,11 @@ from pathlib import Path
 
 from octoform.base.files import opened
 from octoform.diagnostics import did_you_mean
+from octoform.manifest import yaml_tree
 from octoform.manifest.model import ProfileSource, TypedProfile
+from octoform.manifest.problem_list import ProblemList
 from octoform.manifest.schema.fields import is_typed
-from octoform.manifest.source import tree
-from octoform.manifest.source.problem_list import ProblemList
-from octoform.manifest.source.tree import Items, Scalar, Table
+from octoform.manifest.yaml_tree import Items, Scalar, Table
 
 FOLDER = "profiles"
 _NAME = re.compile(r"[a-z0-9][a-z0-9_-]{0,79}")
@@ -23,7 +23,7 @@ _WHAT = "a profile is a readable markdown file inside the project"
 
 def check(root: Table, project: Path, report: ProblemList) -> tuple[ProfileSource, ...]:
     """The profiles in order, files by their absolute paths; what is wrong with them goes to the report."""
-    node = tree.at(root, ("profiles",))
+    node = yaml_tree.at(root, ("profiles",))
     items = node.items if isinstance(node, Items) else ()
     found = (
         _typed(item, index, report) if is_typed(item.text) else _one(item, project, report)
@@ -108,8 +108,8 @@ def _file(item: Scalar, path: Path, project: Path, report: ProblemList) -> Path 
 
 def shipped() -> Path:
     """The folder of the profiles that come with octoform: inside the installed package, or at the top of the source."""
-    packaged = Path(__file__).parents[2] / "profiles" / "shipped"
-    return packaged if packaged.is_dir() else Path(__file__).parents[3] / "profiles"
+    packaged = Path(__file__).parents[1] / "profiles" / "shipped"
+    return packaged if packaged.is_dir() else Path(__file__).parents[2] / "profiles"
 
 
 def _near(path: Path, project: Path) -> str:
