@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from octoform.profiles.definitions.definition import Grammar, LineGrammar
+from octoform.profiles.definition import Grammar, LineGrammar
 from octoform.profiles.match_rule import Rule
 
 

@@ -6,7 +6,7 @@ from types import MappingProxyType
 from typing import Any
 
 from octoform.profiles import limits, match_rule
-from octoform.profiles.definitions.definition import plain
+from octoform.profiles.definition import plain
 from octoform.profiles.model import Profile
 
 LONGEST_LINE, DEEPEST = 100, 3

@@ -30,7 +30,7 @@ from octoform.daemon.reconcile.supervisor import Round, Supervisor
 from octoform.diagnostics import Diagnostic
 from octoform.endpoint.published_files import POLICY
 from octoform.manifest.model import Daemon
-from octoform.profiles.definitions.registers import RegisterGrammar
+from octoform.profiles.registers import RegisterGrammar
 from octoform.server.gate.tool_registry import Entries
 from octoform.server.policy.restrictions import Restrictions
 from octoform.server.policy.tool_policy import read

@@ -35,7 +35,7 @@ from octoform.engine.plan.configuration import compile_project
 from octoform.engine.plan.refresh import look
 from octoform.events import Event, Notice
 from octoform.harness.containment.orphans import sweep
-from octoform.profiles.definitions.registers import RegisterGrammar
+from octoform.profiles.registers import RegisterGrammar
 from octoform.state.artifacts.accepted import observe
 from octoform.state.layout import STAGES
 from octoform.state.model import Status

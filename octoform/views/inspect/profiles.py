@@ -6,7 +6,7 @@ from typing import Any
 
 from octoform.engine.profiles import Draft, HostReport, Met, ProfileReport
 from octoform.profiles import selection
-from octoform.profiles.definitions.definition import Command, Grammar, LineGrammar, RegisterGrammar, Value, plain
+from octoform.profiles.definition import Command, Grammar, LineGrammar, RegisterGrammar, Value, plain
 from octoform.profiles.limits import told
 from octoform.profiles.match_rule import Judged
 from octoform.profiles.model import Profile

@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from octoform.profiles.definitions.definition_values import Tool, Value, plain_values, present
+from octoform.profiles.definition_values import Tool, Value, plain_values, present
 
 READS = ("read_units", "read_unit")
 DOES = (*READS, "move_unit", "move_units", "pose", "set_torque", "stop")

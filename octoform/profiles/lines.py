@@ -11,8 +11,8 @@ from typing import Any
 
 from octoform.diagnostics import did_you_mean
 from octoform.frontmatter import Place
-from octoform.profiles.definitions.definition_problems import MOST_BAUD, PRINTABLE, Found, is_number, is_value_name
-from octoform.profiles.definitions.definition_values import Tool, Value, plain_values, present
+from octoform.profiles.definition_problems import MOST_BAUD, PRINTABLE, Found, is_number, is_value_name
+from octoform.profiles.definition_values import Tool, Value, plain_values, present
 
 
 @dataclass(frozen=True, slots=True)

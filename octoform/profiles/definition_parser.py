@@ -6,10 +6,10 @@ from fnmatch import fnmatchcase
 from typing import Any
 
 from octoform.frontmatter import Place
-from octoform.profiles.definitions import lines, register_parser
-from octoform.profiles.definitions.definition import Grammar, plain
-from octoform.profiles.definitions.definition_problems import Found, Problem, near
-from octoform.profiles.definitions.definition_values import Tool, Value
+from octoform.profiles import lines, register_parser
+from octoform.profiles.definition import Grammar, plain
+from octoform.profiles.definition_problems import Found, Problem, near
+from octoform.profiles.definition_values import Tool, Value
 
 PLACE: Place = ("grammar",)
 MOST_BYTES = 24 * 1024

@@ -2,10 +2,10 @@
 
 from typing import Any
 
-from octoform.profiles.definitions import lines, registers
-from octoform.profiles.definitions.definition_values import Tool, Value
-from octoform.profiles.definitions.lines import Axis, Command, Halt, Line, LineGrammar, Position
-from octoform.profiles.definitions.registers import RegisterGrammar
+from octoform.profiles import lines, registers
+from octoform.profiles.definition_values import Tool, Value
+from octoform.profiles.lines import Axis, Command, Halt, Line, LineGrammar, Position
+from octoform.profiles.registers import RegisterGrammar
 
 __all__ = [
     "Axis",

@@ -9,8 +9,8 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 from octoform.frontmatter import Place
-from octoform.profiles.definitions.definition_problems import MOST_BAUD, PRINTABLE, Found, is_value_name
-from octoform.profiles.definitions.registers import (
+from octoform.profiles.definition_problems import MOST_BAUD, PRINTABLE, Found, is_value_name
+from octoform.profiles.registers import (
     CALIBRATED,
     DOES,
     Action,
