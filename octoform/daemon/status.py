@@ -38,7 +38,7 @@ from octoform.endpoint.process.estop import is_latched
 from octoform.endpoint.process.record import running
 from octoform.engine.apply import approval
 from octoform.engine.tools import layout_of
-from octoform.host.fingerprint import SYSROOT_VARIABLE
+from octoform.host import SYSROOT_VARIABLE
 from octoform.manifest.model import FILE_NAME
 from octoform.state.files import read_regular
 from octoform.state.layout import Layout

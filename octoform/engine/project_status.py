@@ -19,7 +19,7 @@ from octoform.endpoint.process import record
 from octoform.endpoint.process.estop import LATCH
 from octoform.endpoint.process.record import Running, running, running_beside
 from octoform.engine.plan import memo
-from octoform.host.fingerprint import SYSROOT_VARIABLE
+from octoform.host import SYSROOT_VARIABLE
 from octoform.plan.model import Plan
 from octoform.state.layout import Layout
 

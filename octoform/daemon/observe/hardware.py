@@ -13,7 +13,7 @@ from typing import Any
 
 from octoform.daemon.model import Cause
 from octoform.daemon.observe.file_events import Ear, FolderEar, Watch
-from octoform.host.fingerprint import root_from_environment
+from octoform.host import root_from_environment
 
 GLANCE_SECONDS = 2.0
 _HEARD, _NOTHING = frozenset((Cause.HARDWARE,)), frozenset[Cause]()

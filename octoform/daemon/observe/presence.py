@@ -23,7 +23,7 @@ from octoform.daemon.observe.hardware import names
 from octoform.daemon.observe.process import ProcessEar
 from octoform.endpoint.process.record import Running, is_it
 from octoform.endpoint.published_files import describe_closed, served_nodes
-from octoform.host.fingerprint import SYSROOT_VARIABLE
+from octoform.host import SYSROOT_VARIABLE
 from octoform.state.artifacts.cache import classes_of, read_instances
 from octoform.state.layout import Layout
 

@@ -14,7 +14,7 @@ from typing import Any
 
 from octoform.base import files
 from octoform.contracts.rules.serve.programs import started_blindly, tools_starting
-from octoform.host.fingerprint import SYSROOT_VARIABLE
+from octoform.host import SYSROOT_VARIABLE
 from octoform.state.files import read_regular
 from octoform.state.layout import Layout
 

@@ -33,7 +33,7 @@ from octoform.engine.results import EndpointSummary, Funnel, RunResult, RunUsage
 from octoform.events import Event, Notice
 from octoform.harness import logins
 from octoform.harness.containment.orphans import sweep
-from octoform.host.fingerprint import SYSROOT_VARIABLE
+from octoform.host import SYSROOT_VARIABLE
 from octoform.plan import model, planfile
 from octoform.plan.model import Plan
 from octoform.state.artifacts import reusable

@@ -29,7 +29,7 @@ from octoform.engine.plan.plan import Outlook, Request, prepare
 from octoform.engine.results import RunResult, Unwatched
 from octoform.graph.model import STEP, key_parts
 from octoform.harness.port import Usage
-from octoform.host.fingerprint import root_from_environment, settle
+from octoform.host import root_from_environment, settle
 from octoform.manifest.model import MODEL_FREE, Manifest
 from octoform.plan.model import Cause, PlannedAction
 from octoform.protocol.model import FRAME

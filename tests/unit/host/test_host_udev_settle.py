@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from octoform.host.fingerprint import QUEUE, QUIET_SECONDS, SETTLE_SECONDS, settle
+from octoform.host import QUEUE, QUIET_SECONDS, SETTLE_SECONDS, settle
 
 
 @pytest.fixture
