@@ -11,8 +11,8 @@ from pathlib import Path
 from octoform.engine.apply.apply import Options, apply
 from octoform.engine.plan.plan import Request
 from octoform.state.store.store import Ports
+from octoform.views.apply import RunHuman
 from octoform.views.format.console import Console
-from octoform.views.run.apply import RunHuman
 
 
 def main() -> None:

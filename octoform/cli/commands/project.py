@@ -74,7 +74,7 @@ def run_graph(arguments: Namespace, project: Path, screen: Console) -> int:
 def run_doctor(arguments: Namespace, project: Path, screen: Console) -> int:
     """Exit code 1 when something that is needed failed, or the manifest cannot be read."""
     from octoform.engine.doctor import diagnose
-    from octoform.views.inspect import doctor
+    from octoform.views import doctor
 
     found = diagnose(project, os.environ)
     if has_errors(found.diagnostics):
@@ -85,7 +85,7 @@ def run_doctor(arguments: Namespace, project: Path, screen: Console) -> int:
 def run_install(arguments: Namespace, _: Path, screen: Console) -> int:
     """Exit code 1 when one of them could not be installed."""
     from octoform.engine.doctor import install
-    from octoform.views.inspect import doctor
+    from octoform.views import doctor
 
     result = install(arguments.harness, os.environ, doctor.steps(screen))
     return doctor.show_installation(screen, result, as_json=arguments.json)
@@ -95,7 +95,7 @@ def run_profile(arguments: Namespace, project: Path, screen: Console) -> int:
     """One of the two verbs; exit code 1 when a profile is not sound or cannot be drafted."""
     from octoform.engine import profiles as check
     from octoform.engine import profiles as profile_draft
-    from octoform.views.inspect import profiles
+    from octoform.views import profiles
 
     as_json = arguments.json
     if arguments.verb == "new":
@@ -114,7 +114,7 @@ def run_profile(arguments: Namespace, project: Path, screen: Console) -> int:
 def run_spec(arguments: Namespace, project: Path, screen: Console) -> int:
     """One of the three verbs."""
     from octoform.engine import spec_edits
-    from octoform.views.inspect import state
+    from octoform.views import state
 
     stage, as_json = arguments.stage, arguments.json
     if arguments.verb == "promote":

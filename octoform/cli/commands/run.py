@@ -60,7 +60,7 @@ def _show(
     diagnostics: Sequence[Diagnostic] = (),
 ) -> int:
     from octoform.views.format.output import JsonStream
-    from octoform.views.plan.plan import PlanHuman, PlanJson
+    from octoform.views.plan import PlanHuman, PlanJson
 
     if arguments.json:
         stream = JsonStream(screen)
@@ -97,7 +97,7 @@ def run_apply(arguments: Namespace, project: Path, screen: Console) -> int:
 def _ask(arguments: Namespace, screen: Console, request: Request) -> int:
     """Apply, ask about what is still unknown, apply what the answers change."""
     from octoform.engine.questions import apply_asking
-    from octoform.views.run.questions import AskingHuman
+    from octoform.views.questions import AskingHuman
 
     return status_of(apply_asking(request, _options(arguments), AskingHuman(screen)))
 
@@ -105,8 +105,8 @@ def _ask(arguments: Namespace, screen: Console, request: Request) -> int:
 def execute(arguments: Namespace, screen: Console, request: Request, planfile: str | None = None) -> int:
     """Run an apply or a destroy and show it; for the exit code see `status_of`."""
     from octoform.engine.apply.apply import apply as carry_out
+    from octoform.views.apply import RunHuman, RunJson
     from octoform.views.format.output import JsonStream
-    from octoform.views.run.apply import RunHuman, RunJson
 
     view = RunJson(JsonStream(screen)) if arguments.json else RunHuman(screen)
     return status_of(carry_out(request, _options(arguments, planfile), view))
@@ -143,7 +143,7 @@ ANSWER_USAGE = "usage: octoform answer [-json] [-remove] [DEVICE] [SENTENCE]"
 def run_answer(arguments: Namespace, project: Path, screen: Console) -> int:
     """Exit code 1 when the manifest was to be changed and was not."""
     from octoform.engine import questions
-    from octoform.views.run import questions as views
+    from octoform.views import questions as views
 
     if arguments.remove and (arguments.device is None or arguments.sentence is not None):
         raise UsageError("-remove takes back the answer about one DEVICE", ANSWER_USAGE)
@@ -163,7 +163,7 @@ def run_answer(arguments: Namespace, project: Path, screen: Console) -> int:
 
 def _list(arguments: Namespace, project: Path, screen: Console) -> int:
     from octoform.engine import questions
-    from octoform.views.run import questions as views
+    from octoform.views import questions as views
 
     known, found = questions.asked(project, os.environ)
     if known is None:
@@ -174,7 +174,7 @@ def _list(arguments: Namespace, project: Path, screen: Console) -> int:
 def _answer_ask(arguments: Namespace, project: Path, screen: Console) -> int:
     """The sentence from the terminal."""
     from octoform.engine import questions
-    from octoform.views.run import questions as views
+    from octoform.views import questions as views
 
     if arguments.json or not screen.interactive:
         hint = f'give it as an argument: octoform answer {arguments.device} "..."'
@@ -197,7 +197,7 @@ def run_attempts(arguments: Namespace, project: Path, screen: Console) -> int:
     from octoform.engine.inspect import attempts as engine
     from octoform.protocol.model import DUTIES
     from octoform.state.layout import STAGES, STEP
-    from octoform.views.run import attempts
+    from octoform.views import attempts
 
     if arguments.verb == "show":
         return _attempts_show(arguments, project, screen)
@@ -216,7 +216,7 @@ def run_attempts(arguments: Namespace, project: Path, screen: Console) -> int:
 
 def _attempts_show(arguments: Namespace, project: Path, screen: Console) -> int:
     from octoform.engine.inspect import attempts as engine
-    from octoform.views.run import attempts
+    from octoform.views import attempts
 
     detail, found = engine.detail(project, os.environ, arguments.number)
     if detail is None:
@@ -226,7 +226,7 @@ def _attempts_show(arguments: Namespace, project: Path, screen: Console) -> int:
 
 def _record(arguments: Namespace, project: Path, screen: Console) -> int:
     from octoform.engine.recordings.recording import record
-    from octoform.views.run import attempts
+    from octoform.views import attempts
 
     made, found = record(project, os.environ, Path(arguments.folder).absolute(), arguments.first)
     if made is None or has_errors(found):

@@ -17,9 +17,9 @@ from octoform.views.format.console import Console
 def run_show(arguments: Namespace, project: Path, screen: Console) -> int:
     """Show it; nothing is compared and nothing is changed."""
     from octoform.engine.inspect.state import open_project, saved_plan
+    from octoform.views import state
     from octoform.views.format.output import JsonStream
-    from octoform.views.inspect import state
-    from octoform.views.plan.plan import PlanHuman, PlanJson
+    from octoform.views.plan import PlanHuman, PlanJson
 
     if arguments.planfile:
         plan, found = saved_plan(Path(arguments.planfile).absolute())
@@ -36,7 +36,7 @@ def run_show(arguments: Namespace, project: Path, screen: Console) -> int:
 def run_state(arguments: Namespace, project: Path, screen: Console) -> int:
     """One of the four verbs; ``adopt`` verifies the artifact first."""
     from octoform.engine.inspect.state import accept, forget, node_of, open_project
-    from octoform.views.inspect import state
+    from octoform.views import state
 
     if arguments.verb == "adopt":
         status = problems.show(screen, accept(project, os.environ, arguments.node), as_json=arguments.json)
@@ -58,7 +58,7 @@ def run_state(arguments: Namespace, project: Path, screen: Console) -> int:
 def run_devices(arguments: Namespace, project: Path, screen: Console) -> int:
     """Works without an endpoint; exit code 1 where no IDENTIFY artifact was accepted yet."""
     from octoform.engine.inspect.devices import listing
-    from octoform.views.inspect import devices
+    from octoform.views import devices
 
     found, told = listing(project, os.environ)
     if found is None:
@@ -71,7 +71,7 @@ def run_devices(arguments: Namespace, project: Path, screen: Console) -> int:
 def run_coverage(arguments: Namespace, project: Path, screen: Console) -> int:
     """The report, on the terminal or as a page; reads only, but for the page."""
     from octoform.engine.coverage import report as engine
-    from octoform.views.coverage import report as coverage_view
+    from octoform.views import coverage as coverage_view
 
     if arguments.html == "":
         raise UsageError("-html: give the file that the page should be written to", "")
@@ -82,7 +82,7 @@ def run_coverage(arguments: Namespace, project: Path, screen: Console) -> int:
         problems.show(screen, found)
     if arguments.html is None:
         return coverage_view.show(screen, report, everything=arguments.all, as_json=arguments.json)
-    from octoform.views.coverage.page import page  # the template engine is for who wants a page
+    from octoform.views.coverage_page import page  # the template engine is for who wants a page
 
     path = Path(arguments.html)
     problem = engine.save(path.absolute(), page(report))
@@ -94,7 +94,7 @@ def run_coverage(arguments: Namespace, project: Path, screen: Console) -> int:
 def run_force_unlock(arguments: Namespace, project: Path, screen: Console) -> int:
     """Needs the lock's id, which a refused run has printed."""
     from octoform.engine.inspect.state import unlock
-    from octoform.views.inspect import state
+    from octoform.views import state
 
     status = problems.show(screen, unlock(project, os.environ, arguments.lock_id))
     return status or state.unlocked(screen, arguments.lock_id)

@@ -20,7 +20,7 @@ from octoform.views.format.console import Console
 from octoform.views.format.output import JsonStream
 from octoform.views.format.table import Column
 from octoform.views.format.values import clock, length, one_line
-from octoform.views.plan.text import counted
+from octoform.views.plan_text import counted
 
 EXIT = {Status.HEALTHY: 0, Status.DEGRADED: 3, Status.ERROR: 4, Status.DOWN: 5, Status.UNKNOWN: 6}
 """How a command leaves that tells how the deployment is; 1 and 2 mean other things."""

@@ -22,7 +22,7 @@ from octoform.views.daemon.event_log import EXIT, named
 from octoform.views.format import problems
 from octoform.views.format.console import Console
 from octoform.views.format.values import ago, clock, length, one_line
-from octoform.views.plan.text import counted, recorded
+from octoform.views.plan_text import counted, recorded
 
 UNTOLD = "DAEMON-NOT-NOTIFIED"
 """The page on a way of telling that fails."""

@@ -12,7 +12,7 @@ from octoform.daemon.store.backoff import Breaker
 from octoform.daemon.store.instance_lock import Record
 from octoform.views.format.console import Console
 from octoform.views.format.values import ago, clock, one_line
-from octoform.views.plan.text import counted
+from octoform.views.plan_text import counted
 
 WIDTH = 110
 

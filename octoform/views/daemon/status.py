@@ -9,10 +9,10 @@ from octoform.base.escaping import escaped_json
 from octoform.daemon.status import Survey
 from octoform.daemon.store.instance_lock import Record
 from octoform.engine.project_status import Process, Status
+from octoform.views import plan_text as plan_text
 from octoform.views.daemon.event_log import EXIT, STYLES, named
 from octoform.views.format.console import Console
 from octoform.views.format.values import one_line
-from octoform.views.plan import text as plan_text
 
 WIDTH = 150
 _MODES = {

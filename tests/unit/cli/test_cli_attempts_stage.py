@@ -8,9 +8,9 @@ import pytest
 
 from octoform.cli.commands.run import run_attempts
 from octoform.cli.parser import UsageError
+from octoform.views.attempts import COLUMNS
 from octoform.views.format.console import Console
 from octoform.views.format.table import lines
-from octoform.views.run.attempts import COLUMNS
 
 
 @pytest.mark.parametrize("stage", ["serve", "watch", "heal", "step.arm"])

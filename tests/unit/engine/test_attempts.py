@@ -16,8 +16,8 @@ from octoform.harness.containment import orphans
 from octoform.harness.port import AgentEvent, Closed, ExitReason, Said, ToolCalled, ToolReturned, Trouble, Turn, Usage
 from octoform.state.artifacts.attempts import SpecEdit
 from octoform.state.store.lock import acquire
+from octoform.views import attempts as views
 from octoform.views.format.console import Console
-from octoform.views.run import attempts as views
 
 REFUSED: dict[str, Any] = {
     "diagnostics": [to_json(error("PROBE-DUPLICATE-ID", "twice")), to_json(error("PROBE-NO-WORKING-SCAN", "x"))]

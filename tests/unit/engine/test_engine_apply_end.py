@@ -11,7 +11,7 @@ from octoform.endpoint.client.check_verdict import has_content
 from octoform.engine.apply import apply
 from octoform.engine.results import RunResult
 from octoform.state.layout import Layout
-from octoform.views.run.apply import closing
+from octoform.views.apply import closing
 
 
 def checked(project: Path, calls: list[dict[str, Any]]) -> Layout:

@@ -17,8 +17,8 @@ from octoform.engine.plan import memo
 from octoform.engine.plan.plan import Request, prepare
 from octoform.engine.results import EndpointSummary, RunResult
 from octoform.plan.model import Plan
+from octoform.views.apply import RunHuman
 from octoform.views.format.console import Console
-from octoform.views.run.apply import RunHuman
 
 TUNNEL = Path(__file__).parents[2] / "support" / "local_tunnel.py"
 

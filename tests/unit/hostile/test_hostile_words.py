@@ -25,9 +25,9 @@ from octoform.protocol.spec_loader import load
 from octoform.runtime import calllog
 from octoform.state.artifacts import attempts
 from octoform.state.artifacts.attempts import AttemptRecord
+from octoform.views.apply import RunHuman, RunJson
 from octoform.views.format.console import Console
 from octoform.views.format.output import JsonStream
-from octoform.views.run.apply import RunHuman, RunJson
 
 EACH = for_each("hostile", STRINGS)
 SPECS = load(None)[0]

@@ -9,8 +9,8 @@ from hosts.plant import plant
 
 from octoform.contracts.rules.identify.answer_rules import tier, wanted
 from octoform.engine.coverage.report import CoverageReport, Share
-from octoform.views.coverage.report import lines
-from octoform.views.coverage.text import percent
+from octoform.views.coverage import lines
+from octoform.views.coverage_text import percent
 
 DOCUMENT = Path(__file__).parents[3] / "docs" / "coverage.md"
 EXAMPLE = re.compile(r"(?<=<!-- example -->\n```text\n).*?(?=```\n)", re.DOTALL)

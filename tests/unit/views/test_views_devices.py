@@ -5,8 +5,8 @@ import json
 from typing import Any
 
 from octoform.engine.inspect.devices import Attached, LeftOut, Listing, Row
+from octoform.views import devices
 from octoform.views.format.console import Console
-from octoform.views.inspect import devices
 
 STRONG = Attached(True, "1-7", "strong", ("/dev/video5",), "")
 DOUBTED = Attached(True, "1-4", "weak", (), "usb-1f00-00b1 may be any of 2 equal devices (1-4, 1-5)")

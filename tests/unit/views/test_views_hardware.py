@@ -3,7 +3,7 @@
 import pytest
 
 from octoform.plan.model import Action, Change
-from octoform.views.plan.text import Line, describe, lines
+from octoform.views.plan_text import Line, describe, lines
 
 
 def came(name: str) -> Change:

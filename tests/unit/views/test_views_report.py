@@ -15,8 +15,8 @@ from hosts.plant import plant
 from octoform.base.escaping import is_hidden
 from octoform.engine.coverage.report import CoverageReport
 from octoform.engine.coverage.runs import run_of
-from octoform.views.coverage import report as coverage_view
-from octoform.views.coverage.page import page
+from octoform.views import coverage as coverage_view
+from octoform.views.coverage_page import page
 from octoform.views.format.console import Console
 
 SECRETS = ("heron", "KO-200417", "BATT-00417", "RNV-0001733", "MC-INVENTED-77", "02:00:5e", "192.0.2.1", "/dev/")

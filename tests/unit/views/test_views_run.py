@@ -11,9 +11,9 @@ from octoform import events
 from octoform.diagnostics import error
 from octoform.engine.results import EndpointSummary, Funnel, RunResult
 from octoform.plan.model import Plan
+from octoform.views.apply import RunHuman, RunJson
 from octoform.views.format.console import Console
 from octoform.views.format.output import JsonStream
-from octoform.views.run.apply import RunHuman, RunJson
 
 REFUSED = error("IDENTIFY-INVENTED-DEVICE", "a device that PROBE never saw\x1b[31m", hint="take it out")
 EVENTS = [

@@ -6,8 +6,8 @@ from typing import Any
 import pytest
 
 from octoform.state.model import GitRecord, NodeState, Snapshot, Usage
+from octoform.views import state as views
 from octoform.views.format.console import Console
-from octoform.views.inspect import state as views
 
 HOSTILE = "\x1b]0;owned\x07\u202eevil\r\n" + "long " * 1000
 REUSED = {

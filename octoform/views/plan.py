@@ -5,11 +5,11 @@ from collections.abc import Iterator, Sequence
 from octoform.contracts.rules.identify.answer_rules import WORDS
 from octoform.plan import diff
 from octoform.plan.model import Action, NearProfile, OpenQuestion, Plan, PlannedAction, ProfileUse, ToldDevice, to_json
+from octoform.views import plan_text as hardware
+from octoform.views import plan_text as plan_text
 from octoform.views.format.console import Console
 from octoform.views.format.output import JsonStream
 from octoform.views.format.values import money, one_line
-from octoform.views.plan import text as hardware
-from octoform.views.plan import text as plan_text
 
 # What is known of the devices, for people: what had to be said of them, which profile serves which, what is asked.
 

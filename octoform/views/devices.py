@@ -11,7 +11,7 @@ from octoform.base.escaping import escaped_json
 from octoform.engine.inspect.devices import LeftOut, Listing, Row
 from octoform.views.format.console import Console
 from octoform.views.format.values import one_line
-from octoform.views.plan.text import counted
+from octoform.views.plan_text import counted
 
 _LONGEST = 4000
 _WIDEST_ID = 32

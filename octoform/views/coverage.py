@@ -7,13 +7,13 @@ from pathlib import Path
 
 from octoform.engine.coverage.report import OFFERED, Counted, Coverage, CoverageReport, Device, Share, Standing
 from octoform.engine.coverage.runs import Disagreement, Pass, Stability
-from octoform.views.coverage import text as words
+from octoform.views import coverage_text as words
 from octoform.views.format import table
 from octoform.views.format.console import Console
 from octoform.views.format.output import document
 from octoform.views.format.table import Column
 from octoform.views.format.values import one_line
-from octoform.views.plan.text import counted
+from octoform.views.plan_text import counted
 
 LATEST = 10
 WIDEST = 140

@@ -8,10 +8,10 @@ from typing import Any
 from octoform.base.escaping import escaped_json
 from octoform.engine.spec_edits import Shown
 from octoform.state.model import NodeState, Snapshot
+from octoform.views import plan_text as plan_text
 from octoform.views.format.console import Console
 from octoform.views.format.output import document
 from octoform.views.format.values import escape, one_line, used
-from octoform.views.plan import text as plan_text
 
 # How a node's output came about: whose agent made it, for whom, with what help, at what cost.
 #

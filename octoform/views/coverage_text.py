@@ -7,7 +7,7 @@ from octoform.engine.coverage.report import OFFERED, CoverageReport, Group, Shar
 from octoform.engine.coverage.runs import Pass, known_sum
 from octoform.views.format.table import Column
 from octoform.views.format.values import money, tokens
-from octoform.views.plan.text import counted
+from octoform.views.plan_text import counted
 
 REASONS = {
     "bus_infrastructure": "only carries other devices",

@@ -17,17 +17,17 @@ from octoform.diagnostics import Diagnostic, to_json
 from octoform.engine.results import RunResult
 from octoform.plan.model import Plan
 from octoform.state.layout import STAGES, STEP
+from octoform.views import plan as knowledge
+from octoform.views import plan_text as plan_text
 from octoform.views.format.console import Console
 from octoform.views.format.diagnostics import render
 from octoform.views.format.output import JsonStream
 from octoform.views.format.problems import near
 from octoform.views.format.values import one_line, spent
-from octoform.views.plan import plan as knowledge
-from octoform.views.plan import text as plan_text
-from octoform.views.plan.plan import PlanHuman, PlanJson
+from octoform.views.plan import PlanHuman, PlanJson
 
 if TYPE_CHECKING:
-    from octoform.views.run.spinner import MovingLine
+    from octoform.views.spinner import MovingLine
 
 
 PULSE_SECONDS = 9.0
@@ -86,7 +86,7 @@ class RunHuman:
         if not (self._console.out.isatty() and self._console.colour):
             yield self.event
             return
-        from octoform.views.run.spinner import MovingLine  # rich is paid for only where a person looks
+        from octoform.views.spinner import MovingLine  # rich is paid for only where a person looks
 
         with MovingLine(self._console.out) as moving:
             self._moving = moving

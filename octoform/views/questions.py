@@ -8,12 +8,12 @@ from octoform.diagnostics import Diagnostic
 from octoform.engine.questions import Answered, Asked
 from octoform.engine.results import RunResult
 from octoform.plan.model import OpenQuestion
+from octoform.views import plan
+from octoform.views.apply import RunHuman
 from octoform.views.format import problems
 from octoform.views.format.console import Console
 from octoform.views.format.output import document
 from octoform.views.format.values import escape, one_line
-from octoform.views.plan import plan
-from octoform.views.run.apply import RunHuman
 
 WIDTH = 100
 STYLES = {"+": "green", "-": "red"}

@@ -1,1 +1,0 @@
-"""What is known and kept: state, devices, profiles, specs, and what the harnesses need."""
