@@ -222,7 +222,7 @@ def test_every_code_has_a_page_and_every_page_a_code() -> None:
         assert (pages / f"{code}.md").read_text("utf-8").startswith(f"# {code}: ")
 
 
-@pytest.mark.parametrize("module", ["model", "references", "edit.starter", "model_url", "credentials"])
+@pytest.mark.parametrize("module", ["model", "references", "starter", "model_url", "credentials"])
 def test_light_modules_stay_light(module: str) -> None:
     code = (
         f"import sys, octoform.manifest.{module}; "
