@@ -125,7 +125,7 @@ CASES = (
     told("report is a list", "F14c", watch=_garbled("[]")),
     told("report without status", "F14c", watch=_garbled('{"format": 1, "stage": "watch"}')),
     told("status outside of the enum", "F14d", watch={"report": report("HEALTHY")}),
-    told("agent says that it is fatal", "F33", watch=watch(severity="fatal")),
+    told("agent reports it as fatal", "F33", watch=watch(severity="fatal")),
     told(
         "agent changes the server while it looks", "row 102", watch={**watch(severity="fatal"), "touch": ["{server}"]}
     ),

@@ -9,7 +9,7 @@ from octoform.daemon.model import Kind, Repair
 if TYPE_CHECKING:
     from campaign.bench import Bench
 
-REPAIRED, WAITS, SURFACED, QUIET = "repaired", "waits", "surfaced", "quiet"
+REPAIRED, WAITS, SURFACED, QUIET = "repaired", "waits", "escalated", "quiet"
 """How a case has to end: mended by the daemon; by the world (the case); told to a person; or nothing to do."""
 
 

@@ -31,8 +31,8 @@ def test_a_long_log_is_condensed_and_stays_as_it_is(talkative: Project) -> None:
     assert asked[0]["tools"] == []
     first, second = talkative.attempts("probe")
     prompt = (second / "prompt.md").read_text()
-    assert "quoted from memory" in prompt and "# What its log says" in prompt
-    assert "line of noise" not in prompt.partition("# What its log says")[2]
+    assert "quoted from memory" in prompt and "# A summary of its log" in prompt
+    assert "line of noise" not in prompt.partition("# A summary of its log")[2]
     assert (first / "agent.log").stat().st_size > 250_000, "the evidence is whole"
     usage = talkative.nodes()["probe"]["usage"]
     assert (usage["input_tokens"], usage["output_tokens"]) == (12_000, 40)

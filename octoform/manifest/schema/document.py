@@ -68,7 +68,7 @@ class Budget(Table):
     tools: Annotated[int, Field(ge=1, le=200)] = 30
     """The most tools that the endpoint may offer."""
     idle_timeout: Duration | None = added(None)
-    """Time without a sign of progress after which an attempt is ended; 120s for agents whose output tells of it."""
+    """Time without a sign of progress after which an attempt is ended; 120s for agents whose output shows it."""
     turns: Turns = added(100)
     """The most replies of the model in one attempt."""
     usd: Dollars | None = added(None)
@@ -89,7 +89,7 @@ class Stage(Table):
 
 
 class Escalation(Table):
-    """Another agent for the devices that the stage's own agent could not tell."""
+    """Another agent for the devices that the stage's own agent could not identify."""
 
     harness: Agent
     """Which agent: any but the embedded one."""
@@ -118,7 +118,7 @@ class Stages(Table):
     deploy: Stage = Stage()
     """What the server needs to run."""
     watch: Stage = added(Stage())
-    """What is wrong, where the daemon's own rules cannot tell."""
+    """What is wrong, where the daemon's own rules cannot decide it."""
     heal: Stage = added(Stage())
     """The repair of what is wrong, as a candidate that is proved before it is taken."""
 
@@ -142,7 +142,7 @@ class Housekeeping(Table):
     max_tokens: Annotated[int, Field(ge=64, le=8000)] = 800
     """The most tokens that it may answer with."""
     key: KeyName | None = None
-    """The name of the variable with the API key; without it the one that the model's provider tells people to use."""
+    """The name of the variable with the API key; without it the one that the model's provider documents."""
     base_url: BaseUrl | None = None
     """Where the model's API is, if not at its provider's; ${NAME} stands for an environment variable."""
 
@@ -202,9 +202,9 @@ class Document(Table):
     profiles: Annotated[
         list[ProfileSource], AfterValidator(distinct), Field(max_length=100, json_schema_extra=UNIQUE)
     ] = Field(default=[])
-    """Knowledge about hardware: markdown files relative to this one, or such a text itself, beginning with ---."""
+    """Knowledge about hardware: markdown files relative to this one, or the text of such a file, beginning with ---."""
     answers: Annotated[dict[DeviceId, Answer], Field(max_length=MOST_ANSWERS, json_schema_extra=CLOSED)] = added({})
-    """What a person says of a device that evidence cannot settle, by the device's id."""
+    """What a person answers about a device that evidence cannot settle, by the device's id."""
     perception: Perception = added(Perception())
     """Looking through a camera of the host."""
     daemon: Daemon = added(Daemon())
@@ -214,7 +214,7 @@ class Document(Table):
     budget: Budget = Budget()
     """What each stage may use."""
     prices: dict[Model, Price] = added({})
-    """What models cost, by their name as it stands under `model`; for those that no price list knows."""
+    """What models cost, by their name as under `model`; for those that no price list knows."""
     housekeeping: Housekeeping | None = added(None)
     """A small model that condenses long logs."""
     lifecycle: Lifecycle = Lifecycle()

@@ -96,7 +96,7 @@ class ModelHarness(Table):
     env: Variables = Field(default=[])
     """Names of more environment variables that the agent may see, for example of a proxy."""
     key: KeyName | None = None
-    """The name of the variable with the API key; without it the one that the model's provider tells people to use."""
+    """The name of the variable with the API key; without it the one that the model's provider documents."""
     base_url: BaseUrl | None = None
     """Where the model's API is, if not at its provider's; ${NAME} stands for an environment variable."""
     api: Literal["openai-completions", "openai-responses", "anthropic-messages", "gemini"] | None = None

@@ -72,7 +72,7 @@ class Rule(Table):
 
 
 class Limit(Table):
-    """What a call must keep to, whoever makes it."""
+    """The rules for every call, of any caller."""
 
     tool: Glob
     """Which tools: a name; * stands for any characters, ? for one."""
@@ -292,7 +292,7 @@ def _metrics(value: str) -> str:
 
 
 class Notify(Table):
-    """Who hears of a trouble that a person should know of; none of these unless named."""
+    """Who is notified of a problem that a person should know of; none of these unless named."""
 
     command: Annotated[list[Argument], Field(min_length=1, max_length=200), AfterValidator(_notify_command)] | None = (
         None
@@ -306,7 +306,7 @@ class Notify(Table):
     ) = None
     """A URL that gets what happened as a POST of JSON; ${NAME} stands for an environment variable."""
     desktop: bool = False
-    """Show it as a notification of the session of whoever runs the daemon, with notify-send."""
+    """Show it as a notification in the session of the user who runs the daemon, with notify-send."""
 
 
 class Daemon(Table):
@@ -315,7 +315,7 @@ class Daemon(Table):
     interval: Interval = "300s"
     """The time from one look to the next while nothing happens: 60s, 5m; at least 5s. Events are noticed at once."""
     heal_attempts: Attempts = 3
-    """How often one trouble is tried to be repaired before it is frozen and a person is told."""
+    """How many repairs of one problem the daemon tries before it gives up and notifies a person."""
     apply: Literal["auto", "ask"] = "auto"
     """Whether new or vanished kinds of hardware are taken up at once, or planned and asked about."""
     calls_per_hour: Annotated[int, Field(ge=0, le=MOST_CALLS)] = 30
@@ -325,7 +325,7 @@ class Daemon(Table):
     claim_expiry: Duration = "30m"
     """The longest that a claim about the hardware holds without new evidence."""
     notify: Notify = Notify()
-    """Who hears of a trouble that a person should know of."""
+    """Who is notified of a problem that a person should know of."""
     metrics: (
         Annotated[
             str,
