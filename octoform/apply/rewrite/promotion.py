@@ -13,9 +13,9 @@ from pathlib import Path
 from typing import Any
 
 from octoform import events
+from octoform.apply import file_integrity, protected_paths
 from octoform.apply.context import CANDIDATE, Context
 from octoform.apply.endpoint_node import made_of
-from octoform.apply.protect import file_integrity, protected_paths
 from octoform.apply.stage.artifact_writer import runtime_files, text_of
 from octoform.apply.stage.serve_proof import STARTING, Judge, prove_import, publish
 from octoform.base import digest, files

@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import Any
 
 from octoform import events
+from octoform.apply import file_integrity, protected_paths
 from octoform.apply.context import Context
-from octoform.apply.protect import file_integrity, protected_paths
 from octoform.apply.stage import escalation, serve_proof, spec_copy
 from octoform.apply.stage.acceptance import Finished, Verdict, cleared, ended_well, read_output
 from octoform.apply.stage.artifact_writer import settle

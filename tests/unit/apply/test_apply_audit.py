@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from octoform.apply.protect import file_integrity, protected_paths
+from octoform.apply import file_integrity, protected_paths
 
 
 @pytest.fixture

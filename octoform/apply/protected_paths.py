@@ -14,8 +14,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import octoform
+from octoform.apply import file_integrity
 from octoform.apply.context import CANDIDATE, HEALED, Context
-from octoform.apply.protect import file_integrity
 from octoform.base.files import opened, read
 from octoform.base.locks import acquire
 from octoform.diagnostics import Diagnostic, warning

@@ -1,1 +1,0 @@
-"""What an agent may not touch while it runs."""
