@@ -6,7 +6,7 @@ is imported only where an artifact is really checked.
 
 from octoform.contracts.artifact_parser import parse
 from octoform.contracts.canonical import canonical, output_digest
-from octoform.contracts.host_identity.pseudonyms import instances, pseudonymise
+from octoform.contracts.host_identity import instances, pseudonymise
 from octoform.contracts.model import Artifacts, ProfileFacts, Rule
 
 __all__ = [

@@ -20,7 +20,7 @@ from octoform.contracts.rules import (
 from octoform.contracts.rules.identify import identify_rules
 from octoform.contracts.rules.interface import interface_rules, protocol_definition_rules, result_rules
 from octoform.contracts.rules.serve import serve_rules
-from octoform.contracts.schema.validation import shape_diagnostics
+from octoform.contracts.schema_validation import shape_diagnostics
 from octoform.diagnostics import Diagnostic
 
 MAX_PER_RULE = 10

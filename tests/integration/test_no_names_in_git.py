@@ -15,7 +15,7 @@ from projects import Project
 from recordings.leaking import SHORTEST, leaks, secrets_of_tree
 
 from octoform.apply.stage import artifact_writer
-from octoform.contracts.host_identity import pseudonyms as instance
+from octoform.contracts import host_identity as instance
 
 
 @pytest.mark.parametrize("name", NAMES)

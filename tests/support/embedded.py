@@ -9,7 +9,7 @@ from octoform.builtin.identify.stage import identify
 from octoform.builtin.interface.stage import declare
 from octoform.builtin.probe.stage import probe_root
 from octoform.builtin.serve.stage import render
-from octoform.contracts.host_identity.pseudonyms import pseudonymise
+from octoform.contracts.host_identity import pseudonymise
 
 KEY = bytes(range(32))
 

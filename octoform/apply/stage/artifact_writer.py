@@ -15,8 +15,7 @@ from octoform.apply.stage.acceptance import Verdict, digest_of
 from octoform.base import files
 from octoform.base.files import read
 from octoform.contracts.artifact_parser import parse
-from octoform.contracts.host_identity.ordinals import judged, keep_ids
-from octoform.contracts.host_identity.pseudonyms import instances, pseudonymise
+from octoform.contracts.host_identity import instances, judged, keep_ids, pseudonymise
 from octoform.diagnostics import Diagnostic
 from octoform.state.artifacts.cache import read_instances, write_instances
 from octoform.state.files import read_regular, spending, write_atomic

@@ -23,7 +23,7 @@ from octoform.contracts.rules.deploy_rules import deploy_installed, deploy_lock
 from octoform.contracts.rules.raw_line_rules import lines_beside, unknown_lines
 from octoform.contracts.rules.serve.line_rules import listening, on_a_line
 from octoform.contracts.rules.serve.tool_rules import tools_importing
-from octoform.contracts.schema.equivalence import serve_dynamic
+from octoform.contracts.schema_equivalence import serve_dynamic
 from octoform.contracts.script_header import declared_requirements, normalised
 from octoform.contracts.server_source import imported_modules, needed_source
 from octoform.contracts.shown_text import listed

@@ -14,7 +14,7 @@ from typing import Any
 from octoform.apply.stage.artifact_writer import pseudonym_key
 from octoform.base import files
 from octoform.contracts.artifact_parser import parse
-from octoform.contracts.host_identity.pseudonyms import hidden, hider, members, secrets_in_text, spelt, with_stand_ins
+from octoform.contracts.host_identity import hidden, hider, members, secrets_in_text, spelt, with_stand_ins
 from octoform.harness.event_parser import TEXT_LIMIT, json_object
 from octoform.redaction import Redactor, redacted, spellings
 from octoform.state.artifacts.cache import read_instances

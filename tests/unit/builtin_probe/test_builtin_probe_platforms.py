@@ -17,7 +17,7 @@ from octoform.builtin.probe import commands, macos
 from octoform.builtin.probe.reader import Reader
 from octoform.builtin.probe.stage import probe, probe_root
 from octoform.contracts.contract_check import check
-from octoform.contracts.host_identity.pseudonyms import pseudonymise
+from octoform.contracts.host_identity import pseudonymise
 from octoform.contracts.model import Artifacts
 
 SCHEMAS = Path(__file__).parents[3] / "protocol/schemas"

@@ -5,7 +5,7 @@ from typing import Any
 import pytest
 
 from octoform.contracts.name_clues import is_chip_name, is_passthrough, same_action
-from octoform.contracts.schema.equivalence import schema_equal
+from octoform.contracts.schema_equivalence import schema_equal
 
 PIPES = [
     "send_serial_command",

@@ -4,7 +4,7 @@ from typing import Any
 
 import pytest
 
-from octoform.contracts.host_identity.ordinals import Kept, judged, keep_ids
+from octoform.contracts.host_identity import Kept, judged, keep_ids
 
 BASE = "usb-1f00-00c1"
 

@@ -12,7 +12,7 @@ from unit.contracts.contract_samples import PROBE, SCHEMAS
 
 from octoform.contracts import Artifacts
 from octoform.contracts.contract_check import check
-from octoform.contracts.host_identity.pseudonyms import members, pseudonymise, stand_in, with_stand_ins
+from octoform.contracts.host_identity import members, pseudonymise, stand_in, with_stand_ins
 
 KEY, OTHER = b"k" * 32, b"o" * 32
 TEXT = st.text(st.sampled_from("abcdefABCDEF0123456789:- _redacted"), max_size=60)

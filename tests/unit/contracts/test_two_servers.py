@@ -6,7 +6,7 @@ from unit.contracts.contract_samples import SCHEMAS, artifacts, good
 
 from octoform.contracts.canonical import output_digest
 from octoform.contracts.contract_check import check
-from octoform.contracts.schema.equivalence import serve_dynamic
+from octoform.contracts.schema_equivalence import serve_dynamic
 
 ANOTHER = '''# /// script
 # requires-python = ">=3.11"

@@ -10,7 +10,7 @@ import pytest
 from attempt_folders import Folders
 
 from octoform.apply.stage.artifact_writer import pseudonym_key, text_of
-from octoform.contracts.host_identity.pseudonyms import instances, pseudonymise
+from octoform.contracts.host_identity import instances, pseudonymise
 from octoform.diagnostics import Diagnostic, error, to_json
 from octoform.engine.inspect.attempts import of_host
 from octoform.engine.recordings.recording import Recorded, record, runs

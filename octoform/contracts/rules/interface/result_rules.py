@@ -17,7 +17,7 @@ from octoform.base.files import parse
 from octoform.base.pointer import pointer, resolve
 from octoform.contracts.model import Artifacts, JsonObject, Rule, effects_of, is_graver
 from octoform.contracts.rules.interface.bound_rules import trial_too_long
-from octoform.contracts.schema.validation import Problem, validator
+from octoform.contracts.schema_validation import Problem, validator
 from octoform.contracts.shown_text import listed, shown
 from octoform.diagnostics import Diagnostic, error
 

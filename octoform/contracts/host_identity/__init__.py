@@ -1,1 +1,0 @@
-"""What names one host is replaced by pseudonyms, stand-ins and ordinals before it is committed."""

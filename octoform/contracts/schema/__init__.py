@@ -1,1 +1,0 @@
-"""JSON Schemas: held against values, and compared for what they accept."""
