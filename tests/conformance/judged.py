@@ -17,8 +17,8 @@ from launched import LOOPBACK, Launched, launched, tool
 
 from octoform.base.digest import of_bytes
 from octoform.base.id_databases import IdDatabases
-from octoform.builtin.identify.stage import identify
-from octoform.builtin.interface.stage import declare
+from octoform.builtin.identify import identify
+from octoform.builtin.interface import declare
 from octoform.builtin.probe.stage import probe_root
 from octoform.builtin.serve.stage import render
 

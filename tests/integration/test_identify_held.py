@@ -11,7 +11,7 @@ from bench_host import shop
 from held import Change, Output, both, refusals
 
 from octoform.base.id_databases import IdDatabases
-from octoform.builtin.identify.stage import identify
+from octoform.builtin.identify import identify
 from octoform.builtin.probe.stage import probe_root
 
 CAMERA, PANEL, SENSOR, RELAY = "usb-1f00-00c1", "hid-1f00-0078", "hwmon-benchtemp", "usb-1f00-00e1"

@@ -7,8 +7,8 @@ from bench_host import desk
 from held import Change, Output, both, refusals
 
 from octoform.base.id_databases import IdDatabases
-from octoform.builtin.identify.stage import identify
-from octoform.builtin.interface.stage import declare
+from octoform.builtin.identify import identify
+from octoform.builtin.interface import declare
 from octoform.builtin.probe.stage import probe_root
 
 PANELS = ["backlight-panel", "backlight-panel2"]

@@ -15,7 +15,7 @@ from held import refusals
 from projects import Project
 
 from octoform.base.id_databases import IdDatabases
-from octoform.builtin.identify.stage import identify
+from octoform.builtin.identify import identify
 from octoform.builtin.probe.stage import probe_root
 from octoform.simulation.rig import Rig, load
 

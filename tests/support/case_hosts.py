@@ -11,7 +11,7 @@ from bench_host import lab, shop
 from hosts.plant import plant
 
 from octoform.base.id_databases import IdDatabases
-from octoform.builtin.identify.stage import identify
+from octoform.builtin.identify import identify
 from octoform.builtin.probe.stage import probe_root
 from octoform.contracts.model import ProfileFacts
 from octoform.profiles import commands, devices_of, for_task

@@ -5,8 +5,8 @@ from pathlib import Path
 from typing import Any
 
 from octoform.base.id_databases import IdDatabases
-from octoform.builtin.identify.stage import identify
-from octoform.builtin.interface.stage import declare
+from octoform.builtin.identify import identify
+from octoform.builtin.interface import declare
 from octoform.builtin.probe.stage import probe_root
 from octoform.engine.coverage.report import CoverageReport, Ground, Stage, coverage
 from octoform.engine.coverage.runs import Pass, Run, compare, run_of

@@ -5,8 +5,8 @@ from pathlib import Path
 from typing import Any
 
 from octoform.base.id_databases import IdDatabases
-from octoform.builtin.identify.stage import identify
-from octoform.builtin.interface.stage import declare
+from octoform.builtin.identify import identify
+from octoform.builtin.interface import declare
 from octoform.builtin.probe.stage import probe_root
 from octoform.builtin.serve.stage import render
 from octoform.contracts.host_identity import pseudonymise

@@ -17,8 +17,8 @@ from generated_kinds import CONTROLLER, KINDS, NATIVE, Kind
 from sysfs_tree import Tree
 
 from octoform.base.id_databases import IdDatabases
-from octoform.builtin.identify.stage import identify
-from octoform.builtin.interface.stage import declare
+from octoform.builtin.identify import identify
+from octoform.builtin.interface import declare
 from octoform.builtin.probe.stage import probe_root
 from octoform.builtin.serve.stage import render
 from octoform.contracts.contract_check import check

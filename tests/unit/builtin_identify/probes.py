@@ -4,7 +4,7 @@ from pathlib import Path
 from typing import Any
 
 from octoform.base.id_databases import IdDatabases
-from octoform.builtin.identify.stage import identify
+from octoform.builtin.identify import identify
 
 NO_DATABASES = IdDatabases(Path("/nonexistent"))
 

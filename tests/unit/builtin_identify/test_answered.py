@@ -6,9 +6,9 @@ from typing import Any
 import pytest
 
 from octoform.base.id_databases import IdDatabases
-from octoform.builtin.identify.other_sources import short
-from octoform.builtin.identify.stage import identify
-from octoform.builtin.interface.stage import why_left_out
+from octoform.builtin.identify import identify
+from octoform.builtin.interface import why_left_out
+from octoform.builtin.other_sources import short
 from octoform.contracts.contract_check import check
 from octoform.contracts.model import Artifacts
 

@@ -11,7 +11,7 @@ from hosts.plant import NAMES, plant
 from unit.builtin_identify.probes import answer, usb
 
 from octoform.base.id_databases import IdDatabases
-from octoform.builtin.identify.stage import identify
+from octoform.builtin.identify import identify
 from octoform.builtin.probe.stage import probe_root
 from octoform.contracts.contract_check import check
 from octoform.contracts.model import Artifacts

@@ -6,7 +6,7 @@ import pytest
 from unit.builtin_identify.probes import answer, device, probe, usb
 
 from octoform.base.id_databases import IdDatabases
-from octoform.builtin.identify.stage import identify
+from octoform.builtin.identify import identify
 
 SERIAL = ("interface 00: class ff/01/02 driver=ch341", "tty[0].name: ttyUSB")
 IDS = b"# ids\n1d9c  Finch Instruments\n\t0001  Warbler 9 Reader\n\t0002  FX12 UART Bridge\n\t\t00  sub\n2e00  Other\n"

@@ -10,8 +10,8 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 from unit.builtin_identify.probes import NO_DATABASES, device, probe, usb
 
-from octoform.builtin.identify.stage import identify, names_wires, without_refused
-from octoform.builtin.interface.stage import declare
+from octoform.builtin.identify import identify, names_wires, without_refused
+from octoform.builtin.interface import declare
 from octoform.builtin.probe import kernel_text
 from octoform.contracts.contract_check import check
 from octoform.contracts.model import Artifacts

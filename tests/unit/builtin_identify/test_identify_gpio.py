@@ -7,7 +7,7 @@ import pytest
 from sysfs_tree import Tree
 from unit.builtin_identify.probes import NO_DATABASES, answer, capabilities, device, probe, usb
 
-from octoform.builtin.identify.stage import identify
+from octoform.builtin.identify import identify
 from octoform.builtin.probe.stage import probe_root
 from octoform.contracts.contract_check import check
 from octoform.contracts.model import Artifacts

@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 from unit.builtin_identify.probes import NO_DATABASES, device, probe, usb
 
-from octoform.builtin.identify.stage import identify
+from octoform.builtin.identify import identify
 from octoform.contracts.contract_check import check
 from octoform.contracts.model import Artifacts, ProfileFacts
 from octoform.profiles import devices_of, for_task, load

@@ -8,8 +8,8 @@ from typing import Any
 import pytest
 
 from octoform.base.id_databases import IdDatabases
-from octoform.builtin.identify.stage import identify
-from octoform.builtin.interface.stage import declare
+from octoform.builtin.identify import identify
+from octoform.builtin.interface import declare
 from octoform.builtin.probe.stage import probe_root
 from octoform.builtin.serve.stage import render
 from octoform.contracts.contract_check import check

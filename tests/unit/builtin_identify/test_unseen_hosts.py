@@ -11,8 +11,8 @@ from cases import for_each
 from unseen_hosts import HOSTS, Host
 
 from octoform.base.id_databases import IdDatabases
-from octoform.builtin.identify.stage import identify
-from octoform.builtin.interface.stage import declare
+from octoform.builtin.identify import identify
+from octoform.builtin.interface import declare
 from octoform.builtin.probe.stage import probe_root
 from octoform.contracts.contract_check import check
 from octoform.contracts.model import Artifacts

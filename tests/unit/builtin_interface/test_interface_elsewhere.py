@@ -4,7 +4,7 @@ from typing import Any
 
 import pytest
 
-from octoform.builtin.interface.stage import why_left_out
+from octoform.builtin.interface import why_left_out
 
 
 @pytest.mark.parametrize(

@@ -7,8 +7,8 @@ from typing import Any
 import pytest
 
 from octoform.base.id_databases import IdDatabases
-from octoform.builtin.identify.stage import identify
-from octoform.builtin.interface.stage import KINDS, declare
+from octoform.builtin.identify import identify
+from octoform.builtin.interface import KINDS, declare
 from octoform.builtin.serve.stage import render
 from octoform.builtin.task import TaskRefused
 from octoform.contracts.contract_check import check

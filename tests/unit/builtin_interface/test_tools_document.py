@@ -3,7 +3,7 @@
 import re
 from pathlib import Path
 
-from octoform.builtin.interface.stage import KINDS
+from octoform.builtin.interface import KINDS
 
 PAGE = Path(__file__).parents[3] / "docs/tools.md"
 

@@ -7,7 +7,7 @@ from typing import Any
 
 from sysfs_tree import Tree
 
-from octoform.builtin.interface.stage import KINDS, declare
+from octoform.builtin.interface import KINDS, declare
 
 CAMERA, SOUND, CHIP, ZONE, IMU = "usb-1f00-00c1", "usb-1f00-00a1", "hwmon-corechip", "thermal-cpuzone", "i2c-imu9"
 BATTERY, PANEL, LAMP, CLOCK = "acpi-batt01", "backlight-panel0", "leds-status-green", "platform-rtc-demo"

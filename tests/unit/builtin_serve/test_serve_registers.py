@@ -13,8 +13,8 @@ import pytest
 
 import octoform.runtime
 from octoform.base.id_databases import IdDatabases
-from octoform.builtin.identify.stage import identify
-from octoform.builtin.interface.stage import declare
+from octoform.builtin.identify import identify
+from octoform.builtin.interface import declare
 from octoform.builtin.serve.stage import render
 from octoform.contracts.model import Artifacts
 from octoform.contracts.rules.serve.device_rules import RULES as DEVICE_RULES

@@ -14,7 +14,7 @@ from ruff import find_ruff_bin
 from unit.builtin_serve.invented_host import DEVICES, interface
 
 from octoform.base.source_lines import counted
-from octoform.builtin.interface.stage import KINDS
+from octoform.builtin.interface import KINDS
 from octoform.builtin.serve import stage
 from octoform.builtin.serve.stage import MOST_LINES, SECTIONS, render
 from octoform.builtin.task import Task, TaskRefused
@@ -27,7 +27,7 @@ ONE_OF_EACH_CLASS = tuple(names[0] for section, names in SECTIONS.items() if sec
 def rendered(only: tuple[str, ...] | None, monkeypatch: pytest.MonkeyPatch) -> tuple[str, dict[str, Any]]:
     """A server of these capabilities, whatever its length."""
     monkeypatch.setattr(stage, "MOST_LINES", 5000)
-    monkeypatch.setattr("octoform.builtin.interface.stage.MOST_LINES", 5000)
+    monkeypatch.setattr("octoform.builtin.interface.MOST_LINES", 5000)
     artifact = interface(only)
     return render(artifact), artifact
 

@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from octoform.builtin.interface.stage import declare
+from octoform.builtin.interface import declare
 from octoform.builtin.step import answer, run
 from octoform.builtin.task import Task, TaskRefused, read_task
 from octoform.contracts.contract_check import check

@@ -15,8 +15,8 @@ from case_hosts import SCHEMAS, host
 from cases import for_each
 
 from octoform.base.id_databases import IdDatabases
-from octoform.builtin.identify.stage import identify
-from octoform.builtin.interface.stage import declare
+from octoform.builtin.identify import identify
+from octoform.builtin.interface import declare
 from octoform.builtin.probe.stage import probe_root
 from octoform.builtin.scan import beside
 from octoform.builtin.serve.stage import render

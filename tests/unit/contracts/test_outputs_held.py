@@ -14,8 +14,8 @@ from server_edits import WHOLE, adds, all_of, line
 from unit.contracts.contract_samples import SCHEMAS
 
 from octoform.base.id_databases import IdDatabases
-from octoform.builtin.identify.stage import identify
-from octoform.builtin.interface.stage import declare
+from octoform.builtin.identify import identify
+from octoform.builtin.interface import declare
 from octoform.builtin.probe.stage import probe_root
 from octoform.builtin.serve.stage import render
 from octoform.contracts import ProfileFacts

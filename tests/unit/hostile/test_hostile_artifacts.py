@@ -15,8 +15,8 @@ from hostile_strings import STRINGS, Hostile, laptop_named
 
 from octoform.base.escaping import is_hidden
 from octoform.base.id_databases import IdDatabases
-from octoform.builtin.identify.stage import identify
-from octoform.builtin.interface.stage import declare
+from octoform.builtin.identify import identify
+from octoform.builtin.interface import declare
 from octoform.builtin.probe.kernel_text import visible
 from octoform.builtin.probe.stage import probe_root
 from octoform.builtin.serve.stage import render

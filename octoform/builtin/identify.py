@@ -10,6 +10,7 @@ from types import MappingProxyType
 from typing import Any
 
 from octoform.base.id_databases import IdDatabases
+from octoform.builtin import other_sources
 from octoform.builtin.classes import (
     buses,
     inputs,
@@ -38,7 +39,6 @@ from octoform.builtin.description.claim_model import (
 from octoform.builtin.description.device_evidence import Device
 from octoform.builtin.description.identity import CLASS_ONLY, NOTHING, Identity, identity
 from octoform.builtin.description.product_names import GENERIC
-from octoform.builtin.identify import other_sources
 from octoform.builtin.protocol_definitions import Profiles
 from octoform.builtin.task import Task
 

@@ -9,9 +9,9 @@ from bisect import bisect_left
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from octoform.builtin import protocol_tools
 from octoform.builtin.classes import inputs, media, network, office, outputs, position, power, sensors, storage
 from octoform.builtin.classes.macos import NO_TOOLS
-from octoform.builtin.interface import protocol_tools
 from octoform.builtin.protocol_definitions import Profiles
 from octoform.builtin.serve.stage import MOST_LINES, line_count
 from octoform.builtin.task import Task, TaskRefused
