@@ -69,7 +69,7 @@ def _start(
     try:
         foreign = of_another(layout) if anew else None
         if foreign is not None:
-            from octoform.engine.unattended.takeover import take_over  # heavy, and once in the life of a copy
+            from octoform.engine.unattended.session import take_over  # heavy, and once in the life of a copy
 
             problem = take_over(layout, environ, foreign)
             if problem is not None:

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from octoform.engine.inspect.attempts import ACCEPTED, INTERRUPTED, REUSE, RUNNING, Attempt, Detail
-from octoform.engine.recordings.recording import Recorded
+from octoform.engine.recording import Recorded
 from octoform.harness.port import Closed
 from octoform.views.format.console import Console
 from octoform.views.format.diagnostics import render

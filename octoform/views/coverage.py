@@ -5,8 +5,8 @@ from collections.abc import Callable, Iterator
 from dataclasses import asdict
 from pathlib import Path
 
-from octoform.engine.coverage.report import OFFERED, Counted, Coverage, CoverageReport, Device, Share, Standing
-from octoform.engine.coverage.runs import Disagreement, Pass, Stability
+from octoform.engine.coverage import OFFERED, Counted, Coverage, CoverageReport, Device, Share, Standing
+from octoform.engine.coverage_runs import Disagreement, Pass, Stability
 from octoform.views import coverage_text as words
 from octoform.views.format import table
 from octoform.views.format.console import Console

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
-from octoform.engine.coverage.report import Coverage, CoverageReport, Standing
+from octoform.engine.coverage import Coverage, CoverageReport, Standing
 from octoform.views import coverage as coverage_view
 from octoform.views import coverage_text as words
 from octoform.views.format import table

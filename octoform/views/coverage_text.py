@@ -3,8 +3,8 @@
 from collections.abc import Sequence
 
 from octoform.contracts.rules.identify import answer_rules
-from octoform.engine.coverage.report import OFFERED, CoverageReport, Group, Share, Stage
-from octoform.engine.coverage.runs import Pass, known_sum
+from octoform.engine.coverage import OFFERED, CoverageReport, Group, Share, Stage
+from octoform.engine.coverage_runs import Pass, known_sum
 from octoform.views.format.table import Column
 from octoform.views.format.values import money, tokens
 from octoform.views.plan_text import counted

@@ -8,8 +8,8 @@ from octoform.base.id_databases import IdDatabases
 from octoform.builtin.identify import identify
 from octoform.builtin.interface import declare
 from octoform.builtin.probe.stage import probe_root
-from octoform.engine.coverage.report import CoverageReport, Ground, Stage, coverage
-from octoform.engine.coverage.runs import Pass, Run, compare, run_of
+from octoform.engine.coverage import CoverageReport, Ground, Stage, coverage
+from octoform.engine.coverage_runs import Pass, Run, compare, run_of
 
 STAMP = "2026-01-02T03:04:05Z"
 

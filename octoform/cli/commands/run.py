@@ -225,7 +225,7 @@ def _attempts_show(arguments: Namespace, project: Path, screen: Console) -> int:
 
 
 def _record(arguments: Namespace, project: Path, screen: Console) -> int:
-    from octoform.engine.recordings.recording import record
+    from octoform.engine.recording import record
     from octoform.views import attempts
 
     made, found = record(project, os.environ, Path(arguments.folder).absolute(), arguments.first)

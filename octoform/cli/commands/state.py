@@ -70,7 +70,7 @@ def run_devices(arguments: Namespace, project: Path, screen: Console) -> int:
 
 def run_coverage(arguments: Namespace, project: Path, screen: Console) -> int:
     """The report, on the terminal or as a page; reads only, but for the page."""
-    from octoform.engine.coverage import report as engine
+    from octoform.engine import coverage as engine
     from octoform.views import coverage as coverage_view
 
     if arguments.html == "":

@@ -18,7 +18,7 @@ from octoform.apply.stage.serve_proof import service_of
 from octoform.claims.settings import bounds_told
 from octoform.diagnostics import Diagnostic, error, has_errors
 from octoform.endpoint.process.record import is_marked
-from octoform.endpoint.publication import is_published
+from octoform.endpoint.publication import is_published, tells_of
 from octoform.engine.apply.session import (
     HostRefused,
     Locked,
@@ -37,7 +37,7 @@ from octoform.events import Event, Notice
 from octoform.harness.containment.orphans import sweep
 from octoform.profiles.registers import RegisterGrammar
 from octoform.state.artifacts.accepted import observe
-from octoform.state.layout import STAGES
+from octoform.state.layout import STAGES, Layout
 from octoform.state.model import Status
 from octoform.state.store.store import Ports
 
@@ -163,3 +163,24 @@ def bounds(project: Path, environ: Mapping[str, str]) -> list[dict[str, Any]]:
     grammars = [(profile.name, profile.grammar) for profile in compiled.profiles]
     registers = [(name, one.registers) for name, one in grammars if isinstance(one, RegisterGrammar)]
     return bounds_told(compiled.layout, [(name, one.protect) for name, one in registers if one.protect is not None])
+
+
+# An endpoint of this folder's own, where the one that is there was written for another: a copy, a moved one. (Heavy.)
+#
+# What was applied is carried over as it is: no agent is asked, no tool is called, and nothing of an edited manifest
+# comes into service by the way. The original keeps its process, its sockets and its units.
+
+
+def take_over(layout: Layout, environ: Mapping[str, str], foreign: Diagnostic) -> Diagnostic | None:
+    """Write the endpoint for this folder and start it; ``foreign`` with the reason where that cannot be."""
+    done = on_duty(layout.project, environ, "start", _published)
+    return None if done.ok else replace(foreign, detail=done.detail)
+
+
+def _published(context: Context) -> DutyOutcome:
+    if not tells_of(context.layout, service_of(context), context.environ):
+        return DutyOutcome(
+            ok=False, detail="the manifest was edited since it was applied, or the endpoint's files were"
+        )
+    found = promotion.published(context, smoke=False)
+    return refusal(found) if has_errors(found) else DutyOutcome(ok=True, detail="the endpoint is this folder's own")

@@ -12,9 +12,9 @@ from attempt_folders import Folders
 from covered import STAMP, declared, identified, known, left, onboarded, seen
 
 from octoform.cli.dispatch import dispatch
-from octoform.engine.coverage import report as collect
-from octoform.engine.coverage.report import CoverageReport
-from octoform.engine.coverage.runs import grouped, runs
+from octoform.engine import coverage as collect
+from octoform.engine.coverage import CoverageReport
+from octoform.engine.coverage_runs import grouped, runs
 from octoform.engine.inspect.attempts import of_host
 from octoform.state.artifacts.accepted import file_digest
 from octoform.state.model import NodeState, Snapshot, Status, Usage, encode

@@ -4,7 +4,7 @@ from typing import Any
 
 from covered import declared, identified, known, left, seen
 
-from octoform.engine.coverage.report import Counted, Coverage, Ground, Share, Standing, coverage
+from octoform.engine.coverage import Counted, Coverage, Ground, Share, Standing, coverage
 
 NAMES = ("camera", "relay", "disk", "radio", "mystery", "hub", "chip", "login", "neighbour")
 IDENTIFY = identified(

@@ -4,7 +4,7 @@ from typing import Any
 
 from covered import declared, identified, known, left
 
-from octoform.engine.coverage.runs import Disagreement, Renamed, Run, Stability, compare, run_of
+from octoform.engine.coverage_runs import Disagreement, Renamed, Run, Stability, compare, run_of
 
 
 def run(devices: list[dict[str, Any]], *out: dict[str, Any], agent: str = "pi", **names: Any) -> Run:

@@ -13,7 +13,7 @@ from octoform.apply.stage.artifact_writer import pseudonym_key, text_of
 from octoform.contracts.host_identity import instances, pseudonymise
 from octoform.diagnostics import Diagnostic, error, to_json
 from octoform.engine.inspect.attempts import of_host
-from octoform.engine.recordings.recording import Recorded, record, runs
+from octoform.engine.recording import Recorded, record, runs
 from octoform.harness import transcript
 from octoform.harness.port import AgentEvent, Said, ToolCalled
 from octoform.harness.recording import Recording, load

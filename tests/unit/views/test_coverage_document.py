@@ -8,7 +8,7 @@ from covered import onboarded, report
 from hosts.plant import plant
 
 from octoform.contracts.rules.identify.answer_rules import tier, wanted
-from octoform.engine.coverage.report import CoverageReport, Share
+from octoform.engine.coverage import CoverageReport, Share
 from octoform.views.coverage import lines
 from octoform.views.coverage_text import percent
 

@@ -13,8 +13,8 @@ from hostile_strings import STRINGS
 from hosts.plant import plant
 
 from octoform.base.escaping import is_hidden
-from octoform.engine.coverage.report import CoverageReport
-from octoform.engine.coverage.runs import run_of
+from octoform.engine.coverage import CoverageReport
+from octoform.engine.coverage_runs import run_of
 from octoform.views import coverage as coverage_view
 from octoform.views.coverage_page import page
 from octoform.views.format.console import Console

@@ -18,9 +18,9 @@ from octoform.apply.stage.spec_copy import FILE_NAME as SPEC_COPY
 from octoform.apply.stage.spec_copy import MOST_SPEC_BYTES
 from octoform.base.files import TEMPORARY, read_plain, replace, sync_folder
 from octoform.diagnostics import Diagnostic, error, has_errors, warning
+from octoform.engine import anonymizer
+from octoform.engine.anonymizer import Veil, veil
 from octoform.engine.inspect.attempts import Attempt, of_host, run_of
-from octoform.engine.recordings import anonymizer
-from octoform.engine.recordings.anonymizer import Veil, veil
 from octoform.harness import recording, transcript
 from octoform.harness.event_parser import json_object
 from octoform.harness.port import ExitReason

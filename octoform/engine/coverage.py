@@ -18,8 +18,8 @@ from octoform.contracts.rules.identify.answer_rules import tier, wanted
 from octoform.diagnostics import Diagnostic, error
 from octoform.endpoint.drift import observe as observe_endpoint
 from octoform.endpoint.expected_tools import hidden
-from octoform.engine.coverage.runs import Output, Pass, Run, Stability, compare, grouped, passes, runs
-from octoform.engine.coverage.runs import run_of as stable_run
+from octoform.engine.coverage_runs import Output, Pass, Run, Stability, compare, grouped, passes, runs
+from octoform.engine.coverage_runs import run_of as stable_run
 from octoform.engine.inspect.attempts import MOST_TASK_BYTES, Attempt, of_host, run_of
 from octoform.engine.inspect.devices import lacking
 from octoform.engine.inspect.state import open_project

@@ -1,1 +1,0 @@
-"""Recordings of runs: what they may say, and the folder that they are written to."""
