@@ -17,9 +17,9 @@ from octoform.harness.port import Usage
 from octoform.manifest.model import Manifest
 from octoform.profiles import Profile
 from octoform.protocol import Spec, Step
-from octoform.state.artifacts.reusable import Donors
 from octoform.state.files import Checkpoint, pass_by
 from octoform.state.layout import STAGES, Layout
+from octoform.state.reusable import Donors
 from octoform.state.store.store import StateStore
 
 CANDIDATE = "candidate"

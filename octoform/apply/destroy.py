@@ -9,7 +9,7 @@ from octoform.endpoint.process.estop import is_latched
 from octoform.endpoint.process.systemd import is_ours, unit_path
 from octoform.endpoint.publication import remove, stopped_devices
 from octoform.plan.model import Action, Plan
-from octoform.state.artifacts.cache import INSTANCES, forget
+from octoform.state.artifact_cache import INSTANCES, forget
 from octoform.state.files import refused
 from octoform.state.layout import Layout
 

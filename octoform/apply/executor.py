@@ -27,7 +27,7 @@ from octoform.harness.watcher import added
 from octoform.manifest.model import MODEL_FREE
 from octoform.plan.diff import WANTED_ANEW, Tool, changes, is_ignored
 from octoform.plan.model import Action, Plan, PlannedAction
-from octoform.state.artifacts.accepted import accept, file_digest
+from octoform.state.accepted import accept, file_digest
 from octoform.state.files import read_regular
 from octoform.state.model import NodeState, Status
 

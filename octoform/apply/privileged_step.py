@@ -31,7 +31,7 @@ from octoform.diagnostics import Diagnostic, error, has_errors, warning
 from octoform.harness.port import Task, Usage
 from octoform.perception.camera_selection import Camera, best, cameras
 from octoform.protocol.model import FRAME, READING, Step
-from octoform.state.artifacts.cache import read_instances
+from octoform.state.artifact_cache import read_instances
 from octoform.state.files import write_atomic
 
 # The gate of a privileged step: its artifact, a server that it rewrote, and then the trials on the hardware itself.

@@ -34,9 +34,9 @@ from octoform.endpoint.published_files import (
 )
 from octoform.harness.port import Task
 from octoform.manifest.model import FILE_NAME
-from octoform.state.artifacts import attempts
-from octoform.state.git.head import head_revision, on_branch, repository
-from octoform.state.git.repository import configuration_files
+from octoform.state import attempts
+from octoform.state.git_head import head_revision, on_branch, repository
+from octoform.state.git_repository import configuration_files
 from octoform.state.layout import Layout
 from octoform.state.store.lock import is_locked
 

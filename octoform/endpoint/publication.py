@@ -43,7 +43,7 @@ from octoform.endpoint.published_files import (
     program_files,
     read_manifest,
 )
-from octoform.state.artifacts.cache import ENDPOINT, forget, keep
+from octoform.state.artifact_cache import ENDPOINT, forget, keep
 from octoform.state.files import write_atomic
 from octoform.state.layout import Layout
 

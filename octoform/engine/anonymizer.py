@@ -17,7 +17,7 @@ from octoform.contracts.artifact_parser import parse
 from octoform.contracts.host_identity import hidden, hider, members, secrets_in_text, spelt, with_stand_ins
 from octoform.harness.event_parser import TEXT_LIMIT, json_object
 from octoform.redaction import Redactor, redacted, spellings
-from octoform.state.artifacts.cache import read_instances
+from octoform.state.artifact_cache import read_instances
 from octoform.state.files import read_regular
 from octoform.state.layout import Layout
 

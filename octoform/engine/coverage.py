@@ -28,7 +28,7 @@ from octoform.engine.plan.configuration import Compiled
 from octoform.engine.plan.refresh import read_artifacts
 from octoform.graph.model import ANSWER
 from octoform.harness.event_parser import json_object
-from octoform.state.artifacts.accepted import observe as observe_files
+from octoform.state.accepted import observe as observe_files
 from octoform.state.files import shown, write_atomic
 from octoform.state.layout import STAGES, Layout
 from octoform.state.model import NodeState, Snapshot, Status

@@ -16,7 +16,7 @@ from octoform.engine.plan.refresh import read_artifacts
 from octoform.engine.results import RunResult, RunView
 from octoform.manifest import setting_writer
 from octoform.plan.model import OpenQuestion
-from octoform.state.artifacts.accepted import observe
+from octoform.state.accepted import observe
 
 TABLE = "answers"
 Environ = Mapping[str, str]

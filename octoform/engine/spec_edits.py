@@ -18,8 +18,8 @@ from octoform.engine.plan.configuration import Compiled
 from octoform.graph.model import key_of
 from octoform.protocol import DUTIES, STAGES, STEP, Spec, own_path, step_paths
 from octoform.protocol.spec_loader import load_one, load_step
-from octoform.state.artifacts import attempts
-from octoform.state.artifacts.attempts import PendingEdit
+from octoform.state import attempts
+from octoform.state.attempts import PendingEdit
 from octoform.state.files import write_atomic
 from octoform.state.model import NodeState
 

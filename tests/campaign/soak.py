@@ -23,7 +23,7 @@ from campaign.bench import Bench, until
 from campaign.making import made, plug_in
 
 from octoform.daemon.store import instance_lock
-from octoform.state.artifacts.cache import MOST_ASIDE
+from octoform.state.artifact_cache import MOST_ASIDE
 
 MINUTE = 60.0
 CALM = 90.0

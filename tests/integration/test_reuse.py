@@ -11,9 +11,9 @@ from typing import Any
 import pytest
 from projects import Done, Project
 
-from octoform.state.artifacts.accepted import file_digest
-from octoform.state.artifacts.reusable import find
+from octoform.state.accepted import file_digest
 from octoform.state.layout import Layout
+from octoform.state.reusable import find
 
 
 def repository(folder: Path) -> Project:

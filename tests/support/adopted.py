@@ -5,7 +5,7 @@ from pathlib import Path
 from octoform.apply.endpoint_node import made_of
 from octoform.base import digest
 from octoform.graph.model import Graph, Node, NodeKind, key_of
-from octoform.state.artifacts.accepted import accept, file_digest
+from octoform.state.accepted import accept, file_digest
 from octoform.state.layout import Layout
 from octoform.state.model import NodeState, Status
 from octoform.state.store.store import Ports, StateStore

@@ -7,8 +7,8 @@ from typing import Any
 
 from octoform.harness.port import AgentEvent
 from octoform.harness.transcript import Moment, encode
-from octoform.state.artifacts import attempts
-from octoform.state.artifacts.attempts import AttemptRecord
+from octoform.state import attempts
+from octoform.state.attempts import AttemptRecord
 from octoform.state.layout import OUTPUT_NAMES, Layout
 
 MANIFEST = "version: 1\nhost: bench\nharness: builtin\n"

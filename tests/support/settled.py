@@ -26,8 +26,8 @@ from octoform.endpoint.published_files import CHECK
 from octoform.engine.plan.configuration import Compiled, compile_project
 from octoform.engine.plan.refresh import contract_digest
 from octoform.graph.model import Node, NodeKind, key_of, key_parts
-from octoform.state.artifacts.accepted import accept, file_digest
-from octoform.state.artifacts.cache import write_instances
+from octoform.state.accepted import accept, file_digest
+from octoform.state.artifact_cache import write_instances
 from octoform.state.files import write_atomic
 from octoform.state.layout import OUTPUT_NAMES, STAGES, Layout
 from octoform.state.model import NodeState, Usage

@@ -27,8 +27,8 @@ from octoform.endpoint.environment.model import Environment
 from octoform.endpoint.published_files import CHECK
 from octoform.graph.model import Graph, Node, NodeKind, key_of
 from octoform.harness.port import Task
-from octoform.state.artifacts.accepted import accept, file_digest
-from octoform.state.artifacts.cache import keep_accepted
+from octoform.state.accepted import accept, file_digest
+from octoform.state.artifact_cache import keep_accepted
 from octoform.state.files import Checkpoint, pass_by, read_regular, spending, write_atomic
 from octoform.state.layout import Layout
 from octoform.state.model import NodeState, Status

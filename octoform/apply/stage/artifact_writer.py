@@ -17,7 +17,7 @@ from octoform.base.files import read
 from octoform.contracts.artifact_parser import parse
 from octoform.contracts.host_identity import instances, judged, keep_ids, pseudonymise
 from octoform.diagnostics import Diagnostic
-from octoform.state.artifacts.cache import read_instances, write_instances
+from octoform.state.artifact_cache import read_instances, write_instances
 from octoform.state.files import read_regular, spending, write_atomic
 from octoform.state.layout import Layout
 

@@ -43,7 +43,7 @@ from octoform.manifest.model import MODEL_FREE
 from octoform.profiles import Profile, briefing, devices_of, for_task
 from octoform.protocol import Prompt, render_prompt
 from octoform.protocol.prompt import MOST_TAIL_BYTES, findings
-from octoform.state.artifacts.attempts import folders
+from octoform.state.attempts import folders
 from octoform.state.layout import OUTPUT_NAMES
 
 # ``check``: a program in an attempt's folder that holds the output against its contract before the agent ends.

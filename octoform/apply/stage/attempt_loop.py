@@ -43,7 +43,7 @@ from octoform.harness.port import (
 from octoform.harness.registry import resolve
 from octoform.harness.watcher import added
 from octoform.protocol import PromptTooLarge
-from octoform.state.artifacts import attempts as spec_edits
+from octoform.state import attempts as spec_edits
 from octoform.state.files import full_disk, refused
 from octoform.state.os_errors import refusal
 

@@ -18,11 +18,10 @@ from octoform.harness.contained_attempt import read_usage
 from octoform.harness.containment import agent_environment
 from octoform.harness.port import ExitReason, Outcome, Task, Usage
 from octoform.redaction import redacted
-from octoform.state import model
-from octoform.state.artifacts import attempts
-from octoform.state.artifacts.attempts import AttemptRecord, SpecEdit
-from octoform.state.artifacts.reusable import Donor
+from octoform.state import attempts, model
+from octoform.state.attempts import AttemptRecord, SpecEdit
 from octoform.state.layout import OUTPUT_NAMES
+from octoform.state.reusable import Donor
 
 MOST_FILES = 200
 OURS = frozenset(

@@ -19,9 +19,9 @@ from octoform.apply.stage.attempt_record import reused
 from octoform.base import files
 from octoform.diagnostics import has_errors
 from octoform.harness.port import Task, TaskLimits, Usage
-from octoform.state.artifacts.accepted import file_digest
-from octoform.state.artifacts.reusable import Donor
+from octoform.state.accepted import file_digest
 from octoform.state.files import read_regular
+from octoform.state.reusable import Donor
 
 MOST_REFUSED = 5
 """A trial of a server takes as long as an agent's run may; behind so many that do not hold, the agent is asked."""

@@ -15,9 +15,9 @@ from octoform.base.files import read
 from octoform.endpoint.drift import observe
 from octoform.endpoint.environment.model import MARKER, at, intact, packages_of
 from octoform.endpoint.published_files import PACKAGES, read_manifest
-from octoform.state.artifacts.accepted import FileFacts, file_digest, present
-from octoform.state.artifacts.accepted import observe as observe_artifacts
-from octoform.state.artifacts.cache import kept
+from octoform.state.accepted import FileFacts, file_digest, present
+from octoform.state.accepted import observe as observe_artifacts
+from octoform.state.artifact_cache import kept
 from octoform.state.layout import Layout
 from octoform.state.store.quick_read import peek
 

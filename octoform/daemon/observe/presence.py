@@ -24,7 +24,7 @@ from octoform.daemon.observe.process import ProcessEar
 from octoform.endpoint.process.record import Running, is_it
 from octoform.endpoint.published_files import describe_closed, served_nodes
 from octoform.host import SYSROOT_VARIABLE
-from octoform.state.artifacts.cache import classes_of, read_instances
+from octoform.state.artifact_cache import classes_of, read_instances
 from octoform.state.layout import Layout
 
 WHERE_SECONDS = 30.0

@@ -12,7 +12,7 @@ from typing import Any
 
 from octoform.daemon.model import Done
 from octoform.daemon.observe.presence import Asked
-from octoform.state.artifacts.cache import read_instances, write_instances
+from octoform.state.artifact_cache import read_instances, write_instances
 from octoform.state.layout import Layout
 from octoform.state.store.lock import Waiting, acquire
 

@@ -36,11 +36,11 @@ from octoform.harness.containment.orphans import sweep
 from octoform.host import SYSROOT_VARIABLE
 from octoform.plan import model, planfile
 from octoform.plan.model import Plan
-from octoform.state.artifacts import reusable
-from octoform.state.artifacts.accepted import observe
-from octoform.state.artifacts.cache import keep_accepted
+from octoform.state import reusable
+from octoform.state.accepted import observe
+from octoform.state.artifact_cache import keep_accepted
 from octoform.state.files import read_regular, write_atomic
-from octoform.state.git.repository import repository_facts
+from octoform.state.git_repository import repository_facts
 from octoform.state.layout import STEP, Layout
 from octoform.state.model import GitRecord
 from octoform.state.store.store import Context as RunFacts

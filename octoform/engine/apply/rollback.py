@@ -24,7 +24,7 @@ from octoform.diagnostics import Diagnostic, error, has_errors
 from octoform.endpoint.process import start_stop
 from octoform.endpoint.process.record import is_marked, running
 from octoform.endpoint.published_files import CHECK, LAUNCHER, MANIFEST, read_manifest
-from octoform.state.artifacts.accepted import accept, contents, file_digest
+from octoform.state.accepted import accept, contents, file_digest
 from octoform.state.files import read_regular, spending, write_atomic
 from octoform.state.layout import UNATTENDED, Layout
 from octoform.state.model import NodeState, Snapshot, Status

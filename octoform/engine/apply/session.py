@@ -19,11 +19,11 @@ from octoform.engine.plan.configuration import Compiled, compile_project
 from octoform.engine.plan.refresh import Situation
 from octoform.events import AttemptProgress, Event, EventSink, Notice
 from octoform.harness import logins
-from octoform.state.artifacts.reusable import Donors
 from octoform.state.files import Checkpoint, check_writable, pass_by
-from octoform.state.git.repository import commit
+from octoform.state.git_repository import commit
 from octoform.state.layout import Layout
 from octoform.state.model import Snapshot
+from octoform.state.reusable import Donors
 from octoform.state.store.lock import Waiting, acquire
 from octoform.state.store.store import Ports, StateStore
 

@@ -25,8 +25,8 @@ from octoform.manifest.loader import load as load_manifest
 from octoform.manifest.model import FILE_NAME as MANIFEST
 from octoform.protocol import STEP, step_paths
 from octoform.protocol.spec_loader import load as load_specs
-from octoform.state.artifacts import attempts as records
-from octoform.state.artifacts.attempts import AttemptRecord
+from octoform.state import attempts as records
+from octoform.state.attempts import AttemptRecord
 from octoform.state.layout import Layout
 from octoform.state.lock_holder import Liveness, liveness, myself
 from octoform.state.store.lock import Holder, read_holder

@@ -18,7 +18,7 @@ from octoform.engine.tools import layout_of
 from octoform.graph.model import key_of, key_parts
 from octoform.plan import model, planfile
 from octoform.plan.model import Plan
-from octoform.state.artifacts.accepted import file_digest
+from octoform.state.accepted import file_digest
 from octoform.state.files import read_regular
 from octoform.state.layout import STAGES, STEP
 from octoform.state.model import NodeState, Snapshot, Status

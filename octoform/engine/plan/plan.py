@@ -32,10 +32,10 @@ from octoform.profiles import Profile, near
 from octoform.profiles.selection import devices_of
 from octoform.protocol import Step
 from octoform.protocol.model import FRAME
-from octoform.state.artifacts import reusable
-from octoform.state.artifacts.cache import read_instances
+from octoform.state import reusable
+from octoform.state.artifact_cache import read_instances
 from octoform.state.files import write_atomic
-from octoform.state.git.repository import repository_facts
+from octoform.state.git_repository import repository_facts
 from octoform.state.layout import Layout
 from octoform.state.lock_holder import Liveness, liveness, myself
 from octoform.state.model import Snapshot

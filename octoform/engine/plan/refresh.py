@@ -21,8 +21,8 @@ from octoform.perception.camera_selection import Camera, best, cameras
 from octoform.plan.diff import Observed, Prior
 from octoform.profiles import Profile, commands, devices_of
 from octoform.protocol import DUTIES, Step
-from octoform.state.artifacts.accepted import observe as observe_files
-from octoform.state.artifacts.cache import read_instances
+from octoform.state.accepted import observe as observe_files
+from octoform.state.artifact_cache import read_instances
 from octoform.state.layout import STAGES, Layout
 from octoform.state.model import NodeState, Snapshot
 

@@ -22,11 +22,10 @@ from octoform.endpoint.expected_tools import shown as shown_tools
 from octoform.endpoint.process import start_stop
 from octoform.endpoint.process.record import is_marked, running
 from octoform.endpoint.published_files import CLIENTS, LAUNCHER
-from octoform.state.artifacts import cache
-from octoform.state.artifacts.accepted import observe
-from octoform.state.artifacts.cache import Damage, damage_of, read_instances, set_aside
+from octoform.state import artifact_cache, git_repository
+from octoform.state.accepted import observe
+from octoform.state.artifact_cache import Damage, damage_of, read_instances, set_aside
 from octoform.state.files import read_regular, shown, write_atomic
-from octoform.state.git import repository
 from octoform.state.layout import Layout
 from octoform.state.model import Snapshot, Status
 from octoform.state.store.lock import Waiting, acquire
@@ -34,7 +33,7 @@ from octoform.state.store.store import StateStore
 
 # Put back what was accepted and what is served, where it is damaged; an edit of a person stays. (Heavy: the state.)
 #
-# What is damage and what is an edit is said in `octoform.state.artifacts.cache`. Three rules beside it:
+# What is damage and what is an edit is said in `octoform.state.artifact_cache`. Three rules beside it:
 #
 # * Only what the state calls accepted is put back: what a run has left unfinished is for the next apply.
 # * An edited server does no harm while the endpoint runs, since the process has its code already; the endpoint refuses
@@ -81,7 +80,7 @@ def mend_artifacts(layout: Layout) -> Mended:
         there = facts.get(node)
         if there is not None and there.digest == wanted:
             continue
-        files = cache.kept(layout, node, wanted) or _committed(layout, node, wanted)
+        files = artifact_cache.kept(layout, node, wanted) or _committed(layout, node, wanted)
         if files is None:
             done.lost.append(
                 f"{node} is not as it was accepted, and neither a kept copy nor a commit holds it; "
@@ -94,14 +93,14 @@ def mend_artifacts(layout: Layout) -> Mended:
 
 def _committed(layout: Layout, node: str, wanted: str) -> dict[str, bytes] | None:
     """The accepted files as a commit of the project has them; None when none of the last ones does."""
-    versions = repository.versions(layout.project, layout.folder(node))
-    return next((files for files in versions if files and cache.folder_digest(files) == wanted), None)
+    versions = git_repository.versions(layout.project, layout.folder(node))
+    return next((files for files in versions if files and artifact_cache.folder_digest(files) == wanted), None)
 
 
 def mend_endpoint(layout: Layout) -> Mended:
     """Put every damaged file of the endpoint, and the ledger of instances, back as it was published or written last."""
     done = Mended()
-    files = cache.kept(layout, cache.ENDPOINT)
+    files = artifact_cache.kept(layout, artifact_cache.ENDPOINT)
     if files is None:
         done.lost.append("no copy of the endpoint's files is kept; octoform apply writes them again")
     else:
@@ -109,7 +108,7 @@ def mend_endpoint(layout: Layout) -> Mended:
         _mend_folder(layout, layout.endpoint, owned, done, hold=False)
         told = {name: data for name, data in files.items() if name not in owned}
         _mend_folder(layout, layout.endpoint, told, done, hold=True)
-    instances = cache.kept(layout, cache.INSTANCES)
+    instances = artifact_cache.kept(layout, artifact_cache.INSTANCES)
     if instances is not None and read_instances(layout)[0] is None:
         _mend_folder(layout, layout.local, instances, done, hold=False)
     return done
@@ -134,7 +133,7 @@ def _holds(layout: Layout) -> bool:
     return running(layout) is not None or is_marked(layout)
 
 
-def _mend_folder(layout: Layout, folder: Path, files: cache.Files, done: Mended, *, hold: bool) -> None:
+def _mend_folder(layout: Layout, folder: Path, files: artifact_cache.Files, done: Mended, *, hold: bool) -> None:
     """Put the damaged ones of these files back; an edited one only where nothing has to ``hold`` it."""
     stamp = clock.stamp(digits=6)
     _free(layout, folder, stamp, done)

@@ -36,7 +36,7 @@ from octoform.engine.plan.refresh import look
 from octoform.events import Event, Notice
 from octoform.harness.containment.orphans import sweep
 from octoform.profiles.registers import RegisterGrammar
-from octoform.state.artifacts.accepted import observe
+from octoform.state.accepted import observe
 from octoform.state.layout import STAGES, Layout
 from octoform.state.model import Status
 from octoform.state.store.store import Ports

@@ -8,7 +8,7 @@ import pytest
 
 from octoform import runtime
 from octoform.apply.stage.artifact_writer import runtime_files
-from octoform.state.artifacts.accepted import accept
+from octoform.state.accepted import accept
 from octoform.state.layout import Layout
 
 SOURCE = Path(runtime.__file__).parent

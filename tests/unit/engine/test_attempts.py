@@ -14,7 +14,7 @@ from octoform.diagnostics import error, to_json, warning
 from octoform.engine.inspect import attempts as engine
 from octoform.harness.containment import orphans
 from octoform.harness.port import AgentEvent, Closed, ExitReason, Said, ToolCalled, ToolReturned, Trouble, Turn, Usage
-from octoform.state.artifacts.attempts import SpecEdit
+from octoform.state.attempts import SpecEdit
 from octoform.state.store.lock import acquire
 from octoform.views import attempts as views
 from octoform.views.format.console import Console

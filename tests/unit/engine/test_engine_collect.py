@@ -16,7 +16,7 @@ from octoform.engine import coverage as collect
 from octoform.engine.coverage import CoverageReport
 from octoform.engine.coverage_runs import grouped, runs
 from octoform.engine.inspect.attempts import of_host
-from octoform.state.artifacts.accepted import file_digest
+from octoform.state.accepted import file_digest
 from octoform.state.model import NodeState, Snapshot, Status, Usage, encode
 
 Artifacts = dict[str, dict[str, Any]]

@@ -12,7 +12,7 @@ from octoform.diagnostics import Diagnostic, error
 from octoform.endpoint.process import record
 from octoform.engine.apply.session import Locked, Opened
 from octoform.engine.unattended import session
-from octoform.state.artifacts.accepted import accept, file_digest
+from octoform.state.accepted import accept, file_digest
 from octoform.state.layout import STAGES, Layout
 from octoform.state.model import Status
 from octoform.state.store.lock import acquire

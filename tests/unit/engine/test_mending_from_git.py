@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from octoform.engine.unattended.repairs import mend_artifacts
-from octoform.state.artifacts.accepted import accept, file_digest
+from octoform.state.accepted import accept, file_digest
 from octoform.state.layout import Layout
 from octoform.state.model import NodeState
 from octoform.state.store.store import StateStore

@@ -17,8 +17,8 @@ from octoform.engine.recording import Recorded, record, runs
 from octoform.harness import transcript
 from octoform.harness.port import AgentEvent, Said, ToolCalled
 from octoform.harness.recording import Recording, load
-from octoform.state.artifacts.attempts import SpecEdit
-from octoform.state.artifacts.cache import write_instances
+from octoform.state.artifact_cache import write_instances
+from octoform.state.attempts import SpecEdit
 
 SERIAL, ADDRESS, HOST = "QX-77120-B", "02:00:5e:10:00:01", "lab-machine-4"
 PROBE: dict[str, Any] = {

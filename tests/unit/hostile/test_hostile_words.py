@@ -23,8 +23,8 @@ from octoform.harness.watcher import Watcher
 from octoform.protocol import MOST_PROMPT_BYTES, STAGES, Prompt, render_prompt
 from octoform.protocol.spec_loader import load
 from octoform.runtime import calllog
-from octoform.state.artifacts import attempts
-from octoform.state.artifacts.attempts import AttemptRecord
+from octoform.state import attempts
+from octoform.state.attempts import AttemptRecord
 from octoform.views.apply import RunHuman, RunJson
 from octoform.views.format.console import Console
 from octoform.views.format.output import JsonStream

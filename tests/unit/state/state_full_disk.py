@@ -9,7 +9,7 @@ import sys
 from pathlib import Path
 
 from octoform.diagnostics import Diagnostic
-from octoform.state.artifacts.accepted import accept, file_digest
+from octoform.state.accepted import accept, file_digest
 from octoform.state.files import check_writable, full_disk
 from octoform.state.layout import Layout
 from octoform.state.model import NodeState

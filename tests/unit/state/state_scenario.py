@@ -5,7 +5,7 @@ from pathlib import Path
 
 from octoform.base import digest
 from octoform.diagnostics import error, has_errors
-from octoform.state.artifacts.accepted import accept, file_digest
+from octoform.state.accepted import accept, file_digest
 from octoform.state.files import Checkpoint, check_writable
 from octoform.state.layout import Layout
 from octoform.state.model import NodeState, Snapshot, Status

@@ -8,8 +8,8 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from octoform.base.files import TEMPORARY
-from octoform.state.artifacts.accepted import accept, file_digest, observe
-from octoform.state.artifacts.cache import read_instances, write_instances
+from octoform.state.accepted import accept, file_digest, observe
+from octoform.state.artifact_cache import read_instances, write_instances
 from octoform.state.layout import STAGES, Layout
 
 names = st.sampled_from(["runtime/a.py", "runtime/b.py", "notes.txt", "deep/er/x", "runtime/sub/y"])

@@ -7,9 +7,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as some
 
-from octoform.state.artifacts import cache
-from octoform.state.artifacts.accepted import accept, file_digest
-from octoform.state.artifacts.cache import MOST_ASIDE, Damage, damage_of, set_aside
+from octoform.state import artifact_cache
+from octoform.state.accepted import accept, file_digest
+from octoform.state.artifact_cache import MOST_ASIDE, Damage, damage_of, set_aside
 from octoform.state.layout import Layout
 
 SERVER = b"import os\n\n\ndef tool():\n    return os.name\n"
@@ -24,25 +24,25 @@ def layout(tmp_path: Path) -> Layout:
 def test_what_was_accepted_is_kept_under_the_digest_of_the_state(layout: Layout) -> None:
     assert accept(layout, "serve", FILES) == []
     wanted = file_digest(layout, "serve") or ""
-    assert cache.keep_accepted(layout, {"serve": wanted, "endpoint": ""}) is None
-    assert cache.kept(layout, "serve", wanted) == FILES
+    assert artifact_cache.keep_accepted(layout, {"serve": wanted, "endpoint": ""}) is None
+    assert artifact_cache.kept(layout, "serve", wanted) == FILES
     (layout.output("serve")).write_bytes(b"edited")
-    assert cache.keep_accepted(layout, {"serve": wanted}) is None
-    assert cache.kept(layout, "serve") == FILES
-    assert cache.kept(layout, "serve", "sha256:0") is None
+    assert artifact_cache.keep_accepted(layout, {"serve": wanted}) is None
+    assert artifact_cache.kept(layout, "serve") == FILES
+    assert artifact_cache.kept(layout, "serve", "sha256:0") is None
     assert {path.stat().st_mode & 0o077 for path in layout.kept.iterdir()} == {0}
 
 
 def test_two_generations_stay_and_no_copy_without_a_name(layout: Layout) -> None:
     for number in range(5):
-        assert cache.keep(layout, "serve", {"server.py": b"%d" % number, "same.py": b"same"}) is None
-    found = [cache.kept(layout, "serve", cache.folder_digest(files)) for files in _generations()]
+        assert artifact_cache.keep(layout, "serve", {"server.py": b"%d" % number, "same.py": b"same"}) is None
+    found = [artifact_cache.kept(layout, "serve", artifact_cache.folder_digest(files)) for files in _generations()]
     assert [each is not None for each in found] == [False, False, False, True, True]
     assert len(list(layout.kept.iterdir())) == 1 + 3
-    cache.keep(layout, "probe", {"output.json": b"{}"})
-    cache.forget(layout, ["serve"])
-    assert cache.kept(layout, "serve") is None and cache.kept(layout, "probe") is not None
-    cache.forget(layout, ["probe"])
+    artifact_cache.keep(layout, "probe", {"output.json": b"{}"})
+    artifact_cache.forget(layout, ["serve"])
+    assert artifact_cache.kept(layout, "serve") is None and artifact_cache.kept(layout, "probe") is not None
+    artifact_cache.forget(layout, ["probe"])
     assert not layout.kept.exists()
 
 
@@ -51,23 +51,23 @@ def _generations() -> list[dict[str, bytes]]:
 
 
 def test_a_damaged_copy_or_index_gives_nothing_and_is_made_again(layout: Layout) -> None:
-    cache.keep(layout, "serve", FILES)
+    artifact_cache.keep(layout, "serve", FILES)
     copy = next(path for path in layout.kept.iterdir() if path.read_bytes() == SERVER)
     copy.write_bytes(SERVER[:-1])
-    assert cache.kept(layout, "serve") is None
-    cache.keep(layout, "serve", FILES)
-    assert cache.kept(layout, "serve") == FILES
+    assert artifact_cache.kept(layout, "serve") is None
+    artifact_cache.keep(layout, "serve", FILES)
+    assert artifact_cache.kept(layout, "serve") == FILES
     for text in ("", "{", '{"format": 7, "nodes": {}}', '{"format": 1, "nodes": {"serve": [["x"]]}}'):
         (layout.kept / "index.json").write_text(text)
-        assert cache.kept(layout, "serve") is None
-    cache.keep(layout, "serve", FILES)
-    assert cache.kept(layout, "serve") == FILES
+        assert artifact_cache.kept(layout, "serve") is None
+    artifact_cache.keep(layout, "serve", FILES)
+    assert artifact_cache.kept(layout, "serve") == FILES
 
 
 def test_what_is_too_large_is_not_kept(layout: Layout, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(cache, "MOST_BYTES", 10)
-    assert cache.keep(layout, "serve", FILES) is None
-    assert cache.kept(layout, "serve") is None
+    monkeypatch.setattr(artifact_cache, "MOST_BYTES", 10)
+    assert artifact_cache.keep(layout, "serve", FILES) is None
+    assert artifact_cache.kept(layout, "serve") is None
 
 
 @pytest.mark.parametrize(

@@ -12,7 +12,7 @@ import pytest
 from unit.state.state_scenario import NODES, apply, files_of, settled
 
 from octoform.base.files import TEMPORARY
-from octoform.state.artifacts.accepted import file_digest
+from octoform.state.accepted import file_digest
 from octoform.state.layout import Layout
 from octoform.state.model import Status, content_digest
 from octoform.state.store.quick_read import peek

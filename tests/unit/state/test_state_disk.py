@@ -12,7 +12,7 @@ import pytest
 
 from octoform.base.files import TEMPORARY
 from octoform.diagnostics import Diagnostic
-from octoform.state.artifacts.accepted import accept, file_digest
+from octoform.state.accepted import accept, file_digest
 from octoform.state.files import check_writable, full_disk, read_regular, reserve_path, write_atomic
 from octoform.state.layout import Layout
 from octoform.state.model import NodeState

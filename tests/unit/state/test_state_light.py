@@ -10,7 +10,7 @@ ROOT = Path(__file__).parents[3]
 HEAVY = ("pydantic", "git", "jsonschema", "ruamel", "jinja2", "rich", "tempfile", "subprocess")
 LIGHT = (
     *("layout", "files", "lock_holder", "store.quick_read", "store.journal", "store.lock"),
-    *("artifacts.accepted", "artifacts.cache", "git.head"),
+    *("accepted", "artifact_cache", "git_head"),
 )
 
 

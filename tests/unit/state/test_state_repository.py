@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from octoform.state.git.head import head_revision
-from octoform.state.git.repository import commit, repository_facts
+from octoform.state.git_head import head_revision
+from octoform.state.git_repository import commit, repository_facts
 
 TRAILERS = {"Octoform-Host": "bench", "Octoform-Serial": "3"}
 
@@ -318,7 +318,7 @@ def test_an_index_that_is_locked_delays_only_the_index(repo: Project) -> None:
 def test_without_a_git_program(repo: Project) -> None:
     """In a process of its own, since the library looks for the program once."""
     program = (
-        "import sys; from pathlib import Path; from octoform.state.git.repository import repository_facts;"
+        "import sys; from pathlib import Path; from octoform.state.git_repository import repository_facts;"
         "print([item.code for item in repository_facts(Path(sys.argv[1]), [])[1]])"
     )
     environment = {"PATH": str(repo.root), "PYTHONPATH": str(Path(__file__).parents[3])}

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from octoform.state.artifacts.accepted import accept, file_digest, observe
+from octoform.state.accepted import accept, file_digest, observe
 from octoform.state.layout import STAGES, Layout
 
 NODE, FILES = "step.lamp", {"output.json": b"{}\n"}

@@ -241,8 +241,8 @@ def endpoint_of(facts: Facts) -> str | None:
 
 
 def test_accepted_files_that_are_not_as_they_were_are_named(tmp_path: Path) -> None:
-    from octoform.state.artifacts.accepted import accept, file_digest
-    from octoform.state.artifacts.cache import keep
+    from octoform.state.accepted import accept, file_digest
+    from octoform.state.artifact_cache import keep
 
     layout = Layout(tmp_path, "bench")
     files = {"server.py": b"pass\n", "runtime/a.py": b"a\n", "runtime/b.py": b"b\n"}

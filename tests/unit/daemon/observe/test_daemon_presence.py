@@ -14,7 +14,7 @@ from octoform.daemon.model import Sighting
 from octoform.daemon.observe.presence import Presence, Seen
 from octoform.endpoint.process.record import Running
 from octoform.endpoint.published_files import served_nodes
-from octoform.state.artifacts.cache import write_instances
+from octoform.state.artifact_cache import write_instances
 from octoform.state.layout import Layout
 
 PLACE = "/sys/devices/usb1/1-5"

@@ -28,7 +28,7 @@ from octoform.daemon.observe.observer import Looker, Senses
 from octoform.daemon.observe.presence import Asked, Presence
 from octoform.daemon.observe.process import Answering, ProcessEar
 from octoform.endpoint.process.record import Running, running
-from octoform.state.artifacts.cache import write_instances
+from octoform.state.artifact_cache import write_instances
 from octoform.state.layout import Layout
 from octoform.state.lock_holder import myself
 

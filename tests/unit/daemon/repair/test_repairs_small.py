@@ -16,7 +16,7 @@ from octoform.daemon.repair.jobs import JOBS
 from octoform.daemon.repair.repairer import Repairs, done
 from octoform.diagnostics import error
 from octoform.endpoint.environment.model import MARKER
-from octoform.state.artifacts.cache import read_instances, write_instances
+from octoform.state.artifact_cache import read_instances, write_instances
 from octoform.state.layout import Layout
 
 OLD = 1_000_000_000

@@ -12,7 +12,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from subprocess import CompletedProcess
 
-from octoform.state.git.head import repository
+from octoform.state.git_head import repository
 
 SECONDS = 300
 _OFF = (

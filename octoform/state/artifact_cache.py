@@ -20,7 +20,7 @@ from octoform.base.files import parse, private_folder
 from octoform.base.shape import INSTANCES as FORM
 from octoform.base.shape import fits
 from octoform.diagnostics import Diagnostic, error
-from octoform.state.artifacts.accepted import contents
+from octoform.state.accepted import contents
 from octoform.state.files import make_folders, read_regular, refused, shown, write_atomic
 from octoform.state.layout import Layout
 

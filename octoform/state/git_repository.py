@@ -15,8 +15,8 @@ from subprocess import CompletedProcess
 
 from octoform.diagnostics import Diagnostic, error, warning
 from octoform.state.files import shown
-from octoform.state.git.head import Repository, repository
-from octoform.state.git.invocation import RepositoryRefused, call
+from octoform.state.git_head import Repository, repository
+from octoform.state.git_invocation import RepositoryRefused, call
 
 _TAIL = 3000
 _MOST_NAMES = 200  # in one command line, which the system bounds

@@ -12,8 +12,8 @@ from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
 
-from octoform.state.git.head import repository
-from octoform.state.git.repository import kept
+from octoform.state.git_head import repository
+from octoform.state.git_repository import kept
 from octoform.state.layout import Layout
 from octoform.state.model import NodeState, Status
 from octoform.state.store.snapshot import read_snapshot
