@@ -111,9 +111,29 @@ def _roll_back(project: str, brief: Brief) -> dict[str, Any]:
 
 
 def _look(project: str, _: Brief) -> dict[str, Any]:
-    from octoform.daemon.observe.camera import look_once
+    """``{ok, detail, again, camera, picture}``: the device id, and ``{trouble, mean, spread}`` or None with the reason.
 
-    return look_once(Path(project))
+    Only where the manifest has perception switched on. The picture is kept as every other look's is.
+    """
+    from octoform.diagnostics import Diagnostic
+    from octoform.engine.look import look, open_eye
+
+    eye, found = open_eye(Path(project), os.environ)
+    if eye is None:
+        return _unseen(None, found[0].summary if found else "the project cannot be read")
+    if not eye.settings.enabled:
+        return _unseen(None, "perception is off")
+    seen = look(eye)
+    camera = seen.camera.device if seen.camera is not None else None
+    if isinstance(seen.outcome, Diagnostic):
+        return _unseen(camera, ": ".join(filter(None, (seen.outcome.summary, seen.outcome.detail))))
+    shown = seen.outcome.picture
+    picture = {"trouble": seen.trouble, "mean": shown.mean, "spread": shown.spread}
+    return {"ok": True, "detail": "", "again": True, "camera": camera, "picture": picture}
+
+
+def _unseen(camera: str | None, why: str) -> dict[str, Any]:
+    return {"ok": False, "detail": why[:500], "again": True, "camera": camera, "picture": None}
 
 
 def _layout(project: str, brief: Brief) -> Layout:
