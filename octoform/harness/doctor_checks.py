@@ -19,7 +19,6 @@ import octoform
 from octoform.base import shortage
 from octoform.base.files import parse
 from octoform.diagnostics import did_you_mean
-from octoform.harness import walls
 from octoform.harness.adapters.program import ProgramHarness
 from octoform.harness.containment import sandbox
 from octoform.harness.install.installer import node_version
@@ -115,7 +114,7 @@ def sandbox_check(wanted: Sandbox | None, environ: Mapping[str, str]) -> Check:
         )
     problem = sandbox.available(environ, wanted)
     if problem is None:
-        lacks = walls.missing(walls.kernel())
+        lacks = sandbox.missing_walls(sandbox.kernel())
         if lacks:
             return unknown("sandbox", f"can be made, but lacks a wall: {'; '.join(lacks)}", "use a newer kernel")
         return passed("sandbox", "can be made")

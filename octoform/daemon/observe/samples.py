@@ -201,7 +201,7 @@ def _text(text: str) -> str:
 
 
 class Frames:
-    """The channel of the camera. ``look`` makes one look in a child, as `sensing.beholding.look_once` tells it.
+    """The channel of the camera. ``look`` makes one look in a child, as the daemon's job of that name tells it.
 
     For hosts whose manifest has perception switched on; nobody else's camera is looked through.
     """

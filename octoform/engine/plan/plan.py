@@ -21,8 +21,8 @@ from octoform.engine.plan.prices import calling, unpriced
 from octoform.engine.plan.refresh import Situation, look
 from octoform.engine.results import PlanResult
 from octoform.graph.model import Graph
-from octoform.harness import logins, walls
-from octoform.harness.containment.sandbox import unconfined
+from octoform.harness import logins
+from octoform.harness.containment.sandbox import kernel, missing_walls, unconfined
 from octoform.manifest.model import MODEL_FREE, STEP, HarnessSpec, Manifest
 from octoform.perception.camera_selection import best, cameras
 from octoform.plan import model, planfile
@@ -59,7 +59,7 @@ def without_sandbox(manifest: Manifest, plan: Plan, environ: Mapping[str, str]) 
                 nodes = reasons.setdefault(why(spec.sandbox), [])
                 nodes += [] if item.node in nodes else [item.node]
     confined = reasons.pop("", [])
-    for wall in walls.missing(walls.kernel()) if confined else ():
+    for wall in missing_walls(kernel()) if confined else ():
         yield warning(
             "HARNESS-WALL-MISSING",
             f"the sandbox of {', '.join(confined)} lacks a wall: {wall}",

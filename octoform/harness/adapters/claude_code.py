@@ -13,8 +13,7 @@ from pathlib import Path
 from typing import Any, ClassVar
 
 from octoform.base import files
-from octoform.harness.adapters.program import Launch, ProgramHarness
-from octoform.harness.adapters.shells import command_seconds
+from octoform.harness.adapters.program import Launch, ProgramHarness, command_seconds
 from octoform.harness.contained_attempt import Invocation
 from octoform.harness.event_parser import count, field, json_object, one_line, trouble
 from octoform.harness.install.program_location import Pin

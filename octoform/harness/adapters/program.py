@@ -4,14 +4,19 @@ An adapter adds what differs: how its program is started and configured, and the
 configuration lies in the attempt's own home folder, so nothing of the user's own setup is read or changed.
 """
 
+import shlex
+import shutil
+import sys
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import ClassVar, Protocol
 
+from octoform.base import files
 from octoform.base.files import read
 from octoform.diagnostics import Diagnostic
 from octoform.harness.contained_attempt import Invocation, run_contained
+from octoform.harness.containment import bounded_command
 from octoform.harness.install.program_location import Located, Pin, locate
 from octoform.harness.llm.route import Access, access, unusable
 from octoform.harness.port import ExitReason, Outcome, ProgressSink, Task
@@ -95,3 +100,33 @@ class ProgramHarness:
 def missing(adapter: Adapter) -> str:
     """The one line for a program that is nowhere."""
     return f"{adapter.pin.binary} is not installed; `octoform install {adapter.name}` installs {adapter.pin.version}"
+
+
+# The shell of programs that would wait for whatever a command leaves running: the bounded one, under its own name.
+#
+# They look for ``bash`` on PATH, so a folder with a script of that name stands first there. What a command itself
+# starts finds the real one again.
+
+COMMAND_SHARE = 0.75
+"""How much of the time without a sign of progress a command may use up."""
+
+
+def command_seconds(idle: float) -> float:
+    """How long a command may run until it is asked to end: killed, it is gone well before the run is idle."""
+    return max(idle * COMMAND_SHARE - bounded_command.GRACE_SECONDS, idle / 2)
+
+
+def bounded(launch: Launch) -> tuple[str, ...]:
+    """Folders to put before PATH so that each command is bounded; writes the script below ``launch.home``."""
+    program = shutil.which("bash", path=launch.task.environment.get("PATH")) or "/bin/sh"
+    idle = launch.task.limits.idle_seconds or 0.0
+    script = Path(bounded_command.__file__)
+    argv = (sys.executable, "-I", "-S", str(script), f"{command_seconds(idle):g}", program)
+    folder = launch.home / "shells"
+    folder.mkdir()
+    shell = folder / "bash"
+    # A prefix and no more of PATH is cut off: what the program has put before it stays.
+    lines = ("#!/bin/sh", f"PATH=${{PATH#*{shlex.quote(str(folder))}:}}", f'exec {shlex.join(argv)} "$@"')
+    files.replace(shell, "".join(f"{line}\n" for line in lines).encode(), 0o700, synced=False)
+    shell.chmod(0o700)
+    return (str(folder), *launch.program.path)

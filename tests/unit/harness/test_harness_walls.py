@@ -8,15 +8,16 @@ from pathlib import Path
 import older_kernel
 import pytest
 
-from octoform.harness.walls import Kernel, kernel, missing
+from octoform.harness.containment.sandbox import Kernel, kernel, missing_walls
 
 ASKED = (
-    "import json; from octoform.harness.walls import kernel; f = kernel(); print(json.dumps([f.filters, f.landlock]))"
+    "import json; from octoform.harness.containment.sandbox import kernel; "
+    "f = kernel(); print(json.dumps([f.filters, f.landlock]))"
 )
 
 
 def test_a_whole_kernel_lacks_nothing() -> None:
-    assert missing(Kernel(True, 6)) == () == missing(Kernel(True, 9))
+    assert missing_walls(Kernel(True, 6)) == () == missing_walls(Kernel(True, 9))
 
 
 @pytest.mark.parametrize(
@@ -29,7 +30,7 @@ def test_a_whole_kernel_lacks_nothing() -> None:
     ],
 )
 def test_each_wall_that_is_not_there_is_one_line_with_what_it_means(found: Kernel, words: list[str]) -> None:
-    lines = missing(found)
+    lines = missing_walls(found)
     assert len(lines) == len(words)
     assert all(word in line and "the agent may" in line for word, line in zip(words, lines, strict=True))
 
